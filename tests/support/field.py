@@ -32,8 +32,8 @@ BOTH = ("ardupilot", "px4")
 def mission_of(
     autopilot: str, vehicles: int = 1, faults: tuple[SimFault, ...] = (), **changes: Any
 ) -> Mission:
-    made = small_mission()
-    sim = made.sim.model_copy(update={"autopilot": autopilot, "faults": faults})
+    made = small_mission(autopilot=autopilot)
+    sim = made.sim.model_copy(update={"faults": faults})
     team = tuple(VehicleSection() for _ in range(vehicles))
     return made.model_copy(update={"sim": sim, "vehicles": team, **changes})
 

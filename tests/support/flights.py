@@ -34,13 +34,17 @@ WIDTH_PX, HEIGHT_PX = 160, 120
 UP_M = 12.0
 
 
-def small_mission(swap_s: float = 20.0, **how: Any) -> Mission:
+def small_mission(swap_s: float = 20.0, autopilot: str = "ardupilot", **how: Any) -> Mission:
     """A dark square of 8 m to the north-east of the start, in a box of 24 m by 16 m."""
     made = mission(square(-4, 10, 24, 16), square(-40, -40, 100, 110), **how)
     grid = Grid.at(START, CELL_M)
     corners = [grid.position(GridPoint(*xy)) for xy in square(6, 14, 8, 8)]
     region = SimRegion(polygon=tuple((p.lat_deg, p.lon_deg) for p in corners))
-    sim = made.sim.model_copy(update={"roi": (region,), "swap_s": swap_s, "gps_sigma_m": 0.05})
+    sim = made.sim.model_copy(
+        update={
+            "roi": (region,), "swap_s": swap_s, "gps_sigma_m": 0.05, "autopilot": autopilot,
+        }
+    )  # fmt: skip
     # a sixteenth of the pixels: most of what a simulated flight costs is its pictures
     camera = made.camera.model_copy(
         update={"width_px": WIDTH_PX, "height_px": HEIGHT_PX, "pixels_per_cell": 20.0}

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from missions.fleet_events import Heard
+from missions.flight.lane_progress import lanes_held
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State, VehicleState
 from missions.flight.team.codec import Ask, Does, Presence
 from missions.flight.team.knowledge import Holding
-from missions.flight.team.lane_numbers import lanes_held
 from missions.orders import FlyPath
 from missions.units import GridPoint
 

@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from missions.flight.setting import Setting
-from missions.mission.launch_pads import homes
+from missions.mission.places import homes
 from missions.mission.schema import positions
 from missions.units import GridPoint
 from uavmap.output.drawing import svg

@@ -26,13 +26,13 @@ from missions.events import (
 )
 from missions.flight.strategy.sweep_passes import NOTICE_S
 from missions.geo.trajectory import Trajectory, rounded_path
-from missions.mission.schema import Mission
 from missions.orders import FlyPath, FlyTo, Hold, Land, Look, StandDown, Sweep, TakeOff
 from missions.units import Cell, GridPoint
 from sitl.copter.modes import Mode
 from sitl.px4.modes import Px4Mode
 from tests.benchmarks.path_following import followed, mean, most
 from tests.support.flights import Flight, Message, fly, small_mission
+from tests.support.running import by
 
 UP_M = 12.0
 EVERY_S = 0.2
@@ -41,12 +41,6 @@ SETPOINT = "SET_POSITION_TARGET_GLOBAL_INT"
 START_CAPTURE: int = mav.MAV_CMD_IMAGE_START_CAPTURE
 
 both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-
-
-def over(autopilot: str, **how: Any) -> Mission:
-    made = small_mission(**how)
-    sim = made.sim.model_copy(update={"autopilot": autopilot})
-    return made.model_copy(update={"sim": sim})
 
 
 def corner(begin_s: float, **how: Any) -> Trajectory:
@@ -95,35 +89,35 @@ def kinds(flight: Flight, kind: str) -> list[tuple[float, Message]]:
 
 
 @both
-def test_an_l_that_is_replaced_on_the_way_is_flown_without_a_halt(autopilot: str) -> None:
+@by(fly, small_mission)
+async def test_an_l_that_is_replaced_on_the_way_is_flown_without_a_halt(
+    flight: Flight, /, autopilot: str
+) -> None:
     speeds: list[float] = []
     announced: set[int] = set()
 
-    async def body(flight: Flight) -> None:
-        def note(message: Message) -> bool:
-            if message.get_type() == "CAMERA_IMAGE_CAPTURED":
-                announced.add(message.image_index)
-            return True
+    def note(message: Message) -> bool:
+        if message.get_type() == "CAMERA_IMAGE_CAPTURED":
+            announced.add(message.image_index)
+        return True
 
-        flight.to_driver = note
-        first = await on_the_way(flight)
-        second = turned_off(first, flight.now_s() + NOTICE_S)
-        flight.driver.give(order(second))
-        while flight.now_s() < second.end_s - 2.5:
-            await asyncio.sleep(0.05)
-            speeds.append(speed_of(flight))
-        arrived = await flight.sees(Arrived, within_s=12.0)
-        end = second.at(second.end_s).place
-        assert arrived.t_s >= second.end_s
-        assert arrived.position.distance_to(end) < 0.7
-        assert where(flight).distance_to(end) < 0.5
-        follows = Px4Mode.HOLD if autopilot == "px4" else Mode.GUIDED
-        assert flight.vehicle.truth.mode == follows
-        assert flight.vehicle.truth.yaw_rad == pytest.approx(0.0, abs=0.1)
-        await flight.after(FlyTo((GridPoint(0, 0),), None, stop=True, height_m=UP_M), Arrived)
-        await flight.after(Land(), Landed)
-
-    flight = fly(body, over(autopilot))
+    flight.to_driver = note
+    first = await on_the_way(flight)
+    second = turned_off(first, flight.now_s() + NOTICE_S)
+    flight.driver.give(order(second))
+    while flight.now_s() < second.end_s - 2.5:
+        await asyncio.sleep(0.05)
+        speeds.append(speed_of(flight))
+    arrived = await flight.sees(Arrived, within_s=12.0)
+    end = second.at(second.end_s).place
+    assert arrived.t_s >= second.end_s
+    assert arrived.position.distance_to(end) < 0.7
+    assert where(flight).distance_to(end) < 0.5
+    follows = Px4Mode.HOLD if autopilot == "px4" else Mode.GUIDED
+    assert flight.vehicle.truth.mode == follows
+    assert flight.vehicle.truth.yaw_rad == pytest.approx(0.0, abs=0.1)
+    await flight.after(FlyTo((GridPoint(0, 0),), None, stop=True, height_m=UP_M), Arrived)
+    await flight.after(Land(), Landed)
     assert min(speeds) > LEAST_M_S
     seen = flight.seen(FrameSeen)
     assert {event.vantage for event in seen} == {None}
@@ -150,88 +144,87 @@ def test_the_simulated_copter_is_within_what_was_measured_on_a_real_one() -> Non
 
 
 @both
-def test_a_link_that_loses_every_fifth_setpoint_does_little_harm(autopilot: str) -> None:
+@by(fly, small_mission)
+async def test_a_link_that_loses_every_fifth_setpoint_does_little_harm(
+    flight: Flight, /, autopilot: str
+) -> None:
     errors: list[float] = []
     dice = random.Random(7)
-
-    async def body(flight: Flight) -> None:
-        flight.to_vehicle = lambda m: m.get_type() != SETPOINT or dice.random() > 0.2
-        plan = await on_the_way(flight, 1.5)
-        while flight.now_s() < plan.end_s:
-            await asyncio.sleep(0.05)
-            errors.append(where(flight).distance_to(plan.at(flight.now_s()).place))
-        await flight.sees(Arrived, within_s=12.0)
-
-    assert not fly(body, over(autopilot)).seen(OrderFailed)
+    flight.to_vehicle = lambda m: m.get_type() != SETPOINT or dice.random() > 0.2
+    plan = await on_the_way(flight, 1.5)
+    while flight.now_s() < plan.end_s:
+        await asyncio.sleep(0.05)
+        errors.append(where(flight).distance_to(plan.at(flight.now_s()).place))
+    await flight.sees(Arrived, within_s=12.0)
+    assert not flight.seen(OrderFailed)
     assert max(errors) < 1.5
 
 
-def test_the_timeout_is_short_while_paths_are_flown_and_set_back_at_the_end() -> None:
-    async def body(flight: Flight) -> None:
-        parameters = flight.vehicle._ap.parameters
-        assert parameters["GUID_TIMEOUT"] == 3.0
-        await on_the_way(flight)
-        assert parameters["GUID_TIMEOUT"] == 1.0
-        await flight.sees(Arrived, within_s=20.0)
-        await flight.driver.leave_as_found()
-        assert parameters["GUID_TIMEOUT"] == 3.0
-
-    fly(body)
+@by(fly)
+async def test_the_timeout_is_short_while_paths_are_flown_and_set_back_at_the_end(
+    flight: Flight, /
+) -> None:
+    parameters = flight.vehicle._ap.parameters
+    assert parameters["GUID_TIMEOUT"] == 3.0
+    await on_the_way(flight)
+    assert parameters["GUID_TIMEOUT"] == 1.0
+    await flight.sees(Arrived, within_s=20.0)
+    await flight.driver.leave_as_found()
+    assert parameters["GUID_TIMEOUT"] == 3.0
 
 
 # --- what ends a stream --------------------------------------------------------------------------
-def test_a_copter_that_loses_its_stream_stops_by_itself_and_the_mission_is_told() -> None:
-    async def body(flight: Flight) -> None:
-        await on_the_way(flight, 5.0)
-        assert speed_of(flight) > 5.0
-        lost_s, lost_at = flight.now_s(), where(flight)
-        flight.to_vehicle = lambda m: m.get_type() != SETPOINT
-        failed = await flight.sees(OrderFailed, within_s=9.0)
-        assert failed.order == "FlyPath"
-        assert "off its path" in failed.reason
-        assert failed.t_s - lost_s < 9.0
-        await asyncio.sleep(8.0)
-        assert speed_of(flight) < 0.3
-        assert where(flight).distance_to(lost_at) < 16.0
-
-    fly(body)
-
-
-def test_a_px4_that_loses_its_stream_returns_by_itself_and_is_let_alone() -> None:
-    async def body(flight: Flight) -> None:
-        await on_the_way(flight, 5.0)
-        flight.to_vehicle = lambda m: m.get_type() != SETPOINT
-        lost_s = flight.now_s()
-        overridden = await flight.sees(Overridden, within_s=3.0)
-        assert overridden.mode == "RTL by a failsafe"
-        assert overridden.t_s - lost_s < 2.5
-        flight.to_vehicle = lambda m: True
-        index = len(flight.sent)
-        await flight.sees(Landed)
-        assert flight.commands_after(index) == []
-
-    fly(body, over("px4"))
+@by(fly)
+async def test_a_copter_that_loses_its_stream_stops_by_itself_and_the_mission_is_told(
+    flight: Flight, /
+) -> None:
+    await on_the_way(flight, 5.0)
+    assert speed_of(flight) > 5.0
+    lost_s, lost_at = flight.now_s(), where(flight)
+    flight.to_vehicle = lambda m: m.get_type() != SETPOINT
+    failed = await flight.sees(OrderFailed, within_s=9.0)
+    assert failed.order == "FlyPath"
+    assert "off its path" in failed.reason
+    assert failed.t_s - lost_s < 9.0
+    await asyncio.sleep(8.0)
+    assert speed_of(flight) < 0.3
+    assert where(flight).distance_to(lost_at) < 16.0
 
 
-def test_a_link_that_is_lost_on_a_path_and_comes_back() -> None:
-    async def body(flight: Flight) -> None:
-        await on_the_way(flight, 5.0)
-        lost_at = where(flight)
-        flight.to_driver = flight.to_vehicle = lambda message: False
-        await flight.sees(LinkLost, within_s=6.0)
-        flight.driver.give(StandDown())
-        index = len(flight.sent)
-        await asyncio.sleep(3.0)
-        assert not any(m.get_type() == SETPOINT for _, m in flight.sent[index:])
-        assert where(flight).distance_to(lost_at) < 16.0  # nothing came to it any more
-        assert speed_of(flight) < 0.3
-        flight.to_driver = flight.to_vehicle = lambda message: True
-        await flight.sees(Connected, 2, within_s=5.0)
-        plan = rounded_path([where(flight), GridPoint(0, 0)], flight.now_s() + 2.0, speed_m_s=6.0)
-        await flight.after(order(plan), Arrived)
-        assert where(flight).distance_to(GridPoint(0, 0)) < 0.5
+@by(fly, lambda: small_mission(autopilot="px4"))
+async def test_a_px4_that_loses_its_stream_returns_by_itself_and_is_let_alone(
+    flight: Flight, /
+) -> None:
+    await on_the_way(flight, 5.0)
+    flight.to_vehicle = lambda m: m.get_type() != SETPOINT
+    lost_s = flight.now_s()
+    overridden = await flight.sees(Overridden, within_s=3.0)
+    assert overridden.mode == "RTL by a failsafe"
+    assert overridden.t_s - lost_s < 2.5
+    flight.to_vehicle = lambda m: True
+    index = len(flight.sent)
+    await flight.sees(Landed)
+    assert flight.commands_after(index) == []
 
-    assert not fly(body).seen(OrderFailed)
+
+@by(fly)
+async def test_a_link_that_is_lost_on_a_path_and_comes_back(flight: Flight, /) -> None:
+    await on_the_way(flight, 5.0)
+    lost_at = where(flight)
+    flight.to_driver = flight.to_vehicle = lambda message: False
+    await flight.sees(LinkLost, within_s=6.0)
+    flight.driver.give(StandDown())
+    index = len(flight.sent)
+    await asyncio.sleep(3.0)
+    assert not any(m.get_type() == SETPOINT for _, m in flight.sent[index:])
+    assert where(flight).distance_to(lost_at) < 16.0  # nothing came to it any more
+    assert speed_of(flight) < 0.3
+    flight.to_driver = flight.to_vehicle = lambda message: True
+    await flight.sees(Connected, 2, within_s=5.0)
+    plan = rounded_path([where(flight), GridPoint(0, 0)], flight.now_s() + 2.0, speed_m_s=6.0)
+    await flight.after(order(plan), Arrived)
+    assert where(flight).distance_to(GridPoint(0, 0)) < 0.5
+    assert not flight.seen(OrderFailed)
 
 
 @pytest.mark.parametrize(
@@ -243,90 +236,85 @@ def test_a_link_that_is_lost_on_a_path_and_comes_back() -> None:
         ("px4", Px4Mode.RTL),
     ],
 )
-def test_a_pilot_takes_over_on_a_path(autopilot: str, mode: Mode | Px4Mode) -> None:
-    async def body(flight: Flight) -> None:
-        await on_the_way(flight)
-        if isinstance(mode, Px4Mode):
-            flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode >> 16 & 0xFF, mode >> 24)
-        else:
-            flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode)
-        assert flight.vehicle.truth.mode == mode
-        await flight.sees(Overridden, within_s=1.1)
-        index = len(flight.sent)
-        await asyncio.sleep(5.0)
-        assert flight.commands_after(index) == []
-        assert flight.vehicle.truth.mode == mode
-        assert not flight.seen(Released)
-        assert not flight.seen(OrderFailed)
-
-    fly(body, over(autopilot))
+@by(fly, small_mission)
+async def test_a_pilot_takes_over_on_a_path(
+    flight: Flight, /, autopilot: str, mode: Mode | Px4Mode
+) -> None:
+    await on_the_way(flight)
+    if isinstance(mode, Px4Mode):
+        flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode >> 16 & 0xFF, mode >> 24)
+    else:
+        flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode)
+    assert flight.vehicle.truth.mode == mode
+    await flight.sees(Overridden, within_s=1.1)
+    index = len(flight.sent)
+    await asyncio.sleep(5.0)
+    assert flight.commands_after(index) == []
+    assert flight.vehicle.truth.mode == mode
+    assert not flight.seen(Released)
+    assert not flight.seen(OrderFailed)
 
 
 # --- other orders on the way ---------------------------------------------------------------------
 @both
-def test_hold_brakes_on_the_shortest_way_and_stays(autopilot: str) -> None:
-    async def body(flight: Flight) -> None:
-        await on_the_way(flight, 5.0)
-        begin, farthest = where(flight), 0.0
-        assert speed_of(flight) > 5.0
-        flight.driver.give(Hold())
-        for _ in range(200):
-            await asyncio.sleep(0.05)
-            farthest = max(farthest, where(flight).distance_to(begin))
-        assert farthest < 13.0
-        assert farthest - where(flight).distance_to(begin) < 1.0
-        assert abs(where(flight).north_m - begin.north_m) < 1.0
-        assert speed_of(flight) < 0.2
-        if autopilot == "px4":
-            assert flight.vehicle.truth.mode == Px4Mode.HOLD
-
-    flight = fly(body, over(autopilot))
+@by(fly, small_mission)
+async def test_hold_brakes_on_the_shortest_way_and_stays(flight: Flight, /, autopilot: str) -> None:
+    await on_the_way(flight, 5.0)
+    begin, farthest = where(flight), 0.0
+    assert speed_of(flight) > 5.0
+    flight.driver.give(Hold())
+    for _ in range(200):
+        await asyncio.sleep(0.05)
+        farthest = max(farthest, where(flight).distance_to(begin))
+    assert farthest < 13.0
+    assert farthest - where(flight).distance_to(begin) < 1.0
+    assert abs(where(flight).north_m - begin.north_m) < 1.0
+    assert speed_of(flight) < 0.2
+    if autopilot == "px4":
+        assert flight.vehicle.truth.mode == Px4Mode.HOLD
     assert not flight.seen(OrderFailed)
     assert not flight.seen(Overridden)
 
 
 @both
-def test_every_other_order_may_follow_in_the_middle_of_a_path(autopilot: str) -> None:
-    async def body(flight: Flight) -> None:
-        await on_the_way(flight)
-        await flight.after(FlyTo((GridPoint(10, 16),), None, stop=True, height_m=UP_M), Arrived)
-        for following, ends in (
-            (Look(Cell(2, 4), 5, UP_M), LookEnded),
-            (Sweep(GridPoint(20, 16), 4.0, UP_M), Arrived),
-        ):
-            plan = rounded_path(
-                [where(flight), GridPoint(30, 30)], flight.now_s() + NOTICE_S, speed_m_s=6.0
-            )
-            flight.driver.give(order(plan))
-            await asyncio.sleep(3.0)
-            assert speed_of(flight) > 2.0
-            await flight.after(following, ends)
+@by(fly, lambda autopilot: small_mission(autopilot=autopilot, speed_m_s=3.0))
+async def test_every_other_order_may_follow_in_the_middle_of_a_path(
+    flight: Flight, /, autopilot: str
+) -> None:
+    await on_the_way(flight)
+    await flight.after(FlyTo((GridPoint(10, 16),), None, stop=True, height_m=UP_M), Arrived)
+    for following, ends in (
+        (Look(Cell(2, 4), 5, UP_M), LookEnded),
+        (Sweep(GridPoint(20, 16), 4.0, UP_M), Arrived),
+    ):
         plan = rounded_path(
-            [where(flight), GridPoint(0, 0)], flight.now_s() + NOTICE_S, speed_m_s=6.0
+            [where(flight), GridPoint(30, 30)], flight.now_s() + NOTICE_S, speed_m_s=6.0
         )
         flight.driver.give(order(plan))
         await asyncio.sleep(3.0)
-        await flight.after(Land(), Landed)
-
-    flight = fly(body, over(autopilot, speed_m_s=3.0))
+        assert speed_of(flight) > 2.0
+        await flight.after(following, ends)
+    plan = rounded_path([where(flight), GridPoint(0, 0)], flight.now_s() + NOTICE_S, speed_m_s=6.0)
+    flight.driver.give(order(plan))
+    await asyncio.sleep(3.0)
+    await flight.after(Land(), Landed)
     assert not flight.seen(OrderFailed)
     assert not flight.seen(Overridden)
 
 
 @both
-def test_a_leg_after_a_path_is_flown_at_the_speed_of_the_mission(autopilot: str) -> None:
+@by(fly, lambda autopilot: small_mission(autopilot=autopilot, speed_m_s=3.0))
+async def test_a_leg_after_a_path_is_flown_at_the_speed_of_the_mission(
+    flight: Flight, /, autopilot: str
+) -> None:
     """A change of the kind of target puts an ArduCopter's own speed back, 10 m/s."""
     fastest: list[float] = []
-
-    async def body(flight: Flight) -> None:
-        await on_the_way(flight)
-        await flight.sees(Arrived, within_s=20.0)
-        flight.driver.give(FlyTo((GridPoint(0, 0),), None, stop=True, height_m=UP_M))
-        for _ in range(140):
-            await asyncio.sleep(0.05)
-            fastest.append(speed_of(flight))
-
-    fly(body, over(autopilot, speed_m_s=3.0))
+    await on_the_way(flight)
+    await flight.sees(Arrived, within_s=20.0)
+    flight.driver.give(FlyTo((GridPoint(0, 0),), None, stop=True, height_m=UP_M))
+    for _ in range(140):
+        await asyncio.sleep(0.05)
+        fastest.append(speed_of(flight))
     assert 2.5 < max(fastest) < 3.6
 
 
@@ -351,72 +339,66 @@ def test_a_path_that_comes_at_the_very_end_is_flown_and_no_picture_is_lost(
         late = [event for event in flight.seen(FrameSeen) if event.t_s > again.begin_s]
         assert len(late) > 15
 
-    flight = fly(body, over(autopilot))
+    flight = fly(body, small_mission(autopilot=autopilot))
     assert not flight.seen(FrameLost)
     assert not flight.seen(OrderFailed)
     times = [event.t_s for event in flight.seen(FrameSeen)]
     assert times == sorted(set(times))
 
 
-def test_a_path_with_another_interval_changes_the_pace_of_the_pictures() -> None:
-    async def body(flight: Flight) -> None:
-        plan = await on_the_way(flight)
-        second = turned_off(plan, flight.now_s() + NOTICE_S)
-        flight.driver.give(order(second, every_s=0.5))
-        await flight.sees(Arrived, within_s=20.0)
-        late = [e.t_s for e in flight.seen(FrameSeen) if e.t_s > second.begin_s + 0.5]
-        gaps = [b - a for a, b in itertools.pairwise(late)]
-        assert gaps == pytest.approx([0.5] * len(gaps), abs=0.051)
-
-    flight = fly(body)
+@by(fly)
+async def test_a_path_with_another_interval_changes_the_pace_of_the_pictures(
+    flight: Flight, /
+) -> None:
+    plan = await on_the_way(flight)
+    second = turned_off(plan, flight.now_s() + NOTICE_S)
+    flight.driver.give(order(second, every_s=0.5))
+    await flight.sees(Arrived, within_s=20.0)
+    late = [e.t_s for e in flight.seen(FrameSeen) if e.t_s > second.begin_s + 0.5]
+    gaps = [b - a for a, b in itertools.pairwise(late)]
+    assert gaps == pytest.approx([0.5] * len(gaps), abs=0.051)
     assert not flight.seen(FrameLost)
 
 
-def test_a_path_that_was_called_off_is_not_gone_on_with() -> None:
+@by(fly)
+async def test_a_path_that_was_called_off_is_not_gone_on_with(flight: Flight, /) -> None:
     """Two orders in one breath: the path after them begins anew."""
-
-    async def body(flight: Flight) -> None:
-        await on_the_way(flight)
-        flight.driver.give(Hold())
-        plan = rounded_path(
-            [GridPoint(25, 0), GridPoint(25, 20)], flight.now_s() + 5.0, speed_m_s=6.0
-        )
-        flight.driver.give(order(plan))
-        await flight.sees(Arrived, within_s=20.0)
-        assert where(flight).distance_to(GridPoint(25, 20)) < 0.5
-
-    fly(body)
+    await on_the_way(flight)
+    flight.driver.give(Hold())
+    plan = rounded_path([GridPoint(25, 0), GridPoint(25, 20)], flight.now_s() + 5.0, speed_m_s=6.0)
+    flight.driver.give(order(plan))
+    await flight.sees(Arrived, within_s=20.0)
+    assert where(flight).distance_to(GridPoint(25, 20)) < 0.5
 
 
 @both
-def test_a_path_over_a_drifting_region_moves_with_it(autopilot: str) -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        grid = flight.setting.grid
-        drift = (grid.drift_east_m_s, grid.drift_north_m_s)
-        begin_s = flight.now_s() + NOTICE_S
-        start = grid.to_moving(where(flight), begin_s)
-        points = [start, GridPoint(start.east_m, start.north_m + 25.0)]
-        plan = rounded_path(points, begin_s, speed_m_s=6.0, drift_m_s=drift)
-        flight.driver.give(order(plan))
-        await flight.sees(Arrived, within_s=20.0)
-        off_m = where(flight).distance_to(grid.to_fixed(points[-1], flight.now_s()))
-        assert off_m < 0.8
+@by(fly, lambda autopilot: small_mission(autopilot=autopilot, drift_m_s=0.4, toward_deg=60.0))
+async def test_a_path_over_a_drifting_region_moves_with_it(
+    flight: Flight, /, autopilot: str
+) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    grid = flight.setting.grid
+    drift = (grid.drift_east_m_s, grid.drift_north_m_s)
+    begin_s = flight.now_s() + NOTICE_S
+    start = grid.to_moving(where(flight), begin_s)
+    points = [start, GridPoint(start.east_m, start.north_m + 25.0)]
+    plan = rounded_path(points, begin_s, speed_m_s=6.0, drift_m_s=drift)
+    flight.driver.give(order(plan))
+    await flight.sees(Arrived, within_s=20.0)
+    off_m = where(flight).distance_to(grid.to_fixed(points[-1], flight.now_s()))
+    assert off_m < 0.8
+    assert not flight.seen(OrderFailed)
 
-    assert not fly(body, over(autopilot, drift_m_s=0.4, toward_deg=60.0)).seen(OrderFailed)
 
-
-def test_a_camera_that_refuses_ends_the_order_and_the_stream() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.vehicle.fail.reject(START_CAPTURE)
-        plan = corner(flight.now_s() + NOTICE_S)
-        flight.driver.give(order(plan))
-        failed = await flight.sees(OrderFailed, within_s=30.0)
-        assert "IMAGE_START_CAPTURE was refused" in failed.reason
-        await asyncio.sleep(0.2)
-        index = len(kinds(flight, SETPOINT))
-        await asyncio.sleep(2.0)
-        assert len(kinds(flight, SETPOINT)) == index
-
-    fly(body)
+@by(fly)
+async def test_a_camera_that_refuses_ends_the_order_and_the_stream(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.vehicle.fail.reject(START_CAPTURE)
+    plan = corner(flight.now_s() + NOTICE_S)
+    flight.driver.give(order(plan))
+    failed = await flight.sees(OrderFailed, within_s=30.0)
+    assert "IMAGE_START_CAPTURE was refused" in failed.reason
+    await asyncio.sleep(0.2)
+    index = len(kinds(flight, SETPOINT))
+    await asyncio.sleep(2.0)
+    assert len(kinds(flight, SETPOINT)) == index

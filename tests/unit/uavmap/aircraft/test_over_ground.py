@@ -17,6 +17,7 @@ from missions.orders import FlyPath, FlyTo, TakeOff
 from missions.units import GridPoint
 from tests.support.flights import Flight, fly, small_mission
 from tests.support.hills import over, slope
+from tests.support.running import by
 from uavmap.mavlink.autopilots import ARDUPILOT, PX4
 from uavmap.runner.preflight.autopilot_fence import fence_plan, leaves_kept_fence, return_height_m
 
@@ -27,9 +28,8 @@ both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 
 def sloped(autopilot: str, percent: float, **how: Any) -> Mission:
     """Ground that rises (or falls) towards the north."""
-    made = over(small_mission(altitude_m=UP_M, **how), slope(percent, 0.0))
-    sim = made.sim.model_copy(update={"autopilot": autopilot, "gps_sigma_m": 0.0})
-    return made.model_copy(update={"sim": sim})
+    made = over(small_mission(autopilot=autopilot, altitude_m=UP_M, **how), slope(percent, 0.0))
+    return made.model_copy(update={"sim": made.sim.model_copy(update={"gps_sigma_m": 0.0})})
 
 
 def wire_heights_m(flight: Flight) -> list[float]:
@@ -48,20 +48,19 @@ def wire_heights_m(flight: Flight) -> list[float]:
 
 @both
 @pytest.mark.parametrize("percent", [20.0, -20.0])
-def test_a_leg_follows_the_ground_up_and_down_and_lands_away_from_home(autopilot, percent):
+@by(fly, lambda autopilot, percent: sloped(autopilot, percent, speed_m_s=5.0))
+async def test_a_leg_follows_the_ground_up_and_down_and_lands_away_from_home(
+    flight: Flight, /, autopilot, percent
+) -> None:
     heights: list[float] = []
-
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.give(FlyTo((FAR,), None, stop=True, height_m=UP_M))
-        while not flight.seen(Arrived):
-            heights.append(flight.vehicle.truth.height_m)
-            await asyncio.sleep(0.1)
-        assert flight.driver.view.height_m == pytest.approx(UP_M, abs=1.0)
-        assert flight.driver.land_here("a test")
-        await flight.sees(Landed)
-
-    flight = fly(body, sloped(autopilot, percent, speed_m_s=5.0))
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(FlyTo((FAR,), None, stop=True, height_m=UP_M))
+    while not flight.seen(Arrived):
+        heights.append(flight.vehicle.truth.height_m)
+        await asyncio.sleep(0.1)
+    assert flight.driver.view.height_m == pytest.approx(UP_M, abs=1.0)
+    assert flight.driver.land_here("a test")
+    await flight.sees(Landed)
     assert min(heights) >= UP_M - FOLLOW_M
     assert max(heights) <= UP_M + FOLLOW_M + 0.5
     assert not flight.seen(Crashed)
@@ -72,18 +71,17 @@ def test_a_leg_follows_the_ground_up_and_down_and_lands_away_from_home(autopilot
 
 
 @both
-def test_setpoints_of_a_path_carry_the_height_and_the_climb(autopilot):
+@by(fly, lambda autopilot: sloped(autopilot, 20.0, speed_m_s=5.0))
+async def test_setpoints_of_a_path_carry_the_height_and_the_climb(
+    flight: Flight, /, autopilot
+) -> None:
     heights: list[float] = []
-
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        plan = rounded_path([GridPoint(0, 0), FAR], flight.now_s() + 1.0, speed_m_s=5.0)
-        flight.driver.give(FlyPath(plan, UP_M, 0.0, 0.5))
-        while not flight.seen(Arrived):
-            heights.append(flight.vehicle.truth.height_m)
-            await asyncio.sleep(0.1)
-
-    flight = fly(body, sloped(autopilot, 20.0, speed_m_s=5.0))
+    await flight.after(TakeOff(UP_M), Airborne)
+    plan = rounded_path([GridPoint(0, 0), FAR], flight.now_s() + 1.0, speed_m_s=5.0)
+    flight.driver.give(FlyPath(plan, UP_M, 0.0, 0.5))
+    while not flight.seen(Arrived):
+        heights.append(flight.vehicle.truth.height_m)
+        await asyncio.sleep(0.1)
     assert min(heights) >= UP_M - FOLLOW_M
     assert max(heights) <= UP_M + FOLLOW_M
     told = wire_heights_m(flight)

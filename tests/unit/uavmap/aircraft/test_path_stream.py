@@ -18,6 +18,7 @@ from missions.geo.trajectory import Trajectory, rounded_path
 from missions.orders import FlyPath
 from missions.units import GridPoint, LatLon
 from tests.support.mavlink_peer import Message, Peer, ack, heartbeat
+from tests.support.running import by
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.path_stream import BRAKE_S, INTERVAL_S, PLACES_INTERVAL_S, PathStream, setpoint
 from uavmap.aircraft.reporter import Reporter
@@ -80,81 +81,75 @@ def place_of(message: Message) -> GridPoint:
     return GRID.fixed(LatLon(message.lat_int / 1e7, message.lon_int / 1e7))
 
 
-def test_place_and_velocity_ten_times_a_second_the_velocity_half_a_second_ahead() -> None:
-    async def body() -> None:
-        wire = Wire()
-        wire.stream.begin(FlyPath(plan(), 12.0, 90.0, 0.2))
-        streaming = asyncio.create_task(wire.stream.run())
-        await asyncio.sleep(20.05)
-        streaming.cancel()
-        sent = wire.setpoints()
-        gaps = [b - a for (a, _), (b, _) in itertools.pairwise(sent)]
-        assert gaps == pytest.approx([INTERVAL_S] * 200, abs=1e-6)
-        cos, sin = math.cos(GRID.convergence_rad), math.sin(GRID.convergence_rad)
-        assert abs(sin) > 0.01
-        for t_s, m in sent:
-            assert (m.target_system, m.target_component) == (1, 1)
-            assert (m.coordinate_frame, m.alt) == (mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, 12.0)
-            assert m.type_mask == 0x9C0
-            assert m.yaw == pytest.approx(math.pi / 2)
-            assert (m.vz, m.afx, m.afy, m.afz, m.yaw_rate) == (0.0,) * 5
-            # smoothed over half a second: within a sixteenth of a t^2 of the plan
-            assert place_of(m).distance_to(plan().at(t_s).place) < 0.06
-            ahead = plan().at(t_s + 0.5)
-            north = ahead.v_north_m_s * cos - ahead.v_east_m_s * sin
-            east = ahead.v_east_m_s * cos + ahead.v_north_m_s * sin
-            assert (m.vx, m.vy) == pytest.approx((north, east), abs=0.3)
-        speeds = [math.hypot(m.vx, m.vy) for _, m in sent]
-        assert max(speeds) == pytest.approx(6.0, abs=1e-3)
-        # no jump that an autopilot could not follow: the jerk of the velocity is bounded
-        steps = [(b - a) / INTERVAL_S for a, b in itertools.pairwise(speeds)]
-        assert max(abs(b - a) for a, b in itertools.pairwise(steps)) / INTERVAL_S < 9.0
-
-    flown(body)
+@by(flown)
+async def test_place_and_velocity_ten_times_a_second_the_velocity_half_a_second_ahead() -> None:
+    wire = Wire()
+    wire.stream.begin(FlyPath(plan(), 12.0, 90.0, 0.2))
+    streaming = asyncio.create_task(wire.stream.run())
+    await asyncio.sleep(20.05)
+    streaming.cancel()
+    sent = wire.setpoints()
+    gaps = [b - a for (a, _), (b, _) in itertools.pairwise(sent)]
+    assert gaps == pytest.approx([INTERVAL_S] * 200, abs=1e-6)
+    cos, sin = math.cos(GRID.convergence_rad), math.sin(GRID.convergence_rad)
+    assert abs(sin) > 0.01
+    for t_s, m in sent:
+        assert (m.target_system, m.target_component) == (1, 1)
+        assert (m.coordinate_frame, m.alt) == (mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, 12.0)
+        assert m.type_mask == 0x9C0
+        assert m.yaw == pytest.approx(math.pi / 2)
+        assert (m.vz, m.afx, m.afy, m.afz, m.yaw_rate) == (0.0,) * 5
+        # smoothed over half a second: within a sixteenth of a t^2 of the plan
+        assert place_of(m).distance_to(plan().at(t_s).place) < 0.06
+        ahead = plan().at(t_s + 0.5)
+        north = ahead.v_north_m_s * cos - ahead.v_east_m_s * sin
+        east = ahead.v_east_m_s * cos + ahead.v_north_m_s * sin
+        assert (m.vx, m.vy) == pytest.approx((north, east), abs=0.3)
+    speeds = [math.hypot(m.vx, m.vy) for _, m in sent]
+    assert max(speeds) == pytest.approx(6.0, abs=1e-3)
+    # no jump that an autopilot could not follow: the jerk of the velocity is bounded
+    steps = [(b - a) / INTERVAL_S for a, b in itertools.pairwise(speeds)]
+    assert max(abs(b - a) for a, b in itertools.pairwise(steps)) / INTERVAL_S < 9.0
 
 
-def test_without_a_heading_the_autopilot_chooses_it() -> None:
-    async def body() -> None:
-        wire = Wire()
-        wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
-        streaming = asyncio.create_task(wire.stream.run())
-        await asyncio.sleep(0.05)
-        streaming.cancel()
-        ((_, first),) = wire.setpoints()
-        assert first.type_mask == 0xDC0
-
-    flown(body)
+@by(flown)
+async def test_without_a_heading_the_autopilot_chooses_it() -> None:
+    wire = Wire()
+    wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
+    streaming = asyncio.create_task(wire.stream.run())
+    await asyncio.sleep(0.05)
+    streaming.cancel()
+    ((_, first),) = wire.setpoints()
+    assert first.type_mask == 0xDC0
 
 
-def test_a_path_that_replaces_another_leaves_no_gap_and_no_jump() -> None:
-    async def body() -> None:
-        wire = Wire()
-        first = plan()
-        wire.stream.begin(FlyPath(first, 12.0, None, 0.2))
-        streaming = asyncio.create_task(wire.stream.run())
-        await asyncio.sleep(6.0)
-        begin_s = wire.now_s() + 1.0
-        here = first.at(begin_s)
-        corners = [here.place, GridPoint(0, 50), GridPoint(-40, 50)]
-        second = rounded_path(
-            corners, begin_s, speed_m_s=6.0, cut_m=2.5, begin_speed_m_s=here.v_north_m_s
-        )
-        wire.stream.go_on(FlyPath(second, 15.0, None, 0.2))
-        await asyncio.sleep(12.0)
-        streaming.cancel()
-        sent = wire.setpoints()
-        assert max(b - a for (a, _), (b, _) in itertools.pairwise(sent)) < 0.11
-        for (_, a), (_, b) in itertools.pairwise(sent):
-            assert place_of(a).distance_to(place_of(b)) < 0.62
-            assert math.hypot(b.vx - a.vx, b.vy - a.vy) < 0.25  # 2.5 m/s2
-        for t_s, m in sent:
-            now = first if t_s < begin_s else second
-            assert place_of(m).distance_to(now.at(t_s).place) < 0.1
-            assert m.alt == (12.0 if t_s < begin_s else 15.0)
-        moving = [math.hypot(m.vx, m.vy) for t_s, m in sent if 4.0 < t_s < second.end_s - 4.0]
-        assert min(moving) > 3.0
-
-    flown(body)
+@by(flown)
+async def test_a_path_that_replaces_another_leaves_no_gap_and_no_jump() -> None:
+    wire = Wire()
+    first = plan()
+    wire.stream.begin(FlyPath(first, 12.0, None, 0.2))
+    streaming = asyncio.create_task(wire.stream.run())
+    await asyncio.sleep(6.0)
+    begin_s = wire.now_s() + 1.0
+    here = first.at(begin_s)
+    corners = [here.place, GridPoint(0, 50), GridPoint(-40, 50)]
+    second = rounded_path(
+        corners, begin_s, speed_m_s=6.0, cut_m=2.5, begin_speed_m_s=here.v_north_m_s
+    )
+    wire.stream.go_on(FlyPath(second, 15.0, None, 0.2))
+    await asyncio.sleep(12.0)
+    streaming.cancel()
+    sent = wire.setpoints()
+    assert max(b - a for (a, _), (b, _) in itertools.pairwise(sent)) < 0.11
+    for (_, a), (_, b) in itertools.pairwise(sent):
+        assert place_of(a).distance_to(place_of(b)) < 0.62
+        assert math.hypot(b.vx - a.vx, b.vy - a.vy) < 0.25  # 2.5 m/s2
+    for t_s, m in sent:
+        now = first if t_s < begin_s else second
+        assert place_of(m).distance_to(now.at(t_s).place) < 0.1
+        assert m.alt == (12.0 if t_s < begin_s else 15.0)
+    moving = [math.hypot(m.vx, m.vy) for t_s, m in sent if 4.0 < t_s < second.end_s - 4.0]
+    assert min(moving) > 3.0
 
 
 def test_what_is_told_depends_on_time_alone() -> None:
@@ -180,107 +175,97 @@ def test_what_is_told_depends_on_time_alone() -> None:
     assert sent(lies=True) == sent(lies=False)
 
 
-def test_px4_sees_a_stream_first_and_then_changes_to_offboard() -> None:
-    async def body() -> None:
-        wire = Wire(px4=True)
-        asked: list[float] = []
+@by(flown)
+async def test_px4_sees_a_stream_first_and_then_changes_to_offboard() -> None:
+    wire = Wire(px4=True)
+    asked: list[float] = []
 
-        def answer(message: Message) -> None:
-            if getattr(message, "command", None) == SET_MODE:
-                asked.append(wire.now_s())
-                assert (message.param1, message.param2) == (1.0, 6.0)
-                # a PX4 says yes to whatever it is asked; the heartbeat says what it did
-                wire.peer.say(ack(SET_MODE, 0))
-                if len(asked) == 2:
-                    beat = heartbeat(OFFBOARD, armed=True, autopilot=wire.autopilot)
-                    wire.peer.say(beat, after_s=0.4)
+    def answer(message: Message) -> None:
+        if getattr(message, "command", None) == SET_MODE:
+            asked.append(wire.now_s())
+            assert (message.param1, message.param2) == (1.0, 6.0)
+            # a PX4 says yes to whatever it is asked; the heartbeat says what it did
+            wire.peer.say(ack(SET_MODE, 0))
+            if len(asked) == 2:
+                beat = heartbeat(OFFBOARD, armed=True, autopilot=wire.autopilot)
+                wire.peer.say(beat, after_s=0.4)
 
-        wire.peer.answer = answer
-        wire.stream.begin(FlyPath(plan(2.0), 12.0, None, 0.2))
-        streaming = asyncio.create_task(wire.stream.run())
-        await asyncio.sleep(8.0)
-        streaming.cancel()
-        assert len(asked) == 2
-        assert 0.5 < asked[0] < 1.0
-        before = [t_s for t_s, _ in wire.setpoints() if t_s < asked[0]]
-        assert len(before) >= 5
-        assert wire.monitor.commanded == (OFFBOARD,)  # Hold is the pilot's now
-        assert wire.monitor.mode == "follow"
-        for t_s, m in wire.setpoints():
-            assert m.coordinate_frame == mav.MAV_FRAME_GLOBAL_INT
-            assert m.alt == pytest.approx(AMSL_M + 12.0)
-            assert place_of(m).distance_to(plan(2.0).at(t_s + 0.2).place) < 0.06
-
-    flown(body)
+    wire.peer.answer = answer
+    wire.stream.begin(FlyPath(plan(2.0), 12.0, None, 0.2))
+    streaming = asyncio.create_task(wire.stream.run())
+    await asyncio.sleep(8.0)
+    streaming.cancel()
+    assert len(asked) == 2
+    assert 0.5 < asked[0] < 1.0
+    before = [t_s for t_s, _ in wire.setpoints() if t_s < asked[0]]
+    assert len(before) >= 5
+    assert wire.monitor.commanded == (OFFBOARD,)  # Hold is the pilot's now
+    assert wire.monitor.mode == "follow"
+    for t_s, m in wire.setpoints():
+        assert m.coordinate_frame == mav.MAV_FRAME_GLOBAL_INT
+        assert m.alt == pytest.approx(AMSL_M + 12.0)
+        assert place_of(m).distance_to(plan(2.0).at(t_s + 0.2).place) < 0.06
 
 
-def test_a_px4_that_does_not_change_its_mode_ends_the_order() -> None:
-    async def body() -> None:
-        wire = Wire(px4=True)
-        wire.peer.answer = lambda message: wire.peer.say(ack(SET_MODE, 0))
-        wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
-        with pytest.raises(ExceptionGroup) as failed:
-            await asyncio.wait_for(wire.stream.run(), 60.0)
-        assert failed.group_contains(LinkError, match="does not change to OFFBOARD")
-
-    flown(body)
+@by(flown)
+async def test_a_px4_that_does_not_change_its_mode_ends_the_order() -> None:
+    wire = Wire(px4=True)
+    wire.peer.answer = lambda message: wire.peer.say(ack(SET_MODE, 0))
+    wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
+    with pytest.raises(ExceptionGroup) as failed:
+        await asyncio.wait_for(wire.stream.run(), 60.0)
+    assert failed.group_contains(LinkError, match="does not change to OFFBOARD")
 
 
 # --- leaving -------------------------------------------------------------------------------------
-def test_an_ardupilot_is_braked_by_a_velocity_of_zero() -> None:
-    async def body() -> None:
-        wire = Wire()
-        assert await wire.stream.leave() is False
-        wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
-        wire.tell(4, speed_m_s=6.0)
-        leaving = asyncio.create_task(wire.stream.leave())
-        await asyncio.sleep(2.05)
-        assert not leaving.done()
-        wire.tell(4, speed_m_s=0.4)
-        await asyncio.sleep(0.2)
-        assert leaving.result() is True
-        sent = wire.setpoints()
-        assert len(sent) == 21
-        for _, m in sent:
-            assert (m.type_mask, m.vx, m.vy, m.vz) == (0xDC7, 0.0, 0.0, 0.0)
-        assert await wire.stream.leave() is False
-
-    flown(body)
+@by(flown)
+async def test_an_ardupilot_is_braked_by_a_velocity_of_zero() -> None:
+    wire = Wire()
+    assert await wire.stream.leave() is False
+    wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
+    wire.tell(4, speed_m_s=6.0)
+    leaving = asyncio.create_task(wire.stream.leave())
+    await asyncio.sleep(2.05)
+    assert not leaving.done()
+    wire.tell(4, speed_m_s=0.4)
+    await asyncio.sleep(0.2)
+    assert leaving.result() is True
+    sent = wire.setpoints()
+    assert len(sent) == 21
+    for _, m in sent:
+        assert (m.type_mask, m.vx, m.vy, m.vz) == (0xDC7, 0.0, 0.0, 0.0)
+    assert await wire.stream.leave() is False
 
 
 @pytest.mark.parametrize("mode", [4, 5])
-def test_braking_ends_in_time_and_whoever_has_it_is_told_nothing(mode: int) -> None:
-    async def body() -> None:
-        wire = Wire()
-        wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
-        wire.tell(mode, speed_m_s=6.0)
-        begin_s = wire.now_s()
-        await wire.stream.leave()
-        took_s = wire.now_s() - begin_s
-        assert took_s == pytest.approx(BRAKE_S if mode == 4 else 0.0, abs=0.11)
-        assert len(wire.setpoints()) in ((60, 61) if mode == 4 else (0,))
-
-    flown(body)
+@by(flown)
+async def test_braking_ends_in_time_and_whoever_has_it_is_told_nothing(mode: int) -> None:
+    wire = Wire()
+    wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
+    wire.tell(mode, speed_m_s=6.0)
+    begin_s = wire.now_s()
+    await wire.stream.leave()
+    took_s = wire.now_s() - begin_s
+    assert took_s == pytest.approx(BRAKE_S if mode == 4 else 0.0, abs=0.11)
+    assert len(wire.setpoints()) in ((60, 61) if mode == 4 else (0,))
 
 
-def test_a_px4_goes_back_into_hold_while_the_stream_goes_on() -> None:
-    async def body() -> None:
-        wire = Wire(px4=True)
-        wire.tell(OFFBOARD, speed_m_s=6.0)
+@by(flown)
+async def test_a_px4_goes_back_into_hold_while_the_stream_goes_on() -> None:
+    wire = Wire(px4=True)
+    wire.tell(OFFBOARD, speed_m_s=6.0)
 
-        def answer(message: Message) -> None:
-            if getattr(message, "command", None) == SET_MODE:
-                assert (message.param2, message.param3) == (4.0, 3.0)
-                wire.peer.say(ack(SET_MODE, 0))
-                beat = heartbeat(HOLD, armed=True, autopilot=wire.autopilot)
-                wire.peer.say(beat, after_s=0.9)
+    def answer(message: Message) -> None:
+        if getattr(message, "command", None) == SET_MODE:
+            assert (message.param2, message.param3) == (4.0, 3.0)
+            wire.peer.say(ack(SET_MODE, 0))
+            beat = heartbeat(HOLD, armed=True, autopilot=wire.autopilot)
+            wire.peer.say(beat, after_s=0.9)
 
-        wire.peer.answer = answer
-        wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
-        assert await wire.stream.leave() is True
-        assert len(wire.setpoints()) == 10
-
-    flown(body)
+    wire.peer.answer = answer
+    wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
+    assert await wire.stream.leave() is True
+    assert len(wire.setpoints()) == 10
 
 
 # --- the parameter -------------------------------------------------------------------------------
@@ -310,60 +295,54 @@ class Keeper:
 
 
 @pytest.mark.parametrize("lossy", [False, True])
-def test_the_timeout_is_shortened_for_the_flight_and_set_back(lossy: bool) -> None:
-    async def body() -> None:
-        keeper = Keeper(3.0, lossy=lossy)
-        await keeper.timeout.shorten()
-        assert keeper.number == 1.0
-        heard = len(keeper.wire.peer.heard)
-        await keeper.timeout.shorten()
-        assert len(keeper.wire.peer.heard) == heard
-        await keeper.timeout.restore()
-        assert keeper.number == 3.0
-        await keeper.timeout.restore()
-        assert not keeper.told
-
-    flown(body)
+@by(flown)
+async def test_the_timeout_is_shortened_for_the_flight_and_set_back(lossy: bool) -> None:
+    keeper = Keeper(3.0, lossy=lossy)
+    await keeper.timeout.shorten()
+    assert keeper.number == 1.0
+    heard = len(keeper.wire.peer.heard)
+    await keeper.timeout.shorten()
+    assert len(keeper.wire.peer.heard) == heard
+    await keeper.timeout.restore()
+    assert keeper.number == 3.0
+    await keeper.timeout.restore()
+    assert not keeper.told
 
 
 @pytest.mark.parametrize(("found", "flown_with"), [(0.5, 0.5), (0.8, 0.8), (0.1, 1.0), (0.0, 1.0)])
-def test_a_timeout_that_is_short_enough_is_left_alone(found: float, flown_with: float) -> None:
-    async def body() -> None:
-        keeper = Keeper(found)
-        await keeper.timeout.shorten()
-        assert keeper.number == pytest.approx(flown_with)
-        await keeper.timeout.restore()
-        assert keeper.number == pytest.approx(found)
-
-    flown(body)
-
-
-def test_a_timeout_that_cannot_be_had_is_told_once_and_is_no_failure() -> None:
-    async def body() -> None:
-        keeper = Keeper(3.0, stubborn=True)
-        await keeper.timeout.shorten()
-        await keeper.timeout.shorten()
-        assert len(keeper.told) == 1
-        assert "GUID_TIMEOUT could not be set" in keeper.told[0]
-        mute = Keeper(3.0)
-        mute.wire.peer.answer = lambda message: None
-        await mute.timeout.shorten()
-        await mute.timeout.shorten()
-        assert len(mute.told) == 1
-        assert "does not tell its GUID_TIMEOUT" in mute.told[0]
-
-    flown(body)
+@by(flown)
+async def test_a_timeout_that_is_short_enough_is_left_alone(
+    found: float, flown_with: float
+) -> None:
+    keeper = Keeper(found)
+    await keeper.timeout.shorten()
+    assert keeper.number == pytest.approx(flown_with)
+    await keeper.timeout.restore()
+    assert keeper.number == pytest.approx(found)
 
 
-def test_a_px4_keeps_its_parameters() -> None:
-    async def body() -> None:
-        wire = Wire(px4=True)
-        timeout = StreamTimeout("sim", wire.peer.session, lambda text: None)
-        await timeout.shorten()
-        await timeout.restore()
-        assert not wire.peer.heard
+@by(flown)
+async def test_a_timeout_that_cannot_be_had_is_told_once_and_is_no_failure() -> None:
+    keeper = Keeper(3.0, stubborn=True)
+    await keeper.timeout.shorten()
+    await keeper.timeout.shorten()
+    assert len(keeper.told) == 1
+    assert "GUID_TIMEOUT could not be set" in keeper.told[0]
+    mute = Keeper(3.0)
+    mute.wire.peer.answer = lambda message: None
+    await mute.timeout.shorten()
+    await mute.timeout.shorten()
+    assert len(mute.told) == 1
+    assert "does not tell its GUID_TIMEOUT" in mute.told[0]
 
-    flown(body)
+
+@by(flown)
+async def test_a_px4_keeps_its_parameters() -> None:
+    wire = Wire(px4=True)
+    timeout = StreamTimeout("sim", wire.peer.session, lambda text: None)
+    await timeout.shorten()
+    await timeout.restore()
+    assert not wire.peer.heard
 
 
 # --- the arithmetic ------------------------------------------------------------------------------
@@ -377,54 +356,42 @@ def test_a_setpoint_is_the_course_averaged_and_ahead() -> None:
     assert setpoint(course, 8.0, 0.25, 0.25) == pytest.approx(told, abs=1e-9)
 
 
-def test_a_place_that_is_none_is_not_sent() -> None:
-    async def body() -> None:
-        wire = Wire()
-        lost = replace(plan(), drift_m_s=(math.nan, 0.0))
-        wire.stream.begin(FlyPath(lost, 12.0, None, 0.2))
-        with pytest.raises(LinkError, match="no place"):
-            await wire.stream.run()
-
-    flown(body)
-
-
-def test_the_autopilots_differ_as_measured() -> None:
-    assert (ARDUPILOT.place_lead_s, ARDUPILOT.velocity_lead_s) == (0.0, 0.5)
-    assert not ARDUPILOT.streams_apart
-    assert (PX4.place_lead_s, PX4.velocity_lead_s) == (0.2, 0.2)
-    assert PX4.streams_apart
+@by(flown)
+async def test_a_place_that_is_none_is_not_sent() -> None:
+    wire = Wire()
+    lost = replace(plan(), drift_m_s=(math.nan, 0.0))
+    wire.stream.begin(FlyPath(lost, 12.0, None, 0.2))
+    with pytest.raises(LinkError, match="no place"):
+        await wire.stream.run()
 
 
 # --- on a fast clock -----------------------------------------------------------------------------
 @pytest.mark.parametrize("px4", [False, True])
-def test_places_ahead_instead_of_a_stream(px4: bool) -> None:
+@by(flown)
+async def test_places_ahead_instead_of_a_stream(px4: bool) -> None:
     """A vehicle stops at the last of them by itself: there is no velocity that runs on."""
-
-    async def body() -> None:
-        wire = Wire(px4=px4, by_places=True)
-        wire.stream.begin(FlyPath(plan(), 12.0, 90.0, 0.2))
-        telling = asyncio.create_task(wire.stream.run())
-        await asyncio.sleep(10.0)
-        telling.cancel()
-        if px4:
-            places = [
-                (t_s, GRID.fixed(LatLon(m.x / 1e7, m.y / 1e7)))
-                for t_s, m in wire.peer.heard
-                if m.get_type() == "COMMAND_INT"
-                and m.command == mav.MAV_CMD_DO_REPOSITION
-                and m.param4 == pytest.approx(math.pi / 2)
-            ]
-            assert not wire.setpoints()
-        else:
-            places = [(t_s, place_of(m)) for t_s, m in wire.setpoints()]
-            assert {m.type_mask for _, m in wire.setpoints()} == {0x9F8}
-        assert len(places) == 10.0 / PLACES_INTERVAL_S
-        lead_s = (PX4 if px4 else ARDUPILOT).places_lead_s
-        for t_s, place in places:
-            assert place.distance_to(plan().at(t_s + lead_s).place) < 0.05
-        modes = [m for _, m in wire.peer.heard if getattr(m, "command", 0) == SET_MODE]
-        assert not modes
-        assert await wire.stream.leave()
-        assert not await wire.stream.leave()
-
-    flown(body)
+    wire = Wire(px4=px4, by_places=True)
+    wire.stream.begin(FlyPath(plan(), 12.0, 90.0, 0.2))
+    telling = asyncio.create_task(wire.stream.run())
+    await asyncio.sleep(10.0)
+    telling.cancel()
+    if px4:
+        places = [
+            (t_s, GRID.fixed(LatLon(m.x / 1e7, m.y / 1e7)))
+            for t_s, m in wire.peer.heard
+            if m.get_type() == "COMMAND_INT"
+            and m.command == mav.MAV_CMD_DO_REPOSITION
+            and m.param4 == pytest.approx(math.pi / 2)
+        ]
+        assert not wire.setpoints()
+    else:
+        places = [(t_s, place_of(m)) for t_s, m in wire.setpoints()]
+        assert {m.type_mask for _, m in wire.setpoints()} == {0x9F8}
+    assert len(places) == 10.0 / PLACES_INTERVAL_S
+    lead_s = (PX4 if px4 else ARDUPILOT).places_lead_s
+    for t_s, place in places:
+        assert place.distance_to(plan().at(t_s + lead_s).place) < 0.05
+    modes = [m for _, m in wire.peer.heard if getattr(m, "command", 0) == SET_MODE]
+    assert not modes
+    assert await wire.stream.leave()
+    assert not await wire.stream.leave()

@@ -40,15 +40,14 @@ from tests.support.flights import (
     small_mission,
     to,
 )
+from tests.support.running import by
 
 HEARTBEAT_S = 1.1
 
 
 def on_px4(amsl_m: float = 488.0, **how: Any) -> Mission:
-    made = small_mission(**how)
-    sim = made.sim.model_copy(update={"autopilot": "px4"})
-    start = made.start.model_copy(update={"amsl_m": amsl_m})
-    return made.model_copy(update={"sim": sim, "start": start})
+    made = small_mission(autopilot="px4", **how)
+    return made.model_copy(update={"start": made.start.model_copy(update={"amsl_m": amsl_m})})
 
 
 def pilot_mode(flight: Flight, mode: Px4Mode) -> None:
@@ -67,49 +66,43 @@ def modes_of(flight: Flight) -> list[int]:
 
 
 @pytest.mark.parametrize("amsl_m", [0.0, 1800.0, -20.0])
-def test_every_order_ends_with_its_event(amsl_m: float) -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        assert flight.vehicle.truth.mode == Px4Mode.HOLD
-        assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
-        arrived = await flight.after(to(10.0, 16.0), Arrived)
-        assert arrived.position.distance_to(GridPoint(10.0, 16.0)) < 0.8
-        await flight.after(Look(Cell(2, 4), 5, UP_M), LookEnded)
-        assert len(flight.seen(FrameSeen)) == 5
-        assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
-        await flight.after(to(0.0, 0.0, 16.0), Arrived)
-        assert flight.vehicle.truth.height_m == pytest.approx(16.0, abs=0.6)
-        await flight.after(Land(), Landed)
-        await flight.after(AwaitBattery(), BatterySwapped)
-
-    flight = fly(body, on_px4(amsl_m))
+@by(fly, on_px4)
+async def test_every_order_ends_with_its_event(flight: Flight, /, amsl_m: float) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    assert flight.vehicle.truth.mode == Px4Mode.HOLD
+    assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
+    arrived = await flight.after(to(10.0, 16.0), Arrived)
+    assert arrived.position.distance_to(GridPoint(10.0, 16.0)) < 0.8
+    await flight.after(Look(Cell(2, 4), 5, UP_M), LookEnded)
+    assert len(flight.seen(FrameSeen)) == 5
+    assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
+    await flight.after(to(0.0, 0.0, 16.0), Arrived)
+    assert flight.vehicle.truth.height_m == pytest.approx(16.0, abs=0.6)
+    await flight.after(Land(), Landed)
+    await flight.after(AwaitBattery(), BatterySwapped)
     assert not flight.seen(OrderFailed)
     assert not flight.seen(Overridden)
 
 
-def test_the_wanted_speed_is_flown() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.give(to(0.0, 60.0))
-        await asyncio.sleep(7.0)
-        assert flight.vehicle.truth.velocity_m_s[1] == pytest.approx(3.0, abs=0.3)
-
-    fly(body, on_px4(speed_m_s=3.0))
+@by(fly, lambda: on_px4(speed_m_s=3.0))
+async def test_the_wanted_speed_is_flown(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(to(0.0, 60.0))
+    await asyncio.sleep(7.0)
+    assert flight.vehicle.truth.velocity_m_s[1] == pytest.approx(3.0, abs=0.3)
 
 
-def test_home_that_moves_on_arming_is_no_surprise() -> None:
+@by(fly, on_px4)
+async def test_home_that_moves_on_arming_is_no_surprise(flight: Flight, /) -> None:
     """Its height, too: by the barometer it has climbed since home was set."""
-
-    async def body(flight: Flight) -> None:
-        before_m = flight.session.view.home_amsl_m
-        flight.vehicle._ap.error.up += 4.0
-        await flight.after(TakeOff(UP_M), Airborne)
-        assert flight.session.view.home_amsl_m > before_m + 1.0
-        for point in ((8.0, 8.0), (0.0, 8.0)):
-            await flight.after(to(*point), Arrived)
-            assert flight.session.view.height_m == pytest.approx(UP_M, abs=0.6)
-
-    assert not fly(body, on_px4()).seen(OrderFailed)
+    before_m = flight.session.view.home_amsl_m
+    flight.vehicle._ap.error.up += 4.0
+    await flight.after(TakeOff(UP_M), Airborne)
+    assert flight.session.view.home_amsl_m > before_m + 1.0
+    for point in ((8.0, 8.0), (0.0, 8.0)):
+        await flight.after(to(*point), Arrived)
+        assert flight.session.view.height_m == pytest.approx(UP_M, abs=0.6)
+    assert not flight.seen(OrderFailed)
 
 
 # --- who has the last word -----------------------------------------------------------------------
@@ -121,68 +114,64 @@ async def landing(flight: Flight) -> None:
 
 @pytest.mark.parametrize("phase", [climbing, flying, looking, landing], ids=lambda f: f.__name__)
 @pytest.mark.parametrize("turned", [Px4Mode.RTL, Px4Mode.OFFBOARD])
-def test_a_pilot_takes_over_in_every_phase(phase: Phase, turned: Px4Mode) -> None:
-    async def body(flight: Flight) -> None:
-        await phase(flight)
-        if turned == Px4Mode.OFFBOARD:
-            flight.vehicle._ap.setpoints.hear(flight.vehicle.t_s + 1e3)  # a stream without end
-        pilot_mode(flight, turned)
-        await flight.sees(Overridden, within_s=HEARTBEAT_S)
-        index = len(flight.sent)
-        await asyncio.sleep(10.0)
-        assert flight.commands_after(index) == []
-        assert flight.vehicle.truth.mode == turned
-        assert [e.mode for e in flight.seen(Overridden)] == [turned.name]
-        pilot_mode(flight, Px4Mode.HOLD)
-        await flight.sees(Released, within_s=HEARTBEAT_S)
-        await flight.after(to(0.0, 8.0, 15.0), Arrived)
-
-    fly(body, on_px4())
-
-
-def test_a_mission_of_the_pilot_that_ends_in_hold_gives_nothing_back() -> None:
-    async def body(flight: Flight) -> None:
-        await flying(flight)
-        pilot = mav.MAVLink(None, 255, 190)
-        place = (round(48.0 * 1e7), round(11.0 * 1e7), 15.0, 0)
-        item = mav.MAVLink_mission_item_int_message(1, 1, 0, 6, 16, 0, 1, 0, 0, 0, 0, *place)
-        for message in (mav.MAVLink_mission_count_message(1, 1, 1, 0), item):
-            flight.vehicle.receive(message.pack(pilot))
-        pilot_mode(flight, Px4Mode.MISSION)
-        await flight.sees(Overridden, within_s=HEARTBEAT_S)
-        await flight.until(lambda: flight.vehicle.truth.mode == Px4Mode.HOLD)
-        index = len(flight.sent)
-        await asyncio.sleep(5.0)
-        assert flight.commands_after(index) == []
-        assert not flight.seen(Released)
-
-    fly(body, on_px4())
+@by(fly, on_px4)
+async def test_a_pilot_takes_over_in_every_phase(
+    flight: Flight, /, phase: Phase, turned: Px4Mode
+) -> None:
+    await phase(flight)
+    if turned == Px4Mode.OFFBOARD:
+        flight.vehicle._ap.setpoints.hear(flight.vehicle.t_s + 1e3)  # a stream without end
+    pilot_mode(flight, turned)
+    await flight.sees(Overridden, within_s=HEARTBEAT_S)
+    index = len(flight.sent)
+    await asyncio.sleep(10.0)
+    assert flight.commands_after(index) == []
+    assert flight.vehicle.truth.mode == turned
+    assert [e.mode for e in flight.seen(Overridden)] == [turned.name]
+    pilot_mode(flight, Px4Mode.HOLD)
+    await flight.sees(Released, within_s=HEARTBEAT_S)
+    await flight.after(to(0.0, 8.0, 15.0), Arrived)
 
 
-def test_a_failsafe_is_not_ours_although_it_waits_in_hold() -> None:
-    async def body(flight: Flight) -> None:
-        await flying(flight)
-        flight.vehicle.fail.rc(for_s=2.0)
-        overridden = await flight.sees(Overridden, within_s=HEARTBEAT_S)
-        assert overridden.mode == "HOLD by a failsafe"
-        await flight.sees(Landed)
-        assert flight.vehicle.truth.mode == Px4Mode.HOLD
-        assert not flight.seen(Released)
+@by(fly, on_px4)
+async def test_a_mission_of_the_pilot_that_ends_in_hold_gives_nothing_back(
+    flight: Flight, /
+) -> None:
+    await flying(flight)
+    pilot = mav.MAVLink(None, 255, 190)
+    place = (round(48.0 * 1e7), round(11.0 * 1e7), 15.0, 0)
+    item = mav.MAVLink_mission_item_int_message(1, 1, 0, 6, 16, 0, 1, 0, 0, 0, 0, *place)
+    for message in (mav.MAVLink_mission_count_message(1, 1, 1, 0), item):
+        flight.vehicle.receive(message.pack(pilot))
+    pilot_mode(flight, Px4Mode.MISSION)
+    await flight.sees(Overridden, within_s=HEARTBEAT_S)
+    await flight.until(lambda: flight.vehicle.truth.mode == Px4Mode.HOLD)
+    index = len(flight.sent)
+    await asyncio.sleep(5.0)
+    assert flight.commands_after(index) == []
+    assert not flight.seen(Released)
 
-    fly(body, on_px4())
+
+@by(fly, on_px4)
+async def test_a_failsafe_is_not_ours_although_it_waits_in_hold(flight: Flight, /) -> None:
+    await flying(flight)
+    flight.vehicle.fail.rc(for_s=2.0)
+    overridden = await flight.sees(Overridden, within_s=HEARTBEAT_S)
+    assert overridden.mode == "HOLD by a failsafe"
+    await flight.sees(Landed)
+    assert flight.vehicle.truth.mode == Px4Mode.HOLD
+    assert not flight.seen(Released)
 
 
-def test_a_return_for_the_battery_is_let_alone() -> None:
-    async def body(flight: Flight) -> None:
-        set_param(flight, "COM_LOW_BAT_ACT", 2)
-        await flying(flight)
-        flight.vehicle.fail.battery_sag(8.0)
-        await flight.sees(Overridden, within_s=HEARTBEAT_S)
-        index = len(flight.sent)
-        await flight.sees(Landed)
-        assert flight.commands_after(index) == []
-
-    fly(body, on_px4())
+@by(fly, on_px4)
+async def test_a_return_for_the_battery_is_let_alone(flight: Flight, /) -> None:
+    set_param(flight, "COM_LOW_BAT_ACT", 2)
+    await flying(flight)
+    flight.vehicle.fail.battery_sag(8.0)
+    await flight.sees(Overridden, within_s=HEARTBEAT_S)
+    index = len(flight.sent)
+    await flight.sees(Landed)
+    assert flight.commands_after(index) == []
 
 
 def silence(message: object) -> bool:
@@ -190,113 +179,108 @@ def silence(message: object) -> bool:
 
 
 @pytest.mark.parametrize("meanwhile", [None, Px4Mode.RTL])
-def test_a_link_that_is_lost_and_comes_back(meanwhile: Px4Mode | None) -> None:
-    async def body(flight: Flight) -> None:
-        await flying(flight)
-        flight.to_driver = flight.to_vehicle = silence
-        await flight.sees(LinkLost, within_s=6.0)
-        flight.driver.give(StandDown())
-        if meanwhile is not None:
-            pilot_mode(flight, meanwhile)
-        flight.to_driver = flight.to_vehicle = lambda message: True
-        connected = await flight.sees(Connected, 2, within_s=5.0)
-        assert (connected.airborne, connected.ours) == (True, meanwhile is None)
-        if meanwhile is None:
-            await flight.after(to(0.0, 0.0), Arrived)
-        else:
-            await flight.sees(Landed)
-
-    assert not fly(body, on_px4()).seen(OrderFailed)
-
-
-def test_a_refused_arming_is_said_with_its_reason() -> None:
-    async def body(flight: Flight) -> None:
-        flight.vehicle._ap.arm = lambda force=False: "Arming denied! Compass"
-        failed = await flight.after(TakeOff(UP_M), OrderFailed, within_s=200.0)
-        assert "COMPONENT_ARM_DISARM was refused: temporarily rejected" in failed.reason
-        assert "Compass" in failed.reason
-
-    fly(body, on_px4())
+@by(fly, on_px4)
+async def test_a_link_that_is_lost_and_comes_back(
+    flight: Flight, /, meanwhile: Px4Mode | None
+) -> None:
+    await flying(flight)
+    flight.to_driver = flight.to_vehicle = silence
+    await flight.sees(LinkLost, within_s=6.0)
+    flight.driver.give(StandDown())
+    if meanwhile is not None:
+        pilot_mode(flight, meanwhile)
+    flight.to_driver = flight.to_vehicle = lambda message: True
+    connected = await flight.sees(Connected, 2, within_s=5.0)
+    assert (connected.airborne, connected.ours) == (True, meanwhile is None)
+    if meanwhile is None:
+        await flight.after(to(0.0, 0.0), Arrived)
+    else:
+        await flight.sees(Landed)
+    assert not flight.seen(OrderFailed)
 
 
-def test_nothing_that_we_send_changes_the_mode_of_a_flying_vehicle_but_landing() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        before = len(modes_of(flight))
-        await flight.after(to(10.0, 10.0), Arrived)
-        assert len(modes_of(flight)) == before
-        targets = [m for _, m in flight.sent if getattr(m, "command", 0) == 192]
-        assert {m.param2 for m in targets} == {0.0}
-        assert {m.frame for m in targets} == {mav.MAV_FRAME_GLOBAL_INT}
-
-    fly(body, on_px4())
+@by(fly, on_px4)
+async def test_a_refused_arming_is_said_with_its_reason(flight: Flight, /) -> None:
+    flight.vehicle._ap.arm = lambda force=False: "Arming denied! Compass"
+    failed = await flight.after(TakeOff(UP_M), OrderFailed, within_s=200.0)
+    assert "COMPONENT_ARM_DISARM was refused: temporarily rejected" in failed.reason
+    assert "Compass" in failed.reason
 
 
-def test_who_stands_by_after_a_landing_away_from_home_has_not_crashed() -> None:
+@by(fly, on_px4)
+async def test_nothing_that_we_send_changes_the_mode_of_a_flying_vehicle_but_landing(
+    flight: Flight, /
+) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    before = len(modes_of(flight))
+    await flight.after(to(10.0, 10.0), Arrived)
+    assert len(modes_of(flight)) == before
+    targets = [m for _, m in flight.sent if getattr(m, "command", 0) == 192]
+    assert {m.param2 for m in targets} == {0.0}
+    assert {m.frame for m in targets} == {mav.MAV_FRAME_GLOBAL_INT}
+
+
+@by(fly, on_px4)
+async def test_who_stands_by_after_a_landing_away_from_home_has_not_crashed(
+    flight: Flight, /
+) -> None:
     """A spare pad: it is told to stand by while its motors still run, and it holds by itself."""
+    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(to(-11.0, -11.0), Arrived)
+    report = flight.driver._reporter.report
 
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        await flight.after(to(-11.0, -11.0), Arrived)
-        report = flight.driver._reporter.report
+    def standing_by(event: Event) -> None:
+        report(event)
+        if isinstance(event, Landed):
+            flight.driver.give(StandDown())
 
-        def standing_by(event: Event) -> None:
-            report(event)
-            if isinstance(event, Landed):
-                flight.driver.give(StandDown())
-
-        flight.driver._reporter.report = standing_by
-        await flight.after(Land(), Landed)
-        await asyncio.sleep(20.0)
-        assert not flight.session.view.armed
-        assert not flight.seen(Crashed)
-
-    fly(body, on_px4())
+    flight.driver._reporter.report = standing_by
+    await flight.after(Land(), Landed)
+    await asyncio.sleep(20.0)
+    assert not flight.session.view.armed
+    assert not flight.seen(Crashed)
 
 
 @pytest.mark.parametrize("after_s", [1.75, 4.5, 5.0, 6.0])
-def test_a_take_off_that_is_called_off_over_a_slow_link_is_no_pilots(after_s: float) -> None:
+@by(fly, on_px4)
+async def test_a_take_off_that_is_called_off_over_a_slow_link_is_no_pilots(
+    flight: Flight, /, after_s: float
+) -> None:
     """Of its arming, its climb and its landing it is heard when other things were asked for."""
-
-    async def body(flight: Flight) -> None:
-        flight.vehicle.fail.link(delay_s=0.6)
-        flight.driver.give(TakeOff(UP_M))
-        await asyncio.sleep(after_s)
-        flight.driver.give(Land())
-        await flight.sees(Landed, within_s=40.0)
-        await asyncio.sleep(20.0)
-        assert flight.vehicle.truth.landed
-        assert not flight.vehicle.truth.armed
-
-    assert not fly(body, on_px4()).seen(Overridden)
+    flight.vehicle.fail.link(delay_s=0.6)
+    flight.driver.give(TakeOff(UP_M))
+    await asyncio.sleep(after_s)
+    flight.driver.give(Land())
+    await flight.sees(Landed, within_s=40.0)
+    await asyncio.sleep(20.0)
+    assert flight.vehicle.truth.landed
+    assert not flight.vehicle.truth.armed
+    assert not flight.seen(Overridden)
 
 
-def test_who_is_taken_between_arming_and_take_off_and_disarmed_stands_on_the_ground() -> None:
-    async def body(flight: Flight) -> None:
-        flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_TAKEOFF, for_s=20.0)
-        flight.driver.give(TakeOff(UP_M))
-        await flight.until(lambda: flight.session.view.armed)
-        flight.vehicle._ap.setpoints.hear(flight.vehicle.t_s + 1e3)  # a stream without end
-        pilot_mode(flight, Px4Mode.OFFBOARD)
-        await flight.sees(Overridden, within_s=5.0)
-        await flight.sees(Landed, within_s=40.0)
-        assert not flight.seen(LiftedOff)
+@by(fly, on_px4)
+async def test_who_is_taken_between_arming_and_take_off_and_disarmed_stands_on_the_ground(
+    flight: Flight, /
+) -> None:
+    flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_TAKEOFF, for_s=20.0)
+    flight.driver.give(TakeOff(UP_M))
+    await flight.until(lambda: flight.session.view.armed)
+    flight.vehicle._ap.setpoints.hear(flight.vehicle.t_s + 1e3)  # a stream without end
+    pilot_mode(flight, Px4Mode.OFFBOARD)
+    await flight.sees(Overridden, within_s=5.0)
+    await flight.sees(Landed, within_s=40.0)
+    assert not flight.seen(LiftedOff)
 
-    fly(body, on_px4())
 
-
-def test_a_pilot_who_has_it_land_is_seen_once_it_follows_us_again() -> None:
+@by(fly, on_px4)
+async def test_a_pilot_who_has_it_land_is_seen_once_it_follows_us_again(flight: Flight, /) -> None:
     """It had been asked to return, targets on the way down included: that ends with a hold."""
-
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        monitor, kind = flight.driver._monitor, flight.session.view.kind
-        monitor.commanded = (*kind.ours, kind.rtl, kind.land)
-        for mode in (Px4Mode.RTL, Px4Mode.HOLD):
-            pilot_mode(flight, mode)
-            await asyncio.sleep(HEARTBEAT_S)
-            assert not flight.seen(Overridden)
-        pilot_mode(flight, Px4Mode.LAND)
-        await flight.sees(Overridden, within_s=HEARTBEAT_S)
-
-    fly(body, on_px4())
+    await flight.after(TakeOff(UP_M), Airborne)
+    monitor, kind = flight.driver._monitor, flight.session.view.kind
+    monitor.commanded = (*kind.ours, kind.rtl, kind.land)
+    for mode in (Px4Mode.RTL, Px4Mode.HOLD):
+        pilot_mode(flight, mode)
+        await asyncio.sleep(HEARTBEAT_S)
+        assert not flight.seen(Overridden)
+    pilot_mode(flight, Px4Mode.LAND)
+    await flight.sees(Overridden, within_s=HEARTBEAT_S)

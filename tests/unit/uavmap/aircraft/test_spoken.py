@@ -13,6 +13,7 @@ from missions.events import Overridden, Told
 from missions.flight.operator_orders import UNTOLD
 from tests.support.flights import Flight, fly
 from tests.support.mavlink_peer import Peer, heartbeat
+from tests.support.running import by
 from uavmap.aircraft.autopilot_texts import BURST, MOST_TOLD
 from uavmap.aircraft.failsafes import failsafe_of, may_be_a_failsafe
 from uavmap.base.clock import VirtualClock, run
@@ -79,36 +80,30 @@ def said_by(flight: Flight, *messages: Any) -> None:
         flight.session.feed(message.pack(codec))
 
 
-def test_words_are_told_with_severity_and_kept() -> None:
-    async def body(flight: Flight) -> None:
-        said_by(flight, statustext(b"Compass not calibrated", WARNING), statustext(b"x", DEBUG))
-        await asyncio.sleep(1.0)
-
-    flight = fly(body)
+@by(fly)
+async def test_words_are_told_with_severity_and_kept(flight: Flight, /) -> None:
+    said_by(flight, statustext(b"Compass not calibrated", WARNING), statustext(b"x", DEBUG))
+    await asyncio.sleep(1.0)
     assert "[vehicle 1, warning] Compass not calibrated" in flight.told
     told = [e for e in flight.seen(Told) if e.text in ("Compass not calibrated", "x")]
     assert [(e.severity, e.text) for e in told] == [(WARNING, "Compass not calibrated")]
 
 
-def test_a_repeated_text_is_counted() -> None:
-    async def body(flight: Flight) -> None:
-        for _ in range(140):
-            said_by(flight, statustext(b"PreArm: no"))
-            await asyncio.sleep(1.0)
-
-    flight = fly(body)
+@by(fly)
+async def test_a_repeated_text_is_counted(flight: Flight, /) -> None:
+    for _ in range(140):
+        said_by(flight, statustext(b"PreArm: no"))
+        await asyncio.sleep(1.0)
     kept = [event.times for event in flight.seen(Told) if event.text == "PreArm: no"]
     assert kept == [1, 60, 60]
 
 
-def test_a_flood_fills_neither_screen_nor_disk() -> None:
-    async def body(flight: Flight) -> None:
-        for k in range(20_000):
-            said_by(flight, statustext(f"flood {k}".encode(), k % 8))
-        await asyncio.sleep(10.0)
-        said_by(flight, statustext(b"after it", CRITICAL))
-
-    flight = fly(body)
+@by(fly)
+async def test_a_flood_fills_neither_screen_nor_disk(flight: Flight, /) -> None:
+    for k in range(20_000):
+        said_by(flight, statustext(f"flood {k}".encode(), k % 8))
+    await asyncio.sleep(10.0)
+    said_by(flight, statustext(b"after it", CRITICAL))
     kept = [event.text for event in flight.seen(Told)]
     assert len([text for text in kept if text.startswith("flood")]) == 2 * BURST
     assert kept[-1] == "after it"
@@ -157,46 +152,43 @@ def overridden(flight: Flight) -> Overridden:
     return event
 
 
-def test_a_failsafe_is_named_in_the_event() -> None:
-    async def body(flight: Flight) -> None:
-        said_by(flight, statustext(b"Battery 1 is low 9.90V", CRITICAL))
-        said_by(flight, heartbeat(6, armed=True))
-        await asyncio.sleep(0.2)
+@by(fly)
+async def test_a_failsafe_is_named_in_the_event(flight: Flight, /) -> None:
+    said_by(flight, statustext(b"Battery 1 is low 9.90V", CRITICAL))
+    said_by(flight, heartbeat(6, armed=True))
+    await asyncio.sleep(0.2)
+    assert overridden(flight).cause == "battery failsafe: Battery 1 is low 9.90V"
 
-    assert overridden(fly(body)).cause == "battery failsafe: Battery 1 is low 9.90V"
 
-
-def test_the_cause_may_come_after_the_mode() -> None:
-    async def body(flight: Flight) -> None:
-        said_by(flight, heartbeat(6, armed=True))
-        await asyncio.sleep(0.3)
-        said_by(flight, statustext(b"Fence Breached", CRITICAL))
-        await asyncio.sleep(0.3)
-
-    flight = fly(body)
+@by(fly)
+async def test_the_cause_may_come_after_the_mode(flight: Flight, /) -> None:
+    said_by(flight, heartbeat(6, armed=True))
+    await asyncio.sleep(0.3)
+    said_by(flight, statustext(b"Fence Breached", CRITICAL))
+    await asyncio.sleep(0.3)
     assert overridden(flight).cause is None
     assert [e.cause for e in flight.seen(Told) if e.cause] == ["fence breached"]
 
 
 @pytest.mark.parametrize(("mode", "after_s"), [(5, 0.1), (6, 6.0)])
-def test_a_pilot_and_old_words_are_no_cause(mode: int, after_s: float) -> None:
-    async def body(flight: Flight) -> None:
-        said_by(flight, statustext(b"Battery 1 is low 9.90V", CRITICAL))
-        await asyncio.sleep(after_s)
-        said_by(flight, heartbeat(mode, armed=True))
-        await asyncio.sleep(0.2)
+@by(fly)
+async def test_a_pilot_and_old_words_are_no_cause(
+    flight: Flight, /, mode: int, after_s: float
+) -> None:
+    said_by(flight, statustext(b"Battery 1 is low 9.90V", CRITICAL))
+    await asyncio.sleep(after_s)
+    said_by(flight, heartbeat(mode, armed=True))
+    await asyncio.sleep(0.2)
+    assert overridden(flight).cause is None
 
-    assert overridden(fly(body)).cause is None
 
-
-def test_a_state_that_is_critical_says_that_much() -> None:
-    async def body(flight: Flight) -> None:
-        beat = heartbeat(9, armed=True)
-        beat.system_status = mav.MAV_STATE_CRITICAL
-        said_by(flight, beat)
-        await asyncio.sleep(0.2)
-
-    assert overridden(fly(body)).cause == UNTOLD
+@by(fly)
+async def test_a_state_that_is_critical_says_that_much(flight: Flight, /) -> None:
+    beat = heartbeat(9, armed=True)
+    beat.system_status = mav.MAV_STATE_CRITICAL
+    said_by(flight, beat)
+    await asyncio.sleep(0.2)
+    assert overridden(flight).cause == UNTOLD
 
 
 # --- who we are to it --------------------------------------------------------------------------

@@ -52,6 +52,7 @@ from tests.support.flights import (
     under_way,
 )
 from tests.support.mavlink_peer import heartbeat
+from tests.support.running import by, on_virtual_time
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.answer import ANSWER_S
 
@@ -59,28 +60,26 @@ GUIDED, LOITER, RTL, LAND = (int(m) for m in (Mode.GUIDED, Mode.LOITER, Mode.RTL
 
 
 # --- the straight path -----------------------------------------------------------------------
-def test_every_order_ends_with_its_event() -> None:
-    async def body(flight: Flight) -> None:
-        assert flight.seen(Connected)[0].airborne is False
-        await flight.after(TakeOff(UP_M), Airborne)
-        assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
-        arrived = await flight.after(to(10.0, 10.0), Arrived)
-        assert arrived.position.distance_to(GridPoint(10.0, 10.0)) < 0.8
-        await flight.after(Sweep(GridPoint(10.0, 26.0), 4.0, UP_M), Arrived)
-        assert len(flight.seen(FrameSeen)) >= 4
-        to_cell = FlyTo((), Cell(2, 4), stop=True, height_m=UP_M)
-        await flight.after(to_cell, Arrived)
-        before = len(flight.seen(FrameSeen))
-        await flight.after(Look(Cell(2, 4), 5, UP_M), LookEnded)
-        looked = flight.seen(FrameSeen)[before:]
-        assert [f.vantage for f in looked] == [Cell(2, 4)] * 5
-        assert all(v.positive for f in looked for v in f.votes if v.cell == Cell(2, 4))
-        await flight.after(to(0.0, 0.0), Arrived)
-        landed = await flight.after(Land(), Landed)
-        assert landed.remaining_wh < 24.9
-        await flight.after(AwaitBattery(), BatterySwapped)
-
-    flight = fly(body)
+@by(fly)
+async def test_every_order_ends_with_its_event(flight: Flight, /) -> None:
+    assert flight.seen(Connected)[0].airborne is False
+    await flight.after(TakeOff(UP_M), Airborne)
+    assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
+    arrived = await flight.after(to(10.0, 10.0), Arrived)
+    assert arrived.position.distance_to(GridPoint(10.0, 10.0)) < 0.8
+    await flight.after(Sweep(GridPoint(10.0, 26.0), 4.0, UP_M), Arrived)
+    assert len(flight.seen(FrameSeen)) >= 4
+    to_cell = FlyTo((), Cell(2, 4), stop=True, height_m=UP_M)
+    await flight.after(to_cell, Arrived)
+    before = len(flight.seen(FrameSeen))
+    await flight.after(Look(Cell(2, 4), 5, UP_M), LookEnded)
+    looked = flight.seen(FrameSeen)[before:]
+    assert [f.vantage for f in looked] == [Cell(2, 4)] * 5
+    assert all(v.positive for f in looked for v in f.votes if v.cell == Cell(2, 4))
+    await flight.after(to(0.0, 0.0), Arrived)
+    landed = await flight.after(Land(), Landed)
+    assert landed.remaining_wh < 24.9
+    await flight.after(AwaitBattery(), BatterySwapped)
     times_s = [event.t_s for event in flight.seen(Tracked)]
     gaps_s = [b - a for a, b in itertools.pairwise(times_s)]
     assert max(gaps_s) <= 1.2
@@ -88,70 +87,64 @@ def test_every_order_ends_with_its_event() -> None:
     assert not flight.seen(Overridden)
 
 
-def test_a_second_sortie_from_the_mode_that_landing_left() -> None:
-    async def body(flight: Flight) -> None:
-        for number in (1, 2):
-            await flight.after(TakeOff(UP_M), Airborne)
-            await flight.after(Land(), Landed)
-            assert len(flight.seen(Landed)) == number
+@by(fly)
+async def test_a_second_sortie_from_the_mode_that_landing_left(flight: Flight, /) -> None:
+    for number in (1, 2):
+        await flight.after(TakeOff(UP_M), Airborne)
+        await flight.after(Land(), Landed)
+        assert len(flight.seen(Landed)) == number
+    assert not flight.seen(Overridden)
 
-    assert not fly(body).seen(Overridden)
 
-
-def test_home_that_moves_on_arming_is_no_surprise() -> None:
+@by(fly)
+async def test_home_that_moves_on_arming_is_no_surprise(flight: Flight, /) -> None:
     """ArduPilot sets home anew when it arms; heights are then above the new one."""
-
-    async def body(flight: Flight) -> None:
-        before = flight.session.view.home
-        flight.vehicle._ap.error.east += 3.0
-        await flight.after(TakeOff(UP_M), Airborne)
-        assert flight.session.view.home != before
-        await flight.after(to(8.0, 8.0), Arrived)
-        await flight.after(to(0.0, 0.0), Arrived)
-        await flight.after(Land(), Landed)
-
-    assert not fly(body).seen(OrderFailed)
+    before = flight.session.view.home
+    flight.vehicle._ap.error.east += 3.0
+    await flight.after(TakeOff(UP_M), Airborne)
+    assert flight.session.view.home != before
+    await flight.after(to(8.0, 8.0), Arrived)
+    await flight.after(to(0.0, 0.0), Arrived)
+    await flight.after(Land(), Landed)
+    assert not flight.seen(OrderFailed)
 
 
-def test_an_order_replaces_the_last_midway() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.give(to(60.0, 0.0))
-        await asyncio.sleep(3.0)
-        await flight.after(to(0.0, 20.0), Arrived)
-        (arrived,) = flight.seen(Arrived)
-        assert arrived.position.distance_to(GridPoint(0.0, 20.0)) < 0.8
-        flight.driver.give(Look(Cell(0, 5), 15, UP_M))
-        await flight.sees(FrameSeen, 2)
-        await flight.after(to(8.0, 20.0), Arrived)
-        await asyncio.sleep(10.0)
-        assert len(flight.seen(FrameSeen)) <= 3
-        assert not flight.seen(LookEnded)
-
-    assert len(fly(body).seen(Arrived)) == 2
-
-
-def test_a_take_off_that_is_replaced_on_the_way_up() -> None:
-    async def body(flight: Flight) -> None:
-        flight.driver.give(TakeOff(UP_M))
-        await flight.until(lambda: flight.vehicle.truth.height_m > 4.0)
-        await flight.after(Land(), Landed)
-
-    assert not fly(body).seen(Airborne)
+@by(fly)
+async def test_an_order_replaces_the_last_midway(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(to(60.0, 0.0))
+    await asyncio.sleep(3.0)
+    await flight.after(to(0.0, 20.0), Arrived)
+    (arrived,) = flight.seen(Arrived)
+    assert arrived.position.distance_to(GridPoint(0.0, 20.0)) < 0.8
+    flight.driver.give(Look(Cell(0, 5), 15, UP_M))
+    await flight.sees(FrameSeen, 2)
+    await flight.after(to(8.0, 20.0), Arrived)
+    await asyncio.sleep(10.0)
+    assert len(flight.seen(FrameSeen)) <= 3
+    assert not flight.seen(LookEnded)
+    assert len(flight.seen(Arrived)) == 2
 
 
-def test_hold_stays() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.give(to(40.0, 0.0))
-        await asyncio.sleep(4.0)
-        flight.driver.give(Hold())
-        await asyncio.sleep(12.0)
-        there = flight.seen(Tracked)[-1].position
-        await asyncio.sleep(10.0)
-        assert flight.seen(Tracked)[-1].position.distance_to(there) < 1.0
+@by(fly)
+async def test_a_take_off_that_is_replaced_on_the_way_up(flight: Flight, /) -> None:
+    flight.driver.give(TakeOff(UP_M))
+    await flight.until(lambda: flight.vehicle.truth.height_m > 4.0)
+    await flight.after(Land(), Landed)
+    assert not flight.seen(Airborne)
 
-    assert not fly(body).seen(Arrived)
+
+@by(fly)
+async def test_hold_stays(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(to(40.0, 0.0))
+    await asyncio.sleep(4.0)
+    flight.driver.give(Hold())
+    await asyncio.sleep(12.0)
+    there = flight.seen(Tracked)[-1].position
+    await asyncio.sleep(10.0)
+    assert flight.seen(Tracked)[-1].position.distance_to(there) < 1.0
+    assert not flight.seen(Arrived)
 
 
 # --- the pilot has the last word -------------------------------------------------------------
@@ -187,138 +180,120 @@ PHASES = [taking_off, climbing, flying, sweeping, looking, holding, landing, idl
 
 @pytest.mark.parametrize("phase", PHASES, ids=lambda f: f.__name__)
 @pytest.mark.parametrize("mode", [LOITER, RTL])
-def test_a_pilot_takes_over_at_once_in_every_phase(phase: Phase, mode: int) -> None:
-    async def body(flight: Flight) -> None:
-        await phase(flight)
-        flight.pilot_mode(mode)
-        index, t_s = len(flight.sent), flight.now_s()
-        await flight.sees(Overridden, within_s=0.1)
-        await asyncio.sleep(15.0)
-        assert flight.commands_after(index) == []
-        (overridden,) = flight.seen(Overridden)
-        assert overridden.mode == Mode(mode).name
-        assert overridden.t_s == pytest.approx(t_s, abs=0.06)
-        assert flight.vehicle.truth.mode == mode
-        if flight.vehicle.truth.armed:
-            flight.pilot_mode(GUIDED)
-            released = await flight.sees(Released, within_s=0.1)
-            assert released.height_m == pytest.approx(flight.vehicle.truth.height_m, abs=0.5)
-            if released.height_m > 3.0:
-                await flight.after(to(0.0, 8.0), Arrived)
+@by(fly)
+async def test_a_pilot_takes_over_at_once_in_every_phase(
+    flight: Flight, /, phase: Phase, mode: int
+) -> None:
+    await phase(flight)
+    flight.pilot_mode(mode)
+    index, t_s = len(flight.sent), flight.now_s()
+    await flight.sees(Overridden, within_s=0.1)
+    await asyncio.sleep(15.0)
+    assert flight.commands_after(index) == []
+    (overridden,) = flight.seen(Overridden)
+    assert overridden.mode == Mode(mode).name
+    assert overridden.t_s == pytest.approx(t_s, abs=0.06)
+    assert flight.vehicle.truth.mode == mode
+    if flight.vehicle.truth.armed:
+        flight.pilot_mode(GUIDED)
+        released = await flight.sees(Released, within_s=0.1)
+        assert released.height_m == pytest.approx(flight.vehicle.truth.height_m, abs=0.5)
+        if released.height_m > 3.0:
+            await flight.after(to(0.0, 8.0), Arrived)
 
-    fly(body)
 
-
-def test_a_drifting_look_yields_too() -> None:
+@by(fly, lambda: small_mission(drift_m_s=0.1, interval_s=1.0))
+async def test_a_drifting_look_yields_too(flight: Flight, /) -> None:
     """Here two tasks send commands: one follows the cell, one takes the pictures."""
-
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.give(Look(Cell(0, 0), 15, UP_M))
-        await flight.sees(FrameSeen, 2)
-        flight.pilot_mode(LOITER)
-        index = len(flight.sent)
-        await asyncio.sleep(10.0)
-        assert flight.commands_after(index) == []
-
-    fly(body, small_mission(drift_m_s=0.1, interval_s=1.0))
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(Look(Cell(0, 0), 15, UP_M))
+    await flight.sees(FrameSeen, 2)
+    flight.pilot_mode(LOITER)
+    index = len(flight.sent)
+    await asyncio.sleep(10.0)
+    assert flight.commands_after(index) == []
 
 
 @pytest.mark.parametrize("phase", [taking_off, flying, looking], ids=lambda f: f.__name__)
-def test_a_pilot_takes_over_while_an_ack_is_awaited(phase: Phase) -> None:
+@by(fly)
+async def test_a_pilot_takes_over_while_an_ack_is_awaited(flight: Flight, /, phase: Phase) -> None:
     """The commands are lost on the way: they would be repeated each second."""
-
-    async def body(flight: Flight) -> None:
-        await phase(flight)
-        flight.to_vehicle = lambda message: not message.get_type().startswith("COMMAND_")
-        await asyncio.sleep(1.5)
-        flight.pilot_mode(RTL)
-        index = len(flight.sent)
-        await asyncio.sleep(10.0)
-        assert flight.commands_after(index) == []
-
-    fly(body)
+    await phase(flight)
+    flight.to_vehicle = lambda message: not message.get_type().startswith("COMMAND_")
+    await asyncio.sleep(1.5)
+    flight.pilot_mode(RTL)
+    index = len(flight.sent)
+    await asyncio.sleep(10.0)
+    assert flight.commands_after(index) == []
 
 
-def test_a_mode_that_flaps() -> None:
-    async def body(flight: Flight) -> None:
-        await flying(flight)
-        for _ in range(3):
-            flight.pilot_mode(LOITER)
-            flight.pilot_mode(GUIDED)
-        await asyncio.sleep(0.2)
-        kinds = [type(e) for e in flight.events if isinstance(e, Overridden | Released)]
-        assert kinds == [Overridden, Released] * 3
-        index = len(flight.sent)
-        await asyncio.sleep(5.0)
-        assert flight.commands_after(index) == []  # nobody has ordered anything since
-
-    fly(body)
-
-
-def test_a_pilot_who_starts_from_the_ground_is_left_alone() -> None:
-    """Between two sorties the pilot switches the mode, then arms, and flies by hand."""
-
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        await flight.after(Land(), Landed)
+@by(fly)
+async def test_a_mode_that_flaps(flight: Flight, /) -> None:
+    await flying(flight)
+    for _ in range(3):
         flight.pilot_mode(LOITER)
-        await asyncio.sleep(2.0)
-        await flight.sees(Overridden, within_s=1.5)  # nothing takes off under a pilot's hand
-        flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1)
-        assert flight.vehicle.truth.armed
-        assert not flight.seen(Released)
+        flight.pilot_mode(GUIDED)
+    await asyncio.sleep(0.2)
+    kinds = [type(e) for e in flight.events if isinstance(e, Overridden | Released)]
+    assert kinds == [Overridden, Released] * 3
+    index = len(flight.sent)
+    await asyncio.sleep(5.0)
+    assert flight.commands_after(index) == []  # nobody has ordered anything since
 
-    fly(body)
+
+@by(fly)
+async def test_a_pilot_who_starts_from_the_ground_is_left_alone(flight: Flight, /) -> None:
+    """Between two sorties the pilot switches the mode, then arms, and flies by hand."""
+    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(Land(), Landed)
+    flight.pilot_mode(LOITER)
+    await asyncio.sleep(2.0)
+    await flight.sees(Overridden, within_s=1.5)  # nothing takes off under a pilot's hand
+    flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+    assert flight.vehicle.truth.armed
+    assert not flight.seen(Released)
 
 
-def test_orders_of_a_ground_station_are_not_ours_to_answer() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.give(to(40.0, 0.0))
-        for _ in range(20):  # denied by the vehicle, acknowledged to its sender
-            flight.pilot(mav.MAV_CMD_DO_REPOSITION, -1, 0, 0, 0, 0, 0, 20)
-            flight.pilot(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 30)
-            await asyncio.sleep(0.2)
-        await flight.sees(Arrived)
-
-    assert not fly(body).seen(OrderFailed)
+@by(fly)
+async def test_orders_of_a_ground_station_are_not_ours_to_answer(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(to(40.0, 0.0))
+    for _ in range(20):  # denied by the vehicle, acknowledged to its sender
+        flight.pilot(mav.MAV_CMD_DO_REPOSITION, -1, 0, 0, 0, 0, 0, 20)
+        flight.pilot(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 30)
+        await asyncio.sleep(0.2)
+    await flight.sees(Arrived)
+    assert not flight.seen(OrderFailed)
 
 
 # --- refusals --------------------------------------------------------------------------------
-def test_arming_refused_is_said_with_the_reason() -> None:
-    async def body(flight: Flight) -> None:
-        flight.vehicle._ap.arm = lambda force=False: "PreArm: Compass not calibrated"
-        failed = await flight.after(TakeOff(UP_M), OrderFailed, within_s=300.0)
-        assert failed.order == "TakeOff"
-        assert "PreArm: Compass not calibrated" in failed.reason
-        assert "ARM_DISARM was refused: failed" in failed.reason
-        await asyncio.sleep(5.0)
-
-    fly(body)
+@by(fly)
+async def test_arming_refused_is_said_with_the_reason(flight: Flight, /) -> None:
+    flight.vehicle._ap.arm = lambda force=False: "PreArm: Compass not calibrated"
+    failed = await flight.after(TakeOff(UP_M), OrderFailed, within_s=300.0)
+    assert failed.order == "TakeOff"
+    assert "PreArm: Compass not calibrated" in failed.reason
+    assert "ARM_DISARM was refused: failed" in failed.reason
+    await asyncio.sleep(5.0)
 
 
-def test_a_vehicle_that_never_gets_ready() -> None:
-    async def body(flight: Flight) -> None:
-        flight.to_driver = lambda message: message.get_type() != "EKF_STATUS_REPORT"
-        flight.session.view.ekf_flags = 0
-        failed = await flight.after(TakeOff(UP_M), OrderFailed, within_s=150.0)
-        assert "not ready to arm within 120 s" in failed.reason
-        arming = [m for _, m in flight.sent if getattr(m, "command", 0) == 400]
-        assert arming == []
-
-    fly(body)
+@by(fly)
+async def test_a_vehicle_that_never_gets_ready(flight: Flight, /) -> None:
+    flight.to_driver = lambda message: message.get_type() != "EKF_STATUS_REPORT"
+    flight.session.view.ekf_flags = 0
+    failed = await flight.after(TakeOff(UP_M), OrderFailed, within_s=150.0)
+    assert "not ready to arm within 120 s" in failed.reason
+    arming = [m for _, m in flight.sent if getattr(m, "command", 0) == 400]
+    assert arming == []
 
 
-def test_a_refused_leg_is_said() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        far = FlyTo((GridPoint(0.0, 0.0),), None, stop=True, height_m=20_000.0)
-        failed = await flight.after(far, OrderFailed)
-        assert failed.order == "FlyTo"
-        assert "MAV_CMD_DO_REPOSITION was refused" in failed.reason
-
-    fly(body)
+@by(fly)
+async def test_a_refused_leg_is_said(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    far = FlyTo((GridPoint(0.0, 0.0),), None, stop=True, height_m=20_000.0)
+    failed = await flight.after(far, OrderFailed)
+    assert failed.order == "FlyTo"
+    assert "MAV_CMD_DO_REPOSITION was refused" in failed.reason
 
 
 # --- the link --------------------------------------------------------------------------------
@@ -326,206 +301,177 @@ def silence(message: Message) -> bool:
     return False
 
 
-def test_a_silent_link_is_lost_within_6_s_and_found_again() -> None:
-    async def body(flight: Flight) -> None:
-        await flying(flight)
-        flight.to_driver = flight.to_vehicle = silence
-        cut_s, index = flight.now_s(), len(flight.sent)
-        lost = await flight.sees(LinkLost, within_s=6.0)
-        assert lost.t_s - cut_s <= 6.0
-        flight.driver.give(StandDown())  # as the reducer does
-        await asyncio.sleep(20.0)
-        assert len(flight.seen(LinkLost)) == 1
-        repeats = {m.command for m in flight.commands_after(index)}
-        assert repeats <= {mav.MAV_CMD_DO_REPOSITION}
-        flight.to_driver = flight.to_vehicle = lambda message: True
-        connected = await flight.sees(Connected, 2, within_s=5.0)
-        assert (connected.airborne, connected.ours) == (True, True)
-        await flight.after(to(0.0, 0.0), Arrived)
-
-    assert not fly(body).seen(OrderFailed)
-
-
-def test_who_comes_back_in_another_mode_is_not_ours() -> None:
-    async def body(flight: Flight) -> None:
-        await flying(flight)
-        flight.to_driver = flight.to_vehicle = silence
-        await flight.sees(LinkLost)
-        flight.driver.give(StandDown())
-        flight.vehicle._ap.set_mode(Mode.RTL)
-        flight.to_driver = flight.to_vehicle = lambda message: True
-        connected = await flight.sees(Connected, 2, within_s=5.0)
-        assert (connected.airborne, connected.ours) == (True, False)
-        await flight.sees(Landed)
-        assert not flight.seen(Overridden)
-
-    fly(body)
+@by(fly)
+async def test_a_silent_link_is_lost_within_6_s_and_found_again(flight: Flight, /) -> None:
+    await flying(flight)
+    flight.to_driver = flight.to_vehicle = silence
+    cut_s, index = flight.now_s(), len(flight.sent)
+    lost = await flight.sees(LinkLost, within_s=6.0)
+    assert lost.t_s - cut_s <= 6.0
+    flight.driver.give(StandDown())  # as the reducer does
+    await asyncio.sleep(20.0)
+    assert len(flight.seen(LinkLost)) == 1
+    repeats = {m.command for m in flight.commands_after(index)}
+    assert repeats <= {mav.MAV_CMD_DO_REPOSITION}
+    flight.to_driver = flight.to_vehicle = lambda message: True
+    connected = await flight.sees(Connected, 2, within_s=5.0)
+    assert (connected.airborne, connected.ours) == (True, True)
+    await flight.after(to(0.0, 0.0), Arrived)
+    assert not flight.seen(OrderFailed)
 
 
-def test_a_vehicle_that_stays_silent_is_given_up_and_taken_up_when_it_speaks() -> None:
-    async def body(flight: Flight) -> None:
-        await flying(flight)
-        flight.to_driver = flight.to_vehicle = silence
-        await flight.sees(LinkLost)
-        flight.driver.give(StandDown())
-        battery = flight.setting.mission.battery
-        given_up = await flight.sees(GivenUp, within_s=battery.endurance_s + 120.0)
-        assert "longer than its battery can have lasted" in given_up.reason
-        flight.to_driver = flight.to_vehicle = lambda message: True
-        await flight.sees(Connected, 2, within_s=20.0)
-
-    fly(body)
-
-
-def test_a_silent_vehicle_on_the_ground_is_waited_for_two_minutes() -> None:
-    async def body(flight: Flight) -> None:
-        flight.to_driver = flight.to_vehicle = silence
-        lost = await flight.sees(LinkLost)
-        given_up = await flight.sees(GivenUp, within_s=200.0)
-        assert given_up.t_s - lost.t_s == pytest.approx(115.0, abs=3.0)
-        assert "on the ground" in given_up.reason
-
-    fly(body)
+@by(fly)
+async def test_who_comes_back_in_another_mode_is_not_ours(flight: Flight, /) -> None:
+    await flying(flight)
+    flight.to_driver = flight.to_vehicle = silence
+    await flight.sees(LinkLost)
+    flight.driver.give(StandDown())
+    flight.vehicle._ap.set_mode(Mode.RTL)
+    flight.to_driver = flight.to_vehicle = lambda message: True
+    connected = await flight.sees(Connected, 2, within_s=5.0)
+    assert (connected.airborne, connected.ours) == (True, False)
+    await flight.sees(Landed)
+    assert not flight.seen(Overridden)
 
 
-def test_nobody_answers() -> None:
+@by(fly)
+async def test_a_vehicle_that_stays_silent_is_given_up_and_taken_up_when_it_speaks(
+    flight: Flight, /
+) -> None:
+    await flying(flight)
+    flight.to_driver = flight.to_vehicle = silence
+    await flight.sees(LinkLost)
+    flight.driver.give(StandDown())
+    battery = flight.setting.mission.battery
+    given_up = await flight.sees(GivenUp, within_s=battery.endurance_s + 120.0)
+    assert "longer than its battery can have lasted" in given_up.reason
+    flight.to_driver = flight.to_vehicle = lambda message: True
+    await flight.sees(Connected, 2, within_s=20.0)
+
+
+@by(fly)
+async def test_a_silent_vehicle_on_the_ground_is_waited_for_two_minutes(flight: Flight, /) -> None:
+    flight.to_driver = flight.to_vehicle = silence
+    lost = await flight.sees(LinkLost)
+    given_up = await flight.sees(GivenUp, within_s=200.0)
+    assert given_up.t_s - lost.t_s == pytest.approx(115.0, abs=3.0)
+    assert "on the ground" in given_up.reason
+
+
+@by(on_virtual_time)
+async def test_nobody_answers() -> None:
     flight = Flight(small_mission())
-
-    async def main() -> None:
-        with pytest.raises(LinkError, match="no vehicle answered within 10 s"):
-            await flight.driver.connect()
-        assert flight.now_s() == pytest.approx(ANSWER_S)
-        assert len(asyncio.all_tasks()) == 1
-
-    run(main(), VirtualClock())
+    with pytest.raises(LinkError, match="no vehicle answered within 10 s"):
+        await flight.driver.connect()
+    assert flight.now_s() == pytest.approx(ANSWER_S)
+    assert len(asyncio.all_tasks()) == 1
 
 
-def test_another_autopilot_is_refused_by_name() -> None:
+@by(on_virtual_time)
+async def test_another_autopilot_is_refused_by_name() -> None:
     flight = Flight(small_mission())
-
-    async def main() -> None:
-        other = mav.MAVLink(None, srcSystem=1, srcComponent=1)
-        flight.session.feed(heartbeat(autopilot=mav.MAV_AUTOPILOT_PPZ).pack(other))
-        with pytest.raises(LinkError, match=r"MAV_AUTOPILOT 9.*flies ArduPilot and PX4"):
-            await flight.driver.connect()
-
-    run(main(), VirtualClock())
+    other = mav.MAVLink(None, srcSystem=1, srcComponent=1)
+    flight.session.feed(heartbeat(autopilot=mav.MAV_AUTOPILOT_PPZ).pack(other))
+    with pytest.raises(LinkError, match=r"MAV_AUTOPILOT 9.*flies ArduPilot and PX4"):
+        await flight.driver.connect()
 
 
-def test_a_battery_that_tells_nothing_is_not_waited_for_in_silence() -> None:
+@by(on_virtual_time)
+async def test_a_battery_that_tells_nothing_is_not_waited_for_in_silence() -> None:
     flight = Flight(small_mission())
     unknown = ("BATTERY_STATUS", "SYS_STATUS")
     flight.to_driver = lambda message: message.get_type() not in unknown
-
-    async def main() -> None:
-        async with asyncio.TaskGroup() as tasks:
-            world = tasks.create_task(flight.fly_world())
-            with pytest.raises(LinkError, match="battery"):
-                async with asyncio.timeout(300.0):
-                    await flight.driver.connect()
-            world.cancel()
-
-    run(main(), VirtualClock())
+    async with asyncio.TaskGroup() as tasks:
+        world = tasks.create_task(flight.fly_world())
+        with pytest.raises(LinkError, match="battery"):
+            async with asyncio.timeout(300.0):
+                await flight.driver.connect()
+        world.cancel()
 
 
-def test_positions_that_cease_are_a_lost_link() -> None:
+@by(fly)
+async def test_positions_that_cease_are_a_lost_link(flight: Flight, /) -> None:
     """Heartbeats alone: it restarted in the air and forgot the streams, or a router drops them."""
-
-    async def body(flight: Flight) -> None:
-        await flying(flight)
-        flight.to_driver = lambda message: message.get_type() != "GLOBAL_POSITION_INT"
-        await flight.sees(LinkLost, within_s=10.0)
-
-    fly(body)
+    await flying(flight)
+    flight.to_driver = lambda message: message.get_type() != "GLOBAL_POSITION_INT"
+    await flight.sees(LinkLost, within_s=10.0)
 
 
-def test_streams_that_were_forgotten_are_asked_for_again() -> None:
-    async def body(flight: Flight) -> None:
-        await flying(flight)
-        streams = flight.vehicle._streams
-        for message_id in list(streams._interval_s):
-            streams.set(message_id, None, 0.0)
-        await flight.sees(LinkLost, within_s=10.0)
-        flight.driver.give(StandDown())
-        await flight.sees(Connected, 2, within_s=10.0)
-        await flight.after(to(0.0, 0.0), Arrived)
-
-    fly(body)
+@by(fly)
+async def test_streams_that_were_forgotten_are_asked_for_again(flight: Flight, /) -> None:
+    await flying(flight)
+    streams = flight.vehicle._streams
+    for message_id in list(streams._interval_s):
+        streams.set(message_id, None, 0.0)
+    await flight.sees(LinkLost, within_s=10.0)
+    flight.driver.give(StandDown())
+    await flight.sees(Connected, 2, within_s=10.0)
+    await flight.after(to(0.0, 0.0), Arrived)
 
 
 # --- pictures --------------------------------------------------------------------------------
-def test_a_camera_that_stalls_is_reported_and_the_look_ends() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.to_driver = lambda message: message.get_type() != "CAMERA_IMAGE_CAPTURED"
-        await flight.after(Look(Cell(0, 0), 5, UP_M), LookEnded, within_s=300.0)
-        assert len(flight.seen(FrameLost)) == 5
-        assert "none was announced" in flight.seen(FrameLost)[0].reason
-        assert not flight.seen(FrameSeen)
-
-    fly(body)
+@by(fly)
+async def test_a_camera_that_stalls_is_reported_and_the_look_ends(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.to_driver = lambda message: message.get_type() != "CAMERA_IMAGE_CAPTURED"
+    await flight.after(Look(Cell(0, 0), 5, UP_M), LookEnded, within_s=300.0)
+    assert len(flight.seen(FrameLost)) == 5
+    assert "none was announced" in flight.seen(FrameLost)[0].reason
+    assert not flight.seen(FrameSeen)
 
 
-def test_a_lost_announcement_is_asked_for_again() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        heard: list[int] = []
+@by(fly)
+async def test_a_lost_announcement_is_asked_for_again(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    heard: list[int] = []
 
-        def lossy(message: Message) -> bool:
-            """The second and the last announcement are lost once."""
-            if message.get_type() != "CAMERA_IMAGE_CAPTURED":
-                return True
-            heard.append(message.image_index)
-            return message.image_index not in (1, 4) or heard.count(message.image_index) > 1
+    def lossy(message: Message) -> bool:
+        """The second and the last announcement are lost once."""
+        if message.get_type() != "CAMERA_IMAGE_CAPTURED":
+            return True
+        heard.append(message.image_index)
+        return message.image_index not in (1, 4) or heard.count(message.image_index) > 1
 
-        flight.to_driver = lossy
-        await flight.after(Look(Cell(0, 0), 5, UP_M), LookEnded)
-        assert len(flight.seen(FrameSeen)) == 5
-        assert not flight.seen(FrameLost)
-
-    fly(body)
+    flight.to_driver = lossy
+    await flight.after(Look(Cell(0, 0), 5, UP_M), LookEnded)
+    assert len(flight.seen(FrameSeen)) == 5
+    assert not flight.seen(FrameLost)
 
 
 @pytest.mark.parametrize("part", [0.0, 0.5])
-def test_a_corrupt_picture_is_a_lost_frame(part: float) -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.change = lambda picture: picture[: int(len(picture) * part)]
-        await flight.after(Look(Cell(0, 0), 3, UP_M), LookEnded)
-        assert len(flight.seen(FrameLost)) == 3
-        assert "not a readable picture" in flight.seen(FrameLost)[0].reason
-        flight.change = lambda picture: picture
-        await flight.after(Look(Cell(0, 0), 3, UP_M), LookEnded)
-        assert len(flight.seen(FrameSeen)) == 3
-
-    fly(body)
+@by(fly)
+async def test_a_corrupt_picture_is_a_lost_frame(flight: Flight, /, part: float) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.change = lambda picture: picture[: int(len(picture) * part)]
+    await flight.after(Look(Cell(0, 0), 3, UP_M), LookEnded)
+    assert len(flight.seen(FrameLost)) == 3
+    assert "not a readable picture" in flight.seen(FrameLost)[0].reason
+    flight.change = lambda picture: picture
+    await flight.after(Look(Cell(0, 0), 3, UP_M), LookEnded)
+    assert len(flight.seen(FrameSeen)) == 3
 
 
-def test_a_camera_without_an_answer_loses_its_pictures() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.to_vehicle = lambda message: getattr(message, "command", 0) != 2000
-        lost = await flight.after(Look(Cell(0, 0), 3, UP_M), FrameLost)
-        assert "the camera is silent" in lost.reason
-        assert not flight.seen(OrderFailed)
-
-    fly(body)
+@by(fly)
+async def test_a_camera_without_an_answer_loses_its_pictures(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.to_vehicle = lambda message: getattr(message, "command", 0) != 2000
+    lost = await flight.after(Look(Cell(0, 0), 3, UP_M), FrameLost)
+    assert "the camera is silent" in lost.reason
+    assert not flight.seen(OrderFailed)
 
 
-def test_a_wild_picture_number_is_not_asked_for_a_million_times() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        camera = mav.MAVLink(None, srcSystem=1, srcComponent=100)
-        flight.driver.give(Look(Cell(0, 0), 15, UP_M))
-        await flight.sees(FrameSeen, 1)
-        index = len(flight.sent)
-        wild = mav.MAVLink_camera_image_captured_message(
-            0, 0, 0, 0, 0, 0, 0, [1, 0, 0, 0], 200_000, 1, b"sim://1/0.jpg"
-        )
-        flight.session.feed(wild.pack(camera))
-        assert len(flight.sent) - index < 100
-
-    fly(body)
+@by(fly)
+async def test_a_wild_picture_number_is_not_asked_for_a_million_times(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    camera = mav.MAVLink(None, srcSystem=1, srcComponent=100)
+    flight.driver.give(Look(Cell(0, 0), 15, UP_M))
+    await flight.sees(FrameSeen, 1)
+    index = len(flight.sent)
+    wild = mav.MAVLink_camera_image_captured_message(
+        0, 0, 0, 0, 0, 0, 0, [1, 0, 0, 0], 200_000, 1, b"sim://1/0.jpg"
+    )
+    flight.session.feed(wild.pack(camera))
+    assert len(flight.sent) - index < 100
 
 
 # --- who carries out orders ------------------------------------------------------------------
@@ -540,25 +486,21 @@ def test_no_orders_before_it_runs() -> None:
     [to(60.0, 0.0), Sweep(GridPoint(60.0, 0.0), 4.0, UP_M), Look(Cell(0, 0), 15, UP_M), Land()],
     ids=lambda order: type(order).__name__,
 )
-def test_what_ends_midway_leaves_no_task(order: Order) -> None:
+@by(on_virtual_time)
+async def test_what_ends_midway_leaves_no_task(order: Order) -> None:
     """`under_way` compares the tasks before and after."""
-
-    async def main() -> None:
-        flight = Flight(small_mission())
-        async with under_way(flight):
-            await flight.after(TakeOff(UP_M), Airborne)
-            flight.driver.give(order)
-            await asyncio.sleep(1.3)
-        assert len(asyncio.all_tasks()) == 1
-
-    run(main(), VirtualClock())
+    flight = Flight(small_mission())
+    async with under_way(flight):
+        await flight.after(TakeOff(UP_M), Airborne)
+        flight.driver.give(order)
+        await asyncio.sleep(1.3)
+    assert len(asyncio.all_tasks()) == 1
 
 
-def test_the_driver_speaks_once_a_second_while_it_is_alive() -> None:
-    async def body(flight: Flight) -> None:
-        await asyncio.sleep(30.0)
-
-    beats = [t_s for t_s, m in fly(body).sent if m.get_type() == "HEARTBEAT"]
+@by(fly)
+async def test_the_driver_speaks_once_a_second_while_it_is_alive(flight: Flight, /) -> None:
+    await asyncio.sleep(30.0)
+    beats = [t_s for t_s, m in flight.sent if m.get_type() == "HEARTBEAT"]
     assert len(beats) == pytest.approx(31, abs=2)
 
 

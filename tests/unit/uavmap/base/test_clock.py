@@ -40,17 +40,6 @@ def test_virtual_time_runs_in_the_order_of_the_timers() -> None:
     ]
 
 
-def test_a_virtual_hour_takes_no_time() -> None:
-    async def main() -> float:
-        for _ in range(3600):
-            await asyncio.sleep(1.0)
-        return asyncio.get_running_loop().time()
-
-    begin_s = time.monotonic()
-    assert run(main(), VirtualClock()) == pytest.approx(3600.0, abs=1e-6)
-    assert time.monotonic() - begin_s < 1.0
-
-
 def test_small_steps_do_not_drift() -> None:
     async def main() -> float:
         loop = asyncio.get_running_loop()

@@ -7,6 +7,7 @@ import asyncio
 import pytest
 
 from tests.support.flights import Flight, fly
+from tests.support.running import by
 from uavmap.base.clock import ClockRate
 
 
@@ -37,17 +38,15 @@ def test_a_restart_is_no_pace() -> None:
     assert not any(clock.take(float(t), float(boot)) for t, boot in enumerate(times))
 
 
-def test_a_flight_says_it() -> None:
-    async def body(flight: Flight) -> None:
-        flight.driver._clock_rate = ClockRate(10.0, 0.2)
-        await asyncio.sleep(30.0)
-        assert not [line for line in flight.told if "speedup" in line]
-        vehicle, step = flight.vehicle, flight.vehicle.step
-        flight.vehicle = _Faster(vehicle, step)  # type: ignore[assignment]
-        await asyncio.sleep(30.0)
-        assert [line for line in flight.told if "vehicle 1: its clock runs 3.0 times" in line]
-
-    fly(body)
+@by(fly)
+async def test_a_flight_says_it(flight: Flight, /) -> None:
+    flight.driver._clock_rate = ClockRate(10.0, 0.2)
+    await asyncio.sleep(30.0)
+    assert not [line for line in flight.told if "speedup" in line]
+    vehicle, step = flight.vehicle, flight.vehicle.step
+    flight.vehicle = _Faster(vehicle, step)  # type: ignore[assignment]
+    await asyncio.sleep(30.0)
+    assert [line for line in flight.told if "vehicle 1: its clock runs 3.0 times" in line]
 
 
 class _Faster:

@@ -12,6 +12,8 @@ from collections.abc import AsyncIterator, Callable
 
 import pytest
 
+from tests.support.ports import free_port
+from tests.support.running import by, in_real_time
 from tests.support.said import Said
 from uavmap.fleet.endpoints import parse_endpoint
 from uavmap.fleet.multicast_radio import MulticastRadio
@@ -20,12 +22,6 @@ from uavmap.fleet.zenoh_radio import ZenohLinks, ZenohRadio
 
 PATIENCE_S = 30.0
 LOOK_S = 0.02
-
-
-def free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as taken:
-        taken.bind(("127.0.0.1", 0))
-        return int(taken.getsockname()[1])
 
 
 class Ear:
@@ -112,25 +108,23 @@ def group(interface: str) -> MulticastRadio:
     return MulticastRadio(endpoint)
 
 
-def test_all_of_a_group_hear_what_one_says() -> None:
-    async def talk() -> None:
-        one = group("lo")
-        others = [MulticastRadio(one._endpoint) for _ in range(2)]
-        ears = [Ear(radio) for radio in (one, *others)]
+@by(in_real_time)
+async def test_all_of_a_group_hear_what_one_says() -> None:
+    one = group("lo")
+    others = [MulticastRadio(one._endpoint) for _ in range(2)]
+    ears = [Ear(radio) for radio in (one, *others)]
+    for radio in (one, *others):
+        radio.open()
+    try:
+        await until(
+            lambda: all(b"to all" in ear.heard for ear in ears[1:]),
+            lambda: Radios((one,)).send(b"to all"),
+        )
+        one.send(bytes(2000))
+    finally:
         for radio in (one, *others):
-            radio.open()
-        try:
-            await until(
-                lambda: all(b"to all" in ear.heard for ear in ears[1:]),
-                lambda: Radios((one,)).send(b"to all"),
-            )
-            one.send(bytes(2000))
-        finally:
-            for radio in (one, *others):
-                radio.close()
-        assert all(ear.heard <= {b"to all"} for ear in ears)
-
-    asyncio.run(talk())
+            radio.close()
+    assert all(ear.heard <= {b"to all"} for ear in ears)
 
 
 def test_an_interface_that_is_not_there_is_told_once_and_waited_for(said: Said) -> None:
@@ -148,18 +142,15 @@ def test_an_interface_that_is_not_there_is_told_once_and_waited_for(said: Said) 
     assert "it is tried again" in said[0]
 
 
-def test_two_speak_by_a_router() -> None:
+@by(in_real_time)
+async def test_two_speak_by_a_router() -> None:
     zenoh = pytest.importorskip("zenoh", reason="the extra fleet is not installed")
     endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     config = zenoh.Config()
     config.insert_json5("mode", '"router"')
     config.insert_json5("listen/endpoints", json.dumps([endpoint]))
     config.insert_json5("scouting/multicast/enabled", "false")
-
-    async def talk() -> None:
-        async with over_zenoh(routers=endpoint) as one:
-            with zenoh.open(config):  # it comes up after the first has called
-                async with over_zenoh(routers=endpoint) as other:
-                    await exchanged(one, Ear(one), other, Ear(other), b"word")
-
-    asyncio.run(talk())
+    async with over_zenoh(routers=endpoint) as one:
+        with zenoh.open(config):  # it comes up after the first has called
+            async with over_zenoh(routers=endpoint) as other:
+                await exchanged(one, Ear(one), other, Ear(other), b"word")

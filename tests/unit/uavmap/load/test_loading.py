@@ -10,14 +10,14 @@ from typing import Any
 import pytest
 
 import uavmap
-from missions.errors import MissionFileError, NotFlownError
+from missions.errors import NotFlownError
 from missions.mission.sections.detector_section import DetectorSection
 from missions.mission.sections.search_sections import PriorPlace
 from tests.support.hills import over, slope
 from tests.support.plans import named_text, plan_of
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
-from uavmap.load.mission_source import load, mission_of_text, shipped_missions, with_lines
+from uavmap.load.mission_source import mission_of_text, shipped_missions, with_lines
 from uavmap.runner import flight
 from uavmap.ui.cli import main
 
@@ -98,18 +98,6 @@ def test_a_fault_without_a_key_in_the_file_has_no_line(fault: str) -> None:
 def test_a_long_line_of_dots_is_no_work() -> None:
     text = "a." * 500_000 + "\n[grid]\ncell_m = 0"
     assert with_lines("f: grid.cell_m = 0: no", "f", text) == "f:3: grid.cell_m = 0: no"
-
-
-def test_several_faults_each_have_their_line(tmp_path: Path) -> None:
-    file = tmp_path / "field.toml"
-    text = named_text("runway").text.replace("cell_m = 4.0", "cell_m = 0")
-    file.write_text(text.replace("[search]", "[search]\nfind = 2"))
-    with pytest.raises(MissionFileError) as caught:
-        load(str(file))
-    lines = file.read_text().splitlines()
-    for fault in str(caught.value).splitlines():
-        number, key = fault.removeprefix(f"{file}:").split(":")[:2]
-        assert lines[int(number) - 1].startswith(key.split(".")[-1].split(" ")[0])
 
 
 @pytest.mark.parametrize("name", shipped_missions())

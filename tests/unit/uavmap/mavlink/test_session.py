@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from tests.support.mavlink_peer import Message, Peer, ack, heartbeat, text
+from tests.support.running import by, on_virtual_time
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.session import ACK_TRIES, ACK_WAIT_S, GROUND_SYSTEM_ID
 
@@ -49,68 +50,60 @@ def script(peer: Peer, *replies: list[Message] | None) -> None:
     peer.answer = answer
 
 
-def test_an_accepted_command_is_sent_once() -> None:
-    async def body(peer: Peer) -> None:
-        script(peer, [ack(ARM, OK)])
-        await peer.session.command(ARM, 1)
-
-    peer = conversation(body)
+@by(conversation)
+async def test_an_accepted_command_is_sent_once(peer: Peer, /) -> None:
+    script(peer, [ack(ARM, OK)])
+    await peer.session.command(ARM, 1)
     ((_, message),) = peer.heard
     assert (message.target_system, message.target_component) == (1, 1)
     assert (message.param1, message.param2, message.confirmation) == (1.0, 0.0, 0)
     assert (message.get_srcSystem(), message.get_srcComponent()) == (GROUND_SYSTEM_ID, 191)
 
 
-def test_silence_is_met_with_repeats_whose_confirmation_rises() -> None:
-    async def body(peer: Peer) -> None:
-        script(peer, None, None, [ack(ARM, OK)])
-        await peer.session.command(ARM, 1)
-
-    peer = conversation(body)
+@by(conversation)
+async def test_silence_is_met_with_repeats_whose_confirmation_rises(peer: Peer, /) -> None:
+    script(peer, None, None, [ack(ARM, OK)])
+    await peer.session.command(ARM, 1)
     assert [c for _, _, c in peer.commands()] == [0, 1, 2]
     times_s = [t_s for t_s, _, _ in peer.commands()]
     assert times_s == pytest.approx([0.0, ACK_WAIT_S, 2 * ACK_WAIT_S], abs=0.01)
 
 
-def test_lasting_silence_is_a_link_error() -> None:
-    async def body(peer: Peer) -> None:
-        with pytest.raises(LinkError, match="MAV_CMD_COMPONENT_ARM_DISARM was not acknowledged"):
-            await peer.session.command(ARM, 1)
-        assert asyncio.get_running_loop().time() == pytest.approx(ACK_TRIES * ACK_WAIT_S)
-
-    assert [c for _, _, c in conversation(body).commands()] == list(range(ACK_TRIES))
-
-
-def test_in_progress_extends_the_wait() -> None:
-    async def body(peer: Peer) -> None:
-        def answer(message: Message) -> None:
-            for at_s in (0.1, 0.9, 1.7, 2.5):
-                peer.say(ack(ARM, UNDER_WAY), after_s=at_s)
-            peer.say(ack(ARM, OK), after_s=3.3)
-
-        peer.answer = answer
+@by(conversation)
+async def test_lasting_silence_is_a_link_error(peer: Peer, /) -> None:
+    with pytest.raises(LinkError, match="MAV_CMD_COMPONENT_ARM_DISARM was not acknowledged"):
         await peer.session.command(ARM, 1)
-        assert asyncio.get_running_loop().time() == pytest.approx(3.3)
-
-    assert len(conversation(body).commands()) == 1
-
-
-def test_temporarily_rejected_is_tried_again() -> None:
-    async def body(peer: Peer) -> None:
-        script(peer, [ack(CAPTURE, BUSY)], [ack(CAPTURE, BUSY)], [ack(CAPTURE, OK)])
-        await peer.session.command(CAPTURE, 0, 1.0, 5, component=100)
-        assert asyncio.get_running_loop().time() > 2 * ACK_WAIT_S
-
-    assert len(conversation(body).commands()) == 3
+    assert asyncio.get_running_loop().time() == pytest.approx(ACK_TRIES * ACK_WAIT_S)
+    assert [c for _, _, c in peer.commands()] == list(range(ACK_TRIES))
 
 
-def test_temporarily_rejected_for_ever_is_an_error() -> None:
-    async def body(peer: Peer) -> None:
-        script(peer, *([[ack(CAPTURE, BUSY)]] * 50))
-        with pytest.raises(LinkError):
-            await peer.session.command(CAPTURE, 0)
+@by(conversation)
+async def test_in_progress_extends_the_wait(peer: Peer, /) -> None:
+    def answer(message: Message) -> None:
+        for at_s in (0.1, 0.9, 1.7, 2.5):
+            peer.say(ack(ARM, UNDER_WAY), after_s=at_s)
+        peer.say(ack(ARM, OK), after_s=3.3)
 
-    assert len(conversation(body).commands()) == ACK_TRIES
+    peer.answer = answer
+    await peer.session.command(ARM, 1)
+    assert asyncio.get_running_loop().time() == pytest.approx(3.3)
+    assert len(peer.commands()) == 1
+
+
+@by(conversation)
+async def test_temporarily_rejected_is_tried_again(peer: Peer, /) -> None:
+    script(peer, [ack(CAPTURE, BUSY)], [ack(CAPTURE, BUSY)], [ack(CAPTURE, OK)])
+    await peer.session.command(CAPTURE, 0, 1.0, 5, component=100)
+    assert asyncio.get_running_loop().time() > 2 * ACK_WAIT_S
+    assert len(peer.commands()) == 3
+
+
+@by(conversation)
+async def test_temporarily_rejected_for_ever_is_an_error(peer: Peer, /) -> None:
+    script(peer, *([[ack(CAPTURE, BUSY)]] * 50))
+    with pytest.raises(LinkError):
+        await peer.session.command(CAPTURE, 0)
+    assert len(peer.commands()) == ACK_TRIES
 
 
 @pytest.mark.parametrize(
@@ -122,60 +115,58 @@ def test_temporarily_rejected_for_ever_is_an_error() -> None:
         (200, "200"),
     ],
 )
-def test_a_refusal_is_final_and_carries_the_text_that_follows(result: int, name: str) -> None:
-    async def body(peer: Peer) -> None:
-        def answer(message: Message) -> None:
-            peer.say(ack(ARM, result), after_s=0.001)
-            peer.say(text("PreArm: GPS 1: Bad fix"), after_s=0.2)
+@by(conversation)
+async def test_a_refusal_is_final_and_carries_the_text_that_follows(
+    peer: Peer, /, result: int, name: str
+) -> None:
+    def answer(message: Message) -> None:
+        peer.say(ack(ARM, result), after_s=0.001)
+        peer.say(text("PreArm: GPS 1: Bad fix"), after_s=0.2)
 
-        peer.answer = answer
-        with pytest.raises(CommandRefusedError) as caught:
-            await peer.session.command(ARM, 1)
-        assert f"refused: {name}" in str(caught.value)
-        assert "PreArm: GPS 1: Bad fix" in str(caught.value)
-
-    assert len(conversation(body).commands()) == 1
-
-
-def test_a_refusal_carries_the_text_of_the_same_datagram_but_no_old_one() -> None:
-    async def body(peer: Peer) -> None:
-        peer.session.feed(peer.frame(text("Calibrating barometer")))
-        await asyncio.sleep(60.0)
-        script(peer, [ack(ARM, DENIED), text("Arm: Mode not armable")])
-        with pytest.raises(CommandRefusedError) as caught:
-            await peer.session.command(ARM, 1)
-        assert "Arm: Mode not armable" in str(caught.value)
-        assert "Calibrating" not in str(caught.value)
-
-    conversation(body)
-
-
-def test_acks_for_others_and_of_other_commands_are_not_ours() -> None:
-    async def body(peer: Peer) -> None:
-        script(
-            peer,
-            [ack(ARM, DENIED, target=255), ack(LAND, OK), ack(LAND, DENIED)],
-            [ack(ARM, OK, target=0)],
-        )
+    peer.answer = answer
+    with pytest.raises(CommandRefusedError) as caught:
         await peer.session.command(ARM, 1)
+    assert f"refused: {name}" in str(caught.value)
+    assert "PreArm: GPS 1: Bad fix" in str(caught.value)
+    assert len(peer.commands()) == 1
 
-    assert [c for _, _, c in conversation(body).commands()] == [0, 1]
+
+@by(conversation)
+async def test_a_refusal_carries_the_text_of_the_same_datagram_but_no_old_one(
+    peer: Peer, /
+) -> None:
+    peer.session.feed(peer.frame(text("Calibrating barometer")))
+    await asyncio.sleep(60.0)
+    script(peer, [ack(ARM, DENIED), text("Arm: Mode not armable")])
+    with pytest.raises(CommandRefusedError) as caught:
+        await peer.session.command(ARM, 1)
+    assert "Arm: Mode not armable" in str(caught.value)
+    assert "Calibrating" not in str(caught.value)
 
 
-def test_only_the_component_that_was_asked_acknowledges() -> None:
+@by(conversation)
+async def test_acks_for_others_and_of_other_commands_are_not_ours(peer: Peer, /) -> None:
+    script(
+        peer,
+        [ack(ARM, DENIED, target=255), ack(LAND, OK), ack(LAND, DENIED)],
+        [ack(ARM, OK, target=0)],
+    )
+    await peer.session.command(ARM, 1)
+    assert [c for _, _, c in peer.commands()] == [0, 1]
+
+
+@by(conversation)
+async def test_only_the_component_that_was_asked_acknowledges(peer: Peer, /) -> None:
     """An ArduPilot with a camera of its own accepts a command that went to another camera."""
 
-    async def body(peer: Peer) -> None:
-        def answer(message: Message) -> None:
-            peer.say(ack(message.command, OK), after_s=0.1, component=1)
-            peer.say(ack(message.command, DENIED), after_s=0.2, component=180)
+    def answer(message: Message) -> None:
+        peer.say(ack(message.command, OK), after_s=0.1, component=1)
+        peer.say(ack(message.command, DENIED), after_s=0.2, component=180)
 
-        peer.answer = answer
-        await peer.session.command(ARM, 1)
-        with pytest.raises(LinkError, match="IMAGE_START_CAPTURE was not acknowledged"):
-            await peer.session.command(CAPTURE, 0, component=100)
-
-    conversation(body)
+    peer.answer = answer
+    await peer.session.command(ARM, 1)
+    with pytest.raises(LinkError, match="IMAGE_START_CAPTURE was not acknowledged"):
+        await peer.session.command(CAPTURE, 0, component=100)
 
 
 def test_an_autopilot_that_is_not_component_1_is_asked_at_its_own() -> None:
@@ -189,179 +180,162 @@ def test_an_autopilot_that_is_not_component_1_is_asked_at_its_own() -> None:
     assert {message.target_component for _, message in peer.heard} == {42}
 
 
-def test_a_number_that_does_not_fit_is_a_link_error_and_the_session_goes_on() -> None:
-    async def body(peer: Peer) -> None:
-        script(peer, [ack(ARM, OK)])
-        for lat in (float("nan"), float("inf"), 1e300, 300.0):
-            with pytest.raises(LinkError):
-                await peer.session.command_at(LAND, 3, (0, 0, 0, 0), lat, 8.0, 0.0)
-        with pytest.raises(LinkError, match="COMMAND_LONG cannot be sent"):
-            peer.session.request(2**300)
-        await peer.session.command(ARM, 1)
-
-    assert len(conversation(body).commands()) == 1
-
-
-def test_feeding_says_whether_the_vehicle_spoke() -> None:
-    async def main() -> None:
-        peer, other = Peer(), Peer(system=7)
-        camera = heartbeat(autopilot=mav.MAV_AUTOPILOT_INVALID)
-        assert not peer.session.feed(b"?" * 50)
-        assert not peer.session.feed(peer.frame(text("before the first heartbeat")))
-        assert not peer.session.feed(peer.frame(camera, 100))
-        assert peer.session.feed(peer.frame(heartbeat()))
-        assert peer.session.feed(peer.frame(camera, 100))
-        assert not peer.session.feed(other.frame(heartbeat()))
-        assert not peer.session.feed(peer.frame(heartbeat(99_999)))
-
-    run(main(), VirtualClock())
+@by(conversation)
+async def test_a_number_that_does_not_fit_is_a_link_error_and_the_session_goes_on(
+    peer: Peer, /
+) -> None:
+    script(peer, [ack(ARM, OK)])
+    for lat in (float("nan"), float("inf"), 1e300, 300.0):
+        with pytest.raises(LinkError):
+            await peer.session.command_at(LAND, 3, (0, 0, 0, 0), lat, 8.0, 0.0)
+    with pytest.raises(LinkError, match="COMMAND_LONG cannot be sent"):
+        peer.session.request(2**300)
+    await peer.session.command(ARM, 1)
+    assert len(peer.commands()) == 1
 
 
-def test_two_commands_at_once_both_get_their_ack() -> None:
-    async def body(peer: Peer) -> None:
-        def answer(message: Message) -> None:
-            result = OK if message.command == ARM else DENIED
-            peer.say(ack(message.command, result), after_s=0.3)
-
-        peer.answer = answer
-        results = await asyncio.gather(
-            peer.session.command(ARM, 1),
-            peer.session.command(LAND),
-            peer.session.command(ARM, 0),
-            return_exceptions=True,
-        )
-        assert results[0] is None
-        assert isinstance(results[1], CommandRefusedError)
-        assert results[2] is None
-
-    assert [c for _, c, _ in conversation(body).commands()] == [ARM, LAND, ARM]
+@by(on_virtual_time)
+async def test_feeding_says_whether_the_vehicle_spoke() -> None:
+    peer, other = Peer(), Peer(system=7)
+    camera = heartbeat(autopilot=mav.MAV_AUTOPILOT_INVALID)
+    assert not peer.session.feed(b"?" * 50)
+    assert not peer.session.feed(peer.frame(text("before the first heartbeat")))
+    assert not peer.session.feed(peer.frame(camera, 100))
+    assert peer.session.feed(peer.frame(heartbeat()))
+    assert peer.session.feed(peer.frame(camera, 100))
+    assert not peer.session.feed(other.frame(heartbeat()))
+    assert not peer.session.feed(peer.frame(heartbeat(99_999)))
 
 
-def test_a_command_that_is_called_off_is_not_repeated_and_blocks_nobody() -> None:
-    async def body(peer: Peer) -> None:
-        first = asyncio.create_task(peer.session.command(LAND))
-        await asyncio.sleep(0.5)
-        first.cancel()
-        await asyncio.sleep(0)
-        script(peer, [ack(ARM, OK)])
-        await peer.session.command(ARM, 1)
-        await asyncio.sleep(10.0)
+@by(conversation)
+async def test_two_commands_at_once_both_get_their_ack(peer: Peer, /) -> None:
+    def answer(message: Message) -> None:
+        result = OK if message.command == ARM else DENIED
+        peer.say(ack(message.command, result), after_s=0.3)
 
-    assert [c for _, c, _ in conversation(body).commands()] == [LAND, ARM]
+    peer.answer = answer
+    results = await asyncio.gather(
+        peer.session.command(ARM, 1),
+        peer.session.command(LAND),
+        peer.session.command(ARM, 0),
+        return_exceptions=True,
+    )
+    assert results[0] is None
+    assert isinstance(results[1], CommandRefusedError)
+    assert results[2] is None
+    assert [c for _, c, _ in peer.commands()] == [ARM, LAND, ARM]
 
 
-def test_a_place_goes_as_command_int() -> None:
-    async def body(peer: Peer) -> None:
-        script(peer, [ack(mav.MAV_CMD_DO_REPOSITION, OK)])
-        nan = float("nan")
-        await peer.session.command_at(
-            mav.MAV_CMD_DO_REPOSITION, 3, (-1.0, 0.0, 0.0, nan), -33.8567844, 151.2152967, 12.5
-        )
+@by(conversation)
+async def test_a_command_that_is_called_off_is_not_repeated_and_blocks_nobody(
+    peer: Peer, /
+) -> None:
+    first = asyncio.create_task(peer.session.command(LAND))
+    await asyncio.sleep(0.5)
+    first.cancel()
+    await asyncio.sleep(0)
+    script(peer, [ack(ARM, OK)])
+    await peer.session.command(ARM, 1)
+    await asyncio.sleep(10.0)
+    assert [c for _, c, _ in peer.commands()] == [LAND, ARM]
 
-    ((_, message),) = conversation(body).heard
+
+@by(conversation)
+async def test_a_place_goes_as_command_int(peer: Peer, /) -> None:
+    script(peer, [ack(mav.MAV_CMD_DO_REPOSITION, OK)])
+    nan = float("nan")
+    await peer.session.command_at(
+        mav.MAV_CMD_DO_REPOSITION, 3, (-1.0, 0.0, 0.0, nan), -33.8567844, 151.2152967, 12.5
+    )
+    ((_, message),) = peer.heard
     assert message.get_type() == "COMMAND_INT"
     assert (message.x, message.y, message.z) == (-338567844, 1512152967, 12.5)
     assert np.isnan(message.param4)
     assert message.frame == 3
 
 
-def test_until() -> None:
-    async def body(peer: Peer) -> None:
-        session, loop = peer.session, asyncio.get_running_loop()
-        assert await session.until(lambda: True)
-        assert not await session.until(lambda: session.view.armed, timeout_s=2.0)
-        assert loop.time() == pytest.approx(2.0)
-        peer.say(heartbeat(armed=True), after_s=1.0)
-        assert await session.until(lambda: session.view.armed, timeout_s=2.0)
-        assert loop.time() == pytest.approx(3.0)
-        waiting = asyncio.create_task(session.until(lambda: False))
-        await asyncio.sleep(1.0)
-        waiting.cancel()
-        await asyncio.wait([waiting])
-        assert session._waiters == []
-
-    conversation(body)
+@by(conversation)
+async def test_until(peer: Peer, /) -> None:
+    session, loop = peer.session, asyncio.get_running_loop()
+    assert await session.until(lambda: True)
+    assert not await session.until(lambda: session.view.armed, timeout_s=2.0)
+    assert loop.time() == pytest.approx(2.0)
+    peer.say(heartbeat(armed=True), after_s=1.0)
+    assert await session.until(lambda: session.view.armed, timeout_s=2.0)
+    assert loop.time() == pytest.approx(3.0)
+    waiting = asyncio.create_task(session.until(lambda: False))
+    await asyncio.sleep(1.0)
+    waiting.cancel()
+    await asyncio.wait([waiting])
+    assert session._waiters == []
 
 
-def test_frames_of_others_are_recorded_but_not_believed() -> None:
-    async def body(peer: Peer) -> None:
-        session, heard = peer.session, []
-        session.listen(heard.append)
-        other = Peer(system=7)
-        recorded = len(peer.frames)
-        session.feed(other.frame(heartbeat(mode=6, armed=True)) + other.frame(text("Mayday")))
-        assert (session.view.system_id, session.view.mode, session.view.armed) == (1, 4, False)
-        assert not session.view.texts
-        assert heard == []
-        assert len(peer.frames) == recorded + 2
-
-    conversation(body)
+@by(conversation)
+async def test_frames_of_others_are_recorded_but_not_believed(peer: Peer, /) -> None:
+    session, heard = peer.session, []
+    session.listen(heard.append)
+    other = Peer(system=7)
+    recorded = len(peer.frames)
+    session.feed(other.frame(heartbeat(mode=6, armed=True)) + other.frame(text("Mayday")))
+    assert (session.view.system_id, session.view.mode, session.view.armed) == (1, 4, False)
+    assert not session.view.texts
+    assert heard == []
+    assert len(peer.frames) == recorded + 2
 
 
-def test_a_ground_station_or_a_camera_is_no_vehicle() -> None:
-    async def main() -> None:
-        peer = Peer(system=255, component=190)
-        peer.session.feed(peer.frame(heartbeat(autopilot=mav.MAV_AUTOPILOT_INVALID)))
-        assert (peer.session.view.system_id, peer.session.view.autopilot) == (0, None)
-
-    run(main(), VirtualClock())
+@by(on_virtual_time)
+async def test_a_ground_station_or_a_camera_is_no_vehicle() -> None:
+    peer = Peer(system=255, component=190)
+    peer.session.feed(peer.frame(heartbeat(autopilot=mav.MAV_AUTOPILOT_INVALID)))
+    assert (peer.session.view.system_id, peer.session.view.autopilot) == (0, None)
 
 
-def test_a_second_component_that_calls_itself_an_autopilot_changes_nothing() -> None:
+@by(conversation)
+async def test_a_second_component_that_calls_itself_an_autopilot_changes_nothing(
+    peer: Peer, /
+) -> None:
     """Some gimbals and companions send heartbeats with MAV_AUTOPILOT_GENERIC and mode 0."""
-
-    async def body(peer: Peer) -> None:
-        gimbal = Peer(system=1, component=mav.MAV_COMP_ID_GIMBAL)
-        peer.session.feed(peer.frame(heartbeat(4, armed=True)))
-        peer.session.feed(gimbal.frame(heartbeat(0, autopilot=mav.MAV_AUTOPILOT_GENERIC)))
-        view = peer.session.view
-        assert (view.mode, view.armed) == (4, True)
-        assert view.autopilot == mav.MAV_AUTOPILOT_ARDUPILOTMEGA
-
-    conversation(body)
+    gimbal = Peer(system=1, component=mav.MAV_COMP_ID_GIMBAL)
+    peer.session.feed(peer.frame(heartbeat(4, armed=True)))
+    peer.session.feed(gimbal.frame(heartbeat(0, autopilot=mav.MAV_AUTOPILOT_GENERIC)))
+    view = peer.session.view
+    assert (view.mode, view.armed) == (4, True)
+    assert view.autopilot == mav.MAV_AUTOPILOT_ARDUPILOTMEGA
 
 
-def test_garbage_between_frames() -> None:
+@by(conversation)
+async def test_garbage_between_frames(peer: Peer, /) -> None:
     rng = np.random.default_rng(5)
-
-    async def body(peer: Peer) -> None:
-        heard: list[Message] = []
-        peer.session.listen(heard.append)
-        for number in range(200):
-            # no start byte in the garbage: that may rightly swallow the frame behind it
-            noise = rng.integers(0, 0xFD, int(rng.integers(1, 60)), dtype=np.uint8).tobytes()
-            frame = peer.frame(text(f"number {number}"))
-            cut = int(rng.integers(0, len(frame)))
-            peer.session.feed(noise + frame[:cut])
-            peer.session.feed(frame[cut:])
-        assert [m.text for m in heard] == [f"number {n}" for n in range(200)]
-
-    conversation(body)
+    heard: list[Message] = []
+    peer.session.listen(heard.append)
+    for number in range(200):
+        # no start byte in the garbage: that may rightly swallow the frame behind it
+        noise = rng.integers(0, 0xFD, int(rng.integers(1, 60)), dtype=np.uint8).tobytes()
+        frame = peer.frame(text(f"number {number}"))
+        cut = int(rng.integers(0, len(frame)))
+        peer.session.feed(noise + frame[:cut])
+        peer.session.feed(frame[cut:])
+    assert [m.text for m in heard] == [f"number {n}" for n in range(200)]
 
 
-def test_damaged_frames_never_raise() -> None:
+@by(conversation)
+async def test_damaged_frames_never_raise(peer: Peer, /) -> None:
     rng = np.random.default_rng(6)
-
-    async def body(peer: Peer) -> None:
-        for _ in range(500):
-            frame = bytearray(peer.frame(text("a few words")))
-            for at in rng.integers(0, len(frame), 3):
-                frame[int(at)] = int(rng.integers(0, 256))
-            peer.session.feed(bytes(frame))
-        peer.session.feed(bytes(600))
-        peer.session.feed(peer.frame(heartbeat(9)))
-        assert peer.session.view.mode == 9
-
-    conversation(body)
+    for _ in range(500):
+        frame = bytearray(peer.frame(text("a few words")))
+        for at in rng.integers(0, len(frame), 3):
+            frame[int(at)] = int(rng.integers(0, 256))
+        peer.session.feed(bytes(frame))
+    peer.session.feed(bytes(600))
+    peer.session.feed(peer.frame(heartbeat(9)))
+    assert peer.session.view.mode == 9
 
 
-def test_every_frame_of_both_directions_is_recorded_whole() -> None:
-    async def body(peer: Peer) -> None:
-        script(peer, [ack(ARM, OK)])
-        await peer.session.command(ARM, 1)
-        peer.session.heartbeat()
-
-    peer = conversation(body)
+@by(conversation)
+async def test_every_frame_of_both_directions_is_recorded_whole(peer: Peer, /) -> None:
+    script(peer, [ack(ARM, OK)])
+    await peer.session.command(ARM, 1)
+    peer.session.heartbeat()
     kinds = []
     for frame in peer.frames:
         (message,) = mav.MAVLink(None).parse_buffer(frame)
@@ -376,10 +350,9 @@ def test_every_frame_of_both_directions_is_recorded_whole() -> None:
     assert numbers == [0, 1]
 
 
-def test_the_heartbeat_does_not_stand_in_for_a_ground_station() -> None:
-    async def body(peer: Peer) -> None:
-        peer.session.heartbeat()
-
-    ((_, message),) = conversation(body).heard
+@by(conversation)
+async def test_the_heartbeat_does_not_stand_in_for_a_ground_station(peer: Peer, /) -> None:
+    peer.session.heartbeat()
+    ((_, message),) = peer.heard
     assert message.type == mav.MAV_TYPE_ONBOARD_CONTROLLER
     assert message.autopilot == mav.MAV_AUTOPILOT_INVALID

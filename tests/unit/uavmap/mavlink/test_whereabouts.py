@@ -21,6 +21,7 @@ from missions.orders import FlyPath, FlyTo, TakeOff
 from missions.units import Cell, GridPoint, LatLon, Quaternion
 from tests.support.flights import Flight, fly
 from tests.support.mavlink_peer import Peer, heartbeat
+from tests.support.running import by
 from tests.support.small_missions import CELL_M, START, mission, square
 from uavmap.aircraft.cameras.mavlink import told_pose
 from uavmap.aircraft.cameras.pose import pose_fault
@@ -191,18 +192,17 @@ def path(flight: Flight, *points: tuple[float, float]) -> FlyPath:
 
 
 @pytest.mark.parametrize("towards", ["east", "west"])
-def test_at_8_m_s_the_border_of_the_roi_is_where_it_is_within_two_decimetres(towards: str) -> None:
+@by(fly, strip)
+async def test_at_8_m_s_the_border_of_the_roi_is_where_it_is_within_two_decimetres(
+    flight: Flight, /, towards: str
+) -> None:
     """From the pictures' own poses, between positions that come five times a second."""
     way = [(-40.0, 16.0), (70.0, 16.0)]
     if towards == "west":
         way.reverse()
-
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        await flight.after(FlyTo((GridPoint(*way[0]),), None, stop=True, height_m=UP_M), Arrived)
-        await flight.after(path(flight, *way), Arrived)
-
-    flight = fly(body, strip())
+    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(FlyTo((GridPoint(*way[0]),), None, stop=True, height_m=UP_M), Arrived)
+    await flight.after(path(flight, *way), Arrived)
     frames = [e for e in flight.seen(FrameSeen) if e.vantage is None]
     assert not flight.seen(FrameLost)
     assert len(frames) > 40

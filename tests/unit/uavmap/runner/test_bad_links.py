@@ -15,6 +15,7 @@ from missions.units import GridPoint
 from tests.benchmarks.bad_links import FORBIDDEN, fly
 from tests.support.flights import Flight, small_mission, under_way
 from tests.support.flights import fly as flight_of
+from tests.support.running import by, on_virtual_time
 from uavmap.aircraft.guardian.last_watch import watched_over
 from uavmap.base.clock import VirtualClock, run
 
@@ -45,7 +46,8 @@ def commands(flight: Flight, number: int) -> list[Any]:
     return [m for _, m in flight.sent if getattr(m, "command", None) == number]
 
 
-def test_a_stream_that_does_not_come_is_asked_for_again() -> None:
+@by(on_virtual_time)
+async def test_a_stream_that_does_not_come_is_asked_for_again() -> None:
     """Its acknowledgement may have been another's: they do not say what they are for."""
     wanted = mav.MAVLINK_MSG_ID_SYS_STATUS
 
@@ -54,19 +56,16 @@ def test_a_stream_that_does_not_come_is_asked_for_again() -> None:
             message.param1 == wanted
         )
 
-    async def main() -> None:
-        flight = Flight(small_mission())
-        # the vehicle never hears of it, and yet it is acknowledged
-        real = flight.session.send
-        flight.session.send = lambda m: _doubled(flight, m) if dropped(m) else real(m)  # type: ignore[method-assign]
-        async with under_way(flight):
-            flight.session.send = real  # type: ignore[method-assign]
-            heard_s = flight.session.heard_s.get(wanted, 0.0)
-            assert not flight.session.view.prearm_ok
-            await flight.until(lambda: flight.session.view.prearm_ok, within_s=40.0)
-            assert flight.session.heard_s[wanted] > heard_s
-
-    run(main(), VirtualClock())
+    flight = Flight(small_mission())
+    # the vehicle never hears of it, and yet it is acknowledged
+    real = flight.session.send
+    flight.session.send = lambda m: _doubled(flight, m) if dropped(m) else real(m)  # type: ignore[method-assign]
+    async with under_way(flight):
+        flight.session.send = real  # type: ignore[method-assign]
+        heard_s = flight.session.heard_s.get(wanted, 0.0)
+        assert not flight.session.view.prearm_ok
+        await flight.until(lambda: flight.session.view.prearm_ok, within_s=40.0)
+        assert flight.session.heard_s[wanted] > heard_s
 
 
 def _doubled(flight: Flight, message: Any) -> None:
@@ -76,19 +75,17 @@ def _doubled(flight: Flight, message: Any) -> None:
     asyncio.get_running_loop().call_soon(flight.session.feed, frame)
 
 
-def test_after_a_gap_nothing_is_asked_for_that_still_comes() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        asked = len(commands(flight, mav.MAV_CMD_SET_MESSAGE_INTERVAL))
-        flight.to_driver = lambda message: False
-        await flight.sees(LinkLost)
-        flight.to_driver = lambda message: True
-        await flight.until(lambda: len(flight.events) > 0 and flight.driver._monitor.connected)
-        await asyncio.sleep(5.0)
-        assert flight.driver._monitor.connected
-        assert len(commands(flight, mav.MAV_CMD_SET_MESSAGE_INTERVAL)) == asked
-
-    flight_of(body)
+@by(flight_of)
+async def test_after_a_gap_nothing_is_asked_for_that_still_comes(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    asked = len(commands(flight, mav.MAV_CMD_SET_MESSAGE_INTERVAL))
+    flight.to_driver = lambda message: False
+    await flight.sees(LinkLost)
+    flight.to_driver = lambda message: True
+    await flight.until(lambda: len(flight.events) > 0 and flight.driver._monitor.connected)
+    await asyncio.sleep(5.0)
+    assert flight.driver._monitor.connected
+    assert len(commands(flight, mav.MAV_CMD_SET_MESSAGE_INTERVAL)) == asked
 
 
 def test_a_hold_whose_acknowledgement_was_an_older_one_is_asked_for_again() -> None:

@@ -15,6 +15,7 @@ from missions.errors import NotFlownError, PreflightError
 from missions.mission.schema import Battery
 from missions.mission.sections.sim_section import SimFault
 from tests.support.field import BOTH, Field, mission_of, on_field
+from tests.support.running import by
 from uavmap.base.messages import shown_on
 from uavmap.mavlink.vehicle_view import EKF_ABSOLUTE, VehicleView
 from uavmap.runner.before_flight import BeforeFlight, Preflight
@@ -56,65 +57,62 @@ def test_a_vehicle_that_was_just_switched_on_is_waited_for(autopilot: str, tmp_p
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
-def test_a_simulator_is_shown_set_up_and_not_asked_about(autopilot: str, tmp_path: Path) -> None:
-    async def body(field: Field) -> None:
-        flight = before(field, tmp_path)
-        await flight.go()
-        assert "a box of about" in field.told[0]
-        name = {"ardupilot": "ArduPilot 4.6.0", "px4": "PX4 1.15.4"}[autopilot]
-        assert f"{name}, the bundled simulator" in told(field, "autopilot")
-        assert told(field, "GPS") == "ok    1 GPS: a 3D fix, 10 satellites, HDOP 1.2"
-        assert "0.0 % lost" in told(field, "link")
-        assert "ready to arm" in told(field, "EKF")
-        assert "set and read back" in told(field, "fence")
-        picture = cv2.imread(str(tmp_path / "test-picture-1.png"))
-        assert picture is not None
-        assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 4
-        await flight.restore()
-        assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 0
+@by(on_field, mission_of)
+async def test_a_simulator_is_shown_set_up_and_not_asked_about(
+    field: Field, /, autopilot: str, tmp_path: Path
+) -> None:
+    flight = before(field, tmp_path)
+    await flight.go()
+    assert "a box of about" in field.told[0]
+    name = {"ardupilot": "ArduPilot 4.6.0", "px4": "PX4 1.15.4"}[autopilot]
+    assert f"{name}, the bundled simulator" in told(field, "autopilot")
+    assert told(field, "GPS") == "ok    1 GPS: a 3D fix, 10 satellites, HDOP 1.2"
+    assert "0.0 % lost" in told(field, "link")
+    assert "ready to arm" in told(field, "EKF")
+    assert "set and read back" in told(field, "fence")
+    picture = cv2.imread(str(tmp_path / "test-picture-1.png"))
+    assert picture is not None
+    assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 4
+    await flight.restore()
+    assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 0
 
-    on_field(body, mission_of(autopilot))
 
-
-def test_nobody_to_ask_is_no_yes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@by(on_field, lambda: mission_of("ardupilot"))
+async def test_nobody_to_ask_is_no_yes(
+    field: Field, /, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     real(monkeypatch)
-
-    async def body(field: Field) -> None:
-        with pytest.raises(PreflightError, match="give --yes"):
-            await before(field, tmp_path).go()
-        assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 0
-        await before(field, tmp_path, yes=True).go()
-        assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 4
-
-    on_field(body, mission_of("ardupilot"))
+    with pytest.raises(PreflightError, match="give --yes"):
+        await before(field, tmp_path).go()
+    assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 0
+    await before(field, tmp_path, yes=True).go()
+    assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 4
 
 
-def test_who_is_in_the_air_already_is_told_of(tmp_path: Path) -> None:
-    async def body(field: Field) -> None:
-        for command, *params in ((176, 1, 4), (400, 1), (22, 0, 0, 0, 0, 0, 0, 25)):
-            filled = (*params, *([0.0] * (7 - len(params))))
-            field.ask(0, mav.MAVLink_command_long_message(1, 1, command, 0, *filled))
-        await asyncio.sleep(30.0)
-        found = await before(field, tmp_path)._examined(1)
-        (line,) = [f.line() for f in found if f.what == "vehicle"]
-        assert line.startswith("warn  1 vehicle: armed, 25 m up, in GUIDED (wanted: on the ground")
-
-    on_field(body, mission_of("ardupilot"))
+@by(on_field, lambda: mission_of("ardupilot"))
+async def test_who_is_in_the_air_already_is_told_of(field: Field, /, tmp_path: Path) -> None:
+    for command, *params in ((176, 1, 4), (400, 1), (22, 0, 0, 0, 0, 0, 0, 25)):
+        filled = (*params, *([0.0] * (7 - len(params))))
+        field.ask(0, mav.MAVLink_command_long_message(1, 1, command, 0, *filled))
+    await asyncio.sleep(30.0)
+    found = await before(field, tmp_path)._examined(1)
+    (line,) = [f.line() for f in found if f.what == "vehicle"]
+    assert line.startswith("warn  1 vehicle: armed, 25 m up, in GUIDED (wanted: on the ground")
 
 
 @pytest.mark.parametrize("vehicles", [1, 3])
-def test_a_dry_run_sets_all_and_arms_nothing(vehicles: int, tmp_path: Path) -> None:
-    async def body(field: Field) -> None:
-        flight = before(field, tmp_path, dry=True)
-        with pytest.raises(NotFlownError) as over:
-            await flight.go()
-        assert over.value.could_fly
-        assert (tmp_path / FILE).exists()
-        await flight.restore()
-        assert not (tmp_path / FILE).exists()
-        assert not any(vehicle.truth.armed for vehicle in field.vehicles)
-
-    on_field(body, mission_of("ardupilot", vehicles))
+@by(on_field, lambda vehicles: mission_of("ardupilot", vehicles))
+async def test_a_dry_run_sets_all_and_arms_nothing(
+    field: Field, /, vehicles: int, tmp_path: Path
+) -> None:
+    flight = before(field, tmp_path, dry=True)
+    with pytest.raises(NotFlownError) as over:
+        await flight.go()
+    assert over.value.could_fly
+    assert (tmp_path / FILE).exists()
+    await flight.restore()
+    assert not (tmp_path / FILE).exists()
+    assert not any(vehicle.truth.armed for vehicle in field.vehicles)
 
 
 def test_an_empty_battery_cannot_be_passed_over(
@@ -152,17 +150,15 @@ def test_a_camera_that_gives_nothing_cannot_be_passed_over(
     on_field(body, mission_of("ardupilot", faults=(fault,)))
 
 
-def test_a_kept_fence_that_the_mission_leaves(tmp_path: Path) -> None:
-    async def body(field: Field) -> None:
-        field.put(0, "FENCE_ENABLE", 1)
+@by(on_field, lambda: mission_of("ardupilot"))
+async def test_a_kept_fence_that_the_mission_leaves(field: Field, /, tmp_path: Path) -> None:
+    field.put(0, "FENCE_ENABLE", 1)
+    await before(field, tmp_path, keep=True).go()
+    assert "kept: 0 items" in told(field, "fence")
+    assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 0
+    field.put(0, "FENCE_RADIUS", 15)
+    with pytest.raises(PreflightError, match="leaves the one that is set: search"):
         await before(field, tmp_path, keep=True).go()
-        assert "kept: 0 items" in told(field, "fence")
-        assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 0
-        field.put(0, "FENCE_RADIUS", 15)
-        with pytest.raises(PreflightError, match="leaves the one that is set: search"):
-            await before(field, tmp_path, keep=True).go()
-
-    on_field(body, mission_of("ardupilot"))
 
 
 def test_without_a_fix_it_is_said_what_is_missing(tmp_path: Path) -> None:
@@ -178,23 +174,20 @@ def test_without_a_fix_it_is_said_what_is_missing(tmp_path: Path) -> None:
     on_field(body, mission_of("ardupilot", faults=(fault,)))
 
 
-def test_a_flight_that_is_gone_on_with_asks_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@by(on_field, lambda: mission_of("ardupilot"))
+async def test_a_flight_that_is_gone_on_with_asks_nothing(
+    field: Field, /, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real(monkeypatch)
-
-    async def body(field: Field) -> None:
-        goes_on = BeforeFlight(None, field.setting, tmp_path, field.links)
-        await goes_on.go()
-        assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 4
-        await goes_on.restore()
-        (tmp_path / FILE).write_text("damaged", "utf-8")
-        await goes_on.go()
-        assert field.told[-1].startswith(f"{tmp_path / FILE} cannot be read")
-        await goes_on.restore()
-        assert "stay as set for the mission" in field.told[-1]
-
-    on_field(body, mission_of("ardupilot"))
+    goes_on = BeforeFlight(None, field.setting, tmp_path, field.links)
+    await goes_on.go()
+    assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 4
+    await goes_on.restore()
+    (tmp_path / FILE).write_text("damaged", "utf-8")
+    await goes_on.go()
+    assert field.told[-1].startswith(f"{tmp_path / FILE} cannot be read")
+    await goes_on.restore()
+    assert "stay as set for the mission" in field.told[-1]
 
 
 # --- the question ----------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from missions.flight.state import Phase
 from tests.benchmarks import faults
 from tests.benchmarks.watched import flown, mission_text
 from tests.support.flights import Flight, fly
+from tests.support.running import by
 from tests.unit.uavmap.runner.test_single_troubles import serve
 from uavmap.mavlink.session import Session
 from uavmap.runner.service import Service
@@ -74,35 +75,29 @@ def test_answers_of_the_camera_that_are_lost_for_6_seconds_cost_no_vehicle(tmp_p
     serve(body, tmp_path)
 
 
-def test_two_links_that_hear_one_aircraft_are_refused() -> None:
+@by(fly)
+async def test_two_links_that_hear_one_aircraft_are_refused(flight: Flight, /) -> None:
     """As behind a router that forwards everything."""
+    second = Session(lambda frame: None, lambda frame: None)
 
-    async def body(flight: Flight) -> None:
-        second = Session(lambda frame: None, lambda frame: None)
+    def forwarded(message: Any) -> bool:
+        second.feed(bytes(message.get_msgbuf()))
+        return True
 
-        def forwarded(message: Any) -> bool:
-            second.feed(bytes(message.get_msgbuf()))
-            return True
-
-        flight.to_driver = forwarded
-        await asyncio.sleep(3.0)
-        views = {"udpin::14551": flight.session.view, "udpin::14552": second.view}
-        links: Any = {
-            number: SimpleNamespace(name=name, view=view)
-            for number, (name, view) in enumerate(views.items(), start=1)
-        }
-        with pytest.raises(LinkError, match="14551 and udpin::14552 lead to the same aircraft"):
-            each_its_own(links)
-
-    fly(body)
+    flight.to_driver = forwarded
+    await asyncio.sleep(3.0)
+    views = {"udpin::14551": flight.session.view, "udpin::14552": second.view}
+    links: Any = {
+        number: SimpleNamespace(name=name, view=view)
+        for number, (name, view) in enumerate(views.items(), start=1)
+    }
+    with pytest.raises(LinkError, match="14551 and udpin::14552 lead to the same aircraft"):
+        each_its_own(links)
 
 
-def test_a_vehicle_tells_how_high_its_home_is() -> None:
+@by(fly)
+async def test_a_vehicle_tells_how_high_its_home_is(flight: Flight, /) -> None:
     """Layers are level by it where homes are not."""
-
-    async def body(flight: Flight) -> None:
-        await flight.sees(Connected)
-
-    flight = fly(body)
+    await flight.sees(Connected)
     (connected,) = flight.seen(Connected)
     assert connected.home_amsl_m == pytest.approx(flight.session.view.home_amsl_m, abs=0.1)

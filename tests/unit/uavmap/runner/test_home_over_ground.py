@@ -12,6 +12,7 @@ from missions.orders import FlyTo, TakeOff
 from missions.units import GridPoint
 from tests.support.flights import Flight, fly
 from tests.support.hills import over, slope
+from tests.support.running import by
 from tests.support.small_missions import mission, square
 
 UP_M = 14.0
@@ -29,27 +30,26 @@ def steep() -> Mission:
     return made.model_copy(update={"sim": made.sim.model_copy(update={"gps_sigma_m": 0.0})})
 
 
-def test_a_long_leg_down_a_steep_slope_is_no_reason_to_fly_straight_over_a_hole() -> None:
+@by(fly, steep)
+async def test_a_long_leg_down_a_steep_slope_is_no_reason_to_fly_straight_over_a_hole(
+    flight: Flight, /
+) -> None:
     """It takes several times as long as over level ground, and the guardian allows for it."""
     nearest_m: list[float] = []
     hole = Polygon([tuple(corner) for corner in HOUSE])
+    await flight.after(TakeOff(UP_M), Airborne)
+    out = FlyTo((BEHIND,), None, stop=True, height_m=UP_M)
+    await flight.after(out, Arrived, within_s=600.0)
 
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        out = FlyTo((BEHIND,), None, stop=True, height_m=UP_M)
-        await flight.after(out, Arrived, within_s=600.0)
+    def watch() -> bool:
+        at = flight.setting.grid.fixed(flight.vehicle.truth.position)
+        nearest_m.append(float(hole.distance(Point(at))))
+        return flight.vehicle.truth.landed
 
-        def watch() -> bool:
-            at = flight.setting.grid.fixed(flight.vehicle.truth.position)
-            nearest_m.append(float(hole.distance(Point(at))))
-            return flight.vehicle.truth.landed
-
-        homeward = asyncio.create_task(flight.driver.guardian.bring_home("the disk is full"))
-        await flight.until(watch, within_s=600.0)
-        await homeward
-        assert flight.driver.guardian.fate() == ""
-
-    flight = fly(body, steep())
+    homeward = asyncio.create_task(flight.driver.guardian.bring_home("the disk is full"))
+    await flight.until(watch, within_s=600.0)
+    await homeward
+    assert flight.driver.guardian.fate() == ""
     assert min(nearest_m) > 0.5
     assert [line.rpartition("; ")[2] for line in flight.said] == [
         "it is flown home around the fence",

@@ -16,6 +16,7 @@ from missions.orders import AwaitBattery, FlyTo, Land, Sweep, TakeOff
 from missions.units import GridPoint
 from sitl.copter.modes import Mode
 from tests.support.flights import Flight, fly, no_task_left, small_mission
+from tests.support.running import by
 from uavmap.base.clock import VirtualClock, run
 from uavmap.journal.event_log import Journal
 from uavmap.runner.service import Service
@@ -49,28 +50,28 @@ def serve(body: Body, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("fetch_s", [0.0, 1.5, 2.5])
-def test_pictures_that_are_fetched_slowly_are_judged_or_said_to_be_lost(fetch_s: float) -> None:
+@by(fly)
+async def test_pictures_that_are_fetched_slowly_are_judged_or_said_to_be_lost(
+    flight: Flight, /, fetch_s: float
+) -> None:
     """None of them is dropped at the end of a lane without a word."""
     announced: set[int] = set()
 
-    async def body(flight: Flight) -> None:
-        async def slow(url: str) -> bytes:
-            await asyncio.sleep(fetch_s)
-            return await flight._fetch(url)
+    async def slow(url: str) -> bytes:
+        await asyncio.sleep(fetch_s)
+        return await flight._fetch(url)
 
-        def count(message: Any) -> bool:
-            if message.get_type() == "CAMERA_IMAGE_CAPTURED":
-                announced.add(message.image_index)
-            return True
+    def count(message: Any) -> bool:
+        if message.get_type() == "CAMERA_IMAGE_CAPTURED":
+            announced.add(message.image_index)
+        return True
 
-        flight.driver._camera._fetch = slow
-        flight.to_driver = count
-        await flight.after(TakeOff(UP_M), Airborne)
-        start = FlyTo((GridPoint(-4.0, 12.0),), None, stop=True, height_m=UP_M)
-        await flight.after(start, Arrived)
-        await flight.after(Sweep(GridPoint(50.0, 12.0), 4.0, UP_M), Arrived)
-
-    flight = fly(body)
+    flight.driver._camera._fetch = slow
+    flight.to_driver = count
+    await flight.after(TakeOff(UP_M), Airborne)
+    start = FlyTo((GridPoint(-4.0, 12.0),), None, stop=True, height_m=UP_M)
+    await flight.after(start, Arrived)
+    await flight.after(Sweep(GridPoint(50.0, 12.0), 4.0, UP_M), Arrived)
     judged, lost = len(flight.seen(FrameSeen)), len(flight.seen(FrameLost))
     assert len(announced) >= 10
     assert judged + lost >= len(announced)

@@ -13,6 +13,7 @@ from missions.mission.schema import Mission
 from missions.orders import AwaitBattery, FlyTo, TakeOff
 from missions.units import GridPoint
 from tests.support.flights import Flight, fly, small_mission
+from tests.support.running import by
 from tests.support.small_missions import mission, square
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.vehicle_view import VehicleView
@@ -20,13 +21,14 @@ from uavmap.mavlink.vehicle_view import VehicleView
 UP_M = 12.0
 
 
-def test_the_reasons_of_the_checks_before_arming_are_told_as_they_come() -> None:
-    async def body(flight: Flight) -> None:
-        message = mav.MAVLink_param_set_message(1, 1, b"BATT_ARM_VOLT", 99.0, 9)
-        flight.vehicle.receive(message.pack(mav.MAVLink(None, 255, 190)))
-        await flight.after(TakeOff(UP_M), OrderFailed, within_s=150.0)
-
-    told = fly(body).told
+@by(fly)
+async def test_the_reasons_of_the_checks_before_arming_are_told_as_they_come(
+    flight: Flight, /
+) -> None:
+    message = mav.MAVLink_param_set_message(1, 1, b"BATT_ARM_VOLT", 99.0, 9)
+    flight.vehicle.receive(message.pack(mav.MAVLink(None, 255, 190)))
+    await flight.after(TakeOff(UP_M), OrderFailed, within_s=150.0)
+    told = flight.told
     reason = "[vehicle 1, critical] PreArm: Battery 1 below minimum arming voltage"
     assert told.count(reason) >= 1
 
@@ -47,30 +49,29 @@ def test_a_position_that_does_not_come_is_waited_for_aloud() -> None:
     assert len(waits) >= 4
 
 
-def test_what_the_checks_before_arming_wait_for_is_told() -> None:
-    async def body(flight: Flight) -> None:
-        flight.vehicle.fail.gps(for_s=40.0)
-        await asyncio.sleep(10.0)
-        assert not flight.session.view.ready_to_arm
-        await flight.after(TakeOff(UP_M), Airborne)
-
-    told = fly(body).told
+@by(fly)
+async def test_what_the_checks_before_arming_wait_for_is_told(flight: Flight, /) -> None:
+    flight.vehicle.fail.gps(for_s=40.0)
+    await asyncio.sleep(10.0)
+    assert not flight.session.view.ready_to_arm
+    await flight.after(TakeOff(UP_M), Airborne)
+    told = flight.told
     assert "[vehicle 1, critical] PreArm: GPS 1: Bad fix" in told
     assert "sim: waits for the checks before arming, for 10 s by now" in told
 
 
-def test_a_word_without_a_new_battery_is_answered(monkeypatch: pytest.MonkeyPatch) -> None:
+@by(fly)
+async def test_a_word_without_a_new_battery_is_answered(
+    flight: Flight, /, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(VehicleView, "is_simulator", False)
-
-    async def body(flight: Flight) -> None:
-        flight.session.view.battery_percent = 41
-        flight.to_driver = lambda m: m.get_type() not in ("BATTERY_STATUS", "SYS_STATUS")
-        flight.driver.give(AwaitBattery())
-        await asyncio.sleep(45.0)
-        flight.to_driver = lambda message: True
-        await flight.sees(BatterySwapped)
-
-    waits = [line for line in fly(body).said if "waits for a fresh battery" in line]
+    flight.session.view.battery_percent = 41
+    flight.to_driver = lambda m: m.get_type() not in ("BATTERY_STATUS", "SYS_STATUS")
+    flight.driver.give(AwaitBattery())
+    await asyncio.sleep(45.0)
+    flight.to_driver = lambda message: True
+    await flight.sees(BatterySwapped)
+    waits = [line for line in flight.said if "waits for a fresh battery" in line]
     assert [line.partition("(")[2].partition(")")[0] for line in waits] == [
         "42% told, 90% wanted",
         "no charge told, 90% wanted",
@@ -96,10 +97,9 @@ def test_a_speed_that_somebody_changed_on_the_way_is_put_back_and_told() -> None
     assert sum("the speed is sent again" in line for line in fly(body, long_mission()).told) == 1
 
 
-def test_the_speed_that_was_ordered_is_not_spoken_of() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        there = FlyTo((GridPoint(180.0, 0.0),), None, stop=True, height_m=UP_M)
-        await flight.after(there, Arrived)
-
-    assert fly(body, long_mission()).said == []
+@by(fly, long_mission)
+async def test_the_speed_that_was_ordered_is_not_spoken_of(flight: Flight, /) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    there = FlyTo((GridPoint(180.0, 0.0),), None, stop=True, height_m=UP_M)
+    await flight.after(there, Arrived)
+    assert flight.said == []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -105,10 +104,3 @@ def test_cells_have_no_length_unless_they_are_drawn(capsys):
     options = ["--generate", "eden", "--localize", "plan", "--cell-m", "3"]
     assert main(["simulate", *options]) == 2
     assert capsys.readouterr().err.startswith("uavmap: --cell-m with --localize is for GeoJSON")
-
-
-def test_nothing_is_overwritten(capsys, tmp_path: Path):
-    (tmp_path / "summary.json").write_text("ours")
-    options = ["--roi", "eden:20:1", "--localize", "plan", "--out", str(tmp_path)]
-    assert main(["simulate", *options]) == 2
-    assert "holds a summary.json already" in capsys.readouterr().err

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from missions.planning.sweep.strategies import ON_PATHS
 from uavmap.ui.cli import main
 
 ROW = {
@@ -132,9 +131,3 @@ def test_the_film_shows_footprints(tmp_path: Path, capsys: pytest.CaptureFixture
     assert main([*arguments, "--animate", str(film)]) == 0
     assert film.read_bytes().startswith(b"GIF89a")
     capsys.readouterr()
-
-
-def test_the_strategies_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["strategies", "--json"]) == 0
-    listed = json.loads(capsys.readouterr().out)
-    assert [row["name"] for row in listed][-len(ON_PATHS) :] == list(ON_PATHS)

@@ -8,7 +8,6 @@ import io
 import itertools
 import os
 import shutil
-import socket
 import sys
 import threading
 import time
@@ -21,6 +20,8 @@ from PIL import Image
 
 from missions.errors import LinkError
 from tests.support.mavlink_peer import Peer
+from tests.support.ports import free_port
+from tests.support.running import by, in_real_time
 from tests.unit.uavmap.aircraft.cameras.rtsp_server import RtspServer
 from uavmap.aircraft.cameras.captures import PipeCapture, gstreamer_command, libcamera_command
 from uavmap.aircraft.cameras.freshness import Freshness
@@ -171,51 +172,38 @@ for number in range(int(sys.argv[2])):
 """
 
 
-def test_a_program_that_writes_jpegs_and_is_run_again_when_it_ends() -> None:
+@by(in_real_time)
+async def test_a_program_that_writes_jpegs_and_is_run_again_when_it_ends() -> None:
     command = [sys.executable, "-c", WRITER, jpeg(90).hex(), "25"]
-
-    async def main() -> None:
-        told: list[str] = []
-        reader = ThreadReader(partial(PipeCapture, command, "a program"))
-        source = StreamSource("a program", reader, 0.0, SIZE_PX, told.append)
-        await source.begin()
-        running = asyncio.create_task(source.run())
-        await pictures(source, 8, 0.3)  # longer than one run of it takes
-        assert "a program: no more pictures come; it is opened again" in told
-        running.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await running
-
-    asyncio.run(main())
+    told: list[str] = []
+    reader = ThreadReader(partial(PipeCapture, command, "a program"))
+    source = StreamSource("a program", reader, 0.0, SIZE_PX, told.append)
+    await source.begin()
+    running = asyncio.create_task(source.run())
+    await pictures(source, 8, 0.3)  # longer than one run of it takes
+    assert "a program: no more pictures come; it is opened again" in told
+    running.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await running
 
 
-def test_a_hanging_stream_ends_nothing() -> None:
+@by(in_real_time)
+async def test_a_hanging_stream_ends_nothing() -> None:
     """Its frames stop; what waits for it ends at once when it is closed."""
     command = [sys.executable, "-c", WRITER + "time.sleep(600)", jpeg(90).hex(), "40"]
-
-    async def main() -> None:
-        reader = ThreadReader(partial(PipeCapture, command, "a program"))
-        source = StreamSource("a program", reader, 0.0, SIZE_PX, lambda text: None)
-        await source.begin()
-        running = asyncio.create_task(source.run())
-        await pictures(source, 1, 0.1)
-        running.cancel()
-        begin_s = time.monotonic()
-        with contextlib.suppress(asyncio.CancelledError):
-            await running
-        assert time.monotonic() - begin_s < 10.0
-
-    asyncio.run(main())
+    reader = ThreadReader(partial(PipeCapture, command, "a program"))
+    source = StreamSource("a program", reader, 0.0, SIZE_PX, lambda text: None)
+    await source.begin()
+    running = asyncio.create_task(source.run())
+    await pictures(source, 1, 0.1)
+    running.cancel()
+    begin_s = time.monotonic()
+    with contextlib.suppress(asyncio.CancelledError):
+        await running
+    assert time.monotonic() - begin_s < 10.0
 
 
 # --- what cannot be opened -------------------------------------------------------------------
-def closed_port() -> int:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port: int = free.getsockname()[1]
-        return port
-
-
 async def unused(source: FrameSource, told: list[str]) -> None:
     raise AssertionError("it was opened")
 
@@ -235,7 +223,7 @@ def test_what_is_not_there(text: str, reason: str) -> None:
 
 def test_a_url_where_nobody_is() -> None:
     with pytest.raises(LinkError, match="cannot be opened; does it play in VLC"):
-        on(f"http://127.0.0.1:{closed_port()}/video", unused)
+        on(f"http://127.0.0.1:{free_port()}/video", unused)
 
 
 def test_a_program_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -246,19 +234,17 @@ def test_a_program_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> Non
         on("libcamera", unused)
 
 
-def test_pictures_of_another_size_are_said_before_the_flight() -> None:
+@by(in_real_time)
+async def test_pictures_of_another_size_are_said_before_the_flight() -> None:
     async def nothing(url: str) -> bytes:
         raise LinkError(url)
 
-    async def main() -> None:
-        other = Settings((640, 480), 1.0, 0.0, Mount())
-        with mjpeg() as port:
-            spec = parse_camera(f"http://127.0.0.1:{port}/video")
-            with pytest.raises(LinkError, match=r"the picture is 320 x 240 px, the camera 640"):
-                async with opened_camera(spec, Peer().session, nothing, other, print):
-                    raise AssertionError("it was opened")
-
-    asyncio.run(main())
+    other = Settings((640, 480), 1.0, 0.0, Mount())
+    with mjpeg() as port:
+        spec = parse_camera(f"http://127.0.0.1:{port}/video")
+        with pytest.raises(LinkError, match=r"the picture is 320 x 240 px, the camera 640"):
+            async with opened_camera(spec, Peer().session, nothing, other, print):
+                raise AssertionError("it was opened")
 
 
 def test_the_programs_are_told_what_is_wanted() -> None:

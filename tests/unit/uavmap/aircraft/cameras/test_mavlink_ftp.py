@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError
 from tests.support.mavlink_peer import Peer, heartbeat
+from tests.support.running import by
 from uavmap.aircraft.cameras import mavlink_ftp as ftp
 from uavmap.aircraft.cameras.mavlink import MavlinkSource
 from uavmap.base.clock import VirtualClock, run
@@ -88,15 +89,15 @@ def served(
     run(main(), VirtualClock())
 
 
-def test_a_picture_comes_whole_and_the_session_is_closed() -> None:
-    async def body(server: Server, fetch: Callable[[str], Awaitable[bytes]]) -> None:
-        assert await fetch("mftp:///DCIM/1.jpg") == PICTURE
-        assert await fetch("mftp://[;comp=100]/DCIM/1.jpg") == PICTURE
-        assert await fetch("mftp:///empty.jpg") == b""
-        await asyncio.sleep(1.0)
-        assert server.open == {}
-
-    served(body)
+@by(served)
+async def test_a_picture_comes_whole_and_the_session_is_closed(
+    server: Server, fetch: Callable[[str], Awaitable[bytes]], /
+) -> None:
+    assert await fetch("mftp:///DCIM/1.jpg") == PICTURE
+    assert await fetch("mftp://[;comp=100]/DCIM/1.jpg") == PICTURE
+    assert await fetch("mftp:///empty.jpg") == b""
+    await asyncio.sleep(1.0)
+    assert server.open == {}
 
 
 def test_over_a_link_that_loses_a_fifth() -> None:
@@ -116,13 +117,13 @@ def test_over_a_link_that_loses_a_fifth() -> None:
         ("mftp:///\x1b[2J", "it names no file"),
     ],
 )
-def test_what_cannot_be_fetched_is_a_link_error(url: str, reason: str) -> None:
-    async def body(server: Server, fetch: Callable[[str], Awaitable[bytes]]) -> None:
-        with pytest.raises(LinkError, match=f"cannot be fetched: {reason}") as raised:
-            await fetch(url)
-        assert str(raised.value).isprintable()
-
-    served(body)
+@by(served)
+async def test_what_cannot_be_fetched_is_a_link_error(
+    server: Server, fetch: Callable[[str], Awaitable[bytes]], /, url: str, reason: str
+) -> None:
+    with pytest.raises(LinkError, match=f"cannot be fetched: {reason}") as raised:
+        await fetch(url)
+    assert str(raised.value).isprintable()
 
 
 def test_silence_ends_the_wait() -> None:
@@ -134,8 +135,8 @@ def test_silence_ends_the_wait() -> None:
     served(body, lambda: True)
 
 
-def test_other_addresses_go_by_http() -> None:
-    async def body(server: Server, fetch: Callable[[str], Awaitable[bytes]]) -> None:
-        assert await fetch("http://127.0.0.1/1.jpg") == b"http://127.0.0.1/1.jpg"
-
-    served(body)
+@by(served)
+async def test_other_addresses_go_by_http(
+    server: Server, fetch: Callable[[str], Awaitable[bytes]], /
+) -> None:
+    assert await fetch("http://127.0.0.1/1.jpg") == b"http://127.0.0.1/1.jpg"

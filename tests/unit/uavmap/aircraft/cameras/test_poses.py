@@ -18,6 +18,7 @@ from missions.geo.grid import Grid
 from missions.units import LatLon, Pose, Quaternion
 from sitl.camera.pinhole import CameraSpec
 from tests.support.mavlink_peer import Peer, heartbeat
+from tests.support.running import by, on_virtual_time
 from tests.unit.uavmap.aircraft.cameras.conformance import (
     LATENCY_S,
     folder_bench,
@@ -118,23 +119,20 @@ def test_in_a_turn_between_two_messages() -> None:
     assert max(errors_deg) < 0.1
 
 
-def test_what_a_camera_tells_comes_first() -> None:
+@by(flown)
+async def test_what_a_camera_tells_comes_first(peer: Peer, poses: Poses, /) -> None:
     place, height_m, turned = truth(2.0)
     told = ToldPose(place, height_m, turned)
-
-    async def body(peer: Peer, poses: Poses) -> None:
-        taken_s = asyncio.get_running_loop().time()
-        assert await poses.of(Announcement("a", taken_s, nothing, told=told)) == Pose(
-            place, height_m, turned
-        )
-        assert poses.streams == {}  # nothing was asked for
-        half = ToldPose(place, height_m, None)
-        pose = await poses.of(Announcement("a", taken_s, nothing, told=half))
-        assert (pose.position, pose.height_m) == (place, height_m)
-        assert angle_deg(pose.attitude, Mount(yaw_deg=90.0).attitude(turned)) < 0.1
-        assert poses.streams == {mav.MAVLINK_MSG_ID_ATTITUDE: 10.0}
-
-    flown(body)
+    taken_s = asyncio.get_running_loop().time()
+    assert await poses.of(Announcement("a", taken_s, nothing, told=told)) == Pose(
+        place, height_m, turned
+    )
+    assert poses.streams == {}  # nothing was asked for
+    half = ToldPose(place, height_m, None)
+    pose = await poses.of(Announcement("a", taken_s, nothing, told=half))
+    assert (pose.position, pose.height_m) == (place, height_m)
+    assert angle_deg(pose.attitude, Mount(yaw_deg=90.0).attitude(turned)) < 0.1
+    assert poses.streams == {mav.MAVLINK_MSG_ID_ATTITUDE: 10.0}
 
 
 @pytest.mark.parametrize(
@@ -190,48 +188,43 @@ def test_a_plate_that_is_not_level() -> None:
 
 
 # --- the time of a file ----------------------------------------------------------------------
-def test_a_camera_that_writes_irregularly_is_dated_by_its_own_clock(tmp_path) -> None:
+@by(on_virtual_time)
+async def test_a_camera_that_writes_irregularly_is_dated_by_its_own_clock(tmp_path) -> None:
     """EXIF time with parts of a second: the delay of each file does not matter."""
     camera_ahead_s = 1_790_000_000.25
-
-    async def main() -> None:
-        async with folder_bench(tmp_path) as bench:
-            loop = asyncio.get_running_loop()
-            await bench.source.start(1.0, 0)
-            times = []
-            for number, late_s in enumerate((0.0, 0.9, 0.3, 0.9, 0.1, 0.7)):
-                times.append(loop.time())
-                stamp = datetime.fromtimestamp(loop.time() + camera_ahead_s, UTC)
-                exif = Image.Exif()
-                detail = exif.get_ifd(ExifTags.IFD.Exif)
-                detail[ExifTags.Base.DateTimeOriginal] = stamp.strftime("%Y:%m:%d %H:%M:%S")
-                detail[ExifTags.Base.SubsecTimeOriginal] = f"{stamp.microsecond // 1000:03}"
-                path = bench.hardware.folder / f"{number}.jpg"
-                loop.call_later(LATENCY_S + late_s, path.write_bytes, jpeg(number, exif))
-                await asyncio.sleep(1.0)
-            await asyncio.sleep(2.0)
-            assert len(bench.heard) == 6
-            for picture, exposed_s in zip(bench.heard, times, strict=True):
-                assert picture.taken_s == pytest.approx(exposed_s, abs=0.05)
-
-    run(main(), VirtualClock())
+    async with folder_bench(tmp_path) as bench:
+        loop = asyncio.get_running_loop()
+        await bench.source.start(1.0, 0)
+        times = []
+        for number, late_s in enumerate((0.0, 0.9, 0.3, 0.9, 0.1, 0.7)):
+            times.append(loop.time())
+            stamp = datetime.fromtimestamp(loop.time() + camera_ahead_s, UTC)
+            exif = Image.Exif()
+            detail = exif.get_ifd(ExifTags.IFD.Exif)
+            detail[ExifTags.Base.DateTimeOriginal] = stamp.strftime("%Y:%m:%d %H:%M:%S")
+            detail[ExifTags.Base.SubsecTimeOriginal] = f"{stamp.microsecond // 1000:03}"
+            path = bench.hardware.folder / f"{number}.jpg"
+            loop.call_later(LATENCY_S + late_s, path.write_bytes, jpeg(number, exif))
+            await asyncio.sleep(1.0)
+        await asyncio.sleep(2.0)
+        assert len(bench.heard) == 6
+        for picture, exposed_s in zip(bench.heard, times, strict=True):
+            assert picture.taken_s == pytest.approx(exposed_s, abs=0.05)
 
 
-def test_a_feedback_that_was_lost_costs_its_picture_and_no_other(tmp_path) -> None:
-    async def main() -> None:
-        async with triggered_bench(tmp_path) as bench:
-            await bench.source.start(1.0, 0)
-            await bench.shoot(2)
-            feed = bench.hardware.peer.say
-            bench.hardware.peer.say = lambda *messages, **how: None
-            times = await bench.shoot(1, first=2)
-            bench.hardware.peer.say = feed
-            times = await bench.shoot(3, first=3)
-            await asyncio.sleep(7.0)
-            assert len(bench.heard) == 5
-            assert await bench.load() == [True] * 5
-            assert [p.name[-5] for p in bench.heard] == ["0", "1", "3", "4", "5"]
-            assert [p.taken_s for p in bench.heard[2:]] == pytest.approx(times, abs=0.05)
-            assert any("no CAMERA_FEEDBACK of its time" in line for line in bench.told)
-
-    run(main(), VirtualClock())
+@by(on_virtual_time)
+async def test_a_feedback_that_was_lost_costs_its_picture_and_no_other(tmp_path) -> None:
+    async with triggered_bench(tmp_path) as bench:
+        await bench.source.start(1.0, 0)
+        await bench.shoot(2)
+        feed = bench.hardware.peer.say
+        bench.hardware.peer.say = lambda *messages, **how: None
+        times = await bench.shoot(1, first=2)
+        bench.hardware.peer.say = feed
+        times = await bench.shoot(3, first=3)
+        await asyncio.sleep(7.0)
+        assert len(bench.heard) == 5
+        assert await bench.load() == [True] * 5
+        assert [p.name[-5] for p in bench.heard] == ["0", "1", "3", "4", "5"]
+        assert [p.taken_s for p in bench.heard[2:]] == pytest.approx(times, abs=0.05)
+        assert any("no CAMERA_FEEDBACK of its time" in line for line in bench.told)

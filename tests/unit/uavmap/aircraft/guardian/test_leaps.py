@@ -14,6 +14,7 @@ from missions.geo.geodesy import LocalPlane
 from missions.orders import FlyTo, TakeOff
 from missions.units import GridPoint, LatLon
 from tests.support.flights import Flight, fly
+from tests.support.running import by
 from uavmap.aircraft.guardian.position_jumps import Leaps
 
 PLANE = LocalPlane(LatLon(47.3, 8.5))
@@ -70,25 +71,22 @@ def test_after_a_gap_or_a_restart_nothing_can_be_said() -> None:
 
 
 @pytest.mark.parametrize("metres", [25.0, 50.0])
-def test_a_glitch_in_flight_ends_the_order(metres: float) -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.give(FlyTo((GridPoint(30.0, 20.0),), None, stop=True, height_m=UP_M))
-        await asyncio.sleep(3.0)
-        flight.vehicle.fail.gps_glitch(metres=metres, toward_deg=90.0)
-        failed = await flight.sees(OrderFailed, within_s=3.0)
-        assert "satellite navigation is not to be trusted" in failed.reason
-
-    fly(body)
+@by(fly)
+async def test_a_glitch_in_flight_ends_the_order(flight: Flight, /, metres: float) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(FlyTo((GridPoint(30.0, 20.0),), None, stop=True, height_m=UP_M))
+    await asyncio.sleep(3.0)
+    flight.vehicle.fail.gps_glitch(metres=metres, toward_deg=90.0)
+    failed = await flight.sees(OrderFailed, within_s=3.0)
+    assert "satellite navigation is not to be trusted" in failed.reason
 
 
 @pytest.mark.parametrize("gust_m_s", [8.0, 20.0])
-def test_a_gust_is_no_leap(gust_m_s: float) -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.give(FlyTo((GridPoint(30.0, 20.0),), None, stop=True, height_m=UP_M))
-        await asyncio.sleep(3.0)
-        flight.vehicle.fail.wind_gust(m_s=gust_m_s, for_s=2.0)
-        await asyncio.sleep(10.0)
-
-    assert not [e for e in fly(body).seen(OrderFailed) if "leapt" in e.reason]
+@by(fly)
+async def test_a_gust_is_no_leap(flight: Flight, /, gust_m_s: float) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(FlyTo((GridPoint(30.0, 20.0),), None, stop=True, height_m=UP_M))
+    await asyncio.sleep(3.0)
+    flight.vehicle.fail.wind_gust(m_s=gust_m_s, for_s=2.0)
+    await asyncio.sleep(10.0)
+    assert not [e for e in flight.seen(OrderFailed) if "leapt" in e.reason]

@@ -7,6 +7,7 @@ import asyncio
 import pytest
 
 from missions.errors import AircraftError, JournalError
+from tests.support.running import by, on_virtual_time
 from uavmap.aircraft.guardian.last_watch import watched_over
 from uavmap.base.clock import VirtualClock, run
 
@@ -116,24 +117,21 @@ def test_a_guardian_that_fails_ends_the_mission_loudly() -> None:
         run(watched_over([Broken()], asyncio.Event().wait(), leave=True), VirtualClock())
 
 
-def test_a_third_interruption_still_has_the_aircraft_named() -> None:
+@by(on_virtual_time)
+async def test_a_third_interruption_still_has_the_aircraft_named() -> None:
     class Slow(Kept):
         async def leave(self, reason: str) -> None:
             await super().leave(reason)
             await asyncio.sleep(15.0)
 
     kept = [Slow(fate="left to its autopilot in RTL")]
-
-    async def main() -> None:
-        flying = asyncio.ensure_future(watched_over(kept, asyncio.Event().wait(), leave=True))
-        for _ in range(2):
-            await asyncio.sleep(5.0)
-            flying.cancel()
-        with pytest.raises(AircraftError, match="vehicle 1: left to its autopilot in RTL"):
-            await flying
-        assert asyncio.get_running_loop().time() == pytest.approx(10.0)
-
-    run(main(), VirtualClock())
+    flying = asyncio.ensure_future(watched_over(kept, asyncio.Event().wait(), leave=True))
+    for _ in range(2):
+        await asyncio.sleep(5.0)
+        flying.cancel()
+    with pytest.raises(AircraftError, match="vehicle 1: left to its autopilot in RTL"):
+        await flying
+    assert asyncio.get_running_loop().time() == pytest.approx(10.0)
 
 
 def test_a_bug_keeps_its_traceback_and_names_who_is_not_at_home() -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from missions.errors import LinkError
+from tests.support.ports import free_port
 from uavmap.aircraft.imaging import http_pictures
 from uavmap.aircraft.imaging.http_pictures import PictureFetcher
 from uavmap.base.clock import ScaledClock, run
@@ -186,11 +187,8 @@ def test_nobody_is_heard_yet() -> None:
 
 
 def test_nobody_there() -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
     with pytest.raises(LinkError, match="cannot be fetched"):
-        fetch(f"http://127.0.0.1:{port}/0.jpg")
+        fetch(f"http://127.0.0.1:{free_port()}/0.jpg")
 
 
 @pytest.mark.parametrize("head", [b"", OK, OK + b"\r\n", OK + b"Content-Length: 9000\r\n\r\n"])

@@ -98,16 +98,6 @@ def test_a_radio_is_stated_and_bounds_are_not(capsys: pytest.CaptureFixture[str]
     assert "eden:40:3, 3 robots, range:3,loss:0.5" in capsys.readouterr().out
 
 
-def test_free_is_shared(capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["simulate", "--roi", "eden:40:3", "--robots", 3, "--json", "--comms"]
-    free, shared = (printed(capsys, *arguments, comms) for comms in ("free", "shared"))
-    for values in (free, shared):
-        for row in (*values["rois"], values["means"]):
-            assert all(row.pop(key) > 0.0 for key in TIMES)
-    assert free == shared
-    assert shared["means"]["bound_held"]
-
-
 def test_a_film_of_robots_with_a_radio(tmp_path: Path) -> None:
     film = tmp_path / "film.gif"
     arguments = ["simulate", "--roi", "eden:12:3", "--robots", "2", "--comms", "range:1,delay:2"]
@@ -165,9 +155,7 @@ def test_an_interruption_prints_what_is_done(
         (["--roi", "eden:9:1", "--drift", "0.1"], "V,DEG"),
         (["--roi", "x.json", "--start", "here"], "LAT,LON"),
         (["--roi", "eden:9:1", "--comms", "radio"], "'radio' is none of shared, free, meeting"),
-        (["--roi", "eden:9:1", "--comms", "range:far"], "a distance in cells"),
         (["--roi", "eden:9:1", "--comms", "free,loss:2"], "--comms free,loss:2: loss:2 is above 1"),
-        (["--roi", "eden:9:1", "--comms", "meeting,loss:0.1"], "write meeting alone"),
         (["--roi", "eden:9:1", "--comms", "free,apart:1-2:3"], "robot 3 is none of 1 to 1"),
         (["--roi", "eden:9:1", "--comms", "range:3", "--seed", "2"], "or for --comms with a loss"),
         (

@@ -247,8 +247,12 @@ FAULTS: dict[str, tuple[Maker, str]] = {
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_what_is_wrong_is_told_in_a_line(fault: str, tmp_path: Path) -> None:
-    make, expected = FAULTS[fault]
-    path = make(tmp_path)
+    assert_refused(*FAULTS[fault], tmp_path)
+
+
+def assert_refused(make: Maker, expected: str, folder: Path) -> None:
+    """Reading a file is an error of one line, which names the file."""
+    path = make(folder)
     with pytest.raises(AreaError) as error:
         read_area_file(str(path))
     said = str(error.value)

@@ -4,17 +4,15 @@ followed, and no entity resolved."""
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import shapely
 
-from missions.errors import AreaError
 from tests.support import area_files as files
 from tests.support.area_files import FIELD, POND, kml, placemark, saved, zipped
 from tests.support.area_files_of_tools import STRUCTURE, by_gdal, gpx
-from tests.unit.uavmap.load.areas.test_area_faults import Maker, plan, text
+from tests.unit.uavmap.load.areas.test_area_faults import Maker, assert_refused, plan, text
 from uavmap.load.areas.reading import read_area_file
 
 SECRET = "13.1,52.1 13.2,52.1 13.2,52.2"
@@ -139,16 +137,7 @@ REFUSED: dict[str, tuple[Maker, str]] = {
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_it_is_refused_in_a_line_that_helps(case: str, tmp_path: Path) -> None:
-    make: Callable[[Path], Path]
-    make, expected = REFUSED[case]
-    path = make(tmp_path)
-    with pytest.raises(AreaError) as error:
-        read_area_file(str(path))
-    said = str(error.value)
-    assert expected in said
-    assert path.name in said
-    assert "\n" not in said
-    assert len(said) < 500 + len(str(path))
+    assert_refused(*REFUSED[case], tmp_path)
 
 
 def test_ways_that_are_left_out_are_told(tmp_path: Path) -> None:

@@ -19,9 +19,10 @@ from missions.errors import LinkError
 from missions.mission.schema import CameraSection
 from tests.support.mavlink_peer import Peer, heartbeat
 from tests.support.plans import plan_of
+from tests.support.ports import free_port
+from tests.support.running import by, in_real_time, on_virtual_time
 from tests.support.said import Said
 from uavmap.aircraft.cameras.spec import parse_camera
-from uavmap.base.clock import VirtualClock, run
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.load.mission_source import load
 from uavmap.mavlink.commands import MavlinkCommands
@@ -134,14 +135,8 @@ async def received(link: socket.socket, least: int = 1) -> bytes:
     return data
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
-        link.bind((LOOPBACK, 0))
-        return int(link.getsockname()[1])
-
-
 def test_not_a_byte_is_changed_either_way() -> None:
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     vehicle, ground = sockets(2)
 
     async def body() -> None:
@@ -208,18 +203,16 @@ def test_a_stations_frames_go_to_whom_they_are_for() -> None:
     assert both.sent == [FRAMES[0]]  # once, though two vehicles are behind it
 
 
-def test_a_station_that_does_not_read_holds_up_nobody() -> None:
-    async def body() -> None:
-        server = socket.create_server((LOOPBACK, 0))  # whose connections nobody reads
-        url = parse_url(f"tcpout://{LOOPBACK}:{server.getsockname()[1]}")
-        async with open_transport(url, lambda data: False) as station:
-            for _ in range(200_000):
-                station.send(FRAMES[0] * 10)
-            tcp: Any = station
-            assert tcp._transport.get_write_buffer_size() <= MOST_UNSENT_TCP + 1000
-        server.close()
-
-    asyncio.run(body())
+@by(in_real_time)
+async def test_a_station_that_does_not_read_holds_up_nobody() -> None:
+    server = socket.create_server((LOOPBACK, 0))  # whose connections nobody reads
+    url = parse_url(f"tcpout://{LOOPBACK}:{server.getsockname()[1]}")
+    async with open_transport(url, lambda data: False) as station:
+        for _ in range(200_000):
+            station.send(FRAMES[0] * 10)
+        tcp: Any = station
+        assert tcp._transport.get_write_buffer_size() <= MOST_UNSENT_TCP + 1000
+    server.close()
 
 
 def test_a_full_serial_port_holds_up_nobody_and_is_written_when_it_can() -> None:
@@ -252,7 +245,7 @@ def test_a_full_serial_port_holds_up_nobody_and_is_written_when_it_can() -> None
 # --- one port, several vehicles ----------------------------------------------------------------
 @pytest.mark.parametrize("routed", [True, False], ids=["a router", "each its own address"])
 def test_one_port_serves_several_vehicles(routed: bool, said: Said) -> None:
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     first, second = sockets(2)
     if routed:
         second.close()
@@ -281,16 +274,14 @@ def test_one_port_serves_several_vehicles(routed: bool, said: Said) -> None:
         link.close()
 
 
-def test_another_system_than_the_one_that_is_meant_is_not_taken() -> None:
-    async def body() -> None:
-        session = Session(lambda data: None, lambda data: None)
-        session.view.wanted_system = 2
-        session.feed(frame(heartbeat(), 1))
-        assert session.view.system_id == 0
-        session.feed(frame(heartbeat(), 2))
-        assert session.view.system_id == 2
-
-    run(body(), VirtualClock())
+@by(on_virtual_time)
+async def test_another_system_than_the_one_that_is_meant_is_not_taken() -> None:
+    session = Session(lambda data: None, lambda data: None)
+    session.view.wanted_system = 2
+    session.feed(frame(heartbeat(), 1))
+    assert session.view.system_id == 0
+    session.feed(frame(heartbeat(), 2))
+    assert session.view.system_id == 2
 
 
 @pytest.mark.parametrize(
@@ -321,24 +312,21 @@ def ours_says(process: int) -> bytes:
 
 
 @pytest.mark.parametrize(("heard", "refused"), [(7, False), (8, True), (None, False)])
-def test_another_uavmap_on_the_vehicle_is_refused(heard: int | None, refused: bool) -> None:
+@by(on_virtual_time)
+async def test_another_uavmap_on_the_vehicle_is_refused(heard: int | None, refused: bool) -> None:
     peer = Peer()
     peer.session.process_number = 7
     link = Link("udpin://0.0.0.0:1", peer.session, _no_pictures, MavlinkCommands(peer.session))
-
-    async def body() -> None:
-        peer.say(heartbeat())
-        await asyncio.sleep(0.1)
-        if heard is not None:
-            asyncio.get_running_loop().call_later(0.5, peer.session.feed, ours_says(heard))
-        if refused:
-            with pytest.raises(LinkError, match="another uavmap flies this vehicle"):
-                await refuse_rivals([link], 1.5)
-        else:
+    peer.say(heartbeat())
+    await asyncio.sleep(0.1)
+    if heard is not None:
+        asyncio.get_running_loop().call_later(0.5, peer.session.feed, ours_says(heard))
+    if refused:
+        with pytest.raises(LinkError, match="another uavmap flies this vehicle"):
             await refuse_rivals([link], 1.5)
-            assert asyncio.get_running_loop().time() < 1.7
-
-    run(body(), VirtualClock())
+    else:
+        await refuse_rivals([link], 1.5)
+        assert asyncio.get_running_loop().time() < 1.7
 
 
 async def _no_pictures(url: str) -> bytes:

@@ -16,18 +16,13 @@ from typing import Any
 import pytest
 
 from missions.errors import LinkError
+from tests.support.ports import free_port
+from tests.support.running import by
 from uavmap.mavlink.links import serial_port, transports
 from uavmap.mavlink.links.transports import open_transport
 from uavmap.mavlink.links.urls import Endpoint, parse_url
 
 SOON_S = 120.0
-
-
-def free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 class Ear:
@@ -68,23 +63,20 @@ def on_loop(body: Callable[[], Coroutine[Any, Any, None]]) -> None:
 @pytest.mark.parametrize(
     ("there", "kind"), [("udp", socket.SOCK_DGRAM), ("tcp", socket.SOCK_STREAM)]
 )
-def test_in_and_out_speak_to_each_other(there: str, kind: socket.SocketKind) -> None:
+@by(on_loop)
+async def test_in_and_out_speak_to_each_other(there: str, kind: socket.SocketKind) -> None:
     port = free_port(kind)
-
-    async def body() -> None:
-        at_home, outside = Ear(), Ear()
-        listening = parse_url(f"{there}in://127.0.0.1:{port}")
-        calling = parse_url(f"{there}out://127.0.0.1:{port}")
-        async with open_transport(listening, at_home) as server:
-            server.send(b"nobody is there yet")
-            async with open_transport(calling, outside) as client:
-                client.send(b"hello")
-                await at_home.hears(b"hello")
-                server.send(b"and hello")
-                await outside.hears(b"and hello")
-                assert b"nobody" not in outside.data
-
-    on_loop(body)
+    at_home, outside = Ear(), Ear()
+    listening = parse_url(f"{there}in://127.0.0.1:{port}")
+    calling = parse_url(f"{there}out://127.0.0.1:{port}")
+    async with open_transport(listening, at_home) as server:
+        server.send(b"nobody is there yet")
+        async with open_transport(calling, outside) as client:
+            client.send(b"hello")
+            await at_home.hears(b"hello")
+            server.send(b"and hello")
+            await outside.hears(b"and hello")
+            assert b"nobody" not in outside.data
 
 
 class Told:
@@ -105,132 +97,120 @@ class Told:
                 await self._more.wait()
 
 
-def test_a_listening_udp_socket_keeps_to_whom_it_first_heard_as_a_vehicle(
+@by(on_loop)
+async def test_a_listening_udp_socket_keeps_to_whom_it_first_heard_as_a_vehicle(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     port = free_port(socket.SOCK_DGRAM)
+    ear, told, first, second = Ear(), Told(), Ear(), Ear()
+    url = parse_url(f"udpout://127.0.0.1:{port}")
+    listening = parse_url(f"udpin://127.0.0.1:{port}")
+    async with (
+        open_transport(listening, ear, told) as server,
+        open_transport(url, first) as one,
+        open_transport(url, second) as two,
+    ):
+        two.send(b"?noise")  # somebody, but no vehicle
+        await ear.hears(b"?noise")
+        assert server.peer_host is None
+        one.send(b"one")
+        await ear.hears(b"one")
+        assert server.peer_host == "127.0.0.1"
+        for _ in range(3):
+            two.send(b"stranger")
+        await told.tells("speaks too")
+        one.send(b"again")
+        await ear.hears(b"again")
+        assert b"stranger" not in ear.data
+        server.send(b"answer")
+        await first.hears(b"answer")
+        monkeypatch.setattr(transports, "PEER_SILENT_S", 0.0)  # as if the first fell silent
+        two.send(b"?no vehicle of ours")
+        await ear.hears(b"of ours")
+        server.send(b"still")
+        await first.hears(b"still")
+        two.send(b"successor")
+        await ear.hears(b"successor")
+        await told.tells("the vehicle is heard from")
+        server.send(b"more")
+        await second.hears(b"more")
+        assert first.data == b"answerstill"
+    assert len(told.lines) == 2  # a stranger is named once
 
-    async def body() -> None:
-        ear, told, first, second = Ear(), Told(), Ear(), Ear()
-        url = parse_url(f"udpout://127.0.0.1:{port}")
-        listening = parse_url(f"udpin://127.0.0.1:{port}")
-        async with (
-            open_transport(listening, ear, told) as server,
-            open_transport(url, first) as one,
-            open_transport(url, second) as two,
-        ):
-            two.send(b"?noise")  # somebody, but no vehicle
-            await ear.hears(b"?noise")
-            assert server.peer_host is None
+
+@by(on_loop)
+async def test_a_named_udp_peer_is_never_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(transports, "PEER_SILENT_S", 0.0)
+    ear, told, loop = Ear(), Told(), asyncio.get_running_loop()
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger,
+    ):
+        for end in (peer, stranger):
+            end.bind(("127.0.0.1", 0))
+            end.setblocking(False)
+        url = parse_url(f"udpout://127.0.0.1:{peer.getsockname()[1]}")
+        async with open_transport(url, ear, told) as ours, asyncio.timeout(SOON_S):
+            ours.send(b"hello")
+            _, address = await loop.sock_recvfrom(peer, 64)
+            stranger.sendto(b"I am your vehicle", address)
+            await told.tells("speaks too, and is not heard")
+            peer.sendto(b"and here I am", address)
+            await ear.hears(b"and here I am")
+            ours.send(b"a command")
+            assert await loop.sock_recv(peer, 64) == b"a command"
+            with pytest.raises(BlockingIOError):
+                stranger.recv(64)
+            assert b"your vehicle" not in ear.data
+            assert ours.peer_host == "127.0.0.1"
+
+
+@by(on_loop)
+async def test_many_strangers_are_not_all_told_of() -> None:
+    port = free_port(socket.SOCK_DGRAM)
+    ear, told = Ear(), Told()
+    url = parse_url(f"udpin://127.0.0.1:{port}")
+    async with (
+        open_transport(url, ear, told),
+        open_transport(parse_url(f"udpout://127.0.0.1:{port}"), Ear()) as vehicle,
+    ):
+        vehicle.send(b"vehicle")
+        await ear.hears(b"vehicle")
+        for _ in range(transports.MOST_STRANGERS + 20):
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+                stranger.sendto(b"stranger", ("127.0.0.1", port))
+        vehicle.send(b"last")
+        await ear.hears(b"last")
+        assert 10 <= len(told.lines) <= transports.MOST_STRANGERS
+
+
+@by(on_loop)
+async def test_a_tcp_server_refuses_a_second_client_while_it_has_one() -> None:
+    port = free_port(socket.SOCK_STREAM)
+    ear, told, first = Ear(), Told(), Ear()
+    calling = parse_url(f"tcpout://127.0.0.1:{port}")
+    async with open_transport(parse_url(f"tcpin://127.0.0.1:{port}"), ear, told) as server:
+        async with open_transport(calling, first) as one:
             one.send(b"one")
             await ear.hears(b"one")
-            assert server.peer_host == "127.0.0.1"
             for _ in range(3):
-                two.send(b"stranger")
-            await told.tells("speaks too")
-            one.send(b"again")
-            await ear.hears(b"again")
-            assert b"stranger" not in ear.data
+                reader, writer = await asyncio.open_connection("127.0.0.1", port)
+                writer.write(b"stranger")
+                try:
+                    async with asyncio.timeout(SOON_S):
+                        assert await reader.read() == b""
+                except ConnectionError:
+                    pass  # reset: refused as well
+                writer.close()
             server.send(b"answer")
             await first.hears(b"answer")
-            monkeypatch.setattr(transports, "PEER_SILENT_S", 0.0)  # as if the first fell silent
-            two.send(b"?no vehicle of ours")
-            await ear.hears(b"of ours")
-            server.send(b"still")
-            await first.hears(b"still")
-            two.send(b"successor")
-            await ear.hears(b"successor")
-            await told.tells("the vehicle is heard from")
-            server.send(b"more")
-            await second.hears(b"more")
-            assert first.data == b"answerstill"
-        assert len(told.lines) == 2  # a stranger is named once
-
-    on_loop(body)
-
-
-def test_a_named_udp_peer_is_never_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(transports, "PEER_SILENT_S", 0.0)
-
-    async def body() -> None:
-        ear, told, loop = Ear(), Told(), asyncio.get_running_loop()
-        with (
-            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer,
-            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger,
-        ):
-            for end in (peer, stranger):
-                end.bind(("127.0.0.1", 0))
-                end.setblocking(False)
-            url = parse_url(f"udpout://127.0.0.1:{peer.getsockname()[1]}")
-            async with open_transport(url, ear, told) as ours, asyncio.timeout(SOON_S):
-                ours.send(b"hello")
-                _, address = await loop.sock_recvfrom(peer, 64)
-                stranger.sendto(b"I am your vehicle", address)
-                await told.tells("speaks too, and is not heard")
-                peer.sendto(b"and here I am", address)
-                await ear.hears(b"and here I am")
-                ours.send(b"a command")
-                assert await loop.sock_recv(peer, 64) == b"a command"
-                with pytest.raises(BlockingIOError):
-                    stranger.recv(64)
-                assert b"your vehicle" not in ear.data
-                assert ours.peer_host == "127.0.0.1"
-
-    on_loop(body)
-
-
-def test_many_strangers_are_not_all_told_of() -> None:
-    port = free_port(socket.SOCK_DGRAM)
-
-    async def body() -> None:
-        ear, told = Ear(), Told()
-        url = parse_url(f"udpin://127.0.0.1:{port}")
-        async with (
-            open_transport(url, ear, told),
-            open_transport(parse_url(f"udpout://127.0.0.1:{port}"), Ear()) as vehicle,
-        ):
-            vehicle.send(b"vehicle")
-            await ear.hears(b"vehicle")
-            for _ in range(transports.MOST_STRANGERS + 20):
-                with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-                    stranger.sendto(b"stranger", ("127.0.0.1", port))
-            vehicle.send(b"last")
-            await ear.hears(b"last")
-            assert 10 <= len(told.lines) <= transports.MOST_STRANGERS
-
-    on_loop(body)
-
-
-def test_a_tcp_server_refuses_a_second_client_while_it_has_one() -> None:
-    port = free_port(socket.SOCK_STREAM)
-
-    async def body() -> None:
-        ear, told, first = Ear(), Told(), Ear()
-        calling = parse_url(f"tcpout://127.0.0.1:{port}")
-        async with open_transport(parse_url(f"tcpin://127.0.0.1:{port}"), ear, told) as server:
-            async with open_transport(calling, first) as one:
-                one.send(b"one")
-                await ear.hears(b"one")
-                for _ in range(3):
-                    reader, writer = await asyncio.open_connection("127.0.0.1", port)
-                    writer.write(b"stranger")
-                    try:
-                        async with asyncio.timeout(SOON_S):
-                            assert await reader.read() == b""
-                    except ConnectionError:
-                        pass  # reset: refused as well
-                    writer.close()
-                server.send(b"answer")
-                await first.hears(b"answer")
-                one.send(b"again")
-                await ear.hears(b"again")
-            assert b"stranger" not in ear.data
-            assert len(told.lines) == 1
-            assert "127.0.0.1 wants to connect too, and is refused" in told.lines[0]
-            await taken(port, ear)  # the first has gone: the next is welcome
-            assert server.peer_host is None or server.peer_host == "127.0.0.1"
-
-    on_loop(body)
+            one.send(b"again")
+            await ear.hears(b"again")
+        assert b"stranger" not in ear.data
+        assert len(told.lines) == 1
+        assert "127.0.0.1 wants to connect too, and is refused" in told.lines[0]
+        await taken(port, ear)  # the first has gone: the next is welcome
+        assert server.peer_host is None or server.peer_host == "127.0.0.1"
 
 
 async def taken(port: int, ear: Ear) -> None:
@@ -244,26 +224,23 @@ async def taken(port: int, ear: Ear) -> None:
                     await asyncio.sleep(0.01)
 
 
-def test_sending_where_nobody_listens_is_no_error() -> None:
+@by(on_loop)
+async def test_sending_where_nobody_listens_is_no_error() -> None:
     udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
-
-    async def body() -> None:
-        async with open_transport(parse_url(f"udpout://127.0.0.1:{udp}"), Ear()) as transport:
-            for _ in range(5):
-                transport.send(b"anybody?")
-                await asyncio.sleep(0.005)
-        heard, ear = Ear(), Ear()
-        async with (
-            open_transport(parse_url(f"tcpin://127.0.0.1:{tcp}"), heard),
-            open_transport(parse_url(f"tcpout://127.0.0.1:{tcp}"), ear) as transport,
-        ):
-            transport.send(b"x")
-            await heard.hears(b"x")
-        for _ in range(5):  # its end is gone
+    async with open_transport(parse_url(f"udpout://127.0.0.1:{udp}"), Ear()) as transport:
+        for _ in range(5):
             transport.send(b"anybody?")
             await asyncio.sleep(0.005)
-
-    on_loop(body)
+    heard, ear = Ear(), Ear()
+    async with (
+        open_transport(parse_url(f"tcpin://127.0.0.1:{tcp}"), heard),
+        open_transport(parse_url(f"tcpout://127.0.0.1:{tcp}"), ear) as transport,
+    ):
+        transport.send(b"x")
+        await heard.hears(b"x")
+    for _ in range(5):  # its end is gone
+        transport.send(b"anybody?")
+        await asyncio.sleep(0.005)
 
 
 @pytest.mark.parametrize(
@@ -276,29 +253,24 @@ def test_sending_where_nobody_listens_is_no_error() -> None:
     ],
     ids=["tcpout", "udpin", "tcpin", "serial"],
 )
-def test_what_cannot_be_opened_is_a_link_error_that_names_it(url: str) -> None:
-    async def body() -> None:
-        with pytest.raises(LinkError) as caught:
-            async with open_transport(parse_url(url), Ear()):
-                pass
-        assert url in str(caught.value)
-        assert "cannot be opened" in str(caught.value)
-        assert "\n" not in str(caught.value)
-
-    on_loop(body)
+@by(on_loop)
+async def test_what_cannot_be_opened_is_a_link_error_that_names_it(url: str) -> None:
+    with pytest.raises(LinkError) as caught:
+        async with open_transport(parse_url(url), Ear()):
+            pass
+    assert url in str(caught.value)
+    assert "cannot be opened" in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
-def test_two_cannot_listen_on_one_port() -> None:
+@by(on_loop)
+async def test_two_cannot_listen_on_one_port() -> None:
     port = free_port(socket.SOCK_DGRAM)
-
-    async def body() -> None:
-        url = parse_url(f"udpin://127.0.0.1:{port}")
-        async with open_transport(url, Ear()):
-            with pytest.raises(LinkError, match=str(port)):
-                async with open_transport(url, Ear()):
-                    pass
-
-    on_loop(body)
+    url = parse_url(f"udpin://127.0.0.1:{port}")
+    async with open_transport(url, Ear()):
+        with pytest.raises(LinkError, match=str(port)):
+            async with open_transport(url, Ear()):
+                pass
 
 
 def pseudo_terminal() -> tuple[int, str]:
@@ -309,132 +281,117 @@ def pseudo_terminal() -> tuple[int, str]:
     return master, name
 
 
-def test_serial_both_ways() -> None:
-    async def body() -> None:
-        master, name = pseudo_terminal()
-        ear, loop = Ear(), asyncio.get_running_loop()
-        every_byte = bytes(range(256))
-        try:
-            async with open_transport(Endpoint("serial", name, 57600), ear) as port:
-                os.write(master, every_byte)
-                await ear.hears(every_byte)
-                port.send(every_byte)
-                got = b""
-                while len(got) < 256:
-                    got += await loop.run_in_executor(None, os.read, master, 256)
-                assert got == every_byte
-        finally:
-            os.close(master)
-
-    on_loop(body)
-
-
-def test_a_serial_port_that_is_unplugged_raises_nothing() -> None:
-    async def body() -> None:
-        master, name = pseudo_terminal()
-        ear = Ear()
+@by(on_loop)
+async def test_serial_both_ways() -> None:
+    master, name = pseudo_terminal()
+    ear, loop = Ear(), asyncio.get_running_loop()
+    every_byte = bytes(range(256))
+    try:
         async with open_transport(Endpoint("serial", name, 57600), ear) as port:
-            os.write(master, b"frame")
-            await ear.hears(b"frame")
-            os.close(master)
-            for _ in range(5):
-                port.send(b"anybody?")
-                await asyncio.sleep(0.01)
-            assert ear.data == b"frame"
+            os.write(master, every_byte)
+            await ear.hears(every_byte)
+            port.send(every_byte)
+            got = b""
+            while len(got) < 256:
+                got += await loop.run_in_executor(None, os.read, master, 256)
+            assert got == every_byte
+    finally:
+        os.close(master)
 
-    on_loop(body)
+
+@by(on_loop)
+async def test_a_serial_port_that_is_unplugged_raises_nothing() -> None:
+    master, name = pseudo_terminal()
+    ear = Ear()
+    async with open_transport(Endpoint("serial", name, 57600), ear) as port:
+        os.write(master, b"frame")
+        await ear.hears(b"frame")
+        os.close(master)
+        for _ in range(5):
+            port.send(b"anybody?")
+            await asyncio.sleep(0.01)
+        assert ear.data == b"frame"
 
 
-def test_a_tcp_connection_that_ends_in_flight_is_made_again(
+@by(on_loop)
+async def test_a_tcp_connection_that_ends_in_flight_is_made_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(transports, "REOPEN_S", 0.01)
     port = free_port(socket.SOCK_STREAM)
-
-    async def body() -> None:
-        ear, vehicle, loop = Ear(), Ear(), asyncio.get_running_loop()
-        listening = parse_url(f"tcpin://127.0.0.1:{port}")
-        async with contextlib.AsyncExitStack() as stack:
-            server = contextlib.AsyncExitStack()
-            one = await server.enter_async_context(open_transport(listening, vehicle))
-            link = await stack.enter_async_context(
-                open_transport(parse_url(f"tcpout://127.0.0.1:{port}"), ear)
-            )
-            link.send(b"before")
-            await vehicle.hears(b"before")
-            one.send(b"here")
-            await ear.hears(b"here")
-            await server.aclose()  # the autopilot's end restarts
-            due_s = loop.time() + SOON_S
-            while link.peer_host is not None:
-                assert loop.time() < due_s
-                await asyncio.sleep(0.005)
-            link.send(b"to nobody")
-            again = await stack.enter_async_context(open_transport(listening, vehicle))
-            while link.peer_host is None:
-                assert loop.time() < due_s
-                await asyncio.sleep(0.005)
-            link.send(b"after")
-            await vehicle.hears(b"beforeafter")
-            again.send(b"too")
-            await ear.hears(b"heretoo")
-
-    on_loop(body)
+    ear, vehicle, loop = Ear(), Ear(), asyncio.get_running_loop()
+    listening = parse_url(f"tcpin://127.0.0.1:{port}")
+    async with contextlib.AsyncExitStack() as stack:
+        server = contextlib.AsyncExitStack()
+        one = await server.enter_async_context(open_transport(listening, vehicle))
+        link = await stack.enter_async_context(
+            open_transport(parse_url(f"tcpout://127.0.0.1:{port}"), ear)
+        )
+        link.send(b"before")
+        await vehicle.hears(b"before")
+        one.send(b"here")
+        await ear.hears(b"here")
+        await server.aclose()  # the autopilot's end restarts
+        due_s = loop.time() + SOON_S
+        while link.peer_host is not None:
+            assert loop.time() < due_s
+            await asyncio.sleep(0.005)
+        link.send(b"to nobody")
+        again = await stack.enter_async_context(open_transport(listening, vehicle))
+        while link.peer_host is None:
+            assert loop.time() < due_s
+            await asyncio.sleep(0.005)
+        link.send(b"after")
+        await vehicle.hears(b"beforeafter")
+        again.send(b"too")
+        await ear.hears(b"heretoo")
 
 
-def test_a_serial_port_that_is_plugged_in_again_goes_on(
+@by(on_loop)
+async def test_a_serial_port_that_is_plugged_in_again_goes_on(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(serial_port, "REOPEN_S", 0.01)
     plug = tmp_path / "ttyACM0"
-
-    async def body() -> None:
-        ear, loop = Ear(), asyncio.get_running_loop()
+    ear, loop = Ear(), asyncio.get_running_loop()
+    master, name = pseudo_terminal()
+    plug.symlink_to(name)
+    async with open_transport(Endpoint("serial", str(plug), 57600), ear) as port:
+        os.write(master, b"frame")
+        await ear.hears(b"frame")
+        plug.unlink()
+        os.close(master)
+        await asyncio.sleep(0.05)  # several tries in vain
+        port.send(b"anybody?")
         master, name = pseudo_terminal()
         plug.symlink_to(name)
-        async with open_transport(Endpoint("serial", str(plug), 57600), ear) as port:
-            os.write(master, b"frame")
-            await ear.hears(b"frame")
-            plug.unlink()
-            os.close(master)
-            await asyncio.sleep(0.05)  # several tries in vain
-            port.send(b"anybody?")
-            master, name = pseudo_terminal()
-            plug.symlink_to(name)
-            due_s = loop.time() + SOON_S
-            while b"again" not in ear.data:
-                assert loop.time() < due_s
-                os.write(master, b"again")
-                await asyncio.sleep(0.02)
-            port.send(b"here")
-            assert await loop.run_in_executor(None, os.read, master, 4) == b"here"
+        due_s = loop.time() + SOON_S
+        while b"again" not in ear.data:
+            assert loop.time() < due_s
+            os.write(master, b"again")
+            await asyncio.sleep(0.02)
+        port.send(b"here")
+        assert await loop.run_in_executor(None, os.read, master, 4) == b"here"
+    os.close(master)
+
+
+@by(on_loop)
+async def test_an_impossible_baud_rate_is_a_link_error() -> None:
+    master, name = pseudo_terminal()
+    try:
+        with pytest.raises(LinkError, match="cannot be opened"):
+            async with open_transport(Endpoint("serial", name, 10**12), Ear()):
+                pass
+    finally:
         os.close(master)
-
-    on_loop(body)
-
-
-def test_an_impossible_baud_rate_is_a_link_error() -> None:
-    async def body() -> None:
-        master, name = pseudo_terminal()
-        try:
-            with pytest.raises(LinkError, match="cannot be opened"):
-                async with open_transport(Endpoint("serial", name, 10**12), Ear()):
-                    pass
-        finally:
-            os.close(master)
-
-    on_loop(body)
 
 
 @pytest.mark.parametrize("transport", ["udpin", "tcpin"])
-def test_closing_frees_the_port_at_once_also_on_an_error(transport: str) -> None:
+@by(on_loop)
+async def test_closing_frees_the_port_at_once_also_on_an_error(transport: str) -> None:
     kind = socket.SOCK_DGRAM if transport == "udpin" else socket.SOCK_STREAM
     port = free_port(kind)
-
-    async def body() -> None:
-        for _ in range(3):
-            with pytest.raises(ZeroDivisionError):
-                async with open_transport(parse_url(f"{transport}://127.0.0.1:{port}"), Ear()):
-                    raise ZeroDivisionError
-
-    on_loop(body)
+    for _ in range(3):
+        with pytest.raises(ZeroDivisionError):
+            async with open_transport(parse_url(f"{transport}://127.0.0.1:{port}"), Ear()):
+                raise ZeroDivisionError

@@ -74,13 +74,10 @@ def test_a_hole_is_not_region() -> None:
     assert score([Cell(2, 2)], ring, GRID, [(Cell(2, 1), Cell(2, 2), True)]).false_positives == 1
 
 
-def test_no_map_of_no_region_is_right() -> None:
+def test_no_map_is_right_where_there_is_no_region_only() -> None:
     result = score([], Polygon(), GRID, [])
     assert result.iou_cells == 1.0
     assert result.cells_missed == 0
-
-
-def test_no_map_of_a_region_is_worth_nothing() -> None:
     assert score([], TRUTH, GRID, []).iou_cells == 0.0
 
 

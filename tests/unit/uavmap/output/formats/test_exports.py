@@ -377,6 +377,7 @@ def test_csv_has_a_row_a_cell_with_degrees(folder: Path, tmp_path: Path) -> None
         ("csv", "region.csv"),
         ("gpkg", ""),
         ("kml", ""),
+        ("gpx", ""),
     ],
 )
 def test_a_region_is_read_back_as_an_area(
@@ -385,21 +386,14 @@ def test_a_region_is_read_back_as_an_area(
     """What was mapped can be the box, and the fence and the home, of the next mission."""
     out = exported(folder, kind, tmp_path / ("out" if name else f"out.{kind}"))
     drawing = read_area_file(str(out / name if name else out))
-    (region,) = (area for area in drawing.areas if area.name == "region")
+    called = "outline of the region" if kind == "gpx" else "region"
+    (region,) = (area for area in drawing.areas if area.name == called)
     flown = flown_of(folder)
     ring = shapely.Polygon([flown.data.grid.fixed(place) for place in region.ring])
     assert ring.area == pytest.approx(AREA_M2, rel=1e-3)
     if not name:
-        assert len(drawing.fences) == 1
+        assert len(drawing.fences) == (kind != "gpx")
         assert drawing.home is not None
-
-
-def test_an_outline_in_gpx_is_read_back_as_an_area(folder: Path, tmp_path: Path) -> None:
-    drawing = read_area_file(str(exported(folder, "gpx", tmp_path / "out.gpx")))
-    (region,) = (area for area in drawing.areas if area.name == "outline of the region")
-    ring = shapely.Polygon([flown_of(folder).data.grid.fixed(place) for place in region.ring])
-    assert ring.area == pytest.approx(AREA_M2, rel=1e-3)
-    assert drawing.home is not None
 
 
 def test_an_interrupted_flight_yields_its_map(

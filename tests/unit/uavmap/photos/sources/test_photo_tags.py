@@ -141,16 +141,6 @@ def test_a_mirrored_photo_is_refused(tmp_path: Path) -> None:
     assert "Orientation is 5" in refused.reason
 
 
-def test_folders_without_photos(tmp_path: Path) -> None:
-    with pytest.raises(ImageError, match="no pictures"):
-        tagged(tmp_path)
-    with pytest.raises(ImageError, match="no such file"):
-        tagged(tmp_path / "nowhere")
-    (tmp_path / "a.jpg").write_bytes(b"not a picture")
-    with pytest.raises(ImageError, match=r"a\.jpg: not a readable picture"):
-        tagged(tmp_path)
-
-
 def jpeg_bytes() -> bytes:
     rng = np.random.default_rng(2)
     picture = Image.fromarray(rng.integers(0, 256, (120, 160, 3), dtype=np.uint8))

@@ -12,6 +12,7 @@ from typing import Any, TextIO
 
 import pytest
 
+from tests.support.running import by
 from tests.support.said import Said
 from uavmap.runner.operator.ground_crew import Crew
 
@@ -80,56 +81,49 @@ def test_the_word_is_enter(terminal: tuple[int, TextIO], said: Said) -> None:
     assert "vehicle 3" in said[0]
 
 
-def test_enter_pressed_before_the_question_is_no_word(terminal: tuple[int, TextIO]) -> None:
+@by(on_loop)
+async def test_enter_pressed_before_the_question_is_no_word(terminal: tuple[int, TextIO]) -> None:
     operator, stream = terminal
-
-    async def body() -> None:
-        os.write(operator, b"\n\n\n")
-        await asyncio.sleep(SOON_S)
-        crew = Crew(automatic=False, stream=stream)
-        task = asyncio.create_task(crew.swap(1))
-        assert not await answered(task)
-        await drop(task)
-
-    on_loop(body)
+    os.write(operator, b"\n\n\n")
+    await asyncio.sleep(SOON_S)
+    crew = Crew(automatic=False, stream=stream)
+    task = asyncio.create_task(crew.swap(1))
+    assert not await answered(task)
+    await drop(task)
 
 
 @pytest.mark.parametrize("how", ["end of file", "hang-up"])
-def test_a_terminal_that_is_gone_gives_no_word(terminal: tuple[int, TextIO], how: str) -> None:
+@by(on_loop)
+async def test_a_terminal_that_is_gone_gives_no_word(
+    terminal: tuple[int, TextIO], how: str
+) -> None:
     operator, stream = terminal
-
-    async def body() -> None:
-        crew = Crew(automatic=False, stream=stream)
-        task = asyncio.create_task(crew.swap(1))
-        assert not await answered(task)
-        if how == "hang-up":
-            os.close(operator)
-        else:
-            os.write(operator, b"\x04")
-        assert not await answered(task)
-        assert crew.waiting == {1}
-        await drop(task)
-
-    on_loop(body)
+    crew = Crew(automatic=False, stream=stream)
+    task = asyncio.create_task(crew.swap(1))
+    assert not await answered(task)
+    if how == "hang-up":
+        os.close(operator)
+    else:
+        os.write(operator, b"\x04")
+    assert not await answered(task)
+    assert crew.waiting == {1}
+    await drop(task)
 
 
-def test_one_question_at_a_time(terminal: tuple[int, TextIO], said: Said) -> None:
+@by(on_loop)
+async def test_one_question_at_a_time(terminal: tuple[int, TextIO], said: Said) -> None:
     operator, stream = terminal
-
-    async def body() -> None:
-        crew = Crew(automatic=False, stream=stream)
-        first = asyncio.create_task(crew.swap(1))
-        second = asyncio.create_task(crew.swap(2))
-        assert not await answered(first)
-        assert len(said) == 1
-        os.write(operator, b"\n")
-        assert await answered(first, PATIENCE_S)
-        assert not await answered(second)
-        assert len(said) == 2
-        os.write(operator, b"\n")
-        assert await answered(second, PATIENCE_S)
-
-    on_loop(body)
+    crew = Crew(automatic=False, stream=stream)
+    first = asyncio.create_task(crew.swap(1))
+    second = asyncio.create_task(crew.swap(2))
+    assert not await answered(first)
+    assert len(said) == 1
+    os.write(operator, b"\n")
+    assert await answered(first, PATIENCE_S)
+    assert not await answered(second)
+    assert len(said) == 2
+    os.write(operator, b"\n")
+    assert await answered(second, PATIENCE_S)
 
 
 @pytest.mark.parametrize("stream", [io.StringIO("\n\n"), None], ids=["a pipe", "none"])

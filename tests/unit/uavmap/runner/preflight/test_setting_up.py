@@ -14,6 +14,7 @@ from missions.mission.checks import parse_mission
 from missions.units import GridPoint, LatLon
 from tests.support.field import BOTH, Field, mission_of, on_field
 from tests.support.fleet_rig import field_text
+from tests.support.running import by
 from uavmap.mavlink.mission_transfer import Item, Kind, MissionTransfer, same_items
 from uavmap.runner.preflight.autopilot_fence import shapes_of
 from uavmap.runner.preflight.finding import Finding, Level, could_fly
@@ -36,39 +37,37 @@ def texts(found: list[Finding], level: Level = Level.BAD) -> list[str]:
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
-def test_the_fence_is_set_around_the_mission_and_all_is_put_back(
-    autopilot: str, tmp_path: Path
+@by(on_field, mission_of)
+async def test_the_fence_is_set_around_the_mission_and_all_is_put_back(
+    field: Field, /, autopilot: str, tmp_path: Path
 ) -> None:
-    async def body(field: Field) -> None:
-        transfer = MissionTransfer(field.links[0].session)
-        await transfer.upload(Kind.FENCE, OLD)
-        await transfer.upload(Kind.RALLY, OLD_RALLY)
-        names = (*HEIGHT[autopilot][:1], CEILING[autopilot])
-        before = [field.parameter(0, name) for name in names]
-        setup = field.setup(1, tmp_path)
-        found = await setup.apply()
-        assert could_fly(found)
-        items = await transfer.download(Kind.FENCE)
-        ((including, shape),) = shapes_of(field.setting, items)
-        assert including
-        outer = field.setting.fence.outer
-        assert shape.covers(outer)
-        assert shape.exterior.distance(outer) == pytest.approx(plan_m(found), abs=0.51)
-        assert field.parameter(0, CEILING[autopilot]) >= 22.0
-        (rally,) = await transfer.download(Kind.RALLY)
-        assert field.setting.grid.fixed(rally.position).distance_to(GridPoint(0.0, 0.0)) < 3.0
-        assert "is put back at the end" in field.told[0]
-        plan = json.loads((tmp_path / "fence-before-1.plan").read_text("utf-8"))
-        (polygon,) = plan["geoFence"]["polygons"]
-        assert polygon["polygon"] == [[i.position.lat_deg, i.position.lon_deg] for i in OLD]
-        assert plan["rallyPoints"]["points"] == [[48.001, 11.001, 30.0]]
-        await setup.restore()
-        assert same_items(OLD, await transfer.download(Kind.FENCE))
-        assert same_items(OLD_RALLY, await transfer.download(Kind.RALLY))
-        assert [field.parameter(0, name) for name in names] == before
-        assert not (tmp_path / FILE).exists()
-
-    on_field(body, mission_of(autopilot))
+    transfer = MissionTransfer(field.links[0].session)
+    await transfer.upload(Kind.FENCE, OLD)
+    await transfer.upload(Kind.RALLY, OLD_RALLY)
+    names = (*HEIGHT[autopilot][:1], CEILING[autopilot])
+    before = [field.parameter(0, name) for name in names]
+    setup = field.setup(1, tmp_path)
+    found = await setup.apply()
+    assert could_fly(found)
+    items = await transfer.download(Kind.FENCE)
+    ((including, shape),) = shapes_of(field.setting, items)
+    assert including
+    outer = field.setting.fence.outer
+    assert shape.covers(outer)
+    assert shape.exterior.distance(outer) == pytest.approx(plan_m(found), abs=0.51)
+    assert field.parameter(0, CEILING[autopilot]) >= 22.0
+    (rally,) = await transfer.download(Kind.RALLY)
+    assert field.setting.grid.fixed(rally.position).distance_to(GridPoint(0.0, 0.0)) < 3.0
+    assert "is put back at the end" in field.told[0]
+    plan = json.loads((tmp_path / "fence-before-1.plan").read_text("utf-8"))
+    (polygon,) = plan["geoFence"]["polygons"]
+    assert polygon["polygon"] == [[i.position.lat_deg, i.position.lon_deg] for i in OLD]
+    assert plan["rallyPoints"]["points"] == [[48.001, 11.001, 30.0]]
+    await setup.restore()
+    assert same_items(OLD, await transfer.download(Kind.FENCE))
+    assert same_items(OLD_RALLY, await transfer.download(Kind.RALLY))
+    assert [field.parameter(0, name) for name in names] == before
+    assert not (tmp_path / FILE).exists()
 
 
 def plan_m(found: list[Finding]) -> float:
@@ -78,128 +77,123 @@ def plan_m(found: list[Finding]) -> float:
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
-def test_in_a_team_each_returns_in_its_own_layer(autopilot: str, tmp_path: Path) -> None:
+@by(on_field, lambda autopilot: mission_of(autopilot, 3))
+async def test_in_a_team_each_returns_in_its_own_layer(
+    field: Field, /, autopilot: str, tmp_path: Path
+) -> None:
     name, scale = HEIGHT[autopilot]
-
-    async def body(field: Field) -> None:
-        found_m = field.parameter(0, name) / scale
-        setups = [field.setup(number, tmp_path) for number in (1, 2, 3)]
-        for setup in setups:
-            assert could_fly(await setup.apply())
-        heights_m = [field.parameter(i, name) / scale for i in range(3)]
-        assert heights_m == [12.0, 18.0, 24.0]
-        assert [field.parameter(i, CEILING[autopilot]) for i in range(3)] == [34.0] * 3
-        for setup in setups:
-            await setup.restore()
-        assert [field.parameter(i, name) / scale for i in range(3)] == [found_m] * 3
-
-    on_field(body, mission_of(autopilot, 3))
-
-
-def test_a_member_of_a_fleet_is_told_whose_air_its_autopilot_does_not_know(tmp_path: Path) -> None:
-    async def body(field: Field) -> None:
-        field.setting = Setting.of(field.setting.mission, 2)
-        (line,) = texts(await field.setup(2, tmp_path).apply(), Level.WARN)
-        assert "fence: the air over the pads of vehicles 1, 3 is narrower than 32 m" in line
-        assert "fence.holes" not in line
-
-    on_field(body, parse_mission(field_text(), "field"))
-
-
-def test_a_computer_that_died_in_between_does_not_take_ours_for_the_pilots(tmp_path: Path) -> None:
-    async def body(field: Field) -> None:
-        field.put(0, "FENCE_ALT_MAX", 77.0)
-        assert could_fly(await field.setup(1, tmp_path).apply())
-        assert field.parameter(0, "FENCE_ALT_MAX") == 25.0
-        later = field.setup(1, tmp_path)  # another process, on the same folder
-        assert could_fly(await later.apply())
-        await later.restore()
-        assert field.parameter(0, "FENCE_ALT_MAX") == 77.0
-        assert field.count(0, FENCE) == field.count(0, RALLY) == 0
-
-    on_field(body, mission_of("ardupilot"))
-
-
-def test_nothing_is_put_back_under_a_vehicle_that_is_armed(tmp_path: Path) -> None:
-    async def body(field: Field) -> None:
-        setup = field.setup(1, tmp_path)
+    found_m = field.parameter(0, name) / scale
+    setups = [field.setup(number, tmp_path) for number in (1, 2, 3)]
+    for setup in setups:
         assert could_fly(await setup.apply())
-        session = field.links[0].session
-        await session.command(mav.MAV_CMD_DO_SET_MODE, 1, 4)
-        await session.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1)
-        await session.until(lambda: session.view.armed, 5.0)
+    heights_m = [field.parameter(i, name) / scale for i in range(3)]
+    assert heights_m == [12.0, 18.0, 24.0]
+    assert [field.parameter(i, CEILING[autopilot]) for i in range(3)] == [34.0] * 3
+    for setup in setups:
         await setup.restore()
-        assert "stay as set for the mission (it is not on the ground" in field.told[-1]
-        assert field.count(0, FENCE) == 4
-        assert (tmp_path / FILE).exists()
-
-    on_field(body, mission_of("ardupilot"))
+    assert [field.parameter(i, name) / scale for i in range(3)] == [found_m] * 3
 
 
-def test_an_autopilot_that_keeps_its_own_ceiling_is_told_of(tmp_path: Path) -> None:
-    async def body(field: Field) -> None:
-        parameters = field.vehicles[0]._ap.parameters
-        row = parameters.by_name["FENCE_ALT_MAX"]
-        parameters.by_name["FENCE_ALT_MAX"] = type(row)(row.name, row.default, row.type, True)
-        found = await field.setup(1, tmp_path).apply()
-        (line,) = texts(found)
-        assert line.startswith("bad   FENCE_ALT_MAX: could not be set (wanted: 25)")
-        assert found[-1].binding
+@by(on_field, lambda: parse_mission(field_text(), "field"))
+async def test_a_member_of_a_fleet_is_told_whose_air_its_autopilot_does_not_know(
+    field: Field, /, tmp_path: Path
+) -> None:
+    field.setting = Setting.of(field.setting.mission, 2)
+    (line,) = texts(await field.setup(2, tmp_path).apply(), Level.WARN)
+    assert "fence: the air over the pads of vehicles 1, 3 is narrower than 32 m" in line
+    assert "fence.holes" not in line
 
-    on_field(body, mission_of("ardupilot"))
+
+@by(on_field, lambda: mission_of("ardupilot"))
+async def test_a_computer_that_died_in_between_does_not_take_ours_for_the_pilots(
+    field: Field, /, tmp_path: Path
+) -> None:
+    field.put(0, "FENCE_ALT_MAX", 77.0)
+    assert could_fly(await field.setup(1, tmp_path).apply())
+    assert field.parameter(0, "FENCE_ALT_MAX") == 25.0
+    later = field.setup(1, tmp_path)  # another process, on the same folder
+    assert could_fly(await later.apply())
+    await later.restore()
+    assert field.parameter(0, "FENCE_ALT_MAX") == 77.0
+    assert field.count(0, FENCE) == field.count(0, RALLY) == 0
+
+
+@by(on_field, lambda: mission_of("ardupilot"))
+async def test_nothing_is_put_back_under_a_vehicle_that_is_armed(
+    field: Field, /, tmp_path: Path
+) -> None:
+    setup = field.setup(1, tmp_path)
+    assert could_fly(await setup.apply())
+    session = field.links[0].session
+    await session.command(mav.MAV_CMD_DO_SET_MODE, 1, 4)
+    await session.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+    await session.until(lambda: session.view.armed, 5.0)
+    await setup.restore()
+    assert "stay as set for the mission (it is not on the ground" in field.told[-1]
+    assert field.count(0, FENCE) == 4
+    assert (tmp_path / FILE).exists()
+
+
+@by(on_field, lambda: mission_of("ardupilot"))
+async def test_an_autopilot_that_keeps_its_own_ceiling_is_told_of(
+    field: Field, /, tmp_path: Path
+) -> None:
+    parameters = field.vehicles[0]._ap.parameters
+    row = parameters.by_name["FENCE_ALT_MAX"]
+    parameters.by_name["FENCE_ALT_MAX"] = type(row)(row.name, row.default, row.type, True)
+    found = await field.setup(1, tmp_path).apply()
+    (line,) = texts(found)
+    assert line.startswith("bad   FENCE_ALT_MAX: could not be set (wanted: 25)")
+    assert found[-1].binding
 
 
 # --- kept ------------------------------------------------------------------------------------
-def test_a_kept_circle_that_is_too_small_keeps_the_mission_on_the_ground(tmp_path: Path) -> None:
-    async def body(field: Field) -> None:
-        setup = field.setup(1, tmp_path)
-        assert could_fly(await setup.keep_fence())  # it is off
-        field.put(0, "FENCE_ENABLE", 1)
-        assert could_fly(await setup.keep_fence())  # 150 m
-        field.put(0, "FENCE_RADIUS", 15)
-        box, fence = texts(await setup.keep_fence())
-        assert "leaves the one that is set: search.box: " in box
-        assert "fence.polygon less fence.margin_m: " in fence
-        field.put(0, "FENCE_TYPE", 1)
-        field.put(0, "FENCE_ALT_MAX", 10)
-        (height,) = texts(await setup.keep_fence())
-        assert "its layer, 12 m, is not a metre below FENCE_ALT_MAX = 10" in height
-        assert field.count(0, FENCE) == 0
+@by(on_field, lambda: mission_of("ardupilot"))
+async def test_a_kept_circle_that_is_too_small_keeps_the_mission_on_the_ground(
+    field: Field, /, tmp_path: Path
+) -> None:
+    setup = field.setup(1, tmp_path)
+    assert could_fly(await setup.keep_fence())  # it is off
+    field.put(0, "FENCE_ENABLE", 1)
+    assert could_fly(await setup.keep_fence())  # 150 m
+    field.put(0, "FENCE_RADIUS", 15)
+    box, fence = texts(await setup.keep_fence())
+    assert "leaves the one that is set: search.box: " in box
+    assert "fence.polygon less fence.margin_m: " in fence
+    field.put(0, "FENCE_TYPE", 1)
+    field.put(0, "FENCE_ALT_MAX", 10)
+    (height,) = texts(await setup.keep_fence())
+    assert "its layer, 12 m, is not a metre below FENCE_ALT_MAX = 10" in height
+    assert field.count(0, FENCE) == 0
 
-    on_field(body, mission_of("ardupilot"))
 
-
-def test_a_kept_polygon_with_a_hole_in_the_way(tmp_path: Path) -> None:
+@by(on_field, lambda: mission_of("px4"))
+async def test_a_kept_polygon_with_a_hole_in_the_way(field: Field, /, tmp_path: Path) -> None:
     def corners(command: int, ring: list[tuple[float, float]], field: Field) -> list[Item]:
         grid = field.setting.grid
         return [Item(command, grid.position(GridPoint(*xy)), len(ring)) for xy in ring]
 
-    async def body(field: Field) -> None:
-        transfer, setup = MissionTransfer(field.links[0].session), field.setup(1, tmp_path)
-        wide = corners(5001, [(-90, -90), (90, -90), (90, 90), (-90, 90)], field)
-        await transfer.upload(Kind.FENCE, wide)
-        assert could_fly(await setup.keep_fence())
-        tower = corners(5002, [(10, 10), (14, 10), (14, 14), (10, 14)], field)
-        await transfer.upload(Kind.FENCE, [*wide, *tower])
-        lines = texts(await setup.keep_fence())
-        assert any("search.box: 16 m2 of it lie outside" in line for line in lines)
-        far = corners(5001, [(30, 30), (90, 30), (90, 90)], field)
-        await transfer.upload(Kind.FENCE, far)
-        assert any(
-            "the home of vehicle 1 lies outside" in x for x in texts(await setup.keep_fence())
-        )
-
-    on_field(body, mission_of("px4"))
+    transfer, setup = MissionTransfer(field.links[0].session), field.setup(1, tmp_path)
+    wide = corners(5001, [(-90, -90), (90, -90), (90, 90), (-90, 90)], field)
+    await transfer.upload(Kind.FENCE, wide)
+    assert could_fly(await setup.keep_fence())
+    tower = corners(5002, [(10, 10), (14, 10), (14, 14), (10, 14)], field)
+    await transfer.upload(Kind.FENCE, [*wide, *tower])
+    lines = texts(await setup.keep_fence())
+    assert any("search.box: 16 m2 of it lie outside" in line for line in lines)
+    far = corners(5001, [(30, 30), (90, 30), (90, 90)], field)
+    await transfer.upload(Kind.FENCE, far)
+    assert any("the home of vehicle 1 lies outside" in x for x in texts(await setup.keep_fence()))
 
 
-def test_the_fence_is_farther_out_the_faster_the_mission_flies(tmp_path: Path) -> None:
-    async def body(field: Field) -> None:
-        setup = field.setup(1, tmp_path)
-        before, _ = await setup.look()
-        plan = setup.plan(before)
-        ring = Polygon([field.setting.grid.fixed(i.position) for i in plan.fence])
-        assert ring.exterior.distance(Point(0, 0)) > 40.0 + plan.outside_m - 1.0
-        speed = field.setting.mission.flight.speed_m_s
-        assert plan.outside_m == max(5.0, 2.0 * speed + speed**2 / 4.0)
-
-    on_field(body, mission_of("ardupilot"))
+@by(on_field, lambda: mission_of("ardupilot"))
+async def test_the_fence_is_farther_out_the_faster_the_mission_flies(
+    field: Field, /, tmp_path: Path
+) -> None:
+    setup = field.setup(1, tmp_path)
+    before, _ = await setup.look()
+    plan = setup.plan(before)
+    ring = Polygon([field.setting.grid.fixed(i.position) for i in plan.fence])
+    assert ring.exterior.distance(Point(0, 0)) > 40.0 + plan.outside_m - 1.0
+    speed = field.setting.mission.flight.speed_m_s
+    assert plan.outside_m == max(5.0, 2.0 * speed + speed**2 / 4.0)

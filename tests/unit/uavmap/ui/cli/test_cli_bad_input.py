@@ -13,6 +13,7 @@ from PIL import Image
 
 from tests.support.photographs import write_photo
 from tests.support.plans import named_text
+from tests.support.ports import free_port
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, TLOG
 from uavmap.ui.cli import main
@@ -145,18 +146,7 @@ def test_urls(tmp_path: Path, capsys: pytest.CaptureFixture[str], url: str, word
     line = one_line(capsys, "fly", "runway", "--connect", url, "--out", tmp_path / "out")
     assert words in line
     assert url in line
-
-
-def test_a_bad_url_leaves_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    one_line(capsys, "fly", "runway", "--connect", "14550", "--out", tmp_path / "out")
     assert not (tmp_path / "out").exists()
-
-
-def free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def test_a_connection_that_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -228,23 +228,6 @@ def test_nothing_is_overwritten(
     assert not Path("a.toml").exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "meant"),
-    [
-        (["fyl", "runway", "--sim"], "did you mean fly?"),
-        (["nwe", "field.kml"], "did you mean new?"),
-        (["chek", "runway"], "did you mean check?"),
-    ],
-)
-def test_a_mistyped_command(
-    arguments: list[str], meant: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(arguments)
-    assert ended.value.code == 2
-    assert meant in capsys.readouterr().err
-
-
 def test_a_mistyped_mission(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "did you mean 'runway'?" in one_line(capsys, "check", "runwya")
     saved(tmp_path, "meadow.toml", "")

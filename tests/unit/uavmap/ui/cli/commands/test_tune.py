@@ -37,8 +37,7 @@ from uavmap.photos.tune.selection import Picture, dealt, folds
 from uavmap.photos.tune.training import fit_trees
 from uavmap.photos.tune.tune_job import DETECTOR, MODEL, OVERLAYS, REPORT, Wishes, learned
 from uavmap.ui.cli import main
-from vision.detectors.learned import LearnedDetector
-from vision.detectors.learned_model import Model, Scorer, model_bytes, read_model
+from vision.detectors.learned_model import LearnedDetector, Model, Scorer, model_bytes, read_model
 
 WIDE = 320
 SMALL = ["--width", str(WIDE), "--cell-px", "18", "--features", "color"]
@@ -174,17 +173,6 @@ def test_what_is_wrong_with_examples_is_said(tuned: Path, tmp_path: Path) -> Non
         load_examples(images, where, WIDE)
     where.mkdir()
     with pytest.raises(ImageError, match=r"paint some, for example 0\.png"):
-        load_examples(images, where, WIDE)
-    black = Image.new("L", (160, 90), 0)
-    black.save(where / "0.png")
-    with pytest.raises(ImageError, match="nothing is painted as region"):
-        load_examples(images, where, WIDE)
-    black.save(where / "other.png")
-    with pytest.raises(ImageError, match=r"other\.png: no picture has this name"):
-        load_examples(images, where, WIDE)
-    (where / "other.png").unlink()
-    Image.new("L", (160, 160), 255).save(where / "1.png")
-    with pytest.raises(ImageError, match="not the shape"):
         load_examples(images, where, WIDE)
     (where / "1.png").write_bytes(b"no picture")
     with pytest.raises(ImageError, match=r"1\.png: not a readable picture \(no JPEG, PNG"):
