@@ -68,7 +68,7 @@ class Setting:
         """The setting of a checked mission file.
 
         `member`: the one vehicle that is flown, where each has a service of its own
-        (`missions.fleet`), 0 for who flies none and only knows; None: all of them are flown.
+        (`missions.flight.team`), 0 for who flies none and only knows; None: all of them are flown.
         """
         grid = Grid.at(
             mission.home, mission.grid.cell_m, mission.drift.speed_m_s, mission.drift.toward_deg

@@ -199,7 +199,7 @@ def _phases(asked: FlightPlan, path: Path, *, verbose: bool) -> dict[int, Phase]
     """How the journal leaves each vehicle."""
     if not (path / JOURNAL).exists():
         return {}
-    setting = Setting.of(asked.mission())
+    setting = Setting.of(asked.mission)
     with Journal.open(path / JOURNAL) as journal:
         events = list(journal.events())
     if verbose:

@@ -11,5 +11,5 @@
       radio        carries datagrams: simulated air, a multicast group or zenoh
                                   .radio, .air, .multicast_radio, .zenoh_radio
 
-What is said is in `missions.fleet`. Nothing here commands a vehicle.
+What is said is in `missions.flight.team`. Nothing here commands a vehicle.
 """

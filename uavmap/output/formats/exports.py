@@ -29,8 +29,8 @@ FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
     {
         "gpkg": Format("map.gpkg", "geopackage_layers"),
         "shp": Format("shp", "shapefile_layers", several=True),
-        "geojson": Format("geojson", "geojson", several=True),
-        "kml": Format("flight.kml", "kml"),
+        "geojson": Format("geojson", "geojson_encoder", several=True),
+        "kml": Format("flight.kml", "kml_encoder"),
         "gpx": Format("flight.gpx", "gpx_layers"),
         "csv": Format("csv", "csv_layers", several=True),
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +15,8 @@ from missions.mission.sections.detector_section import DetectorSection
 from missions.mission.sections.search_sections import PriorPlace
 from tests.support.hills import over, slope
 from tests.support.plans import named_text, plan_of
-from uavmap.journal.flight_plan import FlightPlan
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.load.key_lines import with_lines
 from uavmap.load.mission_source import load, mission_of_text, shipped_missions
 from uavmap.runner import flight
@@ -135,5 +135,5 @@ def test_prior_ground_and_detector_come_back_from_a_journal(tmp_path: Path) -> N
 
 def again(plan: FlightPlan, folder: Path) -> FlightPlan:
     """The plan as a journal gives it back."""
-    meta = {"plan": json.dumps(plan.as_json())}
-    return FlightPlan.of_meta(meta, folder / "journal")
+    with Journal.create(folder / JOURNAL, {"plan": plan.as_json()}) as journal:
+        return FlightPlan.read(journal)

@@ -148,7 +148,6 @@ def test_the_map_tells_beliefs_and_the_journal_leads_to_the_same(
         assert cell["belief"] == round(evidence.belief(named), 3)
         assert (cell["state"] == "explored") == evidence.is_roi(named, 0.5)
     assert main(["animate", str(out), "--animate", str(tmp_path / "film.gif")]) == 0
-    assert main(["export", str(out), "--plan", str(tmp_path / "survey.plan")]) == 0
 
 
 def test_the_rule_of_the_paper_stays_by_name(good: Path, tmp_path: Path) -> None:
