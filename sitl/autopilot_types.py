@@ -22,9 +22,9 @@ from sitl.mavlink.interpreter import Interpreter
 from sitl.mavlink.streams import Streams
 from sitl.mavlink.telemetry import Telemetry
 from sitl.px4.autopilot import Px4Autopilot
+from sitl.px4.commander import HomeCorrection
 from sitl.px4.commands import Px4Commands
 from sitl.px4.events import Events
-from sitl.px4.home import HomeCorrection
 from sitl.px4.interpreter import Px4Interpreter
 from sitl.px4.telemetry import DEFAULT_S, Px4Telemetry
 from sitl.vehicle_spec import VehicleSpec

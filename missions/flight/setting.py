@@ -15,13 +15,19 @@ from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.geo.trajectory import LANE_CUTS_M, corner_pause_s
 from missions.mission.energy import CLIMB_OVERHEAD_S, EnergyModel
-from missions.mission.energy_model import energy_model
-from missions.mission.launch_pads import homes
+from missions.mission.places import homes
 from missions.mission.prior_places import prior_of
 from missions.mission.schema import Mission, positions
-from missions.mission.views import path_speed_m_s, rows_across
-from missions.planning.search.lane_shares import longest_m, share_by_time
-from missions.planning.search.lanes import LANE_CELLS, Lane, along_east, lanes, share_out
+from missions.mission.views import energy_model, path_speed_m_s, rows_across
+from missions.planning.search.lanes import (
+    LANE_CELLS,
+    Lane,
+    along_east,
+    lanes,
+    longest_m,
+    share_by_time,
+    share_out,
+)
 from missions.planning.search.prior import LikelyLane, likely_lanes
 from missions.planning.search.search_order import Pace, expected_s, plain_blocks, soonest
 from missions.planning.stepwise import EXPLORERS, Explorer

@@ -11,8 +11,6 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from missions.units import Cell, GridPoint
-
 TOUCH_M = 1e-6
 """A cell on the very edge of a footprint is inside, whatever the last bits of its corners say."""
 
@@ -31,45 +29,6 @@ class Footprint(NamedTuple):
     def short_m(self) -> float:
         """The shorter side."""
         return min(self)
-
-    def whole_cells(
-        self, centre: GridPoint, bearing_rad: float, cell_m: float, margin_m: float = 0.0
-    ) -> tuple[Cell, ...]:
-        """The cells that lie wholly inside, sorted by column and row.
-
-        Args:
-            centre: The ground below the camera, in the grid's moving frame.
-            bearing_rad: Where the upper edge of the picture points, clockwise from grid north.
-            cell_m: Edge of a cell, above 0.
-            margin_m: How far from the rim of the footprint a cell must stay, at least 0.
-
-        >>> Footprint(20.0, 15.0).whole_cells(GridPoint(0.0, 0.0), 0.0, 5.0)[:3]
-        (Cell(east=-1, north=-1), Cell(east=-1, north=0), Cell(east=-1, north=1))
-        """
-        cos, sin = math.cos(bearing_rad), math.sin(bearing_rad)
-        # how far a cell reaches from its centre, along either side of the picture
-        reach_m = cell_m / 2.0 * (abs(cos) + abs(sin)) + margin_m - TOUCH_M
-        across_m, along_m = self.across_m / 2.0 - reach_m, self.along_m / 2.0 - reach_m
-        if across_m < 0.0 or along_m < 0.0:
-            return ()
-        east_m = abs(cos) * across_m + abs(sin) * along_m
-        north_m = abs(sin) * across_m + abs(cos) * along_m
-        found = []
-        for east in _between(centre.east_m, east_m, cell_m):
-            for north in _between(centre.north_m, north_m, cell_m):
-                away_e, away_n = east * cell_m - centre.east_m, north * cell_m - centre.north_m
-                if (
-                    abs(away_e * cos - away_n * sin) <= across_m
-                    and abs(away_e * sin + away_n * cos) <= along_m
-                ):
-                    found.append(Cell(east, north))
-        return tuple(found)
-
-
-def _between(middle_m: float, reach_m: float, cell_m: float) -> range:
-    """The columns, or rows, whose centre is no farther than this from a coordinate."""
-    first = math.ceil((middle_m - reach_m) / cell_m)
-    return range(first, math.floor((middle_m + reach_m) / cell_m) + 1)
 
 
 @dataclass(frozen=True, slots=True)

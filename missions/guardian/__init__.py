@@ -19,10 +19,10 @@ Nothing is done to a vehicle that a pilot or a failsafe flies (`mode` "other").
 
 from __future__ import annotations
 
+from missions.geo.fence import corners_home
 from missions.guardian.guardian_state import Action, Doing, Guard, Limits, Mode, Seen, Task, Verdict
 from missions.guardian.rules import landing_wh, quick_aim_m, watch
 from missions.guardian.thresholds import HARD_M_S, HASTE_M_S, OFF_PLAN_M, PAD_M, SPENT_S
-from missions.guardian.way_home import corners_home
 
 __all__ = [
     "HARD_M_S",

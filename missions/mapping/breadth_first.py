@@ -2,19 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
-from typing import Protocol
+from collections.abc import Callable, Collection, Container, Iterable
 
 from missions.mapping.tree import Tree
 from missions.units import Cell
-
-
-class Known(Protocol):
-    """A tree, or a set of cells."""
-
-    def __contains__(self, cell: Cell, /) -> bool:
-        """Whether a cell is known to be ROI."""
-        ...
 
 
 def reached(
@@ -40,12 +31,12 @@ def reached(
     return steps
 
 
-def neighbours_in(known: Known) -> Callable[[Cell], list[Cell]]:
+def neighbours_in(known: Container[Cell]) -> Callable[[Cell], list[Cell]]:
     """The rule to be handed to `reached` that keeps to `known` cells."""
     return lambda cell: [near for near in cell.neighbours() if near in known]
 
 
-def distances(known: Known, start: Cell) -> dict[Cell, int]:
+def distances(known: Container[Cell], start: Cell) -> dict[Cell, int]:
     """Steps from `start` to every cell that is reached over `known` cells, nearest first.
 
     >>> distances({Cell(0, 0), Cell(0, 1), Cell(1, 1)}, Cell(0, 0))[Cell(1, 1)]
@@ -54,7 +45,7 @@ def distances(known: Known, start: Cell) -> dict[Cell, int]:
     return reached(neighbours_in(known), start)
 
 
-def step_towards(known: Known, start: Cell, goal: Cell) -> Cell:
+def step_towards(known: Container[Cell], start: Cell, goal: Cell) -> Cell:
     """The first cell on a shortest way from `start` to `goal`; of several the first in the order
     north, east, south, west.
 
@@ -70,3 +61,24 @@ def step_towards(known: Known, start: Cell, goal: Cell) -> Cell:
 def step_home(tree: Tree, start: Cell) -> Cell | None:
     """The next cell on a shortest known way to the root, None at the root."""
     return None if start == tree.root else step_towards(tree, start, tree.root)
+
+
+def patches(cells: Collection[Cell]) -> tuple[frozenset[Cell], ...]:
+    """The patches of some cells, the largest first; of equal ones that with the lowest cell.
+
+    >>> found = patches([Cell(0, 0), Cell(5, 5), Cell(5, 6), Cell(1, 1)])
+    >>> [sorted(patch)[0] for patch in found]
+    [Cell(east=5, north=5), Cell(east=0, north=0), Cell(east=1, north=1)]
+    """
+    left = set(cells)
+    found: list[frozenset[Cell]] = []
+    while left:
+        patch, asked = set(), [left.pop()]
+        while asked:
+            cell = asked.pop()
+            patch.add(cell)
+            near = [n for n in cell.neighbours() if n in left]
+            left.difference_update(near)
+            asked.extend(near)
+        found.append(frozenset(patch))
+    return tuple(sorted(found, key=lambda patch: (-len(patch), min(patch))))

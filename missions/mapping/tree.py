@@ -83,7 +83,7 @@ class Tree:
         }
         return cls(root, PersistentMap(vertices), PersistentMap(ordered), PersistentMap(unfinished))
 
-    def __contains__(self, cell: Cell) -> bool:
+    def __contains__(self, cell: object) -> bool:
         return cell in self.vertices
 
     def __len__(self) -> int:

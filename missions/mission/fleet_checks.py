@@ -9,7 +9,7 @@ from missions.errors import MissionFileError
 from missions.geo.columns import PAD_M, column_radius_m
 from missions.geo.grid import Grid
 from missions.mission.height_and_speed import LEAST_HEIGHT_M
-from missions.mission.launch_pads import homes
+from missions.mission.places import homes
 from missions.mission.schema import Mission, VehicleSection
 from missions.mission.sections.fields import AUTO
 from missions.units import GridPoint

@@ -19,7 +19,6 @@ from missions.geo.fence import Fence, route_length_m
 from missions.geo.grid import Grid
 from missions.mission import terrain_checks
 from missions.mission.energy import CLIMB_SPEED_M_S, LEAST_HEADWAY_M_S
-from missions.mission.energy_model import energy_model
 from missions.mission.height_and_speed import (
     altitude_reason,
     footprint_over,
@@ -27,10 +26,10 @@ from missions.mission.height_and_speed import (
     picture_warnings,
     search_layer_faults,
 )
-from missions.mission.launch_pads import homes
-from missions.mission.places import drawn, far_homes
+from missions.mission.places import drawn, far_homes, homes
 from missions.mission.schema import Mission, positions
 from missions.mission.sections.fields import AUTO
+from missions.mission.views import energy_model
 from missions.planning.search.lanes import LANE_CELLS, Lane, lanes
 from missions.units import GridPoint
 

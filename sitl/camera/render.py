@@ -15,8 +15,14 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
-from sitl.camera.over_relief import pixels_of, seen_ground
-from sitl.camera.pinhole import CameraSpec, Shot, ground_to_pixel, image_motion_px
+from sitl.camera.pinhole import (
+    CameraSpec,
+    Shot,
+    ground_to_pixel,
+    image_motion_px,
+    pixels_of,
+    seen_ground,
+)
 from sitl.camera.tag_layer import shows_tag, with_tags
 from sitl.world.orthophoto import Matrix, Orthophoto, Picture
 from sitl.world.relief import Relief

@@ -11,8 +11,7 @@ from collections.abc import Callable, Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.faults.faults import Faults
-from sitl.faults.kinds import Kind
+from sitl.faults.faults import Faults, Kind
 
 _OK, _OFF = mav.FAILURE_TYPE_OK, mav.FAILURE_TYPE_OFF
 _WRONG, _INTERMITTENT = mav.FAILURE_TYPE_WRONG, mav.FAILURE_TYPE_INTERMITTENT

@@ -13,9 +13,17 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.copter.aircraft import Aircraft
-from sitl.mavlink.base_commands import BaseCommands
+from sitl.mavlink.base_commands import (
+    ACCEPTED,
+    DENIED,
+    FAILED,
+    UNSUPPORTED,
+    BaseCommands,
+    Reply,
+    Request,
+    statustext,
+)
 from sitl.mavlink.camera_component import Payload
-from sitl.mavlink.reply import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Reply, Request, statustext
 from sitl.mavlink.streams import Streams
 from sitl.mavlink.telemetry import Telemetry
 from sitl.quirks import CameraKind

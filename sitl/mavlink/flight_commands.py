@@ -9,8 +9,16 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.geo.geodesy import LocalPlane
 from sitl.ardupilot.autopilot import Autopilot
 from sitl.copter.modes import Mode
-from sitl.mavlink.base_commands import HIGHEST_M, BaseCommands
-from sitl.mavlink.reply import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Reply, Request
+from sitl.mavlink.base_commands import (
+    ACCEPTED,
+    DENIED,
+    FAILED,
+    HIGHEST_M,
+    UNSUPPORTED,
+    BaseCommands,
+    Reply,
+    Request,
+)
 
 _GLOBAL_FRAMES = (mav.MAV_FRAME_GLOBAL, mav.MAV_FRAME_GLOBAL_INT)
 _FORCE_ARM, _FORCE_DISARM = 2989.0, 21196.0

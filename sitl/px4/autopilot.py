@@ -10,8 +10,7 @@ from sitl.copter.modes import Phase
 from sitl.copter.motion import Place
 from sitl.copter.route import Progress
 from sitl.copter.streaming import Setpoint
-from sitl.px4.commander import Commander, Wish
-from sitl.px4.home import LASTS_S
+from sitl.px4.commander import LASTS_S, Commander, Wish
 from sitl.px4.modes import Px4Mode
 
 _WARNING = 4

@@ -2,24 +2,84 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
 
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import Body
 from sitl.copter.aircraft import SEVERITY_INFO, Aircraft
 from sitl.copter.failsafes import CHARGE_CRITICAL
-from sitl.copter.fence import names
+from sitl.copter.fence import ALT_MAX, CIRCLE, POLYGON, Fence, Place, names
 from sitl.copter.modes import Phase
 from sitl.copter.params import Parameters
 from sitl.px4.aiding import Ekf2Aiding
-from sitl.px4.failsafes import Px4Failsafes
-from sitl.px4.fence import Px4Fence
-from sitl.px4.home import HomeCorrection
+from sitl.px4.failsafes import Px4Failsafes, Setpoints
 from sitl.px4.modes import BY_HAND, UNARMABLE, Px4Mode
-from sitl.px4.offboard import Setpoints
-from sitl.px4.params import TABLE
-from sitl.px4.tuning import Px4Tuning
+from sitl.px4.params import TABLE, Px4Tuning
+
+
+class Px4Fence(Fence):
+    """Uploaded polygons and circles, GF_MAX_HOR_DIST and GF_MAX_VER_DIST."""
+
+    def enabled(self, parameters: Parameters) -> bool:
+        """Whether there is anything to break, and GF_ACTION says that it matters."""
+        there = self.zones or parameters["GF_MAX_HOR_DIST"] or parameters["GF_MAX_VER_DIST"]
+        return bool(there) and parameters["GF_ACTION"] != 0.0
+
+    def floor_m(self, parameters: Parameters) -> float:
+        """There is none."""
+        return -math.inf
+
+    def violations(
+        self, parameters: Parameters, home: Place, place: Place, *, low: bool = True
+    ) -> int:
+        """Bits of `sitl.copter.fence` that a place breaks."""
+        if not self.enabled(parameters):
+            return 0
+        broken = 0
+        highest_m, farthest_m = parameters["GF_MAX_VER_DIST"], parameters["GF_MAX_HOR_DIST"]
+        if highest_m > 0.0 and place[2] - home[2] > highest_m:
+            broken |= ALT_MAX
+        if farthest_m > 0.0 and math.dist(place[:2], home[:2]) > farthest_m:
+            broken |= CIRCLE
+        if any(zone.broken_at(place[0], place[1]) for zone in self.zones):
+            broken |= POLYGON
+        return broken
+
+
+LASTS_S = 120.0
+EVERY_S = 2.0
+
+
+class HomeCorrection:
+    """By how much the height of home is off, as a seed has it.
+
+    >>> home = HomeCorrection([1], most_m=1.5)
+    >>> home.height_m(None), home.height_m(1.9)
+    (0.0, 0.0)
+    >>> home.height_m(2.0) == home.height_m(3.9) != home.height_m(4.0)
+    True
+    >>> abs(home.height_m(500.0)) <= 1.5
+    True
+    """
+
+    def __init__(self, seed: Sequence[int], most_m: float) -> None:
+        rng = np.random.default_rng(list(seed))
+        count = int(LASTS_S / EVERY_S)
+        drawn = rng.standard_normal(count) * (0.5 * most_m)
+        self._heights_m: list[float] = [0.0, *np.clip(drawn, -most_m, most_m).tolist()]
+
+    def height_m(self, flown_s: float | None) -> float:
+        """The error so long after take-off; None: before it."""
+        if flown_s is None:
+            return 0.0
+        at = min(int(flown_s / EVERY_S + 1e-9), len(self._heights_m) - 1)
+        return self._heights_m[max(at, 0)]
+
 
 Wish = tuple[float | None, float | None, float | None]
 """East, north, up; None where it is left open."""

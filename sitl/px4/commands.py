@@ -13,13 +13,20 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.geo.geodesy import LocalPlane
-from sitl.mavlink.base_commands import HIGHEST_M, BaseCommands
-from sitl.mavlink.reply import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Reply, Request
+from sitl.mavlink.base_commands import (
+    ACCEPTED,
+    DENIED,
+    FAILED,
+    HIGHEST_M,
+    UNSUPPORTED,
+    BaseCommands,
+    Reply,
+    Request,
+)
 from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.modes import Px4Mode, wanted
 
 _FORCE = 21196.0
-_LEFT_AS_IT_IS = 2**31 - 1
 _NAN_AS_INT = 0x7FF80000
 _GLOBAL: int = mav.MAV_FRAME_GLOBAL
 

@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 import shapely
-from shapely import affinity
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -157,11 +156,6 @@ class World:
     def drift_at(self, t_s: float) -> tuple[float, float]:
         """How far the ROI has moved since time 0, metres (true east, true north)."""
         return self._drift[0] * t_s, self._drift[1] * t_s
-
-    def roi_at(self, t_s: float) -> BaseGeometry:
-        """The ROI at a time, in metres of the plane (true east, true north)."""
-        east, north = self.drift_at(t_s)
-        return affinity.translate(self._roi, east, north)
 
     @property
     def roi_at_rest(self) -> BaseGeometry:

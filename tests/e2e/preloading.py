@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from missions.planning.sweep.warm_up import warm_up
+from missions.planning.sweep.memo import warm_up
 from uavmap.__main__ import main
 from uavmap.load.mission_source import load
 from uavmap.runner.simulation import make_vehicles

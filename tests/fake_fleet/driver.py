@@ -61,6 +61,7 @@ from missions.orders import (
     TakeOff,
 )
 from missions.units import Cell, GridPoint
+from tests.support.footprints import whole_cells
 
 from .air import Vector
 from .aircraft import LIFTED_M, Aircraft
@@ -477,7 +478,7 @@ class Driver:
         yaw_rad = math.radians(setting.yaw_deg + camera.yaw_deg) - grid.convergence_rad
         below = grid.to_moving(craft.believed, self.around.t_s)
         footprint = camera.optics.footprint(max(self.height_m, 0.1))
-        return footprint.whole_cells(below, yaw_rad, grid.cell_m, camera.pose_error_m)
+        return whole_cells(footprint, below, yaw_rad, grid.cell_m, camera.pose_error_m)
 
     def deliver_late(self) -> None:
         """Hand over the pictures that have been fetched by now."""

@@ -19,7 +19,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import Phase, State
 from missions.flight.step import fold, step
 from missions.guardian import Guard, Limits
-from missions.mission.launch_pads import homes
+from missions.mission.places import homes
 from missions.mission.schema import Mission
 from missions.orders import Order, StandDown
 from missions.units import Cell, GridPoint
@@ -29,7 +29,7 @@ from .aircraft import Aircraft
 from .driver import PATH_TRACK_S, TRACK_S, WATCH_S, Driver, Surroundings
 from .pilot import Pilot
 from .referee import Referee
-from .troubles import ACTS, LASTING, Trouble, in_phase
+from .troubles import ACTS, Trouble, in_phase
 
 TICK_S = 0.25
 HANDS_OFF = (Phase.YIELDED, Phase.FAILED, Phase.OFFLINE, Phase.DOWN, Phase.LOST)
@@ -306,11 +306,6 @@ class Fleet:
             elif self.t_s >= begin_s + trouble.for_s:
                 end(self, trouble)
                 self.troubles[i] = replace(trouble, ended=True)
-
-    @property
-    def for_ever(self) -> bool:
-        """Whether a link that is bad now stays so."""
-        return any(t.kind in LASTING and math.isinf(t.for_s) for t in self.troubles)
 
     # --- interruptions by hand -----------------------------------------------------------
     def take_over(self, number: int) -> None:

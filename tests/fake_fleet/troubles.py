@@ -79,6 +79,20 @@ def in_phase(fleet: Fleet, trouble: Trouble) -> bool:
 Act = Callable[["Fleet", Trouble], None]
 
 
+def _craft(name: str, value: Callable[[Trouble], object]) -> Act:
+    """Set what an aircraft has."""
+    return lambda fleet, trouble: setattr(fleet.vehicles[trouble.vehicle], name, value(trouble))
+
+
+def _driver(name: str, value: Callable[[Trouble], object]) -> Act:
+    """Set what a driver has."""
+    return lambda fleet, trouble: setattr(fleet.drivers[trouble.vehicle], name, value(trouble))
+
+
+_cut, _mend = _driver("link", lambda t: t.word), _driver("link", lambda _: "good")
+_spoil, _clean = _driver("camera", lambda t: t.word), _driver("camera", lambda _: "good")
+
+
 def _storm(fleet: Fleet, trouble: Trouble) -> None:
     end_s = fleet.t_s + trouble.for_s
     fleet.air.storms.append(Storm(fleet.t_s, end_s, trouble.towards))
@@ -87,10 +101,6 @@ def _storm(fleet: Fleet, trouble: Trouble) -> None:
 def _jump(fleet: Fleet, trouble: Trouble) -> None:
     fleet.vehicles[trouble.vehicle].offset_m = trouble.towards
     fleet.drivers[trouble.vehicle].leapt(trouble.size)
-
-
-def _jump_back(fleet: Fleet, trouble: Trouble) -> None:
-    fleet.vehicles[trouble.vehicle].offset_m = (0.0, 0.0)
 
 
 def _drift(fleet: Fleet, trouble: Trouble) -> None:
@@ -102,26 +112,6 @@ def _drift_ends(fleet: Fleet, trouble: Trouble) -> None:
     fleet.vehicles[trouble.vehicle].offset_m = (0.0, 0.0)
 
 
-def _turn(fleet: Fleet, trouble: Trouble) -> None:
-    fleet.vehicles[trouble.vehicle].compass_rad = math.radians(trouble.size)
-
-
-def _turn_back(fleet: Fleet, trouble: Trouble) -> None:
-    fleet.vehicles[trouble.vehicle].compass_rad = 0.0
-
-
-def _waver(fleet: Fleet, trouble: Trouble) -> None:
-    fleet.vehicles[trouble.vehicle].noise_m = trouble.size
-
-
-def _cut(fleet: Fleet, trouble: Trouble) -> None:
-    fleet.drivers[trouble.vehicle].link = trouble.word  # type: ignore[assignment]
-
-
-def _mend(fleet: Fleet, trouble: Trouble) -> None:
-    fleet.drivers[trouble.vehicle].link = "good"
-
-
 def _fail_order(fleet: Fleet, trouble: Trouble) -> None:
     driver = fleet.drivers[trouble.vehicle]
     driver.fail_in_s = driver.clock_s + 0.1
@@ -129,18 +119,6 @@ def _fail_order(fleet: Fleet, trouble: Trouble) -> None:
 
 def _refuse(fleet: Fleet, trouble: Trouble) -> None:
     fleet.drivers[trouble.vehicle].refuses += tuple(trouble.word.split())
-
-
-def _obey(fleet: Fleet, trouble: Trouble) -> None:
-    fleet.drivers[trouble.vehicle].refuses = ()
-
-
-def _spoil(fleet: Fleet, trouble: Trouble) -> None:
-    fleet.drivers[trouble.vehicle].camera = trouble.word  # type: ignore[assignment]
-
-
-def _clean(fleet: Fleet, trouble: Trouble) -> None:
-    fleet.drivers[trouble.vehicle].camera = "good"
 
 
 def _pilot(fleet: Fleet, trouble: Trouble) -> None:
@@ -201,10 +179,6 @@ def _sag(fleet: Fleet, trouble: Trouble) -> None:
     fleet.drivers[trouble.vehicle].hides_wh = trouble.size * capacity_wh
 
 
-def _sag_ends(fleet: Fleet, trouble: Trouble) -> None:
-    fleet.drivers[trouble.vehicle].hides_wh = 0.0
-
-
 def _poor_swaps(fleet: Fleet, trouble: Trouble) -> None:
     rng = random.Random(int(trouble.size * 1e6))
     shares = [rng.uniform(0.3, 0.97) for _ in range(int(rng.uniform(1, 4)))]
@@ -226,16 +200,19 @@ def _nothing(fleet: Fleet, trouble: Trouble) -> None:
 ACTS: Final[dict[str, tuple[Act, Act]]] = {
     "none": (_nothing, _nothing),
     "storm": (_storm, _nothing),
-    "gnss jump": (_jump, _jump_back),
+    "gnss jump": (_jump, _craft("offset_m", lambda _: (0.0, 0.0))),
     "gnss drift": (_drift, _drift_ends),
-    "compass": (_turn, _turn_back),
-    "noise": (_waver, _nothing),
+    "compass": (
+        _craft("compass_rad", lambda t: math.radians(t.size)),
+        _craft("compass_rad", lambda _: 0.0),
+    ),
+    "noise": (_craft("noise_m", lambda t: t.size), _nothing),
     "link silent": (_cut, _mend),
     "link failsafe": (_link_failsafe, _link_is_back),
     "commands lost": (_cut, _mend),
     "acks lost": (_cut, _mend),
     "order fails": (_fail_order, _nothing),
-    "order refused": (_refuse, _obey),
+    "order refused": (_refuse, _driver("refuses", lambda _: ())),
     "camera silent": (_spoil, _clean),
     "camera lost": (_spoil, _clean),
     "camera slow": (_spoil, _clean),
@@ -244,12 +221,11 @@ ACTS: Final[dict[str, tuple[Act, Act]]] = {
     "failsafe": (_failsafe, _nothing),
     "motor": (_motor, _nothing),
     "battery cell": (_cell, _nothing),
-    "battery sag": (_sag, _sag_ends),
+    "battery sag": (_sag, _driver("hides_wh", lambda _: 0.0)),
     "poor swaps": (_poor_swaps, _nothing),
     "process ends": (_dies, _nothing),
     "recall": (_recall, _nothing),
 }
-LASTING: Final = ("link silent", "link failsafe", "commands lost", "acks lost")
 
 
 def drawn(kind: str, vehicle: int, phase: FlightPhase, rng: random.Random) -> Trouble:

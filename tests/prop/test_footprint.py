@@ -15,6 +15,7 @@ from missions.geo.footprint import Footprint, Optics
 from missions.geo.geodesy import LocalPlane
 from missions.geo.grid import Grid
 from missions.units import Cell, GridPoint, LatLon
+from tests.support.footprints import whole_cells
 from tests.unit.vision.scene import camera_axes, nadir_pose, paint
 from vision.camera import Camera
 from vision.detectors import make_detector
@@ -102,7 +103,7 @@ def test_the_cells_of_a_level_footprint(
     east_m: float, north_m: float, across_m: float, along_m: float, bearing: float, margin_m: float
 ) -> None:
     centre = GridPoint(east_m, north_m)
-    cells = Footprint(across_m, along_m).whole_cells(centre, math.radians(bearing), 4.0, margin_m)
+    cells = whole_cells(Footprint(across_m, along_m), centre, math.radians(bearing), 4.0, margin_m)
     assert list(cells) == sorted(cells)
     cos, sin = math.cos(math.radians(bearing)), math.sin(math.radians(bearing))
     polygon = Polygon(
@@ -130,7 +131,7 @@ def test_what_a_planner_expects_of_a_level_camera_is_what_its_frames_judge(
     bearing_rad = math.radians(yaw_deg) - grid.convergence_rad
     footprint = CAMERA.footprint(height_m)
     near, far = (
-        set(footprint.whole_cells(over, bearing_rad, 4.0, margin_m + slack_m))
+        set(whole_cells(footprint, over, bearing_rad, 4.0, margin_m + slack_m))
         for slack_m in (NEAR_M, -NEAR_M)
     )
     assert near <= judged <= far

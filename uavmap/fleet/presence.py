@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 from missions.fleet_events import Heard
+from missions.flight.lane_progress import lanes_held
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State, VehicleState
 from missions.flight.team.codec import Does, Presence
-from missions.flight.team.lane_numbers import lanes_held
 from missions.orders import FlyPath
 from missions.units import GridPoint
 

@@ -31,7 +31,7 @@ def ready_planner(strategy: str, say: Callable[[str], None]) -> None:
     if strategy not in NONSTOP:
         return
     from missions.planning.kernels import swath as kernels  # noqa: PLC0415 - numba takes a second
-    from missions.planning.sweep.warm_up import warm_up  # noqa: PLC0415, as above
+    from missions.planning.sweep.memo import warm_up  # noqa: PLC0415, as above
 
     stats = getattr(kernels.improve, "stats", None)  # None where nothing is compiled
     kept = getattr(stats, "cache_path", None)

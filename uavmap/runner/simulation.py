@@ -18,7 +18,7 @@ import numpy as np
 from missions.errors import LinkError
 from missions.flight.setting import Setting
 from missions.geo.grid import Grid
-from missions.mission.launch_pads import homes
+from missions.mission.places import homes
 from missions.mission.schema import Mission, positions
 from missions.mission.sections.sim_section import SimFault
 from missions.planning.sweep.strategies import LEAPFROG

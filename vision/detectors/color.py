@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import MissionFileError
-from vision.detectors.interface import marked
-from vision.detectors.limits import check_number
+from vision.detectors.interface import check_number, marked
 
 _HALF: Final = 0.5
 _MOST_SAMPLES: Final = 64

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import ImageError, MissionFileError
-from vision.detectors.interface import marked
-from vision.detectors.limits import check_number, check_whole
+from vision.detectors.interface import check_number, check_whole, marked
 
 Kind = Literal["exg", "ndvi", "ndwi", "hot"]
 _HALF: Final = 0.5

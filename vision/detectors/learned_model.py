@@ -13,8 +13,9 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import (
@@ -26,7 +27,8 @@ from pydantic import (
 )
 
 from missions.errors import MissionFileError
-from vision.detectors.pixel_features import FEATURES
+from vision.detectors.interface import check_number, marked
+from vision.detectors.pixel_features import FEATURES, features, working_picture
 
 Array = NDArray[np.float32]
 FORMAT: Final = "uavmap detector"
@@ -201,3 +203,41 @@ def _table(tree: Tree) -> NDArray[np.float32]:
         if first < len(tree.leaves):
             table[bits] = tree.leaves[first]
     return table
+
+
+@dataclass(frozen=True, slots=True)
+class LearnedDetector:
+    """The ROI is what a model takes for it by colour, texture and surroundings.
+
+    Attributes:
+        model: The file of a model, or the model.
+        threshold: A pixel is marked from this probability on, 0 to 1; 0 takes the model's own.
+    """
+
+    name: ClassVar[str] = "learned"
+    calibrated: ClassVar[bool] = True
+
+    model: bytes | Model
+    threshold: float = 0.0
+    _scorer: Scorer = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Refuse what is no model, and a threshold out of range, with `MissionFileError`."""
+        check_number("threshold", self.threshold, 0.0, 1.0)
+        model = self.model
+        if not isinstance(model, Model):
+            model = read_model(model, "detector.model")
+        object.__setattr__(self, "_scorer", Scorer(model))
+
+    def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
+        """See `Detector.probability`. Raises `ImageError` for a picture without three channels."""
+        model = self._scorer.model
+        values = features(working_picture(image, model.working_width_px), model.features)
+        count, rows, columns = values.shape
+        share = self._scorer.probability(values.reshape(count, -1)).reshape(rows, columns)
+        size = (image.shape[1], image.shape[0])
+        return np.asarray(cv2.resize(share, size, interpolation=cv2.INTER_LINEAR), np.float32)
+
+    def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
+        """See `Detector.mask`."""
+        return marked(self.probability(image), self.threshold or self._scorer.model.threshold)

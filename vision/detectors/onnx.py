@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from missions.errors import ImageError, MissionFileError
-from vision.detectors.interface import marked
-from vision.detectors.limits import check_number
+from vision.detectors.interface import check_number, marked
 
 Array = NDArray[np.float32]
 Run = Callable[[Array], NDArray[Any]]

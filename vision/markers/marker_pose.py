@@ -89,7 +89,6 @@ class Sighting:
         yaw_rad: The true bearing of the marker's upper edge (of the vehicle's nose), 0 to 2 pi.
         yaw_sigma_rad: Its standard deviation; it is that of the camera's heading, mostly.
         covariance_m2: (3, 3), of east, north and up.
-        misfit: What is left over, as chi square; some 5, or 6 with heights, are expected.
     """
 
     tag_id: int
@@ -99,7 +98,6 @@ class Sighting:
     yaw_rad: float
     yaw_sigma_rad: float
     covariance_m2: Array
-    misfit: float
 
     @property
     def place_m(self) -> Array:
@@ -149,7 +147,7 @@ def sight(
     east, north, up = (float(x) for x in now[_PLACE])
     return Sighting(
         found.tag_id, east, north, up, float(now[_YAW]) % math.tau,
-        math.sqrt(covariance[_YAW, _YAW]), np.asarray(covariance[_PLACE, _PLACE]), chi2,
+        math.sqrt(covariance[_YAW, _YAW]), np.asarray(covariance[_PLACE, _PLACE]),
     )  # fmt: skip
 
 

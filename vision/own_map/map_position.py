@@ -3,6 +3,11 @@
 Some pictures are kept, as keyframes with their patches of ground. Each new one is matched with the
 last of them, and with the oldest that show the same ground: those were taken while satellites were
 good, and hold the estimate when it comes back over them.
+
+How a vehicle moves on from one picture to the next, whatever position it is told.
+
+No aircraft moves as a told position can leap: from where it was and how fast it was, what it can
+reach until the next picture is small.
 """
 
 from __future__ import annotations
@@ -14,11 +19,77 @@ from typing import Final
 import numpy as np
 
 from missions.navigation import Disagreement, Estimate, ToldErrors, Track
-from vision.own_map.ground_match import Match, Patch, match
-from vision.own_map.own_motion import OwnWay
-from vision.own_map.patch_mosaic import coarser, mosaic
-from vision.own_map.patch_overlap import overlaps, side_m
+from vision.own_map.ground_match import Match, match
+from vision.own_map.ground_patch import Patch, coarser, mosaic, overlaps, side_m
 from vision.own_map.patch_zoom import compare, resized
+
+_FASTEST_M_S2: Final = 8.0  # a multicopter does not accelerate more
+_NOISE_M: Final = 0.3  # by attitudes, of one place against another
+_LONGEST_S: Final = 3.0  # after so long it may be anywhere
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """Where a vehicle may be: east and north of a keyframe, and how far around."""
+
+    east_m: float
+    north_m: float
+    within_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class OwnWay:
+    """Where the newest picture whose ground was recognised was taken, and how fast it moved then.
+
+    Attributes:
+        t_s: When it was taken.
+        key: The keyframe that its place is told from.
+        east_m: Of that keyframe.
+        north_m: Of that keyframe.
+        patch: Its ground.
+        velocity_m_s: East and north; None after the first one.
+        over_s: Over how long a time that is the mean.
+    """
+
+    t_s: float
+    key: int
+    east_m: float
+    north_m: float
+    patch: Patch
+    velocity_m_s: tuple[float, float] | None = None
+    over_s: float = math.inf
+
+    def on(self, t_s: float, key: int, east_m: float, north_m: float, patch: Patch) -> OwnWay:
+        """The next one, whose place is told from the same keyframe as this one's."""
+        over_s = t_s - self.t_s
+        if key != self.key or over_s > _LONGEST_S:
+            return OwnWay(t_s, key, east_m, north_m, patch)
+        velocity = (east_m - self.east_m) / over_s, (north_m - self.north_m) / over_s
+        return OwnWay(t_s, key, east_m, north_m, patch, velocity, over_s)
+
+    def told_from(self, key: int) -> OwnWay:
+        """The same, if that picture has become a keyframe itself."""
+        return OwnWay(self.t_s, key, 0.0, 0.0, self.patch, self.velocity_m_s, self.over_s)
+
+    def reach(self, t_s: float) -> Reach | None:
+        """Where it can be then; None if nobody can say.
+
+        >>> import numpy as np
+        >>> ground = Patch(np.zeros((1, 1), np.int8), 0, 0, 0.2)
+        >>> way = OwnWay(1.0, 7, 4.0, 0.0, ground, (5.0, 0.0), 0.2)
+        >>> reach = way.reach(1.2)
+        >>> round(reach.east_m, 2), round(reach.within_m, 2)
+        (5.0, 1.22)
+        """
+        on_s = t_s - self.t_s
+        if self.velocity_m_s is None or on_s > _LONGEST_S:
+            return None
+        east, north = self.velocity_m_s
+        # the mean velocity is that of the middle between both pictures
+        within_m = _FASTEST_M_S2 * on_s * (on_s + self.over_s) / 2.0
+        within_m += _NOISE_M * (1.0 + 2.0 * on_s / self.over_s)
+        return Reach(self.east_m + east * on_s, self.north_m + north * on_s, within_m)
+
 
 _KEYFRAME_SHARE: Final = 1.0 / 3.0  # of a footprint's side, from one keyframe to the next
 _KEYFRAME_S: Final = 2.0
@@ -80,7 +151,6 @@ class OwnMap:
     _sides_m: dict[int, float] = field(default_factory=dict)
     _passing: int | None = None  # the newest picture, if it is no keyframe
     _last_t_s: float = -math.inf  # of the newest keyframe
-    _seen_s: float = -math.inf  # when ground was last recognised
     _searched_s: float = -math.inf  # when the whole map was last searched
     _found_anew_s: float = -math.inf
     _sigma_now_m: float = 0.0
@@ -174,7 +244,6 @@ class OwnMap:
                 self._go_on(t_s, key, seen, patch)
             if seen is not None:
                 self._link(key, number, seen, patch if kept else None, zoom)
-                self._seen_s = t_s
         if self._sigma_now_m > self._lost_m and t_s - self._searched_s >= _SEARCH_EVERY_S:
             self._searched_s = t_s
             self._find_anew(number, patch, t_s)
@@ -282,7 +351,7 @@ class OwnMap:
                 break
         for key, seen in found:
             self.track.link(key, number, seen.moved_m, self._sigma_m(seen))
-            self._seen_s = self._found_anew_s = t_s
+            self._found_anew_s = t_s
 
     def _sigma_m(self, found: Match | _Seen) -> float:
         way_m = math.hypot(*found.moved_m)

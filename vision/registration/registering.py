@@ -11,8 +11,15 @@ import numpy as np
 
 from vision.registration.adjustment import HUBER_PX, adjust
 from vision.registration.ground_plane import Cameras, tilted_axes
-from vision.registration.matching import Pair, candidates, tie_points
-from vision.registration.measure import apart_m, joined, pair_medians_px, transfer_px
+from vision.registration.matching import (
+    Pair,
+    apart_m,
+    candidates,
+    joined,
+    pair_medians_px,
+    tie_points,
+    transfer_px,
+)
 from vision.registration.net import (
     MOST_SCALE_SIGMA,
     MOST_YAW_SIGMA_RAD,
@@ -21,6 +28,7 @@ from vision.registration.net import (
     components,
     laid,
 )
+from vision.registration.normal_equations import sigmas
 from vision.registration.problem import Solution, Tags, Ties
 from vision.registration.relief import Relief
 from vision.registration.result import (
@@ -34,7 +42,6 @@ from vision.registration.result import (
     Net,
     Registration,
 )
-from vision.registration.uncertainty import sigmas
 from vision.registration.views import Floats, Refined, View
 
 MOST_TILT: Final = 1.2
@@ -61,7 +68,6 @@ class Many(Protocol):
         /,
     ) -> Iterable[Pair | None]:
         """Do it."""
-        ...
 
 
 def register(

@@ -46,24 +46,13 @@ class Described(Protocol):
     """`Features`, wherever they are kept: of ten thousand pictures they fill a memory."""
 
     @property
-    def points(self) -> Floats:
-        """See `Features.points`."""
-        ...
-
+    def points(self) -> Floats: ...  # noqa: D102
     @property
-    def descriptors(self) -> NDArray[np.uint8]:
-        """See `Features.descriptors`."""
-        ...
-
+    def descriptors(self) -> NDArray[np.uint8]: ...  # noqa: D102
     @property
-    def width_px(self) -> int:
-        """See `Features.width_px`."""
-        ...
-
+    def width_px(self) -> int: ...  # noqa: D102
     @property
-    def height_px(self) -> int:
-        """See `Features.height_px`."""
-        ...
+    def height_px(self) -> int: ...  # noqa: D102
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,7 @@ from typing import Final
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State
 from missions.orders import FlyPath
-from missions.planning.stepwise.bounds import drift_factor, rdfs_bound_moves
+from missions.planning.stepwise.rdfs import drift_factor, rdfs_bound_moves
 
 LEAST_PATIENCE_S: Final = 120.0
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from missions.flight.airspace.deconfliction import give_if_clear, hold
-from missions.flight.lane_progress import lane_left
+from missions.flight.lane_progress import lane_left, lanes_held
 from missions.flight.return_home import OVER_HOME_M, REACTION_S, go_home, has_energy_for, home_order
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.flight.strategy.lane_passes import still_open
 from missions.flight.strategy.visiting import visit
-from missions.flight.team.lane_numbers import lanes_held
 from missions.orders import FlyPath, FlyTo, Order, Sweep
 from missions.planning.search.lanes import Lane
 

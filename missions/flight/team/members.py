@@ -18,10 +18,10 @@ from typing import Final
 
 from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
 from missions.flight.airspace.deconfliction import clear_of
+from missions.flight.lane_progress import lane_number
 from missions.flight.setting import Setting
 from missions.flight.sightings import frame_seen
 from missions.flight.state import Allotment, Column, Phase, ReturnReason, State
-from missions.flight.team.lane_numbers import lane_number
 from missions.flight.team.own_cells import as_frames
 from missions.flight.team.work_shares import back_from_lanes_s, held_until_s
 from missions.geo.trajectory import rounded_path

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from missions.lab.arena.arena_run import Comms, Run
 from missions.lab.arena.radio import Links
 from missions.planning.bounds.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
-from missions.planning.bounds.promises import bound_time, promised_moves
 from missions.planning.stepwise import Explorer
+from missions.planning.stepwise.interface import bound_time, promised_moves
 from missions.planning.stepwise.metric import Metric
 
 _ROUNDING = 1e-9

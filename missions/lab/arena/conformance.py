@@ -25,8 +25,13 @@ from missions.lab.arena.minds import look
 from missions.lab.arena.radio import Links
 from missions.lab.arena.roi import component, eden, thin
 from missions.mapping.tree import Tree
-from missions.planning.bounds.promises import promised_moves
-from missions.planning.stepwise.interface import Decision, Explorer, Memory, Situation
+from missions.planning.stepwise.interface import (
+    Decision,
+    Explorer,
+    Memory,
+    Situation,
+    promised_moves,
+)
 from missions.planning.stepwise.metric import Metric
 from missions.units import Cell
 

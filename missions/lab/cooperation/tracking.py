@@ -54,7 +54,6 @@ class Leg:
     end: Point
     course_rad: float
     watcher: int | None
-    watcher_at: Point
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,9 +106,8 @@ def legs_of(exploration: Exploration) -> Iterator[Leg]:
                 if distance(standing[i], b) <= most_m and exploration.space.sees(standing[i], b)
             )
             watcher = next(seen, None)
-            at = b if watcher is None else standing[watcher]
             turn = 0.0 if before is None else turned(before, course)
-            yield Leg(robot, turn, distance(a, b), b, course, watcher, at)
+            yield Leg(robot, turn, distance(a, b), b, course, watcher)
 
 
 def first_courses(legs: list[Leg], robots: int) -> list[float]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from missions.errors import LocalizationError
 from missions.lab.localization.neighbourhood import DIRECTIONS, RING, STEP, label
+from missions.mapping.breadth_first import neighbours_in, reached
 from missions.units import Cell
 
 
@@ -56,25 +57,14 @@ class GridMap:
             sum(((e + de, n + dn) in known) << i for i, (de, dn) in enumerate(RING))
             for e, n in cells
         )
-        made = cls(cells, patterns, steps, tuple(cell in known for cell in cells))
-        lost = made._unreached()
-        if lost is not None:
+        lost = index.keys() - reached(neighbours_in(index), cells[0]).keys()
+        if lost:
+            east, north = min(lost)
             raise LocalizationError(
-                f"cell ({lost.east}, {lost.north}) cannot be reached from ({cells[0].east}, "
+                f"cell ({east}, {north}) cannot be reached from ({cells[0].east}, "
                 f"{cells[0].north}) over edges: a robot could never know which part it is in"
             )
-        return made
-
-    def _unreached(self) -> Cell | None:
-        met, todo = {0}, [0]
-        while todo:
-            here = todo.pop()
-            for d in DIRECTIONS:
-                there = self.steps[d][here]
-                if there >= 0 and there not in met:
-                    met.add(there)
-                    todo.append(there)
-        return None if len(met) == self.size else self.cells[min({*range(self.size)} - met)]
+        return cls(cells, patterns, steps, tuple(cell in known for cell in cells))
 
     @property
     def size(self) -> int:
@@ -145,3 +135,49 @@ class GridMap:
         2
         """
         return sum(i * count for i, count in enumerate(self.labels))
+
+
+Candidates = tuple[int, ...]
+
+
+def first_candidates(known: GridMap, pattern: int) -> Candidates:
+    """Where a robot may be that senses a pattern.
+
+    >>> from missions.units import Cell
+    >>> corridor = GridMap.of({Cell(i, 0) for i in range(5)})
+    >>> first_candidates(corridor, corridor.patterns[1])
+    (1, 2, 3)
+    """
+    return known.alike.get(pattern, ())
+
+
+def candidates_after(
+    known: GridMap, candidates: Candidates, direction: int, pattern: int
+) -> Candidates:
+    """Where it may be after a move, and sensing a pattern there.
+
+    >>> from missions.units import Cell
+    >>> corridor = GridMap.of({Cell(i, 0) for i in range(5)})
+    >>> candidates_after(corridor, (1, 2, 3), 1, corridor.patterns[0])
+    (0,)
+    """
+    step, patterns = known.steps[direction], known.patterns
+    return tuple(
+        there for here in candidates if (there := step[here]) >= 0 and patterns[there] == pattern
+    )
+
+
+def split(known: GridMap, candidates: Candidates, direction: int) -> list[Candidates]:
+    """What a move makes of candidates: the groups in which the same is sensed afterwards.
+
+    >>> from missions.units import Cell
+    >>> corridor = GridMap.of({Cell(i, 0) for i in range(5)})
+    >>> split(corridor, (1, 2, 3), 1)
+    [(0,), (1, 2)]
+    """
+    step, patterns = known.steps[direction], known.patterns
+    groups: dict[int, list[int]] = {}
+    for here in candidates:
+        there = step[here]
+        groups.setdefault(patterns[there], []).append(there)
+    return [tuple(group) for group in groups.values()]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from missions.mapping.breadth_first import patches
 from missions.units import Cell
 
 
@@ -53,15 +54,4 @@ def cluttered(width: int, height: int, share: float, rng: np.random.Generator) -
     """
     free = rng.random((width, height)) >= share
     left = {Cell(int(e), int(n)) for e, n in np.argwhere(free)} or {Cell(0, 0)}
-    best: set[Cell] = set()
-    while len(left) > len(best):
-        part, todo = set[Cell](), [min(left)]
-        left -= set(todo)
-        while todo:
-            cell = todo.pop()
-            part.add(cell)
-            near = [other for other in cell.neighbours() if other in left]
-            left -= set(near)
-            todo += near
-        best = max(best, part, key=len)
-    return best
+    return set(patches(left)[0])

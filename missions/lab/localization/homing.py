@@ -4,6 +4,19 @@ It goes west until it meets an obstacle, goes around it once with the obstacle a
 to a westernmost cell of its boundary by the shorter way, and goes west again. The last obstacle is
 the border of the grid, whose circumnavigation shows the extent of the grid in both directions.
 It remembers some counters, and nothing of where it was: O(log n) bits. At most 4 n moves.
+
+A search of the whole grid with a compass and counters, after Blum and Kozen (section 4.2).
+
+Each obstacle but the border has one cell of its own: the one below its lowest cell, of several the
+westernmost. From there a ray leads south to another obstacle, which reaches lower; so obstacles and
+rays are a tree with the border as its root, and who keeps the obstacle at the right hand, along the
+rays as well, goes around the whole tree. On the way every column of unobstructed cells is walked up
+and down from its lower end, so every cell is visited.
+
+Whether a cell is the one of its obstacle is found by going around the obstacle with the distance to
+it in two counters. So it remembers O(log n) bits, and pays with O(n^2) moves: columns take at most
+2 n of them, boundaries 8/3 n, and each of at most n cells below an obstacle is tried twice, which
+takes a way around, at most 8/3 n. With the way south to the first obstacle: 16/3 n^2 + 6 n.
 """
 
 from __future__ import annotations
@@ -11,11 +24,18 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Final
 
+import numpy as np
+
 from missions.lab.localization.neighbourhood import (
+    DIRECTIONS,
+    NORTH,
+    SOUTH,
     STEP,
     WEST,
     back,
     heading_beside,
+    is_beside,
+    is_free,
     keep_left,
     keep_right,
 )
@@ -67,3 +87,102 @@ def _go_around(pattern: int, hit: int) -> Generator[int, int, int]:
         pattern = yield heading
         east += STEP[heading][0]
     return pattern
+
+
+def depth_first(pattern: int) -> Moves:
+    """Go to a neighbour that was not visited, in the order N, W, S, E, or back where there is none.
+
+    It remembers every cell that it has visited. It ends where it began, after 2 n - 2 moves.
+
+    >>> list(depth_first(0))
+    []
+    """
+    here, visited, trail = (0, 0), {(0, 0)}, []
+    while True:
+        for d in DIRECTIONS:
+            there = (here[0] + STEP[d][0], here[1] + STEP[d][1])
+            if is_free(pattern, d) and there not in visited:
+                visited.add(there)
+                trail.append(d)
+                break
+        else:
+            if not trail:
+                return
+            d = back(trail.pop())
+            there = (here[0] + STEP[d][0], here[1] + STEP[d][1])
+        pattern = yield d
+        here = there
+
+
+def random_walk(pattern: int, rng: np.random.Generator) -> Moves:
+    """Go to any unobstructed neighbour, each as likely as the others. It never ends by itself.
+
+    >>> next(random_walk(0b100, np.random.default_rng(1)))
+    1
+    """
+    while True:
+        ways = [d for d in DIRECTIONS if is_free(pattern, d)]
+        pattern = yield ways[int(rng.integers(len(ways)))]
+
+
+_ABOVE, _BELOW = 2 * NORTH, 2 * SOUTH
+
+
+def blum_kozen(pattern: int) -> Moves:
+    """Move from column to column. It never ends by itself.
+
+    >>> next(blum_kozen(0b00010000)) == SOUTH
+    True
+    """
+    pattern = yield from _straight(pattern, SOUTH)
+    heading = heading_beside(pattern, _BELOW)
+    while True:
+        direction = keep_right(pattern, heading)
+        if is_beside(heading, direction, _BELOW):
+            pattern = yield from _straight(pattern, NORTH)
+            if (yield from _is_own_cell(pattern)):
+                # the ray of an obstacle above: around that first
+                heading = heading_beside(pattern, _ABOVE)
+            else:
+                pattern = yield from _straight(pattern, SOUTH)
+                heading = heading_beside(pattern, _BELOW)
+        elif is_beside(heading, direction, _ABOVE) and (yield from _is_own_cell(pattern)):
+            # once around it: down the ray, and on along the obstacle below
+            pattern = yield from _straight(pattern, SOUTH)
+            heading = heading_beside(pattern, _BELOW)
+        direction = keep_right(pattern, heading)
+        pattern = yield direction
+        heading = direction
+
+
+def _straight(pattern: int, direction: int) -> Generator[int, int, int]:
+    """Go in one direction as far as it is free."""
+    while is_free(pattern, direction):
+        pattern = yield direction
+    return pattern
+
+
+def _is_own_cell(pattern: int) -> Generator[int, int, bool]:
+    """Go around the obstacle above: whether this is the one cell from which its ray begins.
+
+    It is not where the obstacle reaches lower, or as low farther in the west, nor where it is the
+    border, which shows itself by being below a cell that is as low as this.
+    """
+    first = heading = heading_beside(pattern, _ABOVE)
+    east = north = 0
+    own = True
+    while True:
+        direction = keep_right(pattern, heading)
+        if north < 0 or (
+            north == 0
+            and (
+                (east < 0 and is_beside(heading, direction, _ABOVE))
+                or is_beside(heading, direction, _BELOW)
+            )
+        ):
+            own = False
+        pattern = yield direction
+        heading = direction
+        east, north = east + STEP[direction][0], north + STEP[direction][1]
+        if (east, north, heading) == (0, 0, first):
+            return own

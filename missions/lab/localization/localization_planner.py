@@ -22,13 +22,13 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from missions.lab.localization.candidates import (
+from missions.lab.localization.grid_map import (
     Candidates,
+    GridMap,
     candidates_after,
     first_candidates,
     split,
 )
-from missions.lab.localization.grid_map import GridMap
 from missions.lab.localization.homing import Moves, homing
 
 EXACT: Final = 2

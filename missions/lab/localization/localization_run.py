@@ -6,13 +6,47 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from missions.lab.localization.candidates import candidates_after, first_candidates
-from missions.lab.localization.extent import Extent
-from missions.lab.localization.grid_map import GridMap
+from missions.lab.localization.grid_map import GridMap, candidates_after, first_candidates
 from missions.lab.localization.homing import Moves
 from missions.lab.localization.localization_planner import Planner
 from missions.lab.localization.methods import Method
+from missions.lab.localization.neighbourhood import STEP
 from missions.units import Cell
+
+
+class Extent:
+    """Where a robot is, relative to its first cell, and how far it has been.
+
+    >>> been = Extent(width=2, height=1)
+    >>> been.place is None
+    True
+    >>> been.moved(1)
+    >>> been.place
+    (0, 0)
+    """
+
+    __slots__ = ("_east", "_height", "_high", "_left", "_low", "_north", "_right", "_width")
+
+    def __init__(self, width: int, height: int) -> None:
+        self._width, self._height = width, height
+        self._east = self._left = self._right = 0
+        self._north = self._low = self._high = 0
+
+    def moved(self, direction: int) -> None:
+        """Count a move."""
+        east, north = STEP[direction]
+        self._east += east
+        self._north += north
+        self._left, self._right = min(self._left, self._east), max(self._right, self._east)
+        self._low, self._high = min(self._low, self._north), max(self._high, self._north)
+
+    @property
+    def place(self) -> tuple[int, int] | None:
+        """Columns from the westernmost cells and rows from the southernmost; None until both are
+        known."""
+        if self._right - self._left + 1 < self._width or self._high - self._low + 1 < self._height:
+            return None
+        return self._east - self._left, self._north - self._low
 
 
 @dataclass(frozen=True, slots=True)

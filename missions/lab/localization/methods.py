@@ -9,10 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from missions.lab.localization.blum_kozen import blum_kozen
-from missions.lab.localization.homing import Moves, homing
+from missions.lab.localization.homing import Moves, blum_kozen, depth_first, homing, random_walk
 from missions.lab.localization.localization_planner import Planner, plan
-from missions.lab.localization.searches import depth_first, random_walk
 
 Start = Callable[[int, Planner | None, np.random.Generator], Moves]
 

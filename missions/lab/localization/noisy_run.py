@@ -1,11 +1,24 @@
-"""A robot that does not know where it is, on a grid, with errors of its sensor and its odometry."""
+"""A robot that does not know where it is, on a grid, with errors of its sensor and its odometry.
+
+A planner for a robot whose sensor and odometry err: moves after which its belief is sharper.
+
+It looks at some cells, the more probable ones first. What tells two of them apart along a way is
+the number of neighbours in which they differ: after each such neighbour the probability to take one
+for the other is smaller by a factor, the Bhattacharyya coefficient of the two readings. All ways of
+`AHEAD` moves and straight ways as long as the grid are tried in all these cells at once; the best
+is the one with the fewest moves, together with what is still needed after it. Where none helps, it
+is the shortest way after which the two most probable cells look different. It is gone to its end,
+or until the doubt has shrunk by a third; then everything is planned anew. There is no bound.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from missions.errors import LocalizationError
 from missions.lab.localization.grid_map import GridMap
@@ -13,9 +26,130 @@ from missions.lab.localization.homing import Moves
 from missions.lab.localization.localization_run import Localized
 from missions.lab.localization.methods import Method
 from missions.lab.localization.neighbourhood import DIRECTIONS, STEP
-from missions.lab.localization.noisy_planner import NoisyPlanner
 from missions.lab.localization.pose_belief import EXACT, Belief, Noise
 from missions.units import Cell
+
+QUANTILES: Final = 40
+"""Quantiles of the belief, whose cells are looked at."""
+MOST_PROBABLE: Final = 8
+"""Cells that are looked at besides."""
+AHEAD: Final = 3
+"""Moves of the ways that are all tried."""
+LEAST_GAIN: Final = 0.1
+"""Of the moves that are reckoned: a way that spares fewer does not help."""
+NEWS: Final = 2 / 3
+"""Of the doubt when it was planned: below this share a way is given up for a new one."""
+MOVES_A_HALVING: Final = 1.0
+"""What is reckoned for each halving of the doubt that is left."""
+
+Doubts = NDArray[np.float64]
+"""Of each way and pair of hypotheses: how probable it is that one is taken for the other."""
+
+
+class NoisyPlanner:
+    """Plans for one robot with a map.
+
+    Args:
+        known: the map.
+        noise: how often the sensor errs.
+        confidence: the probability that is wanted, below 1.
+    """
+
+    def __init__(self, known: GridMap, noise: Noise, confidence: float) -> None:
+        self._known = known
+        fp, fn = noise.false_positive, noise.false_negative
+        alike = math.sqrt(fp * (1.0 - fn)) + math.sqrt(fn * (1.0 - fp))
+        self._factors = alike ** np.arange(9.0)
+        self._enough = 1.0 - confidence
+        self._longest = max(known.width, known.height)
+        self._way: list[int] = []
+        self._doubt = 1.0
+
+    def move(self, belief: Belief) -> int:
+        """The direction to go next."""
+        doubt = 1.0 - float((belief.mass**2).sum())
+        if not self._way or doubt < NEWS * self._doubt:
+            self._way, self._doubt = self._planned(belief), doubt
+        return self._way.pop(0)
+
+    def _planned(self, belief: Belief) -> list[int]:
+        """The best way found."""
+        places, weights = self._hypotheses(belief.mass)
+        doubts = np.outer(weights, weights)
+        np.fill_diagonal(doubts, 0.0)
+        best, ways, at = self._straight(doubts, places), doubts[None], places[None]
+        for length in range(1, AHEAD + 1):
+            directions = np.tile(DIRECTIONS, len(at))
+            at = self._known.landings[directions, np.repeat(at, 4, axis=0).T].T
+            ways = np.repeat(ways, 4, axis=0) * self._told_apart(at)
+            value, number = self._best(ways, length)
+            if value < best[0]:
+                best = (value, [number // 4**i % 4 for i in reversed(range(length))])
+        reckoned = best[0] - len(best[1])
+        if reckoned < self._best(doubts[None], 0)[0] - LEAST_GAIN:
+            return best[1]
+        first, second = np.argsort(-belief.mass, kind="stable")[:2]
+        return self._telling_apart(int(first), int(second))
+
+    def _telling_apart(self, first: int, second: int) -> list[int]:
+        """The shortest way after which two cells look different."""
+        landings, patterns = self._known.landings, self._known.patterns
+        met = {(first, second)}
+        rim: list[tuple[int, int, list[int]]] = [(first, second, [])]
+        for one, other, way in rim:  # grows on the way
+            for d in DIRECTIONS:
+                pair = (int(landings[d, one]), int(landings[d, other]))
+                if patterns[pair[0]] != patterns[pair[1]]:
+                    return [*way, d]
+                if pair not in met and pair[0] != pair[1]:
+                    met.add(pair)
+                    rim.append((*pair, [*way, d]))
+        raise AssertionError("no finite grid has two cells that look alike after all ways")
+
+    def _hypotheses(
+        self, mass: NDArray[np.float64]
+    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Cells to look at, with their weights: quantiles, so that many that are alike are
+        represented, and the most probable ones, so that a small doubt is not overlooked."""
+        middles = (np.arange(QUANTILES) + 0.5) / QUANTILES
+        drawn = np.minimum(np.searchsorted(mass.cumsum(), middles), len(mass) - 1)
+        weights = np.bincount(drawn, minlength=len(mass)) / QUANTILES
+        first = np.argsort(-mass, kind="stable")[:MOST_PROBABLE]
+        weights[first] = np.maximum(weights[first], mass[first])
+        places = np.flatnonzero(weights)
+        return places, weights[places] / weights[places].sum()
+
+    def _straight(self, doubts: Doubts, places: NDArray[np.intp]) -> tuple[float, list[int]]:
+        """The best of the straight ways, with what it needs."""
+        best = (math.inf, [0])
+        directions = np.array(DIRECTIONS, np.intp)
+        ways, at = np.repeat(doubts[None], 4, axis=0), np.repeat(places[None], 4, axis=0)
+        for length in range(1, self._longest + 1):
+            if length >= best[0]:
+                break
+            at = self._known.landings[directions[:, None], at]
+            ways = ways * self._told_apart(at)
+            value, direction = self._best(ways, length)
+            if value < best[0]:
+                best = (value, [direction] * length)
+        return best
+
+    def _told_apart(self, at: NDArray[np.intp]) -> Doubts:
+        """By what a look in these places, way by way, multiplies the doubts."""
+        patterns = self._known.pattern_array[at]
+        factors: Doubts = self._factors[
+            np.bitwise_count(patterns[:, :, None] ^ patterns[:, None, :])
+        ]
+        return factors
+
+    def _best(self, ways: Doubts, length: int) -> tuple[float, int]:
+        """Of ways with the same length the one that leaves the least doubt: the moves that it
+        needs, with what is reckoned after it, and its number."""
+        left = ways.sum(axis=(1, 2))
+        least = int(left.argmin())
+        more = math.log2(max(float(left[least]) / self._enough, 1.0))
+        return length + MOVES_A_HALVING * more, least
+
 
 PATIENCE: Final = 50
 """Moves a cell after which a robot gives up."""

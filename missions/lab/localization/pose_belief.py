@@ -179,9 +179,3 @@ class Belief:
     def confidence(self) -> float:
         """The probability of the most probable cell."""
         return float(self.mass.max())
-
-    @property
-    def entropy_bits(self) -> float:
-        """How uncertain it is: 0 when a cell is certain, log2 n when all are alike."""
-        some = self.mass[self.mass > 0.0]
-        return max(0.0, float(-(some * np.log2(some)).sum()))

@@ -269,3 +269,36 @@ def _block_steps(
             low[top] = min(low[top], low[cell])
         cell = top
     return total, count
+
+
+def passing_bound_s(
+    ground_m2: float,
+    robots: int,
+    breaks: int,
+    footprint_m: tuple[float, float],
+    lean_m: float,
+    speed_m_s: float,
+    *,
+    turned: bool = False,
+) -> float:
+    """Seconds that the last vehicle needs at least; see the module for the proof.
+
+    Args:
+        ground_m2: what was seen for the first time, N w^2.
+        robots: how many vehicles, at least 1.
+        breaks: how often one of them left off and came back, at least 0.
+        footprint_m: the sides of the ground in a level picture, of the highest vehicle.
+        lean_m: how far a lean shifts it at most.
+        speed_m_s: of the fastest vehicle, above 0.
+        turned: whether pictures lie at any angle to the grid.
+
+    >>> round(passing_bound_s(6400.0, 1, 0, (20.0, 15.0), 0.0, 6.0), 1)
+    40.7
+    >>> round(passing_bound_s(6400.0, 1, 0, (20.0, 15.0), 0.0, 6.0, turned=True), 1)
+    39.4
+    """
+    east_m, north_m = footprint_m[0] + 2.0 * lean_m, footprint_m[1] + 2.0 * lean_m
+    diagonal_m = math.hypot(east_m, north_m)
+    at_once_m2 = math.pi * diagonal_m**2 / 4.0 if turned else east_m * north_m
+    left_m2 = ground_m2 - (robots + breaks) * at_once_m2
+    return max(0.0, left_m2) / (robots * diagonal_m * speed_m_s)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,13 +73,6 @@ class Chart:
     def grid(self) -> tuple[int, int, int, int, float]:
         """What the kernels take."""
         return self.west, self.south, self.columns, self.rows, self.cell_m
-
-    def forbid(self, allows: Callable[[Cell], bool]) -> None:
-        """Take note of where a vehicle may be."""
-        for index in range(self.columns * self.rows):
-            if not allows(self.cell(index)):
-                self.allowed[index] = 0
-                self.fenced = True
 
 
 @dataclass(frozen=True, slots=True)

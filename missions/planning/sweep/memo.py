@@ -12,11 +12,12 @@ from dataclasses import astuple
 from typing import Final
 
 from missions.planning.kernels.jit import COMPILED
-from missions.planning.sweep.chart import Known
+from missions.planning.sweep.chart import Chart, Known
 from missions.planning.sweep.plan_memo import PlanMemo
-from missions.planning.sweep.planned_team import Flyer, Tuning, Valued
+from missions.planning.sweep.planned_team import Flyer, Kinematics, Tuning, Valued
 from missions.planning.sweep.sweep_planner import Plan, Planner
 from missions.planning.sweep.tours import KEEP_S, LEAST_WORK, Tours, Waypoints, lay_tours
+from missions.units import Cell, GridPoint
 
 UNCOMPILED_MOVES: Final = 20
 """Plain Python is a hundred times slower: plans are worse, and as safe."""
@@ -93,3 +94,22 @@ def _key(kind: str, known: Known, team: Sequence[Flyer], *others: object) -> byt
         made.update(repr((flyer.kinematics, flyer.place, flyer.end, flyer.path)).encode())
         made.update(repr((flyer.route, flyer.blind_s)).encode())
     return made.digest()
+
+
+def warm_up() -> None:
+    """Make two small plans, one from rest and one from a path under way, and forget them.
+
+    That loads every kernel; the first time on a machine it compiles them, which takes some twenty
+    seconds on a fast one. Without numba it takes a fraction of a second.
+    """
+    planner = Planner(Tuning(moves=20))
+    root = Cell(0, 0)
+    chart = Chart.around([root], cell_m=4.0)
+    chart.yes[chart.index(root)] = 3
+    flown = Kinematics(6.0, 2.0, 0.2, 7.0, 5.0)
+    valued = planner.worth(chart, chart.index(root), 5, 3)
+    home = GridPoint(-20.0, -20.0)
+    lay_tours(chart, [Flyer(flown, home, home)], [0.0], valued, 0.0, 1, least=1)
+    first = planner.plan(chart, [Flyer(flown, home, home)], valued, 0.0, 1, [0.2])
+    under_way = Flyer(flown, home, home, first.paths[0], first.routes[0])
+    planner.plan(chart, [under_way], valued, 2.0, 2, [0.2])

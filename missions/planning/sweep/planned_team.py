@@ -28,7 +28,7 @@ class Tuning:
 
     penalty_s: float = 30.0
     """What it costs to leave a cell that is needed without its frames; more where it is far away
-    (`missions.planning.sweep.far_work`)."""
+    (`missions.planning.sweep.sweep_planner`)."""
     prize_s: float = 2.0
     """What it is worth to decide a cell that will be needed for certain."""
     fade_1_s: float = 0.04

@@ -35,8 +35,7 @@ from uavmap.photos.tune.selection import KINDS, SETS
 from uavmap.photos.tune.tune_job import DETECTOR, MODEL, Wishes, learned
 from uavmap.ui.cli import main as uavmap
 from vision.detectors import Detector, make_detector
-from vision.detectors.learned import LearnedDetector
-from vision.detectors.learned_model import model_bytes
+from vision.detectors.learned_model import LearnedDetector, model_bytes
 
 PAINTED = ((2, 7, 12), (0, 9, 16), (5, 11, 14))
 CELL_PX = 25.0

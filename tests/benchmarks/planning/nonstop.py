@@ -19,10 +19,10 @@ from missions.lab.arena.offline_reference import reference
 from missions.lab.arena.roi import Roi, grown
 from missions.lab.arena.survey import surveyed
 from missions.planning.sweep.chart import Chart, Flags
+from missions.planning.sweep.memo import warm_up
 from missions.planning.sweep.paths import Ints
 from missions.planning.sweep.planned_team import Flyer, Tuning, Valued
 from missions.planning.sweep.sweep_planner import Plan, Planner
-from missions.planning.sweep.warm_up import warm_up
 
 FIRST_SEED = 910_000
 """Regions from here on; what the planner weighs was found on others."""

@@ -13,33 +13,26 @@ import math
 import sys
 from typing import Any
 
-from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
 from mavsdk.asyncio.plugins.action import ActionAsync
 from mavsdk.asyncio.plugins.mission_raw import MissionRawAsync
 from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
-from mavsdk.plugins.mission_raw import MissionItem
 
-from tests.e2e.clients.mavsdk_client import M_PER_DEG, NORTH_M, _until
-
-WAYPOINT, RTL, TAKEOFF, FENCE_VERTEX = 16, 20, 22, 5001
-
-
-def item(seq: int, command: int, lat: float, lon: float, height_m: float, **more: Any) -> Any:
-    """A mission item, relative to home."""
-    values = {"param1": 0.0, "param2": 0.0, "param3": 0.0, "param4": 0.0, "mission_type": 0}
-    return MissionItem(
-        seq=seq, frame=6, command=command, current=int(seq == 0), autocontinue=1,
-        x=round(lat * 1e7), y=round(lon * 1e7), z=height_m, **{**values, **more},
-    )  # fmt: skip
+from tests.e2e.clients.mavsdk_client import (
+    M_PER_DEG,
+    NORTH_M,
+    RTL,
+    TAKEOFF,
+    WAYPOINT,
+    connected,
+    item,
+    until,
+    upload_fence,
+)
 
 
 async def main(url: str) -> None:
-    configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
-    async with Mavsdk(configuration) as mavsdk:
-        await mavsdk.add_any_connection(url)
-        system = await mavsdk.first_autopilot(timeout_s=20.0)
-        assert system is not None, "no autopilot"
+    async with connected(url) as system:
         action, telemetry = ActionAsync(system), TelemetryAsync(system)
         mission, param = MissionRawAsync(system), ParamAsync(system)
         await telemetry.set_rate_position(10.0)
@@ -55,8 +48,8 @@ async def main(url: str) -> None:
         await param.set_param_int("RTL_ALT", 1200)
         seen["rtl_alt"] = await param.get_param_int("RTL_ALT")
 
-        await _until(telemetry.health_all_ok, bool)
-        home = await _until(telemetry.position, lambda p: math.isfinite(p.latitude_deg))
+        await until(telemetry.health_all_ok, bool)
+        home = await until(telemetry.position, lambda p: math.isfinite(p.latitude_deg))
         lat, lon = home.latitude_deg, home.longitude_deg
         north = lat + NORTH_M / M_PER_DEG
         items = [
@@ -70,20 +63,13 @@ async def main(url: str) -> None:
         seen["download"] = [one.command for one in back]
         seen["same"] = (back[2].x, back[2].y) == (items[2].x, items[2].y)
 
-        d = 1e-3
-        corners = ((-d, -d), (-d, d), (d, d), (d, -d))
-        fence = [
-            item(i, FENCE_VERTEX, lat + a, lon + b, 0.0, param1=4.0, mission_type=1)
-            for i, (a, b) in enumerate(corners)
-        ]
-        await mission.upload_geofence(fence)
-        seen["fence"] = len(await mission.download_geofence())
+        seen["fence"] = await upload_fence(mission, lat, lon)
 
         await action.arm()
         await mission.start_mission()
-        await _until(telemetry.position, lambda p: p.relative_altitude_m > 7.5)
-        await _until(telemetry.position, lambda p: abs(p.latitude_deg - north) * M_PER_DEG < 2.5)
-        await _until(telemetry.armed, lambda armed: not armed)
+        await until(telemetry.position, lambda p: p.relative_altitude_m > 7.5)
+        await until(telemetry.position, lambda p: abs(p.latitude_deg - north) * M_PER_DEG < 2.5)
+        await until(telemetry.armed, lambda armed: not armed)
         last = await telemetry.position()
         seen["back_m"] = abs(last.latitude_deg - lat) * M_PER_DEG
         print(json.dumps(seen))

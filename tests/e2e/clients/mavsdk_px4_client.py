@@ -13,7 +13,6 @@ import math
 import sys
 from typing import Any
 
-from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
 from mavsdk.asyncio.plugins.action import ActionAsync
 from mavsdk.asyncio.plugins.mission_raw import MissionRawAsync
 from mavsdk.asyncio.plugins.offboard import OffboardAsync
@@ -21,8 +20,17 @@ from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 from mavsdk.plugins.offboard import PositionNedYaw
 
-from tests.e2e.clients.mavsdk_client import M_PER_DEG, NORTH_M, _until
-from tests.e2e.clients.mavsdk_mission_client import FENCE_VERTEX, RTL, TAKEOFF, WAYPOINT, item
+from tests.e2e.clients.mavsdk_client import (
+    M_PER_DEG,
+    NORTH_M,
+    RTL,
+    TAKEOFF,
+    WAYPOINT,
+    connected,
+    item,
+    until,
+    upload_fence,
+)
 
 
 async def parameters(param: ParamAsync, seen: dict[str, Any]) -> None:
@@ -48,33 +56,22 @@ async def plans(mission: MissionRawAsync, lat: float, lon: float, seen: dict[str
     back = await mission.download_mission()
     seen["download"] = [one.command for one in back]
     seen["same"] = (back[1].x, back[1].y, back[1].z) == (items[1].x, items[1].y, 10.0)
-    d = 1e-3
-    corners = ((-d, -d), (-d, d), (d, d), (d, -d))
-    fence = [
-        item(i, FENCE_VERTEX, lat + a, lon + b, 0.0, param1=4.0, mission_type=1)
-        for i, (a, b) in enumerate(corners)
-    ]
-    await mission.upload_geofence(fence)
-    seen["fence"] = len(await mission.download_geofence())
+    seen["fence"] = await upload_fence(mission, lat, lon)
 
 
 async def main(url: str) -> None:
-    configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
-    async with Mavsdk(configuration) as mavsdk:
-        await mavsdk.add_any_connection(url)
-        system = await mavsdk.first_autopilot(timeout_s=20.0)
-        assert system is not None, "no autopilot"
+    async with connected(url) as system:
         action, telemetry = ActionAsync(system), TelemetryAsync(system)
         mission, offboard = MissionRawAsync(system), OffboardAsync(system)
         seen: dict[str, Any] = {}
         await parameters(ParamAsync(system), seen)
-        await _until(telemetry.health_all_ok, bool)
-        home = await _until(telemetry.position, lambda p: math.isfinite(p.latitude_deg))
+        await until(telemetry.health_all_ok, bool)
+        home = await until(telemetry.position, lambda p: math.isfinite(p.latitude_deg))
         lat, lon = home.latitude_deg, home.longitude_deg
         await plans(mission, lat, lon, seen)
 
         def height(low_m: float) -> Any:
-            return _until(telemetry.position, lambda p: p.relative_altitude_m > low_m)
+            return until(telemetry.position, lambda p: p.relative_altitude_m > low_m)
 
         await action.arm()
         await action.takeoff()  # to MIS_TAKEOFF_ALT
@@ -84,15 +81,15 @@ async def main(url: str) -> None:
         )
         await offboard.start()
         # not the height above home, which moves for two minutes after the start
-        there = await _until(
+        there = await until(
             telemetry.position_velocity_ned, lambda p: abs(p.position.east_m - NORTH_M) < 1.0
         )
         seen["offboard_height_m"] = -there.position.down_m
         await offboard.stop()
         await mission.start_mission()
         north = lat + NORTH_M / M_PER_DEG
-        await _until(telemetry.position, lambda p: abs(p.latitude_deg - north) * M_PER_DEG < 2.5)
-        await _until(telemetry.armed, lambda armed: not armed)
+        await until(telemetry.position, lambda p: abs(p.latitude_deg - north) * M_PER_DEG < 2.5)
+        await until(telemetry.armed, lambda armed: not armed)
         last = await telemetry.position()
         seen["back_m"] = abs(last.latitude_deg - lat) * M_PER_DEG
         print(json.dumps(seen))

@@ -11,6 +11,7 @@ import json
 import math
 import sys
 import time
+from collections.abc import Callable
 from typing import Any
 
 from pymavlink import mavutil
@@ -36,13 +37,13 @@ def command(link: Any, number: int, *p: float) -> int:
     return int(wait(link, "COMMAND_ACK", command=number).result)
 
 
-def parameters(link: Any) -> dict[str, float]:
-    """All of them."""
+def parameters(link: Any, read: Callable[[Any], float] | None = None) -> dict[str, float]:
+    """All of them, by how a message is read."""
     link.mav.param_request_list_send(1, 1)
     found: dict[str, float] = {}
     while True:
         value = wait(link, "PARAM_VALUE")
-        found[value.param_id] = value.param_value
+        found[value.param_id] = value.param_value if read is None else read(value)
         if len(found) == value.param_count:
             return found
 

@@ -23,6 +23,7 @@ from tests.e2e.clients.pymavlink_client import (
     command,
     download,
     item,
+    parameters,
     upload,
     wait,
 )
@@ -36,17 +37,6 @@ def typed(value: Any) -> float:
     if value.param_type == INT32:
         return int(struct.unpack("<i", struct.pack("<f", value.param_value))[0])
     return float(value.param_value)
-
-
-def parameters(link: Any) -> dict[str, float]:
-    """All of them."""
-    link.mav.param_request_list_send(1, 1)
-    found: dict[str, float] = {}
-    while True:
-        value = wait(link, "PARAM_VALUE")
-        found[value.param_id] = typed(value)
-        if len(found) == value.param_count:
-            return found
 
 
 def mode(link: Any, name: str) -> int:
@@ -63,7 +53,7 @@ def main(address: str) -> None:
     seen: dict[str, Any] = {"autopilot": link.wait_heartbeat(timeout=PATIENCE_S).autopilot}
     home = wait(link, "GLOBAL_POSITION_INT")
 
-    seen["parameters"] = len(parameters(link))
+    seen["parameters"] = len(parameters(link, typed))
     bits = struct.unpack("<f", struct.pack("<i", 3))[0]
     link.mav.param_set_send(1, 1, b"GF_ACTION", bits, INT32)
     seen["gf_action"] = typed(wait(link, "PARAM_VALUE", param_id="GF_ACTION"))

@@ -40,7 +40,7 @@ def children_of(pid: int) -> list[int]:
     return [
         int(number)
         for number in numbers
-        if b"mavsdk_driver.child" in Path(f"/proc/{number}/cmdline").read_bytes()
+        if b"mavsdk.driver_child" in Path(f"/proc/{number}/cmdline").read_bytes()
     ]
 
 

@@ -63,15 +63,6 @@ def run_client(script, address):
     return json.loads(done.stdout.splitlines()[-1])
 
 
-@pytest.mark.parametrize(("autopilot", "tcp"), [("ardupilot", True), ("px4", False)])
-def test_mavsdk_flies_by_hand(autopilot, tcp):
-    with vehicle(tcp=tcp, autopilot=autopilot) as sitl:
-        seen = run_client("mavsdk_client.py", sitl.url)
-        assert sitl.truth.landed
-    assert seen["away_m"] == pytest.approx(15.0, abs=2.5)
-    assert seen["back_m"] == pytest.approx(0.0, abs=1.5)
-
-
 def test_mavsdk_flies_a_mission():
     with vehicle(tcp=False) as sitl:
         seen = run_client("mavsdk_mission_client.py", sitl.url)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import signal
 
+import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -26,6 +27,7 @@ from tests.e2e.rig import (
 
 SPEEDUP = 20.0
 GUIDED, BRAKE = 4, 17
+PX4_HOLD, PX4_RTL = (4, 3), (4, 5)
 
 
 def fly_arguments(name, urls, folder, *more):
@@ -125,34 +127,49 @@ def test_two_vehicles_over_sockets(speck, tmp_path):
     assert close_to(roi_cells(folder), roi_cells(speck.folder), 2)
 
 
-def test_a_pilot_takes_over_and_gives_back(speck, tmp_path):
-    """A second client changes the mode: not a command more until the vehicle is in GUIDED again."""
+# (in LOITER an ArduPilot would sink to the ground: there is no radio control)
+@pytest.mark.parametrize(
+    ("autopilot", "speedup", "taken", "given_back", "name", "beats"),
+    [
+        ("ardupilot", SPEEDUP, (BRAKE, 0), (GUIDED, 0), "BRAKE", 15),
+        ("px4", 10.0, PX4_RTL, PX4_HOLD, "RTL", 4),
+    ],
+    ids=["ardupilot", "px4"],
+)
+def test_a_pilot_takes_over_and_gives_back(
+    autopilot, speedup, taken, given_back, name, beats, speck, tmp_path
+):
+    """A second client changes the mode: not a command more until the vehicle is given back."""
     folder = tmp_path / "out"
-    with simulator("speck", speedup=SPEEDUP) as (url,), Relay(int(url.rpartition(":")[2])) as relay:
+    with (
+        simulator("speck", speedup=speedup, autopilot=autopilot) as (url,),
+        Relay(int(url.rpartition(":")[2])) as relay,
+    ):
         wait_until(lambda: relay.vehicle is not None, "the vehicle's address")
         pilot = mavutil.mavlink_connection(
             f"udpout:{LOOPBACK}:{relay.vehicle[1]}", source_system=250, dialect="ardupilotmega"
         )
+        arguments = fly_arguments("speck", [relay.url], folder, "--speedup", speedup)
         try:
-            with started(*fly_arguments("speck", [relay.url], folder)) as process:
+            with started(*arguments) as process:
                 wait_until(lambda: len(bodies(folder)) >= in_mid_flight(speck), "the exploration")
-                # (in LOITER it would sink to the ground: there is no radio control)
-                _set_mode(pilot, BRAKE)
+                _set_mode(pilot, *taken)
                 wait_until(lambda: bool(events(folder, "overridden")), "the service to notice")
                 said, seen = len(relay.commands), len(events(folder, "frame_seen"))
-                _beats(pilot, 15)
+                for _ in range(beats):  # so many simulated seconds
+                    assert _beat(pilot).custom_mode == _custom_mode(*taken)
                 # a capture that was under way is ended: the camera's business, not the vehicle's
                 assert [c for c in relay.commands[said:] if not _stops_camera(c)] == []
                 assert len(events(folder, "frame_seen")) == seen
                 assert events(folder, "released") == []
-                _set_mode(pilot, GUIDED)
+                _set_mode(pilot, *given_back)
                 done = ended(process)
         finally:
             pilot.close()
     assert done.code == 0
     assert done.summary["completed"] is True
     assert len(events(folder, "released")) == 1
-    assert [event["mode"] for event in events(folder, "overridden")] == ["BRAKE"]
+    assert [event["mode"] for event in events(folder, "overridden")] == [name]
     after = bodies(folder).index(json.dumps(events(folder, "released")[0], separators=(",", ":")))
     looks = [e for e in events(folder)[after:] if e["kind"] == "frame_seen"]
     assert len(looks) > 5  # it has taken up its work
@@ -166,37 +183,26 @@ def _stops_camera(command):
     )
 
 
-def _set_mode(pilot, mode):
+def _custom_mode(main, sub):
+    return main << 16 | sub << 24 if sub else main
+
+
+def _set_mode(pilot, main, sub):
     """Change the mode as a ground station does, until the heartbeat shows it."""
     for _ in range(20):
         pilot.mav.command_long_send(
-            1,
-            1,
-            mav.MAV_CMD_DO_SET_MODE,
-            0,
-            mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
-            mode,
-            0,
-            0,
-            0,
-            0,
-            0,
-        )
+            1, 1, mav.MAV_CMD_DO_SET_MODE, 0, mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, main, sub,
+            0, 0, 0, 0,
+        )  # fmt: skip
         beat = _beat(pilot)
-        if beat is not None and beat.custom_mode == mode:
+        if beat is not None and beat.custom_mode == _custom_mode(main, sub):
             return
-    raise AssertionError(f"the vehicle does not change to mode {mode}")
+    raise AssertionError(f"the vehicle does not change to mode {main}, {sub}")
 
 
 def _beat(pilot):
     """The next heartbeat of the autopilot."""
     while True:
         beat = pilot.recv_match(type="HEARTBEAT", blocking=True, timeout=2.0)
-        if beat is None or beat.autopilot == mav.MAV_AUTOPILOT_ARDUPILOTMEGA:
+        if beat is None or beat.autopilot != mav.MAV_AUTOPILOT_INVALID:
             return beat
-
-
-def _beats(pilot, count):
-    """Let so many simulated seconds pass."""
-    for _ in range(count):
-        assert _beat(pilot) is not None

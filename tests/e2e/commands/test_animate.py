@@ -71,24 +71,6 @@ def test_a_drifting_region_is_shown_at_rest(drift, tmp_path):
     assert STATES["explored"] in colours(tmp_path / "film.gif", frame=frames - 1)
 
 
-@pytest.mark.parametrize(
-    ("options", "why"),
-    [
-        (["--animate", "film.webm"], "must end in .gif or .mp4"),
-        (["--tree", "tree.gif"], "must end in .png or .svg"),
-        (["--animate", "no/such/folder/film.gif"], "there is no folder"),
-        (["--tree", "."], "must end in"),
-    ],
-)
-def test_bad_names_are_refused_in_a_line(folder, options, why, capsys, monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    assert main(["animate", str(folder), *options]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("uavmap: ")
-    assert why in line
-    assert [path.name for path in folder.iterdir()] == [JOURNAL]
-
-
 def test_names_without_a_folder_go_where_they_are_asked_for(folder, tmp_path, monkeypatch, capsys):
     """By themselves where you are, as with any program; with -o elsewhere."""
     here, there = tmp_path / "here", tmp_path / "there"

@@ -184,51 +184,17 @@ def test_check_tells_the_layers_to_programs_too(tmp_path):
     assert {layer["speed_set_by"] for layer in found["layers"]} == {"flight.speed_m_s"}
 
 
-# --- bad input: a line, exit code 2 ------------------------------------------------------------
-SPOILT = {
-    "a misspelt key": ("cell_m = 4.0", "cel_m = 4.0", "grid.cel_m"),
-    "a missing key": ("position = [47.3, 8.5]", "", "start.position"),
-    "a cell of no size": ("cell_m = 4.0", "cell_m = 0.0", "grid.cell_m"),
-    "swapped too far": (
-        "position = [47.3, 8.5]",
-        "position = [98.5, 47.3]",
-        "start.position",
-    ),
-    "too narrow a view": ("interval_s = 0.25", "interval_s = 0.25\nhfov_deg = 30.0", "hfov_deg"),
-    "not TOML": ('name = "tiny"', "name = tiny", "TOML"),
-    "not a number": ("speed_m_s = 5.0", 'speed_m_s = "fast"', "flight.speed_m_s"),
-    "too strong a drift": ("[[vehicles]]", "[drift]\nspeed_m_s = 6.0\n[[vehicles]]", "drift"),
-}
-
-
 def test_a_faulty_mission_file_stops_a_flight_before_it_begins(tmp_path):
-    before, after, key = SPOILT["a misspelt key"]
     text = Path(mission("tiny")).read_text("utf-8")
-    assert before in text
     file = tmp_path / "my mission.toml"
-    file.write_text(text.replace(before, after, 1), "utf-8")
+    file.write_text(text.replace("cell_m = 4.0", "cel_m = 4.0", 1), "utf-8")
     done = uavmap("fly", file, "--sim", cwd=tmp_path)
     assert done.code == 2
     assert done.out == ""
     (line,) = done.err.splitlines()
-    assert key in line
+    assert "grid.cel_m" in line
     assert str(file) in line
     assert [path.name for path in tmp_path.iterdir()] == [file.name]  # no results folder
-
-
-@pytest.mark.parametrize("fault", sorted(SPOILT))
-def test_a_faulty_mission_file_is_described_in_a_line(fault, tmp_path, capsys):
-    before, after, key = SPOILT[fault]
-    text = Path(mission("tiny")).read_text("utf-8")
-    assert before in text
-    file = tmp_path / "my mission.toml"
-    file.write_text(text.replace(before, after, 1), "utf-8")
-    assert main(["check", str(file)]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    (line,) = err.splitlines()
-    assert key in line
-    assert str(file) in line
 
 
 def test_nobody_answers(tmp_path):

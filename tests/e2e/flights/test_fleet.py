@@ -17,13 +17,14 @@ from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.geo.grid import Grid
 from missions.mission.fleet_checks import check_fleet, with_pads_apart
-from missions.mission.launch_pads import homes
+from missions.mission.places import homes
 from missions.mission.schema import VehicleSection
 from missions.units import Cell
-from tests.benchmarks.fleet_faults import scenario
 from tests.e2e.rig import uavmap
+from tests.support.fleet_rig import Death, Mishaps, field_text
 from tests.support.fleet_rig import flown as beset
 from tests.support.small_missions import CELL_M, START, mission_text, ring, square
+from uavmap.fleet.simulated_radio import LinkModel
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.load.mission_source import load
@@ -129,9 +130,9 @@ def test_pads_too_near_to_each_other_are_refused(tmp_path: Path) -> None:
 
 def test_a_fleet_goes_on_when_a_program_dies_and_a_vehicle_falls(tmp_path: Path) -> None:
     """Messages overtake each other, one clock is off, and nobody is told of any of it."""
-    text, mishaps = scenario(22)
-    assert mishaps.deaths
-    assert mishaps.lost
+    text = field_text(more='[[sim.faults]]\nvehicle = 2\nat_s = 40.9\nkind = "motor"\n')
+    model = LinkModel(delay_s=0.1, jitter_s=4.0, doubled=0.3)
+    mishaps = Mishaps(model, {}, {3: 7.0}, (Death(1, 21.0, 2.0),), frozenset({2}))
     outcome = beset(text, mishaps, tmp_path / "out", 22)
     assert not outcome.forbidden, outcome.said
 

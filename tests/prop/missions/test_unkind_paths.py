@@ -69,22 +69,28 @@ def ended(flight: Watched, scenario: Scenario, *, lasts: bool = True) -> None:
 
 
 # --- troubles ----------------------------------------------------------------------------------
+Act = Callable[[Watched], None]
+
+
+def wait(flight: Watched, for_s: float) -> None:
+    until_s = flight.t_s + for_s
+    while not flight.ended and flight.t_s < until_s:
+        flight.tick()
+
+
 def pilot(flight: Watched) -> None:
     flight.take_over(1)
     wait(flight, 12.0)
     flight.give_back(1)
 
 
-def link_2_s(flight: Watched) -> None:
-    flight.cut_link(1)
-    wait(flight, 2.0)
-    flight.mend_link(1)
+def silent(for_s: float) -> Act:
+    def act(flight: Watched) -> None:
+        flight.cut_link(1)
+        wait(flight, for_s)
+        flight.mend_link(1)
 
-
-def link_60_s(flight: Watched) -> None:
-    flight.cut_link(1)
-    wait(flight, 60.0)
-    flight.mend_link(1)
+    return act
 
 
 def deaf_20_s(flight: Watched) -> None:
@@ -94,48 +100,18 @@ def deaf_20_s(flight: Watched) -> None:
     flight.drivers[1].link = "good"
 
 
-def killed(flight: Watched) -> None:
-    flight.die(kill=True, away_s=30.0)
-
-
-def resumed_at_once(flight: Watched) -> None:
-    flight.crash_and_resume()
-
-
 def low_battery(flight: Watched) -> None:
     flight.vehicles[1].wh = 13.0
 
 
-def late_frames(flight: Watched) -> None:
-    flight.drivers[1].camera = "slow"
+def camera(does: str) -> Act:
+    return lambda flight: setattr(flight.drivers[1], "camera", does)
 
 
-def half_the_frames(flight: Watched) -> None:
-    flight.drivers[1].camera = "drops"
-
-
-def blown_off(flight: Watched) -> None:
-    flight.air.storms.append(Storm(flight.t_s, flight.t_s + 4.0, (11.0, 0.0)))
-
-
-def gusts(flight: Watched) -> None:
-    """Wind against which the speed of its path cannot be held, for 6 s, three times."""
-    flight.air.storms.extend(
-        Storm(flight.t_s + wait_s, flight.t_s + wait_s + 6.0, (-10.0, 0.0))
-        for wait_s in (0, 20, 40)
+def storms(*begin_s: float, lasts_s: float, wind_m_s: tuple[float, float]) -> Act:
+    return lambda flight: flight.air.storms.extend(
+        Storm(flight.t_s + wait_s, flight.t_s + wait_s + lasts_s, wind_m_s) for wait_s in begin_s
     )
-
-
-def recalled(flight: Watched) -> None:
-    flight.recall()
-
-
-def camera_dead(flight: Watched) -> None:
-    flight.drivers[1].camera = "silent"
-
-
-def camera_lost(flight: Watched) -> None:
-    flight.drivers[1].camera = "lost"
 
 
 def order_failed(flight: Watched) -> None:
@@ -148,47 +124,48 @@ def position_leaps(flight: Watched) -> None:
     flight.vehicles[1].offset_m = (0.0, 0.0)
 
 
-def storm(flight: Watched) -> None:
-    flight.air.storms.append(Storm(flight.t_s, flight.t_s + 30.0, (0.0, 16.0)))
-
-
-def wait(flight: Watched, for_s: float) -> None:
-    until_s = flight.t_s + for_s
-    while not flight.ended and flight.t_s < until_s:
-        flight.tick()
-
-
-RECOVERED = (
-    pilot, link_2_s, link_60_s, killed, resumed_at_once, low_battery, late_frames, half_the_frames,
-    blown_off, gusts,
-)  # fmt: skip
+RECOVERED: dict[str, Act] = {
+    "pilot": pilot,
+    "link 2 s": silent(2.0),
+    "link 60 s": silent(60.0),
+    "killed": lambda flight: flight.die(kill=True, away_s=30.0),
+    "resumed at once": lambda flight: flight.crash_and_resume(),
+    "low battery": low_battery,
+    "late frames": camera("slow"),
+    "half the frames": camera("drops"),
+    "blown off": storms(0.0, lasts_s=4.0, wind_m_s=(11.0, 0.0)),
+    # wind against which the speed of its path cannot be held
+    "gusts": storms(0.0, 20.0, 40.0, lasts_s=6.0, wind_m_s=(-10.0, 0.0)),
+}
 """After these a single vehicle completes the map."""
-BORNE = (
-    deaf_20_s, recalled, camera_dead, camera_lost, order_failed, position_leaps, storm,
-)  # fmt: skip
+BORNE: dict[str, Act] = {
+    "deaf 20 s": deaf_20_s,
+    "recalled": lambda flight: flight.recall(),
+    "camera dead": camera("silent"),
+    "camera lost": camera("lost"),
+    "order failed": order_failed,
+    "position leaps": position_leaps,
+    "storm": storms(0.0, lasts_s=30.0, wind_m_s=(0.0, 16.0)),
+}
 """After these it may have to end, honestly."""
 
 
 @pytest.mark.parametrize("trouble", RECOVERED)
 @pytest.mark.parametrize("vehicles", [2])
-def test_a_trouble_that_passes_leaves_no_gap(
-    trouble: Callable[[Watched], None], vehicles: int
-) -> None:
+def test_a_trouble_that_passes_leaves_no_gap(trouble: str, vehicles: int) -> None:
     flight, scenario = made(vehicles=vehicles)
     flight.run(LIMIT_S, until=on_path)
-    trouble(flight)
+    RECOVERED[trouble](flight)
     ended(flight, scenario)
 
 
 @pytest.mark.parametrize("trouble", BORNE)
 @pytest.mark.parametrize("vehicles", [1, 2])
-def test_a_trouble_that_stays_ends_the_flight_safely(
-    trouble: Callable[[Watched], None], vehicles: int
-) -> None:
+def test_a_trouble_that_stays_ends_the_flight_safely(trouble: str, vehicles: int) -> None:
     flight, scenario = made(vehicles=vehicles)
     flight.run(LIMIT_S, until=on_path)
-    trouble(flight)
-    ended(flight, scenario, lasts=vehicles == 2 and trouble not in (recalled, storm))
+    BORNE[trouble](flight)
+    ended(flight, scenario, lasts=vehicles == 2 and trouble not in ("recalled", "storm"))
 
 
 def test_a_low_battery_is_swapped_and_the_rest_mapped() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import typing
 
 import pytest
@@ -11,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions import events
+from missions.errors import EventError, UavmapError
 from missions.events import Airborne, Event, FrameLost, FrameSeen, Tracked, Vote, from_json, to_json
 from missions.fleet_events import Fact, Part
 from missions.units import Cell, GridPoint
@@ -18,7 +20,8 @@ from missions.units import Cell, GridPoint
 FAST = settings(max_examples=300, deadline=None)
 KINDS: tuple[type, ...] = typing.get_args(Event)
 
-finite = st.floats(-1e6, 1e6, allow_nan=False)
+finite = st.floats(allow_nan=False, allow_infinity=False)
+wild = st.sampled_from([math.nan, math.inf, -math.inf])
 points = st.builds(GridPoint, finite, finite)
 cells = st.builds(Cell, st.integers(-9999, 9999), st.integers(-9999, 9999))
 votes = st.builds(Vote, cells, st.booleans(), st.floats(0, 1))
@@ -137,6 +140,31 @@ def test_text_from_outside_is_kept_as_it_came() -> None:
     assert from_json(to_json(FrameLost(1, 0.0, reason))) == FrameLost(1, 0.0, reason)
 
 
+@given(anything, wild)
+def test_a_time_that_is_none_is_refused(event: Event, value: float) -> None:
+    with pytest.raises(EventError, match=f"{event.kind}: t_s = "):
+        to_json(dataclasses.replace(event, t_s=value))
+
+
+@given(wild)
+def test_a_number_deep_inside_is_refused(value: float) -> None:
+    place = GridPoint(0.0, value)
+    vote = Vote(Cell(0, 0), True, value)
+    for event in (
+        Tracked(1, 0.0, place, 1.0, 1.0),
+        FrameSeen(1, 0.0, Cell(0, 0), (vote,)),
+    ):
+        with pytest.raises(EventError, match=event.kind):
+            to_json(event)
+
+
+def test_a_text_that_is_no_unicode_is_refused() -> None:
+    with pytest.raises(EventError, match="frame_lost"):
+        to_json(FrameLost(1, 0.0, "\ud800"))
+    assert issubclass(EventError, ValueError)
+    assert issubclass(EventError, UavmapError)
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -149,7 +177,11 @@ def test_text_from_outside_is_kept_as_it_came() -> None:
         '{"vehicle":1,"kind":"airborne"}',
         '{"vehicle":"one","t_s":2.5,"kind":"airborne"}',
         '{"vehicle":1,"t_s":null,"kind":"airborne"}',
+        '{"vehicle":1,"t_s":NaN,"kind":"airborne"}',
+        '{"vehicle":1,"t_s":1e999,"kind":"airborne"}',
+        '{"vehicle":"1","t_s":0.0,"kind":"airborne"}',
         '{"vehicle":1,"t_s":2.5,"kind":"airborne"',
+        "[" * 10_000,
         '{"vehicle":1,"t_s":2.5,"vantage":[1],"votes":[],"kind":"frame_seen"}',
     ],
 )

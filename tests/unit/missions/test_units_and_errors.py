@@ -33,12 +33,6 @@ def test_neighbours_go_round_with_the_clock_from_north() -> None:
     assert Cell(3, -2).neighbours() == (Cell(3, -1), Cell(4, -2), Cell(3, -3), Cell(2, -2))
 
 
-@FAST
-@given(cells)
-def test_a_cross_is_the_cell_and_its_neighbours(cell: Cell) -> None:
-    assert cell.cross() == (cell, *cell.neighbours())
-
-
 def test_cells_are_ordered_by_column_and_then_by_row() -> None:
     assert sorted([Cell(1, -5), Cell(0, 9), Cell(1, -6)]) == [Cell(0, 9), Cell(1, -6), Cell(1, -5)]
 
@@ -82,20 +76,6 @@ def test_angles_are_applied_yaw_first_then_pitch_then_roll(
 ) -> None:
     expected = turned(2, yaw) @ turned(1, pitch) @ turned(0, roll)
     assert rotation(Quaternion.from_euler(roll, pitch, yaw)) == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("angles_deg", "forward"),
-    [((0, 0, 0), (1, 0, 0)), ((0, 0, 90), (0, 1, 0)), ((0, -90, 0), (0, 0, -1)),
-     ((0, 90, 0), (0, 0, 1)), ((77, 0, 0), (1, 0, 0))],
-)  # fmt: skip
-def test_where_the_nose_points(
-    angles_deg: tuple[float, float, float], forward: tuple[float, float, float]
-) -> None:
-    """North, east, down: pitch is positive with the nose up."""
-    attitude = Quaternion.from_euler(*map(math.radians, angles_deg))
-    north, east, down = rotation(attitude)[:, 0]
-    assert (north, east, -down) == pytest.approx((forward[0], forward[1], forward[2]), abs=1e-12)
 
 
 # --- errors ----------------------------------------------------------------------------------

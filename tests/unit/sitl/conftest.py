@@ -131,6 +131,22 @@ def make_client() -> Callable[..., Client]:
 
 
 @pytest.fixture
+def ready(make_client: Callable[..., Client]) -> Client:
+    """Client of a vehicle that has found its position."""
+    client = make_client()
+    client.run(6.0)
+    return client
+
+
+@pytest.fixture
+def flying(make_client: Callable[..., Client]) -> Client:
+    """Client of a vehicle that hovers at 12 m, in GUIDED."""
+    client = make_client()
+    client.take_off()
+    return client
+
+
+@pytest.fixture
 def square() -> Patch:
     """A ROI of 20 m by 20 m, its south-west corner at the origin."""
     plane = World(WorldSpec(ORIGIN, 600.0, ())).plane

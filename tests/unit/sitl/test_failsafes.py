@@ -40,13 +40,11 @@ def beat(client, seconds, kind=mav.MAV_TYPE_GCS):
         client.run(1.0)
 
 
-def test_nothing_is_enabled_that_is_not_on_the_real_one(make_client):
-    client = make_client()
-    client.take_off()
-    beat(client, 2)
-    client.run(20.0)
-    assert last_heartbeat(client).custom_mode == GUIDED
-    assert last_heartbeat(client).system_status == mav.MAV_STATE_ACTIVE
+def test_nothing_is_enabled_that_is_not_on_the_real_one(flying):
+    beat(flying, 2)
+    flying.run(20.0)
+    assert last_heartbeat(flying).custom_mode == GUIDED
+    assert last_heartbeat(flying).system_status == mav.MAV_STATE_ACTIVE
 
 
 def test_low_battery_returns_after_ten_seconds_then_critical_lands(make_client):
@@ -165,14 +163,12 @@ def test_without_satellites_it_lands_after_eight_seconds(make_client):
     assert client.result(ARM, 1) == 4
 
 
-def test_loss_of_radio_control(make_client):
-    client = make_client()
-    client.take_off()
-    client.vehicle.fail.rc()
-    client.run(1.0)
-    assert last_heartbeat(client).custom_mode == RTL
-    assert last_heartbeat(client).system_status == CRITICAL
-    assert client.result(MODE, 1, GUIDED) == 0
+def test_loss_of_radio_control(flying):
+    flying.vehicle.fail.rc()
+    flying.run(1.0)
+    assert last_heartbeat(flying).custom_mode == RTL
+    assert last_heartbeat(flying).system_status == CRITICAL
+    assert flying.result(MODE, 1, GUIDED) == 0
 
 
 # --- the fence --------------------------------------------------------------------------------
@@ -198,23 +194,21 @@ INSIDE, OUTSIDE_OF, OUTSIDE_CIRCLE = 5001, 5002, 5004
 SQUARE = ((-20.0, -20.0), (20.0, -20.0), (20.0, 20.0), (-20.0, 20.0))
 
 
-def test_targets_outside_the_fence_are_dropped_without_a_word(make_client):
-    client = make_client()
-    client.take_off()
+def test_targets_outside_the_fence_are_dropped_without_a_word(flying):
     hole = ((5.0, 5.0), (15.0, 5.0), (15.0, 15.0), (5.0, 15.0))
-    fence(client, (INSIDE, 4.0, SQUARE), (OUTSIDE_OF, 4.0, hole),
+    fence(flying, (INSIDE, 4.0, SQUARE), (OUTSIDE_OF, 4.0, hole),
           (OUTSIDE_CIRCLE, 3.0, ((-10.0, 0.0),)))  # fmt: skip
-    assert client.send(mav.MAVLink_param_set_message(1, 1, b"FENCE_ENABLE", 1, 2))
+    assert flying.send(mav.MAVLink_param_set_message(1, 1, b"FENCE_ENABLE", 1, 2))
     for east, north, height in (
         (25.0, 0.0, 12.0), (10.0, 10.0, 12.0), (-10.0, 1.0, 12.0), (0.0, 0.0, 120.0),
     ):  # fmt: skip
-        assert client.target(east, north, height) == []
-        assert client.reposition(east, north, height) == mav.MAV_RESULT_FAILED
-    client.run(4.0)
-    assert math.hypot(*client.where[:2]) < 0.2
-    assert client.reposition(0.0, 15.0, 12.0) == 0
-    assert client.result(207, 0) == 0
-    assert client.reposition(25.0, 0.0, 12.0) == 0
+        assert flying.target(east, north, height) == []
+        assert flying.reposition(east, north, height) == mav.MAV_RESULT_FAILED
+    flying.run(4.0)
+    assert math.hypot(*flying.where[:2]) < 0.2
+    assert flying.reposition(0.0, 15.0, 12.0) == 0
+    assert flying.result(207, 0) == 0
+    assert flying.reposition(25.0, 0.0, 12.0) == 0
 
 
 @pytest.mark.parametrize(("action", "mode"), [(0, GUIDED), (1, RTL), (2, LAND), (4, BRAKE)])
@@ -259,13 +253,11 @@ def test_height_and_radius(make_client):
     assert "Max Alt fence breached" in texts(client)
 
 
-def test_arming_outside_the_fence_is_refused(make_client):
-    client = make_client()
-    client.run(6.0)
-    fence(client, (INSIDE, 4.0, tuple((e + 50.0, n) for e, n in SQUARE)))
-    put(client, FENCE_ENABLE=1)
-    client.command(MODE, 1, GUIDED)
-    refused = client.command(ARM, 1)
+def test_arming_outside_the_fence_is_refused(ready):
+    fence(ready, (INSIDE, 4.0, tuple((e + 50.0, n) for e, n in SQUARE)))
+    put(ready, FENCE_ENABLE=1)
+    ready.command(MODE, 1, GUIDED)
+    refused = ready.command(ARM, 1)
     assert refused[0].result == 4
     assert refused[1].text == "PreArm: vehicle outside Polygon fence"
-    assert client.command(401)[1].text == refused[1].text
+    assert ready.command(401)[1].text == refused[1].text

@@ -138,15 +138,13 @@ def test_other_bad_radios(make_client, bad):
     assert places(fetched) == places(kept) == places(survey())
 
 
-def test_late_copies_of_the_count_cost_no_items(make_client):
+def test_late_copies_of_the_count_cost_no_items(ready):
     """The radio holds copies of the count back until the first item has come."""
-    client = make_client()
-    client.run(6.0)
-    radio = Radio(client.vehicle)
+    radio = Radio(ready.vehicle)
     begin = mav.MAVLink_mission_count_message(1, 1, COUNT, 0)
     radio.say(begin)
-    client.vehicle.fail.link(delay_s=0.05, way="down")
-    client.vehicle.fail.link(duplicate=1.0, reorder=1.0, way="up", for_s=0.08)
+    ready.vehicle.fail.link(delay_s=0.05, way="down")
+    ready.vehicle.fail.link(duplicate=1.0, reorder=1.0, way="up", for_s=0.08)
     radio.step()
     radio.say(begin)
     radio.step()
@@ -171,11 +169,9 @@ def test_a_radio_that_hardly_works_never_says_good_of_a_part(make_client, seed):
         assert ended in (REFUSED, TIMEOUT)
 
 
-def test_a_link_that_breaks_is_refused_aloud(make_client):
-    client = make_client()
-    client.run(6.0)
-    radio = Radio(client.vehicle)
-    client.vehicle.fail.link(delay_s=0.1)
-    client.vehicle.fail.link(silent=True, way="up", after_s=3.0)
+def test_a_link_that_breaks_is_refused_aloud(ready):
+    radio = Radio(ready.vehicle)
+    ready.vehicle.fail.link(delay_s=0.1)
+    ready.vehicle.fail.link(silent=True, way="up", after_s=3.0)
     assert radio.upload(survey()) == REFUSED  # ACK 15 after 8 s
-    assert client.vehicle.t_s < 20.0
+    assert ready.vehicle.t_s < 20.0

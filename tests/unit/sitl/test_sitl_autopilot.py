@@ -59,108 +59,90 @@ def test_becomes_ready_in_order(make_client):
     assert client.result(ARM, 1) == ACCEPTED
 
 
-def test_a_refusal_is_explained_after_the_ack(make_client):
-    client = make_client()
-    answer = [m.get_type() for m in client.command(ARM, 1)]
-    assert answer == ["COMMAND_ACK", "STATUSTEXT"]
-
-
-def test_a_whole_flight(make_client):
-    client = make_client()
-    client.run(6.0)
-    client.every(mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 0.2)
-    client.every(mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT, 0.5)
-    changed = client.command(MODE, 1, 4)
+def test_a_whole_flight(ready):
+    ready.every(mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 0.2)
+    ready.every(mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT, 0.5)
+    changed = ready.command(MODE, 1, 4)
     assert [m.get_type() for m in changed] == ["COMMAND_ACK", "HEARTBEAT"]  # at once
     assert (changed[1].base_mode, changed[1].custom_mode) == (89, 4)
-    assert client.result(ARM, 1) == ACCEPTED
-    assert client.seen("HEARTBEAT", 1)[-1].base_mode == 89  # the armed bit comes with the next
-    assert client.result(TAKEOFF, 0, 0, 0, 0, 0, 0, 12) == ACCEPTED
-    assert client.result(TAKEOFF, 0, 0, 0, 0, 0, 0, 12) == ACCEPTED  # again until airborne
-    client.run(4.0)
-    assert client.seen("HEARTBEAT", 1)[-1].base_mode == 217
-    assert client.result(TAKEOFF, 0, 0, 0, 0, 0, 0, 12) == FAILED
-    client.run(9.0)
-    assert client.reposition(30.0, 0.0, 612.0, frame=0) == ACCEPTED  # AMSL
-    client.run(12.0)
-    assert client.where == pytest.approx((30.0, 0.0, 12.0), abs=0.2)
-    targets = client.seen("POSITION_TARGET_GLOBAL_INT")
+    assert ready.result(ARM, 1) == ACCEPTED
+    assert ready.seen("HEARTBEAT", 1)[-1].base_mode == 89  # the armed bit comes with the next
+    assert ready.result(TAKEOFF, 0, 0, 0, 0, 0, 0, 12) == ACCEPTED
+    assert ready.result(TAKEOFF, 0, 0, 0, 0, 0, 0, 12) == ACCEPTED  # again until airborne
+    ready.run(4.0)
+    assert ready.seen("HEARTBEAT", 1)[-1].base_mode == 217
+    assert ready.result(TAKEOFF, 0, 0, 0, 0, 0, 0, 12) == FAILED
+    ready.run(9.0)
+    assert ready.reposition(30.0, 0.0, 612.0, frame=0) == ACCEPTED  # AMSL
+    ready.run(12.0)
+    assert ready.where == pytest.approx((30.0, 0.0, 12.0), abs=0.2)
+    targets = ready.seen("POSITION_TARGET_GLOBAL_INT")
     assert targets[-1].alt == pytest.approx(612.0, abs=0.01)
-    assert client.result(mav.MAV_CMD_NAV_RETURN_TO_LAUNCH) == ACCEPTED
-    assert client.seen("HEARTBEAT", 1)[-1].custom_mode == 6
+    assert ready.result(mav.MAV_CMD_NAV_RETURN_TO_LAUNCH) == ACCEPTED
+    assert ready.seen("HEARTBEAT", 1)[-1].custom_mode == 6
     highest = 0.0
 
     def watch():
         nonlocal highest
-        highest = max(highest, client.where[2])
+        highest = max(highest, ready.where[2])
 
-    client.run(60.0, watch)
-    truth = client.vehicle.truth
+    ready.run(60.0, watch)
+    truth = ready.vehicle.truth
     assert highest == pytest.approx(15.0, abs=0.2)  # RTL_ALT
     assert truth.landed
     assert not truth.armed
-    assert math.hypot(*client.where[:2]) < 0.5
-    states = [m.landed_state for m in client.seen("EXTENDED_SYS_STATE")]
+    assert math.hypot(*ready.where[:2]) < 0.5
+    states = [m.landed_state for m in ready.seen("EXTENDED_SYS_STATE")]
     assert [a for a, b in pairwise([0, *states, 0]) if a != b][1:] == [1, 3, 2, 4, 1]
-    assert client.seen("HEARTBEAT", 1)[-1].custom_mode == 6  # it stays in RTL
-    assert client.result(ARM, 1) == FAILED
-    assert client.result(MODE, 1, 4) == ACCEPTED
-    assert client.result(ARM, 1) == ACCEPTED
+    assert ready.seen("HEARTBEAT", 1)[-1].custom_mode == 6  # it stays in RTL
+    assert ready.result(ARM, 1) == FAILED
+    assert ready.result(MODE, 1, 4) == ACCEPTED
+    assert ready.result(ARM, 1) == ACCEPTED
 
 
-def test_disarms_itself_when_idle(make_client):
-    client = make_client()
-    client.run(6.0)
-    client.command(MODE, 1, 4)
-    client.command(ARM, 1)
-    client.run(9.0)
-    assert client.vehicle.truth.armed
-    client.run(2.0)
-    assert not client.vehicle.truth.armed
+def test_disarms_itself_when_idle(ready):
+    ready.command(MODE, 1, 4)
+    ready.command(ARM, 1)
+    ready.run(9.0)
+    assert ready.vehicle.truth.armed
+    ready.run(2.0)
+    assert not ready.vehicle.truth.armed
 
 
-def test_targets_are_dropped_outside_guided_flight(make_client):
-    client = make_client()
-    client.run(6.0)
-    assert client.target(10.0, 0.0, 12.0) == []
-    assert client.reposition(10.0, 0.0, 12.0) == DENIED  # STABILIZE
-    client.take_off()
-    client.command(MODE, 1, mav.COPTER_MODE_BRAKE)
-    assert client.target(10.0, 0.0, 12.0) == []
-    client.run(5.0)
-    assert abs(client.where[0]) < 0.1
-    assert client.reposition(10.0, 0.0, 12.0) == DENIED
+def test_targets_are_dropped_outside_guided_flight(ready):
+    assert ready.target(10.0, 0.0, 12.0) == []
+    assert ready.reposition(10.0, 0.0, 12.0) == DENIED  # STABILIZE
+    ready.take_off()
+    ready.command(MODE, 1, mav.COPTER_MODE_BRAKE)
+    assert ready.target(10.0, 0.0, 12.0) == []
+    ready.run(5.0)
+    assert abs(ready.where[0]) < 0.1
+    assert ready.reposition(10.0, 0.0, 12.0) == DENIED
     flag = mav.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
-    assert client.reposition(10.0, 0.0, 12.0, flags=flag) == ACCEPTED
-    client.run(8.0)
-    assert client.where[0] == pytest.approx(10.0, abs=0.2)
+    assert ready.reposition(10.0, 0.0, 12.0, flags=flag) == ACCEPTED
+    ready.run(8.0)
+    assert ready.where[0] == pytest.approx(10.0, abs=0.2)
 
 
-def test_a_target_during_take_off_takes_over(make_client):
-    client = make_client()
-    client.run(6.0)
-    client.command(MODE, 1, 4)
-    client.command(ARM, 1)
-    client.command(TAKEOFF, 0, 0, 0, 0, 0, 0, 30)
-    client.run(6.0)
-    client.target(5.0, 0.0, 8.0)
-    client.run(10.0)
-    assert client.where == pytest.approx((5.0, 0.0, 8.0), abs=0.3)
+def test_a_target_during_take_off_takes_over(ready):
+    ready.command(MODE, 1, 4)
+    ready.command(ARM, 1)
+    ready.command(TAKEOFF, 0, 0, 0, 0, 0, 0, 30)
+    ready.run(6.0)
+    ready.target(5.0, 0.0, 8.0)
+    ready.run(10.0)
+    assert ready.where == pytest.approx((5.0, 0.0, 8.0), abs=0.3)
 
 
-def test_reposition_wants_a_command_int(make_client):
-    client = make_client()
-    client.take_off()
-    result = client.result(mav.MAV_CMD_DO_REPOSITION, -1, 0, 0, math.nan, 37.2, -80.4, 612)
+def test_reposition_wants_a_command_int(flying):
+    result = flying.result(mav.MAV_CMD_DO_REPOSITION, -1, 0, 0, math.nan, 37.2, -80.4, 612)
     assert result == mav.MAV_RESULT_COMMAND_INT_ONLY
 
 
-def test_loiter_without_radio_control_comes_down(make_client):
-    client = make_client()
-    client.take_off()
-    client.command(MODE, 1, mav.COPTER_MODE_LOITER)
-    client.run(20.0)
-    assert client.vehicle.truth.landed
+def test_loiter_without_radio_control_comes_down(flying):
+    flying.command(MODE, 1, mav.COPTER_MODE_LOITER)
+    flying.run(20.0)
+    assert flying.vehicle.truth.landed
 
 
 def test_who_is_addressed(make_client):
@@ -172,25 +154,21 @@ def test_who_is_addressed(make_client):
     assert client.result(31000) == UNSUPPORTED
 
 
-def test_requested_rates_are_exact(make_client):
-    client = make_client()
-    client.run(6.0)
-    assert client.every(mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 0.1) == ACCEPTED
-    assert client.every(mav.MAVLINK_MSG_ID_ATTITUDE, 1.0) == ACCEPTED
-    assert client.every(77777, 1.0) == DENIED
-    messages = client.run(10.0)
+def test_requested_rates_are_exact(ready):
+    assert ready.every(mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 0.1) == ACCEPTED
+    assert ready.every(mav.MAVLINK_MSG_ID_ATTITUDE, 1.0) == ACCEPTED
+    assert ready.every(77777, 1.0) == DENIED
+    messages = ready.run(10.0)
     kinds = [m.get_type() for m in messages]
     assert kinds.count("GLOBAL_POSITION_INT") == 100
     assert kinds.count("ATTITUDE") == 10
-    assert client.result(511, mav.MAVLINK_MSG_ID_ATTITUDE, -1) == ACCEPTED
-    assert "ATTITUDE" not in types(client.run(3.0))
+    assert ready.result(511, mav.MAVLINK_MSG_ID_ATTITUDE, -1) == ACCEPTED
+    assert "ATTITUDE" not in types(ready.run(3.0))
 
 
-def test_data_streams_need_no_ack(make_client):
-    client = make_client()
-    client.run(6.0)
-    assert client.send(mav.MAVLink_request_data_stream_message(1, 1, 0, 4, 1)) == []
-    kinds = [m.get_type() for m in client.run(5.0)]
+def test_data_streams_need_no_ack(ready):
+    assert ready.send(mav.MAVLink_request_data_stream_message(1, 1, 0, 4, 1)) == []
+    kinds = [m.get_type() for m in ready.run(5.0)]
     assert kinds.count("GLOBAL_POSITION_INT") == 20
     assert "EXTENDED_SYS_STATE" not in kinds  # in no stream
 

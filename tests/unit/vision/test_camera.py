@@ -13,7 +13,7 @@ from missions.geo.geodesy import LocalPlane
 from missions.geo.grid import Grid
 from missions.units import GridPoint, LatLon, Pose, Quaternion
 from tests.unit.vision.scene import camera_axes
-from vision.camera import Camera, project, rotation
+from vision.camera import Camera, project
 
 PLACES = [LatLon(48.0, 11.9), LatLon(-33.9, 147.3), LatLon(64.0, 8.9), LatLon(0.0, 9.0)]
 
@@ -93,11 +93,3 @@ def test_homography_agrees_with_a_projection_in_the_true_north_plane(
     matrix = Camera(1.0, 640, 480).homography(pose, grid, t_s)
     pixels, _ = project(matrix, np.array(grid.to_moving(ground, t_s)))
     assert pixels == pytest.approx(expected, abs=0.05)
-
-
-def test_rotation_of_a_nadir_camera() -> None:
-    """Pitch -90: forward is down, and the lower edge of the picture points away from the yaw."""
-    forward, right, down = rotation(Quaternion.from_euler(0.0, -math.pi / 2, math.pi / 2)).T
-    assert forward == pytest.approx([0, 0, 1], abs=1e-12)
-    assert right == pytest.approx([-1, 0, 0], abs=1e-12)  # yaw east: the right edge is south
-    assert down == pytest.approx([0, -1, 0], abs=1e-12)

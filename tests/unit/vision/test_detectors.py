@@ -26,16 +26,6 @@ def test_the_intensity_itself_is_dark() -> None:
     assert bright.mask(image).tolist() == [[0, 0, 255]]
 
 
-@pytest.mark.parametrize("dilations", [0, 1, 7])
-def test_a_bright_pixel_grows_to_a_square(dilations: int) -> None:
-    values = np.full((41, 41), 60)
-    values[20, 20] = 220
-    mask = make_detector("threshold", dilations=dilations).mask(gray(values))
-    side = 2 * dilations + 1
-    assert np.count_nonzero(mask == 0) == side * side
-    assert (mask[20 - dilations : 21 + dilations, 20 - dilations : 21 + dilations] == 0).all()
-
-
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), intensity=st.integers(0, 254), dilations=st.integers(0, 8))
 def test_the_threshold_is_the_papers_steps(seed: int, intensity: int, dilations: int) -> None:
@@ -47,11 +37,6 @@ def test_the_threshold_is_the_papers_steps(seed: int, intensity: int, dilations:
     detector = make_detector("threshold", intensity=intensity, dilations=dilations)
     assert np.array_equal(detector.mask(image), 255 - surround)
     assert np.array_equal(detector.probability(image), (255 - surround) / 255.0)
-
-
-def test_the_edge_of_the_picture_is_no_surround() -> None:
-    mask = make_detector("threshold").mask(gray(np.full((20, 20), 60)))
-    assert (mask == 255).all()
 
 
 @settings(max_examples=30, deadline=None)

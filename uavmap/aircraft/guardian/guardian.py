@@ -25,7 +25,7 @@ from missions.guardian import (
     corners_home,
     watch,
 )
-from missions.guardian.down import low
+from missions.guardian.rules import low
 from missions.units import GridPoint
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.guardian.recovery import BRISK_M_S, LOOK_S, RecoveryFlight

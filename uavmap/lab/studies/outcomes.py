@@ -12,7 +12,7 @@ from missions.lab.arena.roi import Roi, grown
 from missions.lab.strategies import EXPLORERS
 from missions.mapping.breadth_first import distances
 from missions.planning.bounds.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
-from missions.planning.bounds.promises import bound_time
+from missions.planning.stepwise.interface import bound_time
 from missions.planning.stepwise.metric import Metric
 
 _SHARED_BY_TRIALS = 256

@@ -15,7 +15,7 @@ from itertools import groupby
 from statistics import mean
 from typing import TYPE_CHECKING, Final
 
-from missions.planning.stepwise.bounds import rdfs_bound_moves
+from missions.planning.stepwise.rdfs import rdfs_bound_moves
 from uavmap.lab.studies.outcomes import PLAIN, Job, eccentricity, explore, roi_of
 from uavmap.lab.studies.study_model import COLOURS, MARKERS, Page, Study, Table, trial_seed
 

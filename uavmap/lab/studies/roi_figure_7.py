@@ -12,8 +12,8 @@ from itertools import groupby, pairwise
 from statistics import mean
 from typing import TYPE_CHECKING, Final
 
-from missions.planning.stepwise.bounds import rdfs_bound_moves
 from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.rdfs import rdfs_bound_moves
 from uavmap.lab.studies.lawn_mower import lawn_mower
 from uavmap.lab.studies.outcomes import explore, roi_of
 from uavmap.lab.studies.study_model import COLOURS, Page, Study, Table, trial_seed

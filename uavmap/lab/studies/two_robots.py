@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from missions.lab.cooperation.space import GRID_M, Space
-from missions.lab.cooperation.table_1 import Reckoned, reckoned
 from missions.lab.cooperation.tracking import Noise, followed, legs_of
-from missions.lab.cooperation.trapezoids import Cover, Pattern, explore
+from missions.lab.cooperation.trapezoids import Cover, Pattern, Reckoned, explore, reckoned
 from uavmap.lab.studies.study_model import COLOURS, Page, Study, Table, trial_seed
 
 if TYPE_CHECKING:

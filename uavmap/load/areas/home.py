@@ -11,7 +11,7 @@ from shapely.geometry import LineString, Point, Polygon
 
 from missions.errors import AreaError
 from missions.geo.grid import Grid
-from missions.mission.launch_pads import SMALLEST_GAP_M
+from missions.mission.places import SMALLEST_GAP_M
 from missions.units import GridPoint, LatLon
 from uavmap.load.areas.drawing import Drawing
 

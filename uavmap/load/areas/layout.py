@@ -15,7 +15,7 @@ from shapely.validation import explain_validity
 
 from missions.errors import AreaError, GeodesyError
 from missions.geo.grid import Grid
-from missions.mission.launch_pads import SMALLEST_GAP_M
+from missions.mission.places import SMALLEST_GAP_M
 from missions.units import GridPoint, LatLon
 from uavmap.load.areas.drawing import Area, Drawing
 from uavmap.load.areas.home import MARGIN_M, home_of

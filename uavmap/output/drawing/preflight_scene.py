@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from missions.flight.setting import Setting
-from missions.mission.launch_pads import homes
+from missions.mission.places import homes
 from missions.mission.schema import positions
 from missions.units import GridPoint
 from uavmap.output.drawing.map_scene import line_layer

@@ -14,10 +14,9 @@ from missions.flight.state import State
 from missions.flight.step import step
 from missions.flight.strategy.fallback import moves_s, whole_bound_s
 from missions.mapping.belief import FrameId
-from missions.mapping.patches import patches
-from missions.planning.bounds.lower_bounds import one_way_lower_bound
-from missions.planning.bounds.passing_bound import passing_bound_s
-from missions.planning.bounds.promises import promised_moves
+from missions.mapping.breadth_first import patches
+from missions.planning.bounds.lower_bounds import one_way_lower_bound, passing_bound_s
+from missions.planning.stepwise.interface import promised_moves
 from missions.units import GridPoint
 from uavmap.output.facts.counting import Counter
 from uavmap.output.facts.patch_certificates import certificates

@@ -7,7 +7,7 @@ it, whatever else was flown meanwhile: ways, swaps of batteries, other patches, 
 
 Every cell that was judged after the first one was shown by a frame that was taken after it. What R
 vehicles show at that moment, and sweep from then on, is no more than
-`missions.planning.bounds.passing_bound` says, so what these cells cover gives the least time that
+`missions.planning.bounds.lower_bounds` says, so what these cells cover gives the least time that
 any team as large and as fast needed from what was known then. Whatever vehicles do meanwhile, none
 breaks off: all of the time counts.
 
@@ -25,11 +25,10 @@ import shapely
 
 from missions.flight.setting import Setting
 from missions.flight.state import State
-from missions.mapping.belief import FrameId
-from missions.mapping.judged import judging_frames
-from missions.mapping.patches import patches
+from missions.mapping.belief import FrameId, judging_frames
+from missions.mapping.breadth_first import patches
 from missions.mission.views import DRAG_1_S, G_M_S2, path_speed_m_s, seen_whole_m
-from missions.planning.bounds.passing_bound import passing_bound_s
+from missions.planning.bounds.lower_bounds import passing_bound_s
 from missions.units import Cell, GridPoint
 from vision.look import SEEN_SHARE
 

@@ -16,7 +16,7 @@ from shapely.geometry.polygon import orient
 
 from missions.geo.geodesy import NORTH_LIMIT_DEG, SOUTH_LIMIT_DEG
 from missions.geo.grid import Grid
-from missions.mission.launch_pads import homes
+from missions.mission.places import homes
 from missions.units import GridPoint, LatLon
 from uavmap.base.printable import printable
 from uavmap.base.version import __version__

@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import GeodesyError
 from missions.flight.setting import Setting
-from missions.mission.launch_pads import homes
+from missions.mission.places import homes
 from missions.mission.schema import Mission, positions
 from missions.mission.views import path_speed_m_s
 from missions.planning.search.lanes import Lane

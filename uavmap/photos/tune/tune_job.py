@@ -32,8 +32,7 @@ from uavmap.photos.tune.selection import (
     places_of_cell,
 )
 from uavmap.photos.tune.training import Scale, need_learner
-from vision.detectors.learned import LearnedDetector
-from vision.detectors.learned_model import Model, model_bytes
+from vision.detectors.learned_model import LearnedDetector, Model, model_bytes
 from vision.detectors.pixel_features import described_shape, features
 
 MODEL: Final = "model.json"

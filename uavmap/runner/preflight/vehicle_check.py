@@ -9,10 +9,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import Point
 
 from missions.flight.setting import Setting
-from missions.mission.energy_model import energy_model
 from missions.mission.flyable import look_s
-from missions.mission.launch_pads import homes
-from missions.mission.places import drawn
+from missions.mission.places import drawn, homes
+from missions.mission.views import energy_model
 from missions.units import GridPoint
 from uavmap.mavlink.vehicle_view import EKF_ABSOLUTE, EKF_CONSTANT, VehicleView
 from uavmap.runner.preflight.finding import Finding, bad, ok, warn

@@ -25,7 +25,7 @@ from missions.geo.course import Course
 from missions.geo.fence import route_length_m
 from missions.geo.trajectory import ACCELERATION_M_S2, Trajectory
 from missions.lab.arena.roi import component
-from missions.mapping.patches import patches
+from missions.mapping.breadth_first import patches
 from missions.mission.views import path_speed_m_s
 from missions.orders import FlyPath
 from missions.planning.kernels.swath import SLOW

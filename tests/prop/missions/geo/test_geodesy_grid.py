@@ -131,16 +131,6 @@ def test_the_start_is_the_middle_of_the_first_cell(start: LatLon) -> None:
 
 
 @FAST
-@given(places, st.integers(0, 3))
-def test_cells_are_metres_on_the_ground(start: LatLon, which: int) -> None:
-    grid = Grid.at(start, 4.0)
-    here = grid.centre(Cell(2, 1), 0.0)
-    there = grid.centre(Cell(2, 1).neighbours()[which], 0.0)
-    _, _, apart_m = GEOD.inv(here.lon_deg, here.lat_deg, there.lon_deg, there.lat_deg)
-    assert apart_m == pytest.approx(4.0, rel=1e-4)
-
-
-@FAST
 @given(places)
 def test_grid_north_lies_the_convergence_away_from_true_north(start: LatLon) -> None:
     grid = Grid.at(start, 4.0)

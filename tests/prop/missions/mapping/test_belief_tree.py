@@ -71,18 +71,6 @@ def test_the_join_of_beliefs_is_a_least_upper_bound(
 
 
 @FAST
-@given(st.lists(reports, max_size=14))
-def test_a_positive_never_reverts_while_frames_come_in_the_order_of_exposure(
-    frames: list[Report],
-) -> None:
-    belief = belief_of([])
-    for vantage, frame, seen in sorted(frames, key=lambda report: report[1].exposed):
-        after = belief.with_frame(vantage, frame, seen)
-        assert belief.roi <= after.roi
-        belief = after
-
-
-@FAST
 @given(st.lists(reports, max_size=20))
 def test_whatever_the_order_nothing_is_taken_back_when_late_votes_are_left_out(
     frames: list[Report],
@@ -205,25 +193,6 @@ def test_open_votes_and_those_of_a_vantage_do_not_add_up() -> None:
     assert belief.verdict(here) is True  # the vantage elects it
 
 
-@pytest.mark.parametrize("taken", [5, 6, 10, 30])
-def test_more_frames_do_not_make_a_false_roi_cell_more_likely(taken: int) -> None:
-    """Every outcome of five votes, weighed by the paper's rate of false detections, and noise
-    after them."""
-    rate = 27 / 483
-    here = Cell(0, 0)
-    rng = np.random.default_rng(taken)
-    chance = 0.0
-    for votes in itertools.product((False, True), repeat=5):
-        rest = [bool(x) for x in rng.random(taken - 5) < 0.5]
-        frames = [(here, FrameId(1, float(t)), {here: v}) for t, v in enumerate([*votes, *rest])]
-        shuffled = [frames[i] for i in rng.permutation(taken)]
-        if here in belief_of(shuffled, start=Belief(frames=5, positive=3)).roi:
-            chance += math.prod(rate if v else 1 - rate for v in votes)
-    exact = sum(math.comb(5, k) * rate**k * (1 - rate) ** (5 - k) for k in (3, 4, 5))
-    assert chance == pytest.approx(exact)
-    assert exact < 0.0017
-
-
 @pytest.mark.parametrize("order", ["as exposed", "any"])
 def test_no_cell_was_ever_false_more_often_than_three_of_five_allow(order: str) -> None:
     """Noise alone, thirty frames: how many cells were in the ROI at any time of a flight."""
@@ -242,20 +211,6 @@ def test_no_cell_was_ever_false_more_often_than_three_of_five_allow(order: str) 
     assert len(ever) / len(cells) == pytest.approx(exact, abs=four_sigma)
 
 
-def test_a_negative_can_turn_until_the_ballot_is_full() -> None:
-    here, there = Cell(0, 0), Cell(0, 1)
-    votes = [False, True, True, True, True]
-    frames = [(here, FrameId(1, float(t)), {there: says}) for t, says in enumerate(votes)]
-    belief = belief_of(frames[:2])
-    assert there not in belief.roi
-    assert belief.detections() == []
-    belief = belief_of(frames[2:], start=belief)
-    assert there in belief.roi
-    assert belief.tally(there, here) == Tally(2, 3)
-    assert belief.cells()[there] == Tally(4, 5)
-    assert belief.detections() == [(here, there, True)]
-
-
 def test_a_joined_map_goes_by_the_first_votes_of_both() -> None:
     here = Cell(0, 0)
     no = belief_of([(here, FrameId(1, float(t)), {here: False}) for t in range(3)])
@@ -271,14 +226,6 @@ def test_another_vantage_keeps_a_cell_that_one_vantage_takes_back() -> None:
     no = [(here, FrameId(2, float(t)), {there: False}) for t in range(3)]
     assert belief_of([*yes, *no]).roi == {there}
     assert belief_of([*yes[:3], *no]).roi == frozenset()
-
-
-def test_positives_of_two_vantages_do_not_add_up() -> None:
-    one = (Cell(0, 0), FrameId(1, 0.0), {Cell(0, 1): True})
-    other = (Cell(0, 2), FrameId(1, 1.0), {Cell(0, 1): True})
-    belief = belief_of([one, other])
-    assert belief.roi == frozenset()
-    assert belief.cells()[Cell(0, 1)] == Tally(2, 2)
 
 
 # --- tree ------------------------------------------------------------------------------------
@@ -344,10 +291,3 @@ def test_a_joined_tree_goes_on_to_the_whole_roi(seed: int) -> None:
 def test_trees_of_different_roots_do_not_join() -> None:
     with pytest.raises(ValueError, match="different roots"):
         Tree.rooted(Cell(0, 0)).join(Tree.rooted(Cell(1, 0)))
-
-
-def test_a_second_look_only_adds() -> None:
-    tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(0, 1)])
-    late = tree.looked(Cell(0, 0), [Cell(1, 0)])
-    assert late.children(Cell(0, 0)) == (Cell(0, 1), Cell(1, 0))
-    is_sound(late)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from missions.events import (
@@ -51,8 +49,7 @@ def test_a_lane_is_gone_on_with_where_it_was_left(service: Service) -> None:
     service.connect()
     service.post(Airborne(1, 8.0))
     lane = service.setting.lanes[0]
-    there = replace(service.state.vehicles[1], on_lane=True, order=Sweep(lane[1], 4.0, 12.0))
-    service.state = service.state.with_vehicle(replace(there, position=lane[0]))
+    service.put(1, on_lane=True, order=Sweep(lane[1], 4.0, 12.0), position=lane[0])
     service.post(Paused(20.0))
     at = GridPoint(lane[0].east_m + 4.0, lane[0].north_m)
     for _ in range(10):
@@ -66,8 +63,7 @@ def test_a_pause_does_not_keep_anybody_in_the_air_too_long(service: Service) -> 
     service.connect()
     service.exploring()
     service.post(Paused(service.now_s))
-    low = replace(service.state.vehicles[1], remaining_wh=1.0)
-    service.state = service.state.with_vehicle(low)
+    service.put(1, remaining_wh=1.0)
     service.track(1, service.setting.grid.centre_of(ROOT))
     assert service.state.vehicles[1].return_reason is ReturnReason.BATTERY
     assert isinstance(service.order(), FlyTo)

@@ -57,16 +57,11 @@ def flying(vehicles: int = 1, **how: object) -> Service:
     for number in range(1, vehicles + 1):
         made.connect(number, at=GridPoint(8.0 * (number - 1), 0.0))
     order = FlyPath(line((-40, 30), (50, 30)), 12.0, 90.0, 0.25)
-    changed(
-        made, 1, phase=Phase.AIRBORNE, landed=False, height_m=12.0, order=order, judged_s=10.0,
+    made.put(
+        1, phase=Phase.AIRBORNE, landed=False, height_m=12.0, order=order, judged_s=10.0,
         position=GridPoint(-40.0, 30.0),
     )  # fmt: skip
     return made
-
-
-def changed(made: Service, vehicle: int, **how: object) -> None:
-    there = replace(made.state.vehicles[vehicle], **how)  # type: ignore[arg-type]
-    made.state = made.state.with_vehicle(there)
 
 
 # --- the fence ---------------------------------------------------------------------------------
@@ -106,13 +101,13 @@ def test_who_waits_outside_of_the_margin_comes_inside_first() -> None:
     out, rim = GridPoint(99.5, 30.0), GridPoint(98.5, 30.0)
     assert is_outside(fence, out)
     assert not is_outside(fence, rim)
-    changed(made, 1, order=Hold(), position=out)
+    made.put(1, order=Hold(), position=out)
     after = come_inside(made.setting, made.state, made.state.vehicles[1])
     assert after is not None
     order = after.vehicles[1].order
     assert isinstance(order, FlyTo)
     assert order.route[-1].east_m == pytest.approx(96.5)
-    changed(made, 1, position=rim)
+    made.put(1, position=rim)
     assert come_inside(made.setting, made.state, made.state.vehicles[1]) is None
 
 
@@ -120,8 +115,8 @@ def test_who_waits_outside_of_the_margin_comes_inside_first() -> None:
 def test_it_brakes_along_its_path_before_air_that_somebody_claims() -> None:
     made = flying(2)
     made.now_s = made.state.vehicles[1].tracked_s + 14.0
-    changed(
-        made, 2, phase=Phase.AIRBORNE, landed=False, height_m=6.0, position=GridPoint(25.0, 30.0),
+    made.put(
+        2, phase=Phase.AIRBORNE, landed=False, height_m=6.0, position=GridPoint(25.0, 30.0),
         home=GridPoint(25.0, 30.0), return_reason=ReturnReason.BATTERY, over_home=True, order=None,
     )  # fmt: skip
     before = made.state.vehicles[1].order
@@ -142,8 +137,8 @@ def test_the_air_that_a_silent_one_may_have_come_to_along_its_path_stays_claimed
     at = GridPoint(-20.0, 30.0)
     made.post(Tracked(1, 15.0, at, 12.0, 50.0), LinkLost(1, 20.0))
     where = GridPoint(20.0, 30.0)  # twelve seconds on, and what it takes to brake
-    changed(
-        made, 2, phase=Phase.AIRBORNE, landed=False, height_m=18.0, position=where, home=where,
+    made.put(
+        2, phase=Phase.AIRBORNE, landed=False, height_m=18.0, position=where, home=where,
         return_reason=ReturnReason.BATTERY, over_home=True, order=None,
     )  # fmt: skip
     made.post(Tracked(2, 60.0, where, 18.0, 50.0))
@@ -159,15 +154,15 @@ def test_it_turns_back_while_it_can_still_brake_and_come_home() -> None:
         made = flying()
         path = line(*ends)
         at = path.at(18.0)
-        changed(
-            made, 1, position=at.place, home=GridPoint(-50.0, 30.0),
+        made.put(
+            1, position=at.place, home=GridPoint(-50.0, 30.0),
             order=FlyPath(path, 12.0, 90.0, 0.25), tracked_s=18.0,
         )  # fmt: skip
         made.state = replace(made.state, t_s=18.0)
         low, high = 0.0, 60.0
         while high - low > 1e-3:
             middle = (low + high) / 2
-            changed(made, 1, remaining_wh=middle)
+            made.put(1, remaining_wh=middle)
             back = turn_back(made.setting, made.state, made.state.vehicles[1])
             if back.vehicles[1].return_reason is None:
                 high = middle
@@ -199,7 +194,7 @@ def test_a_camera_of_which_nothing_is_heard_at_all_is_noticed() -> None:
     assert isinstance(path, FlyPath)
     slow = replace(path, trajectory=rounded_path(
         [GridPoint(-40, 30), GridPoint(50, 30)], 10.0, speed_m_s=1.0))  # fmt: skip
-    changed(made, 1, order=slow)
+    made.put(1, order=slow)
     made.post(FrameSeen(1, 12.0, None, (Vote(Cell(-9, 7), False, 0.0),)))
     made.post(Tracked(1, 30.0, slow.trajectory.at(30.0).place, 12.0, 50.0))
     assert made.state.vehicles[1].return_reason is None
@@ -212,7 +207,7 @@ def test_a_camera_of_which_nothing_is_heard_at_all_is_noticed() -> None:
 
 def test_who_is_behind_stops_and_goes_on_no_faster_than_the_wind_allows() -> None:
     made = flying()
-    changed(made, 1, on_lane=True, lanes=((GridPoint(-40, 30), GridPoint(50, 30)),))
+    made.put(1, on_lane=True, lanes=((GridPoint(-40, 30), GridPoint(50, 30)),))
     at = GridPoint(-10.0, 30.0)
     made.post(Tracked(1, 17.0, at, 12.0, 60.0, wind_m_s=8.0))
     made.post(OrderFailed(1, 17.2, "FlyPath", "it is 13 m off its path by now", behind=True))
@@ -233,7 +228,7 @@ def test_who_is_behind_again_and_again_comes_home(every_s: float, comes_home: bo
     order = made.state.vehicles[1].order
     for k in range(MOST_BEHIND + 1):
         t_s = 17.0 + every_s * k
-        changed(made, 1, order=order, braking_until_s=None, judged_s=t_s)
+        made.put(1, order=order, braking_until_s=None, judged_s=t_s)
         assert made.state.vehicles[1].return_reason is None
         made.post(OrderFailed(1, t_s, "FlyPath", "it is 13 m off its path by now", behind=True))
     assert (made.state.vehicles[1].return_reason is ReturnReason.FAULT) == comes_home

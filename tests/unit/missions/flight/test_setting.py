@@ -2,38 +2,21 @@
 
 from __future__ import annotations
 
-import math
-
 import pytest
 
 from missions.flight.setting import Setting
 from missions.flight.state import State
-from missions.mission.energy import AIRSPEED_LIMIT_M_S
 from missions.mission.flyable import fence_of, look_s, search_area
-from missions.mission.launch_pads import SMALLEST_GAP_M, homes
+from missions.mission.places import SMALLEST_GAP_M, homes
 from missions.planning.search.lanes import lanes, share_out
-from missions.planning.stepwise import EXPLORERS
 from missions.units import Cell, GridPoint
-from tests.support.small_missions import CELL_M, START, mission, square
+from tests.support.small_missions import CELL_M, mission, square
 
 BOX, FENCE = square(-10, 16, 40, 30), square(-60, -60, 160, 160)
 
 
 def setting(**changes: object) -> Setting:
     return Setting.of(mission(BOX, FENCE, **changes))  # type: ignore[arg-type]
-
-
-# --- what is made of the file ----------------------------------------------------------------
-def test_the_grid_begins_at_the_start_and_has_the_cells_of_the_file() -> None:
-    made = setting()
-    assert made.grid.cell_m == CELL_M
-    assert made.grid.fixed(START) == GridPoint(0, 0)
-
-
-def test_a_drift_of_the_file_is_that_of_the_grid() -> None:
-    made = setting(drift_m_s=0.3, toward_deg=90.0)
-    assert made.grid.drift_speed_m_s == pytest.approx(0.3)
-    assert made.grid.drift_east_m_s == pytest.approx(0.3, abs=0.01)
 
 
 @pytest.mark.parametrize("margin_m", [0.0, 2.0, 5.0])
@@ -61,18 +44,6 @@ def test_lanes_lie_over_the_box() -> None:
     for lane, other in zip(made.lanes, expected, strict=True):
         for point, near in zip(lane, other, strict=True):
             assert point.distance_to(near) < 0.01  # through degrees of nine digits and back
-
-
-@pytest.mark.parametrize("strategy", sorted(EXPLORERS))
-def test_the_strategy_is_the_one_named(strategy: str) -> None:
-    assert setting(strategy=strategy).explorer is EXPLORERS[strategy]
-
-
-def test_the_energy_is_that_of_the_battery() -> None:
-    made = setting(capacity_wh=33.0, speed_m_s=4.0)
-    assert made.energy.capacity_wh == 33.0
-    assert made.energy.speed_m_s == 4.0
-    assert made.energy.max_airspeed_m_s == AIRSPEED_LIMIT_M_S
 
 
 # --- what planners reckon with ---------------------------------------------------------------
@@ -115,12 +86,6 @@ def test_the_lanes_are_shared_out_among_all(vehicles: int) -> None:
     assert tuple(blocks) == share_out(made.lanes, vehicles)
 
 
-def test_every_vehicle_has_a_layer_of_its_own() -> None:
-    made = setting(vehicles=3, altitude_m=13.0, layer_m=7.0, capacity_wh=60.0)
-    vehicles = State.initial(made).vehicles
-    assert [vehicles[n].cruise_altitude_m for n in (1, 2, 3)] == [13.0, 20.0, 27.0]
-
-
 def test_at_first_nothing_is_known_and_nothing_is_done() -> None:
     state = State.initial(setting(vehicles=2, capacity_wh=60.0))
     assert state.belief.roi == frozenset()
@@ -130,21 +95,3 @@ def test_at_first_nothing_is_known_and_nothing_is_done() -> None:
     assert not state.completed
     assert not state.over
     assert state.robots() == {}
-
-
-# --- where they stand ------------------------------------------------------------------------
-@pytest.mark.parametrize("vehicles", [1, 2, 5])
-def test_vehicles_without_a_home_stand_in_a_row(vehicles: int) -> None:
-    made = setting(vehicles=vehicles, capacity_wh=90.0)
-    points = [made.grid.fixed(place) for place in homes(made.mission)]
-    for i, point in enumerate(points):
-        assert point == pytest.approx((i * SMALLEST_GAP_M, 0.0), abs=1e-6)
-
-
-def test_a_given_home_takes_nobody_s_place_in_the_row() -> None:
-    made = mission(BOX, FENCE, vehicles=3, homes=[(0, 0), (-20, -20), (16, 0)], capacity_wh=60.0)
-    grid = Setting.of(made).grid
-    places = [grid.fixed(place) for place in homes(made)]
-    expected = [(0, 0), (-20, -20), (16, 0)]
-    for place, (east_m, north_m) in zip(places, expected, strict=True):
-        assert math.dist(place, (east_m, north_m)) < 0.001

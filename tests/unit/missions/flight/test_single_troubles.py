@@ -33,11 +33,6 @@ def service(**how: object) -> Service:
     return Service(mission(BOX, FENCE, **{"capacity_wh": 60.0, **how}))  # type: ignore[arg-type]
 
 
-def changed(made: Service, vehicle: int, **how: object) -> None:
-    there = replace(made.state.vehicles[vehicle], **how)  # type: ignore[arg-type]
-    made.state = made.state.with_vehicle(there)
-
-
 def test_a_take_off_that_fails_in_the_air_is_a_vehicle_in_the_air() -> None:
     made = service()
     made.connect()
@@ -59,12 +54,12 @@ def test_the_leg_of_a_silent_vehicle_stays_claimed() -> None:
     made.connect(1)
     made.connect(2, at=PAD)
     leg = FlyTo((GridPoint(40.0, 0.0),), None, stop=True, height_m=12.0)
-    changed(
-        made, 1, phase=Phase.AIRBORNE, landed=False, order=leg, height_m=12.0,
+    made.put(
+        1, phase=Phase.AIRBORNE, landed=False, order=leg, height_m=12.0,
         position=GridPoint(-15.0, 0.0),
     )  # fmt: skip
-    changed(
-        made, 2, phase=Phase.AIRBORNE, landed=False, order=Hold(), height_m=18.0, position=PAD,
+    made.put(
+        2, phase=Phase.AIRBORNE, landed=False, order=Hold(), height_m=18.0, position=PAD,
         return_reason=ReturnReason.BATTERY, over_home=True,
     )  # fmt: skip
     made.track(2, PAD, 18.0)
@@ -79,12 +74,12 @@ def test_who_flies_towards_air_that_a_failsafe_takes_is_stopped() -> None:
     made.connect(1)
     made.connect(2, at=PAD)
     leg = FlyTo((GridPoint(40.0, 0.0),), None, stop=True, height_m=18.0)
-    changed(
-        made, 1, phase=Phase.AIRBORNE, landed=False, order=Hold(), height_m=12.0,
+    made.put(
+        1, phase=Phase.AIRBORNE, landed=False, order=Hold(), height_m=12.0,
         position=GridPoint(0.0, 0.0),
     )  # fmt: skip
-    changed(
-        made, 2, phase=Phase.AIRBORNE, landed=False, order=leg, height_m=18.0,
+    made.put(
+        2, phase=Phase.AIRBORNE, landed=False, order=leg, height_m=18.0,
         position=GridPoint(-30.0, 0.0),
     )  # fmt: skip
     orders = dict(made.post(Overridden(1, made.now_s + 1.0, "RTL")))
@@ -105,7 +100,7 @@ def test_no_look_is_given_over_a_cell_that_has_left_the_fence() -> None:
     made = service(drift_m_s=0.4, toward_deg=0.0)
     root = Cell(0, 23)  # 92 m north; the margin of the fence begins at 98
     made.exploring(at=root)
-    changed(made, 1, order=Hold(), at_target=True)
+    made.put(1, order=Hold(), at_target=True)
     made.now_s = 40.0
     made.track(1, GridPoint(0.0, 92.0))
     assert not isinstance(made.order(), Look)
@@ -164,7 +159,7 @@ def test_a_look_without_a_picture_is_given_up_at_the_fence_and_named() -> None:
 def test_a_suspicion_that_drifts_out_while_it_is_looked_at_is_dropped() -> None:
     made = service(drift_m_s=0.4, toward_deg=0.0)
     made.connect()
-    changed(made, 1, phase=Phase.AIRBORNE, landed=False, candidate=DRIFTING, at_target=True,
+    made.put(1, phase=Phase.AIRBORNE, landed=False, candidate=DRIFTING, at_target=True,
             order=Look(DRIFTING, 30, 12.0), lanes=(), height_m=12.0)  # fmt: skip
     followed(made)
     assert made.state.vehicles[1].candidate is None
@@ -174,7 +169,7 @@ def test_a_leg_against_the_wind_does_not_follow_its_cell_out_of_the_fence() -> N
     made = service(drift_m_s=0.4, toward_deg=0.0)
     made.exploring(at=DRIFTING)
     leg = FlyTo((), DRIFTING, stop=True, height_m=12.0)
-    changed(made, 1, order=leg, at_target=False)
+    made.put(1, order=leg, at_target=False)
     assert 70.0 < followed(made) < 76.0
     assert made.order() == Hold(), "it comes to rest"
     for _ in range(12):
@@ -199,7 +194,7 @@ def test_the_way_to_a_pad_in_the_margin_goes_round_a_hole() -> None:
     home, far = GridPoint(18.5, 0.0), GridPoint(50.0, 0.0)  # 1.5 m from the hole, margin 2
     made.post(Connected(1, 0.0, home, home, 0.0, False, True, 60.0))
     made.post(Airborne(1, 8.0))
-    changed(made, 1, phase=Phase.AIRBORNE, landed=False, order=None, position=far)
+    made.put(1, phase=Phase.AIRBORNE, landed=False, order=None, position=far)
     made.state = replace(made.state, recalled=True)
     for _ in range(12):  # it comes to rest first
         made.now_s += 1.0
@@ -224,7 +219,7 @@ def test_the_worse_of_measured_and_given_wind_counts() -> None:
 def test_a_landing_away_from_home_is_no_battery_swap() -> None:
     made = service()
     made.exploring()
-    changed(made, 1, return_reason=ReturnReason.BATTERY)
+    made.put(1, return_reason=ReturnReason.BATTERY)
     made.post(Landed(1, 61.0, 0.0, position=GridPoint(50.0, 50.0)))
     vehicle = made.state.vehicles[1]
     assert vehicle.phase is Phase.DOWN
@@ -237,9 +232,9 @@ def test_above_a_blocked_pad_it_lands_beside_while_the_reserve_is_whole() -> Non
     made = service(vehicles=2)
     made.connect(1)
     made.connect(2, at=PAD)
-    changed(made, 1, phase=Phase.OFFLINE, landed=False, position=PAD, height_m=12.0)
-    changed(
-        made, 2, phase=Phase.AIRBORNE, landed=False, order=None, position=PAD, height_m=18.0,
+    made.put(1, phase=Phase.OFFLINE, landed=False, position=PAD, height_m=12.0)
+    made.put(
+        2, phase=Phase.AIRBORNE, landed=False, order=None, position=PAD, height_m=18.0,
         return_reason=ReturnReason.BATTERY, over_home=True,
     )  # fmt: skip
     reserve_wh = made.setting.energy.reserve_wh

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from shapely.geometry import LineString, Point
@@ -27,8 +28,6 @@ from missions.events import (
     Resumed,
     Tracked,
     Vote,
-    from_json,
-    to_json,
 )
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State
@@ -82,6 +81,11 @@ class Service:
         self.now_s += 1.0
         wh = self.state.vehicles[vehicle].remaining_wh - 0.1
         return self.post(Tracked(vehicle, self.now_s, at, height_m, wh))
+
+    def put(self, vehicle: int, **how: Any) -> None:
+        """Change what is known of a vehicle."""
+        there = replace(self.state.vehicles[vehicle], **how)
+        self.state = self.state.with_vehicle(there)
 
     def order(self, vehicle: int = 1) -> Order | None:
         return self.state.vehicles[vehicle].order
@@ -198,9 +202,8 @@ def test_the_suspicion_of_one_who_dropped_out_is_looked_at_by_another(pair: Serv
     pair.connect(1)
     pair.connect(2, at=GridPoint(8.0, 0.0))
     suspect = Cell(0, 6)
-    dropped = replace(pair.state.vehicles[1], candidate=suspect, lanes=())
-    pair.state = pair.state.with_vehicle(dropped)
-    pair.state = pair.state.with_vehicle(replace(pair.state.vehicles[2], lanes=()))
+    pair.put(1, candidate=suspect, lanes=())
+    pair.put(2, lanes=())
     pair.post(OrderFailed(1, 1.0, "take off", "no arming"))
     pair.post(Airborne(2, 12.0))
     pair.track(2, GridPoint(8.0, 0.0), 18.0)
@@ -603,8 +606,7 @@ def test_who_flies_past_a_point_comes_to_rest_before_it_turns_home(service: Serv
     low_wh = service.setting.energy.reserve_wh + 1.0
     service.post(Arrived(1, 12.0, leg.route[-1]))
     assert isinstance(service.order(), Sweep)
-    waits = replace(service.state.vehicles[1], order=Hold())
-    service.state = service.state.with_vehicle(waits)
+    service.put(1, order=Hold())
     service.post(Tracked(1, 12.5, leg.route[-1], 12.0, low_wh))
     assert service.state.vehicles[1].return_reason is ReturnReason.BATTERY
     assert service.order() == Hold()
@@ -629,12 +631,11 @@ def test_a_recall_ends_everything_and_a_resume_begins_again(pair: Service) -> No
 def test_nobody_climbs_through_a_leg_below_its_layer(pair: Service) -> None:
     pair.connect(1)
     leg = FlyTo((GridPoint(30.0, 0.0),), None, stop=True, height_m=12.0)
-    low = replace(
-        pair.state.vehicles[1],
+    pair.put(
+        1,
         phase=Phase.AIRBORNE, landed=False, order=leg, position=GridPoint(-30.0, 0.0),
         height_m=12.0,
     )  # fmt: skip
-    pair.state = pair.state.with_vehicle(low)
     assert pair.connect(2, at=GridPoint(8.0, 0.0)) == ()
     pair.track(1, GridPoint(16.0, 0.0))
     assert pair.order(2) == TakeOff(18.0)
@@ -643,12 +644,11 @@ def test_nobody_climbs_through_a_leg_below_its_layer(pair: Service) -> None:
 def test_nobody_climbs_beside_one_whose_stop_is_not_known_yet(pair: Service) -> None:
     """Its last report is a second old, and it needs metres to stop."""
     pair.connect(1)
-    braking = replace(
-        pair.state.vehicles[1],
+    pair.put(
+        1,
         phase=Phase.AIRBORNE, landed=False, order=Hold(), position=GridPoint(0.0, 0.0),
         height_m=12.0, braking_until_s=9.0,
     )  # fmt: skip
-    pair.state = pair.state.with_vehicle(braking)
     assert pair.connect(2, at=GridPoint(8.0, 0.0)) == ()
 
 
@@ -660,12 +660,11 @@ def test_layers_closer_than_the_buffer_do_not_block_each_other() -> None:
     )  # fmt: skip
     pair = Service(made)
     north = Cell(ROOT.east, ROOT.north + 1)
-    above = replace(
-        pair.state.vehicles[2],
+    pair.put(
+        2,
         phase=Phase.AIRBORNE, landed=False, order=Look(north, 15, 16.5), height_m=16.5,
         lanes=(), position=pair.setting.grid.centre_of(north), vertex=ROOT, remaining_wh=60.0,
     )  # fmt: skip
-    pair.state = pair.state.with_vehicle(above)
     pair.exploring()
     for t in range(5):
         pair.post(frame(1, 20.0 + t, ROOT, ROOT, north))
@@ -692,17 +691,16 @@ def test_who_comes_home_for_a_battery_flies_round_one_who_lands(pair: Service) -
     pad = GridPoint(8.0, 0.0)
     pair.connect(1)
     pair.connect(2, at=pad)
-    descending = replace(
-        pair.state.vehicles[2],
+    pair.put(
+        2,
         phase=Phase.AIRBORNE, landed=False, order=Land(), position=pad, height_m=9.0,
         return_reason=ReturnReason.BATTERY, over_home=True,
     )  # fmt: skip
-    low = replace(
-        pair.state.vehicles[1],
+    pair.put(
+        1,
         phase=Phase.AIRBORNE, landed=False, order=None, position=GridPoint(60.0, 0.0),
         height_m=12.0, return_reason=ReturnReason.BATTERY,
     )  # fmt: skip
-    pair.state = pair.state.with_vehicle(descending).with_vehicle(low)
     pair.track(1, GridPoint(60.0, 0.0))
     order = pair.order(1)
     assert isinstance(order, FlyTo)
@@ -740,28 +738,6 @@ def test_who_is_in_the_air_that_a_failsafe_takes_leaves_it_and_comes_back(pair: 
     again = pair.order(2)
     assert isinstance(again, FlyTo)
     assert again.cell == east
-
-
-# --- the journal -----------------------------------------------------------------------------
-def test_every_event_survives_its_text() -> None:
-    made = mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160), capacity_wh=60.0)
-    flight = fleet(made, roi={Cell(2, 6), Cell(2, 7)})
-    flight.start()
-    flight.run()
-    events: list[Event] = [
-        *flight.events,
-        Overridden(1, 1.0, "RTL"),
-        Released(1, 2.0, HOME, 3.0),
-        LinkLost(1, 3.0),
-        OrderFailed(1, 4.0, "take off", "no"),
-        Recalled(5.0),
-        Resumed(6.0),
-    ]
-    for event in events:
-        again = from_json(to_json(event))
-        assert again == event
-        assert type(again) is type(event)
-        assert to_json(again) == to_json(event)
 
 
 def test_apply_does_not_change_the_state_it_is_given(service: Service) -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.geo.geodesy import LocalPlane, UtmZone
+from missions.geo.geodesy import UtmZone
 from missions.geo.grid import Grid
 from missions.units import Cell, GridPoint, LatLon
 
@@ -50,30 +50,6 @@ def test_there_and_back_again(start: LatLon, point: GridPoint) -> None:
     grid = Grid.at(start, 4.0)
     again = grid.fixed(grid.position(point))
     assert again.distance_to(point) < 1e-5
-
-
-@FAST
-@given(starts, points)
-def test_the_grid_and_a_true_plane_differ_by_the_convergence_alone(
-    start: LatLon, point: GridPoint
-) -> None:
-    grid = Grid.at(start, 4.0)
-    east_m, north_m = LocalPlane(start).to_plane(grid.position(point))
-    cos, sin = math.cos(grid.convergence_rad), math.sin(grid.convergence_rad)
-    # grid north points by the convergence to the east of true north
-    turned = (
-        point.east_m * cos + point.north_m * sin,
-        -point.east_m * sin + point.north_m * cos,
-    )
-    assert (east_m, north_m) == pytest.approx(turned, abs=0.2)
-
-
-def test_convergence_has_the_sign_of_its_side_of_the_meridian() -> None:
-    """Zone 32 is centred on 9 degrees east; south of the equator the sign turns."""
-    assert Grid.at(LatLon(48.0, 11.0), 4.0).convergence_rad > 0
-    assert Grid.at(LatLon(48.0, 7.0), 4.0).convergence_rad < 0
-    assert Grid.at(LatLon(-48.0, 11.0), 4.0).convergence_rad < 0
-    assert Grid.at(LatLon(48.0, 9.0), 4.0).convergence_rad == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_place_beyond_the_edge_of_the_zone_stays_in_the_grid_of_the_start() -> None:
@@ -137,20 +113,6 @@ def test_the_two_frames_are_inverse_to_each_other(
 
 
 @FAST
-@given(starts, st.floats(0.05, 3), st.floats(0, 360), st.floats(10, 600))
-def test_a_cell_drifts_along_its_true_bearing(
-    start: LatLon, speed_m_s: float, toward_deg: float, t_s: float
-) -> None:
-    """The mission gives a compass bearing; the grid turns it by its own convergence."""
-    grid = Grid.at(start, 4.0, speed_m_s, toward_deg)
-    before, after = grid.centre(Cell(0, 0), 0.0), grid.centre(Cell(0, 0), t_s)
-    azimuth, _, metres = GEOD.inv(before.lon_deg, before.lat_deg, after.lon_deg, after.lat_deg)
-    assert metres == pytest.approx(speed_m_s * t_s, rel=1e-3, abs=0.01)
-    off_deg = math.remainder(azimuth - toward_deg, 360)
-    assert off_deg == pytest.approx(0.0, abs=0.05 + math.degrees(0.02 / metres))
-
-
-@FAST
 @given(starts, drifts, times)
 def test_the_speed_of_the_drift_is_what_was_given(
     start: LatLon, drift: tuple[float, float], t_s: float
@@ -159,16 +121,6 @@ def test_the_speed_of_the_drift_is_what_was_given(
     assert grid.drift_speed_m_s == pytest.approx(drift[0], abs=1e-12)
     moved = grid.to_fixed(GridPoint(0, 0), t_s)
     assert moved.distance_to(GridPoint(0, 0)) == pytest.approx(drift[0] * t_s, abs=1e-6)
-
-
-@FAST
-@given(starts, drifts, st.integers(-50, 50), st.integers(-50, 50), times)
-def test_a_cell_keeps_its_name_wherever_it_has_drifted(
-    start: LatLon, drift: tuple[float, float], east: int, north: int, t_s: float
-) -> None:
-    grid = Grid.at(start, 4.0, *drift)
-    cell = Cell(east, north)
-    assert grid.cell_at(grid.centre(cell, t_s), t_s) == cell
 
 
 def test_without_a_drift_time_does_not_matter() -> None:

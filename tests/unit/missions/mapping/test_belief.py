@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -55,12 +52,6 @@ def test_the_first_five_votes_decide(pattern: str, roi: bool) -> None:
     assert (HERE in voted(pattern).roi) is roi
 
 
-@pytest.mark.parametrize("pattern", ["+++", "--+++", "---++++", "-+-+-", "+...++---"])
-def test_a_tally_is_of_the_votes_that_count(pattern: str) -> None:
-    counted = pattern.replace(".", "")[:5]
-    assert voted(pattern).tally(HERE, HERE) == Tally(counted.count("+"), len(counted))
-
-
 def test_all_votes_are_in_the_map() -> None:
     """What a cell shows to a reader is everything that was seen of it."""
     belief = more(voted("---++"), "++++", first_s=10.0)
@@ -73,14 +64,6 @@ def test_who_never_voted_has_no_ballot() -> None:
     assert EMPTY.cells() == {}
     assert EMPTY.detections() == []
     assert EMPTY.frames_taken(HERE) == 0
-
-
-# --- vantages --------------------------------------------------------------------------------
-def test_each_vantage_has_a_ballot_of_its_own() -> None:
-    belief = more(voted("---++"), "+++", at=NORTH, first_s=50.0)
-    assert HERE in belief.roi
-    assert belief.tally(HERE, HERE) == Tally(2, 5)
-    assert belief.tally(HERE, NORTH) == Tally(3, 3)
 
 
 def test_two_of_one_vantage_and_two_of_another_are_not_three() -> None:
@@ -149,15 +132,6 @@ def test_open_ballots_are_found_by_cell_and_told_among_the_detections() -> None:
     assert belief.cells_searched == 3  # one frames were taken over, two that others showed
 
 
-# --- two vehicles ----------------------------------------------------------------------------
-def test_two_vehicles_fill_one_ballot_by_time() -> None:
-    one = more(EMPTY, "+-+", vehicle=1, first_s=0.0)
-    both = more(one, "--+++", vehicle=2, first_s=0.5)
-    # at 0, 0.5, 1, 1.5, 2 s: yes, no, no, no, yes
-    assert both.tally(HERE, HERE) == Tally(2, 5)
-    assert both.roi == frozenset()
-
-
 def test_at_one_instant_the_vehicle_of_the_lower_number_votes_first() -> None:
     lone = Belief(frames=1, positive=1)
     for order in ((1, 2), (2, 1)):
@@ -191,17 +165,6 @@ def test_two_reports_of_a_frame_are_put_together() -> None:
     assert again.looks[HERE][frame][HERE] is True
     assert again.tally(HERE, HERE) == Tally(1, 1)
     assert again.with_frame(HERE, frame, {HERE: False}) == again
-
-
-# --- late frames -----------------------------------------------------------------------------
-def test_a_late_frame_may_change_who_decided() -> None:
-    """As a pure function of the votes: the order of arrival leaves no trace."""
-    early = voted("--+++", first_s=10.0)
-    assert HERE in early.roi
-    late = more(early, "-", first_s=0.0)
-    assert late.tally(HERE, HERE) == Tally(2, 5)
-    assert late.roi == frozenset()
-    assert late == more(more(EMPTY, "-", first_s=0.0), "--+++", first_s=10.0)
 
 
 def test_what_is_left_of_a_late_frame_takes_nothing_back() -> None:
@@ -252,46 +215,6 @@ def test_detections_are_full_ballots_in_a_fixed_order() -> None:
     belief = more(belief, "+++", at=NORTH, first_s=200.0)  # not full: no detection
     assert belief.detections() == [(HERE, HERE, True), (HERE, NORTH, False)]
     assert belief.roi == {HERE}
-
-
-# --- the bound -------------------------------------------------------------------------------
-def three_of_five(rate: float) -> float:
-    return sum(math.comb(5, k) * rate**k * (1 - rate) ** (5 - k) for k in (3, 4, 5))
-
-
-def any_three_of(frames: int, rate: float) -> float:
-    return 1 - sum(math.comb(frames, k) * rate**k * (1 - rate) ** (frames - k) for k in range(3))
-
-
-def test_what_the_paper_s_rate_would_have_come_to() -> None:
-    """The figures of the docstring and of the decision record."""
-    rate = 27 / 483
-    assert 100 * three_of_five(rate) == pytest.approx(0.16, abs=0.005)
-    assert 100 * any_three_of(10, rate) == pytest.approx(1.6, abs=0.05)
-    assert 100 * any_three_of(30, rate) == pytest.approx(23, abs=0.5)
-
-
-@pytest.mark.parametrize("rate", [0.05, 0.2, 0.4])
-@pytest.mark.parametrize(("frames", "positive"), [(5, 3), (3, 2), (1, 1), (7, 5)])
-def test_noise_makes_as_much_roi_after_forty_frames_as_after_the_first(
-    rate: float, frames: int, positive: int
-) -> None:
-    """Forty frames over 4000 cells from one vantage, as a replay has them."""
-    rng = np.random.default_rng([frames, positive, int(rate * 100)])
-    cells = [Cell(e, n) for e in range(80) for n in range(50)]
-    belief = Belief(frames, positive)
-    counts = []
-    for t in range(40 if frames == 5 else 12):
-        noise = (rng.random(len(cells)) < rate).tolist()
-        belief = belief.with_frame(HERE, FrameId(1, float(t)), dict(zip(cells, noise, strict=True)))
-        counts.append(len(belief.roi))
-    exact = sum(
-        math.comb(frames, k) * rate**k * (1 - rate) ** (frames - k)
-        for k in range(positive, frames + 1)
-    )
-    sigma = math.sqrt(exact * (1 - exact) / len(cells))
-    assert counts[-1] == counts[frames - 1]
-    assert counts[-1] / len(cells) == pytest.approx(exact, abs=4 * sigma + 1e-9)
 
 
 @FAST

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -27,24 +26,6 @@ def test_a_root_alone_is_unexplored_until_somebody_looks() -> None:
     done = tree.looked(ROOT, [])
     assert done.state(ROOT) is VertexState.EXPLORED
     assert tree.state(ROOT) is VertexState.UNEXPLORED  # the old one is as it was
-
-
-def test_the_states_follow_the_branch_upwards() -> None:
-    tree = Tree.rooted(ROOT).looked(ROOT, [NORTH]).looked(NORTH, [Cell(0, 2)])
-    states = [tree.state(Cell(0, n)) for n in range(3)]
-    assert states == [
-        VertexState.UNDER_EXPLORATION, VertexState.UNDER_EXPLORATION, VertexState.UNEXPLORED,
-    ]  # fmt: skip
-    tree = tree.looked(Cell(0, 2), [])
-    assert all(tree.state(Cell(0, n)) is VertexState.EXPLORED for n in range(3))
-
-
-def test_an_open_branch_keeps_the_root_open_and_not_the_other_branch() -> None:
-    tree = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST]).looked(NORTH, [])
-    assert tree.is_explored(NORTH)
-    assert not tree.is_explored(EAST)
-    assert not tree.is_explored(ROOT)
-    assert tree.state(EAST) is VertexState.UNEXPLORED
 
 
 def test_a_cell_that_turns_positive_late_opens_the_branch_again() -> None:
@@ -74,29 +55,6 @@ def test_children_come_north_east_south_west_whatever_the_order_they_were_told_i
     assert late.children(ROOT) == (NORTH, WEST)
 
 
-def test_the_way_up_ends_at_the_root() -> None:
-    tree = Tree.rooted(ROOT)
-    for n in range(5):
-        tree = tree.looked(Cell(0, n), [Cell(0, n + 1)])
-    assert list(tree.path_up(Cell(0, 5))) == [Cell(0, n) for n in range(5, -1, -1)]
-    assert list(tree.path_up(ROOT)) == [ROOT]
-    assert tree.depth == 5
-
-
-def test_the_depth_is_that_of_the_deepest_branch() -> None:
-    tree = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST]).looked(EAST, [Cell(2, 0)])
-    assert tree.depth == 2
-    assert [tree.vertices[c].depth for c in (ROOT, NORTH, EAST, Cell(2, 0))] == [0, 1, 1, 2]
-
-
-def test_membership_is_of_vertices() -> None:
-    tree = Tree.rooted(ROOT).looked(ROOT, [NORTH])
-    assert NORTH in tree
-    assert EAST not in tree
-    with pytest.raises(KeyError):
-        tree.state(EAST)
-
-
 def test_looking_twice_at_the_same_changes_nothing() -> None:
     once = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST])
     assert once.looked(ROOT, [NORTH, EAST]) == once
@@ -121,14 +79,6 @@ def test_of_two_parents_of_one_depth_the_lesser_cell_is_kept() -> None:
         assert joined.parent(Cell(1, 1)) == min(NORTH, EAST)
         assert joined.has_looked(NORTH)
         assert joined.has_looked(EAST)
-
-
-def test_what_one_has_explored_is_explored_once_they_have_met() -> None:
-    one = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST]).looked(NORTH, [])
-    other = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST]).looked(EAST, [])
-    assert not one.is_explored(ROOT)
-    assert not other.is_explored(ROOT)
-    assert one.join(other).is_explored(ROOT)
 
 
 # --- beside a plain one ----------------------------------------------------------------------

@@ -21,7 +21,7 @@ from missions.mission.energy import (
     NOMINAL_MARGIN,
     EnergyModel,
 )
-from missions.mission.energy_model import energy_model
+from missions.mission.views import energy_model
 from tests.support.small_missions import mission, square
 
 FAST = settings(max_examples=200, deadline=None)

@@ -14,6 +14,7 @@ from missions.mission import flyable
 from missions.mission.height_and_speed import blur_px, speed_limit_m_s, speed_limits
 from missions.mission.schema import Mission
 from missions.units import GridPoint
+from tests.support.footprints import whole_cells
 from tests.support.small_missions import mission, square
 
 FAST = settings(max_examples=100, deadline=None)
@@ -108,7 +109,7 @@ def test_at_the_limit_every_cell_that_is_flown_over_has_its_frames(
         north_m = -200.0 + (number + phase) * step_m
         # the picture's shorter side lies along the way, or its longer
         turned = math.radians(heading_deg)
-        for cell in footprint.whole_cells(GridPoint(off_m, north_m), turned, 4.0, pose_m):
+        for cell in whole_cells(footprint, GridPoint(off_m, north_m), turned, 4.0, pose_m):
             if cell.east == 0:
                 seen[cell.north] = seen.get(cell.north, 0) + 1
     assert min(seen[north] for north in range(-20, 21)) >= frames

@@ -11,7 +11,7 @@ from missions.errors import MissionFileError
 from missions.geo.geodesy import LocalPlane
 from missions.geo.grid import Grid
 from missions.mission.checks import STRATEGIES, parse_mission
-from missions.mission.launch_pads import homes
+from missions.mission.places import homes
 from missions.units import LatLon
 
 START = LatLon(48.0, 11.0)

@@ -12,7 +12,7 @@ from missions.errors import MissionFileError
 from missions.geo.grid import Grid
 from missions.mission.checks import check, parse_mission
 from missions.mission.fleet_checks import check_fleet, with_own_air
-from missions.mission.launch_pads import homes
+from missions.mission.places import homes
 from missions.mission.schema import Mission, positions
 
 NAMES = ["bay", "burn", "runway", "runway-field", "spill", "road"]

@@ -8,12 +8,11 @@ from collections import Counter
 import pytest
 
 from missions.lab.arena.arena_run import run
-from missions.lab.arena.roi import component, grown
 from missions.mapping.tree import Tree
 from missions.planning.stepwise import EXPLORERS, Situation
-from missions.planning.stepwise.bounds import rdfs_bound_moves
-from missions.planning.stepwise.finish_by_rdfs import Retreat
+from missions.planning.stepwise.horizon import Retreat
 from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.rdfs import rdfs_bound_moves
 from missions.units import Cell
 
 START = Cell(0, 0)
@@ -233,38 +232,6 @@ def test_a_retreat_leaves_out_what_is_explored() -> None:
     assert retreat.dropped == {NORTH}
     moves, _ = retreat.moves(Situation(tree, {1: START}, (1,)))
     assert moves == {1: EAST}
-
-
-def test_a_cell_found_late_brings_its_path_back() -> None:
-    tree = fork(NORTH, EAST).looked(NORTH, [])
-    retreat = Retreat.of(tree)
-    late = tree.looked(NORTH, [Cell(0, 2)])
-    _, after = retreat.moves(Situation(late, {1: START}, (1,)))
-    assert NORTH not in after.dropped
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_a_retreat_begun_anywhere_explores_the_rest(seed: int) -> None:
-    """Half is explored by rdfs; from there on the retreat alone decides."""
-    roi = grown("ragged", 30, seed)
-    tree, at = Tree.rooted(roi.start), {0: roi.start, 1: roi.start}
-    retreat: Retreat | None = None
-    for turn in range(600):
-        for here in at.values():
-            tree = tree.looked(here, [n for n in here.neighbours() if n in roi.cells])
-        situation = Situation(tree, at, (0, 1))
-        if turn < 10:
-            moves = dict(EXPLORERS["rdfs"].decide(situation).moves)
-        else:
-            retreat = retreat or Retreat.of(tree)
-            moves, retreat = retreat.moves(situation)
-        if tree.is_explored(roi.start) and set(at.values()) == {roi.start}:
-            break
-        at = {robot: moves[robot] or at[robot] for robot in at}
-    assert set(tree.vertices) == component(roi.cells, roi.start)
-    assert tree.is_explored(roi.start)
-    assert set(at.values()) == {roi.start}
-    assert turn < 10 + 60 + 2 * 2 * 30
 
 
 # --- what all say of themselves --------------------------------------------------------------

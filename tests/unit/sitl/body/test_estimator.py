@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.body.dead_reckoning import DeadReckoning
-from sitl.body.estimator import Estimator
+from sitl.body.estimator import DeadReckoning, Estimator
 from sitl.body.sensors import PositionError
 from sitl.scenario import Setup
 from sitl.testing import Fleet

@@ -59,30 +59,28 @@ def test_acceleration_and_climb_stay_within_limits(make_client):
     assert client.vehicle.truth.landed
 
 
-def test_a_change_of_speed_is_kept_until_the_mode_or_the_kind_of_target_changes(make_client):
-    client = make_client()
-    client.take_off()
+def test_a_change_of_speed_is_kept_until_the_mode_or_the_kind_of_target_changes(flying):
     speeds = []
 
     def watch():
-        speeds.append(math.hypot(*client.vehicle.truth.velocity_m_s[:2]))
+        speeds.append(math.hypot(*flying.vehicle.truth.velocity_m_s[:2]))
 
-    client.target(0.0, 0.0, 12.0)  # the first target after a take-off changes it
-    assert client.result(mav.MAV_CMD_DO_CHANGE_SPEED, 1, 1.0, -1) == 0
-    client.target(0.0, 10.0, 12.0)
-    client.run(8.0, watch)
+    flying.target(0.0, 0.0, 12.0)  # the first target after a take-off changes it
+    assert flying.result(mav.MAV_CMD_DO_CHANGE_SPEED, 1, 1.0, -1) == 0
+    flying.target(0.0, 10.0, 12.0)
+    flying.run(8.0, watch)
     assert 0.9 < max(speeds) < 1.15
-    client.velocity(0.0, 0.0)
-    client.target(0.0, 30.0, 12.0)
-    client.run(6.0, watch)
+    flying.velocity(0.0, 0.0)
+    flying.target(0.0, 30.0, 12.0)
+    flying.run(6.0, watch)
     assert max(speeds) > 3.0
-    assert client.result(mav.MAV_CMD_DO_CHANGE_SPEED, 1, 1.0, -1) == 0
-    client.run(20.0)
+    assert flying.result(mav.MAV_CMD_DO_CHANGE_SPEED, 1, 1.0, -1) == 0
+    flying.run(20.0)
     speeds.clear()
-    client.command(mav.MAV_CMD_DO_SET_MODE, 1, mav.COPTER_MODE_BRAKE)
-    client.command(mav.MAV_CMD_DO_SET_MODE, 1, mav.COPTER_MODE_GUIDED)
-    client.target(0.0, 40.0, 12.0)
-    client.run(6.0, watch)
+    flying.command(mav.MAV_CMD_DO_SET_MODE, 1, mav.COPTER_MODE_BRAKE)
+    flying.command(mav.MAV_CMD_DO_SET_MODE, 1, mav.COPTER_MODE_GUIDED)
+    flying.target(0.0, 40.0, 12.0)
+    flying.run(6.0, watch)
     assert max(speeds) > 3.0
 
 
@@ -103,38 +101,34 @@ def test_leans_into_the_wind_and_holds(make_client, wind_from_deg, roll_sign, pi
     assert math.hypot(*client.where[:2]) < 0.1
 
 
-def test_turns_the_nose_towards_far_targets_only(make_client):
-    client = make_client()
-    client.take_off()
-    client.target(1.0, 0.0, 12.0)
-    client.run(4.0)
-    assert abs(math.remainder(client.vehicle.truth.yaw_rad, math.tau)) < 0.01
+def test_turns_the_nose_towards_far_targets_only(flying):
+    flying.target(1.0, 0.0, 12.0)
+    flying.run(4.0)
+    assert abs(math.remainder(flying.vehicle.truth.yaw_rad, math.tau)) < 0.01
     rates = []
-    last = client.vehicle.truth.yaw_rad
+    last = flying.vehicle.truth.yaw_rad
 
     def watch():
         nonlocal last
-        yaw = client.vehicle.truth.yaw_rad
+        yaw = flying.vehicle.truth.yaw_rad
         rates.append(abs(math.remainder(yaw - last, math.tau)) / 0.05)
         last = yaw
 
-    client.target(20.0, 0.0, 12.0)
-    client.run(6.0, watch)
-    assert math.degrees(client.vehicle.truth.yaw_rad) == pytest.approx(90.0, abs=3.0)
+    flying.target(20.0, 0.0, 12.0)
+    flying.run(6.0, watch)
+    assert math.degrees(flying.vehicle.truth.yaw_rad) == pytest.approx(90.0, abs=3.0)
     assert math.degrees(max(rates)) <= 90.0
 
 
-def test_velocity_targets_time_out(make_client):
-    client = make_client()
-    client.take_off()
+def test_velocity_targets_time_out(flying):
     message = mav.MAVLink_set_position_target_global_int_message(
         0, 1, 1, 6, 0xFC7, 0, 0, 0.0, 0.0, 2.0, 0.0, *([0.0] * 5)
     )
-    client.send(message)
-    client.run(2.5)
-    assert client.vehicle.truth.velocity_m_s[0] == pytest.approx(2.0, abs=0.1)
-    client.run(4.0)
-    assert math.hypot(*client.vehicle.truth.velocity_m_s) < 0.1
+    flying.send(message)
+    flying.run(2.5)
+    assert flying.vehicle.truth.velocity_m_s[0] == pytest.approx(2.0, abs=0.1)
+    flying.run(4.0)
+    assert math.hypot(*flying.vehicle.truth.velocity_m_s) < 0.1
 
 
 def test_hovering_lasts_as_long_as_the_energy(make_client):
@@ -169,15 +163,13 @@ def test_the_crew_swaps_the_battery_of_a_resting_vehicle(make_client):
     assert client.vehicle.truth.swaps == 1
 
 
-def test_a_forced_disarm_in_flight_is_the_end(make_client):
-    client = make_client()
-    client.take_off()
-    assert client.result(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0) == mav.MAV_RESULT_FAILED
-    assert not client.vehicle.truth.crashed
-    assert client.result(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, 21196) == 0
-    client.run(5.0)
-    assert client.vehicle.truth.crashed
-    assert client.vehicle.truth.height_m == 0.0
+def test_a_forced_disarm_in_flight_is_the_end(flying):
+    assert flying.result(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0) == mav.MAV_RESULT_FAILED
+    assert not flying.vehicle.truth.crashed
+    assert flying.result(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, 21196) == 0
+    flying.run(5.0)
+    assert flying.vehicle.truth.crashed
+    assert flying.vehicle.truth.height_m == 0.0
 
 
 def test_the_estimate_wanders_as_specified(make_client):

@@ -73,16 +73,14 @@ def test_every_tag_is_where_a_reader_looks_for_it():
         assert f"drone-dji:{text}" in xmp
 
 
-def test_the_pixels_are_those_without_tags(make_client):
-    client = make_client()
-    client.take_off()
-    client.command(CAPTURE, 0, 0, 1, 1)
-    client.run(0.2)
-    (captured,) = client.seen("CAMERA_IMAGE_CAPTURED")
-    data = client.vehicle.image(captured.file_url)
-    assert data == client.vehicle.image(captured.file_url)
-    exposure = client.vehicle._payload._exposures[captured.file_url]
-    bare = render(client.vehicle.world, client.vehicle.spec.camera, exposure.shot)
+def test_the_pixels_are_those_without_tags(flying):
+    flying.command(CAPTURE, 0, 0, 1, 1)
+    flying.run(0.2)
+    (captured,) = flying.seen("CAMERA_IMAGE_CAPTURED")
+    data = flying.vehicle.image(captured.file_url)
+    assert data == flying.vehicle.image(captured.file_url)
+    exposure = flying.vehicle._payload._exposures[captured.file_url]
+    bare = render(flying.vehicle.world, flying.vehicle.spec.camera, exposure.shot)
     assert b"drone-dji" in data
     assert b"drone-dji" not in bare
     assert np.array_equal(

@@ -1,7 +1,4 @@
-"""Bytes that no client should send: nothing raises, nothing changes, nothing grows.
-
-`tests/benchmarks/fuzz.py` is the long version.
-"""
+"""Bytes that no client should send: nothing raises, nothing changes, nothing grows."""
 
 from __future__ import annotations
 
@@ -26,41 +23,35 @@ def flush(client):
     client.vehicle.receive(bytes(300))
 
 
-def test_garbage_in_the_air(make_client):
-    client = make_client()
-    client.take_off()
-    outcome = bombard(client.vehicle, SIZE, seed=1, well_addressed=False)
+def test_garbage_in_the_air(flying):
+    outcome = bombard(flying.vehicle, SIZE, seed=1, well_addressed=False)
     assert outcome.crashes == []
     assert outcome.changes == []
     assert outcome.grown_bytes < 100_000
     assert sum(outcome.sent.values()) >= SIZE
-    flush(client)
-    assert ask(client) == ["COMMAND_ACK", "AUTOPILOT_VERSION"]
+    flush(flying)
+    assert ask(flying) == ["COMMAND_ACK", "AUTOPILOT_VERSION"]
 
 
-def test_the_worst_values_on_the_ground(make_client):
-    client = make_client()
-    client.run(6.0)
-    outcome = bombard(client.vehicle, SIZE, seed=2, well_addressed=True)
+def test_the_worst_values_on_the_ground(ready):
+    outcome = bombard(ready.vehicle, SIZE, seed=2, well_addressed=True)
     assert outcome.crashes == []
     assert outcome.changes == []
     assert outcome.grown_bytes < 100_000
-    flush(client)
-    assert "AUTOPILOT_VERSION" in ask(client)
+    flush(ready)
+    assert "AUTOPILOT_VERSION" in ask(ready)
 
 
 @pytest.mark.parametrize("wrong_target", [True, False])
-def test_every_message_type(make_client, wrong_target):
-    client = make_client()
-    client.run(6.0)
-    before = condition(client.vehicle)
+def test_every_message_type(ready, wrong_target):
+    before = condition(ready.vehicle)
     for seed in range(8):
         for frame in Hostile(seed).every_type(wrong_target):
-            client.vehicle.receive(frame)
-        client.vehicle.step(0.1)
-    assert condition(client.vehicle) == before
-    flush(client)
-    assert "AUTOPILOT_VERSION" in ask(client)
+            ready.vehicle.receive(frame)
+        ready.vehicle.step(0.1)
+    assert condition(ready.vehicle) == before
+    flush(ready)
+    assert "AUTOPILOT_VERSION" in ask(ready)
 
 
 def test_one_byte_at_a_time(make_client):
@@ -73,10 +64,8 @@ def test_one_byte_at_a_time(make_client):
     assert b"".join(bits.vehicle.receive(data[i : i + 1]) for i in range(len(data))) == together
 
 
-def test_garbage_on_a_bad_and_signed_link(make_client):
-    client = make_client()
-    client.run(6.0)
-    client.send(mav.MAVLink_setup_signing_message(1, 1, [7] * 32, 10))
-    client.vehicle.fail.link(0.1, 0.1, 0.1, 0.05, 0.1, 0.1)
-    outcome = bombard(client.vehicle, SIZE // 4, seed=3, well_addressed=True)
+def test_garbage_on_a_bad_and_signed_link(ready):
+    ready.send(mav.MAVLink_setup_signing_message(1, 1, [7] * 32, 10))
+    ready.vehicle.fail.link(0.1, 0.1, 0.1, 0.05, 0.1, 0.1)
+    outcome = bombard(ready.vehicle, SIZE // 4, seed=3, well_addressed=True)
     assert (outcome.crashes, outcome.changes) == ([], [])

@@ -62,10 +62,8 @@ class Planner:
 
 
 @pytest.fixture
-def planner(make_client):
-    client = make_client()
-    client.run(6.0)
-    return Planner(client)
+def planner(ready):
+    return Planner(ready)
 
 
 def row(command, *p, at=(None, None, 0.0)):

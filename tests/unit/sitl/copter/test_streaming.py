@@ -56,10 +56,8 @@ def within(errors, share=0.95):
 
 
 @pytest.fixture
-def client(make_client):
-    client = make_client()
-    client.take_off()
-    return client
+def client(flying):
+    return flying
 
 
 def test_a_rounded_path_with_its_velocity_led_is_followed(client):

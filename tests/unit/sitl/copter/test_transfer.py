@@ -49,10 +49,8 @@ def download(client, kind=0, exact=True):
 
 
 @pytest.fixture
-def client(make_client):
-    client = make_client()
-    client.run(6.0)
-    return client
+def client(ready):
+    return ready
 
 
 def test_a_mission_goes_up_and_comes_down(client):

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.errors import MissionFileError
 from missions.mission.schema import parse_fields
 from missions.units import LatLon
 from sitl.body.battery import Battery
@@ -92,90 +91,76 @@ def test_impossible_faults_are_refused(call, says):
         call(Faults())
 
 
-def test_without_satellites_the_estimate_wanders_off_and_comes_back(make_client):
-    client = make_client()
-    client.run(6.0)
-    client.vehicle.fail.gps(for_s=30.0)
-    client.run(29.0)
-    assert 5.0 < math.hypot(*believed(client)) < 40.0
-    client.run(15.0)
-    assert math.hypot(*believed(client)) < 0.6
+def test_without_satellites_the_estimate_wanders_off_and_comes_back(ready):
+    ready.vehicle.fail.gps(for_s=30.0)
+    ready.run(29.0)
+    assert 5.0 < math.hypot(*believed(ready)) < 40.0
+    ready.run(15.0)
+    assert math.hypot(*believed(ready)) < 0.6
 
 
 @pytest.mark.parametrize(("fault", "mode"), [("gps", Mode.LAND), ("rc", Mode.RTL)])
-def test_what_is_lost_in_the_air_ends_the_flight(make_client, fault, mode):
-    client = make_client()
-    client.take_off()
-    getattr(client.vehicle.fail, fault)()
-    client.run(10.0)
-    assert client.vehicle.truth.mode == mode
-    client.run(60.0)
-    truth = client.vehicle.truth
+def test_what_is_lost_in_the_air_ends_the_flight(flying, fault, mode):
+    getattr(flying.vehicle.fail, fault)()
+    flying.run(10.0)
+    assert flying.vehicle.truth.mode == mode
+    flying.run(60.0)
+    truth = flying.vehicle.truth
     assert (truth.landed, truth.armed, truth.crashed) == (True, False, False)
 
 
-def test_a_glitch_leads_the_vehicle_astray(make_client):
-    client = make_client()
-    client.take_off()
-    client.vehicle.fail.gps_glitch(20.0, toward_deg=90.0)
-    client.run(30.0)
+def test_a_glitch_leads_the_vehicle_astray(flying):
+    flying.vehicle.fail.gps_glitch(20.0, toward_deg=90.0)
+    flying.run(30.0)
     # it believes to hold its place, and is 20 m west of it
-    assert believed(client) == (pytest.approx(0.0, abs=0.5), pytest.approx(0.0, abs=0.5))
-    assert client.where[:2] == (pytest.approx(-20.0, abs=0.5), pytest.approx(0.0, abs=0.5))
-    client.vehicle.fail.clear("gps_glitch")
-    client.run(30.0)
-    assert math.hypot(*client.where[:2]) < 0.5
+    assert believed(flying) == (pytest.approx(0.0, abs=0.5), pytest.approx(0.0, abs=0.5))
+    assert flying.where[:2] == (pytest.approx(-20.0, abs=0.5), pytest.approx(0.0, abs=0.5))
+    flying.vehicle.fail.clear("gps_glitch")
+    flying.run(30.0)
+    assert math.hypot(*flying.where[:2]) < 0.5
 
 
-def test_drift_carries_it_away(make_client):
-    client = make_client()
-    client.take_off()
-    client.vehicle.fail.gps_drift(1.0, toward_deg=0.0, for_s=20.0)
-    client.run(20.0)
-    assert client.where[1] == pytest.approx(-17.0, abs=3.0)
+def test_drift_carries_it_away(flying):
+    flying.vehicle.fail.gps_drift(1.0, toward_deg=0.0, for_s=20.0)
+    flying.run(20.0)
+    assert flying.where[1] == pytest.approx(-17.0, abs=3.0)
 
 
-def test_a_gust_pushes_and_goes(make_client):
-    client = make_client()
-    client.take_off()
-    client.vehicle.fail.wind_gust(8.0, for_s=4.0, from_deg=0.0)
+def test_a_gust_pushes_and_goes(flying):
+    flying.vehicle.fail.wind_gust(8.0, for_s=4.0, from_deg=0.0)
     pushed = []
-    client.run(4.0, lambda: pushed.append(client.where[1]))
+    flying.run(4.0, lambda: pushed.append(flying.where[1]))
     assert min(pushed) < -0.3
-    client.run(15.0)
-    assert abs(client.where[1]) < 0.3
+    flying.run(15.0)
+    assert abs(flying.where[1]) < 0.3
 
 
-def test_a_wrong_compass_is_told_and_flown_by(make_client):
-    client = make_client()
-    client.take_off()
-    client.vehicle.fail.compass(40.0)
-    client.run(0.5)
-    client.command(mav.MAV_CMD_REQUEST_MESSAGE, mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
-    told = client.seen("GLOBAL_POSITION_INT")[-1].hdg / 100.0
-    yaw = math.degrees(client.vehicle.truth.yaw_rad)
+def test_a_wrong_compass_is_told_and_flown_by(flying):
+    flying.vehicle.fail.compass(40.0)
+    flying.run(0.5)
+    flying.command(mav.MAV_CMD_REQUEST_MESSAGE, mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+    told = flying.seen("GLOBAL_POSITION_INT")[-1].hdg / 100.0
+    yaw = math.degrees(flying.vehicle.truth.yaw_rad)
     assert (told - yaw) % 360.0 == pytest.approx(40.0, abs=0.1)
-    client.target(60.0, 0.0, 12.0)
+    flying.target(60.0, 0.0, 12.0)
     aside = []
-    client.run(15.0, lambda: aside.append(client.where[1]))
+    flying.run(15.0, lambda: aside.append(flying.where[1]))
     assert max(map(abs, aside)) > 1.0  # a curve where a line was meant
 
 
-def test_battery_sag_and_a_dead_cell(make_client):
-    client = make_client()
-    client.run(6.0)
-    full = voltage(client)
-    client.vehicle.fail.battery_sag(3.0, for_s=5.0)
-    client.run(1.0)
-    assert voltage(client) == pytest.approx(full - 3.0, abs=0.01)
-    client.run(5.0)
-    assert voltage(client) == pytest.approx(full, abs=0.01)
-    client.vehicle.fail.battery_cell()
-    client.run(1.0)
-    assert voltage(client) == pytest.approx(full * 5 / 6, abs=0.01)
-    assert client.vehicle.truth.energy_wh == pytest.approx(50.0, abs=0.1)
+def test_battery_sag_and_a_dead_cell(ready):
+    full = voltage(ready)
+    ready.vehicle.fail.battery_sag(3.0, for_s=5.0)
+    ready.run(1.0)
+    assert voltage(ready) == pytest.approx(full - 3.0, abs=0.01)
+    ready.run(5.0)
+    assert voltage(ready) == pytest.approx(full, abs=0.01)
+    ready.vehicle.fail.battery_cell()
+    ready.run(1.0)
+    assert voltage(ready) == pytest.approx(full * 5 / 6, abs=0.01)
+    assert ready.vehicle.truth.energy_wh == pytest.approx(50.0, abs=0.1)
     # the autopilot counts what flows, and does not know
-    assert client.seen("BATTERY_STATUS")[-1].battery_remaining == 100
+    assert ready.seen("BATTERY_STATUS")[-1].battery_remaining == 100
 
 
 def test_a_new_pack_has_all_its_cells():
@@ -188,23 +173,19 @@ def test_a_new_pack_has_all_its_cells():
     assert battery.voltage_v == Battery(60.0).voltage_v
 
 
-def test_without_a_motor_the_vehicle_is_lost(make_client):
-    client = make_client()
-    client.take_off()
-    client.vehicle.fail.motor(after_s=2.0)
-    client.run(1.9)
-    assert client.where[2] == pytest.approx(12.0, abs=0.5)
-    client.run(6.0)
-    truth = client.vehicle.truth
+def test_without_a_motor_the_vehicle_is_lost(flying):
+    flying.vehicle.fail.motor(after_s=2.0)
+    flying.run(1.9)
+    assert flying.where[2] == pytest.approx(12.0, abs=0.5)
+    flying.run(6.0)
+    truth = flying.vehicle.truth
     assert (truth.crashed, truth.armed, truth.landed) == (True, False, True)
 
 
-def test_with_a_weak_motor_it_still_flies(make_client):
-    client = make_client()
-    client.take_off()
-    client.vehicle.fail.motor(share=0.6)
-    client.run(10.0)
-    assert client.where[2] == pytest.approx(12.0, abs=0.5)
+def test_with_a_weak_motor_it_still_flies(flying):
+    flying.vehicle.fail.motor(share=0.6)
+    flying.run(10.0)
+    assert flying.where[2] == pytest.approx(12.0, abs=0.5)
 
 
 def capture(client):
@@ -213,26 +194,22 @@ def capture(client):
     return client.seen("CAMERA_IMAGE_CAPTURED")
 
 
-def test_a_stalled_camera_accepts_and_takes_none(make_client):
-    client = make_client()
-    client.take_off()
-    client.vehicle.fail.camera_stall(for_s=5.0)
-    assert client.result(mav.MAV_CMD_IMAGE_START_CAPTURE, 0, 1.0, 0) == mav.MAV_RESULT_ACCEPTED
-    client.run(4.8)
-    assert client.seen("CAMERA_IMAGE_CAPTURED") == []
-    client.run(3.0)
-    assert 2 <= len(client.seen("CAMERA_IMAGE_CAPTURED")) <= 4
+def test_a_stalled_camera_accepts_and_takes_none(flying):
+    flying.vehicle.fail.camera_stall(for_s=5.0)
+    assert flying.result(mav.MAV_CMD_IMAGE_START_CAPTURE, 0, 1.0, 0) == mav.MAV_RESULT_ACCEPTED
+    flying.run(4.8)
+    assert flying.seen("CAMERA_IMAGE_CAPTURED") == []
+    flying.run(3.0)
+    assert 2 <= len(flying.seen("CAMERA_IMAGE_CAPTURED")) <= 4
 
 
-def test_black_and_broken_pictures(make_client):
-    client = make_client()
-    client.take_off()
-    client.vehicle.fail.camera_black(for_s=0.9)
-    capture(client)
-    client.vehicle.fail.camera_corrupt(for_s=0.9)
-    capture(client)
-    urls = [m.file_url for m in capture(client)]
-    night, broken, good = (client.vehicle.image(url) for url in urls)
+def test_black_and_broken_pictures(flying):
+    flying.vehicle.fail.camera_black(for_s=0.9)
+    capture(flying)
+    flying.vehicle.fail.camera_corrupt(for_s=0.9)
+    capture(flying)
+    urls = [m.file_url for m in capture(flying)]
+    night, broken, good = (flying.vehicle.image(url) for url in urls)
     assert good[:2] == night[:2] == b"\xff\xd8"
     assert cv2.imdecode(np.frombuffer(good, np.uint8), cv2.IMREAD_COLOR).mean() > 50.0
     dark = cv2.imdecode(np.frombuffer(night, np.uint8), cv2.IMREAD_COLOR)
@@ -241,46 +218,38 @@ def test_black_and_broken_pictures(make_client):
     assert 0 < len(broken) < len(good)
 
 
-def test_a_command_is_rejected_for_a_while(make_client):
-    client = make_client()
-    client.run(6.0)
-    client.vehicle.fail.reject(mav.MAV_CMD_DO_SET_MODE, mav.MAV_RESULT_TEMPORARILY_REJECTED, 0, 2.0)
-    assert client.result(mav.MAV_CMD_DO_SET_MODE, 1, 4) == mav.MAV_RESULT_TEMPORARILY_REJECTED
-    client.run(2.1)
-    assert client.result(mav.MAV_CMD_DO_SET_MODE, 1, 4) == mav.MAV_RESULT_ACCEPTED
+def test_a_command_is_rejected_for_a_while(ready):
+    ready.vehicle.fail.reject(mav.MAV_CMD_DO_SET_MODE, mav.MAV_RESULT_TEMPORARILY_REJECTED, 0, 2.0)
+    assert ready.result(mav.MAV_CMD_DO_SET_MODE, 1, 4) == mav.MAV_RESULT_TEMPORARILY_REJECTED
+    ready.run(2.1)
+    assert ready.result(mav.MAV_CMD_DO_SET_MODE, 1, 4) == mav.MAV_RESULT_ACCEPTED
 
 
-def test_a_silent_link_says_and_hears_nothing(make_client):
-    client = make_client()
-    client.run(6.0)
-    client.vehicle.fail.link(silent=True, for_s=5.0)
-    assert client.run(4.9) == []
-    assert client.command(mav.MAV_CMD_DO_SET_MODE, 1, 4) == []
-    assert client.vehicle.truth.mode == 0
-    assert client.run(3.0) != []
+def test_a_silent_link_says_and_hears_nothing(ready):
+    ready.vehicle.fail.link(silent=True, for_s=5.0)
+    assert ready.run(4.9) == []
+    assert ready.command(mav.MAV_CMD_DO_SET_MODE, 1, 4) == []
+    assert ready.vehicle.truth.mode == 0
+    assert ready.run(3.0) != []
 
 
-def test_a_slow_link_answers_later(make_client):
-    client = make_client()
-    client.run(6.0)
-    client.vehicle.fail.link(delay_s=0.3)
-    assert client.command(mav.MAV_CMD_DO_SET_MODE, 1, 4) == []
-    client.run(0.5)
-    assert client.seen("COMMAND_ACK") == []
-    client.run(0.2)
-    assert client.seen("COMMAND_ACK")[0].result == 0
+def test_a_slow_link_answers_later(ready):
+    ready.vehicle.fail.link(delay_s=0.3)
+    assert ready.command(mav.MAV_CMD_DO_SET_MODE, 1, 4) == []
+    ready.run(0.5)
+    assert ready.seen("COMMAND_ACK") == []
+    ready.run(0.2)
+    assert ready.seen("COMMAND_ACK")[0].result == 0
 
 
-def test_a_companion_comes_back_to_what_it_set_up(make_client):
-    client = make_client()
-    client.run(6.0)
-    client.every(mav.MAVLINK_MSG_ID_ATTITUDE, 0.1)
-    client.vehicle.fail.companion_reboot(after_s=1.0, for_s=10.0)
-    client.run(1.2)
-    assert client.vehicle.fail.reboots == 1
-    assert client.run(9.5) == []
-    client.run(2.0)
-    assert len(client.seen("ATTITUDE")) == pytest.approx(10 + 17, abs=1)
+def test_a_companion_comes_back_to_what_it_set_up(ready):
+    ready.every(mav.MAVLINK_MSG_ID_ATTITUDE, 0.1)
+    ready.vehicle.fail.companion_reboot(after_s=1.0, for_s=10.0)
+    ready.run(1.2)
+    assert ready.vehicle.fail.reboots == 1
+    assert ready.run(9.5) == []
+    ready.run(2.0)
+    assert len(ready.seen("ATTITUDE")) == pytest.approx(10 + 17, abs=1)
 
 
 def test_equal_seeds_give_equal_bytes_through_a_bad_link(make_client):
@@ -332,46 +301,42 @@ def test_what_can_be_injected(make_client, unit, failure, kind):
     assert [f.kind for f in client.vehicle.fail.active(kind)] == [kind]
 
 
-def test_simulator_parameters(make_client):
-    client = make_client()
-    client.run(6.0)
-    vehicle = client.vehicle
-    set_parameter(client, "SIM_GPS_DISABLE", 1.0)
-    client.run(0.1)
+def test_simulator_parameters(ready):
+    vehicle = ready.vehicle
+    set_parameter(ready, "SIM_GPS_DISABLE", 1.0)
+    ready.run(0.1)
     assert vehicle._error.lost
-    set_parameter(client, "SIM_GPS_DISABLE", 0.0)
-    set_parameter(client, "SIM_GPS1_ENABLE", 0.0)
-    client.run(0.1)
+    set_parameter(ready, "SIM_GPS_DISABLE", 0.0)
+    set_parameter(ready, "SIM_GPS1_ENABLE", 0.0)
+    ready.run(0.1)
     assert vehicle._error.lost
-    set_parameter(client, "SIM_GPS1_ENABLE", 1.0)
-    client.run(0.1)
+    set_parameter(ready, "SIM_GPS1_ENABLE", 1.0)
+    ready.run(0.1)
     assert not vehicle._error.lost
-    set_parameter(client, "SIM_BATT_VOLTAGE", 20.0)
-    client.run(0.1)
-    assert voltage(client) == pytest.approx(20.0)
-    set_parameter(client, "SIM_WIND_SPD", 5.0)
-    set_parameter(client, "SIM_WIND_DIR", 270.0)
+    set_parameter(ready, "SIM_BATT_VOLTAGE", 20.0)
+    ready.run(0.1)
+    assert voltage(ready) == pytest.approx(20.0)
+    set_parameter(ready, "SIM_WIND_SPD", 5.0)
+    set_parameter(ready, "SIM_WIND_DIR", 270.0)
     assert vehicle.fail.gust_m_s == (pytest.approx(5.0), pytest.approx(0.0, abs=1e-9))
-    set_parameter(client, "SIM_GPS_GLITCH_Y", 0.0001)
-    client.run(30.0)
-    assert believed(client)[0] == pytest.approx(11.1, abs=0.3)
-    set_parameter(client, "SIM_RC_FAIL", 1.0)
+    set_parameter(ready, "SIM_GPS_GLITCH_Y", 0.0001)
+    ready.run(30.0)
+    assert believed(ready)[0] == pytest.approx(11.1, abs=0.3)
+    set_parameter(ready, "SIM_RC_FAIL", 1.0)
     assert vehicle.fail.rc_lost
-    before = client.seen("PARAM_VALUE")
-    set_parameter(client, "SIM_SPEEDUP", 5.0)
-    answer = client.seen("PARAM_VALUE")[len(before)]
+    before = ready.seen("PARAM_VALUE")
+    set_parameter(ready, "SIM_SPEEDUP", 5.0)
+    answer = ready.seen("PARAM_VALUE")[len(before)]
     assert (answer.param_id, answer.param_value) == ("SIM_SPEEDUP", 1.0)
 
 
-def test_an_engine_by_parameters(make_client):
-    client = make_client()
-    client.take_off()
-    set_parameter(client, "SIM_ENGINE_MUL", 0.0)
-    client.run(3.0)
-    assert client.where[2] == pytest.approx(12.0, abs=0.5)
-    set_parameter(client, "SIM_ENGINE_FAIL", 1.0)
-    client.run(6.0)
-    assert client.vehicle.truth.crashed
+def test_an_engine_by_parameters(flying):
+    set_parameter(flying, "SIM_ENGINE_MUL", 0.0)
+    flying.run(3.0)
+    assert flying.where[2] == pytest.approx(12.0, abs=0.5)
+    set_parameter(flying, "SIM_ENGINE_FAIL", 1.0)
+    flying.run(6.0)
+    assert flying.vehicle.truth.crashed
 
 
 # --- a scenario in a mission file ---------------------------------------------------------------
@@ -424,20 +389,3 @@ def test_every_kind_can_be_written(kind):
     assert vehicle.fail.scheduled
     assert all(f.begin_s == 3.0 for f in vehicle.fail.scheduled)
     vehicle.step(4.0)
-
-
-@pytest.mark.parametrize(
-    ("fault", "says"),
-    [
-        ('at_s = 1\nkind = "gps_glitch"', r"sim.faults\[0\]: kind = 'gps_glitch' needs metres"),
-        ('at_s = 1\nkind = "gps"\nvolts = 2', "kind = 'gps' has no volts"),
-        ('at_s = 1\nkind = "link"', "needs one of loss"),
-        ('at_s = 1\nkind = "link"\nloss = 3', r"sim.faults\[0\].loss = 3"),
-        ('at_s = 1\nkind = "birds"', r"sim.faults\[0\].kind = 'birds'"),
-        ('at_s = 1\nkind = "battery_cell"\nfor_s = 2', "has no for_s"),
-        ('at_s = 1\nkind = "gps"\nvehicel = 2', "did you mean 'vehicle'"),
-    ],
-)
-def test_a_wrong_scenario_is_explained(fault, says):
-    with pytest.raises(MissionFileError, match=says):
-        parse_fields(scenario(fault), "x.toml")

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from missions.units import LatLon
-from sitl.camera.over_relief import pixels_of, seen_ground
-from sitl.camera.pinhole import CameraSpec, Shot, ground_to_pixel
+from sitl.camera.pinhole import CameraSpec, Shot, ground_to_pixel, pixels_of, seen_ground
 from sitl.camera.render import render
 from sitl.scenario import Setup
 from sitl.world.relief import HeightField, Relief

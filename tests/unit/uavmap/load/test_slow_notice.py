@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from missions.planning.kernels import jit, swath
-from missions.planning.sweep import warm_up
+from missions.planning.sweep import memo
 from uavmap.journal import event_log
 from uavmap.load.planner_setup import ready_planner
 from uavmap.runner import flight
@@ -94,7 +94,7 @@ def test_that_the_planner_is_compiled_now_is_told(
     for name in kept:
         (tmp_path / name).touch()
     made: list[str] = []
-    monkeypatch.setattr(warm_up, "warm_up", lambda: made.append("plan"))
+    monkeypatch.setattr(memo, "warm_up", lambda: made.append("plan"))
     planner = SimpleNamespace(stats=SimpleNamespace(cache_path=str(tmp_path)))
     monkeypatch.setattr(swath, "improve", planner)
     said: list[str] = []

@@ -1,4 +1,4 @@
-"""Whole flights under forged frames and with faults; many more are flown by `tests.benchmarks`."""
+"""Whole flights under forged frames and with faults."""
 
 from __future__ import annotations
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vision.registration import uncertainty
+from vision.registration import normal_equations
 from vision.registration.ground_plane import UNKNOWNS, Cameras, moved, tilted_axes, transfer
-from vision.registration.normal_equations import Normal
-from vision.registration.uncertainty import sigmas
+from vision.registration.normal_equations import Normal, sigmas
 
 
 def random_system(views: int, seed: int) -> tuple[Normal, np.ndarray]:
@@ -52,7 +51,7 @@ def test_of_a_large_net_they_are_those_beside_the_views_around(
 ) -> None:
     normal, _ = random_system(40, seed=3)
     whole = sigmas(normal)
-    monkeypatch.setattr(uncertainty, "MOST_EXACT", 10)
+    monkeypatch.setattr(normal_equations, "MOST_EXACT", 10)
     found = sigmas(normal)
     assert (found <= whole * (1.0 + 1e-9)).all()
     assert found[20] == pytest.approx(whole[20], rel=0.3)

@@ -9,13 +9,13 @@ import pytest
 
 from missions.lab.arena.arena_run import Run, patience_of, run
 from missions.lab.arena.conformance import check
-from missions.lab.arena.roi import KINDS, component, eden, thin
-from missions.mapping.breadth_first import distances
+from missions.lab.arena.roi import KINDS, component
 from missions.mapping.tree import Tree
-from missions.planning.bounds.promises import bound_time
 from missions.planning.stepwise import EXPLORERS, Situation
-from missions.planning.stepwise.bounds import drift_factor, rdfs_bound_moves
+from missions.planning.stepwise.bounds import rdfs_bound_moves
+from missions.planning.stepwise.interface import bound_time
 from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.rdfs import drift_factor, rdfs_bound_moves
 from missions.units import Cell
 
 NAMES = list(EXPLORERS)
@@ -96,40 +96,5 @@ def test_rdfs_keeps_its_bound_with_a_drift(seed: int) -> None:
     assert result.makespan <= bound * (1 + 1e-9)
 
 
-def test_rdfs_takes_the_outer_child_first() -> None:
-    """A corridor to the east with a branch to the north: north would come first by its name."""
-    roi = {Cell(i, 0) for i in range(4)} | {Cell(2, 1)}
-    result = run(EXPLORERS["rdfs"], roi, START, 1)
-    assert [leg.end for leg in result.legs][2:4] == [Cell(3, 0), Cell(2, 0)]
-
-
-def test_rdfs_goes_home_by_the_shortest_way() -> None:
-    shorter = 0
-    for seed in range(8):
-        roi = eden(60, np.random.default_rng(seed))
-        result = run(EXPLORERS["rdfs"], roi, START, 4)
-        looks: dict[Cell, float] = {}
-        for leg in result.legs:
-            looks.setdefault(leg.end, leg.end_t)
-        explored_t = max(looks[cell] for cell in roi - {START})
-        places = [leg.end for leg in result.legs if leg.end_t == explored_t]
-        steps = distances(roi, START)
-        assert result.makespan == explored_t + max(steps[cell] for cell in places)
-        up = max(result.tree.vertices[cell].depth for cell in places)
-        shorter += result.makespan < explored_t + up
-    assert shorter > 0
-
-
 def test_the_literal_listing_breaks_lemma_1() -> None:
     assert violations("rdfs-paper", range(1000, 1060)) > 0
-
-
-def test_one_robot_walks_every_edge_of_a_tree_twice() -> None:
-    roi = thin(40, np.random.default_rng(5))
-    result = run(EXPLORERS["rdfs"], roi, START, 1)
-    assert result.makespan == rdfs_bound_moves(len(result.tree), result.tree.depth, 1)
-
-
-def test_a_drift_lengthens_a_move_and_its_way_back() -> None:
-    there, back = 1 / (5.0 - 2.0), 1 / (5.0 + 2.0)
-    assert drift_factor(5.0, 2.0) == pytest.approx((there + back) / (2 / 5.0))

@@ -13,9 +13,8 @@ from missions.lab.arena.arena_run import Run, run
 from missions.lab.arena.fast import Lattice, Summary, run_rdfs
 from missions.lab.arena.roi import KINDS
 from missions.planning.stepwise import EXPLORERS, Decision, rdfs
-from missions.planning.stepwise.bounds import rdfs_bound_moves
 from missions.planning.stepwise.metric import Metric
-from missions.planning.stepwise.rdfs import Rdfs
+from missions.planning.stepwise.rdfs import Rdfs, rdfs_bound_moves
 from missions.units import Cell
 
 START = Cell(0, 0)

@@ -13,9 +13,8 @@ from missions.lab.cooperation.exploration import Exploration, Why
 from missions.lab.cooperation.seen import unseen, unwatched
 from missions.lab.cooperation.space import GRID_M, Space
 from missions.lab.cooperation.stripes import stripes_of
-from missions.lab.cooperation.table_1 import reckoned
 from missions.lab.cooperation.tracking import Filter, Leg, Noise, followed, legs_of
-from missions.lab.cooperation.trapezoids import Cover, Pattern
+from missions.lab.cooperation.trapezoids import Cover, Pattern, reckoned
 from tests.benchmarks.planning.cooperation import faults, in_stripes, in_triangles
 from tests.support.polygons import random_space
 
@@ -138,7 +137,7 @@ def test_a_straight_way_by_hand():
     """100 m at 3 % of the root: 0.3 m ahead; 0.3 degrees of drift: 0.3 m aside, 1/sqrt(3) of it."""
     noise = Noise(along_m=0.03, drift_rad=math.radians(0.3), turn_rad=0.0)
     alone = Filter(noise, (0.0, 0.0), [0.0])
-    leg = Leg(0, 0.0, 100.0, (100.0, 0.0), 0.0, None, (0.0, 0.0))
+    leg = Leg(0, 0.0, 100.0, (100.0, 0.0), 0.0, None)
     alone.reckon(np.array([0.0, 100.0, 0.0, 0.0]), leg)
     place, covariance = alone.known.place(0)
     aside = math.radians(0.3) ** 2 * 100.0**3 / 3.0
@@ -151,7 +150,7 @@ def test_a_common_turn_of_all_stays_unknown():
     noise = Noise(turn_rad=math.radians(3.0))
     both = Filter(noise, (0.0, 0.0), [0.0, 0.0])
     for robot, end in ((0, (10.0, 0.0)), (1, (0.0, 10.0))):
-        leg = Leg(robot, 1.0, 10.0, end, 0.0, 1 - robot, (0.0, 0.0))
+        leg = Leg(robot, 1.0, 10.0, end, 0.0, 1 - robot)
         both.reckon(np.array([0.0, 10.0, 0.0, 0.0]), leg)
     common = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 1.0])
     information = []

@@ -7,16 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.lab.arena.roi import KINDS, grown
-from missions.lab.localization.blum_kozen import blum_kozen
-from missions.lab.localization.candidates import split
-from missions.lab.localization.grid_map import GridMap
+from missions.lab.localization.grid_map import GridMap, split
 from missions.lab.localization.grids import cluttered
-from missions.lab.localization.homing import Moves, homing
+from missions.lab.localization.homing import Moves, blum_kozen, homing
 from missions.lab.localization.localization_planner import Planner, homing_bound
 from missions.lab.localization.localization_run import localize
 from missions.lab.localization.methods import METHODS
 from missions.lab.localization.neighbourhood import DIRECTIONS, RING, label
-from missions.units import Cell
 
 FEW = settings(max_examples=60, deadline=None)
 
@@ -139,10 +136,3 @@ def test_the_best_of_all_plans_is_not_beaten(known: GridMap) -> None:
     for candidates in known.alike.values():
         one = best._best(candidates, 1)[0]
         assert one <= least(candidates, 4) + 1e-9
-
-
-def test_a_map_of_one_cell_needs_no_move() -> None:
-    known = GridMap.of({Cell(3, -4)})
-    for method in METHODS.values():
-        done = localize(known, Cell(3, -4), method, np.random.default_rng(1), Planner(known))
-        assert (done.moves, done.answer) == (0, Cell(3, -4))

@@ -13,10 +13,9 @@ from missions.lab.arena.roi import component, eden, grown, thin
 from missions.mapping.breadth_first import distances
 from missions.mapping.tree import Tree
 from missions.planning.stepwise import Decision, Situation
-from missions.planning.stepwise.bounds import rdfs_bound_moves
-from missions.planning.stepwise.finish_by_rdfs import Retreat
-from missions.planning.stepwise.horizon import Horizon, PlannerMemory
+from missions.planning.stepwise.horizon import Horizon, PlannerMemory, Retreat
 from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.rdfs import rdfs_bound_moves
 from missions.planning.stepwise.route_planner import Ground, Sites
 from missions.units import Cell
 

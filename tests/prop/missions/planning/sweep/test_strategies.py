@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import itertools
-import math
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from missions.lab.arena.arena_run import run
 from missions.lab.arena.roi import KINDS, component, eden, thin
-from missions.lab.strategies.assignment import assign
+from missions.lab.strategies.hungarian import assign
 from missions.lab.strategies.lrv import Lrv
 from missions.lab.strategies.random_walk import RandomWalk, mix
 from missions.mapping.tree import Tree
@@ -22,33 +19,6 @@ from missions.planning.stepwise.metric import Metric
 from missions.units import Cell
 
 START = Cell(0, 0)
-
-
-# --- assignment ------------------------------------------------------------------------------
-@st.composite
-def costs(draw: st.DrawFn) -> list[list[float]]:
-    rows = draw(st.integers(1, 5))
-    columns = draw(st.integers(rows, 6))
-    number = st.one_of(st.integers(-5, 5).map(float), st.floats(-1e3, 1e3))
-    return [[draw(number) for _ in range(columns)] for _ in range(rows)]
-
-
-@given(costs())
-def test_an_assignment_is_as_cheap_as_the_cheapest_of_all(costs: list[list[float]]) -> None:
-    chosen = assign(costs)
-    assert len(set(chosen)) == len(costs)
-    best = min(
-        sum(row[c] for row, c in zip(costs, columns, strict=True))
-        for columns in itertools.permutations(range(len(costs[0])), len(costs))
-    )
-    total = sum(row[c] for row, c in zip(costs, chosen, strict=True))
-    assert total == pytest.approx(best, abs=1e-9)
-
-
-@pytest.mark.parametrize("wrong", [[[1.0], [2.0]], [[1.0, 2.0], [3.0]], [[math.inf]]])
-def test_an_assignment_that_cannot_be_is_refused(wrong: list[list[float]]) -> None:
-    with pytest.raises(ValueError, match=r"columns each|finite"):
-        assign(wrong)
 
 
 # --- smartdfs --------------------------------------------------------------------------------

@@ -103,11 +103,6 @@ def test_in_straight_flight_a_move_may_lead_to_any_known_cell() -> None:
     assert done.makespan == 6.0
 
 
-def test_cells_that_hang_apart_are_not_found() -> None:
-    done = run(Scripted(out_and_back), [*ROW, Cell(9, 9)], START, 1)
-    assert Cell(9, 9) not in done.tree
-
-
 def test_what_is_known_beforehand_need_not_be_found() -> None:
     tree = Tree.rooted(START)
     for cell in ROW:

@@ -19,8 +19,8 @@ from missions.planning.bounds.lower_bounds import (
     flight_lower_bound,
     one_way_lower_bound,
 )
-from missions.planning.bounds.promises import bound_time, promised_moves
 from missions.planning.stepwise import EXPLORERS
+from missions.planning.stepwise.interface import bound_time, promised_moves
 from missions.planning.stepwise.metric import Metric
 from missions.units import Cell
 

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from missions.planning.search.lane_shares import longest_m, share_by_time, tour_m
+from missions.planning.search.lanes import longest_m, share_by_time, tour_m
 from missions.units import GridPoint
 
 

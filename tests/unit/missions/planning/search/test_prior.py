@@ -26,11 +26,6 @@ def shown(*prior: Spot | Area) -> tuple[LikelyLane, ...]:
     return likely_lanes(LANES, BOX, prior, 4.0, 3)
 
 
-# --- what lanes show -------------------------------------------------------------------------
-def test_the_probabilities_of_all_lanes_are_one() -> None:
-    assert sum(lane.probability for lane in shown(Spot(GridPoint(7, 9), 20.0))) == pytest.approx(1)
-
-
 def test_a_lane_over_a_narrow_spot_has_all_but_what_lies_evenly() -> None:
     found = shown(Spot(GridPoint(20.0, 28.0), 1.5))
     assert found[2].probability == pytest.approx(1 - EVEN_SHARE * 0.75, abs=0.01)

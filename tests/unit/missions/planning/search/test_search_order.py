@@ -5,12 +5,16 @@ from __future__ import annotations
 import itertools
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from missions.flight.setting import Setting
 from missions.flight.state import State
+from missions.geo.fence import Fence
 from missions.geo.grid import Grid
 from missions.mission.checks import parse_mission
-from missions.planning.search.prior import LikelyLane
+from missions.planning.search.lanes import lanes
+from missions.planning.search.prior import LikelyLane, Spot, likely_lanes
 from missions.planning.search.search_order import (
     EXACT_LANES,
     Block,
@@ -89,14 +93,6 @@ def test_a_point_in_the_far_corner_is_looked_at_first(north_m: float) -> None:
     assert min(point.distance_to(far) for point in plain) > north_m / 2 - 16.0
 
 
-def test_every_lane_is_flown_once() -> None:
-    setting = field((96.0, 64.0), vehicles=2)
-    vehicles = State.initial(setting).vehicles.values()
-    flown = [frozenset(lane) for vehicle in vehicles for lane in vehicle.lanes]
-    assert len(flown) == len(setting.lanes)
-    assert set(flown) == {frozenset(lane) for lane in setting.lanes}
-
-
 def test_it_is_told_how_much_sooner_that_is() -> None:
     found = field((96.0, 64.0)).first_sighting_s
     assert found is not None
@@ -111,11 +107,6 @@ def test_two_vehicles_see_it_sooner_than_one() -> None:
     assert two[0] < one[0]
 
 
-def test_the_same_mission_has_the_same_order() -> None:
-    one, other = (field((30.0, 90.0), 3, 220.0).shares for _ in range(2))
-    assert one == other
-
-
 def test_without_a_prior_lanes_are_shared_out_as_they_lie() -> None:
     setting = field(None, vehicles=2)
     assert tuple(lane for block in setting.shares for lane in block) == setting.lanes
@@ -125,3 +116,40 @@ def test_plain_blocks_are_those_of_a_search_without_a_prior() -> None:
     setting, plain = field((96.0, 64.0), 3), field(None, 3)
     blocks = plain_blocks(setting.likely, 3)
     assert tuple(tuple(part.lane for part in block) for block in blocks) == plain.shares
+
+
+# --- whatever the box, the prior and the team ------------------------------------------------
+OPEN = Fence.of([GridPoint(*xy) for xy in ((-1e3, -1e3), (1e3, -1e3), (1e3, 1e3), (-1e3, 1e3))],
+                [], 0.0)  # fmt: skip
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    width_m=st.floats(20, 240),
+    depth_m=st.floats(20, 240),
+    spots=st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1), st.floats(2, 60)), min_size=1,
+                   max_size=3),
+    homes=st.lists(st.tuples(st.floats(-60, 60), st.floats(-60, 60)), min_size=1, max_size=4),
+    pause_s=st.floats(0, 4),
+)  # fmt: skip
+def test_the_order_is_never_worse_and_the_lanes_are_the_same(
+    width_m: float,
+    depth_m: float,
+    spots: list[tuple[float, float, float]],
+    homes: list[tuple[float, float]],
+    pause_s: float,
+) -> None:
+    corners = ((0.0, 0.0), (width_m, 0.0), (width_m, depth_m), (0.0, depth_m))
+    box = [GridPoint(*xy) for xy in corners]
+    flown = lanes(box, 4.0, OPEN)
+    prior = [Spot(GridPoint(e * width_m, n * depth_m), spread_m) for e, n, spread_m in spots]
+    likely = likely_lanes(flown, box, prior, 4.0, 3)
+    assert abs(sum(lane.probability for lane in likely) - 1.0) < 1e-9
+    assert all(0.0 <= lane.middle_m <= lane.length_m + 1e-9 for lane in likely)
+    pads, pace = [GridPoint(*xy) for xy in homes], Pace(6.0, pause_s)
+    found = soonest(likely, pads, pace)
+    assert len(found) == len(pads)
+    assert expected_s(found, pads, pace) <= expected_s(plain_blocks(likely, len(pads)), pads, pace)
+    ways = [frozenset(part.lane) for block in found for part in block]
+    assert len(ways) == len(flown)
+    assert set(ways) == {frozenset(lane) for lane in flown}

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from missions.planning.stepwise.bounds import drift_factor
 from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.rdfs import drift_factor
 from missions.units import Cell
 
 FAST = settings(max_examples=200, deadline=None)
@@ -57,13 +57,6 @@ def test_a_leg_is_as_long_as_it_is_flown(metric: Metric, start: Cell, end: Cell)
 def test_along_the_axes_are_the_costs_of_the_paper(towards: Cell, cost: float) -> None:
     """With the drift the ROI runs away, against it the ROI comes."""
     assert Metric(1.0, drift_east=0.6).leg(Cell(0, 0), towards) == pytest.approx(cost)
-
-
-def test_at_rest_a_step_costs_a_cell_at_the_speed() -> None:
-    metric = Metric(speed=4.0)
-    for near in Cell(3, -2).neighbours():
-        assert metric.leg(Cell(3, -2), near) == 0.25
-    assert metric.leg(Cell(0, 0), Cell(3, 4)) == 1.25
 
 
 @FAST
@@ -134,10 +127,6 @@ def test_a_robot_must_keep_up_with_the_drift(speed: float, east: float, north: f
         Metric(speed, east, north)
 
 
-def test_drift_speed_is_the_length_of_the_drift() -> None:
-    assert Metric(10.0, 3.0, -4.0).drift_speed == 5.0
-
-
 # --- from rest to rest -----------------------------------------------------------------------
 @pytest.mark.parametrize("speed", [1.0, 5.0])
 @pytest.mark.parametrize("distance", np.linspace(0.1, 30.0, 12))
@@ -151,23 +140,3 @@ def test_a_leg_from_rest_is_that_of_even_acceleration(speed: float, distance: fl
     else:
         expected = 2 * math.sqrt(distance / accel)
     assert metric.from_rest(distance / speed) == pytest.approx(expected)
-
-
-@FAST
-@given(st.floats(0, 100), st.floats(0, 100), st.floats(0, 10))
-def test_longer_at_full_speed_is_longer_from_rest(one: float, other: float, ramp: float) -> None:
-    metric = Metric(ramp=ramp)
-    short, long = sorted((one, other))
-    assert metric.from_rest(short) <= metric.from_rest(long) + 1e-9
-    assert metric.from_rest(short) >= short - 1e-9
-    assert metric.from_rest(short) <= short + ramp + 1e-9
-
-
-def test_without_a_ramp_nothing_is_added() -> None:
-    assert Metric().from_rest(7.0) == 7.0
-    assert Metric(ramp=2.0).from_rest(0.0) == 0.0
-
-
-def test_the_two_branches_of_a_start_from_rest_meet() -> None:
-    metric = Metric(ramp=3.0)
-    assert metric.from_rest(3.0 - 1e-9) == pytest.approx(metric.from_rest(3.0), abs=1e-6)

@@ -9,6 +9,7 @@ from missions.errors import ImageError
 from missions.geo.grid import Grid
 from missions.mission.schema import Mission
 from missions.units import Cell, GridPoint
+from tests.support.footprints import whole_cells
 from tests.support.small_missions import CELL_M, START, mission, square
 from tests.unit.vision.scene import nadir_pose
 from uavmap.aircraft.imaging.classifier import Classifier
@@ -65,7 +66,7 @@ def test_from_anywhere_a_frame_judges_all_that_it_shows_whole() -> None:
     margin_m = here.mission.camera.pose_error_m
     assert margin_m == 0.5
     place = here.grid.to_moving(here.grid.fixed(seen.pose.position), seen.t_s)
-    expected = footprint.whole_cells(place, -here.grid.convergence_rad, 4.0, margin_m)
+    expected = whole_cells(footprint, place, -here.grid.convergence_rad, 4.0, margin_m)
     assert [vote.cell for vote in votes] == list(expected)
     assert len(votes) > 5
     with pytest.raises(ImageError, match="repeats"):  # a picture twice is no evidence, here either

@@ -18,9 +18,8 @@ from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.team.own_cells import OwnCells
 from missions.geo.grid import Grid
-from missions.mapping.belief import Belief, FrameId
-from missions.mapping.judged import judging_frames
-from missions.planning.bounds.passing_bound import passing_bound_s
+from missions.mapping.belief import Belief, FrameId, judging_frames
+from missions.planning.bounds.lower_bounds import passing_bound_s
 from missions.units import Cell
 from tests.fake_fleet import fleet
 from tests.golden.recording import STOPS

@@ -17,7 +17,7 @@ from shapely.geometry import LineString
 
 from missions.events import FrameSeen, Vote
 from missions.flight.setting import Setting
-from missions.mission.launch_pads import homes
+from missions.mission.places import homes
 from missions.mission.schema import positions
 from missions.units import Cell, GridPoint, LatLon
 from sitl.testing import Fleet, Vehicle

@@ -37,8 +37,7 @@ from uavmap.photos.tune.selection import Picture, dealt, folds
 from uavmap.photos.tune.training import fit_trees
 from uavmap.photos.tune.tune_job import DETECTOR, MODEL, OVERLAYS, REPORT, Wishes, learned
 from uavmap.ui.cli import main
-from vision.detectors.learned import LearnedDetector
-from vision.detectors.learned_model import Model, Scorer, model_bytes, read_model
+from vision.detectors.learned_model import LearnedDetector, Model, Scorer, model_bytes, read_model
 
 WIDE = 320
 SMALL = ["--width", str(WIDE), "--cell-px", "18", "--features", "color"]
