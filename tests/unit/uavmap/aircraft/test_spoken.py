@@ -13,10 +13,9 @@ from missions.events import Overridden, Told
 from missions.flight.operator_orders import UNTOLD
 from tests.support.flights import Flight, fly
 from tests.support.mavlink_peer import Peer, heartbeat
-from tests.support.running import by
+from tests.support.running import by, on_virtual_time
 from uavmap.aircraft.autopilot_texts import BURST, MOST_TOLD
 from uavmap.aircraft.failsafes import failsafe_of, may_be_a_failsafe
-from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.px4_events import event_text, number_of
 from uavmap.mavlink.status_texts import LATE_S, MOST_OPEN, Texts
 
@@ -200,16 +199,15 @@ async def test_a_state_that_is_critical_says_that_much(flight: Flight, /) -> Non
         (mav.MAV_AUTOPILOT_PX4, True, mav.MAV_TYPE_ONBOARD_CONTROLLER),
     ],
 )
-def test_a_px4_takes_us_for_a_ground_station(autopilot: int, onboard: bool, type_: int) -> None:
+@by(on_virtual_time)
+async def test_a_px4_takes_us_for_a_ground_station(
+    autopilot: int, onboard: bool, type_: int
+) -> None:
     peer = Peer()
     peer.session.onboard = onboard
-
-    async def body() -> None:
-        mode = 4 if autopilot == mav.MAV_AUTOPILOT_ARDUPILOTMEGA else 4 << 16 | 3 << 24
-        peer.session.feed(peer.frame(heartbeat(mode, autopilot=autopilot)))
-        peer.session.heartbeat()
-
-    run(body(), VirtualClock())
+    mode = 4 if autopilot == mav.MAV_AUTOPILOT_ARDUPILOTMEGA else 4 << 16 | 3 << 24
+    peer.session.feed(peer.frame(heartbeat(mode, autopilot=autopilot)))
+    peer.session.heartbeat()
     assert [message.type for _, message in peer.heard] == [type_]
 
 
@@ -221,17 +219,16 @@ def event_frame(number: int, levels: int, *, garbled: bool = False) -> bytes:
 
 
 @pytest.mark.parametrize(("onboard", "garbled"), [(True, False), (True, True), (False, False)])
-def test_an_event_is_told_by_its_number_where_no_text_comes(onboard: bool, garbled: bool) -> None:
+@by(on_virtual_time)
+async def test_an_event_is_told_by_its_number_where_no_text_comes(
+    onboard: bool, garbled: bool
+) -> None:
     peer, heard = Peer(), []
     peer.session.onboard = onboard
     peer.session.view.hear = heard.append
-
-    async def body() -> None:
-        peer.session.feed(peer.frame(heartbeat()))
-        peer.session.feed(event_frame(0x01ABCDEF, 0x42, garbled=garbled))
-        peer.session.feed(peer.frame(heartbeat()))
-
-    run(body(), VirtualClock())
+    peer.session.feed(peer.frame(heartbeat()))
+    peer.session.feed(event_frame(0x01ABCDEF, 0x42, garbled=garbled))
+    peer.session.feed(peer.frame(heartbeat()))
     found = [(text.severity, text.words[:17]) for text in heard]
     assert found == ([(CRITICAL, "event 0x01abcdef:")] if onboard and not garbled else [])
     assert peer.session.view.system_id == 1

@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 import pytest
 
+from tests.support.running import by, on_virtual_time
 from uavmap.base.clock import Clock, ScaledClock, VirtualClock, run
 
 
@@ -17,19 +18,17 @@ async def at_s(delay_s: float) -> float:
     return asyncio.get_running_loop().time()
 
 
-def test_virtual_time_runs_in_the_order_of_the_timers() -> None:
+@by(on_virtual_time)
+async def test_virtual_time_runs_in_the_order_of_the_timers() -> None:
     seen: list[tuple[str, float]] = []
 
     async def one(name: str, delays_s: list[float]) -> None:
         for delay_s in delays_s:
             seen.append((name, await at_s(delay_s)))
 
-    async def main() -> None:
-        async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(one("a", [1.0, 2.0, 0.5]))
-            tasks.create_task(one("b", [0.25, 0.25, 3.25]))
-
-    run(main(), VirtualClock())
+    async with asyncio.TaskGroup() as tasks:
+        tasks.create_task(one("a", [1.0, 2.0, 0.5]))
+        tasks.create_task(one("b", [0.25, 0.25, 3.25]))
     assert seen == [
         ("b", 0.25),
         ("b", 0.5),

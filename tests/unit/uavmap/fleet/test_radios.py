@@ -65,37 +65,31 @@ async def over_zenoh(**where: str) -> AsyncIterator[ZenohRadio]:
 
 
 @pytest.mark.parametrize("kind", ["tcp", "udp"])
-def test_who_was_gone_and_comes_again_is_heard_again(kind: str, said: Said) -> None:
+@by(in_real_time)
+async def test_who_was_gone_and_comes_again_is_heard_again(kind: str, said: Said) -> None:
     pytest.importorskip("zenoh", reason="the extra fleet is not installed")
     type_ = socket.SOCK_STREAM if kind == "tcp" else socket.SOCK_DGRAM
     endpoint = f"{kind}/127.0.0.1:{free_port(type_)}"
-
-    async def talk() -> None:
-        async with over_zenoh(listen=endpoint) as one:
-            at_one = Ear(one)
-            for word in (b"first", b"second"):
-                async with over_zenoh(peers=endpoint) as other:
-                    await exchanged(one, at_one, other, Ear(other), word)
-            assert one.opened == 1
-            assert b"to other" not in at_one.heard  # nobody hears itself
-            one.send(bytes(2000))  # more than any beat: left out
-
-    asyncio.run(talk())
+    async with over_zenoh(listen=endpoint) as one:
+        at_one = Ear(one)
+        for word in (b"first", b"second"):
+            async with over_zenoh(peers=endpoint) as other:
+                await exchanged(one, at_one, other, Ear(other), word)
+        assert one.opened == 1
+        assert b"to other" not in at_one.heard  # nobody hears itself
+        one.send(bytes(2000))  # more than any beat: left out
     assert said == []
 
 
-def test_a_port_that_is_taken_is_told_and_tried_again(said: Said) -> None:
+@by(in_real_time)
+async def test_a_port_that_is_taken_is_told_and_tried_again(said: Said) -> None:
     pytest.importorskip("zenoh", reason="the extra fleet is not installed")
-
-    async def try_it() -> None:
-        with socket.socket() as taken:
-            taken.bind(("127.0.0.1", 0))
-            taken.listen()
-            endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
-            async with over_zenoh(listen=endpoint) as radio:
-                await until(lambda: bool(said), lambda: radio.send(b"into the void"))
-
-    asyncio.run(try_it())
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        async with over_zenoh(listen=endpoint) as radio:
+            await until(lambda: bool(said), lambda: radio.send(b"into the void"))
     assert len(said) == 1
     assert said[0].endswith("tried again")
     assert re.search(r"/[^/\s]+/", said[0]) is None, "a path of a machine is told"
@@ -127,17 +121,14 @@ async def test_all_of_a_group_hear_what_one_says() -> None:
     assert all(ear.heard <= {b"to all"} for ear in ears)
 
 
-def test_an_interface_that_is_not_there_is_told_once_and_waited_for(said: Said) -> None:
-
-    async def wait() -> None:
-        endpoint = parse_endpoint("--listen", "udp/224.0.0.224:7447#iface=none0")
-        radio = MulticastRadio(endpoint)
-        radio.open()
-        radio.open()
-        radio.send(b"into the void")
-        radio.close()
-
-    asyncio.run(wait())
+@by(in_real_time)
+async def test_an_interface_that_is_not_there_is_told_once_and_waited_for(said: Said) -> None:
+    endpoint = parse_endpoint("--listen", "udp/224.0.0.224:7447#iface=none0")
+    radio = MulticastRadio(endpoint)
+    radio.open()
+    radio.open()
+    radio.send(b"into the void")
+    radio.close()
     assert len(said) == 1
     assert "it is tried again" in said[0]
 

@@ -16,6 +16,7 @@ from missions.flight.step import fold
 from missions.orders import Order, StandDown, TakeOff
 from missions.units import GridPoint
 from tests.support.flights import small_mission
+from tests.support.running import by, on_virtual_time
 from tests.support.said import Said
 from uavmap.base.clock import VirtualClock, run
 from uavmap.journal import event_log
@@ -207,19 +208,16 @@ def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(
     assert fold(setting, journal.events()).vehicles[1].phase is Phase.DOWN
 
 
-def test_a_report_that_no_journal_can_hold_is_refused_and_told(
+@by(on_virtual_time)
+async def test_a_report_that_no_journal_can_hold_is_refused_and_told(
     journal: Journal, said: Said
 ) -> None:
     nowhere = GridPoint(float("inf"), 0.0)
     vehicle = Played((1.0, CONNECTED), (2.0, Tracked(1, 2.0, nowhere, 0.0, 25.0)))
     setting = Setting.of(small_mission())
     service = Service(setting, journal, {1: vehicle}, State.initial(setting), lambda *_: None)
-
-    async def main() -> None:
-        asyncio.get_running_loop().call_later(10.0, service.stop)
-        await service.fly()
-
-    run(main(), VirtualClock())
+    asyncio.get_running_loop().call_later(10.0, service.stop)
+    await service.fly()
     assert [type(e) for e in journal.events()] == [Connected]
     assert service.refused == 1
     assert service.state.vehicles[1].position == HOME

@@ -13,9 +13,8 @@ from missions.mission.schema import Mission
 from missions.orders import AwaitBattery, FlyTo, TakeOff
 from missions.units import GridPoint
 from tests.support.flights import Flight, fly, small_mission
-from tests.support.running import by
+from tests.support.running import by, on_virtual_time
 from tests.support.small_missions import mission, square
-from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.vehicle_view import VehicleView
 
 UP_M = 12.0
@@ -33,18 +32,15 @@ async def test_the_reasons_of_the_checks_before_arming_are_told_as_they_come(
     assert told.count(reason) >= 1
 
 
-def test_a_position_that_does_not_come_is_waited_for_aloud() -> None:
+@by(on_virtual_time)
+async def test_a_position_that_does_not_come_is_waited_for_aloud() -> None:
     flight = Flight(small_mission())
     flight.to_driver = lambda message: message.get_type() != "GLOBAL_POSITION_INT"
-
-    async def main() -> None:
-        async with asyncio.TaskGroup() as tasks:
-            world = tasks.create_task(flight.fly_world())
-            with pytest.raises(LinkError, match="did not report its position"):
-                await flight.driver.connect()
-            world.cancel()
-
-    run(main(), VirtualClock())
+    async with asyncio.TaskGroup() as tasks:
+        world = tasks.create_task(flight.fly_world())
+        with pytest.raises(LinkError, match="did not report its position"):
+            await flight.driver.connect()
+        world.cancel()
     waits = [line for line in flight.told if "waits for its position, for " in line]
     assert len(waits) >= 4
 

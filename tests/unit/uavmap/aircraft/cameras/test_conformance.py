@@ -15,136 +15,116 @@ from uavmap.base.clock import VirtualClock, run
 RIGHT_S = 0.05
 
 
-@pytest.fixture(params=sorted(BENCHES))
-def on_bench(
-    request: pytest.FixtureRequest, tmp_path: Path
-) -> Callable[[Callable[[Bench], Awaitable[None]]], None]:
-    """Runs a test on a bench of each kind, on virtual time."""
+def on_each_bench(body: Callable[[Bench], Awaitable[None]]) -> Callable[[str, Path], None]:
+    """Make a test of each kind of bench, on virtual time."""
 
-    def test(body: Callable[[Bench], Awaitable[None]]) -> None:
+    @pytest.mark.parametrize("kind", sorted(BENCHES))
+    def test(kind: str, tmp_path: Path) -> None:
         async def main() -> None:
-            async with asyncio.timeout(300.0), BENCHES[request.param](tmp_path) as bench:
+            async with asyncio.timeout(300.0), BENCHES[kind](tmp_path) as bench:
                 await body(bench)
 
         run(main(), VirtualClock())
 
+    test.__name__ = body.__name__
     return test
 
 
-OnBench = Callable[[Callable[[Bench], Awaitable[None]]], None]
+@on_each_bench
+async def test_nothing_is_taken_before_it_is_ordered_nor_after_it_was_stopped(bench: Bench) -> None:
+    await bench.shoot(3)
+    await asyncio.sleep(3.0)
+    assert bench.heard == []
+    await bench.source.start(1.0, 0)
+    await bench.shoot(3, first=3)
+    await asyncio.sleep(3.0)
+    assert len(bench.heard) == 3
+    bench.source.stop()
+    await asyncio.sleep(0.5)
+    await bench.shoot(3, first=6)
+    await asyncio.sleep(3.0)
+    assert len(bench.heard) == 3
 
 
-def test_nothing_is_taken_before_it_is_ordered_nor_after_it_was_stopped(on_bench: OnBench) -> None:
-    async def body(bench: Bench) -> None:
-        await bench.shoot(3)
-        await asyncio.sleep(3.0)
-        assert bench.heard == []
-        await bench.source.start(1.0, 0)
-        await bench.shoot(3, first=3)
-        await asyncio.sleep(3.0)
-        assert len(bench.heard) == 3
-        bench.source.stop()
-        await asyncio.sleep(0.5)
-        await bench.shoot(3, first=6)
-        await asyncio.sleep(3.0)
-        assert len(bench.heard) == 3
-
-    on_bench(body)
+@on_each_bench
+async def test_a_picture_is_dated_by_its_exposure(bench: Bench) -> None:
+    await bench.source.start(0.7, 0)
+    times = await bench.shoot(12, 0.73)
+    await asyncio.sleep(3.0)
+    assert len(bench.heard) == 12
+    for picture, exposed_s in zip(bench.heard, times, strict=True):
+        assert picture.taken_s == pytest.approx(exposed_s, abs=RIGHT_S)
 
 
-def test_a_picture_is_dated_by_its_exposure(on_bench: OnBench) -> None:
-    async def body(bench: Bench) -> None:
-        await bench.source.start(0.7, 0)
-        times = await bench.shoot(12, 0.73)
-        await asyncio.sleep(3.0)
-        assert len(bench.heard) == 12
-        for picture, exposed_s in zip(bench.heard, times, strict=True):
-            assert picture.taken_s == pytest.approx(exposed_s, abs=RIGHT_S)
+@on_each_bench
+async def test_pictures_come_in_their_order_and_can_be_had(bench: Bench) -> None:
+    await bench.source.start(0.5, 0)
+    await bench.shoot(5, 0.5)
+    await asyncio.sleep(2.0)
+    stamps = [picture.taken_s for picture in bench.heard]
+    assert stamps == sorted(stamps)
+    assert await bench.load() == [True] * 5
+    names = [picture.name for picture in bench.heard]
+    assert len(set(names)) == 5
 
-    on_bench(body)
 
-
-def test_pictures_come_in_their_order_and_can_be_had(on_bench: OnBench) -> None:
-    async def body(bench: Bench) -> None:
-        await bench.source.start(0.5, 0)
-        await bench.shoot(5, 0.5)
+@on_each_bench
+async def test_a_count_is_kept(bench: Bench) -> None:
+    for burst in range(2):
+        await bench.source.start(0.5, 3)
+        await bench.shoot(6, 0.5, first=6 * burst)
         await asyncio.sleep(2.0)
-        stamps = [picture.taken_s for picture in bench.heard]
-        assert stamps == sorted(stamps)
-        assert await bench.load() == [True] * 5
-        names = [picture.name for picture in bench.heard]
-        assert len(set(names)) == 5
-
-    on_bench(body)
+        assert len(bench.heard) == 3 * (burst + 1)
+        bench.source.ended()
 
 
-def test_a_count_is_kept(on_bench: OnBench) -> None:
-    async def body(bench: Bench) -> None:
-        for burst in range(2):
-            await bench.source.start(0.5, 3)
-            await bench.shoot(6, 0.5, first=6 * burst)
-            await asyncio.sleep(2.0)
-            assert len(bench.heard) == 3 * (burst + 1)
-            bench.source.ended()
-
-    on_bench(body)
-
-
-def test_an_interval_is_kept_by_who_takes_more_than_is_wanted(on_bench: OnBench) -> None:
-    async def body(bench: Bench) -> None:
-        await bench.source.start(1.0, 0)
-        await bench.shoot(40, 0.1)
-        await asyncio.sleep(2.0)
-        stamps = [picture.taken_s for picture in bench.heard]
-        assert 4 <= len(stamps) <= 5
-        steps = [b - a for a, b in itertools.pairwise(stamps)]
-        assert all(0.7 <= step <= 1.4 for step in steps)
-
-    on_bench(body)
+@on_each_bench
+async def test_an_interval_is_kept_by_who_takes_more_than_is_wanted(bench: Bench) -> None:
+    await bench.source.start(1.0, 0)
+    await bench.shoot(40, 0.1)
+    await asyncio.sleep(2.0)
+    stamps = [picture.taken_s for picture in bench.heard]
+    assert 4 <= len(stamps) <= 5
+    steps = [b - a for a, b in itertools.pairwise(stamps)]
+    assert all(0.7 <= step <= 1.4 for step in steps)
 
 
-def test_a_start_while_pictures_are_taken_begins_anew(on_bench: OnBench) -> None:
-    async def body(bench: Bench) -> None:
-        await bench.source.start(5.0, 0)
-        await bench.shoot(2, 0.5)
-        await bench.source.start(0.5, 0)
-        await bench.shoot(4, 0.5, first=2)
-        await asyncio.sleep(2.0)
-        assert len(bench.heard) == 5
-
-    on_bench(body)
+@on_each_bench
+async def test_a_start_while_pictures_are_taken_begins_anew(bench: Bench) -> None:
+    await bench.source.start(5.0, 0)
+    await bench.shoot(2, 0.5)
+    await bench.source.start(0.5, 0)
+    await bench.shoot(4, 0.5, first=2)
+    await asyncio.sleep(2.0)
+    assert len(bench.heard) == 5
 
 
-def test_a_picture_that_cannot_be_had_is_a_lost_one_and_the_next_comes(on_bench: OnBench) -> None:
-    async def body(bench: Bench) -> None:
-        await bench.source.start(1.0, 0)
-        await bench.shoot(1)
-        await bench.hardware.spoil(1)
-        await asyncio.sleep(1.0)
-        await bench.shoot(1, first=2)
-        await asyncio.sleep(8.0)
-        good = await bench.load()
-        assert sorted(good) == [False, True, True]
-
-    on_bench(body)
+@on_each_bench
+async def test_a_picture_that_cannot_be_had_is_a_lost_one_and_the_next_comes(bench: Bench) -> None:
+    await bench.source.start(1.0, 0)
+    await bench.shoot(1)
+    await bench.hardware.spoil(1)
+    await asyncio.sleep(1.0)
+    await bench.shoot(1, first=2)
+    await asyncio.sleep(8.0)
+    good = await bench.load()
+    assert sorted(good) == [False, True, True]
 
 
-def test_what_goes_and_comes_back_goes_on(on_bench: OnBench) -> None:
-    async def body(bench: Bench) -> None:
-        await bench.source.start(1.0, 0)
-        await bench.shoot(2)
-        await asyncio.sleep(1.0)
-        bench.hardware.vanish()
-        await asyncio.sleep(20.0)
-        before = len(bench.heard)
-        assert before == 2
-        bench.hardware.come_back()
-        bench.source.uncertain()
-        await asyncio.sleep(3.0)
-        await bench.source.start(1.0, 0)
-        await bench.shoot(3, first=5)
-        await asyncio.sleep(3.0)
-        assert len(bench.heard) == 5
-        assert await bench.load() == [True] * 5
-
-    on_bench(body)
+@on_each_bench
+async def test_what_goes_and_comes_back_goes_on(bench: Bench) -> None:
+    await bench.source.start(1.0, 0)
+    await bench.shoot(2)
+    await asyncio.sleep(1.0)
+    bench.hardware.vanish()
+    await asyncio.sleep(20.0)
+    before = len(bench.heard)
+    assert before == 2
+    bench.hardware.come_back()
+    bench.source.uncertain()
+    await asyncio.sleep(3.0)
+    await bench.source.start(1.0, 0)
+    await bench.shoot(3, first=5)
+    await asyncio.sleep(3.0)
+    assert len(bench.heard) == 5
+    assert await bench.load() == [True] * 5

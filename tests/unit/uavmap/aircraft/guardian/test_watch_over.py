@@ -48,17 +48,14 @@ async def failing(after_s: float, failure: Exception) -> None:
     raise failure
 
 
-def test_a_mission_that_fails_ends_when_everybody_is_home() -> None:
+@by(on_virtual_time)
+async def test_a_mission_that_fails_ends_when_everybody_is_home() -> None:
     kept = [Kept(), Kept(takes_s=50.0)]
-
-    async def main() -> None:
-        loop = asyncio.get_running_loop()
-        with pytest.raises(JournalError, match="disk is full"):
-            await watched_over(kept, failing(10.0, JournalError("disk is full")), leave=True)
-        assert loop.time() == pytest.approx(60.0)
-        assert len(asyncio.all_tasks()) == 1
-
-    run(main(), VirtualClock())
+    loop = asyncio.get_running_loop()
+    with pytest.raises(JournalError, match="disk is full"):
+        await watched_over(kept, failing(10.0, JournalError("disk is full")), leave=True)
+    assert loop.time() == pytest.approx(60.0)
+    assert len(asyncio.all_tasks()) == 1
     assert all(k.home and not k.running for k in kept)
     assert all("disk is full" in reason for k in kept for _, reason, _ in k.said)
 
@@ -76,33 +73,27 @@ def test_a_bug_is_a_failure_like_any_other() -> None:
     assert kept[0].home
 
 
-def test_who_leaves_has_the_autopilots_return() -> None:
+@by(on_virtual_time)
+async def test_who_leaves_has_the_autopilots_return() -> None:
     kept = [Kept(fate="left to its autopilot in RTL")]
-
-    async def main() -> None:
-        flying = asyncio.ensure_future(watched_over(kept, asyncio.Event().wait(), leave=True))
-        await asyncio.sleep(5.0)
-        flying.cancel()
-        with pytest.raises(AircraftError, match="left to its autopilot in RTL"):
-            await flying
-
-    run(main(), VirtualClock())
+    flying = asyncio.ensure_future(watched_over(kept, asyncio.Event().wait(), leave=True))
+    await asyncio.sleep(5.0)
+    flying.cancel()
+    with pytest.raises(AircraftError, match="left to its autopilot in RTL"):
+        await flying
     assert [what for what, _, _ in kept[0].said] == ["leave"]
 
 
-def test_who_does_not_wait_for_the_way_home_leaves_it_to_the_autopilot() -> None:
+@by(on_virtual_time)
+async def test_who_does_not_wait_for_the_way_home_leaves_it_to_the_autopilot() -> None:
     kept = [Kept(takes_s=1000.0, fate="left to its autopilot in RTL")]
-
-    async def main() -> None:
-        failure = JournalError("full")
-        flying = asyncio.ensure_future(watched_over(kept, failing(1.0, failure), leave=True))
-        await asyncio.sleep(5.0)
-        flying.cancel()
-        with pytest.raises(AircraftError):
-            await flying
-        assert asyncio.get_running_loop().time() == pytest.approx(5.0)
-
-    run(main(), VirtualClock())
+    failure = JournalError("full")
+    flying = asyncio.ensure_future(watched_over(kept, failing(1.0, failure), leave=True))
+    await asyncio.sleep(5.0)
+    flying.cancel()
+    with pytest.raises(AircraftError):
+        await flying
+    assert asyncio.get_running_loop().time() == pytest.approx(5.0)
     assert [what for what, _, _ in kept[0].said] == ["home", "leave"]
 
 

@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import LinkError
 from tests.support.mavlink_peer import heartbeat
 from tests.support.plans import plan_of
+from tests.support.running import by, on_virtual_time
 from uavmap.base.clock import VirtualClock, run
 from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
 from uavmap.mavlink.links import signing as signing_module
@@ -104,16 +105,13 @@ def test_none_of_ten_thousand_forged_frames_is_taken() -> None:
     assert session.view.mode == 4
 
 
-def test_a_refusal_is_said_once() -> None:
+@by(on_virtual_time)
+async def test_a_refusal_is_said_once() -> None:
     said: list[str] = []
-
-    async def body() -> None:
-        session = Session(lambda frame: None, lambda frame: None)
-        session.signing, session.view.gate.say = signing(), said.append
-        for _ in range(50):
-            session.feed(beat())
-
-    run(body(), VirtualClock())
+    session = Session(lambda frame: None, lambda frame: None)
+    session.signing, session.view.gate.say = signing(), said.append
+    for _ in range(50):
+        session.feed(beat())
     assert said == ["frames refused: not signed; further ones are counted, and not told"]
 
 

@@ -50,33 +50,28 @@ async def drop(*tasks: asyncio.Task[None]) -> None:
     await asyncio.wait(tasks)
 
 
-def test_simulated_crews_need_no_word(said: Said) -> None:
-    async def body() -> None:
-        crew = Crew(automatic=True, stream=io.StringIO())
-        await crew.swap(1)
-        assert not crew.absent
-        assert not crew.waiting
-
-    on_loop(body)
+@by(on_loop)
+async def test_simulated_crews_need_no_word(said: Said) -> None:
+    crew = Crew(automatic=True, stream=io.StringIO())
+    await crew.swap(1)
+    assert not crew.absent
+    assert not crew.waiting
     assert not said
 
 
-def test_the_word_is_enter(terminal: tuple[int, TextIO], said: Said) -> None:
+@by(on_loop)
+async def test_the_word_is_enter(terminal: tuple[int, TextIO], said: Said) -> None:
     operator, stream = terminal
-
-    async def body() -> None:
-        crew = Crew(automatic=False, stream=stream)
-        assert not crew.absent
-        task = asyncio.create_task(crew.swap(3))
-        assert not await answered(task)
-        assert crew.waiting == {3}
-        os.write(operator, b"not yet")
-        assert not await answered(task)
-        os.write(operator, b"\n")
-        assert await answered(task, PATIENCE_S)
-        assert crew.waiting == set()
-
-    on_loop(body)
+    crew = Crew(automatic=False, stream=stream)
+    assert not crew.absent
+    task = asyncio.create_task(crew.swap(3))
+    assert not await answered(task)
+    assert crew.waiting == {3}
+    os.write(operator, b"not yet")
+    assert not await answered(task)
+    os.write(operator, b"\n")
+    assert await answered(task, PATIENCE_S)
+    assert crew.waiting == set()
     assert len(said) == 1
     assert "vehicle 3" in said[0]
 
@@ -127,20 +122,17 @@ async def test_one_question_at_a_time(terminal: tuple[int, TextIO], said: Said) 
 
 
 @pytest.mark.parametrize("stream", [io.StringIO("\n\n"), None], ids=["a pipe", "none"])
-def test_without_a_terminal_nobody_can_give_it(
+@by(on_loop)
+async def test_without_a_terminal_nobody_can_give_it(
     stream: TextIO | None, monkeypatch: pytest.MonkeyPatch, said: Said
 ) -> None:
     if stream is None:
         monkeypatch.setattr("sys.stdin", None)
-
-    async def body() -> None:
-        crew = Crew(automatic=False, stream=stream)
-        assert crew.absent
-        task = asyncio.create_task(crew.swap(1))
-        assert not await answered(task)
-        assert crew.waiting == {1}
-        await drop(task)
-        assert crew.waiting == set()
-
-    on_loop(body)
+    crew = Crew(automatic=False, stream=stream)
+    assert crew.absent
+    task = asyncio.create_task(crew.swap(1))
+    assert not await answered(task)
+    assert crew.waiting == {1}
+    await drop(task)
+    assert crew.waiting == set()
     assert said == ["vehicle 1 waits on the ground for a fresh battery"]

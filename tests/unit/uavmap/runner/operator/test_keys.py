@@ -12,6 +12,7 @@ from typing import Any, TextIO
 
 import pytest
 
+from tests.support.running import by, in_real_time
 from tests.support.said import Said
 from uavmap.runner.operator.flight_keys import FORGOTTEN_S, Keys
 from uavmap.runner.operator.ground_crew import Crew, EnterKey
@@ -128,49 +129,43 @@ async def _until(condition: Any) -> None:
             await asyncio.sleep(0.001)
 
 
-def test_a_key_is_heard_as_it_is_pressed_and_the_terminal_put_back(
+@by(in_real_time)
+async def test_a_key_is_heard_as_it_is_pressed_and_the_terminal_put_back(
     terminal: tuple[int, TextIO], said: Said
 ) -> None:
     operator, stream = terminal
     before = termios.tcgetattr(stream.fileno())
     service, enter = Service(), EnterKey()
-
-    async def body() -> None:
-        crew = Crew(automatic=False, enter=enter, stream=stream)
-        with keyboard(Keys(service), enter, stream):
-            assert not termios.tcgetattr(stream.fileno())[3] & (termios.ICANON | termios.ECHO)
-            assert termios.tcgetattr(stream.fileno())[3] & termios.ISIG  # Ctrl-C stays a signal
-            os.write(operator, b"p")
-            await _until(lambda: service.asked == ["pause"])
-            os.write(operator, b"\x1b[A")  # an arrow
-            swapped = asyncio.create_task(crew.swap(2))
-            await _until(lambda: any("vehicle 2" in text for text in said))
-            os.write(operator, b"c")
-            await _until(lambda: service.asked == ["pause", "go on"])
-            assert not swapped.done()
-            os.write(operator, b"\n")
-            async with asyncio.timeout(10.0):
-                await swapped
-
-    asyncio.run(body())
+    crew = Crew(automatic=False, enter=enter, stream=stream)
+    with keyboard(Keys(service), enter, stream):
+        assert not termios.tcgetattr(stream.fileno())[3] & (termios.ICANON | termios.ECHO)
+        assert termios.tcgetattr(stream.fileno())[3] & termios.ISIG  # Ctrl-C stays a signal
+        os.write(operator, b"p")
+        await _until(lambda: service.asked == ["pause"])
+        os.write(operator, b"\x1b[A")  # an arrow
+        swapped = asyncio.create_task(crew.swap(2))
+        await _until(lambda: any("vehicle 2" in text for text in said))
+        os.write(operator, b"c")
+        await _until(lambda: service.asked == ["pause", "go on"])
+        assert not swapped.done()
+        os.write(operator, b"\n")
+        async with asyncio.timeout(10.0):
+            await swapped
     assert termios.tcgetattr(stream.fileno()) == before
 
 
 @pytest.mark.parametrize("end", [RuntimeError, KeyboardInterrupt, asyncio.CancelledError])
-def test_the_terminal_is_put_back_however_it_ends(
+@by(in_real_time)
+async def test_the_terminal_is_put_back_however_it_ends(
     terminal: tuple[int, TextIO], end: type[BaseException]
 ) -> None:
     _, stream = terminal
     before = termios.tcgetattr(stream.fileno())
-
-    async def body() -> None:
-        with (
-            pytest.raises(end),
-            keyboard(Keys(Service()), EnterKey(), stream),
-        ):
-            raise end
-
-    asyncio.run(body())
+    with (
+        pytest.raises(end),
+        keyboard(Keys(Service()), EnterKey(), stream),
+    ):
+        raise end
     assert termios.tcgetattr(stream.fileno()) == before
 
 

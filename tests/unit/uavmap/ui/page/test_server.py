@@ -18,6 +18,7 @@ import pytest
 
 from missions.errors import OutputError, UavmapError
 from tests.support.page_tab import PATIENCE_S, Tab
+from tests.support.running import by, in_real_time
 from tests.support.said import Said
 from uavmap.base.messages import shown_on
 from uavmap.ui.page import address
@@ -201,20 +202,17 @@ def test_a_port_in_use_and_a_host_of_others_are_said(monkeypatch: pytest.MonkeyP
         address.need_nicegui()
 
 
-def test_everybody_is_told_the_end() -> None:
+@by(in_real_time)
+async def test_everybody_is_told_the_end() -> None:
     """Before the page's process ends, which it does at once then."""
     hub = Hub({"title": "x"})
-
-    async def ending() -> None:
-        hub.enter("a browser")
-        waiting = asyncio.create_task(hub.nobody())
-        await hub.take({"kind": "ended", "text": "over"}, b"")
-        await asyncio.sleep(0)
-        assert not waiting.done()
-        hub.leave("a browser")
-        await waiting
-
-    asyncio.run(ending())
+    hub.enter("a browser")
+    waiting = asyncio.create_task(hub.nobody())
+    await hub.take({"kind": "ended", "text": "over"}, b"")
+    await asyncio.sleep(0)
+    assert not waiting.done()
+    hub.leave("a browser")
+    await waiting
     assert hub.ended == "over"
 
 
