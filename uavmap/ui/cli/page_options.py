@@ -16,7 +16,7 @@ from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.runner.operator.progress import ProgressTable
 from uavmap.ui.page.address import LOOPBACK
 from uavmap.ui.page.background import of_tiles
-from uavmap.ui.page.browser import Wishes, opened
+from uavmap.ui.page.feed import Wishes, opened
 from uavmap.ui.page.live import FlightPage
 
 

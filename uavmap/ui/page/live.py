@@ -25,8 +25,7 @@ from uavmap.ui.page.background import Background
 from uavmap.ui.page.feed import Feed
 from uavmap.ui.page.page_orders import carry_out
 from uavmap.ui.page.page_pipe import Words
-from uavmap.ui.page.page_scene import scene_of
-from uavmap.ui.page.photo_marks import marks_of
+from uavmap.ui.page.page_scene import marks_of, scene_of
 from uavmap.ui.page.watching import Watcher
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")

@@ -38,7 +38,9 @@ _ICON: Final = (
 Send = Callable[[Words], None]
 
 
-class FlightView(ui.element, component="flight_view.js"):
+class FlightView(
+    ui.element, component="flight_view.js", dependencies=["flight_board.js", "flight_map.js"]
+):
     """The map, the table, the log: what `flight_view.js` draws."""
 
 

@@ -16,7 +16,7 @@ from uavmap.journal.flight_plan import JOURNAL
 from uavmap.journal.kept_frames import FRAMES
 from uavmap.ui.cli.option_table import add_options
 from uavmap.ui.page.address import PORT
-from uavmap.ui.page.browser import Wishes, opened
+from uavmap.ui.page.feed import Wishes, opened
 from uavmap.ui.page.following import Follower
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")

@@ -18,7 +18,7 @@ from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
 from uavmap.ui.cli import main, page_options
 from uavmap.ui.page.board import Board
-from uavmap.ui.page.browser import Wishes
+from uavmap.ui.page.feed import Wishes
 from uavmap.ui.page.page_scene import STATES
 
 
