@@ -44,7 +44,6 @@ def add_parser(commands: Any) -> None:
         description="Write the search of a mission as a file for QGroundControl or Mission "
         "Planner; or a map and its flight, also of one that was interrupted, as files for a GIS.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add(
@@ -78,7 +77,6 @@ def add_parser(commands: Any) -> None:
         help="heights above the sea (start.amsl_m) instead of above the home",
     )
     add_map_options(parser)
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

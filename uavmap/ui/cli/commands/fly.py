@@ -58,10 +58,8 @@ def add_parser(commands: Any) -> None:
         "fly",
         description="Fly a mission: search the box, explore the region, come home, write the map.",
         epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_options(parser, "fly")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

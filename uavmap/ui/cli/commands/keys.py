@@ -44,12 +44,10 @@ def add_parser(commands: Any) -> None:
         "keys",
         description="MAVLink 2 signing: only who has the key is heard.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     acts = parser.add_subparsers(dest="act", required=True, metavar="ACT")
     made = acts.add_parser("new", help="make a key in a new file that only you may read")
     made.add_argument("file", metavar="FILE")
-    made.set_defaults(run=_new)
     for name, words in (
         ("install", "give a disarmed vehicle the key, and see that it signs with it"),
         ("remove", "have a disarmed vehicle that has the key forget it, and sign no more"),
@@ -58,7 +56,11 @@ def add_parser(commands: Any) -> None:
         act.add_argument("file", metavar="FILE", help="the file of the key")
         act.add_argument("--connect", metavar="URL", required=True, help="where it is reached")
         act.add_argument("--yes", action="store_true", help="do it without asking")
-        act.set_defaults(run=_install if name == "install" else _remove)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Do what the second word says."""
+    return {"new": _new, "install": _install, "remove": _remove}[options.act](options)
 
 
 def _new(options: argparse.Namespace) -> int:

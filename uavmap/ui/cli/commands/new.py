@@ -59,7 +59,6 @@ def add_parser(commands: Any) -> None:
         "new",
         description=f"Make a mission file from an area that was drawn elsewhere: {KINDS}.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     # --at -33.8,151.2 is a place, not an option
     parser._negative_number_matcher = re.compile(r"^-\.?\d[\d.,eE+-]*$")
@@ -76,7 +75,6 @@ def add_parser(commands: Any) -> None:
     )
     _add_area_options(parser)
     add_drone_options(parser)
-    parser.set_defaults(run=run)
 
 
 def _add_area_options(parser: argparse.ArgumentParser) -> None:

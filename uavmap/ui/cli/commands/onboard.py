@@ -37,10 +37,8 @@ def add_parser(commands: Any) -> None:
         "onboard",
         description="Fly one vehicle of a fleet, each having a service of its own on board.",
         epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_options(parser, "onboard")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

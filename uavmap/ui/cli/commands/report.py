@@ -31,14 +31,12 @@ def add_parser(commands: Any) -> None:
         description="Write the report of a flight or a replay: map, area, certificate, timeline, "
         "faults and settings on one page.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
     parser.add_argument(
         "--out", metavar="FILE.html", type=Path, help="the page (default: report.html in DIR)"
     )
     add_summary_options(parser)
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -45,11 +45,9 @@ def add_parser(commands: Any) -> None:
         "resume",
         description="Go on with the mission of a results folder from its last committed event.",
         epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
     add_options(parser, "resume")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -39,11 +39,9 @@ def add_parser(commands: Any) -> None:
         description="Show the mission of a results folder in a browser: live while it is flown, "
         "with a time slider.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
     add_options(parser, "watch")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
