@@ -39,7 +39,7 @@ from uavmap.aircraft.telemetry_streams import Streams
 from uavmap.aircraft.waiting import Waiting
 from uavmap.base.clock import ClockRate
 from uavmap.mavlink.answer import answered
-from uavmap.mavlink.commands import Commands
+from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.landed_state import GroundBelow
 from uavmap.mavlink.session import Message, Session
 from uavmap.mavlink.vehicle_view import VehicleView
@@ -63,7 +63,7 @@ class MavlinkVehicle:
         number: int,
         name: str,
         session: Session,
-        commands: Commands,
+        commands: MavlinkCommands,
         camera: CameraDriver,
         setting: Setting,
         mission_time_s: Callable[[], float],

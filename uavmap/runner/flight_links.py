@@ -20,7 +20,7 @@ from uavmap.aircraft.imaging.http_pictures import PictureFetcher
 from uavmap.base import messages
 from uavmap.journal.flight_options import MAVSDK, PYMAVLINK
 from uavmap.journal.flight_plan import FlightPlan
-from uavmap.mavlink.commands import Commands, MavlinkCommands
+from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.links.forwarding import Forwarding
 from uavmap.mavlink.links.key_file import signing_with
 from uavmap.mavlink.links.transports import Transport, open_shared, open_transport
@@ -42,7 +42,7 @@ class Link:
     """What the operator calls it: its URL."""
     session: Session
     camera: FrameSource
-    commands: Commands
+    commands: MavlinkCommands
 
 
 def mavlink_link(name: str, session: Session, fetch: Fetch) -> Link:

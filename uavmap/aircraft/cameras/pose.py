@@ -58,7 +58,7 @@ class Poses:
             return
         self.streams[mav.MAVLINK_MSG_ID_ATTITUDE] = RATE_HZ
         if self._view.autopilot is not None:
-            self._session.send(rate_command(self._view, mav.MAVLINK_MSG_ID_ATTITUDE, RATE_HZ))
+            self._session.request_interval(mav.MAVLINK_MSG_ID_ATTITUDE, RATE_HZ)
 
     def _on_message(self, message: Message) -> None:
         """Note an attitude; one with a stamp of another clock is refused and counted."""
@@ -135,14 +135,6 @@ class Poses:
         whole = ToldPose(position, height_m, attitude)
         fault = pose_fault(whole, self._view, self._grid, picture.taken_s)
         return fault, Pose(position, height_m, attitude)
-
-
-def rate_command(view: VehicleView, message_id: int, rate_hz: float) -> Message:
-    """SET_MESSAGE_INTERVAL to the autopilot, for a stream whose coming is its answer."""
-    return mav.MAVLink_command_long_message(
-        view.system_id, view.autopilot_component, mav.MAV_CMD_SET_MESSAGE_INTERVAL, 0,
-        message_id, round(1e6 / rate_hz), *([0.0] * 5),
-    )  # fmt: skip
 
 
 def pose_fault(told: ToldPose, view: VehicleView, grid: Grid | None, taken_s: float) -> str | None:
