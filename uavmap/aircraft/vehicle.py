@@ -38,8 +38,8 @@ from uavmap.aircraft.stream_timeout import StreamTimeout
 from uavmap.aircraft.telemetry_streams import Streams
 from uavmap.aircraft.waiting import Waiting
 from uavmap.base.clock import ClockRate
-from uavmap.mavlink.answer import answered
 from uavmap.mavlink.commands import MavlinkCommands
+from uavmap.mavlink.identity import answered
 from uavmap.mavlink.landed_state import GroundBelow
 from uavmap.mavlink.session import Message, Session
 from uavmap.mavlink.vehicle_view import VehicleView

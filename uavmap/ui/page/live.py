@@ -19,8 +19,8 @@ from missions.events import Event, FrameSeen
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from uavmap.journal.kept_frames import KeptFrame
+from uavmap.runner.operator.caller import Steered
 from uavmap.runner.operator.onlooker import Onlooker
-from uavmap.runner.operator.steered import Steered
 from uavmap.ui.page.background import Background
 from uavmap.ui.page.feed import Feed
 from uavmap.ui.page.page_orders import carry_out

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from uavmap.runner.operator.steered import Steered
+from uavmap.runner.operator.caller import Steered
 
 PAUSE: Final = "pause"
 GO_ON: Final = "continue"

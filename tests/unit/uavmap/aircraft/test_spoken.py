@@ -13,8 +13,7 @@ from missions.events import Overridden, Told
 from missions.flight.operator_orders import UNTOLD
 from tests.support.flights import Flight, fly
 from tests.support.mavlink_peer import Peer, heartbeat
-from uavmap.aircraft.autopilot_texts import BURST, MOST_TOLD
-from uavmap.aircraft.failsafes import failsafe_of, may_be_a_failsafe
+from uavmap.aircraft.autopilot_texts import BURST, MOST_TOLD, failsafe_of, may_be_a_failsafe
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.px4_events import event_text, number_of
 from uavmap.mavlink.status_texts import LATE_S, MOST_OPEN, Texts

@@ -19,9 +19,8 @@ from uavmap.runner.flight import plan_of, resume
 from uavmap.runner.one_flight import Company
 from uavmap.ui.cli.common import EXIT_CODES, report
 from uavmap.ui.cli.endings import AIRCRAFT_DOWN, complain
-from uavmap.ui.cli.flight_options import gives_network, key_file, network_of
+from uavmap.ui.cli.flight_options import beside, gives_network, key_file, network_of
 from uavmap.ui.cli.option_table import add_options
-from uavmap.ui.cli.page_options import beside
 
 _EXAMPLES = """\
 examples:
