@@ -25,7 +25,7 @@ from uavmap.aircraft.vehicle import MavlinkVehicle
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.session import GROUND_SYSTEM_ID, Session
-from uavmap.runner.flight_cameras import mount_of
+from uavmap.runner.flight_links import mount_of
 from uavmap.runner.simulation import STEP_S, make_vehicles
 
 Message = Any

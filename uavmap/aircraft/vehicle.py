@@ -40,9 +40,8 @@ from uavmap.aircraft.waiting import Waiting
 from uavmap.base.clock import ClockRate
 from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.identity import answered
-from uavmap.mavlink.landed_state import GroundBelow
 from uavmap.mavlink.session import Message, Session
-from uavmap.mavlink.vehicle_view import VehicleView
+from uavmap.mavlink.vehicle_view import GroundBelow, VehicleView
 
 LINK_LOST_S: Final = 5.0
 AFTER_ENDURANCE_S: Final = 60.0

@@ -15,10 +15,9 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
-from uavmap.mavlink.links.framing import sender_of
-from uavmap.mavlink.links.packet_loss import Losses
+from uavmap.mavlink.links.framing import Losses, sender_of
 from uavmap.mavlink.links.signing import Signing
-from uavmap.mavlink.px4_events import EVENT_ID, event_text
+from uavmap.mavlink.status_texts import EVENT_ID, event_text
 from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.mavlink.view_updates import update
 

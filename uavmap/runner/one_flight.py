@@ -33,8 +33,14 @@ from uavmap.output.documents import with_documents
 from uavmap.output.facts.score import true_roi
 from uavmap.output.write_results import write_results
 from uavmap.runner.before_flight import BeforeFlight, Preflight, kept_fence
-from uavmap.runner.flight_cameras import cameras_of
-from uavmap.runner.flight_links import Link, LinkOptions, mavlink_link, opened_links, refuse_rivals
+from uavmap.runner.flight_links import (
+    Link,
+    LinkOptions,
+    cameras_of,
+    mavlink_link,
+    opened_links,
+    refuse_rivals,
+)
 from uavmap.runner.ground_service import GroundService
 from uavmap.runner.operator.caller import Caller
 from uavmap.runner.operator.flight_keys import Keys

@@ -22,8 +22,7 @@ from uavmap.base.clock import run as run_on
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.load.mission_source import load, shipped_missions
-from uavmap.runner.flight_cameras import cameras_of
-from uavmap.runner.flight_links import Link, LinkOptions, check_urls, opened_links
+from uavmap.runner.flight_links import Link, LinkOptions, cameras_of, check_urls, opened_links
 from uavmap.runner.preflight.autopilot_fence import outside_m
 from uavmap.runner.preflight.autopilot_setup import AutopilotSetup
 from uavmap.runner.preflight.examination import Examination, connect

@@ -12,7 +12,7 @@ from uavmap.fleet.fleet_radio import check_network
 from uavmap.journal.flight_options import FleetNetwork
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.journal.results_folder import results_folder
-from uavmap.runner.flight_setup import planned
+from uavmap.runner.flight import planned
 from uavmap.runner.ground_survey import with_ground
 from uavmap.runner.simulated_fleet import fly_fleet
 from uavmap.ui.cli.common import EXIT_CODES, report

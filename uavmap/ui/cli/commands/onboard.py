@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from uavmap.fleet.fleet_radio import check_network
-from uavmap.runner.flight_setup import planned
+from uavmap.runner.flight import planned
 from uavmap.ui.cli.common import EXIT_CODES
 from uavmap.ui.cli.flight_options import begin, flight_options, network_of, preflight_of
 from uavmap.ui.cli.option_table import add_options

@@ -16,7 +16,7 @@ from tests.support.plans import named_text, plan_of
 from tests.unit.uavmap.ui.page.test_flight_page import Feed
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
-from uavmap.ui.cli import main, flight_options
+from uavmap.ui.cli import flight_options, main
 from uavmap.ui.page.board import Board
 from uavmap.ui.page.feed import Wishes
 from uavmap.ui.page.page_scene import STATES
