@@ -59,28 +59,14 @@ def add_parser(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Do what the second word says."""
-    return {"new": _new, "install": _install, "remove": _remove}[options.act](options)
-
-
-def _new(options: argparse.Namespace) -> int:
+    """Make a key, or change that of a vehicle."""
     path = Path(options.file).expanduser()
-    new_key(path)
-    print(f"{path}: a new key, for you only; keep a copy of it where nobody else can read it")
-    return 0
-
-
-def _install(options: argparse.Namespace) -> int:
-    path = Path(options.file).expanduser()
-    read_key(path)
-    run_on(_set_up(options, path, install=True), ScaledClock(1.0))
-    return 0
-
-
-def _remove(options: argparse.Namespace) -> int:
-    path = Path(options.file).expanduser()
-    read_key(path)
-    run_on(_set_up(options, path, install=False), ScaledClock(1.0))
+    if options.act == "new":
+        new_key(path)
+        print(f"{path}: a new key, for you only; keep a copy of it where nobody else can read it")
+    else:
+        read_key(path)
+        run_on(_set_up(options, path, install=options.act == "install"), ScaledClock(1.0))
     return 0
 
 
@@ -106,10 +92,7 @@ async def _set_up(options: argparse.Namespace, path: Path, *, install: bool) -> 
             if not options.yes and not await asyncio.to_thread(_asked, what.format(name=name)):
                 raise LinkError("nothing was changed")
             await _disarmed(session, endpoint.url)
-            if install:
-                await _give(session, signing, endpoint.url)
-            else:
-                await _take_back(session, signing, endpoint.url)
+            await (_give if install else _take_back)(session, signing, endpoint.url)
     print(f"{name}: {'has the key, and signs with it' if install else 'signs no more'}")
 
 
