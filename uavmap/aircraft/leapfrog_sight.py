@@ -24,7 +24,7 @@ from missions.planning.leapfrog_geometry import Role
 from missions.planning.leapfrog_offsets import Offsets
 from missions.units import GridPoint, Quaternion
 from uavmap.aircraft.reporter import Reporter
-from uavmap.mavlink.attitude_history import Attitudes
+from uavmap.mavlink.position_history import Attitudes
 from uavmap.mavlink.vehicle_view import VehicleView
 from vision.camera import euler, rotation
 from vision.look import Frame

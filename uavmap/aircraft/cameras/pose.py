@@ -17,9 +17,9 @@ from missions.geo.grid import Grid
 from missions.units import LatLon, Pose, Quaternion
 from uavmap.aircraft.cameras.mount import Mount
 from uavmap.aircraft.cameras.source import Announcement, ToldPose
-from uavmap.mavlink.attitude_history import Attitudes
 from uavmap.mavlink.continuity import FASTEST_M_S, distance_m
 from uavmap.mavlink.message_rules import unit_fault
+from uavmap.mavlink.position_history import Attitudes
 from uavmap.mavlink.session import Message, Session
 from uavmap.mavlink.vehicle_view import VehicleView
 

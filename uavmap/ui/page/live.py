@@ -23,8 +23,7 @@ from uavmap.runner.operator.caller import Steered
 from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.ui.page.background import Background
 from uavmap.ui.page.feed import Feed
-from uavmap.ui.page.page_orders import carry_out
-from uavmap.ui.page.page_pipe import Words
+from uavmap.ui.page.page_pipe import Words, carry_out
 from uavmap.ui.page.page_scene import marks_of, scene_of
 from uavmap.ui.page.watching import Watcher
 
