@@ -206,8 +206,10 @@ class Truth:
     min_separation_m: float = math.inf
     fence_breaches: int = 0
     reserve_violations: int = 0
+    crashes: int = 0
     _outside: set[int] = field(default_factory=set)
     _flying: set[int] = field(default_factory=set)
+    _crashed: set[int] = field(default_factory=set)
 
     def figures(self) -> dict[str, float | int | None]:
         """What the summary says of it."""
@@ -224,6 +226,9 @@ class Truth:
         for vehicle in vehicles:
             number, truth = vehicle.spec.system_id, vehicle.truth
             point = setting.grid.fixed(truth.position)
+            if truth.crashed and number not in self._crashed:
+                self._crashed.add(number)
+                self.crashes += 1
             if truth.landed:
                 if number in self._flying and truth.energy_wh < setting.energy.reserve_wh:
                     self.reserve_violations += 1
