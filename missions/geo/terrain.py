@@ -2,7 +2,7 @@
 
 Everything else in `missions` reckons in heights above the ground below. The terrain is what lies
 between those and heights above home, which is what autopilots understand:
-`uavmap.mavlink.landed_state` adds it to what is sent and takes it from what is heard. Flat ground
+`uavmap.mavlink.vehicle_view` adds it to what is sent and takes it from what is heard. Flat ground
 is the absence of a terrain.
 
 Points are in the grid's fixed frame; heights are in metres above the ground at the start.

@@ -28,8 +28,7 @@ from tests.support.plans import named_text, plan_of
 from tests.support.said import Said
 from uavmap.base.messages import shown_on
 from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
-from uavmap.ui.page.browser import Wishes, opened
-from uavmap.ui.page.feed import Feed
+from uavmap.ui.page.feed import Feed, Wishes, opened
 from uavmap.ui.page.page_scene import scene_of
 from uavmap.ui.page.watching import Watcher
 

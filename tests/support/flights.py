@@ -23,9 +23,9 @@ from uavmap.aircraft.imaging.classifier import Classifier
 from uavmap.aircraft.imaging.imaging import CameraDriver
 from uavmap.aircraft.vehicle import MavlinkVehicle
 from uavmap.base.clock import VirtualClock, run
-from uavmap.mavlink.commands import Commands, MavlinkCommands
+from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.session import GROUND_SYSTEM_ID, Session
-from uavmap.runner.flight_cameras import mount_of
+from uavmap.runner.flight_links import mount_of
 from uavmap.runner.simulation import STEP_S, make_vehicles
 
 Message = Any
@@ -52,7 +52,7 @@ def small_mission(swap_s: float = 20.0, autopilot: str = "ardupilot", **how: Any
     return made.model_copy(update={"sim": sim, "camera": camera})
 
 
-def by_pymavlink(send: Callable[[bytes], None]) -> tuple[Session, Commands]:
+def by_pymavlink(send: Callable[[bytes], None]) -> tuple[Session, MavlinkCommands]:
     session = Session(send, lambda frame: None)
     return session, MavlinkCommands(session)
 
@@ -68,7 +68,7 @@ class Flight:
         made: Mission,
         seed: int = 1,
         *,
-        driver: Callable[[Callable[[bytes], None]], tuple[Session, Commands]] | None = None,
+        driver: Callable[[Callable[[bytes], None]], tuple[Session, MavlinkCommands]] | None = None,
         **patience: Any,
     ) -> None:
         self.setting = Setting.of(made)

@@ -24,7 +24,7 @@ from missions.planning.leapfrog_geometry import Role
 from missions.planning.leapfrog_offsets import Offsets
 from missions.units import GridPoint, Quaternion
 from uavmap.aircraft.reporter import Reporter
-from uavmap.mavlink.attitude_history import Attitudes
+from uavmap.mavlink.position_history import Attitudes
 from uavmap.mavlink.vehicle_view import VehicleView
 from vision.camera import euler, rotation
 from vision.look import Frame
@@ -122,8 +122,6 @@ class Leapfrog:
         self._sighted_s = float("-inf")
         self._looked_s = float("-inf")
         self._apart = 0
-        self.sightings = 0
-        """How many were taken in, or held against satellites."""
 
     def join(
         self,
@@ -202,7 +200,6 @@ class Leapfrog:
         """Hold a sighting against what both tell."""
         cos, sin = math.cos(up_rad), math.sin(up_rad)
         apart = (seen.east_m * cos - seen.north_m * sin, seen.east_m * sin + seen.north_m * cos)
-        self.sightings += 1
         if not all(half.good for half in self._halves.values()):
             # the grid is turned by a degree or two: a covariance is about the same along its axes
             covariance = seen.covariance_m2[:2, :2] + late_m**2 * np.eye(2)

@@ -38,7 +38,7 @@ from uavmap.aircraft.reporter import Reporter
 from uavmap.aircraft.speed_watch import SpeedWatch
 from uavmap.aircraft.stream_timeout import StreamTimeout
 from uavmap.aircraft.terrain_legs import OTHER_LAYER_M, aim_over_ground, at_height
-from uavmap.mavlink.commands import Commands
+from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.session import Session
 
 FIND_WAY_S: Final = 0.5
@@ -67,7 +67,7 @@ class Manoeuvres:
     def __init__(
         self,
         session: Session,
-        commands: Commands,
+        commands: MavlinkCommands,
         camera: CameraDriver,
         reporter: Reporter,
         monitor: Monitor,

@@ -13,7 +13,7 @@ from missions.orders import TakeOff
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.reporter import Reporter
 from uavmap.aircraft.waiting import Waiting
-from uavmap.mavlink.commands import Commands
+from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.session import Session
 
 Crew = Callable[[int], Awaitable[None]]
@@ -53,7 +53,7 @@ class Pad:
     def __init__(
         self,
         session: Session,
-        commands: Commands,
+        commands: MavlinkCommands,
         reporter: Reporter,
         monitor: Monitor,
         capacity_wh: float,

@@ -23,7 +23,7 @@ from missions.orders import FlyPath
 from missions.units import GridPoint
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.reporter import Reporter
-from uavmap.mavlink.commands import Commands
+from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.session import Message, Session
 
 INTERVAL_S: Final = 0.1
@@ -91,7 +91,7 @@ class PathStream:
     def __init__(
         self,
         session: Session,
-        commands: Commands,
+        commands: MavlinkCommands,
         reporter: Reporter,
         monitor: Monitor,
         *,
@@ -172,12 +172,7 @@ class PathStream:
         view, told = self._view, 0
         while not self._monitor.overridden:
             if told % 10 == 0:  # either autopilot may have forgotten its speed
-                self._session.send(
-                    mav.MAVLink_command_long_message(
-                        view.system_id, view.autopilot_component, mav.MAV_CMD_DO_CHANGE_SPEED, 0,
-                        1, PLACES_SPEED_M_S, -1, 0, 0, 0, 0,
-                    )
-                )  # fmt: skip
+                self._session.send_command(mav.MAV_CMD_DO_CHANGE_SPEED, 1, PLACES_SPEED_M_S, -1)
             now_s = self._reporter.now_s()
             at = self.course.at(now_s + view.kind.places_lead_s)
             point = Setpoint(at.east_m, at.north_m, 0.0, 0.0)

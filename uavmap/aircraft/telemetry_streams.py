@@ -8,8 +8,6 @@ import operator
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from pymavlink.dialects.v20 import ardupilotmega as mav
-
 from missions.errors import CommandRefusedError, LinkError
 from uavmap.mavlink.session import Session
 
@@ -87,22 +85,7 @@ class Streams:
                 self._tried[message_id] = 0
             elif (tried := self._tried.get(message_id, 0)) < TRIES:
                 self._tried[message_id] = tried + 1
-                self._ask_once(message_id, rate_hz)
-
-    def _ask_once(self, message_id: int, rate_hz: float) -> None:
-        """Ask without waiting for an answer: that the stream comes is the answer."""
-        view = self._view
-        self._session.send(
-            mav.MAVLink_command_long_message(
-                view.system_id,
-                view.autopilot_component,
-                mav.MAV_CMD_SET_MESSAGE_INTERVAL,
-                0,
-                message_id,
-                round(1e6 / rate_hz),
-                *([0.0] * 5),
-            )
-        )
+                self._session.request_interval(message_id, rate_hz)
 
     def _silent_s(self, message_id: int) -> float:
         """How long a kind of message has not been heard."""

@@ -38,11 +38,10 @@ from uavmap.aircraft.stream_timeout import StreamTimeout
 from uavmap.aircraft.telemetry_streams import Streams
 from uavmap.aircraft.waiting import Waiting
 from uavmap.base.clock import ClockRate
-from uavmap.mavlink.answer import answered
-from uavmap.mavlink.commands import Commands
-from uavmap.mavlink.landed_state import GroundBelow
-from uavmap.mavlink.session import Message, Session
-from uavmap.mavlink.vehicle_view import VehicleView
+from uavmap.mavlink.commands import MavlinkCommands
+from uavmap.mavlink.identity import answered
+from uavmap.mavlink.session import Session
+from uavmap.mavlink.vehicle_view import GroundBelow, VehicleView
 
 LINK_LOST_S: Final = 5.0
 AFTER_ENDURANCE_S: Final = 60.0
@@ -63,7 +62,7 @@ class MavlinkVehicle:
         number: int,
         name: str,
         session: Session,
-        commands: Commands,
+        commands: MavlinkCommands,
         camera: CameraDriver,
         setting: Setting,
         mission_time_s: Callable[[], float],
@@ -106,7 +105,6 @@ class MavlinkVehicle:
         self.guardian = Guardian(session, commands, self._reporter, self._monitor, limits, tell)
         self.guardian.stand_aside = self._stand_aside
         self.guardian.order_failed = self._order_failed
-        self._tell = tell
         self._timeout = StreamTimeout(name, session, tell)
         self._manoeuvres = Manoeuvres(
             session, commands, camera, self._reporter, self._monitor, setting.mission, crew,
@@ -129,7 +127,7 @@ class MavlinkVehicle:
         self._order: Order | None = None
         self._tasks_of = TasksOf(self._reporter, session.view, setting)
         self._streams = Streams(name, session, camera.streams, self._navigation.streams)
-        session.listen(self._on_message)
+        session.listen(self._monitor.on_message)
 
     @property
     def view(self) -> VehicleView:
@@ -260,9 +258,6 @@ class MavlinkVehicle:
         self._reporter.report(
             OrderFailed(self.number, self._reporter.t_s(), name, reason, behind=behind)
         )
-
-    def _on_message(self, message: Message) -> None:
-        self._monitor.on_message(message)
 
     # --- the link ----------------------------------------------------------------------------
     async def _watch_link(self) -> None:

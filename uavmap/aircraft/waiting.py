@@ -49,17 +49,5 @@ class Waiting:
         self._tell(f"{self._name}: waits for {what}, for {now_s - self._begin_s:.0f} s by now")
         view = self._session.view
         if view.system_id and not view.armed and not view.ready_to_arm:
-            self._ask_why()
-
-    def _ask_why(self) -> None:
-        """An ArduPilot gives its reasons every half minute, or when asked."""
-        view = self._session.view
-        self._session.send(
-            mav.MAVLink_command_long_message(
-                view.system_id,
-                view.autopilot_component,
-                mav.MAV_CMD_RUN_PREARM_CHECKS,
-                0,
-                *([0.0] * 7),
-            )
-        )
+            # an ArduPilot gives its reasons every half minute, or when asked
+            self._session.send_command(mav.MAV_CMD_RUN_PREARM_CHECKS)

@@ -1,7 +1,7 @@
 """What a vehicle can be told in flight: the verbs that every driver has.
 
 A driver is a way to speak to a vehicle. The default one sends MAVLink commands by its session
-(`MavlinkCommands`); `uavmap.mavlink.mavsdk` has the same verbs done by MAVSDK. Telemetry comes by
+(`MavlinkCommands`); the one of `uavmap.mavlink.mavsdk` has MAVSDK do them. Telemetry comes by
 the session's view with either, and setpoints and the camera's commands are its messages.
 
 Every verb raises `CommandRefusedError` where the vehicle says no, and `LinkError` where it does
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -29,82 +29,32 @@ def _never() -> bool:
     return False
 
 
-class Commands(Protocol):
-    """The verbs of a driver. `done` says that the vehicle is seen to do it: nobody asks again."""
-
-    async def follow(self) -> None:
-        """Into the mode in which the vehicle flies to targets."""
-        ...
-
-    async def follow_stream(self) -> None:
-        """Into the mode in which it follows a stream of setpoints."""
-        ...
-
-    async def arm(self) -> None:
-        """Motors on."""
-        ...
-
-    async def take_off(self, height_m: float, done: Callable[[], bool]) -> None:
-        """Climb to a height (m) above home, from where it stands, armed."""
-        ...
-
-    async def fly_to(self, place: LatLon, height_m: float) -> None:
-        """Fly to a place at a height (m) above home, or above the ground there if the view has
-        one; refused in any mode but that of `follow`.
-        """
-        ...
-
-    def point_to(self, place: LatLon, height_m: float) -> None:
-        """The same as a target that nobody acknowledges, for a vehicle that refuses `fly_to`.
-
-        Ignored in any mode but that of streams.
-        """
-        ...
-
-    async def speed(self, speed_m_s: float) -> None:
-        """Fly to targets at a speed over ground (m/s), until the mode changes."""
-        ...
-
-    async def descent_speed(self, speed_m_s: float) -> None:
-        """Sink to targets at a speed (m/s), until the mode changes."""
-        ...
-
-    async def you_are_at(self, place: LatLon, sigma_m: float) -> None:
-        """Where it is, for an autopilot without satellites, and how sure that is (1 sigma, m)."""
-        ...
-
-    async def land(self, done: Callable[[], bool] = _never) -> None:
-        """Land where it is, which changes the mode."""
-        ...
-
-    async def return_to_launch(self) -> None:
-        """Return and land by its autopilot, which changes the mode."""
-        ...
-
-
 class MavlinkCommands:
-    """The verbs as MAVLink commands of a session: repeated until they are acknowledged."""
+    """The verbs as MAVLink commands of a session: repeated until they are acknowledged.
+
+    `done` says that the vehicle is seen to do it: nobody asks again.
+    """
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self._view = session.view
 
     async def follow(self) -> None:
-        """MAV_CMD_DO_SET_MODE."""
+        """MAV_CMD_DO_SET_MODE: into the mode in which the vehicle flies to targets."""
         await self._session.command(mav.MAV_CMD_DO_SET_MODE, *self._view.kind.follow_params)
 
     async def follow_stream(self) -> None:
-        """MAV_CMD_DO_SET_MODE."""
+        """MAV_CMD_DO_SET_MODE: into the mode in which it follows a stream of setpoints."""
         await self._session.command(mav.MAV_CMD_DO_SET_MODE, *self._view.kind.stream_params)
 
     async def arm(self) -> None:
-        """MAV_CMD_COMPONENT_ARM_DISARM."""
+        """MAV_CMD_COMPONENT_ARM_DISARM: motors on."""
         await self._session.command(
             mav.MAV_CMD_COMPONENT_ARM_DISARM, 1, done=lambda: self._view.armed
         )
 
     async def take_off(self, height_m: float, done: Callable[[], bool]) -> None:
-        """MAV_CMD_NAV_TAKEOFF."""
+        """MAV_CMD_NAV_TAKEOFF to a height (m) above home, from where it stands, armed."""
         kind = self._view.kind
         _, wire_m = kind.altitude_on_wire(height_m, self._view.home_amsl_m)
         unused = kind.unused_param
@@ -113,7 +63,11 @@ class MavlinkCommands:
         )
 
     async def fly_to(self, place: LatLon, height_m: float) -> None:
-        """MAV_CMD_DO_REPOSITION, without the flag that changes the mode."""
+        """MAV_CMD_DO_REPOSITION, without the flag that changes the mode.
+
+        The height (m) is above home, or above the ground there if the view has one. It is refused
+        in any mode but that of `follow`.
+        """
         kind = self._view.kind
         above_home_m = height_m + self._view.ground_m(place)
         place = self._view.as_told(place)
@@ -129,7 +83,10 @@ class MavlinkCommands:
         )
 
     def point_to(self, place: LatLon, height_m: float) -> None:
-        """SET_POSITION_TARGET_GLOBAL_INT, of a place alone."""
+        """SET_POSITION_TARGET_GLOBAL_INT, of a place alone, for a vehicle that refuses `fly_to`.
+
+        Nobody acknowledges it, and it is ignored in any mode but that of streams.
+        """
         view = self._view
         height_m += view.ground_m(place)
         place = view.as_told(place)
@@ -148,17 +105,17 @@ class MavlinkCommands:
         )
 
     async def speed(self, speed_m_s: float) -> None:
-        """MAV_CMD_DO_CHANGE_SPEED."""
+        """MAV_CMD_DO_CHANGE_SPEED: over ground to targets (m/s), until the mode changes."""
         await self._session.command(mav.MAV_CMD_DO_CHANGE_SPEED, 1, speed_m_s, -1)
 
     async def descent_speed(self, speed_m_s: float) -> None:
-        """MAV_CMD_DO_CHANGE_SPEED."""
+        """MAV_CMD_DO_CHANGE_SPEED: down to targets (m/s), until the mode changes."""
         await self._session.command(mav.MAV_CMD_DO_CHANGE_SPEED, 3, speed_m_s, -1)
 
     async def you_are_at(self, place: LatLon, sigma_m: float) -> None:
         """MAV_CMD_EXTERNAL_POSITION_ESTIMATE: taken by either autopilot while it has no satellites.
 
-        A PX4 whose optical flow works does not take it.
+        `sigma_m` is how sure the place is. A PX4 whose optical flow works does not take it.
         """
         boot_s = self._view.since_boot_s or 0.0
         await self._session.command_at(
@@ -171,9 +128,9 @@ class MavlinkCommands:
         )
 
     async def land(self, done: Callable[[], bool] = _never) -> None:
-        """MAV_CMD_NAV_LAND."""
+        """MAV_CMD_NAV_LAND where it is, which changes the mode."""
         await self._session.command(mav.MAV_CMD_NAV_LAND, done=done)
 
     async def return_to_launch(self) -> None:
-        """MAV_CMD_NAV_RETURN_TO_LAUNCH."""
+        """MAV_CMD_NAV_RETURN_TO_LAUNCH, which changes the mode."""
         await self._session.command(mav.MAV_CMD_NAV_RETURN_TO_LAUNCH)

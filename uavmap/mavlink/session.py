@@ -15,10 +15,9 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
-from uavmap.mavlink.links.framing import sender_of
-from uavmap.mavlink.links.packet_loss import Losses
+from uavmap.mavlink.links.framing import Losses, sender_of
 from uavmap.mavlink.links.signing import Signing
-from uavmap.mavlink.px4_events import EVENT_ID, event_text
+from uavmap.mavlink.status_texts import EVENT_ID, event_text
 from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.mavlink.view_updates import update
 
@@ -244,15 +243,25 @@ class Session:
 
         Raises `CommandRefusedError` with what the vehicle said, `LinkError` when it stays silent.
         """
-        filled = (*params, *([0.0] * (7 - len(params))))
         asked = self._autopilot if component is None else component
 
         def message(confirmation: int) -> Message:
-            return mav.MAVLink_command_long_message(
-                self.view.system_id, asked, command, confirmation, *filled
-            )
+            return self._command_long(command, params, asked, confirmation)
 
         await self._until_acknowledged(command, asked, message, done)
+
+    def send_command(self, command: int, *params: float, component: int | None = None) -> None:
+        """COMMAND_LONG as for `command`, once, and without waiting for an ACK."""
+        asked = self._autopilot if component is None else component
+        self.send(self._command_long(command, params, asked))
+
+    def _command_long(
+        self, command: int, params: tuple[float, ...], component: int, confirmation: int = 0
+    ) -> Message:
+        filled = (*params, *([0.0] * (7 - len(params))))
+        return mav.MAVLink_command_long_message(
+            self.view.system_id, component, command, confirmation, *filled
+        )
 
     async def command_at(
         self,
@@ -372,21 +381,12 @@ class Session:
         """Ask for a stream (MAV_CMD_SET_MESSAGE_INTERVAL)."""
         await self.command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, round(1e6 / rate_hz))
 
+    def request_interval(self, message_id: int, rate_hz: float) -> None:
+        """The same without waiting, for a stream whose coming is its answer."""
+        self.send_command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, round(1e6 / rate_hz))
+
     def request(self, message_id: int, param2: float = math.nan) -> None:
         """Ask once for a message (MAV_CMD_REQUEST_MESSAGE), without waiting for an ACK."""
         filler = 0.0 if math.isnan(param2) else param2
-        self.send(
-            mav.MAVLink_command_long_message(
-                self.view.system_id,
-                self.view.camera_component if message_id == 263 else self._autopilot,
-                mav.MAV_CMD_REQUEST_MESSAGE,
-                0,
-                message_id,
-                filler,
-                0,
-                0,
-                0,
-                0,
-                0,
-            )
-        )
+        component = self.view.camera_component if message_id == 263 else None
+        self.send_command(mav.MAV_CMD_REQUEST_MESSAGE, message_id, filler, component=component)

@@ -19,10 +19,10 @@ from missions.flight.setting import Setting
 from uavmap.aircraft.imaging.classifier import detector_of
 from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.runner.flight_links import Link
+from uavmap.runner.operator.ground_crew import Operator
 from uavmap.runner.preflight.autopilot_setup import AutopilotSetup
 from uavmap.runner.preflight.examination import Examination
 from uavmap.runner.preflight.finding import Finding, Level, binding, could_fly, warn
-from uavmap.runner.preflight.question import Operator
 
 _LOG: Final = logging.getLogger("uavmap.runner.preflight")
 IDENTITY_S: Final = 2.0

@@ -8,28 +8,76 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from missions.errors import JournalError, LinkError, OutputError, PreflightError
+from missions.errors import JournalError, LinkError, MissionFileError, OutputError, PreflightError
 from missions.flight.setting import Setting
 from missions.flight.state import State
+from missions.mission.schema import Mission
 from missions.mission.terrain_checks import refuse_unknown_ground
 from uavmap.base.extras import install_command
 from uavmap.fleet.fleet_radio import check_network
 from uavmap.journal.event_log import PLAIN, Journal, planner
-from uavmap.journal.flight_options import Driver, FleetNetwork
-from uavmap.journal.flight_plan import JOURNAL, REHOMED, TLOG, FlightPlan
+from uavmap.journal.flight_options import Driver, FleetNetwork, FlightOptions
+from uavmap.journal.flight_plan import (
+    JOURNAL,
+    REHOMED,
+    SIM_EPOCH_UTC_S,
+    TLOG,
+    FlightPlan,
+    check_member,
+)
 from uavmap.load.kept_detector import drop_detector, keep_detector
+from uavmap.load.mission_source import load
 from uavmap.mavlink.links.urls import parse_url
 from uavmap.runner.before_flight import KEEP_FENCE
-from uavmap.runner.flight_links import check_urls
+from uavmap.runner.flight_links import cameras_of, check_urls
 from uavmap.runner.one_flight import KEEP_FRAMES, Company, Flight, written_results
 from uavmap.runner.operator.onlooker import folded
 
 _LOG: Final = logging.getLogger("uavmap.flight")
+
+
+def planned(options: FlightOptions) -> FlightPlan:
+    """Load the mission and make the plan; nothing is written, and no vehicle is connected.
+
+    Raises `MissionFileError`, and `LinkError` where there is no vehicle, or one too many.
+    """
+    mission = load(options.mission_source, options.detector)
+    options = replace(options, urls=_urls(options, mission))
+    epoch_utc_s = SIM_EPOCH_UTC_S if options.simulated else time.time()
+    plan = FlightPlan.make(options, mission, epoch_utc_s)
+    if plan.member != 0:  # a faulty camera is reported before a folder is made
+        cameras_of(plan.cameras, plan.mission, plan.member)
+    return plan
+
+
+def _urls(options: FlightOptions, mission: Mission) -> tuple[str, ...]:
+    """The URLs of the vehicles that this service flies: those given, else the mission's."""
+    if options.simulated or options.member == 0:
+        return ()
+    urls, source = options.urls, options.mission_source
+    if options.member is not None:
+        check_member(mission, source, options.member)
+        url = mission.vehicles[options.member - 1].url
+        urls = urls or (() if url is None else (url,))
+    elif not urls:
+        urls = tuple(v.url for v in mission.vehicles if v.url is not None)
+        if 0 < len(urls) < len(mission.vehicles):
+            raise MissionFileError(
+                f"{source}: vehicles: {len(urls)} of {len(mission.vehicles)} have a url; "
+                "give one to each, or use --connect once a vehicle"
+            )
+    if not urls:
+        raise LinkError(
+            f"{source}: no vehicle to fly; give --connect URL (or vehicles.url in the "
+            "mission file), or --sim for the simulator"
+        )
+    return urls
 
 
 def fly(

@@ -11,16 +11,17 @@ from functools import partial
 from typing import Final
 
 from missions.errors import LinkError
-from missions.mission.schema import CameraSection
+from missions.mission.schema import CameraSection, Mission
 from uavmap.aircraft.cameras.mavlink import Fetch, MavlinkSource
-from uavmap.aircraft.cameras.opening import opened_camera
+from uavmap.aircraft.cameras.mount import Mount
+from uavmap.aircraft.cameras.opening import Settings, opened_camera
 from uavmap.aircraft.cameras.source import FrameSource
-from uavmap.aircraft.cameras.spec import CameraSpec
+from uavmap.aircraft.cameras.spec import CameraSpec, parse_camera
 from uavmap.aircraft.imaging.http_pictures import PictureFetcher
 from uavmap.base import messages
 from uavmap.journal.flight_options import MAVSDK, PYMAVLINK
 from uavmap.journal.flight_plan import FlightPlan
-from uavmap.mavlink.commands import Commands, MavlinkCommands
+from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.links.forwarding import Forwarding
 from uavmap.mavlink.links.key_file import signing_with
 from uavmap.mavlink.links.transports import Transport, open_shared, open_transport
@@ -28,7 +29,6 @@ from uavmap.mavlink.links.urls import Endpoint, parse_url
 from uavmap.mavlink.mavsdk.mavsdk_commands import MavsdkCommands
 from uavmap.mavlink.mavsdk.mavsdk_session import opened_session
 from uavmap.mavlink.session import ACK_WAIT_S, Session
-from uavmap.runner.flight_cameras import settings_of
 
 ACK_WAIT_WALL_S: Final = 0.3
 """On a clock that runs fast, a busy machine takes so long of real time to answer."""
@@ -42,7 +42,7 @@ class Link:
     """What the operator calls it: its URL."""
     session: Session
     camera: FrameSource
-    commands: Commands
+    commands: MavlinkCommands
 
 
 def mavlink_link(name: str, session: Session, fetch: Fetch) -> Link:
@@ -214,3 +214,27 @@ def _log_refused(lines: Sequence[_Line], log: Callable[[str], None]) -> None:
         for (kind, reason), count in sorted(line.session.view.gate.refused.items()):
             if kind == "frames":
                 log(f"vehicle {number}: {count} frames were refused: {reason}")
+
+
+# --- cameras, as the mission file and the command line describe them --------------------------
+def mount_of(camera: CameraSection) -> Mount:
+    """How the camera of a mission file is fixed to its aircraft."""
+    return Mount(camera.mounting == "fixed", camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
+
+
+def settings_of(camera: CameraSection) -> Settings:
+    """What a mission file says of its cameras."""
+    size_px = (camera.width_px, camera.height_px)
+    return Settings(size_px, camera.interval_s, camera.latency_s, mount_of(camera))
+
+
+def cameras_of(
+    given: Sequence[str], mission: Mission, member: int | None = None
+) -> list[CameraSpec]:
+    """The camera of each vehicle: of the command line, else of the mission file.
+
+    Of a member of a fleet that of its own vehicle only. Raises `LinkError` for what is no camera.
+    """
+    ours = mission.vehicles if member is None else mission.vehicles[member - 1 : member]
+    written = given or [v.camera or "mavlink" for v in ours]
+    return [parse_camera(text) for text in written]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from typing import Protocol
+from collections.abc import Callable
 
 from missions.events import Event
 from missions.flight.setting import Setting
@@ -18,16 +18,8 @@ from uavmap.journal.event_log import Journal
 from uavmap.runner.service import Observer, Service
 
 
-class Commanded(Protocol):
-    """A fleet that is commanded by word."""
-
-    def order(self, word: Word) -> None:
-        """Send a word to all members."""
-        ...
-
-
 class GroundService(Service):
-    """A service without a vehicle, whose orders are words to a fleet."""
+    """A service without a vehicle, whose orders are words to a fleet; `send` takes them."""
 
     def __init__(
         self,
@@ -36,10 +28,10 @@ class GroundService(Service):
         state: State,
         observe: Observer,
         reports: asyncio.Queue[Event],
-        fleet: Commanded,
+        send: Callable[[Word], None],
     ) -> None:
         super().__init__(setting, journal, {}, state, observe, reports)
-        self._fleet = fleet
+        self._send = send
         self._stamp = 0
 
     def recall(self) -> None:
@@ -69,5 +61,5 @@ class GroundService(Service):
 
     def _command(self, order: Order, vehicle: int = 0) -> bool:
         self._stamp = max(self._stamp + 1, int(time.time()))
-        self._fleet.order(Word(self._stamp, vehicle, order))
+        self._send(Word(self._stamp, vehicle, order))
         return True

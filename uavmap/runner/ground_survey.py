@@ -25,7 +25,7 @@ from uavmap.aircraft.cameras.spec import parse_camera
 from uavmap.base.clock import Clock, ScaledClock, VirtualClock, run
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.load.dem import with_lattice
-from uavmap.mavlink.answer import answered
+from uavmap.mavlink.identity import answered
 from uavmap.mavlink.session import Session
 from uavmap.runner.flight_links import LinkOptions, opened_links
 from uavmap.runner.preflight.autopilot_terrain import AutopilotTerrain

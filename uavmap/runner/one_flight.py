@@ -33,14 +33,19 @@ from uavmap.output.documents import with_documents
 from uavmap.output.facts.score import true_roi
 from uavmap.output.write_results import write_results
 from uavmap.runner.before_flight import BeforeFlight, Preflight, kept_fence
-from uavmap.runner.flight_cameras import cameras_of
-from uavmap.runner.flight_links import Link, LinkOptions, mavlink_link, opened_links, refuse_rivals
+from uavmap.runner.flight_links import (
+    Link,
+    LinkOptions,
+    cameras_of,
+    mavlink_link,
+    opened_links,
+    refuse_rivals,
+)
 from uavmap.runner.ground_service import GroundService
-from uavmap.runner.interim_map import leave_map, patiently
 from uavmap.runner.operator.caller import Caller
 from uavmap.runner.operator.flight_keys import Keys
 from uavmap.runner.operator.ground_crew import Crew, EnterKey
-from uavmap.runner.operator.interrupts import interrupts, like_control_c
+from uavmap.runner.operator.interrupts import interrupts, leave_map, like_control_c, patiently
 from uavmap.runner.operator.keyboard import keyboard
 from uavmap.runner.operator.onlooker import Keepers, Onlooker
 from uavmap.runner.service import Service
@@ -256,7 +261,7 @@ class Flight:
         if vehicles or member is None:
             service = Service(setting, journal, vehicles, state, observe, reports)
         else:
-            service = GroundService(setting, journal, state, observe, reports, member)
+            service = GroundService(setting, journal, state, observe, reports, member.order)
         self._service = service
         for onlooker in company.onlookers:
             onlooker.begin(self._setting, again=self._again)

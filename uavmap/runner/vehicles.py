@@ -24,8 +24,7 @@ from uavmap.base.clock import WINDOW_WALL_S, ClockRate
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.journal.kept_frames import Keeper
 from uavmap.mavlink.identity import same_aircraft
-from uavmap.runner.flight_cameras import mount_of
-from uavmap.runner.flight_links import Link
+from uavmap.runner.flight_links import Link, mount_of
 from uavmap.runner.operator.ground_crew import Crew
 from vision.detectors import Detector
 

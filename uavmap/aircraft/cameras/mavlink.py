@@ -81,35 +81,21 @@ class CaptureCommands:
     async def _stop_first(self) -> None:
         """IMAGE_STOP_CAPTURE, acknowledged; a camera that refuses has nothing to stop."""
         with contextlib.suppress(LinkError):
-            await self._session.command(
-                mav.MAV_CMD_IMAGE_STOP_CAPTURE,
-                component=self._component(),
-            )
+            await self._session.command(mav.MAV_CMD_IMAGE_STOP_CAPTURE, component=self._component())
 
     def stop(self) -> None:
         """MAV_CMD_IMAGE_STOP_CAPTURE, without waiting: it is sent while being called off."""
         self._idle = False
-        self._session.send(
-            mav.MAVLink_command_long_message(
-                self._session.view.system_id,
-                self._component(),
-                mav.MAV_CMD_IMAGE_STOP_CAPTURE,
-                0,
-                *([0.0] * 7),
-            )
-        )
+        self._session.send_command(mav.MAV_CMD_IMAGE_STOP_CAPTURE, component=self._component())
 
 
-class MavlinkSource:
-    """The camera component of the vehicle at the other end of a session."""
+class CommandedSource:
+    """What the cameras have in common that are commanded by messages of a session."""
 
-    def __init__(self, session: Session, fetch: Fetch) -> None:
+    def __init__(self, session: Session, component: Callable[[], int]) -> None:
         self._session = session
-        self._by_http = fetch
-        self._ftp = MavlinkFtp(session)
-        self._commands = CaptureCommands(session, lambda: session.view.camera_component)
+        self._commands = CaptureCommands(session, component)
         self._heard: Callable[[Announcement], None] = lambda announcement: None
-        session.listen(self._on_message)
 
     def listen(self, heard: Callable[[Announcement], None]) -> None:
         """Call `heard` with each picture."""
@@ -132,6 +118,16 @@ class MavlinkSource:
     def uncertain(self) -> None:
         """Nobody knows what it does."""
         self._commands.uncertain()
+
+
+class MavlinkSource(CommandedSource):
+    """The camera component of the vehicle at the other end of a session."""
+
+    def __init__(self, session: Session, fetch: Fetch) -> None:
+        super().__init__(session, lambda: session.view.camera_component)
+        self._by_http = fetch
+        self._ftp = MavlinkFtp(session)
+        session.listen(self._on_message)
 
     def ask_again(self, index: int) -> None:
         """Have a lost announcement repeated."""

@@ -17,9 +17,9 @@ from missions.geo.grid import Grid
 from missions.units import LatLon, Pose, Quaternion
 from uavmap.aircraft.cameras.mount import Mount
 from uavmap.aircraft.cameras.source import Announcement, ToldPose
-from uavmap.mavlink.attitude_history import Attitudes
 from uavmap.mavlink.continuity import FASTEST_M_S, distance_m
 from uavmap.mavlink.message_rules import unit_fault
+from uavmap.mavlink.position_history import Attitudes
 from uavmap.mavlink.session import Message, Session
 from uavmap.mavlink.vehicle_view import VehicleView
 
@@ -58,7 +58,7 @@ class Poses:
             return
         self.streams[mav.MAVLINK_MSG_ID_ATTITUDE] = RATE_HZ
         if self._view.autopilot is not None:
-            self._session.send(rate_command(self._view, mav.MAVLINK_MSG_ID_ATTITUDE, RATE_HZ))
+            self._session.request_interval(mav.MAVLINK_MSG_ID_ATTITUDE, RATE_HZ)
 
     def _on_message(self, message: Message) -> None:
         """Note an attitude; one with a stamp of another clock is refused and counted."""
@@ -135,14 +135,6 @@ class Poses:
         whole = ToldPose(position, height_m, attitude)
         fault = pose_fault(whole, self._view, self._grid, picture.taken_s)
         return fault, Pose(position, height_m, attitude)
-
-
-def rate_command(view: VehicleView, message_id: int, rate_hz: float) -> Message:
-    """SET_MESSAGE_INTERVAL to the autopilot, for a stream whose coming is its answer."""
-    return mav.MAVLink_command_long_message(
-        view.system_id, view.autopilot_component, mav.MAV_CMD_SET_MESSAGE_INTERVAL, 0,
-        message_id, round(1e6 / rate_hz), *([0.0] * 5),
-    )  # fmt: skip
 
 
 def pose_fault(told: ToldPose, view: VehicleView, grid: Grid | None, taken_s: float) -> str | None:

@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import LinkError
 from missions.units import LatLon, Quaternion
 from uavmap.aircraft.cameras.folder import Card, CardPicture, Say, Slowly
-from uavmap.aircraft.cameras.mavlink import CaptureCommands
+from uavmap.aircraft.cameras.mavlink import CommandedSource
 from uavmap.aircraft.cameras.mount import Mount
 from uavmap.aircraft.cameras.source import Announcement, ToldPose, never
 from uavmap.mavlink.continuity import RecentLeast
@@ -45,7 +45,7 @@ class _Shot:
     told: ToldPose
 
 
-class TriggeredSource:
+class TriggeredSource(CommandedSource):
     """Pictures that the autopilot at the other end of a session has taken."""
 
     def __init__(
@@ -57,14 +57,12 @@ class TriggeredSource:
         say: Say,
         slowly: Slowly[Any] = asyncio.to_thread,
     ) -> None:
-        self._session = session
-        self._mount = mount
         view = session.view
-        self._commands = CaptureCommands(
+        super().__init__(
             session, lambda: view.autopilot_component or int(mav.MAV_COMP_ID_AUTOPILOT1)
         )
+        self._mount = mount
         self._card = Card(folder, latency_s, say, slowly)
-        self._heard: Callable[[Announcement], None] = lambda announcement: None
         self._interval_s = 1.0
         self._active = False
         self._stopped_s = -math.inf
@@ -75,32 +73,20 @@ class TriggeredSource:
         session.listen(self._on_message)
 
     # --- orders ------------------------------------------------------------------------------
-    def listen(self, heard: Callable[[Announcement], None]) -> None:
-        """Call `heard` with each picture."""
-        self._heard = heard
-
     async def start(
         self, interval_s: float, count: int, coming: Callable[[], bool] = never
     ) -> None:
         """Have the autopilot trigger. Raises `CommandRefusedError`, `LinkError`."""
         self._interval_s, self._active = interval_s, True
         self._shots.clear()
-        await self._commands.start(interval_s, count, coming)
+        await super().start(interval_s, count, coming)
 
     def stop(self) -> None:
         """Have it stop; what it has triggered until now may still come."""
         if self._active:
             self._stopped_s = asyncio.get_running_loop().time()
         self._active = False
-        self._commands.stop()
-
-    def ended(self) -> None:
-        """It has stopped by itself."""
-        self._commands.ended()
-
-    def uncertain(self) -> None:
-        """Nobody knows what it does."""
-        self._commands.uncertain()
+        super().stop()
 
     def ask_again(self, index: int) -> None:
         """CAMERA_FEEDBACK is not repeated."""

@@ -31,7 +31,7 @@ from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.guardian.recovery import BRISK_M_S, LOOK_S, RecoveryFlight
 from uavmap.aircraft.reporter import Reporter
 from uavmap.aircraft.terrain_legs import leg_over_ground_s
-from uavmap.mavlink.commands import Commands
+from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.session import Session
 
 HEARTBEAT_S: Final = 1.0
@@ -59,7 +59,7 @@ class Guardian:
     def __init__(
         self,
         session: Session,
-        commands: Commands,
+        commands: MavlinkCommands,
         reporter: Reporter,
         monitor: Monitor,
         limits: Limits,

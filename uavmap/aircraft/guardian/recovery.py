@@ -18,7 +18,7 @@ from missions.units import GridPoint
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.reporter import Reporter
 from uavmap.aircraft.terrain_legs import aim_over_ground
-from uavmap.mavlink.commands import Commands
+from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.session import Session
 
 LOOK_S: Final = 0.5
@@ -43,7 +43,7 @@ class RecoveryFlight:
     def __init__(
         self,
         session: Session,
-        commands: Commands,
+        commands: MavlinkCommands,
         reporter: Reporter,
         monitor: Monitor,
         limits: Limits,

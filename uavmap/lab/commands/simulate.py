@@ -84,7 +84,6 @@ def add_parser(commands: Any) -> None:
         "simulate",
         description="Explore ROIs with perfect robots, and hold the makespan against its bounds.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     where = parser.add_mutually_exclusive_group(required=True)
@@ -139,7 +138,6 @@ def add_parser(commands: Any) -> None:
         help=f"write {_SUMMARY} into this folder, too; of a polygon also moves.csv, map.png",
     )
     add("--json", action="store_true", help="print the figures as JSON")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from importlib.util import find_spec
 from typing import Any, Final
 
@@ -38,7 +37,6 @@ def add_parser(commands: Any) -> None:
         "study",
         description=f"Repeat a study and set the paper's numbers beside ours:\n{names}",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "name", metavar="NAME", choices=STUDIES, help=f"one of: {', '.join(STUDIES)}"
@@ -52,7 +50,6 @@ def add_parser(commands: Any) -> None:
     )
     where.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster")
     parser.add_argument("--json", action="store_true", help="print the table as JSON")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -81,8 +78,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         rows = [dict(zip(page.table.columns, row, strict=True)) for row in page.table.rows]
         report = {"study": study.name, "seed": options.seed, "out": str(folder), "rows": rows}
-        json.dump(report, sys.stdout, indent=2)
-        sys.stdout.write("\n")
+        print(json.dumps(report, indent=2))
     else:
         print(f"{page.title}\n\n{page.text.strip()}\n")
         if len(page.table.rows) <= SHOWN_ROWS:

@@ -1,4 +1,4 @@
-"""A flight that another thread has asked for: how that thread's Ctrl-C reaches it.
+"""A flight as an operator steers it, and as another thread interrupts it that has asked for it.
 
 Signals are heard by a program's main thread alone. Where a flight runs in a thread of its own,
 whoever waits for it says `press` instead, and the flight does what it does on Ctrl-C.
@@ -10,9 +10,47 @@ import asyncio
 import contextlib
 import threading
 from collections.abc import Awaitable, Callable, Iterator
-from typing import TypeVar
+from typing import Any, Protocol, TypeVar
 
 T = TypeVar("T")
+
+
+class Steered(Protocol):
+    """A service, as an operator steers it."""
+
+    @property
+    def state(self) -> Any:
+        """What the mission knows: `vehicles` by their numbers."""
+        ...
+
+    @property
+    def flying(self) -> bool:
+        """Whether the flight has begun, and is not over."""
+        ...
+
+    def pause(self) -> bool:
+        """Have all vehicles hold."""
+        ...
+
+    def go_on(self) -> bool:
+        """End a pause."""
+        ...
+
+    def recall(self) -> None:
+        """Call all vehicles home."""
+        ...
+
+    def recall_vehicle(self, number: int) -> bool:
+        """Call one vehicle home."""
+        ...
+
+    def skip_cell(self, number: int) -> bool:
+        """Leave out the cell that a vehicle observes, or is to observe."""
+        ...
+
+    def land_here(self, number: int) -> bool:
+        """Have a vehicle land where it is."""
+        ...
 
 
 class Caller:

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from uavmap.runner.operator.steered import Steered
+from uavmap.runner.operator.caller import Steered
 
 FORGOTTEN_S: Final = 10.0
 """Real seconds after which a key that waits for a number, or for a second press, is forgotten."""

@@ -14,6 +14,7 @@ from typing import Final, TextIO
 from uavmap.base.terminal import forget_typed, read_line
 
 _LOG: Final = logging.getLogger("uavmap.flight")
+_PREFLIGHT: Final = logging.getLogger("uavmap.runner.preflight")
 
 
 class EnterKey:
@@ -47,6 +48,29 @@ class EnterKey:
             self._asked.set_result(pressed)
 
 
+class Operator:
+    """The operator at the terminal, if there is one; the links go on while a question waits."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream: TextIO | None = stream or sys.stdin
+
+    @property
+    def absent(self) -> bool:
+        """Whether nobody will ever answer."""
+        return self._stream is None or not self._stream.isatty()
+
+    async def agrees(self, question: str) -> bool:
+        """Ask, and wait for a line; whether it is a yes."""
+        forget_typed(self._stream)
+        _PREFLIGHT.info(question)
+        return (await read_line(self._stream)).strip().lower() in ("y", "yes")
+
+    async def entered(self) -> bool:
+        """Wait for a line; False when the terminal is gone."""
+        forget_typed(self._stream)
+        return (await read_line(self._stream)).endswith("\n")
+
+
 class Crew:
     """Asks for battery swaps, one at a time.
 
@@ -58,16 +82,14 @@ class Crew:
     ) -> None:
         self._automatic = automatic
         self._enter = enter
-        self._stream: TextIO | None = stream or sys.stdin
+        self._operator = Operator(stream)
         self._asking = asyncio.Lock()
         self.waiting: set[int] = set()
 
     @property
     def absent(self) -> bool:
         """Whether nobody will ever answer."""
-        if self._automatic:
-            return False
-        return self._stream is None or not self._stream.isatty()
+        return not self._automatic and self._operator.absent
 
     async def swap(self, vehicle: int) -> None:
         """Return when the battery of a vehicle is swapped and it may take off again."""
@@ -89,7 +111,4 @@ class Crew:
             self.waiting.discard(vehicle)
 
     async def _entered(self) -> bool:
-        if self._enter is not None:
-            return await self._enter.wait()
-        forget_typed(self._stream)
-        return (await read_line(self._stream)).endswith("\n")
+        return await (self._operator.entered() if self._enter is None else self._enter.wait())

@@ -14,7 +14,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.step import step
 from uavmap.journal.kept_frames import Keeper, KeptFrame
-from uavmap.runner.operator.steered import Steered
+from uavmap.runner.operator.caller import Steered
 
 
 class Onlooker:

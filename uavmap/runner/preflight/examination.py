@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import CommandRefusedError, LinkError
 from missions.flight.setting import Setting
 from uavmap.aircraft.cameras.source import FrameSource
-from uavmap.mavlink.answer import answered
+from uavmap.mavlink.identity import answered
 from uavmap.mavlink.parameters import Parameters
 from uavmap.mavlink.session import Session
 from uavmap.runner.preflight.autopilot_parameters import names_of, parameter_findings

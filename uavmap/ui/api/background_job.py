@@ -35,10 +35,7 @@ def waited_for(job: Job[T]) -> T:
     with _pressed_by(SIGNALS, work.caller):
         work.start()
         work.done.wait()
-    result = work.result()
-    if work.caller.presses:
-        raise KeyboardInterrupt("the flight was interrupted; its results are in its folder")
-    return result
+    return work.result()
 
 
 async def awaited(job: Job[T]) -> T:
@@ -68,10 +65,7 @@ async def awaited(job: Job[T]) -> T:
         with contextlib.suppress(KeyboardInterrupt):
             work.result()
         raise cancelled
-    result = work.result()
-    if work.caller.presses:
-        raise KeyboardInterrupt("the flight was interrupted; its results are in its folder")
-    return result
+    return work.result()
 
 
 class _Work(Generic[T]):
@@ -102,10 +96,15 @@ class _Work(Generic[T]):
         threading.Thread(target=run, name="uavmap flight").start()
 
     def result(self) -> T:
-        """What the job returned; raises what it raised, without the groups of its tasks."""
+        """What the job returned; raises what it raised, without the groups of its tasks.
+
+        Raises `KeyboardInterrupt` where it was interrupted and came to a good end all the same.
+        """
         if self._failure is not None:
             failure, self._failure = self._failure, None
             raise single(failure)
+        if self.caller.presses:
+            raise KeyboardInterrupt("the flight was interrupted; its results are in its folder")
         return self._result[0]
 
 

@@ -20,7 +20,7 @@ from uavmap.journal.results_folder import results_folder
 from uavmap.photos.after_flight import draw_boundary, kept_frames
 from uavmap.runner import flight
 from uavmap.runner.before_flight import Preflight
-from uavmap.runner.flight_setup import planned
+from uavmap.runner.flight import planned
 from uavmap.runner.ground_survey import with_ground
 from uavmap.runner.one_flight import Company
 from uavmap.runner.operator.caller import Caller

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import shapely
-from shapely.geometry import shape
+from shapely.geometry.base import BaseGeometry
 
 from missions.errors import UavmapError
 from uavmap.base.extras import install_command
@@ -22,12 +24,31 @@ from uavmap.output.drawing.palette import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from uavmap.ui.api.results import Results
-
 _POINTS_A_PIXEL = 0.65
 
 
-def draw(results: Results, ax: Axes | None) -> Axes:
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """What is drawn, in metres of a UTM zone.
+
+    Attributes:
+        squares: The cells of each state.
+        region: The outline of the region's cells.
+        boundary: The region at pixel level, where it is known.
+        tracks: Each vehicle's, by its number.
+        utm_crs: The zone.
+        title: What was found.
+    """
+
+    squares: Mapping[str, Sequence[BaseGeometry]]
+    region: BaseGeometry
+    boundary: BaseGeometry | None
+    tracks: Mapping[int, BaseGeometry]
+    utm_crs: str
+    title: str
+
+
+def draw(plot: Plot, ax: Axes | None) -> Axes:
     """Cells by state, the outline, the boundary and the tracks, in metres of the UTM zone.
 
     Raises `UavmapError` where matplotlib is not installed.
@@ -39,13 +60,8 @@ def draw(results: Results, ax: Axes | None) -> Axes:
         raise UavmapError(f"a plot needs matplotlib: {install_command('study')}") from None
     if ax is None:
         ax = plt.subplots(figsize=(7.0, 7.0), layout="constrained")[1]
-    cells = results.features("cell")
     for state, colour in STATES.items():
-        squares = [
-            shapely.get_coordinates(results.to_utm(shape(cell["geometry"])))
-            for cell in cells
-            if cell["properties"]["state"] == state
-        ]
+        squares = [shapely.get_coordinates(cell) for cell in plot.squares.get(state, ())]
         if squares:
             label = f"{STATE_NAMES[state]} ({len(squares)})"
             ax.add_collection(
@@ -53,25 +69,24 @@ def draw(results: Results, ax: Axes | None) -> Axes:
                     squares, facecolor=_rgb(colour), edgecolor="white", linewidth=0.3, label=label
                 )
             )
-    _lines(ax, shapely.boundary(results.region_utm), *LINES["outline"])
-    if results.boundary is not None:
-        told = shapely.boundary(results.to_utm(results.boundary))
-        _lines(ax, told, *LINES["boundary"])
-    for number, track in results.tracks.items():
-        label = "track" if len(results.tracks) == 1 else f"track of vehicle {number}"
-        _lines(ax, results.to_utm(track), label, Style(track_colour(number), TRACK_PX))
+    _lines(ax, shapely.boundary(plot.region), *LINES["outline"])
+    if plot.boundary is not None:
+        _lines(ax, shapely.boundary(plot.boundary), *LINES["boundary"])
+    for number, track in plot.tracks.items():
+        label = "track" if len(plot.tracks) == 1 else f"track of vehicle {number}"
+        _lines(ax, track, label, Style(track_colour(number), TRACK_PX))
     ax.autoscale_view()
     ax.set_aspect("equal")
     ax.ticklabel_format(useOffset=False, style="plain")
     ax.tick_params(labelsize="small")
-    ax.set_xlabel(f"easting, m ({results.utm_crs})")
+    ax.set_xlabel(f"easting, m ({plot.utm_crs})")
     ax.set_ylabel("northing, m")
-    ax.set_title(results.finding, fontsize="small")
+    ax.set_title(plot.title, fontsize="small")
     ax.legend(fontsize="small", loc="best")
     return ax
 
 
-def _lines(ax: Axes, lines: shapely.geometry.base.BaseGeometry, label: str, style: Style) -> None:
+def _lines(ax: Axes, lines: BaseGeometry, label: str, style: Style) -> None:
     width = _POINTS_A_PIXEL * style.width_px
     for part in shapely.get_parts(lines):
         places = shapely.get_coordinates(part)

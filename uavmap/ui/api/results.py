@@ -20,6 +20,7 @@ from uavmap.base.arguments import Paths, path_text
 from uavmap.base.extras import install_command
 from uavmap.base.text_files import read_text
 from uavmap.journal.flight_plan import JOURNAL
+from uavmap.ui.api.plotting import Plot, draw
 
 if TYPE_CHECKING:
     import geopandas
@@ -206,9 +207,13 @@ class Results:
 
         Raises `UavmapError` where matplotlib is not installed (the extra `study`).
         """
-        from uavmap.ui.api.plotting import draw  # noqa: PLC0415 - an extra, and heavy
-
-        return draw(self, ax)
+        squares: dict[str, list[BaseGeometry]] = {}
+        for cell in self.features("cell"):
+            squares.setdefault(cell["properties"]["state"], []).append(self.to_utm(_shape(cell)))
+        boundary = None if self.boundary is None else self.to_utm(self.boundary)
+        tracks = {number: self.to_utm(track) for number, track in self.tracks.items()}
+        plot = Plot(squares, self.region_utm, boundary, tracks, self.utm_crs, self.finding)
+        return draw(plot, ax)
 
 
 # --- files ---------------------------------------------------------------------------------------

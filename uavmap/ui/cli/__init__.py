@@ -58,7 +58,12 @@ class _Named:
         self._commands = commands
 
     def add_parser(self, name: str, **more: Any) -> Any:
-        return self._commands.add_parser(name, help=COMMANDS[name], **more)
+        return self._commands.add_parser(
+            name,
+            help=COMMANDS[name],
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            **more,
+        )
 
 
 def _module_of(command: str) -> Any:
@@ -182,7 +187,7 @@ def _out_of_memory(group: BaseExceptionGroup[MemoryError]) -> int:
 
 def _run(options: argparse.Namespace) -> int:
     try:
-        code: int = options.run(options)
+        code: int = _module_of(options.command).run(options)
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EIO) and error.filename is None:
             what = error.strerror or "it is refused"

@@ -29,36 +29,35 @@ exit codes:
 """
 
 
-def _number(text: str, kind: type[int] | type[float], low: float, high: float) -> Any:
-    """A number within limits, both included, or a message that says what was expected."""
-    what = "a whole number" if kind is int else "a number"
-    try:
-        value = kind(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not {what}") from None
-    if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g}")
-    return value
-
-
 def number_type(kind: type[int] | type[float], low: float, high: float) -> Callable[[str], Any]:
-    """The type of an option that takes a number within limits, both included."""
-    return lambda text: _number(text, kind, low, high)
+    """The type of an option that takes a number within limits, both included.
+
+    >>> number_type(int, 1, 9)("3")
+    3
+    """
+
+    def number(text: str) -> Any:
+        try:
+            value = kind(text)
+        except ValueError:
+            what = "a whole number" if kind is int else "a number"
+            raise argparse.ArgumentTypeError(f"{text!r} is not {what}") from None
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g}")
+        return value
+
+    return number
 
 
-def vehicle_count(text: str) -> int:
-    """How many vehicles: as many as a mission file may hold."""
-    return int(_number(text, int, 1, MAX_VEHICLES))
-
-
-def worker_count(text: str) -> int:
-    """How many processes."""
-    return int(_number(text, int, 1, 256))
-
-
-def seed_number(text: str) -> int:
-    """A seed: numpy takes no negative ones."""
-    return int(_number(text, int, 0, 2**63 - 1))
+vehicle_count: Final = number_type(int, 1, MAX_VEHICLES)
+worker_count: Final = number_type(int, 1, 256)
+seed_number: Final = number_type(int, 0, 2**63 - 1)
+"""Seeds that numpy takes."""
+port_number: Final = number_type(int, 1, 65000)
+"""Ports with room for those of more vehicles behind them."""
+epsg_code: Final = number_type(int, 1024, 999_999)
+index_number: Final = number_type(int, 0, 10**9)
+speedup: Final = number_type(float, 0.001, 1000.0)
 
 
 def utc_seconds(text: str) -> float:
@@ -74,26 +73,6 @@ def utc_seconds(text: str) -> float:
     if time is None or time.tzinfo is None:
         raise argparse.ArgumentTypeError(f"{text!r} is no time such as 2024-05-01T10:11:12Z")
     return time.timestamp()
-
-
-def port_number(text: str) -> int:
-    """A port, with room for those of more vehicles behind it."""
-    return int(_number(text, int, 1, 65000))
-
-
-def epsg_code(text: str) -> int:
-    """The number of a coordinate reference system."""
-    return int(_number(text, int, 1024, 999_999))
-
-
-def index_number(text: str) -> int:
-    """A place in a list, counted from 0."""
-    return int(_number(text, int, 0, 10**9))
-
-
-def speedup(text: str) -> float:
-    """A factor on time."""
-    return float(_number(text, float, 0.001, 1000.0))
 
 
 def pair(what: str, text: str, expected: str) -> tuple[float, float]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -69,8 +68,7 @@ def print_summary(
 ) -> None:
     """Print what came out of a flight or a replay."""
     if as_json:
-        json.dump({**summary, "out": str(folder)}, sys.stdout, indent=2)
-        sys.stdout.write("\n")
+        print(json.dumps({**summary, "out": str(folder)}, indent=2))
         return
     table = Table(
         title=escape(f"{summary['mission']} ({summary['strategy']})"),

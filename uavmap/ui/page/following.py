@@ -22,8 +22,7 @@ from uavmap.photos.ground.rasters import ORTHO
 from uavmap.ui.page.background import of_mosaic, of_tiles
 from uavmap.ui.page.feed import Feed
 from uavmap.ui.page.live import tell_scene
-from uavmap.ui.page.page_scene import scene_of
-from uavmap.ui.page.photo_marks import marks_of
+from uavmap.ui.page.page_scene import marks_of, scene_of
 from uavmap.ui.page.watching import Watcher
 
 LOOK_S: Final = 0.2

@@ -19,14 +19,12 @@ from missions.events import Event, FrameSeen
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from uavmap.journal.kept_frames import KeptFrame
+from uavmap.runner.operator.caller import Steered
 from uavmap.runner.operator.onlooker import Onlooker
-from uavmap.runner.operator.steered import Steered
 from uavmap.ui.page.background import Background
 from uavmap.ui.page.feed import Feed
-from uavmap.ui.page.page_orders import carry_out
-from uavmap.ui.page.page_pipe import Words
-from uavmap.ui.page.page_scene import scene_of
-from uavmap.ui.page.photo_marks import marks_of
+from uavmap.ui.page.page_pipe import Words, carry_out
+from uavmap.ui.page.page_scene import marks_of, scene_of
 from uavmap.ui.page.watching import Watcher
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")

@@ -1,17 +1,24 @@
-"""What a page is told once: the ground, the fence, the colours."""
+"""What a page draws, for JSON: once the ground, the fence, the colours; then judged pictures."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
+import numpy as np
+
+from missions.events import Vote
 from missions.flight.setting import Setting
 from missions.mission.schema import positions
 from missions.units import LatLon
+from uavmap.journal.kept_frames import KeptFrame
 from uavmap.output.drawing.palette import INK, LAND, LINES, RECORDED_NAMES, STATE_NAMES, TRACKS, css
 from uavmap.output.drawing.palette import STATES as COLOURS
 from uavmap.output.facts.map_model import State
+from uavmap.photos.ground.projection import Laid
 from uavmap.ui.page.background import Background
+from vision.camera import Camera
 
 STATES: Final[tuple[State, ...]] = tuple(COLOURS)
 """The states of a cell; on a board each is told by its place in here."""
@@ -54,3 +61,26 @@ def scene_of(
         "background": None if background is None else background.place,
         "tracks": [css(colour) for colour in TRACKS],
     }
+
+
+def marks_of(setting: Setting, frame: KeptFrame, votes: Sequence[Vote]) -> dict[str, Any]:
+    """The verdicts of a picture, for JSON.
+
+    `cells` holds for each cell that lies before the camera eight numbers, the pixels of its corners
+    in parts of the picture's width and height, then 1 for region, else 0, and the share of it that
+    looks so.
+    """
+    optics = setting.mission.camera.optics
+    camera = Camera(math.radians(frame.hfov_deg), optics.width_px, optics.height_px)
+    laid = Laid(camera, frame.pose, frame.t_s, setting.grid, setting.ground)
+    corners = np.array(
+        [setting.grid.corners_of(vote.cell) for vote in votes], dtype=np.float64
+    ).reshape(-1, 4, 2)
+    size = np.array([optics.width_px, optics.height_px], dtype=np.float64)
+    parts = (laid.pixels(corners) + 0.5) / size
+    cells = [
+        [*(round(float(part), 4) for part in quad.ravel()), int(vote.positive), vote.share]
+        for quad, vote in zip(parts, votes, strict=True)
+        if np.isfinite(quad).all()
+    ]
+    return {"vehicle": frame.vehicle, "t_s": frame.t_s, "cells": cells}

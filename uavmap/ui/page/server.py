@@ -20,8 +20,7 @@ from nicegui import Client, background_tasks, ui
 from uavmap.ui.page.access_guard import Guard
 from uavmap.ui.page.board import Board
 from uavmap.ui.page.hub import Hub
-from uavmap.ui.page.page_orders import GO_ON, HOME, PAUSE
-from uavmap.ui.page.page_pipe import Words
+from uavmap.ui.page.page_pipe import GO_ON, HOME, PAUSE, Words
 
 UPDATE_S: Final = 0.1
 """A browser is told no more often, real seconds."""
@@ -38,7 +37,9 @@ _ICON: Final = (
 Send = Callable[[Words], None]
 
 
-class FlightView(ui.element, component="flight_view.js"):
+class FlightView(
+    ui.element, component="flight_view.js", dependencies=["flight_board.js", "flight_map.js"]
+):
     """The map, the table, the log: what `flight_view.js` draws."""
 
 

@@ -14,10 +14,8 @@ from missions.flight.operator_orders import UNTOLD
 from tests.support.flights import Flight, fly
 from tests.support.mavlink_peer import Peer, heartbeat
 from tests.support.running import by, on_virtual_time
-from uavmap.aircraft.autopilot_texts import BURST, MOST_TOLD
-from uavmap.aircraft.failsafes import failsafe_of, may_be_a_failsafe
-from uavmap.mavlink.px4_events import event_text, number_of
-from uavmap.mavlink.status_texts import LATE_S, MOST_OPEN, Texts
+from uavmap.aircraft.autopilot_texts import BURST, MOST_TOLD, failsafe_of, may_be_a_failsafe
+from uavmap.mavlink.status_texts import LATE_S, MOST_OPEN, Texts, event_text, number_of
 
 CRITICAL, WARNING, INFO, DEBUG = (
     mav.MAV_SEVERITY_CRITICAL, mav.MAV_SEVERITY_WARNING, mav.MAV_SEVERITY_INFO,

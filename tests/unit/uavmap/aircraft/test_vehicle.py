@@ -54,7 +54,7 @@ from tests.support.flights import (
 from tests.support.mavlink_peer import heartbeat
 from tests.support.running import by, on_virtual_time
 from uavmap.base.clock import VirtualClock, run
-from uavmap.mavlink.answer import ANSWER_S
+from uavmap.mavlink.identity import ANSWER_S
 
 GUIDED, LOITER, RTL, LAND = (int(m) for m in (Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.LAND))
 

@@ -42,7 +42,6 @@ def add_parser(commands: Any) -> None:
         "animate",
         description="Make an animation and a picture of the tree from the journal of a mission.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
     add_picture_options(parser)
@@ -61,7 +60,6 @@ def add_parser(commands: Any) -> None:
         help="write cells, tree, vehicles, batteries and kept frames on one timeline, for the "
         "Rerun viewer (needs the extra rerun)",
     )
-    parser.set_defaults(run=run)
 
 
 def _place(options: argparse.Namespace) -> None:

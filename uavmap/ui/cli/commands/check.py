@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,6 @@ def add_parser(commands: Any) -> None:
         description="Say what is wrong with a mission file, by key, or what it would fly.",
         epilog="examples:\n  uavmap check runway\n  uavmap check field.toml --json\n"
         "  uavmap check field.toml --map field.html      the plan as a page to look at",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("mission", metavar="MISSION", help="a mission file, or a shipped mission")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
@@ -33,7 +31,6 @@ def add_parser(commands: Any) -> None:
         type=Path,
         help="draw box, fence, lanes and homes, as a page that loads nothing, or as a picture",
     )
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -53,8 +50,7 @@ def run(options: argparse.Namespace) -> int:
         figures["ground"] = ground_figures(setting)
         figures["warnings"] = warnings
         figures["taken"] = taken_lines(setting.mission)
-        json.dump(figures, sys.stdout, indent=2)
-        sys.stdout.write("\n")
+        print(json.dumps(figures, indent=2))
         return 0
     print(f"{options.mission}: {'can be flown, but' if warnings else 'nothing wrong'}")
     for warning in warnings:

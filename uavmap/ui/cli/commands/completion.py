@@ -29,10 +29,8 @@ def add_parser(commands: Any) -> None:
         "completion",
         description="Print the script by which a shell completes uavmap's commands.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("shell", choices=SHELLS, help="the shell that reads it")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

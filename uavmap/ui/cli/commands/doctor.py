@@ -7,7 +7,6 @@ import asyncio
 import contextlib
 import json
 import logging
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,8 +22,7 @@ from uavmap.base.clock import run as run_on
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.load.mission_source import load, shipped_missions
-from uavmap.runner.flight_cameras import cameras_of
-from uavmap.runner.flight_links import Link, LinkOptions, check_urls, opened_links
+from uavmap.runner.flight_links import Link, LinkOptions, cameras_of, check_urls, opened_links
 from uavmap.runner.preflight.autopilot_fence import outside_m
 from uavmap.runner.preflight.autopilot_setup import AutopilotSetup
 from uavmap.runner.preflight.examination import Examination, connect
@@ -64,7 +62,6 @@ def add_parser(commands: Any) -> None:
         "doctor",
         description="Say what is right, doubtful or wrong, and what to do about it.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "mission",
@@ -76,7 +73,6 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--out", metavar="DIR", default=PICTURES, help="folder for test pictures (default: doctor)"
     )
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -101,8 +97,7 @@ def run(options: argparse.Namespace) -> int:
     able = could_fly(found)
     if options.json:
         values = {"could_fly": able, "findings": [finding.as_json() for finding in found]}
-        json.dump(values, sys.stdout, indent=2)
-        sys.stdout.write("\n")
+        print(json.dumps(values, indent=2))
     else:
         print("nothing is bad" if able else "not to be flown as it is: see what is bad above")
     return 0 if able else INCOMPLETE

@@ -12,7 +12,7 @@ from uavmap.fleet.fleet_radio import check_network
 from uavmap.journal.flight_options import FleetNetwork
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.journal.results_folder import results_folder
-from uavmap.runner.flight_setup import planned
+from uavmap.runner.flight import planned
 from uavmap.runner.ground_survey import with_ground
 from uavmap.runner.simulated_fleet import fly_fleet
 from uavmap.ui.cli.common import EXIT_CODES, report
@@ -58,10 +58,8 @@ def add_parser(commands: Any) -> None:
         "fly",
         description="Fly a mission: search the box, explore the region, come home, write the map.",
         epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_options(parser, "fly")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

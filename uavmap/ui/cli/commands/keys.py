@@ -44,12 +44,10 @@ def add_parser(commands: Any) -> None:
         "keys",
         description="MAVLink 2 signing: only who has the key is heard.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     acts = parser.add_subparsers(dest="act", required=True, metavar="ACT")
     made = acts.add_parser("new", help="make a key in a new file that only you may read")
     made.add_argument("file", metavar="FILE")
-    made.set_defaults(run=_new)
     for name, words in (
         ("install", "give a disarmed vehicle the key, and see that it signs with it"),
         ("remove", "have a disarmed vehicle that has the key forget it, and sign no more"),
@@ -58,27 +56,17 @@ def add_parser(commands: Any) -> None:
         act.add_argument("file", metavar="FILE", help="the file of the key")
         act.add_argument("--connect", metavar="URL", required=True, help="where it is reached")
         act.add_argument("--yes", action="store_true", help="do it without asking")
-        act.set_defaults(run=_install if name == "install" else _remove)
 
 
-def _new(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
+    """Make a key, or change that of a vehicle."""
     path = Path(options.file).expanduser()
-    new_key(path)
-    print(f"{path}: a new key, for you only; keep a copy of it where nobody else can read it")
-    return 0
-
-
-def _install(options: argparse.Namespace) -> int:
-    path = Path(options.file).expanduser()
-    read_key(path)
-    run_on(_set_up(options, path, install=True), ScaledClock(1.0))
-    return 0
-
-
-def _remove(options: argparse.Namespace) -> int:
-    path = Path(options.file).expanduser()
-    read_key(path)
-    run_on(_set_up(options, path, install=False), ScaledClock(1.0))
+    if options.act == "new":
+        new_key(path)
+        print(f"{path}: a new key, for you only; keep a copy of it where nobody else can read it")
+    else:
+        read_key(path)
+        run_on(_set_up(options, path, install=options.act == "install"), ScaledClock(1.0))
     return 0
 
 
@@ -104,10 +92,7 @@ async def _set_up(options: argparse.Namespace, path: Path, *, install: bool) -> 
             if not options.yes and not await asyncio.to_thread(_asked, what.format(name=name)):
                 raise LinkError("nothing was changed")
             await _disarmed(session, endpoint.url)
-            if install:
-                await _give(session, signing, endpoint.url)
-            else:
-                await _take_back(session, signing, endpoint.url)
+            await (_give if install else _take_back)(session, signing, endpoint.url)
     print(f"{name}: {'has the key, and signs with it' if install else 'signs no more'}")
 
 

@@ -47,7 +47,6 @@ def add_parser(commands: Any) -> None:
         "look",
         description="One recorded picture through the eyes of a mission.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("image", metavar="IMAGE", help="a picture")
     parser.add_argument("--mission", metavar="MISSION", help="grid, camera and detector")
@@ -57,7 +56,6 @@ def add_parser(commands: Any) -> None:
         metavar="FILE",
         help="the annotated picture (default: the picture's name with -looked.png, here)",
     )
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -29,7 +29,6 @@ def add_parser(commands: Any) -> None:
         "merge",
         description="Make one map of the journals of a fleet, or of several flights.",
         epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "folders", metavar="DIR", nargs="+", help="folders of results, each with its journal"
@@ -38,7 +37,6 @@ def add_parser(commands: Any) -> None:
         "--out", metavar="DIR", required=True, help="a new folder for the results of all"
     )
     add_summary_options(parser)
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from uavmap.fleet.fleet_radio import check_network
-from uavmap.runner.flight_setup import planned
+from uavmap.runner.flight import planned
 from uavmap.ui.cli.common import EXIT_CODES
 from uavmap.ui.cli.flight_options import begin, flight_options, network_of, preflight_of
 from uavmap.ui.cli.option_table import add_options
@@ -37,10 +37,8 @@ def add_parser(commands: Any) -> None:
         "onboard",
         description="Fly one vehicle of a fleet, each having a service of its own on board.",
         epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_options(parser, "onboard")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -52,7 +52,6 @@ def add_parser(commands: Any) -> None:
         "replay",
         description="Recorded pictures through the same detector and the same votes as a flight.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("path", metavar="PATH", help="a folder of pictures, or one picture")
     parser.add_argument("--mission", metavar="MISSION", help="grid, camera, detector and votes")
@@ -97,7 +96,6 @@ def add_parser(commands: Any) -> None:
         help="metres of ground a pixel of ortho.tif (default: as fine as the pictures, at the "
         "finest 0.05)",
     )
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -10,7 +10,7 @@ from missions.errors import OutputError
 from uavmap.base.terminal import Terminal
 from uavmap.output.documents import REPORT, write_report
 from uavmap.output.results_reading import flown_of
-from uavmap.ui.cli.export_map import tell_incomplete
+from uavmap.ui.cli.commands.export import tell_incomplete
 from uavmap.ui.cli.summary_table import add_summary_options, print_summary
 
 _EXAMPLES = """\
@@ -31,14 +31,12 @@ def add_parser(commands: Any) -> None:
         description="Write the report of a flight or a replay: map, area, certificate, timeline, "
         "faults and settings on one page.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
     parser.add_argument(
         "--out", metavar="FILE.html", type=Path, help="the page (default: report.html in DIR)"
     )
     add_summary_options(parser)
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

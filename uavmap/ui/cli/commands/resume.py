@@ -19,9 +19,8 @@ from uavmap.runner.flight import plan_of, resume
 from uavmap.runner.one_flight import Company
 from uavmap.ui.cli.common import EXIT_CODES, report
 from uavmap.ui.cli.endings import AIRCRAFT_DOWN, complain
-from uavmap.ui.cli.flight_options import gives_network, key_file, network_of
+from uavmap.ui.cli.flight_options import beside, gives_network, key_file, network_of
 from uavmap.ui.cli.option_table import add_options
-from uavmap.ui.cli.page_options import beside
 
 _EXAMPLES = """\
 examples:
@@ -45,11 +44,9 @@ def add_parser(commands: Any) -> None:
         "resume",
         description="Go on with the mission of a results folder from its last committed event.",
         epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
     add_options(parser, "resume")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -40,7 +40,6 @@ def add_parser(commands: Any) -> None:
         description="Simulated vehicles and cameras on loopback sockets, over a mission's world "
         "or without a mission.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("--mission", metavar="MISSION", help="whose world to fly (default: runway, or --home)")
@@ -76,7 +75,6 @@ def add_parser(commands: Any) -> None:
         help="of the first vehicle (default: 14550, with --tcp 5760)",
     )
     add("--http-port", metavar="P", type=port_number, default=8150, help="of the picture server")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

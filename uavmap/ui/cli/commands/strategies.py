@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Sequence
 from typing import Any, Final, Protocol
 
@@ -51,10 +50,8 @@ def add_parser(commands: Any) -> None:
         "strategies",
         description="The strategies that --strategy takes.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--json", action="store_true", help="print the list as JSON")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -64,8 +61,7 @@ def run(options: argparse.Namespace) -> int:
             {"name": e.name, "guarantee": e.guarantee, "source": e.source, "when": e.when}
             for e in _EVERY
         ]
-        json.dump(listed, sys.stdout, indent=2)
-        sys.stdout.write("\n")
+        print(json.dumps(listed, indent=2))
         return 0
     console = Console()
     if console.width < TABLE_WIDTH:

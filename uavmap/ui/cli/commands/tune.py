@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +41,6 @@ def add_parser(commands: Any) -> None:
         description="Learn what the region looks like from examples, test it on pictures that it "
         "was not learned from, and write a detector for `replay` and `fly`.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("images", metavar="IMAGES", help="a folder of pictures (JPEG, PNG, TIFF)")
     parser.add_argument(
@@ -78,7 +76,6 @@ def add_parser(commands: Any) -> None:
     )
     add_options(parser, "tune")
     parser.set_defaults(seed=0)
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -101,8 +98,7 @@ def run(options: argparse.Namespace) -> int:
     )
     report = tune(Path(options.images), Path(options.examples), out, wishes, Terminal().show)
     if options.json:
-        json.dump(report, sys.stdout, indent=2)
-        sys.stdout.write("\n")
+        print(json.dumps(report, indent=2))
         return 0
     _show(report)
     print(f"detector in {out}: use it with --detector {out}, and look at {out}/overlays first")

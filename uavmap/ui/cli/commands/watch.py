@@ -16,7 +16,7 @@ from uavmap.journal.flight_plan import JOURNAL
 from uavmap.journal.kept_frames import FRAMES
 from uavmap.ui.cli.option_table import add_options
 from uavmap.ui.page.address import PORT
-from uavmap.ui.page.browser import Wishes, opened
+from uavmap.ui.page.feed import Wishes, opened
 from uavmap.ui.page.following import Follower
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")
@@ -39,11 +39,9 @@ def add_parser(commands: Any) -> None:
         description="Show the mission of a results folder in a browser: live while it is flown, "
         "with a time slider.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
     add_options(parser, "watch")
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -27,7 +27,7 @@ from uavmap.aircraft.imaging.classifier import Classifier
 from uavmap.aircraft.imaging.imaging import CameraDriver
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.session import Message
-from uavmap.runner.flight_cameras import mount_of
+from uavmap.runner.flight_links import mount_of
 
 DOWN = Quaternion.from_euler(0.0, -math.pi / 2, 0.0)
 URL = b"http://127.0.0.1/0.jpg"

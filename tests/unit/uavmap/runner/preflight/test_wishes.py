@@ -12,7 +12,7 @@ from missions.mission.schema import NavigationSection
 from tests.e2e.rig import SHARED
 from tests.support.field import mission_of
 from uavmap.mavlink.autopilots import ARDUPILOT, PX4, Autopilot
-from uavmap.mavlink.links.packet_loss import Losses
+from uavmap.mavlink.links.framing import Losses
 from uavmap.mavlink.parameters import Parameter
 from uavmap.runner.preflight.autopilot_fence import ARDUPILOT_FENCE
 from uavmap.runner.preflight.autopilot_parameters import (

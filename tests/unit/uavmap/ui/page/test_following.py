@@ -26,7 +26,7 @@ from uavmap.ui.cli import main
 from uavmap.ui.cli.commands import watch
 from uavmap.ui.page import following
 from uavmap.ui.page.board import Board
-from uavmap.ui.page.browser import Wishes
+from uavmap.ui.page.feed import Wishes
 from uavmap.ui.page.following import WATCHES, Follower, Pictures
 from uavmap.ui.page.page_pipe import Words
 from uavmap.ui.page.page_scene import STATES

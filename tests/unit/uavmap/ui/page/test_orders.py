@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from uavmap.ui.page.page_orders import carry_out
-from uavmap.ui.page.page_pipe import Lines, packed
+from uavmap.ui.page.page_pipe import Lines, carry_out, packed
 
 
 class Service:

@@ -16,9 +16,9 @@ from tests.support.plans import named_text, plan_of
 from tests.unit.uavmap.ui.page.test_flight_page import Feed
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
-from uavmap.ui.cli import main, page_options
+from uavmap.ui.cli import flight_options, main
 from uavmap.ui.page.board import Board
-from uavmap.ui.page.browser import Wishes
+from uavmap.ui.page.feed import Wishes
 from uavmap.ui.page.page_scene import STATES
 
 
@@ -52,7 +52,7 @@ def test_the_page_of_a_resumed_flight_has_all_of_it(
         asked.append((wishes.port, config["steers"]))
         yield feed
 
-    monkeypatch.setattr(page_options, "opened", opened)
+    monkeypatch.setattr(flight_options, "opened", opened)
     folder = interrupted(tmp_path / "cut")
     assert main(["resume", str(folder), "--page", "0", "--from-home"]) == 0
     assert asked == [(0, False)]

@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import re
 import select
 import signal
 import socket
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -23,8 +25,7 @@ from tests.support.said import Said
 from uavmap.base.messages import shown_on
 from uavmap.ui.page import address
 from uavmap.ui.page.board import Board
-from uavmap.ui.page.browser import Wishes, opened
-from uavmap.ui.page.feed import Feed
+from uavmap.ui.page.feed import Feed, Wishes, opened
 from uavmap.ui.page.hub import Hub
 
 pytest.importorskip("nicegui", reason="the live page needs the extra page")
@@ -188,6 +189,16 @@ def test_everything_is_served_from_here(flight: Flight) -> None:
         without_names = page.html.replace("http://www.w3.org", "")
         assert "http://" not in without_names
         assert "https://" not in without_names
+
+
+def test_every_module_that_a_script_of_the_page_imports_is_served(flight: Flight) -> None:
+    with httpx.Client(follow_redirects=True) as client:
+        html = client.get(flight.url).text
+        for name in ("flight_map", "flight_board"):
+            (path,) = re.findall(rf'"{name}": ?"(/[^"]*)"', html)
+            script = client.get(str(httpx.URL(flight.url).join(path))).text
+            source = Path(address.__file__).with_name(f"{name}.js").read_text("utf-8")
+            assert script == source
 
 
 def test_a_port_in_use_and_a_host_of_others_are_said(monkeypatch: pytest.MonkeyPatch) -> None:

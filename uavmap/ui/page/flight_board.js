@@ -1,0 +1,91 @@
+// What a browser knows of the flight: the board, and the cells as a picture. What a delta holds is in
+// uavmap/ui/page/board.py.
+
+const MOST_LINES = 300;
+const MOST_POINTS = 3000;
+
+// --- the board: a copy of the one in Python ----------------------------------------------------
+export class Board {
+  constructor() {
+    this.version = 0;
+    this.cells = new Map();
+    this.fields = {};
+    this.vehicles = {};
+    this.tracks = {};
+    this.log = [];
+  }
+
+  // returns whether the delta follows on what is here
+  apply(delta, changedCell) {
+    if (delta.since !== 0 && delta.since !== this.version) return false;
+    if (delta.since === 0) Object.assign(this, new Board());
+    const flat = delta.cells;
+    for (let i = 0; i < flat.length; i += 3) {
+      this.cells.set(flat[i] + "," + flat[i + 1], flat[i + 2]);
+      changedCell(flat[i], flat[i + 1], flat[i + 2]);
+    }
+    Object.assign(this.fields, delta.fields);
+    Object.assign(this.vehicles, delta.vehicles);
+    for (const [number, points] of Object.entries(delta.tracks)) {
+      const track = (this.tracks[number] || []).concat(points);
+      this.tracks[number] = track.slice(-2 * MOST_POINTS);
+    }
+    this.log = this.log.concat(delta.log).slice(-MOST_LINES);
+    this.version = delta.v;
+    return true;
+  }
+}
+
+// --- cells: a picture of a pixel each, drawn larger ---------------------------------------------
+export class Raster {
+  constructor() {
+    this.clear();
+  }
+
+  clear() {
+    this.west = this.south = 0;
+    this.columns = this.rows = 0;
+    this.canvas = null;
+    this.seen = null; // the cells' own bounds: west, south, east, north, in cells
+  }
+
+  set(column, row, colour) {
+    const seen = this.seen || [column, row, column, row];
+    this.seen = [
+      Math.min(seen[0], column),
+      Math.min(seen[1], row),
+      Math.max(seen[2], column),
+      Math.max(seen[3], row),
+    ];
+    if (
+      !this.canvas ||
+      column < this.west ||
+      row < this.south ||
+      column >= this.west + this.columns ||
+      row >= this.south + this.rows
+    )
+      this.grow(column, row);
+    this.pen.fillStyle = colour;
+    this.pen.fillRect(column - this.west, this.rows - 1 - (row - this.south), 1, 1);
+  }
+
+  grow(column, row) {
+    const old = { canvas: this.canvas, west: this.west, south: this.south, rows: this.rows };
+    const east = Math.max(column, this.canvas ? this.west + this.columns - 1 : column);
+    const north = Math.max(row, this.canvas ? this.south + this.rows - 1 : row);
+    this.west = Math.min(column, this.canvas ? this.west : column) - 16;
+    this.south = Math.min(row, this.canvas ? this.south : row) - 16;
+    this.columns = east + 17 - this.west;
+    this.rows = north + 17 - this.south;
+    this.canvas = document.createElement("canvas");
+    this.canvas.width = this.columns;
+    this.canvas.height = this.rows;
+    this.pen = this.canvas.getContext("2d");
+    if (old.canvas)
+      this.pen.drawImage(
+        old.canvas,
+        old.west - this.west,
+        this.rows - old.rows - (old.south - this.south),
+      );
+  }
+}
