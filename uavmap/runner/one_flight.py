@@ -44,7 +44,7 @@ from uavmap.runner.flight_links import (
 from uavmap.runner.ground_service import GroundService
 from uavmap.runner.operator.caller import Caller
 from uavmap.runner.operator.flight_keys import Keys
-from uavmap.runner.operator.ground_crew import Crew, EnterKey
+from uavmap.runner.operator.ground_crew import Crew, EnterKey, all_wait
 from uavmap.runner.operator.interrupts import interrupts, leave_map, like_control_c, patiently
 from uavmap.runner.operator.keyboard import keyboard
 from uavmap.runner.operator.onlooker import Keepers, Onlooker
@@ -253,7 +253,7 @@ class Flight:
                 onlooker.update(event, state, self._journal.expected)
             if member is not None:
                 member.observe(event, state)
-            if crew.absent and _all_wait(state, crew.waiting):
+            if crew.absent and all_wait(state, crew.waiting):
                 _LOG.info(f"swap the batteries, then `uavmap resume {self._folder}` goes on")
                 service.stop()
 
@@ -372,13 +372,6 @@ def _clocks(vehicles: Mapping[int, MavlinkVehicle]) -> Clocks:
     """What the clocks say, that of the first vehicle among them."""
     first = vehicles[min(vehicles)] if vehicles else None
     return read_clocks(None if first is None else first.view.since_boot_s)
-
-
-def _all_wait(state: State, waiting: set[int]) -> bool:
-    """Whether all vehicles that are not done wait for a battery that nobody here will announce."""
-    return bool(waiting) and all(
-        number in waiting or v.ended for number, v in state.vehicles.items()
-    )
 
 
 def written_results(

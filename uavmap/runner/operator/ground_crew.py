@@ -11,6 +11,7 @@ import logging
 import sys
 from typing import Final, TextIO
 
+from missions.flight.state import State
 from uavmap.base.terminal import forget_typed, read_line
 
 _LOG: Final = logging.getLogger("uavmap.flight")
@@ -112,3 +113,10 @@ class Crew:
 
     async def _entered(self) -> bool:
         return await (self._operator.entered() if self._enter is None else self._enter.wait())
+
+
+def all_wait(state: State, waiting: set[int]) -> bool:
+    """Whether all vehicles that are not done wait for a battery that no crew here will announce."""
+    return bool(waiting) and all(
+        number in waiting or v.ended for number, v in state.vehicles.items()
+    )
