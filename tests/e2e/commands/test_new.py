@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from shapely.geometry import Polygon
 
-from tests.support.area_files import kml, kml_polygon, placemark, saved
+from tests.support.areas.area_files import kml, kml_polygon, placemark, saved
 from uavmap.load.areas.reading import read_area_file
 from uavmap.load.mission_source import load
 from uavmap.ui.cli import main

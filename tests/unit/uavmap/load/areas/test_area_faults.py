@@ -19,7 +19,7 @@ from missions.errors import AreaError
 from missions.mission.checks import parse_mission
 from missions.units import LatLon
 from tests.support import area_files as files
-from tests.support.area_files import FIELD, collection, feature, kml, placemark, saved
+from tests.support.areas.area_files import FIELD, collection, feature, kml, placemark, saved
 from tests.unit.uavmap.load.areas.test_area_kinds import SIM
 from uavmap.load.areas.composing import Flying, compose
 from uavmap.load.areas.layout import Wishes, lay_out

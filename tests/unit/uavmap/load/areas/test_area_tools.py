@@ -10,8 +10,8 @@ import pytest
 import shapely
 
 from tests.support import area_files as files
-from tests.support.area_files import FIELD, POND, kml, placemark, saved, zipped
-from tests.support.area_files_of_tools import STRUCTURE, by_gdal, gpx
+from tests.support.areas.area_files import FIELD, POND, kml, placemark, saved, zipped
+from tests.support.areas.area_files_of_tools import STRUCTURE, by_gdal, gpx
 from tests.unit.uavmap.load.areas.test_area_faults import Maker, assert_refused, plan, text
 from uavmap.load.areas.reading import read_area_file
 

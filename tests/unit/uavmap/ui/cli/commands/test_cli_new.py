@@ -17,7 +17,7 @@ from pydantic import BaseModel
 
 from missions.mission.schema import Mission, VehicleSection
 from missions.mission.sections.sim_section import Sim
-from tests.support.area_files import (
+from tests.support.areas.area_files import (
     FIELD,
     KINDS,
     collection,
