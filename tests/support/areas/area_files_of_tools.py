@@ -19,7 +19,7 @@ from pymavlink import mavwp
 from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import Polygon
 
-from tests.support import area_files as files
+from tests.support.areas import area_files as files
 from tests.support.areas.area_files import FIELD, HOME, HOME_INSIDE, POND, Ring, closed, kind, saved
 
 METRE_DEG = 1.0 / 111_320.0

@@ -18,7 +18,7 @@ from shapely.geometry import Polygon
 from missions.errors import AreaError
 from missions.mission.checks import parse_mission
 from missions.units import LatLon
-from tests.support import area_files as files
+from tests.support.areas import area_files as files
 from tests.support.areas.area_files import FIELD, collection, feature, kml, placemark, saved
 from tests.unit.uavmap.load.areas.test_area_kinds import SIM
 from uavmap.load.areas.composing import Flying, compose

@@ -11,7 +11,7 @@ from shapely.geometry import Polygon
 
 from missions.mission.checks import parse_mission
 from missions.units import LatLon
-from tests.support import area_files_of_tools
+from tests.support.areas import area_files_of_tools
 from tests.support.areas.area_files import FIELD, HOME, HOME_INSIDE, KINDS, POND
 from uavmap.load.areas.composing import Figures, Flying, compose
 from uavmap.load.areas.drawing import Positions

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import shapely
 
-from tests.support import area_files as files
+from tests.support.areas import area_files as files
 from tests.support.areas.area_files import FIELD, POND, kml, placemark, saved, zipped
 from tests.support.areas.area_files_of_tools import STRUCTURE, by_gdal, gpx
 from tests.unit.uavmap.load.areas.test_area_faults import Maker, assert_refused, plan, text

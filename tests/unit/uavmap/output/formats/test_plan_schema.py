@@ -14,7 +14,7 @@ from jsonschema import Draft202012Validator
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
-from tests.support import area_files, area_files_of_tools
+from tests.support.areas import area_files, area_files_of_tools
 from tests.support.plan_schema import SCHEMA, faults_of
 from tests.unit.uavmap.ui.cli.commands.test_export import exported, mission_file
 from uavmap.load.areas.reading import read_area_file
