@@ -17,7 +17,7 @@ from tests.support.small_missions import mission, square
 from tests.unit.missions.flight.test_step import HOME, Service
 from uavmap.base.terminal import Terminal
 from uavmap.output.facts.figures import aircraft_down
-from uavmap.runner.one_flight import _all_wait
+from uavmap.runner.operator.ground_crew import all_wait
 from uavmap.runner.operator.progress import ProgressTable
 from uavmap.ui.cli import parser
 from uavmap.ui.cli.common import report
@@ -99,7 +99,7 @@ def test_nobody_waits_for_a_battery_and_for_a_pilot_who_keeps_the_other(landed: 
     """In the air, however, it is waited for."""
     made = service(2)
     kept = replace(made.state.vehicles[2], phase=Phase.YIELDED, landed=landed, order=StandDown())
-    assert _all_wait(made.state.with_vehicle(kept), {1}) is landed
+    assert all_wait(made.state.with_vehicle(kept), {1}) is landed
 
 
 # --- an aircraft that is down, and a map that is whole ----------------------------------------
