@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+import missions.lab.strategies  # noqa: F401 - the strategies of papers register themselves
 from missions.errors import MissionFileError
 from missions.flight.setting import Setting
 from missions.geo.grid import Grid
