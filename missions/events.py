@@ -351,8 +351,10 @@ VehicleEvent = (
     | Leased
 )
 Event = VehicleEvent | Recalled | Paused | Continued | Resumed
+AnyEvent = Annotated[Event, Field(discriminator="kind")]
+"""An event, by its kind."""
 
-_ADAPTER: TypeAdapter[Event] = TypeAdapter(Annotated[Event, Field(discriminator="kind")])
+_ADAPTER: TypeAdapter[Event] = TypeAdapter(AnyEvent)
 
 
 def to_json(event: Event) -> str:

@@ -6,6 +6,9 @@ Points are in the grid's fixed frame, unless an order names a cell: that drifts 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from missions.geo.trajectory import Trajectory
 from missions.units import Cell, GridPoint
@@ -16,6 +19,7 @@ class TakeOff:
     """Arm and climb to the vehicle's layer. Ends with `Airborne` or `OrderFailed`."""
 
     height_m: float
+    kind: Literal["take_off"] = "take_off"
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +29,7 @@ class Sweep:
     end: GridPoint
     every_m: float
     height_m: float
+    kind: Literal["sweep"] = "sweep"
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +43,7 @@ class FlyTo:
     cell: Cell | None
     stop: bool
     height_m: float
+    kind: Literal["fly_to"] = "fly_to"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +60,7 @@ class FlyPath:
     yaw_deg: float | None
     """True bearing at which the nose is held; None: as the autopilot chooses."""
     every_s: float
+    kind: Literal["fly_path"] = "fly_path"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,34 +70,45 @@ class Look:
     cell: Cell
     frames: int
     height_m: float
+    kind: Literal["look"] = "look"
 
 
 @dataclass(frozen=True, slots=True)
 class Hold:
     """Stay where you are; a new order will come."""
 
+    kind: Literal["hold"] = "hold"
+
 
 @dataclass(frozen=True, slots=True)
 class Land:
     """Land here, over home. Ends with `Landed`."""
+
+    kind: Literal["land"] = "land"
 
 
 @dataclass(frozen=True, slots=True)
 class ReturnToLaunch:
     """Let the autopilot bring the vehicle home: when our own way home fails. Ends with `Landed`."""
 
+    kind: Literal["return_to_launch"] = "return_to_launch"
+
 
 @dataclass(frozen=True, slots=True)
 class AwaitBattery:
     """Wait on the ground for a fresh battery and the crew's word. Ends with `BatterySwapped`."""
+
+    kind: Literal["await_battery"] = "await_battery"
 
 
 @dataclass(frozen=True, slots=True)
 class StandDown:
     """Nothing more to do."""
 
+    kind: Literal["stand_down"] = "stand_down"
 
-Order = (
+
+Order = Annotated[
     TakeOff
     | Sweep
     | FlyTo
@@ -100,5 +118,7 @@ Order = (
     | Land
     | ReturnToLaunch
     | AwaitBattery
-    | StandDown
-)
+    | StandDown,
+    Field(discriminator="kind"),
+]
+"""An order, by its kind."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from typing import Final
 
 from missions.errors import CommandRefusedError, LinkError
@@ -57,10 +57,6 @@ GROUND_S: Final = 15.0
 """A vehicle that is told to land and has not left the ground says so within this time."""
 
 
-async def _nothing_to_wait_for() -> None:
-    """Before a service runs, nobody takes anything in."""
-
-
 class Manoeuvres:
     """Carries out orders with a session, under the eyes of a monitor."""
 
@@ -101,7 +97,6 @@ class Manoeuvres:
         self.navigation: Navigation | None = None
         self._order: Order | None = None
         self._aimed = False
-        self.taken_in: Callable[[], Awaitable[None]] = _nothing_to_wait_for
 
     async def carry_out(self, order: Order) -> None:
         """Carry out an order to its end. Raises `LinkError`, alone or in a group."""
@@ -142,7 +137,7 @@ class Manoeuvres:
     async def _find_way(self) -> None:
         """Take pictures to find the way by, until cancelled; nobody's map depends on them."""
         with contextlib.suppress(LinkError):
-            async with self._camera.every(FIND_WAY_S, anywhere=True) as frames:
+            async with self._camera.to_navigate(FIND_WAY_S) as frames:
                 async for _ in frames.judged(None):
                     pass
 
@@ -330,10 +325,10 @@ class Manoeuvres:
             await asyncio.sleep(DRIFT_RESEND_S)
 
     async def _watch_frames(self, frames: Frames, vantage: Cell | None) -> None:
-        """Judge each frame as it comes; the mission may call us off after any of them."""
-        async for event in frames.judged(vantage):
-            self._reporter.report(event)
-            await self.taken_in()
+        """Have each frame judged as it comes; another order may follow from any of them."""
+        async for lost in frames.judged(vantage):
+            if lost is not None:
+                self._reporter.report(lost)
 
     # --- down ---------------------------------------------------------------------------------
     async def _land(self) -> None:

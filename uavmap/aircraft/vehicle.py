@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -169,13 +169,9 @@ class MavlinkVehicle:
             if asyncio.get_running_loop().time() - begin_s > READY_S:
                 raise LinkError(f"{self.name}: the vehicle did not report {missing}")
 
-    async def run(self, report: Report, taken_in: Callable[[], Awaitable[None]]) -> None:
-        """Report and carry out orders until cancelled. `connect` comes first.
-
-        `taken_in` returns once the mission has taken in what was reported so far.
-        """
+    async def run(self, report: Report) -> None:
+        """Report and carry out orders until cancelled. `connect` comes first."""
         self._reporter.report = report
-        self._manoeuvres.taken_in = taken_in
         async with asyncio.TaskGroup() as tasks:
             self._tasks = tasks
             try:
@@ -215,6 +211,14 @@ class MavlinkVehicle:
             return False
         self.guardian.take_over("land", reason)
         return True
+
+    def report_again(self) -> None:
+        """Report where it is, for a mission that has been away; a silent one when it speaks."""
+        if self._monitor.connected:
+            self._monitor.report_connected()
+            self.guardian.heard_again()
+        else:
+            self._reporter.report(LinkLost(self.number, self._reporter.t_s()))
 
     async def leave_as_found(self) -> None:
         """Set back what was changed in the vehicle for the flight."""

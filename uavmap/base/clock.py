@@ -42,15 +42,18 @@ _Ready = list[tuple[selectors.SelectorKey, int]]
 
 
 class ScaledClock:
-    """Real time, `speedup` times as fast. Speed-up 1 is the ordinary clock."""
+    """Real time, `speedup` times as fast. Speed-up 1 is the ordinary clock.
 
-    def __init__(self, speedup: float = 1.0) -> None:
+    `start_s` is when it is zero, on the monotonic clock, which all processes of a computer share.
+    """
+
+    def __init__(self, speedup: float = 1.0, start_s: float | None = None) -> None:
         self._speedup = speedup
-        self._start_s = time.monotonic()
+        self.start_s = time.monotonic() if start_s is None else start_s
 
     def now_s(self) -> float:
-        """Seconds since the clock was made."""
-        return (time.monotonic() - self._start_s) * self._speedup
+        """Seconds since `start_s`."""
+        return (time.monotonic() - self.start_s) * self._speedup
 
     def wait(self, selector: selectors.BaseSelector, timeout_s: float | None) -> _Ready:
         """Wait as long as that takes on this clock."""
@@ -161,6 +164,15 @@ class MissionClock:
     def now_s(self) -> float:
         """Return the mission time, in seconds."""
         return self._start_s + asyncio.get_running_loop().time()
+
+    @property
+    def start_s(self) -> float:
+        """The mission time at which the loop's was zero."""
+        return self._start_s
+
+    def set_start(self, start_s: float) -> None:
+        """Have it be this mission time when the loop's was zero."""
+        self._start_s = start_s
 
     def set(self, now_s: float) -> None:
         """Have it be this mission time now."""

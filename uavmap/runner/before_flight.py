@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,9 +17,9 @@ from typing import Final
 from missions.errors import NotFlownError, OutputError, PreflightError
 from missions.flight.setting import Setting
 from uavmap.aircraft.imaging.classifier import detector_of
+from uavmap.aircraft.process.messages import Asked
 from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.runner.flight_links import Link
-from uavmap.runner.operator.ground_crew import Operator
 from uavmap.runner.preflight.autopilot_setup import AutopilotSetup
 from uavmap.runner.preflight.examination import Examination
 from uavmap.runner.preflight.finding import Finding, Level, binding, could_fly, warn
@@ -44,20 +44,30 @@ class Preflight:
     keep_fence: bool = False
     """Leave the fence of the autopilot as it is, and do not fly a mission that leaves it."""
 
+    def asked(self, setting: Setting) -> Asked:
+        """As it is sent to the aircraft."""
+        return Asked(tuple(self.plan_lines(setting)), self.yes, self.dry_run, self.keep_fence)
+
+
+Ask = Callable[[str], Awaitable[bool | None]]
+"""Puts a question to the operator; None where there is none."""
+
 
 class BeforeFlight:
     """One flight's part of it. `wanted` None: it is gone on with, and nobody is asked."""
 
     def __init__(
         self,
-        wanted: Preflight | None,
+        wanted: Asked | None,
         setting: Setting,
         folder: Path,
         links: Sequence[Link],
+        ask: Ask,
         *,
         keep_fence: bool = False,
     ) -> None:
         self._wanted = wanted
+        self._ask_operator = ask
         self._setting = setting
         self._folder = folder
         self._keep_fence = keep_fence or (wanted is not None and wanted.keep_fence)
@@ -84,7 +94,7 @@ class BeforeFlight:
                 _LOG.info(str(error))
             return
         found = await self._examine()
-        _LOG.info("\n".join(self._wanted.plan_lines(self._setting)))
+        _LOG.info("\n".join(self._wanted.lines))
         self._show(found)
         await self._ask(self._wanted, found)
         set_up = await self._set_up()
@@ -124,7 +134,7 @@ class BeforeFlight:
         return found
 
     # --- ask ----------------------------------------------------------------------------------
-    async def _ask(self, wanted: Preflight, found: Sequence[Finding]) -> None:
+    async def _ask(self, wanted: Asked, found: Sequence[Finding]) -> None:
         """Returns when the answer is yes."""
         if wanted.dry_run:
             return
@@ -132,14 +142,14 @@ class BeforeFlight:
         simulated = [await self._is_simulator(number) for number in self._links]
         if all(simulated) or wanted.yes:
             return
-        operator = Operator()
-        if operator.absent:
+        worse = sum(finding.level is not Level.OK for finding in found)
+        answer = await self._ask_operator(f"{worse} findings above want a look; fly? [y/N]")
+        if answer is None:
             raise PreflightError(
                 "nobody is at a terminal to say whether to fly; give --yes to fly without a "
                 "question, or --dry-run to only look"
             )
-        worse = sum(finding.level is not Level.OK for finding in found)
-        if not await operator.agrees(f"{worse} findings above want a look; fly? [y/N]"):
+        if not answer:
             raise PreflightError("not flown: the answer was no")
 
     def _refuse(self, found: Sequence[Finding]) -> None:

@@ -13,9 +13,23 @@ from collections.abc import Callable
 from missions.events import Event
 from missions.flight.setting import Setting
 from missions.flight.state import State
-from missions.flight.team.codec import Order, Word
+from missions.flight.team.codec import Order as OrderWord
+from missions.flight.team.codec import Word
+from missions.orders import Order
 from uavmap.journal.event_log import Journal
 from uavmap.runner.service import Observer, Service
+
+
+class NoAircraft:
+    """The aircraft of a service that flies none."""
+
+    def give(self, vehicle: int, order: Order) -> None:
+        """Raise `KeyError`."""
+        raise KeyError(vehicle)
+
+    def land_here(self, vehicle: int, reason: str) -> None:
+        """Raise `KeyError`."""
+        raise KeyError(vehicle)
 
 
 class GroundService(Service):
@@ -30,7 +44,7 @@ class GroundService(Service):
         reports: asyncio.Queue[Event],
         send: Callable[[Word], None],
     ) -> None:
-        super().__init__(setting, journal, {}, state, observe, reports)
+        super().__init__(setting, journal, NoAircraft(), state, observe, reports)
         self._send = send
         self._stamp = 0
 
@@ -59,7 +73,7 @@ class GroundService(Service):
         """Return False: only an operator who sees the aircraft lands it."""
         return False
 
-    def _command(self, order: Order, vehicle: int = 0) -> bool:
+    def _command(self, order: OrderWord, vehicle: int = 0) -> bool:
         self._stamp = max(self._stamp + 1, int(time.time()))
         self._send(Word(self._stamp, vehicle, order))
         return True

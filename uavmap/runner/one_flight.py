@@ -5,18 +5,19 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from missions.errors import LinkError, OutputError
+from missions.errors import OutputError
 from missions.events import Event, Recalled, Resumed
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State
 from missions.orders import TakeOff
 from uavmap.aircraft.guardian.last_watch import watched_over
-from uavmap.aircraft.vehicle import MavlinkVehicle
+from uavmap.aircraft.process.messages import VERSION, Before, Begin, Fly
+from uavmap.aircraft.process.port import Port
 from uavmap.base import messages
 from uavmap.base.clock import Clock, MissionClock, ScaledClock, VirtualClock, run
 from uavmap.fleet.exchange import talking
@@ -32,24 +33,19 @@ from uavmap.journal.telemetry_log import TlogWriter
 from uavmap.output.documents import with_documents
 from uavmap.output.facts.score import true_roi
 from uavmap.output.write_results import write_results
-from uavmap.runner.before_flight import BeforeFlight, Preflight, kept_fence
-from uavmap.runner.flight_links import (
-    Link,
-    LinkOptions,
-    cameras_of,
-    mavlink_link,
-    opened_links,
-    refuse_rivals,
-)
+from uavmap.runner.aircraft_process import AircraftProcess, Connection
+from uavmap.runner.aircraft_side import in_this_process
+from uavmap.runner.before_flight import Preflight, kept_fence
+from uavmap.runner.flight_links import Link, mavlink_link
 from uavmap.runner.ground_service import GroundService
 from uavmap.runner.operator.caller import Caller
 from uavmap.runner.operator.flight_keys import Keys
-from uavmap.runner.operator.ground_crew import Crew, EnterKey, all_wait
+from uavmap.runner.operator.ground_crew import Crew, EnterKey, Operator, all_wait
 from uavmap.runner.operator.interrupts import interrupts, leave_map, like_control_c, patiently
 from uavmap.runner.operator.keyboard import keyboard
 from uavmap.runner.operator.onlooker import Keepers, Onlooker
 from uavmap.runner.service import Service
-from uavmap.runner.vehicles import each_its_own, vehicles_of
+from uavmap.runner.vehicles import judge_of, numbers_of
 
 if TYPE_CHECKING:
     from uavmap.runner.simulation import Simulation, Truth
@@ -59,8 +55,6 @@ KEEP_FRAMES: Final = "keep_frames"
 """In the journal's meta: whether the pictures of the flight are kept
 (`uavmap.journal.kept_frames`).
 """
-RIVAL_WALL_S: Final = 1.5
-"""Time to listen for another process that flies a vehicle, real seconds: it speaks every second."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,40 +179,44 @@ class Flight:
             links = [_simulated(world, index, log) for index in range(len(world.names()))]
             async with asyncio.TaskGroup() as tasks:
                 turning = tasks.create_task(world.run())
-                await self._serve(links)
+                await self._serve(self._here(links))
                 turning.cancel()
         return world.truth
 
     async def fly_member(self, world: Simulation, radio: SealedRadio) -> None:
         """Fly the one vehicle of this member in a world that others fly in, too."""
         with self._log() as log:
-            await self._serve([_simulated(world, (self._setting.member or 1) - 1, log)], radio)
+            links = [_simulated(world, (self._setting.member or 1) - 1, log)]
+            await self._serve(self._here(links), radio)
 
-    async def _fly_connected(self) -> None:
-        plan, setting = self._plan, self._setting
-        mission, listens = setting.mission, setting.member == 0
-        cameras = () if listens else cameras_of(plan.cameras, mission, setting.member)
-        options = LinkOptions.of(plan)
-        with self._log() as log:
-            async with (
-                opened_links(plan.urls, options, cameras, mission.camera, log.record) as links,
-                joined_fleet(plan, mission, self._journal) as radio,
-            ):
-                await self._serve(links, radio)
+    def _here(self, links: Sequence[Link]) -> Connection:
+        """The simulated aircraft, in this process."""
+        return lambda port, begin: in_this_process(
+            port, self._plan, self._setting, self._folder, links
+        )
 
     def _log(self) -> TlogWriter:
-        append = self._resumed and (self._folder / TLOG).exists()
-        rate = 1.0 if self._plan.simulated else 1.0 / (self._plan.speedup or 1.0)
         return TlogWriter(
             self._folder / TLOG,
-            lambda: self._plan.epoch_utc_s + self.clock.now_s() * rate,
-            append=append,
+            lambda: self._plan.epoch_utc_s + self.clock.now_s(),
+            append=self._resumed and (self._folder / TLOG).exists(),
             say=messages.bound("uavmap.flight").line,
         )
 
+    async def _fly_connected(self) -> None:
+        async with joined_fleet(self._plan, self._setting.mission, self._journal) as radio:
+            connection = None
+            if self._setting.member != 0:
+                process = AircraftProcess(self._plan, self._folder)
+                connection = process.connected
+            await self._serve(connection, radio)
+
     # --- service ----------------------------------------------------------------------------
-    async def _serve(self, links: Sequence[Link], radio: SealedRadio | None = None) -> None:
-        """Fly the mission, and look after the aircraft however that ends."""
+    async def _serve(self, connection: Connection | None, radio: SealedRadio | None = None) -> None:
+        """Fly the mission, and look after the aircraft however that ends.
+
+        `connection` connects a port to the aircraft; None: no aircraft is flown.
+        """
         real, company = not self._plan.simulated, self._company
         # keys need the main thread's signals
         enter = EnterKey() if real and company.caller is None else None
@@ -227,18 +225,16 @@ class Flight:
         if self._journal.meta.get(KEEP_FRAMES):
             say = messages.bound("uavmap.photos").line
             keeper = FrameKeeper(self._folder, say, aside=real)
-        vehicles = vehicles_of(
-            self._plan, self._setting, links, crew, self.clock.now_s,
-            Keepers([*([keeper] if keeper else ()), *company.onlookers]), recall=company.recall,
-        )  # fmt: skip
-        before = None
-        if real and links:
-            before = BeforeFlight(
-                company.preflight, self._setting, self._folder, links,
-                keep_fence=kept_fence(self._journal.meta),
-            )  # fmt: skip
-        marks = Marks(self._journal, lambda: _clocks(vehicles)) if real else None
         reports: asyncio.Queue[Event] = asyncio.Queue()
+        port = Port(
+            judge_of(
+                self._setting,
+                Keepers([*([keeper] if keeper else ()), *company.onlookers]),
+                recall=company.recall,
+            ),
+            reports.put_nowait, reports.join, crew.swap, answered_by(Operator()),
+        )  # fmt: skip
+        marks = Marks(self._journal, lambda: read_clocks(port.since_boot_s)) if real else None
         member = None
         if radio is not None:
             member = Member(
@@ -258,13 +254,15 @@ class Flight:
                 service.stop()
 
         setting, journal, state = self._setting, self._journal, self._state
-        if vehicles or member is None:
-            service = Service(setting, journal, vehicles, state, observe, reports)
+        if connection is not None or member is None:
+            service = Service(setting, journal, port, state, observe, reports)
         else:
             service = GroundService(setting, journal, state, observe, reports, member.order)
         self._service = service
         for onlooker in company.onlookers:
             onlooker.begin(self._setting, again=self._again)
+        waits = not (crew.absent or self._plan.simulated or self._plan.auto_swap)
+        begin = self._begin(waits_on_ground=waits)
         try:
             with contextlib.ExitStack() as hand:
                 if keeper is not None:
@@ -277,49 +275,48 @@ class Flight:
                     for onlooker in company.onlookers:
                         hand.enter_context(onlooker.steering(service))
                 async with talking(member, may_leave=real):
-                    self._state = await watched_over(
-                        [vehicle.guardian for vehicle in vehicles.values()],
-                        self._fly(vehicles, links, service, member, before),
-                        leave=real,
-                    )
+                    if connection is None:
+                        self._state = await self._fly(None, begin, service, member)
+                    else:
+                        async with connection(port, begin):
+                            self._state = await watched_over(
+                                port, self._fly(port, begin, service, member), leave=real
+                            )
         finally:
+            port.close()
             # a simulated flight is flown again instead, event by event
             if real or member is not None:
                 service.keep_last_words()
-            for vehicle in vehicles.values():
-                with contextlib.suppress(LinkError):
-                    await vehicle.leave_as_found()
-            if before is not None:
-                await before.restore()
             for onlooker in company.onlookers:
                 onlooker.end()
 
-    async def _fly(
-        self,
-        vehicles: Mapping[int, MavlinkVehicle],
-        links: Sequence[Link],
-        service: Service,
-        member: Member | None,
-        before_flight: BeforeFlight | None,
-    ) -> State:
-        real = not self._plan.simulated
-        for number, vehicle in vehicles.items():
+    def _begin(self, *, waits_on_ground: bool) -> Begin:
+        """What the aircraft have to know of the journal and the operator before they answer."""
+        company, before = self._company, {}
+        for number in numbers_of(self._setting):
             left = self._left[number]
             flew = not left.landed or isinstance(left.order, TakeOff)
-            if self._resumed and flew and left.phase is not Phase.YIELDED:
-                vehicle.was_flying()
-        for number, vehicle in vehicles.items():
-            await vehicle.connect()
-            before = self._left[number]
-            if self._resumed and before.phase in (Phase.AIRBORNE, Phase.GUARDED):
-                vehicle.was_returning()
-        each_its_own(vehicles)
-        if real:
-            await refuse_rivals(links, RIVAL_WALL_S * (self._plan.speedup or 1.0))
-        if before_flight is not None:
-            await before_flight.go()
-        if self._resumed and real and vehicles:
-            await self._settle_time(_clocks(vehicles))
+            before[number] = Before(
+                self._resumed and flew and left.phase is not Phase.YIELDED,
+                self._resumed and left.phase in (Phase.AIRBORNE, Phase.GUARDED),
+            )
+        asked = None if company.preflight is None else company.preflight.asked(self._setting)
+        return Begin(
+            VERSION,
+            self.clock.start_s,
+            before,
+            asked,
+            kept_fence(self._journal.meta) or (asked is not None and asked.keep_fence),
+            waits_on_ground,
+        )
+
+    async def _fly(
+        self, port: Port | None, begin: Begin, service: Service, member: Member | None
+    ) -> State:
+        if port is not None:
+            await port.begun(begin)
+            if self._resumed and not self._plan.simulated:
+                await self._settle_time(read_clocks(port.since_boot_s))
         if member is not None:
             await self._agree(member)
         if self._resumed:
@@ -328,6 +325,8 @@ class Flight:
             # before any vehicle reports, so that none is sent out first
             if self._company.recall:
                 service.post(Recalled(begin_s))
+        if port is not None:
+            port.send(Fly(self.clock.start_s))
         return await service.fly()
 
     # --- time -------------------------------------------------------------------------------
@@ -368,10 +367,13 @@ def _simulated(world: Simulation, index: int, log: TlogWriter) -> Link:
     return mavlink_link(world.names()[index], session, world.fetch)
 
 
-def _clocks(vehicles: Mapping[int, MavlinkVehicle]) -> Clocks:
-    """What the clocks say, that of the first vehicle among them."""
-    first = vehicles[min(vehicles)] if vehicles else None
-    return read_clocks(None if first is None else first.view.since_boot_s)
+def answered_by(operator: Operator) -> Callable[[str], Awaitable[bool | None]]:
+    """What puts a question to the operator at the terminal; None where there is none."""
+
+    async def ask(question: str) -> bool | None:
+        return None if operator.absent else await operator.agrees(question)
+
+    return ask
 
 
 def written_results(

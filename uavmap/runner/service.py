@@ -2,7 +2,7 @@
 
     frame -> look(frame, grid, detector) -> votes
     step(state, event) -> (state, orders)
-    orders -> vehicle.give(order) -> MAVLink
+    orders -> aircraft.give(vehicle, order) -> MAVLink
 
 Reports wait in a queue and are taken in one at a time: whoever reports is never called back in
 the middle of it. An event is committed to the journal before it is acted on.
@@ -13,7 +13,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Callable
 from typing import Final, Protocol
 
 from missions.errors import EventError
@@ -27,7 +27,7 @@ from missions.events import (
 )
 from missions.flight.operator_orders import to_skip
 from missions.flight.setting import Setting
-from missions.flight.state import State
+from missions.flight.state import Phase, State
 from missions.flight.step import step
 from missions.orders import Order
 from uavmap.journal.event_log import Journal
@@ -36,21 +36,15 @@ Observer = Callable[[Event, State], None]
 _LOG: Final = logging.getLogger("uavmap.flight")
 
 
-class Vehicle(Protocol):
-    """What the service needs of a vehicle."""
+class Aircraft(Protocol):
+    """What the service needs of its vehicles."""
 
-    async def run(
-        self, report: Callable[[Event], None], taken_in: Callable[[], Awaitable[None]]
-    ) -> None:
-        """Report events and carry out orders until cancelled."""
+    def give(self, vehicle: int, order: Order) -> None:
+        """Have a vehicle carry out an order instead of the present one."""
         ...
 
-    def give(self, order: Order) -> None:
-        """Carry out an order instead of the present one."""
-        ...
-
-    def land_here(self, reason: str) -> bool:
-        """Have the autopilot land it where it is; False where it is not ours to land."""
+    def land_here(self, vehicle: int, reason: str) -> None:
+        """Have a vehicle land where it is, by its autopilot."""
         ...
 
 
@@ -65,7 +59,7 @@ class Service:
         self,
         setting: Setting,
         journal: Journal,
-        vehicles: Mapping[int, Vehicle],
+        aircraft: Aircraft,
         state: State,
         observe: Observer,
         reports: asyncio.Queue[Event] | None = None,
@@ -73,7 +67,7 @@ class Service:
         self.setting = setting
         self.state = state
         self._journal = journal
-        self._vehicles = vehicles
+        self._aircraft = aircraft
         self._observe = observe
         self.refused = 0
         """How many reports no journal can hold."""
@@ -121,7 +115,7 @@ class Service:
             raise
         self.state, orders = step(self.setting, self.state, event)
         for number, order in orders:
-            self._vehicles[number].give(order)
+            self._aircraft.give(number, order)
         self._observe(event, self.state)
         if self.state.over:
             self._over.set()
@@ -212,7 +206,11 @@ class Service:
 
         Somebody has to fetch it. Raises `KeyError` as `recall_vehicle`.
         """
-        return self.flying and self._vehicles[number].land_here("the operator wants it down")
+        vehicle = self.state.vehicles[number]
+        if not self.flying or vehicle.landed or vehicle.phase in (Phase.YIELDED, Phase.LOST):
+            return False
+        self._aircraft.land_here(number, "the operator wants it down")
+        return True
 
     def stop(self) -> None:
         """End the flight as it is; the journal tells how to go on."""
@@ -222,13 +220,9 @@ class Service:
         """Fly until nobody has anything more to do. Returns the final state."""
         self._flying = True
         async with asyncio.TaskGroup() as tasks:
-            running = [
-                tasks.create_task(v.run(self.post, self.taken_in)) for v in self._vehicles.values()
-            ]
             taking_in = tasks.create_task(self._take_in())
             await self._over.wait()
-            for task in (*running, taking_in):
-                task.cancel()
+            taking_in.cancel()
         if self._failure is not None:
             raise self._failure
         return self.state

@@ -16,16 +16,16 @@ from uavmap.aircraft.cameras.local import LocalSource
 from uavmap.aircraft.cameras.pose import Poses
 from uavmap.aircraft.imaging.classifier import Blind, Classifier, detector_of
 from uavmap.aircraft.imaging.imaging import CameraDriver
+from uavmap.aircraft.imaging.judge import PictureJudge
 from uavmap.aircraft.leapfrog_sight import Leapfrog
+from uavmap.aircraft.process.host import Host
 from uavmap.aircraft.reporter import BATTERY_STALE_S
 from uavmap.aircraft.vehicle import LINK_LOST_S, ON_GROUND_S, MavlinkVehicle
-from uavmap.base import messages
 from uavmap.base.clock import WINDOW_WALL_S, ClockRate
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.journal.kept_frames import Keeper
 from uavmap.mavlink.identity import same_aircraft
 from uavmap.runner.flight_links import Link, mount_of
-from uavmap.runner.operator.ground_crew import Crew
 from vision.detectors import Detector
 
 _LOG: Final = logging.getLogger("uavmap.flight")
@@ -38,24 +38,42 @@ STREAMED_SPEEDUP: Final = 3.0
 machine misses it: places ahead are told instead, at which a vehicle stops."""
 
 
-def vehicles_of(
-    plan: FlightPlan,
-    setting: Setting,
-    links: Sequence[Link],
-    crew: Crew,
-    mission_time_s: Callable[[], float],
-    keeper: Keeper | None = None,
-    *,
-    recall: bool = False,
-) -> dict[int, MavlinkVehicle]:
-    """The vehicle at the end of each link, by its number in the mission, from 1.
+def numbers_of(setting: Setting) -> Sequence[int]:
+    """The numbers of the vehicles that this service flies."""
+    if setting.member is not None:
+        return (setting.member,) if setting.member else ()
+    return range(1, len(setting.mission.vehicles) + 1)
+
+
+def judge_of(
+    setting: Setting, keeper: Keeper | None = None, *, recall: bool = False
+) -> PictureJudge:
+    """What judges the pictures of a mission's vehicles.
 
     For a `recall` nobody needs a detector: one whose model is gone keeps no aircraft in the air.
     Otherwise raises `MissionFileError` for such a model.
     """
-    detector = _blind_without(setting) if recall else None
-    log = messages.bound("uavmap.flight").line
-    at_a_terminal = not (crew.absent or plan.simulated or plan.auto_swap)
+    detector, mission = _blind_without(setting) if recall else None, setting.mission
+    classifiers = {
+        number: Classifier.of(mission, setting.grid, mission.altitude_m(number - 1), detector)
+        for number in numbers_of(setting)
+    }
+    return PictureJudge(classifiers, keeper)
+
+
+def vehicles_of(
+    plan: FlightPlan,
+    setting: Setting,
+    links: Sequence[Link],
+    host: Host,
+    mission_time_s: Callable[[], float],
+    *,
+    waits_on_ground: bool = False,
+) -> dict[int, MavlinkVehicle]:
+    """The vehicle at the end of each link, by its number in the mission, from 1.
+
+    `waits_on_ground`: a crew stands beside silent vehicles on the ground, for as long as it takes.
+    """
     speedup = max(plan.speedup or 1.0, 1.0)
     # on a clock that runs fast, a busy machine must not look like a lost link
     link_lost_s, stale_s, slack_s = LINK_LOST_S, BATTERY_STALE_S, 0.0
@@ -64,13 +82,10 @@ def vehicles_of(
         stale_s = max(stale_s, BATTERY_STALE_WALL_S * speedup)
         slack_s = SLACK_WALL_S * (speedup - 1.0)
     vehicles = {}
-    numbers = range(1, len(links) + 1) if not setting.member else (setting.member,)
-    for number, link in zip(numbers, links, strict=True):
+    for number, link in zip(numbers_of(setting), links, strict=True):
         view = link.session.view
         view.expect_near(setting.mission.home)
-        view.gate.say = partial(_log_of, log, number)
-        altitude_m = setting.mission.altitude_m(number - 1)
-        classifier = Classifier.of(setting.mission, setting.grid, altitude_m, detector)
+        view.gate.say = partial(_log_of, host.line, number)
         poses = Poses(link.session, mount_of(setting.mission.camera), setting.grid)
         if isinstance(link.camera, LocalSource):  # which tells no pose
             poses.need_telemetry()
@@ -79,22 +94,22 @@ def vehicles_of(
             link.name,
             link.session,
             link.commands,
-            CameraDriver(number, link.camera, poses, classifier, mission_time_s, keeper),
+            CameraDriver(number, link.camera, poses, setting.mission, host, mission_time_s),
             setting,
             mission_time_s,
-            crew.swap,
+            host.swap,
             link_lost_s,
             battery_stale_s=stale_s,
-            ground_patience_s=None if at_a_terminal else ON_GROUND_S,
+            ground_patience_s=None if waits_on_ground else ON_GROUND_S,
             slack_s=slack_s,
             by_places=not plan.simulated and speedup > STREAMED_SPEEDUP,
-            tell=log,
+            tell=host.line,
             clock_rate=None
             if plan.simulated
             else ClockRate(WINDOW_WALL_S * (plan.speedup or 1.0), plan.speedup or 1.0),
         )
     if setting.leapfrogs:
-        both = Leapfrog(setting.mission.navigation, log)
+        both = Leapfrog(setting.mission.navigation, host.line)
         vehicles[MAPPER].leapfrog(both, Role.MAPPER)
         vehicles[TRACKER].leapfrog(both, Role.TRACKER)
     return vehicles

@@ -1,16 +1,17 @@
 """However a mission ends, its aircraft are looked after before the process ends.
 
-    watched_over(guardians, mission) -> what the mission returns
+    watched_over(keeper, mission) -> what the mission returns
 
-The guardians live around the mission: when it fails, they bring home whoever is in the air; when
-the operator leaves at once, the autopilots do, and that is seen before the process ends.
+The keeper of the aircraft lives around the mission: when it fails, it brings home every vehicle in
+the air; when the operator leaves at once, the autopilots do, and that is seen before the process
+ends.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Iterable, Sequence
+from collections.abc import Awaitable, Iterable, Mapping, Sequence
 from typing import Protocol, TypeVar
 
 from missions.errors import AircraftError, UavmapError, leaves
@@ -19,7 +20,27 @@ T = TypeVar("T")
 
 
 class Keeper(Protocol):
-    """What is needed of a guardian."""
+    """Keeps aircraft from being left alone."""
+
+    async def run(self) -> None:
+        """Watch until cancelled."""
+        ...
+
+    async def bring_home(self, reason: str) -> None:
+        """Return, and wait until down."""
+        ...
+
+    async def leave(self, reason: str) -> None:
+        """Return, and wait until that is seen."""
+        ...
+
+    def fates(self) -> Sequence[str]:
+        """A line for each aircraft that is not at home at the end."""
+        ...
+
+
+class GuardianLike(Protocol):
+    """Keeps one aircraft."""
 
     async def run(self) -> None:
         """Watch until cancelled."""
@@ -38,8 +59,35 @@ class Keeper(Protocol):
         ...
 
 
-async def watched_over(guardians: Sequence[Keeper], mission: Awaitable[T], *, leave: bool) -> T:
-    """Run a mission with its guardians around it.
+class Guardians:
+    """The guardians of several aircraft, by their numbers, as one keeper."""
+
+    def __init__(self, guardians: Mapping[int, GuardianLike]) -> None:
+        self._guardians = guardians
+
+    async def run(self) -> None:
+        """Watch until cancelled; one that fails ends it."""
+        await _all(guardian.run() for guardian in self._guardians.values())
+
+    async def bring_home(self, reason: str) -> None:
+        """Return, and wait until all are down."""
+        await _all(guardian.bring_home(reason) for guardian in self._guardians.values())
+
+    async def leave(self, reason: str) -> None:
+        """Return, and wait until that is seen."""
+        await _all(guardian.leave(reason) for guardian in self._guardians.values())
+
+    def fates(self) -> Sequence[str]:
+        """A line for each aircraft that is not at home."""
+        return [
+            f"vehicle {number}: {fate}"
+            for number, guardian in self._guardians.items()
+            if (fate := guardian.fate())
+        ]
+
+
+async def watched_over(keeper: Keeper, mission: Awaitable[T], *, leave: bool) -> T:
+    """Run a mission with the keeper of its aircraft around it.
 
     `leave`: whether real aircraft have to be left when the operator interrupts; simulated ones end
     with the process.
@@ -48,43 +96,41 @@ async def watched_over(guardians: Sequence[Keeper], mission: Awaitable[T], *, le
     one was left in the air or is down elsewhere after a mission that failed. A defect of the
     program stays what it is, with these lines as its notes.
     """
-    keeping = [asyncio.create_task(guardian.run()) for guardian in guardians]
+    keeping = asyncio.create_task(keeper.run())
     try:
-        result = await _or_guardian_failed(mission, keeping)
-        await _all(guardian.bring_home("the mission is over") for guardian in guardians)
+        result = await unless_failed(mission, keeping)
+        await keeper.bring_home("the mission is over")
         return result
     except asyncio.CancelledError:
         if not leave:
             raise
-        await _left(guardians, "the operator left")
-        _say_fates(guardians, "interrupted")
+        await _left(keeper, "the operator left")
+        _say_fates(keeper, "interrupted")
         raise
     except Exception as failure:
-        reason = f"the mission failed ({_in_words(failure)})"
+        reason = f"the mission failed ({in_words(failure)})"
         try:
-            await _all(guardian.bring_home(reason) for guardian in guardians)
+            await keeper.bring_home(reason)
         except asyncio.CancelledError:  # the operator does not wait for it
-            await _left(guardians, reason)
-        if _is_defect(failure):  # which keeps its traceback
-            for fate in _fates(guardians):
+            await _left(keeper, reason)
+        if is_defect(failure):  # which keeps its traceback
+            for fate in keeper.fates():
                 failure.add_note(fate)
             raise
-        _say_fates(guardians, _in_words(failure))
+        _say_fates(keeper, in_words(failure))
         raise
     finally:
-        for task in keeping:
-            task.cancel()
-        await asyncio.gather(*keeping, return_exceptions=True)
+        keeping.cancel()
+        await asyncio.gather(keeping, return_exceptions=True)
 
 
-async def _or_guardian_failed(mission: Awaitable[T], keeping: Sequence[asyncio.Task[None]]) -> T:
-    """The mission's result; a guardian that fails ends the mission, loudly."""
+async def unless_failed(mission: Awaitable[T], keeping: asyncio.Task[None]) -> T:
+    """The mission's result; a keeper that fails ends the mission, loudly."""
     flying = asyncio.ensure_future(mission)
     try:
-        done, _ = await asyncio.wait([flying, *keeping], return_when=asyncio.FIRST_COMPLETED)
-        for task in keeping:
-            if task in done and flying not in done:
-                task.result()
+        done, _ = await asyncio.wait([flying, keeping], return_when=asyncio.FIRST_COMPLETED)
+        if keeping in done and flying not in done:
+            keeping.result()
         return await flying
     finally:
         if not flying.done():
@@ -96,36 +142,27 @@ async def _all(waits: Iterable[Awaitable[None]]) -> None:
     await asyncio.gather(*waits)
 
 
-async def _left(guardians: Sequence[Keeper], reason: str) -> None:
-    """Leave the aircraft to their autopilots; who is in such a hurry that this is not seen either
-    still is told where they are."""
+async def _left(keeper: Keeper, reason: str) -> None:
+    """Leave the aircraft to their autopilots; an operator in such a hurry that this is not seen
+    either is still shown where they are."""
     with contextlib.suppress(asyncio.CancelledError):
-        await _all(guardian.leave(reason) for guardian in guardians)
+        await keeper.leave(reason)
 
 
-def _fates(guardians: Sequence[Keeper]) -> list[str]:
-    """A line for every aircraft that is not at home."""
-    return [
-        f"vehicle {number}: {fate}"
-        for number, guardian in enumerate(guardians, start=1)
-        if (fate := guardian.fate())
-    ]
-
-
-def _is_defect(failure: Exception) -> bool:
+def is_defect(failure: Exception) -> bool:
     """Whether the program itself failed, and not something around it."""
     found = leaves(failure) if isinstance(failure, BaseExceptionGroup) else [failure]
     return not all(isinstance(error, UavmapError) for error in found)
 
 
-def _say_fates(guardians: Sequence[Keeper], cause: str) -> None:
+def _say_fates(keeper: Keeper, cause: str) -> None:
     """Raise `AircraftError` when an aircraft is not at home."""
-    if fates := _fates(guardians):
+    if fates := keeper.fates():
         raise AircraftError("\n".join([cause, *fates]))
 
 
-def _in_words(failure: BaseException) -> str:
+def in_words(failure: BaseException) -> str:
     """A failure in one line."""
     if isinstance(failure, BaseExceptionGroup):
-        return "; ".join(_in_words(error) for error in leaves(failure))
+        return "; ".join(in_words(error) for error in leaves(failure))
     return str(failure) or type(failure).__name__

@@ -49,8 +49,7 @@ class Classifier:
         `detector` takes the place of the mission's. Raises `MissionFileError` for a model that
         cannot be read, or is another one.
         """
-        optics = mission.camera.optics
-        camera = Camera(optics.hfov_rad, optics.width_px, optics.height_px)
+        camera = camera_of(mission)
         lowest_m, search_m = mission.altitude_m(0), mission.search_altitude_m(0)
         ratio = (height_m or lowest_m) / lowest_m
         above = None
@@ -120,6 +119,12 @@ class Blind:
     def mask(self, image: Image) -> NDArray[np.uint8]:
         """Raise `ImageError`."""
         raise ImageError("there is no detector: the aircraft are only brought home")
+
+
+def camera_of(mission: Mission) -> Camera:
+    """The optics of a mission's camera."""
+    optics = mission.camera.optics
+    return Camera(optics.hfov_rad, optics.width_px, optics.height_px)
 
 
 def detector_of(mission: Mission, height_ratio: float = 1.0) -> Detector:

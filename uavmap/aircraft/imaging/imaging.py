@@ -1,27 +1,28 @@
-"""The camera of a vehicle: its pictures are judged, asked for again, or reported lost.
+"""The camera of a vehicle: its pictures are sent to be judged, asked for again, or reported lost.
 
-source -> announcement -> pose, picture -> frame -> look(frame, grid, detector) -> FrameSeen
+source -> announcement -> pose, picture -> Taken -> judge
+
+The judge belongs to the mission (`uavmap.aircraft.imaging.judge`).
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import math
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
-from dataclasses import replace
-from typing import Final
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
+from typing import Final, NamedTuple, Protocol
 
 from missions.errors import CommandRefusedError, ImageError, LinkError
-from missions.events import FrameLost, FrameSeen
-from missions.units import Cell
+from missions.events import FrameLost
+from missions.mission.schema import Mission
+from missions.units import Cell, Pose
 from uavmap.aircraft.cameras.pose import Poses
-from uavmap.aircraft.cameras.source import Announcement, FrameSource, decoded
-from uavmap.aircraft.imaging.classifier import Classifier
+from uavmap.aircraft.cameras.source import Announcement, FrameSource, Image, Loaded, decoded
+from uavmap.aircraft.imaging.classifier import camera_of
 from uavmap.aircraft.map_navigation import Navigation
 from uavmap.base.printable import printable
-from uavmap.journal.kept_frames import Keeper, KeptFrame
 from vision.look import Frame
+from vision.plausible import implausible
 
 PICTURE_WAIT_S: Final = 3.0
 """A picture that is late by twice this is given up."""
@@ -48,24 +49,52 @@ def suppressed_silence() -> Iterator[None]:
         pass
 
 
+class Taken(NamedTuple):
+    """A picture, and where it was taken.
+
+    `vantage` is the cell that it was ordered for, by default the cell below; `anywhere`: it is
+    evidence of all that it shows, and of no vantage.
+    """
+
+    vehicle: int
+    t_s: float
+    """Mission time of the exposure."""
+    pose: Pose
+    vantage: Cell | None
+    anywhere: bool
+    name: str
+    data: Loaded
+
+
+class Judge(Protocol):
+    """Judges the pictures of a mission."""
+
+    async def judge(self, taken: Taken) -> bool:
+        """Judge a picture; return, when all that follows from it was ordered, whether it counts."""
+        ...
+
+
 class CameraDriver:
-    """Takes pictures with a vehicle's camera and judges them."""
+    """Takes pictures with a vehicle's camera and has them judged."""
 
     def __init__(
         self,
         number: int,
         source: FrameSource,
         poses: Poses,
-        classifier: Classifier,
+        mission: Mission,
+        judge: Judge,
         mission_time_s: Callable[[], float],
-        keeper: Keeper | None = None,
     ) -> None:
         self._number = number
         self._source = source
         self._poses = poses
-        self._classifier = classifier
+        self._mission = mission
+        self._camera = camera_of(mission)
+        self._judge = judge
         self._now_s = mission_time_s
-        self._keeper = keeper
+        self._last: Image | None = None
+        """The picture before: a camera that stalls shows it again."""
         self.navigation: Navigation | None = None
         """Tells where pictures were taken, better than the autopilot does."""
         self._frames: Frames | None = None
@@ -91,15 +120,33 @@ class CameraDriver:
 
         `anywhere`: they are evidence of all that they show, and of no vantage.
         """
-        async with self._frames_of(Frames(self, None, interval_s, anywhere=anywhere)) as frames:
-            with suppressed_silence():  # a silent camera is told by its missing pictures
-                await self.start(interval_s, 0)
+        frames = Frames(self, self.judged, None, interval_s, anywhere=anywhere)
+        async with self._started(frames):
             yield frames
+
+    @contextlib.asynccontextmanager
+    async def to_navigate(self, interval_s: float) -> AsyncIterator[Frames]:
+        """Pictures at an interval to find the position by, which the mission does not get."""
+
+        async def look(picture: Announcement, vantage: Cell | None, *, anywhere: bool) -> bool:
+            await self._taken(picture, vantage, anywhere=anywhere)
+            return True
+
+        frames = Frames(self, look, None, interval_s, anywhere=True)
+        async with self._started(frames):
+            yield frames
+
+    @contextlib.asynccontextmanager
+    async def _started(self, frames: Frames) -> AsyncIterator[None]:
+        async with self._frames_of(frames):
+            with suppressed_silence():  # a silent camera is told by its missing pictures
+                await self.start(frames.interval_s, 0)
+            yield
 
     @contextlib.asynccontextmanager
     async def burst(self, most: int) -> AsyncIterator[Frames]:
         """Pictures in bursts of a look's number, at most so many."""
-        async with self._frames_of(Frames(self, most, self.interval_s)) as frames:
+        async with self._frames_of(Frames(self, self.judged, most, self.interval_s)) as frames:
             yield frames
 
     @contextlib.asynccontextmanager
@@ -140,49 +187,52 @@ class CameraDriver:
     @property
     def burst_size(self) -> int:
         """How many frames a cell gets."""
-        return self._classifier.mission.votes.frames
+        return self._mission.votes.frames
 
     @property
     def interval_s(self) -> float:
         """Time between two frames of a cell."""
-        return self._classifier.mission.camera.interval_s
+        return self._mission.camera.interval_s
 
     def ask_again(self, index: int) -> None:
         """Have a lost announcement repeated."""
         self._source.ask_again(index)
 
-    async def judge(
-        self, picture: Announcement, vantage: Cell | None, *, anywhere: bool = False
-    ) -> FrameSeen | FrameLost:
-        """What a picture that was announced says: of the cells around its vantage, which is the
-        cell below by default, or (`anywhere`) of all that it shows whole.
+    async def judged(self, picture: Announcement, vantage: Cell | None, *, anywhere: bool) -> bool:
+        """Have a picture that was announced judged. Return whether it counts.
+
+        Raises `ImageError`, `LinkError` where it cannot be had.
         """
-        camera = self._classifier.camera
+        return await self._judge.judge(await self._taken(picture, vantage, anywhere=anywhere))
+
+    async def _taken(self, picture: Announcement, vantage: Cell | None, *, anywhere: bool) -> Taken:
         t_s = round(self._now_s() + picture.taken_s - asyncio.get_running_loop().time(), 3)
-        try:
-            pose = await self._poses.of(picture)
-            size_px = (camera.width_px, camera.height_px)
-            data = await picture.load()
-            frame = Frame(decoded(data, picture.name, size_px), pose, t_s, camera)
-            finder = self.navigation
+        pose = await self._poses.of(picture)
+        data = await picture.load()
+        finder = self.navigation
+        if finder is not None and finder.watches:
+            camera = self._camera
+            image = decoded(data, picture.name, (camera.width_px, camera.height_px))
             # a camera that stalls shows a vehicle that stands while it is told to move
-            if finder is not None and finder.watches and not self._classifier.doubt(frame):
-                frame = finder.placed(frame)
-            if self._keeper is not None:
-                hfov_deg = math.degrees(camera.hfov_rad)
-                self._keeper.keep(KeptFrame("", self._number, t_s, frame.pose, hfov_deg), data)
-            if anywhere:
-                votes = self._classifier.votes_anywhere(frame)
-                seen = FrameSeen(self._number, t_s, None, votes)
-                return replace(seen, overview=True) if self._classifier.is_overview(frame) else seen
-            here, votes = self._classifier.votes(frame, vantage)
-        except (ImageError, LinkError) as error:
-            return FrameLost(self._number, t_s, printable(str(error)))
-        return FrameSeen(self._number, t_s, here, votes)
+            stalls = implausible(image, self._last, noiseless=self._mission.camera.noiseless)
+            self._last = image
+            if not stalls:
+                pose = finder.placed(Frame(image, pose, t_s, camera)).pose
+        return Taken(self._number, t_s, pose, vantage, anywhere, picture.name, data)
 
     def lost(self, reason: str) -> FrameLost:
-        """A picture that never came."""
-        return FrameLost(self._number, round(self._now_s(), 3), reason)
+        """A picture that never came, or cannot be used."""
+        return FrameLost(self._number, round(self._now_s(), 3), printable(reason))
+
+
+class LookAt(Protocol):
+    """What is done with a picture that was announced."""
+
+    def __call__(
+        self, picture: Announcement, vantage: Cell | None, *, anywhere: bool
+    ) -> Awaitable[bool]:
+        """Return whether it counts. Raises `ImageError`, `LinkError`."""
+        ...
 
 
 class Frames:
@@ -195,12 +245,14 @@ class Frames:
     def __init__(
         self,
         camera: CameraDriver,
+        look: LookAt,
         most: int | None,
         interval_s: float,
         *,
         anywhere: bool = False,
     ) -> None:
         self._camera = camera
+        self._look = look
         self._anywhere = anywhere
         self._most = most
         self._interval_s = interval_s
@@ -211,6 +263,8 @@ class Frames:
         self._progress = asyncio.Event()
         self._left_out = False
         """Whether it was told that some pictures are left out."""
+        self._whole = True
+        """Whether all pictures of the present burst were announced so far."""
         self.heard = 0
         """How many pictures were announced."""
         self.capturing = False
@@ -274,8 +328,11 @@ class Frames:
         late = "it came too late: the pictures are fetched slower than they are taken"
         return [self._camera.lost(late) for _ in range(pending)]
 
-    async def judged(self, vantage: Cell | None) -> AsyncIterator[FrameSeen | FrameLost]:
-        """Every picture's verdicts, in the order of their coming."""
+    async def judged(self, vantage: Cell | None) -> AsyncIterator[FrameLost | None]:
+        """Have every picture judged, in the order of their coming; yield each that is lost.
+
+        None is yielded for one that was judged: the mission has it.
+        """
         if self._most is None:
             while True:
                 yield await self._streamed(vantage)
@@ -290,18 +347,12 @@ class Frames:
                 taken += count
                 yield self._camera.lost(f"the camera is silent: {silence}")
                 continue
-            whole = True
+            self._whole = True
             for left in range(count, 0, -1):
                 taken += 1
-                event = await self._next(vantage, left)
-                whole = whole and isinstance(event, FrameSeen)
-                if left == 1:  # before the mission hears of it, and calls us off
-                    self.capturing = False
-                    if whole:
-                        self._camera.ended()
-                yield event
+                yield await self._next(vantage, left)
 
-    async def _streamed(self, vantage: Cell | None) -> FrameSeen | FrameLost:
+    async def _streamed(self, vantage: Cell | None) -> FrameLost | None:
         """The next picture of a stream; when none comes for long, one is lost, and it is restarted.
 
         A camera that restarted, or never heard the start, is silent for ever otherwise.
@@ -323,9 +374,17 @@ class Frames:
                 return self._camera.lost(
                     "pictures are judged slower than they are taken: from now on some are left out"
                 )
-        event = await self._camera.judge(picture, vantage, anywhere=self._anywhere)
-        self._judged()
-        return event
+        return await self._looked_at(picture, vantage)
+
+    async def _looked_at(self, picture: Announcement, vantage: Cell | None) -> FrameLost | None:
+        """Have a picture judged; return it if it is lost."""
+        try:
+            await self._look(picture, vantage, anywhere=self._anywhere)
+        except (ImageError, LinkError) as error:
+            return self._camera.lost(str(error))
+        finally:
+            self._judged()
+        return None
 
     def _newest(self) -> Announcement:
         """Of those that wait the last: older ones are left out, or the backlog would only grow."""
@@ -339,7 +398,7 @@ class Frames:
         self._pending -= 1
         self._progress.set()
 
-    async def _next(self, vantage: Cell | None, left: int) -> FrameSeen | FrameLost:
+    async def _next(self, vantage: Cell | None, left: int) -> FrameLost | None:
         """The next picture of a burst of which so many are left.
 
         Its announcement is asked for until it is given up; where none was heard at all, nobody
@@ -362,7 +421,12 @@ class Frames:
                     with suppressed_silence():
                         await self._camera.start(self._interval_s, left)
                 continue
-            event = await self._camera.judge(picture, vantage)
-            self._judged()
-            return event
+            if left == 1:  # before the mission judges it, and gives another order
+                self.capturing = False
+                if self._whole:
+                    self._camera.ended()
+            return await self._looked_at(picture, vantage)
+        self._whole = False
+        if left == 1:
+            self.capturing = False
         return self._camera.lost("a picture was ordered, but none was announced")

@@ -1,0 +1,170 @@
+"""The aircraft's end: orders become calls of vehicles, and what they report becomes messages."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+from collections.abc import Callable, Mapping
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from missions.events import Event, FrameSeen
+from missions.orders import Hold, Order
+from uavmap.aircraft.imaging.imaging import Taken
+from uavmap.aircraft.process import messages as say
+from uavmap.aircraft.reporter import Report
+
+M = TypeVar("M")
+
+
+class Vehicle(Protocol):
+    """What the host needs of a vehicle."""
+
+    async def run(self, report: Report) -> None:
+        """Report, and carry out orders, until cancelled."""
+        ...
+
+    def give(self, order: Order) -> None:
+        """Carry out an order instead of the present one."""
+        ...
+
+    def land_here(self, reason: str) -> bool:
+        """Have its guardian land it where it is, if it is in the air and under our control."""
+        ...
+
+    def report_again(self) -> None:
+        """Report where it is, for a mission that has been away."""
+        ...
+
+
+class Host:
+    """Stands between the vehicles of a service and the mission; `send` takes its messages."""
+
+    def __init__(self, send: Callable[[say.Message], None]) -> None:
+        self._send = send
+        self._vehicles: Mapping[int, Vehicle] = {}
+        self._serials = itertools.count(1)
+        self._pictures: dict[int, asyncio.Future[bool]] = {}
+        self._swaps: dict[int, asyncio.Future[None]] = {}
+        self._answer: asyncio.Future[bool | None] | None = None
+        self._begun: asyncio.Future[say.Begin] = asyncio.get_running_loop().create_future()
+        self._flown: asyncio.Future[say.Fly] = asyncio.get_running_loop().create_future()
+        self.end: asyncio.Future[say.Finish | say.Leave] = (
+            asyncio.get_running_loop().create_future()
+        )
+        """The mission's last message."""
+        self.left: asyncio.Future[say.Leave] = asyncio.get_running_loop().create_future()
+        """The operator's, who does not wait."""
+
+    # --- from the mission -----------------------------------------------------------------------
+    def receive(self, message: say.Message) -> None:
+        """Do what a message says."""
+        match message:
+            case say.Give():
+                if message.vehicle in self._vehicles:
+                    self._vehicles[message.vehicle].give(message.order)
+            case say.Judged():
+                if (waiting := self._pictures.pop(message.serial, None)) and not waiting.done():
+                    waiting.set_result(isinstance(message.verdict, FrameSeen))
+            case say.LandHere():
+                if message.vehicle in self._vehicles:
+                    self._vehicles[message.vehicle].land_here(message.reason)
+            case say.Swapped():
+                if (swap := self._swaps.pop(message.vehicle, None)) and not swap.done():
+                    swap.set_result(None)
+            case say.Answered():
+                if self._answer is not None and not self._answer.done():
+                    self._answer.set_result(message.yes)
+            case say.Begin():
+                _settle(self._begun, message)
+            case say.Fly():
+                _settle(self._flown, message)
+            case say.Finish():
+                _settle(self.end, message)
+            case say.Leave():
+                _settle(self.end, message)
+                _settle(self.left, message)
+            case _:
+                pass
+
+    async def begin(self) -> say.Begin:
+        """Wait for the first message of the mission."""
+        return await self._begun
+
+    async def fly(self, vehicles: Mapping[int, Vehicle], ready: say.Ready) -> say.Fly:
+        """Say that the vehicles are ready, and wait until the mission has set its time."""
+        self._vehicles = vehicles
+        self._send(ready)
+        return await self._flown
+
+    async def carry_out(self) -> say.Finish | say.Leave:
+        """Carry out orders until the mission's last message."""
+        async with asyncio.TaskGroup() as tasks:
+            running = [tasks.create_task(v.run(self.report)) for v in self._vehicles.values()]
+            end = await self.end
+            for task in running:
+                task.cancel()
+        self._vehicles = {}
+        return end
+
+    # --- a mission that is away -----------------------------------------------------------------
+    def hold(self) -> None:
+        """The mission is gone: have each vehicle hold, and wait for nothing of the mission."""
+        for vehicle in self._vehicles.values():
+            vehicle.give(Hold())
+
+    def back(self) -> None:
+        """The mission is back: report where each vehicle is."""
+        for vehicle in self._vehicles.values():
+            vehicle.report_again()
+
+    # --- for the vehicles -----------------------------------------------------------------------
+    def report(self, event: Event) -> None:
+        """Send an event."""
+        self._send(say.Happened(event))
+
+    def line(self, text: str) -> None:
+        """Send a line for the operator."""
+        self._send(say.Line(text))
+
+    async def judge(self, taken: Taken) -> bool:
+        """Have a picture judged by the mission."""
+        serial = next(self._serials)
+        waiting: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
+        self._pictures[serial] = waiting
+        data, shape = taken.data, None
+        if not isinstance(data, bytes):
+            rows, columns, channels = data.shape
+            shape, data = (rows, columns, channels), np.ascontiguousarray(data).tobytes()
+        self._send(
+            say.Picture(
+                serial, taken.vehicle, taken.t_s, taken.pose, taken.vantage, taken.anywhere,
+                taken.name, shape, data,
+            )
+        )  # fmt: skip
+        try:
+            return await waiting
+        finally:
+            self._pictures.pop(serial, None)
+
+    async def swap(self, vehicle: int) -> None:
+        """Wait until the crew has swapped the battery of a vehicle."""
+        swapped = self._swaps[vehicle] = asyncio.get_running_loop().create_future()
+        self._send(say.BatteryWanted(vehicle))
+        try:
+            await swapped
+        finally:
+            if self._swaps.pop(vehicle, None) is not None:
+                self._send(say.BatteryUnwanted(vehicle))
+
+    async def ask(self, question: str) -> bool | None:
+        """Ask the operator; None where there is none."""
+        self._answer = asyncio.get_running_loop().create_future()
+        self._send(say.Question(question))
+        return await self._answer
+
+
+def _settle(future: asyncio.Future[M], message: M) -> None:
+    if not future.done():
+        future.set_result(message)

@@ -1,0 +1,294 @@
+"""What passes between the mission and the aircraft: orders one way, events the other.
+
+    mission  -> Begin, Fly, Give, ... -> aircraft
+    mission  <- Ready, Happened, Picture, Ended, ... <- aircraft
+
+A message is a value. On the wire it is eight bytes, the lengths of what follows, then its JSON, and
+behind that the bytes of a picture. Simulated flights pass the same bytes inside one process.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, TypeAdapter, ValidationError
+
+from missions.errors import LinkError
+from missions.events import AnyEvent, FrameLost, FrameSeen
+from missions.orders import Order
+from missions.units import Cell, Pose
+
+VERSION: Final = 1
+"""Number of this set of messages; two processes with different numbers do not speak."""
+_LENGTHS: Final = struct.Struct(">II")
+MOST_BYTES: Final = 1 << 28
+"""Maximum length of each part of a message, bytes."""
+
+
+# --- from the mission ---------------------------------------------------------------------------
+@dataclass(frozen=True, slots=True)
+class Before:
+    """What the journal knows of a vehicle when a flight is resumed."""
+
+    flew: bool = False
+    """Whether it was in the air by our order."""
+    returned: bool = False
+    """Whether it may have been landing or returning by our order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What the operator wants of the examination before a flight."""
+
+    lines: tuple[str, ...]
+    """What will be flown."""
+    yes: bool
+    dry_run: bool
+    keep_fence: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """Speak with the vehicles, and prepare them."""
+
+    version: int
+    t_s: float
+    """Mission time at which the clock of the loop was zero, until `Fly` says otherwise."""
+    before: dict[int, Before]
+    preflight: Asked | None
+    """None: a flight that is resumed, where nobody is asked."""
+    keep_fence: bool
+    waits_on_ground: bool
+    """Whether a crew stands beside silent vehicles on the ground."""
+    kind: Literal["begin"] = "begin"
+
+
+@dataclass(frozen=True, slots=True)
+class Fly:
+    """Report, and carry out orders from now on; the mission's time begins at `start_s`.
+
+    `start_s` is the mission time at which the clock of the loop was zero.
+    """
+
+    start_s: float
+    kind: Literal["fly"] = "fly"
+
+
+@dataclass(frozen=True, slots=True)
+class Give:
+    """Carry out an order instead of the present one."""
+
+    vehicle: int
+    order: Order
+    kind: Literal["give"] = "give"
+
+
+@dataclass(frozen=True, slots=True)
+class LandHere:
+    """Have the guardian land a vehicle where it is."""
+
+    vehicle: int
+    reason: str
+    kind: Literal["land_here"] = "land_here"
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """A picture was judged, and all that follows from it was ordered."""
+
+    serial: int
+    verdict: Annotated[FrameSeen | FrameLost, Field(discriminator="kind")]
+    kind: Literal["judged"] = "judged"
+
+
+@dataclass(frozen=True, slots=True)
+class Swapped:
+    """The battery of a vehicle is swapped, and it may take off."""
+
+    vehicle: int
+    kind: Literal["swapped"] = "swapped"
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """The operator has answered the question; None: there is no operator."""
+
+    yes: bool | None
+    kind: Literal["answered"] = "answered"
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """The mission is over: bring home every vehicle that is in the air, put settings back, end."""
+
+    reason: str
+    kind: Literal["finish"] = "finish"
+
+
+@dataclass(frozen=True, slots=True)
+class Leave:
+    """The operator does not wait: command each autopilot to return, see that it does, end."""
+
+    reason: str
+    kind: Literal["leave"] = "leave"
+
+
+@dataclass(frozen=True, slots=True)
+class Beat:
+    """The sender lives."""
+
+    boot_s: float | None = None
+    """Time since the first vehicle was switched on, where the aircraft send it."""
+    kind: Literal["beat"] = "beat"
+
+
+ToAircraft = (
+    Begin | Fly | Give | LandHere | Judged | Swapped | Answered | Finish | Leave | Beat
+)  # fmt: skip
+
+
+# --- from the aircraft --------------------------------------------------------------------------
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """All vehicles have answered and are prepared."""
+
+    boot_s: float | None
+    kind: Literal["ready"] = "ready"
+
+
+@dataclass(frozen=True, slots=True)
+class Happened:
+    """A vehicle reports."""
+
+    event: AnyEvent
+    kind: Literal["happened"] = "happened"
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture to judge; the sender waits for `Judged`."""
+
+    serial: int
+    vehicle: int
+    t_s: float
+    """Mission time of the exposure."""
+    pose: Pose
+    vantage: Cell | None
+    anywhere: bool
+    name: str
+    shape: tuple[int, int, int] | None
+    """Of pixels, blue-green-red; None where `data` is a file (JPEG, PNG)."""
+    data: bytes = b""
+    kind: Literal["picture"] = "picture"
+
+    @property
+    def content(self) -> bytes | NDArray[np.uint8]:
+        """The file, or the pixels."""
+        if self.shape is None:
+            return self.data
+        return np.frombuffer(self.data, np.uint8).reshape(self.shape)
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryWanted:
+    """A vehicle has landed and waits for a fresh battery."""
+
+    vehicle: int
+    kind: Literal["battery_wanted"] = "battery_wanted"
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryUnwanted:
+    """It waits no longer."""
+
+    vehicle: int
+    kind: Literal["battery_unwanted"] = "battery_unwanted"
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A question to the operator."""
+
+    text: str
+    kind: Literal["question"] = "question"
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line for the operator."""
+
+    text: str
+    kind: Literal["line"] = "line"
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """The last message: what became of the aircraft."""
+
+    fates: tuple[str, ...]
+    """A line for each vehicle that is not at home."""
+    error: str | None = None
+    """The name of an error of `missions.errors` that ended it; "defect" for one of the program."""
+    text: str = ""
+    could_fly: bool = False
+    kind: Literal["ended"] = "ended"
+
+
+FromAircraft = (
+    Ready | Happened | Picture | BatteryWanted | BatteryUnwanted | Question | Line | Beat | Ended
+)
+Message = ToAircraft | FromAircraft
+_ADAPTER: Final[TypeAdapter[Message]] = TypeAdapter(Annotated[Message, Field(discriminator="kind")])
+
+
+def encode(message: Message) -> bytes:
+    """The bytes of a message."""
+    data = b""
+    if isinstance(message, Picture):
+        data, message = message.data, dataclasses.replace(message, data=b"")
+    text = _ADAPTER.dump_json(message)
+    return _LENGTHS.pack(len(text), len(data)) + text + data
+
+
+class Decoder:
+    """Messages from bytes that come in pieces.
+
+    >>> decoder, wire = Decoder(), encode(Swapped(2))
+    >>> list(decoder.feed(wire[:5])), list(decoder.feed(wire[5:]))
+    ([], [Swapped(vehicle=2, kind='swapped')])
+    """
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> Iterator[Message]:
+        """Yield the messages that are whole by now. Raises `LinkError` for what is none."""
+        self._buffer += data
+        while len(self._buffer) >= _LENGTHS.size:
+            text_size, data_size = _LENGTHS.unpack_from(self._buffer)
+            if max(text_size, data_size) > MOST_BYTES:
+                raise LinkError("the aircraft process and the mission do not understand each other")
+            begin = _LENGTHS.size
+            end = begin + text_size + data_size
+            if len(self._buffer) < end:
+                return
+            text = bytes(self._buffer[begin : begin + text_size])
+            content = bytes(self._buffer[begin + text_size : end])
+            del self._buffer[:end]
+            yield _decoded(text, content)
+
+
+def _decoded(text: bytes, data: bytes) -> Message:
+    try:
+        message = _ADAPTER.validate_json(text)
+    except ValidationError as error:
+        raise LinkError(
+            f"no message between mission and aircraft: {error.errors()[0]['msg']}"
+        ) from None
+    return dataclasses.replace(message, data=data) if isinstance(message, Picture) else message

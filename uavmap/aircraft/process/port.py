@@ -1,0 +1,194 @@
+"""The mission's end: orders become messages, and messages become events of the mission."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Any, Final
+
+import missions.errors
+from missions.errors import LinkError, NotFlownError, UavmapError
+from missions.events import Event
+from missions.orders import Order
+from uavmap.aircraft.imaging.imaging import Taken
+from uavmap.aircraft.imaging.judge import PictureJudge
+from uavmap.aircraft.process import messages as say
+from uavmap.base import messages
+
+DEFECT: Final = "defect"
+
+
+class Port:
+    """Stands between a mission and its aircraft; `connect` says how its messages are sent.
+
+    Args:
+        judge: Judges pictures.
+        post: Takes an event to the mission.
+        taken_in: Returns when all that was posted was taken in, and its orders given.
+        swap: Returns when the crew has swapped a battery.
+        ask: Puts a question to the operator; None where there is none.
+    """
+
+    def __init__(
+        self,
+        judge: PictureJudge,
+        post: Callable[[Event], None],
+        taken_in: Callable[[], Awaitable[None]],
+        swap: Callable[[int], Awaitable[None]],
+        ask: Callable[[str], Awaitable[bool | None]],
+    ) -> None:
+        loop = asyncio.get_running_loop()
+        self._log = messages.bound("uavmap.flight")
+        self._judge = judge
+        self._post = post
+        self._taken_in = taken_in
+        self._swap = swap
+        self._ask = ask
+        self._send: Callable[[say.Message], None] | None = None
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._swaps: dict[int, asyncio.Task[None]] = {}
+        self._boot: tuple[float, float] | None = None
+        """The time since the first vehicle was switched on, and the loop's at which it was so."""
+        self.ready: asyncio.Future[say.Ready] = loop.create_future()
+        self.ended: asyncio.Future[say.Ended] = loop.create_future()
+
+    def connect(self, send: Callable[[say.Message], None]) -> None:
+        """Send messages by this function from now on."""
+        self._send = send
+        self.ready = asyncio.get_running_loop().create_future()
+
+    def send(self, message: say.Message) -> None:
+        """Send a message; there is nothing to send it to once the aircraft have ended."""
+        if self._send is not None and not self.ended.done():
+            self._send(message)
+
+    # --- to the aircraft ------------------------------------------------------------------------
+    def give(self, vehicle: int, order: Order) -> None:
+        """Have a vehicle carry out an order instead of the present one."""
+        self.send(say.Give(vehicle, order))
+
+    def land_here(self, vehicle: int, reason: str) -> None:
+        """Have a vehicle land where it is."""
+        self.send(say.LandHere(vehicle, reason))
+
+    async def begun(self, begin: say.Begin) -> say.Ready:
+        """Begin, and wait until the vehicles are ready. Raises what keeps them from it."""
+        self.send(begin)
+        either: list[asyncio.Future[Any]] = [self.ready, self.ended]
+        await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
+        if not self.ready.done():
+            raise error_of(self.ended.result())
+        return self.ready.result()
+
+    @property
+    def since_boot_s(self) -> float | None:
+        """Time since the first vehicle was switched on, None where it has not said."""
+        if self._boot is None:
+            return None
+        boot_s, at_s = self._boot
+        return boot_s + asyncio.get_running_loop().time() - at_s
+
+    # --- from the aircraft ----------------------------------------------------------------------
+    def receive(self, message: say.Message) -> None:
+        """Take a message in."""
+        match message:
+            case say.Happened():
+                self._post(message.event)
+            case say.Picture():
+                self._begin(self._judged(message))
+            case say.BatteryWanted():
+                self._swaps[message.vehicle] = self._begin(self._swapped(message.vehicle))
+            case say.BatteryUnwanted():
+                if message.vehicle in self._swaps:
+                    self._swaps.pop(message.vehicle).cancel()
+            case say.Question():
+                self._begin(self._asked(message.text))
+            case say.Line():
+                self._log.info(message.text)
+            case say.Ready() | say.Beat():
+                if message.boot_s is not None:
+                    self._boot = (message.boot_s, asyncio.get_running_loop().time())
+                if isinstance(message, say.Ready) and not self.ready.done():
+                    self.ready.set_result(message)
+            case say.Ended():
+                if not self.ended.done():
+                    self.ended.set_result(message)
+            case _:
+                pass
+
+    def _begin(self, work: Any) -> asyncio.Task[None]:
+        task: asyncio.Task[None] = asyncio.ensure_future(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
+
+    async def _judged(self, picture: say.Picture) -> None:
+        verdict = self._judge.verdict(
+            Taken(
+                picture.vehicle, picture.t_s, picture.pose, picture.vantage, picture.anywhere,
+                picture.name, picture.content,
+            )
+        )  # fmt: skip
+        self._post(verdict)
+        await self._taken_in()
+        self.send(say.Judged(picture.serial, verdict))
+
+    async def _swapped(self, vehicle: int) -> None:
+        await self._swap(vehicle)
+        self._swaps.pop(vehicle, None)
+        self.send(say.Swapped(vehicle))
+
+    async def _asked(self, question: str) -> None:
+        self.send(say.Answered(await self._ask(question)))
+
+    def close(self) -> None:
+        """Nothing is judged, waited for or asked any more."""
+        for task in self._tasks:
+            task.cancel()
+
+    # --- the end, as `uavmap.aircraft.guardian.last_watch` asks for it ---------------------------
+    async def run(self) -> None:
+        """Wait for an end that the mission has not asked for; raise why."""
+        ended = await asyncio.shield(self.ended)
+        if ended.error is not None:
+            raise error_of(ended)
+        await asyncio.Event().wait()
+
+    async def bring_home(self, reason: str) -> None:
+        """Have every vehicle that is in the air return, and wait until all are down."""
+        self.send(say.Finish(reason))
+        await asyncio.shield(self.ended)
+
+    async def leave(self, reason: str) -> None:
+        """Have every autopilot bring its vehicle home, and wait only until that is seen."""
+        self.send(say.Leave(reason))
+        await asyncio.shield(self.ended)
+
+    def fates(self) -> Sequence[str]:
+        """A line for each vehicle that is not at home."""
+        return self.ended.result().fates if self.ended.done() else ()
+
+
+def error_of(ended: say.Ended) -> Exception:
+    """The error that ended the aircraft's part.
+
+    >>> error_of(say.Ended((), "LinkError", "the vehicle is silent"))
+    LinkError('the vehicle is silent')
+    """
+    if ended.error == NotFlownError.__name__:
+        return NotFlownError(ended.text, could_fly=ended.could_fly)
+    kind = getattr(missions.errors, ended.error or "", None)
+    if isinstance(kind, type) and issubclass(kind, UavmapError):
+        return kind(ended.text)
+    if ended.error is None:
+        return LinkError("the aircraft's part of the flight has ended before the mission")
+    return RuntimeError(ended.text)
+
+
+def ended_by(failure: BaseException | None, fates: Sequence[str], text: str) -> say.Ended:
+    """The last message after a failure, described by `text`."""
+    if failure is None:
+        return say.Ended(tuple(fates))
+    name = type(failure).__name__ if isinstance(failure, UavmapError) else DEFECT
+    could_fly = isinstance(failure, NotFlownError) and failure.could_fly
+    return say.Ended(tuple(fates), name, text, could_fly)

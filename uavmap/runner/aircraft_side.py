@@ -1,0 +1,210 @@
+"""What the aircraft process does with its open links, from the first answer to the last landing.
+
+    Begin -> connect, examine, set -> Ready -> Fly -> orders and events -> Finish -> Ended
+
+A flight that is simulated runs it in its own process, with the same messages.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import traceback
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+from missions.errors import LinkError, leaves
+from missions.flight.setting import Setting
+from uavmap.aircraft.guardian.last_watch import Guardians, in_words, is_defect, unless_failed
+from uavmap.aircraft.process import messages as say
+from uavmap.aircraft.process.host import Host
+from uavmap.aircraft.process.port import Port, ended_by
+from uavmap.aircraft.vehicle import MavlinkVehicle
+from uavmap.base.clock import MissionClock
+from uavmap.journal.flight_plan import FlightPlan
+from uavmap.runner.before_flight import BeforeFlight
+from uavmap.runner.flight_links import Link, refuse_rivals
+from uavmap.runner.vehicles import each_its_own, vehicles_of
+
+T = TypeVar("T")
+RIVAL_WALL_S: Final = 1.5
+"""Time to listen for another process that flies a vehicle, real seconds: it speaks every second."""
+
+
+class AircraftSide:
+    """The aircraft's part of one flight; `clock` becomes the mission's when that has begun."""
+
+    def __init__(
+        self,
+        plan: FlightPlan,
+        setting: Setting,
+        folder: Path,
+        links: Sequence[Link],
+        clock: MissionClock,
+        send: Callable[[say.Message], None],
+    ) -> None:
+        self._plan = plan
+        self._setting = setting
+        self._folder = folder
+        self._links = links
+        self._clock = clock
+        self._send = send
+        self.host = Host(send)
+        self._vehicles: Mapping[int, MavlinkVehicle] = {}
+
+    @property
+    def since_boot_s(self) -> float | None:
+        """Time since the first vehicle was switched on, None where it has not said."""
+        first = next(iter(self._vehicles.values()), None)
+        return None if first is None else first.view.since_boot_s
+
+    async def run(self) -> None:
+        """Fly, look after the aircraft however that ends, and say how it did."""
+        failure: Exception | None = None
+        fates: Sequence[str] = ()
+        try:
+            fates = await self._flown()
+        except _EndedWithError as ended:
+            failure, fates = ended.cause, ended.fates
+        except Exception as error:
+            failure = error
+        self._send(ended_by(_first(failure), fates, _text(failure)))
+
+    async def _flown(self) -> Sequence[str]:
+        begin = await self.host.begin()
+        self._clock.set_start(begin.t_s)
+        vehicles = self._vehicles = vehicles_of(
+            self._plan, self._setting, self._links, self.host, self._clock.now_s,
+            waits_on_ground=begin.waits_on_ground,
+        )  # fmt: skip
+        before = None
+        if not self._plan.simulated:
+            before = BeforeFlight(
+                begin.preflight, self._setting, self._folder, self._links, self.host.ask,
+                keep_fence=begin.keep_fence,
+            )  # fmt: skip
+        guardians = Guardians({n: vehicle.guardian for n, vehicle in vehicles.items()})
+        keeping = asyncio.create_task(guardians.run())
+        failure: Exception | None = None
+        try:
+            try:
+                end = await unless_failed(self._mission(vehicles, begin, before), keeping)
+            except Exception as error:
+                failure, end = error, say.Finish(f"the mission failed ({in_words(error)})")
+            await self._looked_after(guardians, end)
+        finally:
+            keeping.cancel()
+            await asyncio.gather(keeping, return_exceptions=True)
+            for vehicle in vehicles.values():
+                with contextlib.suppress(LinkError):
+                    await vehicle.leave_as_found()
+            if before is not None:
+                await before.restore()
+        if failure is not None:
+            raise _EndedWithError(failure, guardians.fates())
+        return guardians.fates()
+
+    async def _mission(
+        self,
+        vehicles: Mapping[int, MavlinkVehicle],
+        begin: say.Begin,
+        before_flight: BeforeFlight | None,
+    ) -> say.Finish | say.Leave:
+        """Prepare the vehicles, and carry out orders until the mission's last message."""
+        if begin.version != say.VERSION:
+            raise LinkError("the aircraft process is of another version of uavmap than the mission")
+        flew = {number: begin.before.get(number, say.Before()) for number in vehicles}
+        for number, vehicle in vehicles.items():
+            if flew[number].flew:
+                vehicle.was_flying()
+        for number, vehicle in vehicles.items():
+            await vehicle.connect()
+            if flew[number].returned:
+                vehicle.was_returning()
+        each_its_own(vehicles)
+        if before_flight is not None:
+            await refuse_rivals(self._links, RIVAL_WALL_S * (self._plan.speedup or 1.0))
+            await before_flight.go()
+        fly = await self._unless_ended(self.host.fly(vehicles, say.Ready(self.since_boot_s)))
+        if fly is None:
+            return self.host.end.result()
+        self._clock.set_start(fly.start_s)
+        return await self.host.carry_out()
+
+    async def _unless_ended(self, waiting: Awaitable[T]) -> T | None:
+        """What is waited for, None if the mission's last message comes first."""
+        task = asyncio.ensure_future(waiting)
+        either: list[asyncio.Future[Any]] = [task, self.host.end]
+        await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
+        if task.done():
+            return task.result()
+        task.cancel()
+        return None
+
+    async def _looked_after(self, guardians: Guardians, end: say.Finish | say.Leave) -> None:
+        """Bring the vehicles home, or leave them to their autopilots if the operator leaves."""
+        if isinstance(end, say.Finish):
+            home = asyncio.create_task(guardians.bring_home(end.reason))
+            left = self.host.left
+            either: list[asyncio.Future[Any]] = [home, left]
+            await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
+            if home.done():
+                home.result()
+                return
+            home.cancel()
+            end = left.result()
+        await guardians.leave(end.reason)
+
+
+class _EndedWithError(Exception):
+    """Why a flight has failed, and what became of the aircraft."""
+
+    def __init__(self, cause: Exception, fates: Sequence[str]) -> None:
+        super().__init__(str(cause))
+        self.cause = cause
+        self.fates = fates
+
+
+def _first(failure: Exception | None) -> BaseException | None:
+    """The error that a failure is reported as."""
+    if isinstance(failure, BaseExceptionGroup) and not is_defect(failure):
+        return leaves(failure)[0]
+    return failure
+
+
+def _text(failure: Exception | None) -> str:
+    if failure is None:
+        return ""
+    if is_defect(failure):
+        return "".join(traceback.format_exception(failure))
+    return in_words(failure)
+
+
+@contextlib.asynccontextmanager
+async def in_this_process(
+    port: Port,
+    plan: FlightPlan,
+    setting: Setting,
+    folder: Path,
+    links: Sequence[Link],
+) -> AsyncIterator[None]:
+    """The aircraft in the process of their mission: the same messages, as the same bytes."""
+    to_port, to_host = say.Decoder(), say.Decoder()
+
+    def from_aircraft(message: say.Message) -> None:
+        for copy in to_port.feed(say.encode(message)):
+            port.receive(copy)
+
+    def from_mission(message: say.Message) -> None:
+        for copy in to_host.feed(say.encode(message)):
+            side.host.receive(copy)
+
+    side = AircraftSide(plan, setting, folder, links, MissionClock(0.0), from_aircraft)
+    port.connect(from_mission)
+    running = asyncio.create_task(side.run())
+    try:
+        yield
+    finally:
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
