@@ -42,7 +42,14 @@ from missions.mission.sections.fields import (
     TagDictionary,
     Vertex,
 )
-from missions.mission.sections.search_sections import Drift, Search, Team, Votes, Wind
+from missions.mission.sections.search_sections import (
+    Drift,
+    GuardianSection,
+    Search,
+    Team,
+    Votes,
+    Wind,
+)
 from missions.mission.sections.sim_section import Sim
 from missions.mission.sections.terrain_section import TerrainSection, relief_in, terrain_in
 from missions.units import LatLon
@@ -242,6 +249,7 @@ class Mission(Section):
     wind: Wind = Wind()
     drift: Drift = Drift()
     team: Team = Team()
+    guardian: GuardianSection = GuardianSection()
     navigation: NavigationSection = NavigationSection()
     vehicles: Annotated[
         tuple[VehicleSection, ...], Field(min_length=1, max_length=MAX_VEHICLES)

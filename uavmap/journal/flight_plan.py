@@ -148,6 +148,12 @@ class FlightPlan(FlightOptions):
         return values
 
     @classmethod
+    def of_json(cls, values: Mapping[str, Any], folder: Path) -> FlightPlan:
+        """The inverse of `as_json`, for the flight of a folder."""
+        plan = _ADAPTER.validate_json(json.dumps(values))
+        return replace(plan, mission=with_kept_detector(plan.mission, folder))
+
+    @classmethod
     def read(cls, journal: HasMeta) -> FlightPlan:
         """The plan that a journal was begun with. Raises `JournalError`."""
         meta, path = journal.meta, journal.path

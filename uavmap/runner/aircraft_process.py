@@ -1,21 +1,318 @@
-"""The process of the aircraft: started beside a flight, found again by the next."""
+"""The process of the aircraft as the mission sees it: started, connected to, started again.
+
+    python -m uavmap.runner.aircraft_child     the other end
+
+The two speak over a socket of this computer. Where the process listens, and the word that it
+wants to hear, is in `aircraft.json` in the flight's folder, by which the next process of the
+mission finds the aircraft of one that has died.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import asyncio
+import contextlib
+import json
+import logging
+import socket
+import time
+from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
-from uavmap.aircraft.process.messages import Begin
+from pydantic import TypeAdapter, ValidationError
+
+from missions.errors import LinkError
+from missions.events import Event
+from uavmap.aircraft.process import messages as say
 from uavmap.aircraft.process.port import Port
+from uavmap.base.child_process import Child
+from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import FlightPlan
 
-Connection = Callable[[Port, Begin], AbstractAsyncContextManager[None]]
+Connection = Callable[[Port, Callable[[], say.Begin]], AbstractAsyncContextManager[None]]
+"""Connects a port to aircraft; the function makes the first message, for each time."""
+
+ADDRESS: Final = "aircraft.json"
+RECORD: Final = "aircraft.log"
+"""What the aircraft did while no mission was there: messages, as they would be sent."""
+MODULE: Final = "uavmap.runner.aircraft_child"
+BEAT_WALL_S: Final = 0.5
+"""Time between two signs of life, real seconds."""
+SILENT_WALL_S: Final = 5.0
+"""Longest silence of the other process that a busy machine explains, real seconds."""
+ATTACH_WALL_S: Final = 5.0
+END_WALL_S: Final = 5.0
+START_WALL_S: Final = 30.0
+STARTS: Final = 3
+"""Number of times in a row that the process is started before the mission gives up."""
+_READ_BYTES: Final = 1 << 16
+_LOG: Final = logging.getLogger("uavmap.flight")
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where the process of the aircraft is to be found."""
+
+    port: int
+    token: str
+    start_s: float
+    """When the clock of its loop was zero, on the monotonic clock of this computer."""
+    process: int
+    """Its number."""
+
+    @classmethod
+    def read(cls, folder: Path) -> Address | None:
+        """That of a folder, None where there is none."""
+        with contextlib.suppress(OSError, ValidationError):
+            return _ADDRESS.validate_json((folder / ADDRESS).read_bytes())
+        return None
+
+    def as_json(self) -> str:
+        """The text of its file."""
+        return _ADDRESS.dump_json(self).decode()
+
+
+_ADDRESS: Final[TypeAdapter[Address]] = TypeAdapter(Address)
+
+
+@dataclass(frozen=True, slots=True)
+class Attachment:
+    """A connection to a process of aircraft."""
+
+    address: Address
+    socket: socket.socket
+
+
+def attach(address: Address) -> tuple[say.Attached, Attachment] | None:
+    """Connect to a process of aircraft; None where it is gone."""
+    try:
+        line = socket.create_connection(("127.0.0.1", address.port), ATTACH_WALL_S)
+        line.sendall(say.encode(say.Attach(say.VERSION, address.token)))
+        decoder = say.Decoder()
+        while data := line.recv(1):
+            for message in decoder.feed(data):
+                if isinstance(message, say.Attached):
+                    return message, Attachment(address, line)
+    except (OSError, LinkError):
+        pass
+    return None
+
+
+def taken_over(folder: Path, journal: Journal) -> Attachment | None:
+    """Take over the aircraft of a mission process that has died; None where none is flown.
+
+    Waits while they are brought home. What happened meanwhile goes into the journal. Raises
+    `LinkError` where another mission has them.
+    """
+    found = _attached(folder)
+    _keep_record(folder, journal)
+    if found is not None:
+        _LOG.info("the aircraft process of this flight has the vehicles: they are taken over")
+    return found
+
+
+def _attached(folder: Path) -> Attachment | None:
+    said = False
+    while (address := Address.read(folder)) is not None:
+        if (answer := attach(address)) is None:
+            return None
+        attached, line = answer
+        if attached.state in ("new", "flying"):
+            return line
+        line.socket.close()
+        if attached.state == "refused":
+            raise LinkError(f"{folder}: {attached.reason}")
+        if not said:
+            said = True
+            _LOG.info(f"{attached.reason}; the flight goes on when that is done")
+        time.sleep(BEAT_WALL_S)
+    return None
+
+
+def _keep_record(folder: Path, journal: Journal) -> None:
+    """Take what the aircraft did alone into the journal."""
+    events: list[Event] = []
+    for message in _recorded(folder):
+        if isinstance(message, say.Happened):
+            events.append(message.event)
+        elif isinstance(message, say.Line):
+            _LOG.info(f"meanwhile: {message.text}")
+    journal.append_all(events)
+    (folder / RECORD).unlink(missing_ok=True)
+
+
+def _recorded(folder: Path) -> list[say.Message]:
+    """What the aircraft did alone; a last message that was cut short is left out."""
+    decoder, found = say.Decoder(), list[say.Message]()
+    with contextlib.suppress(OSError, LinkError):
+        found.extend(decoder.feed((folder / RECORD).read_bytes()))
+    return found
 
 
 class AircraftProcess:
-    def __init__(self, plan: FlightPlan, folder: Path) -> None:
-        self._plan = plan
+    """The process of the aircraft of one flight.
 
-    def connected(self, port: Port, begin: Begin) -> AbstractAsyncContextManager[None]:
-        raise NotImplementedError
+    Args:
+        plan: Of the flight.
+        folder: Of the flight.
+        found: The process of a mission that has died; None: it is started.
+        append: Whether the telemetry log of the folder goes on.
+    """
+
+    def __init__(
+        self, plan: FlightPlan, folder: Path, found: Attachment | None, *, append: bool
+    ) -> None:
+        self._plan = plan
+        self._folder = folder
+        self._found = found
+        self._append = append
+        self._child: Child | None = None
+        self._speedup = plan.speedup or 1.0
+        self._heard_s = 0.0
+
+    @contextlib.asynccontextmanager
+    async def connected(self, port: Port, begin: Callable[[], say.Begin]) -> AsyncIterator[None]:
+        """Connect the port to the aircraft, ever again, until the end of the context."""
+        line = await self._start(self._found)
+        port.connect(line.send)
+        keeping = asyncio.create_task(self._keep(port, line, begin))
+        try:
+            yield
+        finally:
+            keeping.cancel()
+            await asyncio.gather(keeping, return_exceptions=True)
+            await asyncio.to_thread(self._ended)
+
+    async def _start(self, found: Attachment | None = None) -> _Line:
+        self._zero_s = time.monotonic() - asyncio.get_running_loop().time() / self._speedup
+        if found is None:
+            found = await asyncio.to_thread(self._begun)
+        found.socket.setblocking(False)
+        reader, writer = await asyncio.open_connection(sock=found.socket)
+        self._heard_s = time.monotonic()
+        return _Line(reader, writer)
+
+    def _begun(self) -> Attachment:
+        """Start the process and connect to it. Raises `LinkError`."""
+        child = self._child = Child(MODULE, "aircraft")
+        wanted = {
+            "plan": self._plan.as_json(), "folder": str(self._folder), "append": self._append,
+            "start_s": self._zero_s,
+        }  # fmt: skip
+        try:
+            child.stdin.write(json.dumps(wanted).encode() + b"\n")
+            child.stdin.flush()
+            address = _ADDRESS.validate_json(child.stdout.readline())
+        except (OSError, ValidationError):
+            child.process.kill()
+            child.process.wait()
+            reason = child.last_words(END_WALL_S)
+            raise LinkError(f"the process of the aircraft does not start: {reason}") from None
+        answer = attach(address)
+        if answer is None:
+            raise LinkError(f"the process of the aircraft does not answer: {child.last_words()}")
+        self._append = True
+        return answer[1]
+
+    async def _keep(self, port: Port, line: _Line, begin: Callable[[], say.Begin]) -> None:
+        """Pass messages on; find the process again, or start it, whenever it is gone."""
+        failed = 0
+        while True:
+            with contextlib.suppress(OSError, LinkError):
+                await self._pass_on(port, line)
+                failed = 0
+            line.close()
+            if port.ended.done():
+                return
+            try:
+                line = await self._again(port, begin)
+            except LinkError as error:
+                failed += 1
+                if failed == STARTS:
+                    port.receive(say.Ended((), LinkError.__name__, str(error)))
+                    return
+
+    async def _again(self, port: Port, begin: Callable[[], say.Begin]) -> _Line:
+        """Connect again: to the process that lives, or to a new one. Raises `LinkError`."""
+        address = Address.read(self._folder)
+        answer = None if address is None else await asyncio.to_thread(attach, address)
+        if answer is None:
+            _LOG.info("the process of the aircraft has died; it is started again")
+            port.lost()
+            await asyncio.to_thread(self._end_child)
+            line = await self._start()
+            port.connect(line.send)
+            port.send(begin())
+            return line
+        attached, found = answer
+        if attached.state != "flying":
+            found.socket.close()
+            port.receive(say.Ended((), LinkError.__name__, attached.reason))
+            raise LinkError(attached.reason)
+        _LOG.info("this process stood still for so long that the aircraft hold; it goes on")
+        for message in _recorded(self._folder):
+            port.receive(message)
+        line = await self._start(found)
+        port.connect(line.send)
+        return line
+
+    async def _pass_on(self, port: Port, line: _Line) -> None:
+        """Pass messages on until the process is silent, or gone."""
+        decoder = say.Decoder()
+        async with asyncio.TaskGroup() as tasks:
+            beating = tasks.create_task(self._beat(line))
+            try:
+                while data := await line.reader.read(_READ_BYTES):
+                    self._heard_s = time.monotonic()
+                    for message in decoder.feed(data):
+                        port.receive(message)
+            finally:
+                beating.cancel()
+
+    async def _beat(self, line: _Line) -> None:
+        """Send signs of life; end the connection to a process that sends none."""
+        while True:
+            line.send(say.Beat())
+            if time.monotonic() - self._heard_s > 2.0 * SILENT_WALL_S:
+                line.close()
+            await wall_sleep(BEAT_WALL_S, self._speedup)
+
+    def _end_child(self) -> None:
+        """End a process that does not speak any more."""
+        if self._child is not None:
+            self._child.process.kill()
+            self._child.process.wait()
+            self._child.close(END_WALL_S)
+            self._child = None
+
+    def _ended(self) -> None:
+        """Wait for the process to end by itself."""
+        if self._child is None:
+            return
+        with contextlib.suppress(Exception):
+            self._child.process.wait(END_WALL_S)
+            self._child.close(END_WALL_S)
+
+
+class _Line:
+    """One connection."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.reader = reader
+        self._writer = writer
+
+    def send(self, message: say.Message) -> None:
+        """Send a message; what the other end does not get it does not miss: it is gone."""
+        if not self._writer.is_closing():
+            self._writer.write(say.encode(message))
+
+    def close(self) -> None:
+        """End it."""
+        self._writer.close()
+
+
+async def wall_sleep(seconds: float, speedup: float) -> None:
+    """Sleep for so many real seconds."""
+    await asyncio.sleep(seconds * speedup)

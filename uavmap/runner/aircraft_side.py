@@ -72,7 +72,9 @@ class AircraftSide:
         self._send(ended_by(_first(failure), fates, _text(failure)))
 
     async def _flown(self) -> Sequence[str]:
-        begin = await self.host.begin()
+        begin = await self._unless_ended(self.host.begin())
+        if begin is None:
+            return ()
         self._clock.set_start(begin.t_s)
         vehicles = self._vehicles = vehicles_of(
             self._plan, self._setting, self._links, self.host, self._clock.now_s,
@@ -112,8 +114,20 @@ class AircraftSide:
         before_flight: BeforeFlight | None,
     ) -> say.Finish | say.Leave:
         """Prepare the vehicles, and carry out orders until the mission's last message."""
-        if begin.version != say.VERSION:
-            raise LinkError("the aircraft process is of another version of uavmap than the mission")
+        if await self._unless_ended(self._prepared(vehicles, begin, before_flight)):
+            ready = say.Ready(self.since_boot_s)
+            if fly := await self._unless_ended(self.host.fly(vehicles, ready)):
+                self._clock.set_start(fly.start_s)
+                return await self.host.carry_out()
+        return self.host.end.result()
+
+    async def _prepared(
+        self,
+        vehicles: Mapping[int, MavlinkVehicle],
+        begin: say.Begin,
+        before_flight: BeforeFlight | None,
+    ) -> bool:
+        """Connect to the vehicles, examine and set them; True when that is done."""
         flew = {number: begin.before.get(number, say.Before()) for number in vehicles}
         for number, vehicle in vehicles.items():
             if flew[number].flew:
@@ -126,11 +140,7 @@ class AircraftSide:
         if before_flight is not None:
             await refuse_rivals(self._links, RIVAL_WALL_S * (self._plan.speedup or 1.0))
             await before_flight.go()
-        fly = await self._unless_ended(self.host.fly(vehicles, say.Ready(self.since_boot_s)))
-        if fly is None:
-            return self.host.end.result()
-        self._clock.set_start(fly.start_s)
-        return await self.host.carry_out()
+        return True
 
     async def _unless_ended(self, waiting: Awaitable[T]) -> T | None:
         """What is waited for, None if the mission's last message comes first."""

@@ -34,6 +34,7 @@ from uavmap.journal.flight_plan import (
 from uavmap.load.kept_detector import drop_detector, keep_detector
 from uavmap.load.mission_source import load
 from uavmap.mavlink.links.urls import parse_url
+from uavmap.runner.aircraft_process import taken_over
 from uavmap.runner.before_flight import KEEP_FENCE
 from uavmap.runner.flight_links import cameras_of, check_urls
 from uavmap.runner.one_flight import KEEP_FRAMES, Company, Flight, written_results
@@ -178,6 +179,7 @@ def resume(
         again = plan.simulated and not (from_home or plan.rehomed)
         if journal.torn:
             _LOG.info(f"{journal.path}: its last line was cut short, and is left out")
+        found = None if plan.simulated or plan.member == 0 else taken_over(folder, journal)
         state = folded(setting, journal.events(), () if again else company.onlookers)
         _LOG.info(
             f"{folder}: {len(journal)} events, mission time {state.t_s:.0f} s, "
@@ -199,7 +201,9 @@ def resume(
         if again:
             journal.start_verification()
             state = State.initial(setting)
-        return Flight(plan, setting, folder, journal, state, company, again=again).run()
+        return Flight(
+            plan, setting, folder, journal, state, company, again=again, found=found
+        ).run()
 
 
 def _refuse_network(plan: FlightPlan, folder: Path) -> None:

@@ -7,6 +7,7 @@ import contextlib
 import logging
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,7 +17,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import Phase, State
 from missions.orders import TakeOff
 from uavmap.aircraft.guardian.last_watch import watched_over
-from uavmap.aircraft.process.messages import VERSION, Before, Begin, Fly
+from uavmap.aircraft.process.messages import Before, Begin
 from uavmap.aircraft.process.port import Port
 from uavmap.base import messages
 from uavmap.base.clock import Clock, MissionClock, ScaledClock, VirtualClock, run
@@ -33,7 +34,7 @@ from uavmap.journal.telemetry_log import TlogWriter
 from uavmap.output.documents import with_documents
 from uavmap.output.facts.score import true_roi
 from uavmap.output.write_results import write_results
-from uavmap.runner.aircraft_process import AircraftProcess, Connection
+from uavmap.runner.aircraft_process import AircraftProcess, Attachment, Connection
 from uavmap.runner.aircraft_side import in_this_process
 from uavmap.runner.before_flight import Preflight, kept_fence
 from uavmap.runner.flight_links import Link, mavlink_link
@@ -88,6 +89,7 @@ class Flight:
         state: Before the first event to come.
         company: The people beside it, and what looks on.
         again: Whether a recorded simulated flight is repeated first.
+        found: The process that has the aircraft, of a mission process that has died.
     """
 
     def __init__(
@@ -100,16 +102,16 @@ class Flight:
         company: Company = Company(),
         *,
         again: bool = False,
+        found: Attachment | None = None,
     ) -> None:
         self._plan = plan
         self._setting = setting
         self._folder = folder
         self._journal = journal
         self._state = state
-        self._left = state.vehicles
-        """The vehicles of the journal, when the flight is resumed."""
         self._company = company
         self._again = again
+        self._found = found
         self._events_before = len(journal)
         """Number of events when it began."""
         self._resumed = self._events_before > 0 and not again
@@ -161,7 +163,8 @@ class Flight:
         speedup = self._plan.speedup
         if self._plan.simulated:
             return self._run(self._fly_simulated(), VirtualClock(speedup))
-        return self._run(self._fly_connected(), ScaledClock(speedup or 1.0))
+        start_s = None if self._found is None else self._found.address.start_s
+        return self._run(self._fly_connected(), ScaledClock(speedup or 1.0, start_s))
 
     def _run(self, flight: Coroutine[Any, Any, Truth | None], clock: Clock) -> Truth | None:
         caller = self._company.caller
@@ -207,7 +210,9 @@ class Flight:
         async with joined_fleet(self._plan, self._setting.mission, self._journal) as radio:
             connection = None
             if self._setting.member != 0:
-                process = AircraftProcess(self._plan, self._folder)
+                process = AircraftProcess(
+                    self._plan, self._folder, self._found, append=self._resumed
+                )
                 connection = process.connected
             await self._serve(connection, radio)
 
@@ -227,6 +232,7 @@ class Flight:
             keeper = FrameKeeper(self._folder, say, aside=real)
         reports: asyncio.Queue[Event] = asyncio.Queue()
         port = Port(
+            numbers_of(self._setting), self.clock.now_s,
             judge_of(
                 self._setting,
                 Keepers([*([keeper] if keeper else ()), *company.onlookers]),
@@ -262,7 +268,7 @@ class Flight:
         for onlooker in company.onlookers:
             onlooker.begin(self._setting, again=self._again)
         waits = not (crew.absent or self._plan.simulated or self._plan.auto_swap)
-        begin = self._begin(waits_on_ground=waits)
+        begin = partial(self._begin, waits_on_ground=waits)
         try:
             with contextlib.ExitStack() as hand:
                 if keeper is not None:
@@ -293,16 +299,19 @@ class Flight:
     def _begin(self, *, waits_on_ground: bool) -> Begin:
         """What the aircraft have to know of the journal and the operator before they answer."""
         company, before = self._company, {}
+        begun = self._resumed or (self._service is not None and self._service.flying)
         for number in numbers_of(self._setting):
-            left = self._left[number]
+            left = self.state.vehicles[number]
             flew = not left.landed or isinstance(left.order, TakeOff)
             before[number] = Before(
-                self._resumed and flew and left.phase is not Phase.YIELDED,
-                self._resumed and left.phase in (Phase.AIRBORNE, Phase.GUARDED),
+                begun and flew and left.phase is not Phase.YIELDED,
+                begun and left.phase in (Phase.AIRBORNE, Phase.GUARDED),
             )
-        asked = None if company.preflight is None else company.preflight.asked(self._setting)
+        # aircraft that are found again are asked nothing
+        asked = (
+            None if company.preflight is None or begun else company.preflight.asked(self._setting)
+        )
         return Begin(
-            VERSION,
             self.clock.start_s,
             before,
             asked,
@@ -311,11 +320,13 @@ class Flight:
         )
 
     async def _fly(
-        self, port: Port | None, begin: Begin, service: Service, member: Member | None
+        self, port: Port | None, begin: Callable[[], Begin], service: Service, member: Member | None
     ) -> State:
         if port is not None:
-            await port.begun(begin)
-            if self._resumed and not self._plan.simulated:
+            ready = await port.begun(begin())
+            if ready.start_s is not None:
+                self.clock.set_start(ready.start_s)
+            elif self._resumed and not self._plan.simulated:
                 await self._settle_time(read_clocks(port.since_boot_s))
         if member is not None:
             await self._agree(member)
@@ -326,7 +337,7 @@ class Flight:
             if self._company.recall:
                 service.post(Recalled(begin_s))
         if port is not None:
-            port.send(Fly(self.clock.start_s))
+            port.fly(self.clock.start_s)
         return await service.fly()
 
     # --- time -------------------------------------------------------------------------------

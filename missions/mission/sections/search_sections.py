@@ -117,6 +117,12 @@ class Drift(Section):
     toward_deg: Degrees = 0.0
 
 
+class GuardianSection(Section):
+    """What the guardians of the aircraft do when the mission is gone."""
+
+    orphan_hold_s: Annotated[Number, Field(ge=0, le=600)] = 20.0
+
+
 class Team(Section):
     """How several vehicles keep apart: a layer of height each."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 from collections.abc import Callable, Mapping
-from typing import Protocol, TypeVar
+from typing import Literal, Protocol, TypeVar
 
 import numpy as np
 
@@ -47,6 +47,8 @@ class Host:
         self._serials = itertools.count(1)
         self._pictures: dict[int, asyncio.Future[bool]] = {}
         self._swaps: dict[int, asyncio.Future[None]] = {}
+        self.ready: say.Ready | None = None
+        """What was said when the vehicles were ready."""
         self._answer: asyncio.Future[bool | None] | None = None
         self._begun: asyncio.Future[say.Begin] = asyncio.get_running_loop().create_future()
         self._flown: asyncio.Future[say.Fly] = asyncio.get_running_loop().create_future()
@@ -78,8 +80,10 @@ class Host:
                     self._answer.set_result(message.yes)
             case say.Begin():
                 _settle(self._begun, message)
+            case say.Fly() if self._flown.done():
+                self._back()
             case say.Fly():
-                _settle(self._flown, message)
+                self._flown.set_result(message)
             case say.Finish():
                 _settle(self.end, message)
             case say.Leave():
@@ -95,6 +99,7 @@ class Host:
     async def fly(self, vehicles: Mapping[int, Vehicle], ready: say.Ready) -> say.Fly:
         """Say that the vehicles are ready, and wait until the mission has set its time."""
         self._vehicles = vehicles
+        self.ready = ready
         self._send(ready)
         return await self._flown
 
@@ -114,7 +119,16 @@ class Host:
         for vehicle in self._vehicles.values():
             vehicle.give(Hold())
 
-    def back(self) -> None:
+    @property
+    def state(self) -> Literal["new", "flying", "returning"]:
+        """What a mission that connects now finds."""
+        if self.end.done():
+            return "returning"
+        if self._flown.done():
+            return "flying"
+        return "returning" if self._begun.done() else "new"
+
+    def _back(self) -> None:
         """The mission is back: report where each vehicle is."""
         for vehicle in self._vehicles.values():
             vehicle.report_again()

@@ -33,6 +33,15 @@ MOST_BYTES: Final = 1 << 28
 
 # --- from the mission ---------------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
+class Attach:
+    """The first message of a connection to a process of aircraft: the word from its file."""
+
+    version: int
+    token: str
+    kind: Literal["attach"] = "attach"
+
+
+@dataclass(frozen=True, slots=True)
 class Before:
     """What the journal knows of a vehicle when a flight is resumed."""
 
@@ -57,7 +66,6 @@ class Asked:
 class Begin:
     """Speak with the vehicles, and prepare them."""
 
-    version: int
     t_s: float
     """Mission time at which the clock of the loop was zero, until `Fly` says otherwise."""
     before: dict[int, Before]
@@ -149,16 +157,31 @@ class Beat:
 
 
 ToAircraft = (
-    Begin | Fly | Give | LandHere | Judged | Swapped | Answered | Finish | Leave | Beat
+    Attach | Begin | Fly | Give | LandHere | Judged | Swapped | Answered | Finish | Leave | Beat
 )  # fmt: skip
 
 
 # --- from the aircraft --------------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
+class Attached:
+    """The answer to `Attach`.
+
+    A mission is refused while another has the aircraft, by another version, and while they are
+    brought home.
+    """
+
+    state: Literal["new", "flying", "returning", "refused"]
+    reason: str = ""
+    kind: Literal["attached"] = "attached"
+
+
+@dataclass(frozen=True, slots=True)
 class Ready:
     """All vehicles have answered and are prepared."""
 
     boot_s: float | None
+    start_s: float | None = None
+    """The mission time at which the clock of the loop was zero, where the aircraft know it."""
     kind: Literal["ready"] = "ready"
 
 
@@ -241,7 +264,16 @@ class Ended:
 
 
 FromAircraft = (
-    Ready | Happened | Picture | BatteryWanted | BatteryUnwanted | Question | Line | Beat | Ended
+    Attached
+    | Ready
+    | Happened
+    | Picture
+    | BatteryWanted
+    | BatteryUnwanted
+    | Question
+    | Line
+    | Beat
+    | Ended
 )
 Message = ToAircraft | FromAircraft
 _ADAPTER: Final[TypeAdapter[Message]] = TypeAdapter(Annotated[Message, Field(discriminator="kind")])

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import missions.errors
 from missions.errors import LinkError, NotFlownError, UavmapError
-from missions.events import Event
+from missions.events import Event, LinkLost
 from missions.orders import Order
 from uavmap.aircraft.imaging.imaging import Taken
 from uavmap.aircraft.imaging.judge import PictureJudge
@@ -22,6 +22,8 @@ class Port:
     """Stands between a mission and its aircraft; `connect` says how its messages are sent.
 
     Args:
+        vehicles: The numbers of the vehicles.
+        now_s: Mission time.
         judge: Judges pictures.
         post: Takes an event to the mission.
         taken_in: Returns when all that was posted was taken in, and its orders given.
@@ -31,6 +33,8 @@ class Port:
 
     def __init__(
         self,
+        vehicles: Sequence[int],
+        now_s: Callable[[], float],
         judge: PictureJudge,
         post: Callable[[Event], None],
         taken_in: Callable[[], Awaitable[None]],
@@ -39,6 +43,8 @@ class Port:
     ) -> None:
         loop = asyncio.get_running_loop()
         self._log = messages.bound("uavmap.flight")
+        self._vehicles = vehicles
+        self._now_s = now_s
         self._judge = judge
         self._post = post
         self._taken_in = taken_in
@@ -47,6 +53,7 @@ class Port:
         self._send: Callable[[say.Message], None] | None = None
         self._tasks: set[asyncio.Task[None]] = set()
         self._swaps: dict[int, asyncio.Task[None]] = {}
+        self._fly: say.Fly | None = None
         self._boot: tuple[float, float] | None = None
         """The time since the first vehicle was switched on, and the loop's at which it was so."""
         self.ready: asyncio.Future[say.Ready] = loop.create_future()
@@ -55,7 +62,6 @@ class Port:
     def connect(self, send: Callable[[say.Message], None]) -> None:
         """Send messages by this function from now on."""
         self._send = send
-        self.ready = asyncio.get_running_loop().create_future()
 
     def send(self, message: say.Message) -> None:
         """Send a message; there is nothing to send it to once the aircraft have ended."""
@@ -79,6 +85,20 @@ class Port:
         if not self.ready.done():
             raise error_of(self.ended.result())
         return self.ready.result()
+
+    def fly(self, start_s: float) -> None:
+        """Have the vehicles report, and carry out orders; the clock of the loop was zero at the
+        mission time `start_s`."""
+        self._fly = say.Fly(start_s)
+        self.send(self._fly)
+
+    def lost(self) -> None:
+        """The process of the aircraft has died: no vehicle is heard until another speaks."""
+        for vehicle in self._vehicles:
+            self._post(LinkLost(vehicle, round(self._now_s(), 3)))
+        for swap in self._swaps.values():
+            swap.cancel()
+        self._swaps.clear()
 
     @property
     def since_boot_s(self) -> float | None:
@@ -108,13 +128,19 @@ class Port:
             case say.Ready() | say.Beat():
                 if message.boot_s is not None:
                     self._boot = (message.boot_s, asyncio.get_running_loop().time())
-                if isinstance(message, say.Ready) and not self.ready.done():
-                    self.ready.set_result(message)
+                if isinstance(message, say.Ready):
+                    self._prepared(message)
             case say.Ended():
                 if not self.ended.done():
                     self.ended.set_result(message)
             case _:
                 pass
+
+    def _prepared(self, message: say.Ready) -> None:
+        if not self.ready.done():
+            self.ready.set_result(message)
+        elif self._fly is not None:  # another process, or another connection
+            self.send(self._fly)
 
     def _begin(self, work: Any) -> asyncio.Task[None]:
         task: asyncio.Task[None] = asyncio.ensure_future(work)

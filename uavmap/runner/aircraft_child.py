@@ -1,0 +1,244 @@
+"""The process of the aircraft: links, streams, guardians and the poses of pictures.
+
+    python -m uavmap.runner.aircraft_child
+
+Its first line of input says what it flies (JSON: plan, folder, append, start_s). It listens on
+a socket of this computer and obeys the mission that sends the word of its file. When that is
+gone without a last message, each vehicle holds its position for `guardian.orphan_hold_s`, and then
+comes home and lands; what happens meanwhile is written into the folder of the flight.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import secrets
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any, Final
+
+from missions.errors import LinkError, UavmapError
+from uavmap.aircraft.process import messages as say
+from uavmap.aircraft.process.port import ended_by
+from uavmap.base.atomic_write import write_text
+from uavmap.base.clock import MissionClock, ScaledClock, run
+from uavmap.base.messages import shown_on
+from uavmap.journal.flight_plan import TLOG, FlightPlan
+from uavmap.journal.telemetry_log import TlogWriter
+from uavmap.runner.aircraft_process import (
+    ADDRESS,
+    BEAT_WALL_S,
+    RECORD,
+    SILENT_WALL_S,
+    START_WALL_S,
+    Address,
+    wall_sleep,
+)
+from uavmap.runner.aircraft_side import AircraftSide
+from uavmap.runner.flight_links import LinkOptions, cameras_of, opened_links
+
+_READ_BYTES: Final = 1 << 16
+GONE: Final = "the mission process has ended"
+
+
+class AircraftChild:
+    """The process, for one flight."""
+
+    def __init__(self, plan: FlightPlan, folder: Path, start_s: float, *, append: bool) -> None:
+        self._plan = plan
+        self._folder = folder
+        self._start_s = start_s
+        self._append = append
+        self._speedup = plan.speedup or 1.0
+        self._hold_s = plan.mission.guardian.orphan_hold_s
+        self._clock = MissionClock(0.0)
+        self._token = secrets.token_hex(16)
+        self._writer: asyncio.StreamWriter | None = None
+        self._early: list[say.Message] = []
+        """What was said before the mission connected."""
+        self._waiting: list[say.Message] = []
+        """What the mission sent before the links were open."""
+        self._met = False
+        self._side: AircraftSide | None = None
+        self._heard_s = time.monotonic()
+        """When the mission was last heard, on the monotonic clock."""
+
+    async def run(self) -> None:
+        """Fly, from the first connection to the end."""
+        for number in (signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
+        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, self._stopped)
+        server = await asyncio.start_server(self._attached, "127.0.0.1", 0)
+        port = server.sockets[0].getsockname()[1]
+        address = Address(port, self._token, self._start_s, os.getpid()).as_json()
+        path = self._folder / ADDRESS
+        path.touch(0o600)
+        write_text(path, address)
+        sys.stdout.write(address + "\n")
+        sys.stdout.flush()
+        try:
+            with shown_on(self):
+                await self._flown()
+        finally:
+            path.unlink(missing_ok=True)
+            server.close()
+            await self._closed()
+
+    def show(self, text: str) -> None:
+        """Send a line for the operator, as a display does."""
+        self._send(say.Line(text))
+
+    async def _flown(self) -> None:
+        plan = self._plan
+        mission = plan.mission
+        setting = plan.known_setting()
+        watching: asyncio.Task[None] | None = None
+        try:
+            cameras = cameras_of(plan.cameras, mission, plan.member)
+            options = LinkOptions.of(plan)
+            with self._log() as log:
+                async with opened_links(
+                    plan.urls, options, cameras, mission.camera, log.record
+                ) as links:
+                    side = self._side = AircraftSide(
+                        plan, setting, self._folder, links, self._clock, self._send
+                    )
+                    for message in self._waiting:
+                        side.host.receive(message)
+                    watching = asyncio.create_task(self._watch(side))
+                    await side.run()
+        except UavmapError as error:
+            self._send(ended_by(error, (), str(error)))
+            until_s = time.monotonic() + START_WALL_S
+            while self._writer is None and time.monotonic() < until_s:
+                await wall_sleep(BEAT_WALL_S, self._speedup)
+        finally:
+            if watching is not None:
+                watching.cancel()
+
+    def _log(self) -> TlogWriter:
+        rate = 1.0 / self._speedup
+        return TlogWriter(
+            self._folder / TLOG,
+            lambda: self._plan.epoch_utc_s + self._clock.now_s() * rate,
+            append=self._append and (self._folder / TLOG).exists(),
+            say=self.show,
+        )
+
+    # --- the mission ----------------------------------------------------------------------------
+    async def _attached(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Speak with a mission that has connected, until it is gone."""
+        decoder = say.Decoder()
+        try:
+            while data := await reader.read(_READ_BYTES):
+                for message in decoder.feed(data):
+                    if isinstance(message, say.Attach):
+                        if not self._meets(message, writer):
+                            return
+                    elif writer is self._writer:
+                        self._heard_s = time.monotonic()
+                        if self._side is None:
+                            self._waiting.append(message)
+                        else:
+                            self._side.host.receive(message)
+        except (OSError, LinkError):
+            pass
+        finally:
+            if writer is self._writer:
+                self._writer = None
+                self._hold()
+            writer.close()
+
+    def _meets(self, message: say.Attach, writer: asyncio.StreamWriter) -> bool:
+        """Whether this mission has the aircraft from now on."""
+        if not secrets.compare_digest(message.token, self._token):
+            return False
+        state = "new" if self._side is None else self._side.host.state
+        answer = say.Attached(state)
+        if message.version != say.VERSION:
+            answer = say.Attached("refused", "the aircraft are flown by another version of uavmap")
+        elif self._writer is not None:
+            answer = say.Attached("refused", "another process of uavmap flies this mission")
+        elif state == "returning":
+            answer = say.Attached("returning", f"{GONE}: the vehicles are brought home and land")
+        writer.write(say.encode(answer))
+        if answer.state in ("refused", "returning"):
+            return False
+        self._writer, self._met, self._heard_s = writer, True, time.monotonic()
+        for early in self._early:
+            self._send(early)
+        self._early.clear()
+        if self._side is not None and self._side.host.ready is not None:
+            self._send(say.Ready(self._side.since_boot_s, self._clock.start_s))
+        return True
+
+    def _send(self, message: say.Message) -> None:
+        """Send a message, or write it down for the next mission."""
+        if self._writer is not None and not self._writer.is_closing():
+            self._writer.write(say.encode(message))
+        elif not self._met:
+            self._early.append(message)
+        elif isinstance(message, say.Happened | say.Line):
+            with contextlib.suppress(OSError):  # a full disk must not keep an aircraft in the air
+                self._record(say.encode(message))
+
+    def _record(self, data: bytes) -> None:
+        file = os.open(self._folder / RECORD, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        try:
+            os.write(file, data)
+            os.fsync(file)
+        finally:
+            os.close(file)
+
+    # --- without a mission ----------------------------------------------------------------------
+    async def _watch(self, side: AircraftSide) -> None:
+        """Hold when the mission is silent; bring the vehicles home when it stays so."""
+        while not side.host.end.done():
+            await wall_sleep(BEAT_WALL_S, self._speedup)
+            silent_s = time.monotonic() - self._heard_s
+            if self._writer is not None:
+                self._send(say.Beat(side.since_boot_s))
+                if silent_s > SILENT_WALL_S:
+                    self._writer.close()  # it connects again if it lives
+            elif silent_s > SILENT_WALL_S + self._hold_s:
+                side.host.receive(say.Finish(GONE))
+
+    def _hold(self) -> None:
+        """The mission is gone: hold."""
+        if self._side is not None and not self._side.host.end.done():
+            self.show(
+                f"{GONE} without a word: the vehicles hold for {self._hold_s:.0f} s, then they are "
+                f"brought home; `uavmap resume {self._folder}` takes them over"
+            )
+            self._heard_s = time.monotonic() - SILENT_WALL_S
+            self._side.host.hold()
+
+    def _stopped(self) -> None:
+        """This process is asked to end: the vehicles come home first."""
+        if self._side is not None:
+            self._side.host.receive(say.Finish("the process of the aircraft is asked to end"))
+
+    async def _closed(self) -> None:
+        """Send what is still to be sent."""
+        if self._writer is not None:
+            with contextlib.suppress(OSError):
+                await self._writer.drain()
+                self._writer.close()
+                await self._writer.wait_closed()
+
+
+def main() -> None:
+    """Run the process that the first line of input describes."""
+    wanted: dict[str, Any] = json.loads(sys.stdin.readline())
+    folder = Path(wanted["folder"])
+    plan = FlightPlan.of_json(wanted["plan"], folder)
+    child = AircraftChild(plan, folder, wanted["start_s"], append=wanted["append"])
+    run(child.run(), ScaledClock(plan.speedup or 1.0, wanted["start_s"]))
+
+
+if __name__ == "__main__":
+    main()
