@@ -20,7 +20,8 @@ from tests.support.small_missions import CELL_M, START, mission, square
 from uavmap.aircraft.cameras.mavlink import MavlinkSource
 from uavmap.aircraft.cameras.pose import Poses
 from uavmap.aircraft.imaging.classifier import Classifier
-from uavmap.aircraft.imaging.imaging import CameraDriver
+from uavmap.aircraft.imaging.imaging import CameraDriver, Taken
+from uavmap.aircraft.imaging.judge import PictureJudge
 from uavmap.aircraft.vehicle import MavlinkVehicle
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.commands import MavlinkCommands
@@ -85,7 +86,7 @@ class Flight:
         self._pilot = mav.MAVLink(None, srcSystem=PILOT_SYSTEM_ID, srcComponent=190)
         self.session, self.commands = (driver or by_pymavlink)(self._send)
         grid = self.setting.grid
-        classifier = Classifier.of(made, grid)
+        self._judge = PictureJudge({1: Classifier.of(made, grid)})
         source = MavlinkSource(self.session, self._fetch)
         poses = Poses(self.session, mount_of(made.camera), grid)
         self.driver = MavlinkVehicle(
@@ -93,7 +94,7 @@ class Flight:
             "sim",
             self.session,
             self.commands,
-            CameraDriver(1, source, poses, classifier, self.now_s),
+            CameraDriver(1, source, poses, made, self, self.now_s),
             self.setting,
             self.now_s,
             self._crew,
@@ -177,6 +178,13 @@ class Flight:
     async def taken_in(self) -> None:
         """What was reported is taken in at once."""
 
+    async def judge(self, taken: Taken) -> bool:
+        """What a picture says is taken in at once."""
+        verdict = self._judge.verdict(taken)
+        self.report(verdict)
+        await self.taken_in()
+        return isinstance(verdict, FrameSeen)
+
     def seen(self, kind: type[Event]) -> list[Any]:
         return [event for event in self.events if isinstance(event, kind)]
 
@@ -220,7 +228,7 @@ async def running(flight: Flight) -> AsyncIterator[None]:
     async with asyncio.TaskGroup() as tasks:
         world = tasks.create_task(flight.fly_world())
         await flight.driver.connect()
-        driving = tasks.create_task(flight.driver.run(flight.report, flight.taken_in))
+        driving = tasks.create_task(flight.driver.run(flight.report))
         flight.driving = driving
         guarding = tasks.create_task(flight.driver.guardian.run())
         await asyncio.sleep(0)

@@ -117,6 +117,7 @@ def _attached(folder: Path) -> Attachment | None:
     said = False
     while (address := Address.read(folder)) is not None:
         if (answer := attach(address)) is None:
+            (folder / ADDRESS).unlink(missing_ok=True)
             return None
         attached, line = answer
         if attached.state in ("new", "flying"):
@@ -239,6 +240,7 @@ class AircraftProcess:
         address = Address.read(self._folder)
         answer = None if address is None else await asyncio.to_thread(attach, address)
         if answer is None:
+            (self._folder / ADDRESS).unlink(missing_ok=True)
             _LOG.info("the process of the aircraft has died; it is started again")
             port.lost()
             await asyncio.to_thread(self._end_child)

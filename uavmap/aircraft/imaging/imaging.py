@@ -206,7 +206,7 @@ class CameraDriver:
         return await self._judge.judge(await self._taken(picture, vantage, anywhere=anywhere))
 
     async def _taken(self, picture: Announcement, vantage: Cell | None, *, anywhere: bool) -> Taken:
-        t_s = round(self._now_s() + picture.taken_s - asyncio.get_running_loop().time(), 3)
+        t_s = self._exposed_s(picture)
         pose = await self._poses.of(picture)
         data = await picture.load()
         finder = self.navigation
@@ -220,9 +220,14 @@ class CameraDriver:
                 pose = finder.placed(Frame(image, pose, t_s, camera)).pose
         return Taken(self._number, t_s, pose, vantage, anywhere, picture.name, data)
 
-    def lost(self, reason: str) -> FrameLost:
-        """A picture that never came, or cannot be used."""
-        return FrameLost(self._number, round(self._now_s(), 3), printable(reason))
+    def lost(self, reason: str, picture: Announcement | None = None) -> FrameLost:
+        """A picture that never came (None), or cannot be used."""
+        t_s = round(self._now_s(), 3) if picture is None else self._exposed_s(picture)
+        return FrameLost(self._number, t_s, printable(reason))
+
+    def _exposed_s(self, picture: Announcement) -> float:
+        """The mission time of its exposure."""
+        return round(self._now_s() + picture.taken_s - asyncio.get_running_loop().time(), 3)
 
 
 class LookAt(Protocol):
@@ -381,7 +386,7 @@ class Frames:
         try:
             await self._look(picture, vantage, anywhere=self._anywhere)
         except (ImageError, LinkError) as error:
-            return self._camera.lost(str(error))
+            return self._camera.lost(str(error), picture)
         finally:
             self._judged()
         return None

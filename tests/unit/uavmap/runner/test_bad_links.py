@@ -16,7 +16,7 @@ from tests.benchmarks.bad_links import FORBIDDEN, fly
 from tests.support.flights import Flight, small_mission, under_way
 from tests.support.flights import fly as flight_of
 from tests.support.running import by, on_virtual_time
-from uavmap.aircraft.guardian.last_watch import watched_over
+from uavmap.aircraft.guardian.last_watch import Guardians, watched_over
 from uavmap.base.clock import VirtualClock, run
 
 UP_M = 12.0
@@ -147,7 +147,7 @@ def test_who_was_left_in_the_air_is_brought_home_though_the_connection_fails() -
                 raise LinkError("vehicle 2: no vehicle answered")
 
             with pytest.raises(LinkError, match="vehicle 2"):
-                await watched_over([again.driver.guardian], connect(), leave=True)
+                await watched_over(Guardians({1: again.driver.guardian}), connect(), leave=True)
             world.cancel()
         assert flight.vehicle.truth.landed
         assert again.said == [

@@ -11,32 +11,16 @@ from missions.errors import ImageError, MissionFileError
 from missions.flight.setting import Setting
 from missions.mission.sections.detector_section import DetectorSection
 from tests.support.flights import small_mission
-from tests.support.plans import plan_of
 from tests.support.said import Said
 from uavmap.aircraft.imaging.classifier import Blind
-from uavmap.aircraft.vehicle import MavlinkVehicle
-from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
-from uavmap.mavlink.session import Session
-from uavmap.runner.flight_links import mavlink_link
-from uavmap.runner.operator.ground_crew import Crew
-from uavmap.runner.vehicles import vehicles_of
+from uavmap.aircraft.imaging.judge import PictureJudge
+from uavmap.runner.vehicles import judge_of
 
 
-async def _no_picture(_: str) -> bytes:
-    return b""
-
-
-def fleet(model: Path, *, recall: bool) -> dict[int, MavlinkVehicle]:
+def judge(model: Path, *, recall: bool) -> PictureJudge:
     section = DetectorSection(name="learned", model=str(model), model_sha256="0" * 64)
     made = small_mission().model_copy(update={"detector": section})
-    plan = plan_of(
-        "m.toml", made, None, None, seed=0, urls=("tcp://x",), speedup=None,
-        epoch_utc_s=SIM_EPOCH_UTC_S,
-    )  # fmt: skip
-    session = Session(lambda frame: None, lambda frame: None)
-    link = mavlink_link("one", session, _no_picture)
-    crew = Crew(automatic=False)
-    return vehicles_of(plan, Setting.of(made), [link], crew, lambda: 0.0, recall=recall)
+    return judge_of(Setting.of(made), recall=recall)
 
 
 @pytest.mark.parametrize("there", [False, True])
@@ -47,8 +31,8 @@ def test_without_its_model_a_flight_can_be_called_home_and_no_more(
     if there:
         model.write_text("another one")
     with pytest.raises(MissionFileError, match=r"put (it|the old one) back: its SHA-256 is 0000"):
-        fleet(model, recall=False)
-    assert list(fleet(model, recall=True)) == [1]
+        judge(model, recall=False)
+    judge(model, recall=True)
     (line,) = said
     assert str(model) in line
     assert line.endswith("the aircraft are brought home without it")

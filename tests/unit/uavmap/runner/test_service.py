@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -34,19 +34,17 @@ class Played:
         self.orders: list[Order] = []
         self._events = events
 
-    async def run(
-        self, report: Callable[[Event], None], taken_in: Callable[[], Awaitable[None]]
-    ) -> None:
+    def play(self, service: Service) -> None:
+        self.service = service
         loop = asyncio.get_running_loop()
         for after_s, event in self._events:
-            loop.call_later(after_s, report, event)
-        await asyncio.Event().wait()
+            loop.call_later(after_s, service.post, event)
 
-    def give(self, order: Order) -> None:
+    def give(self, vehicle: int, order: Order) -> None:
         self.orders.append(order)
 
-    def land_here(self, reason: str) -> bool:
-        return False
+    def land_here(self, vehicle: int, reason: str) -> None:
+        """Land nothing."""
 
 
 @pytest.fixture
@@ -59,10 +57,11 @@ def serve(journal: Journal, vehicle: Played, act: Callable[[Service], None]) -> 
     setting = Setting.of(small_mission())
     seen: list[Event] = []
     service = Service(
-        setting, journal, {1: vehicle}, State.initial(setting), lambda e, _: seen.append(e)
+        setting, journal, vehicle, State.initial(setting), lambda e, _: seen.append(e)
     )
 
     async def main() -> State:
+        vehicle.play(service)
         asyncio.get_running_loop().call_later(10.0, act, service)
         async with asyncio.timeout(60.0):
             state = await service.fly()
@@ -121,26 +120,21 @@ def test_what_is_reported_while_an_order_is_given_is_taken_in_afterwards(journal
     depth: list[int] = []
 
     class Eager(Played):
-        report: Callable[[Event], None]
+        def play(self, service: Service) -> None:
+            super().play(service)
+            service.post(CONNECTED)
 
-        async def run(
-            self, report: Callable[[Event], None], taken_in: Callable[[], Awaitable[None]]
-        ) -> None:
-            self.report = report
-            report(CONNECTED)
-            await taken_in()
-            assert [type(order) for order in self.orders] == [TakeOff, StandDown]
-            await asyncio.Event().wait()
-
-        def give(self, order: Order) -> None:
+        def give(self, vehicle: int, order: Order) -> None:
             depth.append(1)
             assert len(depth) - len(self.orders) == 1
             self.orders.append(order)
             if isinstance(order, TakeOff):
-                self.report(LinkLost(1, 1.0))
+                self.service.post(LinkLost(1, 1.0))
                 assert len(self.orders) == 1
 
-    serve(journal, Eager(), Service.stop)
+    vehicle = Eager()
+    serve(journal, vehicle, Service.stop)
+    assert [type(order) for order in vehicle.orders] == [TakeOff, StandDown]
     assert [type(e) for e in journal.events()] == [Connected, LinkLost]
 
 
@@ -156,10 +150,11 @@ def test_a_journal_that_cannot_be_written_ends_the_mission(
         *((t_s, Tracked(1, t_s, HOME, 0.0, 25.0)) for t_s in (20.0, 21.0, 22.0)),
     )
     setting = Setting.of(small_mission())
-    service = Service(setting, journal, {1: vehicle}, State.initial(setting), lambda *_: None)
+    service = Service(setting, journal, vehicle, State.initial(setting), lambda *_: None)
 
     async def main() -> None:
         loop = asyncio.get_running_loop()
+        vehicle.play(service)
         loop.call_later(10.0, monkeypatch.setattr, event_log, "write_at", full)
         try:
             await service.fly()
@@ -183,7 +178,7 @@ def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(
     flying = Connected(1, 1.0, HOME, HOME, 12.0, True, True, 25.0)
     vehicle = Played((1.0, flying), (5.0, Tracked(1, 5.0, HOME, 12.0, 25.0)))
     setting = Setting.of(small_mission())
-    service = Service(setting, journal, {1: vehicle}, State.initial(setting), lambda *_: None)
+    service = Service(setting, journal, vehicle, State.initial(setting), lambda *_: None)
     append = journal.append
 
     def failing(event: Event) -> None:
@@ -192,8 +187,13 @@ def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(
         append(event)
 
     monkeypatch.setattr(journal, "append", failing)
+
+    async def main() -> None:
+        vehicle.play(service)
+        await service.fly()
+
     with pytest.raises(JournalError, match="disk is full"):
-        run(service.fly(), VirtualClock())
+        run(main(), VirtualClock())
     monkeypatch.undo()  # somebody has made room
     given = len(vehicle.orders)
     service.post(Crashed(1, 30.0, HOME, "it fell"))
@@ -215,7 +215,8 @@ async def test_a_report_that_no_journal_can_hold_is_refused_and_told(
     nowhere = GridPoint(float("inf"), 0.0)
     vehicle = Played((1.0, CONNECTED), (2.0, Tracked(1, 2.0, nowhere, 0.0, 25.0)))
     setting = Setting.of(small_mission())
-    service = Service(setting, journal, {1: vehicle}, State.initial(setting), lambda *_: None)
+    service = Service(setting, journal, vehicle, State.initial(setting), lambda *_: None)
+    vehicle.play(service)
     asyncio.get_running_loop().call_later(10.0, service.stop)
     await service.fly()
     assert [type(e) for e in journal.events()] == [Connected]

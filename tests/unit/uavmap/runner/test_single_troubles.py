@@ -12,17 +12,31 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Airborne, Arrived, FrameLost, FrameSeen, Tracked
 from missions.flight.state import Phase, State
-from missions.orders import AwaitBattery, FlyTo, Land, Sweep, TakeOff
+from missions.orders import AwaitBattery, FlyTo, Land, Order, Sweep, TakeOff
 from missions.units import GridPoint
 from sitl.copter.modes import Mode
 from tests.support.flights import Flight, fly, no_task_left, small_mission
 from tests.support.running import by
+from uavmap.aircraft.vehicle import MavlinkVehicle
 from uavmap.base.clock import VirtualClock, run
 from uavmap.journal.event_log import Journal
 from uavmap.runner.service import Service
 
 UP_M = 12.0
 Body = Callable[[Flight, Service], Coroutine[Any, Any, None]]
+
+
+class OneVehicle:
+    """The aircraft of a service, as its one driver."""
+
+    def __init__(self, driver: MavlinkVehicle) -> None:
+        self._driver = driver
+
+    def give(self, vehicle: int, order: Order) -> None:
+        self._driver.give(order)
+
+    def land_here(self, vehicle: int, reason: str) -> None:
+        self._driver.land_here(reason)
 
 
 def serve(body: Body, folder: Path) -> None:
@@ -32,17 +46,21 @@ def serve(body: Body, folder: Path) -> None:
     async def main() -> None:
         with Journal.create(folder / "journal.jsonl", {}) as journal, no_task_left():
             service = Service(
-                flight.setting, journal, {1: flight.driver}, State.initial(flight.setting),
+                flight.setting, journal, OneVehicle(flight.driver), State.initial(flight.setting),
                 lambda event, state: None,
             )  # fmt: skip
+            flight.report = service.post  # type: ignore[method-assign]
+            flight.taken_in = service.taken_in  # type: ignore[method-assign]
             async with asyncio.TaskGroup() as tasks:
                 world = tasks.create_task(flight.fly_world())
                 await flight.driver.connect()
                 guarding = tasks.create_task(flight.driver.guardian.run())
+                driving = tasks.create_task(flight.driver.run(service.post))
                 flying = tasks.create_task(service.fly())
                 await body(flight, service)
                 service.stop()
                 await flying
+                driving.cancel()
                 guarding.cancel()
                 world.cancel()
 

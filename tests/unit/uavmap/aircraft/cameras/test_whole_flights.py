@@ -99,7 +99,8 @@ class RiggedFlight(Flight):
         async with asyncio.TaskGroup() as tasks:
             world = tasks.create_task(simulation.run())
             async with self.rig(simulation, session, card, self.said) as source:
-                await self._serve([Link("sim", session, source, MavlinkCommands(session))])
+                link = Link("sim", session, source, MavlinkCommands(session))
+                await self._serve(self._here([link]))
             world.cancel()
         return simulation.truth
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Awaitable, Sequence
 
 import pytest
 
 from missions.errors import AircraftError, JournalError
 from tests.support.running import by, on_virtual_time
-from uavmap.aircraft.guardian.last_watch import watched_over
+from uavmap.aircraft.guardian.last_watch import Guardians, watched_over
 from uavmap.base.clock import VirtualClock, run
 
 
@@ -43,6 +44,10 @@ class Kept:
         return self._fate
 
 
+async def watched(kept: Sequence[Kept], mission: Awaitable[None], *, leave: bool) -> None:
+    await watched_over(Guardians(dict(enumerate(kept, start=1))), mission, leave=leave)
+
+
 async def failing(after_s: float, failure: Exception) -> None:
     await asyncio.sleep(after_s)
     raise failure
@@ -53,7 +58,7 @@ async def test_a_mission_that_fails_ends_when_everybody_is_home() -> None:
     kept = [Kept(), Kept(takes_s=50.0)]
     loop = asyncio.get_running_loop()
     with pytest.raises(JournalError, match="disk is full"):
-        await watched_over(kept, failing(10.0, JournalError("disk is full")), leave=True)
+        await watched(kept, failing(10.0, JournalError("disk is full")), leave=True)
     assert loop.time() == pytest.approx(60.0)
     assert len(asyncio.all_tasks()) == 1
     assert all(k.home and not k.running for k in kept)
@@ -63,20 +68,26 @@ async def test_a_mission_that_fails_ends_when_everybody_is_home() -> None:
 def test_who_is_not_at_home_at_the_end_is_named() -> None:
     kept = [Kept(), Kept(fate="on the ground 40 m from home")]
     with pytest.raises(AircraftError, match="vehicle 2: on the ground 40 m from home"):
-        run(watched_over(kept, failing(1.0, JournalError("full")), leave=True), VirtualClock())
+        run(
+            watched(kept, failing(1.0, JournalError("full")), leave=True),
+            VirtualClock(),
+        )
 
 
 def test_a_bug_is_a_failure_like_any_other() -> None:
     kept = [Kept()]
     with pytest.raises(ZeroDivisionError):
-        run(watched_over(kept, failing(1.0, ZeroDivisionError()), leave=True), VirtualClock())
+        run(
+            watched(kept, failing(1.0, ZeroDivisionError()), leave=True),
+            VirtualClock(),
+        )
     assert kept[0].home
 
 
 @by(on_virtual_time)
 async def test_who_leaves_has_the_autopilots_return() -> None:
     kept = [Kept(fate="left to its autopilot in RTL")]
-    flying = asyncio.ensure_future(watched_over(kept, asyncio.Event().wait(), leave=True))
+    flying = asyncio.ensure_future(watched(kept, asyncio.sleep(1e6), leave=True))
     await asyncio.sleep(5.0)
     flying.cancel()
     with pytest.raises(AircraftError, match="left to its autopilot in RTL"):
@@ -88,7 +99,7 @@ async def test_who_leaves_has_the_autopilots_return() -> None:
 async def test_who_does_not_wait_for_the_way_home_leaves_it_to_the_autopilot() -> None:
     kept = [Kept(takes_s=1000.0, fate="left to its autopilot in RTL")]
     failure = JournalError("full")
-    flying = asyncio.ensure_future(watched_over(kept, failing(1.0, failure), leave=True))
+    flying = asyncio.ensure_future(watched(kept, failing(1.0, failure), leave=True))
     await asyncio.sleep(5.0)
     flying.cancel()
     with pytest.raises(AircraftError):
@@ -105,7 +116,7 @@ def test_a_guardian_that_fails_ends_the_mission_loudly() -> None:
             raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        run(watched_over([Broken()], asyncio.Event().wait(), leave=True), VirtualClock())
+        run(watched([Broken()], asyncio.sleep(1e6), leave=True), VirtualClock())
 
 
 @by(on_virtual_time)
@@ -116,7 +127,7 @@ async def test_a_third_interruption_still_has_the_aircraft_named() -> None:
             await asyncio.sleep(15.0)
 
     kept = [Slow(fate="left to its autopilot in RTL")]
-    flying = asyncio.ensure_future(watched_over(kept, asyncio.Event().wait(), leave=True))
+    flying = asyncio.ensure_future(watched(kept, asyncio.sleep(1e6), leave=True))
     for _ in range(2):
         await asyncio.sleep(5.0)
         flying.cancel()
@@ -128,5 +139,8 @@ async def test_a_third_interruption_still_has_the_aircraft_named() -> None:
 def test_a_bug_keeps_its_traceback_and_names_who_is_not_at_home() -> None:
     kept = [Kept(), Kept(fate="on the ground 40 m from home")]
     with pytest.raises(ZeroDivisionError) as caught:
-        run(watched_over(kept, failing(1.0, ZeroDivisionError()), leave=True), VirtualClock())
+        run(
+            watched(kept, failing(1.0, ZeroDivisionError()), leave=True),
+            VirtualClock(),
+        )
     assert caught.value.__notes__ == ["vehicle 2: on the ground 40 m from home"]

@@ -6,7 +6,8 @@ import asyncio
 from types import SimpleNamespace
 from typing import Any, cast
 
-from missions.events import FrameLost, FrameSeen
+from missions.events import FrameLost
+from missions.units import Cell
 from uavmap.aircraft.imaging.imaging import MOST_WAITING, CameraDriver, Frames
 from uavmap.base.clock import VirtualClock, run
 
@@ -19,29 +20,30 @@ class SlowCamera:
     def __init__(self) -> None:
         self.indices: list[int] = []
 
-    async def judge(self, picture: Any, vantage: None, *, anywhere: bool) -> FrameSeen:
+    async def judged(self, picture: Any, vantage: Cell | None, *, anywhere: bool) -> bool:
         await asyncio.sleep(1.0)
         self.indices.append(picture.index)
-        return FrameSeen(1, float(picture.index), None, ())
+        return True
 
-    def lost(self, reason: str) -> FrameLost:
+    def lost(self, reason: str, picture: Any = None) -> FrameLost:
         return FrameLost(1, 0.0, reason)
 
     def ask_again(self, index: int) -> None:
         raise AssertionError(f"picture {index} is asked for again")
 
 
-def taken(anywhere: bool) -> tuple[SlowCamera, list[FrameSeen | FrameLost]]:
+def taken(anywhere: bool) -> tuple[SlowCamera, list[FrameLost]]:
     """Ten pictures a second for ten seconds, judged for thirty."""
     camera = SlowCamera()
-    events: list[FrameSeen | FrameLost] = []
+    events: list[FrameLost] = []
 
     async def body() -> None:
-        frames = Frames(cast("CameraDriver", camera), None, 0.1, anywhere=anywhere)
+        frames = Frames(cast("CameraDriver", camera), camera.judged, None, 0.1, anywhere=anywhere)
 
         async def judge() -> None:
-            async for event in frames.judged(None):
-                events.append(event)
+            async for lost in frames.judged(None):
+                if lost is not None:
+                    events.append(lost)
 
         judging = asyncio.create_task(judge())
         for index in range(100):
@@ -61,8 +63,7 @@ def test_the_newest_of_those_that_wait_is_judged_next() -> None:
     # each is judged soon after it was taken: the backlog never grows
     steps = [b - a for a, b in zip(camera.indices, camera.indices[1:], strict=False)]
     assert max(steps) <= 10 + MOST_WAITING
-    lost = [event for event in events if isinstance(event, FrameLost)]
-    assert [event.reason for event in lost] == [
+    assert [event.reason for event in events] == [
         "pictures are judged slower than they are taken: from now on some are left out"
     ]
 
@@ -70,4 +71,4 @@ def test_the_newest_of_those_that_wait_is_judged_next() -> None:
 def test_pictures_of_a_lane_are_all_judged() -> None:
     camera, events = taken(anywhere=False)
     assert camera.indices == list(range(len(camera.indices)))
-    assert not [event for event in events if isinstance(event, FrameLost)]
+    assert not events

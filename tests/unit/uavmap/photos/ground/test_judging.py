@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.errors import LinkError
+from missions.errors import ImageError, LinkError
 from missions.events import FrameLost, FrameSeen
 from missions.flight.setting import Setting
 from missions.units import Cell, Quaternion
@@ -24,7 +24,8 @@ from uavmap.aircraft.cameras.mavlink import MavlinkSource
 from uavmap.aircraft.cameras.pose import Poses
 from uavmap.aircraft.cameras.source import Announcement
 from uavmap.aircraft.imaging.classifier import Classifier
-from uavmap.aircraft.imaging.imaging import CameraDriver
+from uavmap.aircraft.imaging.imaging import CameraDriver, Taken
+from uavmap.aircraft.imaging.judge import PictureJudge
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.session import Message
 from uavmap.runner.flight_links import mount_of
@@ -67,6 +68,27 @@ def announced(**how: Any) -> Message:
     )  # fmt: skip
 
 
+class Verdicts:
+    """Judges pictures, and keeps what they say."""
+
+    def __init__(self) -> None:
+        self._judge = PictureJudge({1: Classifier.of(MISSION, SETTING.grid)})
+        self._last: FrameSeen | FrameLost | None = None
+
+    async def judge(self, taken: Taken) -> bool:
+        self._last = self._judge.verdict(taken)
+        return isinstance(self._last, FrameSeen)
+
+    async def of(self, driver: CameraDriver, picture: Announcement) -> FrameSeen | FrameLost:
+        """What becomes of a picture."""
+        try:
+            await driver.judged(picture, None, anywhere=False)
+        except (ImageError, LinkError) as error:
+            return driver.lost(str(error), picture)
+        assert self._last is not None
+        return self._last
+
+
 def judged(
     *messages: Message,
     fetch: Callable[[str], Awaitable[bytes]] = served,
@@ -82,7 +104,8 @@ def judged(
         peer.session.feed(peer.frame(place(5.0)))
         source = MavlinkSource(peer.session, fetch)
         poses = Poses(peer.session, mount_of(CAMERA), SETTING.grid)
-        driver = CameraDriver(1, source, poses, Classifier.of(MISSION, SETTING.grid), loop.time)
+        judge = Verdicts()
+        driver = CameraDriver(1, source, poses, MISSION, judge, loop.time)
         peer.answer = lambda message: peer.say(
             mav.MAVLink_command_ack_message(message.command, 0, 0, 0, 245, 191), component=100
         )
@@ -93,7 +116,7 @@ def judged(
         source.listen(heard.append)
         for message in messages:
             peer.session.feed(peer.frame(message, 100))
-        events = [await driver.judge(picture, None) for picture in heard]
+        events = [await judge.of(driver, picture) for picture in heard]
         assert all(math.isfinite(event.t_s) for event in events)
         return events
 
