@@ -91,8 +91,8 @@ def test_an_order_comes_after_the_commit(journal: Journal) -> None:
     committed: list[str] = []
 
     class Watched(Played):
-        def give(self, order: Order) -> None:
-            super().give(order)
+        def give(self, vehicle: int, order: Order) -> None:
+            super().give(vehicle, order)
             committed.append(list(journal.events())[-1].kind)
 
     vehicle = Watched((1.0, CONNECTED), (2.0, LinkLost(1, 2.0)), (3.0, CONNECTED))

@@ -1,0 +1,146 @@
+"""The mission process dies, or stands still, or the process of the aircraft does: no aircraft is
+left alone.
+
+A real ArduCopter and a real PX4 were still armed, 12 m up, 300 s after a kill -9 of a program that
+was one process.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.e2e.preloaded import Process
+from tests.e2e.rig import (
+    Relay,
+    arguments_of,
+    ended,
+    events,
+    mission,
+    simulator,
+    started,
+    uavmap,
+    wait_until,
+)
+
+SPEEDUP = 4.0
+FRAMES = 12
+
+
+@pytest.fixture
+def patient(tmp_path: Path) -> Path:
+    """A mission whose aircraft wait for two seconds for another mission process."""
+    path = tmp_path / "patient.toml"
+    text = Path(mission("speck")).read_text("utf-8")
+    path.write_text(text + "\n[guardian]\norphan_hold_s = 2.0\n", "utf-8")
+    return path
+
+
+def under_way(process: Process, folder: Path) -> None:
+    """Wait until it is in the search."""
+    wait_until(
+        lambda: len(events(folder, "frame_seen")) >= FRAMES or process.poll() is not None,
+        "some pictures",
+    )
+    assert process.poll() is None, process.communicate()
+
+
+def flying(source: object, urls: list[str], folder: Path) -> list[object]:
+    return [
+        "fly", source, *arguments_of(urls), "--speedup", SPEEDUP, "--auto-swap", "--json",
+        "--out", folder,
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_mission_process_that_dies_leaves_nobody_in_the_air(
+    autopilot: str, patient: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "out"
+    with simulator("speck", speedup=SPEEDUP, autopilot=autopilot) as urls:
+        with started(*flying(patient, urls, folder)) as process:
+            under_way(process, folder)
+            process.send_signal(signal.SIGKILL)
+            process.communicate()
+        wait_until(lambda: not (folder / "aircraft.json").exists(), "the aircraft to be home")
+        before = len(events(folder))
+        done = uavmap("resume", folder, "--json")
+    assert done.code == 0, done.err
+    assert done.summary["completed"] is True
+    alone = events(folder)[before:]
+    guarded = next(event for event in alone if event["kind"] == "guarded")
+    assert guarded["reason"] == "the mission process has ended"
+    landed = next(event for event in alone if event["kind"] == "landed")
+    east_m, north_m = landed["position"]
+    assert max(abs(east_m), abs(north_m)) < 5.0
+    assert "meanwhile: " in done.err
+    assert not (folder / "aircraft.log").exists()
+
+
+def test_the_next_process_takes_over_the_aircraft_in_the_air(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    with simulator("speck", speedup=SPEEDUP) as urls:
+        with started(*flying(mission("speck"), urls, folder)) as process:
+            under_way(process, folder)
+            aircraft = json.loads((folder / "aircraft.json").read_text())["process"]
+            process.send_signal(signal.SIGKILL)
+            process.communicate()
+        with started("resume", folder, "--json") as process:
+            wait_until(lambda: bool(events(folder, "resumed")), "the resumed mission")
+            same: dict[str, Any] = json.loads((folder / "aircraft.json").read_text())
+            assert same["process"] == aircraft
+            done = ended(process)
+    assert done.code == 0, done.err
+    assert done.summary["completed"] is True
+    assert not events(folder, "guarded")
+    assert len(events(folder, "landed")) == 1  # it was never brought down in between
+
+
+def test_a_process_of_the_aircraft_that_dies_is_started_again(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    with (
+        simulator("speck", speedup=SPEEDUP) as urls,
+        started(*flying(mission("speck"), urls, folder)) as process,
+    ):
+        under_way(process, folder)
+        os.kill(json.loads((folder / "aircraft.json").read_text())["process"], signal.SIGKILL)
+        done = ended(process)
+    assert done.code == 0, done.err
+    assert done.summary["completed"] is True
+    assert "the process of the aircraft has died; it is started again" in done.err
+    assert [event["airborne"] for event in events(folder, "connected")] == [False, True]
+    assert len(events(folder, "landed")) == 1
+
+
+def test_setpoints_go_on_while_the_mission_process_stands_still(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    with (
+        simulator("speck", speedup=1.0) as urls,
+        Relay(int(urls[0].rsplit(":", 1)[1])) as relay,
+        started(
+            "fly", mission("speck"), "--connect", relay.url, "--auto-swap", "--json",
+            "--out", folder,
+        ) as process,
+    ):  # fmt: skip
+        under_way(process, folder)
+        process.send_signal(signal.SIGSTOP)
+        try:
+            sent = _setpoints(relay)
+            # two seconds of setpoints, ten a second, while nobody plans
+            wait_until(lambda: _setpoints(relay) >= sent + 20, "setpoints")
+        finally:
+            process.send_signal(signal.SIGCONT)
+        process.send_signal(signal.SIGINT)
+        done = ended(process)
+    assert done.code == 3, done.err
+    assert not events(folder, "guarded", "link_lost")
+    assert len(events(folder, "landed")) == 1
+
+
+def _setpoints(relay: Relay) -> int:
+    return sum("SET_POSITION_TARGET_GLOBAL_INT" in text for text in list(relay.commands))

@@ -1,0 +1,86 @@
+"""What passes between mission and aircraft comes out as it went in."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from missions import orders
+from missions.errors import LinkError
+from missions.events import FrameLost, FrameSeen, Tracked, Vote
+from missions.geo.trajectory import rounded_path
+from missions.units import Cell, GridPoint, LatLon, Pose, Quaternion
+from uavmap.aircraft.process import messages as say
+
+PATH = rounded_path(
+    [GridPoint(0.1, 0.2), GridPoint(60.0 / 7.0, 0.0), GridPoint(60.0, 30.0)],
+    begin_s=1.0 / 3.0,
+    speed_m_s=6.0,
+)
+POSE = Pose(LatLon(47.1, 8.3), 12.0, Quaternion(1.0, 0.0, 0.0, 0.0))
+SEEN = FrameSeen(1, 2.5, None, (Vote(Cell(1, -2), True, 0.125),), overview=True)
+ALL: list[say.Message] = [
+    say.Attach(say.VERSION, "word"),
+    say.Begin(3.5, {1: say.Before(flew=True)}, say.Asked(("a",), True, False, False), False, True),
+    say.Fly(-1.25),
+    *(
+        say.Give(2, order)
+        for order in (
+            orders.TakeOff(12.0),
+            orders.Sweep(GridPoint(1.0, 2.0), 3.0, 12.0),
+            orders.FlyTo((GridPoint(0.1, 0.2),), Cell(3, 4), True, 12.0),
+            orders.FlyPath(PATH, 12.0, None, 0.2),
+            orders.Look(Cell(0, 0), 8, 12.0),
+            orders.Hold(),
+            orders.Land(),
+            orders.ReturnToLaunch(),
+            orders.AwaitBattery(),
+            orders.StandDown(),
+        )
+    ),
+    say.LandHere(1, "the operator wants it down"),
+    say.Judged(7, SEEN),
+    say.Judged(8, FrameLost(1, 2.0, "dark")),
+    say.Swapped(1),
+    say.Answered(None),
+    say.Finish("the mission is over"),
+    say.Leave("the operator left"),
+    say.Beat(12.5),
+    say.Attached("flying"),
+    say.Ready(None, 4.0),
+    say.Happened(Tracked(1, 2.0, GridPoint(0.1, 0.2), 12.0, 55.5)),
+    say.Picture(1, 1, 2.0, POSE, Cell(1, 2), False, "a picture", None, b"\xff\xd8 a file"),
+    say.BatteryWanted(3),
+    say.BatteryUnwanted(3),
+    say.Question("fly? [y/N]"),
+    say.Line("vehicle 1: ready"),
+    say.Ended(("vehicle 1: in the air",), "LinkError", "silent", True),
+]
+
+
+def test_every_message_comes_out_as_it_went_in_however_the_bytes_are_cut() -> None:
+    wire = b"".join(map(say.encode, ALL))
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        cuts = sorted(rng.integers(0, len(wire), 30).tolist())
+        decoder, found = say.Decoder(), list[say.Message]()
+        for begin, end in zip([0, *cuts], [*cuts, len(wire)], strict=True):
+            found += decoder.feed(wire[begin:end])
+        assert found == ALL
+
+
+def test_pixels_of_a_picture_come_out_as_pixels() -> None:
+    pixels = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
+    sent = say.Picture(1, 1, 2.0, POSE, None, True, "one", (2, 4, 3), pixels.tobytes())
+    (found,) = say.Decoder().feed(say.encode(sent))
+    assert isinstance(found, say.Picture)
+    assert np.array_equal(found.content, pixels)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [b"\x00\x00\x00\x02\x00\x00\x00\x00{}", b"\xff" * 8, say.encode(ALL[3])[:8] + b"x" * 999],
+)
+def test_what_is_no_message_is_refused(data: bytes) -> None:
+    with pytest.raises(LinkError):
+        list(say.Decoder().feed(data))
