@@ -312,11 +312,7 @@ _ADAPTER: TypeAdapter[Event] = TypeAdapter(Annotated[Event, Field(discriminator=
 
 
 def to_json(event: Event) -> str:
-    """The text of an event in the journal. Raises `EventError` for what no journal can hold.
-
-    >>> to_json(Airborne(1, 2.5))
-    '{"vehicle":1,"t_s":2.5,"kind":"airborne"}'
-    """
+    """The text of an event in the journal. Raises `EventError` for what no journal can hold."""
     try:
         # without a vantage is something that a frame says; elsewhere None is what nobody has said
         if isinstance(event, FrameSeen):

@@ -16,11 +16,7 @@ TOUCH_M = 1e-6
 
 
 class Footprint(NamedTuple):
-    """The rectangle of ground in a level picture: metres along its upper edge, and its side edge.
-
-    >>> Footprint(20.0, 15.0).short_m
-    15.0
-    """
+    """The rectangle of ground in a level picture: metres along its upper edge, and its side edge."""
 
     across_m: float
     along_m: float
@@ -39,13 +35,6 @@ class Optics:
         hfov_rad: Angle of view across the picture, 0 to pi, open.
         width_px: Columns of the picture, at least 1.
         height_px: Rows of the picture, at least 1.
-
-    >>> camera = Optics(math.radians(90.0), 640, 480)
-    >>> round(camera.focal_px, 9)
-    320.0
-    >>> across_m, along_m = camera.footprint(12.0)
-    >>> round(across_m, 9), round(along_m, 9)
-    (24.0, 18.0)
     """
 
     hfov_rad: float
@@ -83,10 +72,5 @@ class Optics:
         return cell_m / self.gsd_m(height_m)
 
     def height_m(self, cell_m: float, pixels_per_cell: float) -> float:
-        """From how high the edge of a cell has so many pixels: the inverse of `pixels_per_cell`.
-
-        >>> camera = Optics(math.radians(90.0), 640, 480)
-        >>> round(camera.height_m(cell_m=4.0, pixels_per_cell=80.0), 9)
-        16.0
-        """
+        """From how high the edge of a cell has so many pixels: the inverse of `pixels_per_cell`."""
         return self.focal_px * cell_m / pixels_per_cell

@@ -96,10 +96,6 @@ class Terrain:
 
         With the speed of a vehicle and its rate of climb: at least as many metres of climbing as
         its legs take longer, for where it is steep targets lie near (`LEG_CLIMB_M_S`).
-
-        >>> ridge = Terrain(0.0, 0.0, 10.0, np.array([[0.0, 4.0, 1.0], [0.0, 4.0, 1.0]]))
-        >>> ridge.ups_and_downs_m([GridPoint(0.0, 0.0), GridPoint(20.0, 0.0)])
-        7.0
         """
         in_all_m = 0.0
         for a, b in itertools.pairwise(points):
@@ -139,7 +135,7 @@ class Terrain:
     ) -> tuple[GridPoint, float]:
         """What a vehicle `above_m` above the ground is told on a leg to `target` at `height_m`.
 
-        A point, and a height above the ground there. Who is so low that it might not clear the
+        A point, and a height above the ground there. One that is so low that it might not clear the
         ground until there, as after a landing that was broken off, climbs before it flies on.
 
         >>> slope = Terrain(0.0, 0.0, 10.0, np.array([[0.0, 10.0], [0.0, 10.0]]))
@@ -180,13 +176,7 @@ class Relief:
 
 
 def relief_of(terrain: Terrain, area: BaseGeometry) -> Relief:
-    """The relief of an area: of all meshes of the lattice that touch it.
-
-    >>> slope = Terrain(0.0, 0.0, 10.0, np.array([[0.0, 1.0], [0.0, 1.0]]))
-    >>> found = relief_of(slope, shapely.box(1.0, 1.0, 9.0, 9.0))
-    >>> found.highest_m, found.steepest
-    (1.0, 0.1)
-    """
+    """The relief of an area: of all meshes of the lattice that touch it."""
     part = terrain.within(area)
     z, step_m = part.heights_m, part.step_m
     rows, columns = z.shape

@@ -160,7 +160,6 @@ class Trajectory:
         return GridPoint(east + drift_east * t_s, north + drift_north * t_s)
 
     def _piece(self, t_s: float) -> Piece:
-        """The piece under way."""
         return self.pieces[max(bisect_right(self.pieces, t_s, key=_BEGIN_S) - 1, 0)]
 
 

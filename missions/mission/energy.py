@@ -86,10 +86,6 @@ class EnergyModel:
 
         As if the vehicle climbed and descended apart from its flight over ground: on steep ground
         it flies slower, too.
-
-        >>> model = EnergyModel(300, capacity_wh=60, reserve=0.1, speed_m_s=5, wind_m_s=3)
-        >>> round(model.relief_wh(30.0), 2), model.relief_wh(0.0)
-        (1.92, 0.0)
         """
         return self.hover_wh(ups_and_downs_m / self.climb_m_s, drawn_w)
 

@@ -89,7 +89,6 @@ def search_layer_faults(mission: Mission) -> Iterator[str]:
 
 
 def _over_hills(mission: Mission) -> str:
-    """What is added to a layer above the ground where that is highest."""
     if mission.highest_ground_m <= 0.0:
         return ""
     return f" above ground that rises {mission.highest_ground_m:.1f} m above the start"

@@ -49,7 +49,6 @@ _TOUCH_M = 0.01
 
 
 def _rings(mission: Mission) -> Iterator[tuple[str, tuple[Vertex, ...]]]:
-    """Every ring of the file with its key."""
     yield "search.box", mission.search.box
     yield "fence.polygon", mission.fence.polygon
     for i, hole in enumerate(mission.fence.holes):

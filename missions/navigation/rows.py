@@ -218,7 +218,6 @@ def _judge_zooms(ties: Sequence[Tie], keys: dict[int, Key], loose: Solution, kno
 
 
 def _leap(keys: dict[int, Key], after: int, until: int) -> None:
-    """Between two keyframes the told position leapt."""
     for number, key in keys.items():
         if after < number <= until:
             key.leapt = True

@@ -328,7 +328,6 @@ class Track:
 
     # --- the equations ----------------------------------------------------------------------
     def _settle(self) -> None:
-        """See to it that each link is believed, or not."""
         if any(link.state == "new" for link in self._links):
             loose = self._loose or self._solve(trusted_until_s=-math.inf)
             self._links = judged(self._links, self._keys, loose, self._knots())

@@ -76,11 +76,7 @@ class TrackerView:
 
     @property
     def reach_m(self) -> float:
-        """How far aside of the tracker the marker's middle is surely seen.
-
-        >>> round(TrackerView().reach_m, 2)
-        4.5
-        """
+        """How far aside of the tracker the marker's middle is surely seen."""
         half_rad = min(self.hfov_rad, self.vfov_rad) / 2.0 - self.tilt_rad
         if half_rad <= 0.0:
             return 0.0
@@ -202,7 +198,6 @@ def _piece(line: LineString, start_m: float, end_m: float) -> LineString:
 
 
 def _centre(piece: LineString) -> Point:
-    """The middle of the smallest circle around a piece."""
     circle = shapely.minimum_bounding_circle(piece).centroid
     return float(circle.x), float(circle.y)
 

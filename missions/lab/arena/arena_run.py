@@ -256,7 +256,6 @@ class _Arena:
         return arrival_t if arrival_t <= unit_t + _SAME_INSTANT else unit_t
 
     def _hear(self) -> None:
-        """Take in what the radio brings at this instant."""
         if self.radio is None:
             return
         places = {r: (float(cell.east), float(cell.north)) for r, cell in self.at.items()}

@@ -16,11 +16,7 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """A makespan between its bounds; all times in the same unit.
-
-    >>> Certificate(30.0, 20.0, 38.0, tree_depth=9, cells=20, robots=1).ratio
-    1.5
-    """
+    """A makespan between its bounds; all times in the same unit."""
 
     makespan: float
     lower_bound: float

@@ -89,9 +89,6 @@ def run_rdfs(
     With `plain`, Algorithm 1 has the child rule and no more: the first of equal children in the
     order north, east, south, west instead of the outermost; looks at one depth in the order of the
     cells; home up the tree, not by a shortest way. Raises `RoiError` for a start outside the ROI.
-
-    >>> run_rdfs([Cell(0, 0), Cell(1, 0), Cell(2, 0)], Cell(0, 0), robots=2)
-    Summary(makespan=4.0, moves=8, cells=3, depth=2)
     """
     from missions.lab.kernels import rdfs_kernels as rdfs  # noqa: PLC0415 - as above
     from missions.planning.kernels import ground  # noqa: PLC0415 - importing numba takes a second

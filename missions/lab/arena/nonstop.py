@@ -58,9 +58,6 @@ class Camera:
 
         Raises:
             StrategyError: a footprint that never shows a whole cell for long enough.
-
-        >>> Camera(15.0, 12.0).kinematics(6.0, 2.5, cell_m=4.0).half_east_m
-        5.5
         """
         least_m = cell_m + 1.0
         if min(self.east_m, self.north_m) < least_m:
@@ -153,7 +150,6 @@ class Ground:
         return counted
 
     def _middle(self, path: Trajectory, t_s: float) -> tuple[float, float]:
-        """The middle of a frame from a path."""
         kin, m = self.kinematics, path.at(t_s)
         if not kin.tilt_m_s2:
             return m.east_m, m.north_m
@@ -279,7 +275,6 @@ class Run:
         return plan
 
     def _all_home(self) -> bool:
-        """Whether all vehicles rest over the start."""
         return all(
             path is not None
             and self.t_s >= path.end_s

@@ -82,12 +82,6 @@ def reference(roi: Roi, team: Team, *, moves_a_cell: int = MOVES_A_CELL, seed: i
 
     Raises:
         StrategyError: a footprint that never shows a whole cell, or nothing is found.
-
-    >>> from missions.lab.arena.nonstop import Camera
-    >>> from missions.units import Cell
-    >>> lake = Roi("lake", Cell(0, 0), frozenset({Cell(0, 0), Cell(1, 0)}))
-    >>> reference(lake, Team(1, Camera(15.0, 15.0)), moves_a_cell=20).missed
-    0
     """
     team = replace(team, camera=replace(team.camera, error_rate=0.0, loss_rate=0.0))
     best: Flown | None = None

@@ -114,7 +114,6 @@ class Radio:
         self.touch = {r: group for group in self._groups() for r in group}
 
     def _in_reach(self, t: float, places: Mapping[int, tuple[float, float]]) -> Pairs:
-        """Pairs that are in range and not parted."""
         robots = range(len(places))
         east, north = np.array([places[r] for r in robots]).T
         away = np.hypot(east[:, None] - east[None, :], north[:, None] - north[None, :])

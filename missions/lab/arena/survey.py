@@ -43,13 +43,7 @@ class Box:
 
     @classmethod
     def around(cls, roi: Roi, factor: float | None = None) -> Box:
-        """The bounding box of a region, two cells wider on each side; or `factor` times as wide.
-
-        >>> Box.around(Roi("two", Cell(0, 0), frozenset({Cell(0, 0), Cell(3, 0)})))
-        Box(low=Cell(east=-2, north=-2), high=Cell(east=5, north=2))
-        >>> Box.around(Roi("four", Cell(0, 0), frozenset({Cell(0, 0), Cell(3, 0)})), factor=2.5)
-        Box(low=Cell(east=-3, north=-1), high=Cell(east=6, north=1))
-        """
+        """The bounding box of a region, two cells wider on each side; or `factor` times as wide."""
         easts, norths = zip(*roi.cells, strict=True)
         east, north = MARGIN_CELLS, MARGIN_CELLS
         if factor is not None:
@@ -73,11 +67,6 @@ def surveyed(
 
     Raises:
         StrategyError: a footprint that never shows a whole cell, or not for long enough.
-
-    >>> from missions.lab.arena.nonstop import Camera
-    >>> lake = Roi("lake", Cell(0, 0), frozenset({Cell(0, 0), Cell(1, 0)}))
-    >>> surveyed(lake, Team(1, Camera(15.0, 15.0))).missed
-    0
     """
     ground = team.over(roi, seed, record=record)
     return ground.along(survey_paths(Box.around(roi, box_factor), team.robots, ground))

@@ -39,11 +39,7 @@ from missions.units import Cell
 
 
 def least_s(length_m: float, speed_m_s: float, accel_m_s2: float) -> float:
-    """The least time of a way from rest to rest, seconds.
-
-    >>> least_s(30.0, 6.0, 2.0), least_s(8.0, 6.0, 2.0)
-    (8.0, 4.0)
-    """
+    """The least time of a way from rest to rest, seconds."""
     if length_m < speed_m_s**2 / accel_m_s2:
         return 2.0 * math.sqrt(length_m / accel_m_s2)
     return length_m / speed_m_s + speed_m_s / accel_m_s2
@@ -56,10 +52,6 @@ def lower_bound_s(
 
     All cells of `needed` are seen whole, by 1 or more vehicles that begin and end over the centre
     of `start`. The camera does not tilt.
-
-    >>> kinematics = Kinematics(6.0, 2.0, 0.2, half_east_m=5.5, half_north_m=5.5)
-    >>> round(lower_bound_s([Cell(10, 0)], Cell(0, 0), 1, 4.0, kinematics), 3)
-    17.5
     """
     speed, accel = kinematics.speed_m_s, kinematics.accel_m_s2
     frame_x = 2.0 * kinematics.half_east_m + cell_m

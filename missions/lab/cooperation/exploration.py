@@ -121,11 +121,7 @@ def _courses(moves: Sequence[Move]) -> list[tuple[float, Why]]:
 
 
 def turned(one: float, other: float) -> float:
-    """The angle from one bearing to another, -pi to pi, in radians.
-
-    >>> round(turned(3.0, -3.0), 4)
-    0.2832
-    """
+    """The angle from one bearing to another, -pi to pi, in radians."""
     return math.remainder(other - one, math.tau)
 
 

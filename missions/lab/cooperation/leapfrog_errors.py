@@ -57,11 +57,7 @@ class LeapfrogNoise:
 
     @classmethod
     def of_tracker(cls, above_m: float, tilt_rad: float = math.radians(0.5)) -> LeapfrogNoise:
-        """With sightings by an attitude of such an error from such a height.
-
-        >>> round(LeapfrogNoise.of_tracker(12.0).place_m, 3)
-        0.105
-        """
+        """With sightings by an attitude of such an error from such a height."""
         return cls(place_m=above_m * math.tan(tilt_rad))
 
 
@@ -242,7 +238,6 @@ def _other(role: Role) -> Role:
 
 
 def _legs(step: Step) -> Sequence[Array]:
-    """The straight legs of a step."""
     pairs = ((np.array(a), np.array(b)) for a, b in pairwise(step.way) if distance(a, b) > 0.0)
     return [b - a for a, b in pairs]
 
@@ -267,7 +262,6 @@ def _flown(ends: list[tuple[Array, Array]]) -> Flown:
 
 
 def _turned(angle_rad: float) -> Array:
-    """The matrix that turns against the clock."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return np.asarray([[cos, -sin], [sin, cos]], dtype=np.float64)
 

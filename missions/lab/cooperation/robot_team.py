@@ -14,7 +14,6 @@ class Team:
     """Where the robots stand, and what they did so far."""
 
     def __init__(self, space: Space, start: Point, robots: int, range_m: float) -> None:
-        """Put `robots` robots side by side on one place."""
         self.range_m = range_m
         self.places = [start] * robots
         self.log = Exploration(space, range_m, start, robots)

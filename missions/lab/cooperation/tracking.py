@@ -175,7 +175,6 @@ class Filter:
         self._spread = keep @ self._spread @ keep.T + gain @ noise @ gain.T
 
     def _correct(self, by: Array) -> None:
-        """Move each robot's world by what it was found to be off."""
         for i in range(0, len(by), 3):
             turn = by[i + 2]
             east, north = rotation(turn) @ self._mean[i : i + 2] + swing(turn) @ by[i : i + 2]

@@ -30,11 +30,6 @@ def explore(space: Space, start: Point, range_m: float) -> Exploration:
     """Explore a ground with two robots; ends when every triangle is mapped.
 
     Raises `StrategyError` where the range is shorter than the ground is wide.
-
-    >>> room = Space([(0, 0), (6, 0), (6, 4), (0, 4)], [[(2, 1), (3, 1), (3, 2), (2, 2)]])
-    >>> figures = explore(room, (0.0, 0.0), 8.0).figures()
-    >>> figures.pieces, figures.missed_m2
-    (8, 0.0)
     """
     if range_m < space.diameter_m:
         raise StrategyError(
@@ -173,7 +168,6 @@ def _length(a: Corner, b: Corner) -> float:
 
 
 def _cosine(a: Corner, b: Corner, c: Corner) -> float:
-    """Of the angle under which c sees a and b."""
     ax, ay, bx, by = a[0] - c[0], a[1] - c[1], b[0] - c[0], b[1] - c[1]
     return float((ax * bx + ay * by) / (_length(a, c) * _length(b, c)))
 

@@ -22,20 +22,12 @@ FREE: Final = 0xFF
 
 
 def back(direction: int) -> int:
-    """The opposite direction.
-
-    >>> back(NORTH) == SOUTH, back(EAST) == WEST
-    (True, True)
-    """
+    """The opposite direction."""
     return (direction + 2) % 4
 
 
 def is_free(pattern: int, direction: int) -> bool:
-    """Whether the cell in a direction is unobstructed.
-
-    >>> is_free(0b100, WEST), is_free(0b100, EAST)
-    (True, False)
-    """
+    """Whether the cell in a direction is unobstructed."""
     return bool(pattern >> 2 * direction & 1)
 
 
@@ -101,9 +93,6 @@ def label(pattern: int) -> int:
 
     Cells are connected where they share at least a corner, within the square of nine. It is how
     often the cell is entered when all obstacles are circumnavigated (Lemma 2).
-
-    >>> label(FREE), label(0), label(0b01010101)
-    (0, 1, 4)
     """
     # between two unobstructed edge neighbours lies at most one component
     edges = [i for i in (0, 2, 4, 6) if pattern >> i & 1]

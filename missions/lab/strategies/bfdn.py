@@ -71,8 +71,6 @@ class Bfdn:
 
 @dataclass(frozen=True, slots=True)
 class _Anchor:
-    """The anchor of a robot, and whether it is on the way down to it."""
-
     cell: Cell
     ahead: bool = False
 

@@ -85,8 +85,6 @@ class _Fork:
 
 @dataclass(frozen=True, slots=True)
 class _Memory:
-    """Every robot's forks and goal."""
-
     trails: Mapping[int, tuple[_Fork, ...]] = field(default_factory=dict)
     goals: Mapping[int, Cell] = field(default_factory=dict)
 

@@ -121,6 +121,5 @@ def trajectory_of(segments: Floats, begin_s: float, place: Floats) -> Trajectory
 
 
 def _last_s(segment: Floats) -> float:
-    """The duration of the last segment, which ends at rest."""
     slows = -float(segment[kernels.S_A])
     return float(segment[kernels.S_V]) / slows if slows > 0.0 else 0.0

@@ -190,7 +190,6 @@ class Planner:
         )
 
     def _improve(self, search: _Search, valued: Valued, seed: int) -> float:
-        """Anneal the ways of a search; returns what they cost."""
         tuning = self.tuning
         random = np.array([seed % 2147483646 + 1], np.int64)
         return kernels.improve(
@@ -264,7 +263,6 @@ class Planner:
             ways.choices[k] = self._quickest_begin(search, k)
 
     def _quickest_begin(self, search: _Search, k: int) -> int:
-        """The lead-in with which the waypoints of a vehicle are flown soonest."""
         way, m = search.ways.points[k], search.ways.counts[k]
         seconds = [
             kernels.fly(search.team, k, choice, way, m, self._room)[2]
