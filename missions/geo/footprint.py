@@ -16,7 +16,7 @@ TOUCH_M = 1e-6
 
 
 class Footprint(NamedTuple):
-    """The rectangle of ground in a level picture: metres along its upper edge, and its side edge."""
+    """The rectangle of ground in a level picture: metres along its upper and its side edge."""
 
     across_m: float
     along_m: float

@@ -128,10 +128,6 @@ class Belief:
         """The votes that count on a cell from one vantage, or the open ones; at most `frames`."""
         return _tally(self._ballot(cell, vantage))
 
-    def tally_anywhere(self, cell: Cell) -> Tally:
-        """The votes of a cell's open ballot that count, at most `frames`."""
-        return self.tally(cell, None)
-
     def verdict(self, cell: Cell) -> bool | None:
         """Whether a cell is ROI, as far as that is decided: True, False, or None for not yet.
 
@@ -154,7 +150,7 @@ class Belief:
         to come were as those so far. For three of five that is the majority, and a tie is a no.
         """
         verdict = self.verdict(cell)
-        positive, total = self.tally_anywhere(cell)
+        positive, total = self.tally(cell, None)
         if verdict is not None or not total:
             return verdict
         return positive * self.frames >= self.positive * total

@@ -112,7 +112,7 @@ class Step:
     @property
     def length_m(self) -> float:
         """How far it flies."""
-        return sum(map(_distance, self.way, self.way[1:]))
+        return sum(map(math.dist, self.way, self.way[1:]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ class Leapfrog:
     @property
     def farthest_m(self) -> float:
         """The greatest distance aside between both, at any time: at most `view.reach_m`."""
-        return max(_distance(place, step.hovering) for step in self.steps for place in step.way)
+        return max(math.dist(place, step.hovering) for step in self.steps for place in step.way)
 
 
 def plan_leapfrog(path: Sequence[Point], view: TrackerView) -> Leapfrog:
@@ -163,7 +163,7 @@ def plan_leapfrog(path: Sequence[Point], view: TrackerView) -> Leapfrog:
         until = _farthest(line, flown, view.reach_m)
         piece = _piece(line, flown, until)
         centre = _centre(piece)
-        if _distance(tracker, centre) > _STILL_M:
+        if math.dist(tracker, centre) > _STILL_M:
             steps.append(Step(Role.TRACKER, (tracker, centre), mapper))
             tracker = centre
         way = tuple((float(east), float(north)) for east, north in piece.coords)
@@ -200,7 +200,3 @@ def _piece(line: LineString, start_m: float, end_m: float) -> LineString:
 def _centre(piece: LineString) -> Point:
     circle = shapely.minimum_bounding_circle(piece).centroid
     return float(circle.x), float(circle.y)
-
-
-def _distance(a: Point, b: Point) -> float:
-    return math.hypot(b[0] - a[0], b[1] - a[1])

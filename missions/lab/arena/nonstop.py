@@ -136,10 +136,9 @@ class Ground:
         if camera.error_rate:
             wrong = (self._random.random(self.truth.size) < camera.error_rate).astype(np.int64)
         before = self._standing() if self.record else None
-        west, south, columns, rows, cell_m = chart.grid
         counted: int = kernels.see(
-            x, y, self.kinematics.half_east_m, self.kinematics.half_north_m, cell_m, west, south,
-            columns, rows, self.truth, wrong, chart.yes, chart.no, camera.frames, camera.majority,
+            x, y, self.kinematics.half_east_m, self.kinematics.half_north_m, chart.grid,
+            self.truth, wrong, chart.yes, chart.no, camera.frames, camera.majority,
         )  # fmt: skip
         if before is not None:
             standing = self._standing()

@@ -180,13 +180,13 @@ def _shows(box: Box, paths: Sequence[Trajectory], ground: Ground) -> bool:
     """Whether frames without errors along the paths decide every cell of a box."""
     columns, rows = box.high.east - box.low.east + 1, box.high.north - box.low.north + 1
     yes, no, nothing = (np.zeros(columns * rows, np.int64) for _ in range(3))
+    grid = (box.low.east, box.low.north, columns, rows, ground.cell_m)
     camera, kin = ground.camera, ground.kinematics
     for path in paths:
         for tick in range(math.floor(path.end_s / camera.frame_s + 1e-9) + 1):
             place = path.place_at(tick * camera.frame_s)
             kernels.see(
-                place.east_m, place.north_m, kin.half_east_m, kin.half_north_m, ground.cell_m,
-                box.low.east, box.low.north, columns, rows, nothing, nothing, yes, no,
-                camera.frames, camera.majority,
+                place.east_m, place.north_m, kin.half_east_m, kin.half_north_m, grid,
+                nothing, nothing, yes, no, camera.frames, camera.majority,
             )  # fmt: skip
     return bool((no >= camera.against).all())

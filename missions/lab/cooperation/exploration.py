@@ -9,7 +9,7 @@ from enum import StrEnum
 from itertools import pairwise
 from typing import Final
 
-from missions.lab.cooperation.space import Point, Space, distance
+from missions.lab.cooperation.space import Point, Space
 
 _STILL_M: Final = 1e-9
 _STRAIGHT_RAD: Final = 1e-6
@@ -36,7 +36,7 @@ class Move:
     @property
     def length_m(self) -> float:
         """Of the path."""
-        return sum(distance(a, b) for a, b in pairwise(self.path))
+        return sum(math.dist(a, b) for a, b in pairwise(self.path))
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +116,7 @@ def _courses(moves: Sequence[Move]) -> list[tuple[float, Why]]:
         (math.atan2(b[1] - a[1], b[0] - a[0]), move.why)
         for move in moves
         for a, b in pairwise(move.path)
-        if distance(a, b) > _STILL_M
+        if math.dist(a, b) > _STILL_M
     ]
 
 

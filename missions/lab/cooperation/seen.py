@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Final
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.lab.cooperation.exploration import Exploration, Move
-from missions.lab.cooperation.space import Point, between, distance
+from missions.lab.cooperation.space import Point, between
 
 _FEW: Final = 4
 _SLACK: Final = 1e-9
@@ -27,7 +28,7 @@ def places_of(exploration: Exploration, spacing_m: float) -> NDArray[np.float64]
 def along(move: Move, spacing_m: float) -> Iterator[tuple[Point, bool]]:
     """Points along a move, after its first, and whether each is the end of a leg."""
     for a, b in pairwise(move.path):
-        parts = max(int(np.ceil(distance(a, b) / spacing_m)), 1)
+        parts = max(int(np.ceil(math.dist(a, b) / spacing_m)), 1)
         for part in range(1, parts + 1):
             yield (b if part == parts else between(a, b, part / parts)), part == parts
 
@@ -62,22 +63,3 @@ def _is_seen(
             return True
         first, many = first + many, many * 8
     return False
-
-
-def unwatched(exploration: Exploration, spacing_m: float) -> list[tuple[Move, Point]]:
-    """Where a robot was that moved, and no standing one had it within range and sight.
-
-    Looked at every `spacing_m` along the ways, and at the ends of legs.
-    """
-    found = []
-    most_m = exploration.range_m * (1.0 + _SLACK)
-    for move, standing in exploration.standing():
-        others = [place for robot, place in enumerate(standing) if robot != move.robot]
-        for point, _ in along(move, spacing_m):
-            near = sorted(others, key=lambda place: distance(place, point))
-            if not any(
-                distance(place, point) <= most_m and exploration.space.sees(place, point)
-                for place in near
-            ):
-                found.append((move, point))
-    return found

@@ -24,7 +24,7 @@ from typing import Final
 from missions.errors import StrategyError
 from missions.lab.cooperation.exploration import Exploration, Why
 from missions.lab.cooperation.robot_team import Team
-from missions.lab.cooperation.space import Point, Space, distance
+from missions.lab.cooperation.space import Point, Space
 from missions.lab.cooperation.stripes import Door, Stripe, stripes_of
 
 MOST_MOVES: Final = 100_000
@@ -140,7 +140,7 @@ class _Explorer:
         """The shortest way through swept stripes to a door of one of them, and its length."""
         if here is last:
             point = _nearest(door, place)
-            return distance(place, point), (place, point)
+            return math.dist(place, point), (place, point)
         order = count()
         queue: list[tuple[float, int, int, tuple[Point, ...]]] = [
             (0.0, next(order), here.number, (place,))
@@ -156,12 +156,12 @@ class _Explorer:
             stripe = self._stripes[number]
             if stripe is last:
                 point = _nearest(door, way[-1])
-                total = length + distance(way[-1], point)
+                total = length + math.dist(way[-1], point)
                 heapq.heappush(queue, (total, next(order), -1, (*way, point)))
             for through in stripe.doors:
                 if through.other in self._swept:
                     for point in (through.a, through.b):
-                        total = length + distance(way[-1], point)
+                        total = length + math.dist(way[-1], point)
                         heapq.heappush(queue, (total, next(order), through.other, (*way, point)))
         raise AssertionError("swept stripes hang together")
 
@@ -173,7 +173,7 @@ class _Explorer:
         ends.sort(key=lambda x: (abs(x - entry[0]) if x in seen else math.inf, x))
         for number, end in enumerate(ends):
             if number:
-                back = min(self._team.places, key=lambda place: distance(place, entry))
+                back = min(self._team.places, key=lambda place: math.dist(place, entry))
                 self._team.gather(back)
                 self._team.travel([back, entry])
             self._go(stripe, entry[0], end)
@@ -212,7 +212,7 @@ class _Explorer:
             """By how much the range is exceeded, in metres."""
             rows = self._pattern.rows(stripe, target)
             return max(
-                distance(watching[row], rows[beside]) - self._pattern.range_m
+                math.dist(watching[row], rows[beside]) - self._pattern.range_m
                 for row in range(1 - moving, len(rows), 2)
                 for beside in range(max(row - 1, 0), min(row + 2, len(rows)))
             )

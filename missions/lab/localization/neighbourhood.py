@@ -40,11 +40,7 @@ def keep_right(pattern: int, heading: int) -> int:
     >>> keep_right(FREE, NORTH) == EAST
     True
     """
-    for turns in range(4):
-        direction = (heading + 3 + turns) % 4
-        if is_free(pattern, direction):
-            return direction
-    raise ValueError("a cell without an unobstructed neighbour has no way out")
+    return _first_free(pattern, heading + 3, 1)
 
 
 def keep_left(pattern: int, heading: int) -> int:
@@ -53,10 +49,13 @@ def keep_left(pattern: int, heading: int) -> int:
     >>> keep_left(FREE, NORTH) == WEST
     True
     """
-    for turns in range(4):
-        direction = (heading + 1 - turns) % 4
-        if is_free(pattern, direction):
-            return direction
+    return _first_free(pattern, heading + 1, -1)
+
+
+def _first_free(pattern: int, begin: int, step: int) -> int:
+    for direction in range(begin, begin + 4 * step, step):
+        if is_free(pattern, direction % 4):
+            return direction % 4
     raise ValueError("a cell without an unobstructed neighbour has no way out")
 
 
