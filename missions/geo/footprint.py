@@ -1,8 +1,7 @@
 """What a camera that looks straight down shows of flat ground, and how finely.
 
-A pinhole with square pixels, its optical axis through the middle of the picture. A camera on a
-tilted vehicle sees the ground through a homography (`vision.camera`); this is the level case, which
-is what can be planned with: before a picture is taken nobody knows the tilt.
+The level case, which planning needs: a camera on a tilted vehicle sees the ground through a
+homography (`vision.camera`).
 """
 
 from __future__ import annotations
@@ -68,9 +67,9 @@ class Optics:
         return Footprint(self.width_px * gsd_m, self.height_px * gsd_m)
 
     def pixels_per_cell(self, height_m: float, cell_m: float) -> float:
-        """How many pixels the edge of a cell of `cell_m` has, from `height_m` above the ground."""
+        """Pixels of a cell's edge, from `height_m` above the ground."""
         return cell_m / self.gsd_m(height_m)
 
     def height_m(self, cell_m: float, pixels_per_cell: float) -> float:
-        """From how high the edge of a cell has so many pixels: the inverse of `pixels_per_cell`."""
+        """The inverse of `pixels_per_cell`."""
         return self.focal_px * cell_m / pixels_per_cell

@@ -116,8 +116,7 @@ class LocalPlane:
     """A plane of metres along true east and true north around an origin.
 
     From the radii of curvature of the ellipsoid at the origin: good to a centimetre within two
-    kilometres away from the poles. It knows nothing of UTM, so that the two can be held against
-    each other.
+    kilometres away from the poles. Independent of UTM, so that each can check the other.
     """
 
     origin: LatLon

@@ -36,16 +36,10 @@ def parse_mission(
     strategies: Collection[str] = STRATEGIES,
     detectors: Collection[str] = DETECTORS,
 ) -> Mission:
-    """A mission that can be flown, from the text of a mission file.
+    """A mission that can be flown, from the TOML of a mission file, which messages call `source`.
 
-    Args:
-        text: TOML.
-        source: what to call the file in messages.
-        strategies: names that `strategy` may have.
-        detectors: names that `detector.name` may have.
-
-    Raises:
-        MissionFileError: with a line for each fault.
+    `strategies` and `detectors` are the known names. Raises `MissionFileError` with a line for each
+    fault.
     """
     mission = parse_fields(text, source)
     check(mission, source, strategies=strategies, detectors=detectors)

@@ -22,9 +22,8 @@ SMALLEST_GAP_M = 8.0
 def homes(mission: Mission) -> tuple[LatLon, ...]:
     """The place of every vehicle, in the order of `mission.vehicles`.
 
-    A vehicle with a `home` stands there. The others stand in a row from the start towards grid
-    east, `max(2 * separation_m, 8)` metres apart, each at the place of its own number, so that
-    the first of the file stands at the start. Raises `GeodesyError` outside 80 S to 84 N.
+    A vehicle without a `home` stands in a row from the start towards grid east, at the place of
+    its number, `max(2 * separation_m, 8)` metres apart. Raises `GeodesyError` outside 80 S to 84 N.
     """
     grid = Grid.at(mission.home, mission.grid.cell_m)
     gap_m = max(2 * mission.team.separation_m, SMALLEST_GAP_M)

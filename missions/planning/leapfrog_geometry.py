@@ -138,14 +138,10 @@ class Leapfrog:
 
 
 def plan_leapfrog(path: Sequence[Point], view: TrackerView) -> Leapfrog:
-    """The fewest hops along a path such that each vehicle is in view while it or the other moves.
+    """The fewest hops along the mapper's path, two or more corners in metres east and north, such
+    that each vehicle is in view while it or the other moves.
 
-    Args:
-        path: What the mapper shall fly: corners in metres east and north, at least two places.
-        view: What the tracker sees, and how much higher it flies.
-
-    Raises:
-        ValueError: where the path is no path.
+    Raises ValueError where the path is no path.
 
     >>> plan = plan_leapfrog([(0.0, 0.0), (30.0, 0.0)], TrackerView())
     >>> [(str(step.mover), round(step.end[0], 1)) for step in plan.steps][:4]
