@@ -17,7 +17,6 @@ from typing import Any, Final
 from missions.errors import MissionFileError
 from missions.geo.grid import Grid
 from missions.mission import flyable, leapfrog_checks, places, terrain_checks
-from missions.mission.prior_places import prior_faults
 from missions.mission.schema import Mission, parse_fields
 from missions.planning.stepwise import EXPLORERS
 from missions.planning.sweep.strategies import ON_PATHS
@@ -74,7 +73,7 @@ def check(
         where = list(places.polygons(mission, grid)) or [
             *places.inside_fence(mission, grid),
             *places.homes_apart(mission, grid),
-            *prior_faults(mission, grid),
+            *places.prior_faults(mission, grid),
         ]
         if not where:
             faults += terrain_checks.faults(mission, grid)

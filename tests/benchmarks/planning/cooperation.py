@@ -23,8 +23,7 @@ import shapely
 from numpy.typing import NDArray
 
 from missions.lab.cooperation import trapezoids, triangulation
-from missions.lab.cooperation.exploration import Exploration, Move
-from missions.lab.cooperation.seen import along, unseen
+from missions.lab.cooperation.exploration import Exploration, Move, along, unseen
 from missions.lab.cooperation.space import Point, Space
 from missions.lab.cooperation.tracking import Noise, followed, legs_of
 from missions.lab.cooperation.trapezoids import Cover, Pattern

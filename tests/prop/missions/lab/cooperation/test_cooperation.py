@@ -9,8 +9,7 @@ import pytest
 
 from missions.errors import AreaError, StrategyError
 from missions.lab.cooperation import trapezoids, triangulation
-from missions.lab.cooperation.exploration import Exploration, Why
-from missions.lab.cooperation.seen import unseen
+from missions.lab.cooperation.exploration import Exploration, Why, unseen
 from missions.lab.cooperation.space import GRID_M, Space
 from missions.lab.cooperation.stripes import stripes_of
 from missions.lab.cooperation.tracking import Filter, Leg, Noise, followed, legs_of
