@@ -1,24 +1,4 @@
-"""The errors of the project, one tree.
-
-    UavmapError                 anything a user can cause or mend; one line, exit code 2
-    ├── MissionFileError        a mission file: names the file, the key, the value, the remedy
-    ├── GeodesyError            a place where UTM is not defined
-    ├── WorldError              a file that does not describe a simulated ground
-    ├── ImageError              a picture without a geotag, or that cannot be decoded
-    ├── StrategyError           an explorer that jumps, never ends, or leaves everybody waiting
-    ├── RoiError                a file or option that does not describe a ROI
-    ├── LocalizationError       a map, a rate or a look by which no cell can be found
-    ├── AreaError               a drawing or option from which no mission can be made
-    ├── StudyError              a study that cannot run: an extra is missing, a scheduler is silent
-    ├── JournalError            a journal that is truncated, foreign, or of another version
-    ├── EventError              an event with a number that no journal can hold; a ValueError, too
-    ├── ResultsError            a folder without the results of a flight, or with damaged ones
-    ├── OutputError             a file that cannot be written, or of a kind that is not written
-    ├── PreflightError          what keeps a mission on the ground: a finding, or the operator's no
-    │   └── NotFlownError             nothing is wrong: a dry run is over
-    ├── AircraftError           an aircraft is down away from home, or was left to its autopilot
-    └── LinkError               a connection URL, or a vehicle that does not answer
-        └── CommandRefusedError      a vehicle that answered no, with what it said
+"""The errors of the project, one tree: what a user can cause or mend, a line each, exit code 2.
 
 A defect of the program is never one of these: it keeps its traceback.
 """

@@ -15,7 +15,7 @@ from pydantic import Field, TypeAdapter
 from pydantic_core import PydanticSerializationError
 
 from missions.errors import EventError
-from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
+from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, OfVehicle, Shared
 from missions.units import Cell, GridPoint
 
 
@@ -28,11 +28,9 @@ class Vote(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Connected:
+class Connected(OfVehicle):
     """A vehicle answered. Posted at the start, after a resume, and when a lost link is back."""
 
-    vehicle: int
-    t_s: float
     home: GridPoint
     position: GridPoint
     height_m: float
@@ -48,20 +46,16 @@ class Connected:
 
 
 @dataclass(frozen=True, slots=True)
-class LiftedOff:
+class LiftedOff(OfVehicle):
     """The vehicle left the ground with its motors on, ordered or not."""
 
-    vehicle: int
-    t_s: float
     kind: Literal["lifted_off"] = "lifted_off"
 
 
 @dataclass(frozen=True, slots=True)
-class Airborne:
+class Airborne(OfVehicle):
     """A take-off reached its height."""
 
-    vehicle: int
-    t_s: float
     kind: Literal["airborne"] = "airborne"
     home: GridPoint | None = None
     """Where home is now: arming moves it to where the vehicle stands."""
@@ -69,11 +63,9 @@ class Airborne:
 
 
 @dataclass(frozen=True, slots=True)
-class Tracked:
+class Tracked(OfVehicle):
     """Where a vehicle is and what is left in its battery, about once a second."""
 
-    vehicle: int
-    t_s: float
     position: GridPoint
     height_m: float
     remaining_wh: float
@@ -83,21 +75,17 @@ class Tracked:
 
 
 @dataclass(frozen=True, slots=True)
-class Arrived:
+class Arrived(OfVehicle):
     """The leg that was ordered is flown."""
 
-    vehicle: int
-    t_s: float
     position: GridPoint
     kind: Literal["arrived"] = "arrived"
 
 
 @dataclass(frozen=True, slots=True)
-class FrameSeen:
+class FrameSeen(OfVehicle):
     """A picture was judged: taken over `vantage`, or (None) from wherever the vehicle was."""
 
-    vehicle: int
-    t_s: float
     vantage: Cell | None
     votes: tuple[Vote, ...]
     kind: Literal["frame_seen"] = "frame_seen"
@@ -106,41 +94,33 @@ class FrameSeen:
 
 
 @dataclass(frozen=True, slots=True)
-class Weighed:
+class Weighed(OfVehicle):
     """What the votes of the picture just judged weigh, 0 to 1 each, in their order: of a recorded
     one, whose cells are decided by evidence (`missions.mapping.evidence`)."""
 
-    vehicle: int
-    t_s: float
     weights: tuple[float, ...]
     kind: Literal["weighed"] = "weighed"
 
 
 @dataclass(frozen=True, slots=True)
-class FrameLost:
+class FrameLost(OfVehicle):
     """A picture that was asked for is missing or cannot be read."""
 
-    vehicle: int
-    t_s: float
     reason: str
     kind: Literal["frame_lost"] = "frame_lost"
 
 
 @dataclass(frozen=True, slots=True)
-class LookEnded:
+class LookEnded(OfVehicle):
     """All the pictures that an order allowed were taken; some cells may lack votes."""
 
-    vehicle: int
-    t_s: float
     kind: Literal["look_ended"] = "look_ended"
 
 
 @dataclass(frozen=True, slots=True)
-class Landed:
+class Landed(OfVehicle):
     """A vehicle stands on the ground, motors off."""
 
-    vehicle: int
-    t_s: float
     remaining_wh: float
     kind: Literal["landed"] = "landed"
     position: GridPoint | None = None
@@ -148,36 +128,30 @@ class Landed:
 
 
 @dataclass(frozen=True, slots=True)
-class Crashed:
+class Crashed(OfVehicle):
     """A vehicle is down where it was not told to land: somebody has to fetch it."""
 
-    vehicle: int
-    t_s: float
     position: GridPoint
     reason: str
     kind: Literal["crashed"] = "crashed"
 
 
 @dataclass(frozen=True, slots=True)
-class Guarded:
+class Guarded(OfVehicle):
     """The guardian of a vehicle has it return or land by its autopilot, and keeps it until down."""
 
-    vehicle: int
-    t_s: float
     action: Literal["rtl", "land"]
     reason: str
     kind: Literal["guarded"] = "guarded"
 
 
 @dataclass(frozen=True, slots=True)
-class Navigated:
+class Navigated(OfVehicle):
     """What a vehicle has to go by, when that changes, and from time to time without satellites.
 
     It changes nothing that anybody acts on: positions of other events are corrected already.
     """
 
-    vehicle: int
-    t_s: float
     gnss: Literal["good", "lost", "wrong"]
     sigma_m: float | None = None
     """How well its place is known by its own pictures, one standard deviation; None: not so."""
@@ -187,21 +161,17 @@ class Navigated:
 
 
 @dataclass(frozen=True, slots=True)
-class BatterySwapped:
+class BatterySwapped(OfVehicle):
     """A vehicle on the ground has a fresh battery."""
 
-    vehicle: int
-    t_s: float
     remaining_wh: float
     kind: Literal["battery_swapped"] = "battery_swapped"
 
 
 @dataclass(frozen=True, slots=True)
-class Overridden:
+class Overridden(OfVehicle):
     """The mode changed without us: a pilot or a failsafe flies the vehicle now."""
 
-    vehicle: int
-    t_s: float
     mode: str
     kind: Literal["overridden"] = "overridden"
     cause: str | None = None
@@ -209,44 +179,36 @@ class Overridden:
 
 
 @dataclass(frozen=True, slots=True)
-class Released:
+class Released(OfVehicle):
     """The vehicle was given back: it is in the mode in which it follows us."""
 
-    vehicle: int
-    t_s: float
     position: GridPoint
     height_m: float
     kind: Literal["released"] = "released"
 
 
 @dataclass(frozen=True, slots=True)
-class LinkLost:
+class LinkLost(OfVehicle):
     """No heartbeat for too long."""
 
-    vehicle: int
-    t_s: float
     kind: Literal["link_lost"] = "link_lost"
 
 
 @dataclass(frozen=True, slots=True)
-class GivenUp:
+class GivenUp(OfVehicle):
     """A silent vehicle is not waited for any longer; it is taken up again when it speaks."""
 
-    vehicle: int
-    t_s: float
     reason: str
     kind: Literal["given_up"] = "given_up"
 
 
 @dataclass(frozen=True, slots=True)
-class OrderFailed:
+class OrderFailed(OfVehicle):
     """An order could not be carried out; the vehicle comes home and takes no further part.
 
     Who is only `behind` its path may go on from where it is.
     """
 
-    vehicle: int
-    t_s: float
     order: str
     reason: str
     kind: Literal["order_failed"] = "order_failed"
@@ -278,30 +240,24 @@ class Continued:
 
 
 @dataclass(frozen=True, slots=True)
-class VehicleRecalled:
+class VehicleRecalled(OfVehicle):
     """The operator calls one vehicle home; it takes no further part until a resume."""
 
-    vehicle: int
-    t_s: float
     kind: Literal["vehicle_recalled"] = "vehicle_recalled"
 
 
 @dataclass(frozen=True, slots=True)
-class CellSkipped:
+class CellSkipped(OfVehicle):
     """The operator has nobody look from a cell: the one that a vehicle was at, or on its way to."""
 
-    vehicle: int
-    t_s: float
     cell: Cell
     kind: Literal["cell_skipped"] = "cell_skipped"
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class Told(OfVehicle):
     """What a vehicle said in words (STATUSTEXT). It changes nothing that anybody acts on."""
 
-    vehicle: int
-    t_s: float
     severity: int
     """MAV_SEVERITY: 0 is an emergency, 7 for debugging."""
     text: str
@@ -358,11 +314,7 @@ _ADAPTER: TypeAdapter[Event] = TypeAdapter(AnyEvent)
 
 
 def to_json(event: Event) -> str:
-    """The text of an event in the journal. Raises `EventError` for what no journal can hold.
-
-    >>> to_json(Airborne(1, 2.5))
-    '{"vehicle":1,"t_s":2.5,"kind":"airborne"}'
-    """
+    """The text of an event in the journal. Raises `EventError` for what no journal can hold."""
     try:
         # without a vantage is something that a frame says; elsewhere None is what nobody has said
         if isinstance(event, FrameSeen):

@@ -9,11 +9,17 @@ from missions.units import Cell, GridPoint
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
-    """What another member of a fleet said of its vehicle: where it is, and what it will do."""
+class OfVehicle:
+    """An event of one vehicle, at a mission time."""
 
     vehicle: int
     t_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Heard(OfVehicle):
+    """What another member of a fleet said of its vehicle: where it is, and what it will do."""
+
     position: GridPoint
     height_m: float
     remaining_wh: float
@@ -42,11 +48,9 @@ class Fact(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Shared:
+class Shared(OfVehicle):
     """What another member of a fleet has decided, in facts numbered from `first` on."""
 
-    vehicle: int
-    t_s: float
     first: int
     frames: tuple[Fact, ...]
     kind: Literal["shared"] = "shared"
@@ -61,34 +65,28 @@ class Part(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Allotted:
+class Allotted(OfVehicle):
     """A member of a fleet has said who is to map what: what lies near to its places."""
 
-    vehicle: int
-    t_s: float
     parts: tuple[Part, ...]
     kind: Literal["allotted"] = "allotted"
 
 
 @dataclass(frozen=True, slots=True)
-class Apart:
+class Apart(OfVehicle):
     """Another member of a fleet has not been heard for some time: it goes on alone, as we do."""
 
-    vehicle: int
-    t_s: float
     kind: Literal["apart"] = "apart"
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class Asked(OfVehicle):
     """Another member asks for the air above and below a place: it is closed to us from now on.
 
     It is open again after `until_s`, or once another question of the same member is heard; one
     that ends when it is asked gives it back.
     """
 
-    vehicle: int
-    t_s: float
     place: GridPoint
     low_m: float
     high_m: float
@@ -97,11 +95,9 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True)
-class Leased:
+class Leased(OfVehicle):
     """Everybody else has closed the air that our vehicle asked for to themselves."""
 
-    vehicle: int
-    t_s: float
     place: GridPoint
     until_s: float
     kind: Literal["leased"] = "leased"

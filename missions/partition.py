@@ -1,4 +1,4 @@
-"""A partition of a team: who cannot hear whom for a while, in flight as on the grid."""
+"""A partition of a team, in flight as on the grid."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """For some time only members of the same group hear each other; without groups, nobody hears
-    anybody. Times are those of whoever asks: seconds, or the unit of a simulation.
+    """From `begin` to `end` only members of one group hear each other; without groups none do.
+    Times are those of the caller: seconds, or the unit of a simulation.
 
     >>> Partition(10.0, 20.0, (frozenset({0, 1}),)).parts(0, 1, 15.0)
     False

@@ -52,11 +52,7 @@ class GridPoint(NamedTuple):
     north_m: float
 
     def distance_to(self, other: GridPoint) -> float:
-        """Straight distance in metres.
-
-        >>> GridPoint(0, 0).distance_to(GridPoint(3, 4))
-        5.0
-        """
+        """Straight distance in metres."""
         return math.hypot(self.east_m - other.east_m, self.north_m - other.north_m)
 
 

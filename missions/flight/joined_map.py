@@ -91,7 +91,7 @@ class Facts:
             for cell, ballot in known.open_ballots.items():
                 # (of one vehicle only, and only what decides nothing: votes of several might)
                 new = cell not in told and known.verdict(cell) is None
-                if new and not belief.tally_anywhere(cell).total:
+                if new and not belief.tally(cell, None).total:
                     told.add(cell)
                     for frame, vote in ballot:
                         found.setdefault(frame, {})[cell] = vote

@@ -15,8 +15,7 @@ from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.geo.trajectory import LANE_CUTS_M, corner_pause_s
 from missions.mission.energy import CLIMB_OVERHEAD_S, EnergyModel
-from missions.mission.places import homes
-from missions.mission.prior_places import prior_of
+from missions.mission.places import homes, prior_of
 from missions.mission.schema import Mission, positions
 from missions.mission.views import energy_model, path_speed_m_s, rows_across
 from missions.planning.search.lanes import (

@@ -29,7 +29,7 @@ def frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
     votes = state.belief.in_time(
         event.vantage, frame, {vote.cell: vote.positive for vote in event.votes}
     )
-    counts = any(state.belief.tally_anywhere(cell).total < state.belief.frames for cell in votes)
+    counts = any(state.belief.tally(cell, None).total < state.belief.frames for cell in votes)
     state = replace(state, belief=state.belief.with_frame(event.vantage, frame, votes))
     vehicle = replace(state.vehicles[event.vehicle], frames_lost=0, judged_s=state.t_s)
     if event.vantage is None:

@@ -14,17 +14,7 @@ _TINY_S: Final = 1e-6
 
 
 def braked(path: Trajectory, t_s: float, brake_m_s2: float) -> Trajectory:
-    """The path that follows `path` until `t_s` and comes to rest along it.
-
-    It begins at `t_s`. Where `path` itself is slower, it is as slow; `brake_m_s2` is above 0.
-
-    >>> from missions.geo.trajectory import rounded_path
-    >>> from missions.units import GridPoint
-    >>> path = rounded_path([GridPoint(0, 0), GridPoint(90, 0)], 0.0, speed_m_s=6.0)
-    >>> stop = braked(path, 6.0, brake_m_s2=2.0)
-    >>> round(stop.end_s - 6.0, 3), round(stop.at(stop.end_s).east_m - path.at(6.0).east_m, 3)
-    (3.0, 9.0)
-    """
+    """The path from `t_s` on that comes to rest along `path`; where that is slower, as slow."""
     pieces: list[Piece] = []
     now_s, speed = max(t_s, path.begin_s), -1.0
     for piece in path.pieces:

@@ -1,8 +1,7 @@
 """The air over the pads of a fleet: each member climbs and comes down in a column of its own.
 
-Members of a fleet that are out of contact cannot ask each other. So each has air that nobody else
-ever enters, whatever the others do: its layer, and the column over its pad. To everybody else such
-a column is a hole in the geofence.
+Members out of contact cannot ask each other. So each has air that no other ever enters: its layer,
+and the column over its pad, which is a hole in the geofence of all others.
 """
 
 from __future__ import annotations

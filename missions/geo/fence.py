@@ -20,7 +20,7 @@ from missions.units import GridPoint
 
 _TOLERANCE_M = 0.01
 _REMEMBERED = 1000
-"""So many answers are kept: rules ask for the same way several times in one step of a mission."""
+"""Number of kept answers: rules ask for a way several times in one step of a mission."""
 
 K = TypeVar("K")
 V = TypeVar("V")
@@ -100,10 +100,9 @@ class Fence:
         return bool(shapely.covers(forgiven, leg)) and self.allows(start) and self.allows(end)
 
     def route(self, start: GridPoint, end: GridPoint) -> Way | None:
-        """The shortest way to `end` inside the margin: the points to fly to, `end` the last.
+        """The points of the shortest way to `end` inside the margin; None where there is none.
 
-        A start outside the margin (blown there) goes to the nearest allowed point first. None
-        when `end` cannot be reached.
+        A start outside the margin (blown there) goes to the nearest allowed point first.
         """
         if (start, end) not in self._ways:
             _remember(self._ways, (start, end), self._route(start, end))
@@ -120,10 +119,8 @@ class Fence:
         return self._shortest(start, end)
 
     def route_near(self, start: GridPoint, end: GridPoint) -> Way | None:
-        """The way to an `end` in the margin: to the nearest place that is allowed, then straight.
-
-        None when that place cannot be reached, or `end` lies outside of the fence.
-        """
+        """The way to an `end` in the margin, straight from the nearest allowed place; None where
+        that cannot be reached or `end` lies outside of the fence."""
         if not self.contains(end):
             return None
         near = nearest_points(self.inner, Point(end))[0]

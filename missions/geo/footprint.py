@@ -1,8 +1,7 @@
 """What a camera that looks straight down shows of flat ground, and how finely.
 
-A pinhole with square pixels, its optical axis through the middle of the picture. A camera on a
-tilted vehicle sees the ground through a homography (`vision.camera`); this is the level case, which
-is what can be planned with: before a picture is taken nobody knows the tilt.
+The level case, which planning needs: a camera on a tilted vehicle sees the ground through a
+homography (`vision.camera`).
 """
 
 from __future__ import annotations
@@ -16,11 +15,7 @@ TOUCH_M = 1e-6
 
 
 class Footprint(NamedTuple):
-    """The rectangle of ground in a level picture: metres along its upper edge, and its side edge.
-
-    >>> Footprint(20.0, 15.0).short_m
-    15.0
-    """
+    """The rectangle of ground in a level picture: metres along its upper and its side edge."""
 
     across_m: float
     along_m: float
@@ -39,13 +34,6 @@ class Optics:
         hfov_rad: Angle of view across the picture, 0 to pi, open.
         width_px: Columns of the picture, at least 1.
         height_px: Rows of the picture, at least 1.
-
-    >>> camera = Optics(math.radians(90.0), 640, 480)
-    >>> round(camera.focal_px, 9)
-    320.0
-    >>> across_m, along_m = camera.footprint(12.0)
-    >>> round(across_m, 9), round(along_m, 9)
-    (24.0, 18.0)
     """
 
     hfov_rad: float
@@ -79,14 +67,9 @@ class Optics:
         return Footprint(self.width_px * gsd_m, self.height_px * gsd_m)
 
     def pixels_per_cell(self, height_m: float, cell_m: float) -> float:
-        """How many pixels the edge of a cell of `cell_m` has, from `height_m` above the ground."""
+        """Pixels of a cell's edge, from `height_m` above the ground."""
         return cell_m / self.gsd_m(height_m)
 
     def height_m(self, cell_m: float, pixels_per_cell: float) -> float:
-        """From how high the edge of a cell has so many pixels: the inverse of `pixels_per_cell`.
-
-        >>> camera = Optics(math.radians(90.0), 640, 480)
-        >>> round(camera.height_m(cell_m=4.0, pixels_per_cell=80.0), 9)
-        16.0
-        """
+        """The inverse of `pixels_per_cell`."""
         return self.focal_px * cell_m / pixels_per_cell

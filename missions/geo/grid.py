@@ -46,10 +46,9 @@ class Grid:
         drift_speed_m_s: float = 0.0,
         drift_toward_deg: float = 0.0,
     ) -> Grid:
-        """A grid whose cell (0, 0) is centred on `start`.
+        """A grid whose cell (0, 0) is centred on `start`; the ROI drifts towards a true bearing.
 
-        `drift_toward_deg` is the true bearing that the ROI moves towards. Raises `GeodesyError`
-        outside 80 S to 84 N.
+        Raises `GeodesyError` outside 80 S to 84 N.
         """
         zone = UtmZone.of(start)
         convergence = zone.convergence_rad(start)

@@ -1,9 +1,8 @@
 """Ground that is not flat: its heights on a regular lattice, and what follows for a flight.
 
-Everything else in `missions` reckons in heights above the ground below. The terrain is what lies
-between those and heights above home, which is what autopilots understand:
-`uavmap.mavlink.vehicle_view` adds it to what is sent and takes it from what is heard. Flat ground
-is the absence of a terrain.
+All else in `missions` reckons in heights above the ground below. The terrain converts between
+these and heights above home, which autopilots understand: `uavmap.mavlink.vehicle_view` adds it to
+what is sent and subtracts it from what is received. Flat ground is the absence of a terrain.
 
 Points are in the grid's fixed frame; heights are in metres above the ground at the start.
 """
@@ -28,17 +27,17 @@ from missions.units import GridPoint
 Heights = NDArray[np.float64]
 
 FOLLOW_M = 1.0
-"""How much higher than its layer a vehicle may be on a leg: the target that it flies to is no
-farther away than the ground keeps within so much."""
+"""Greatest height of a vehicle above its layer on a leg: over the way to the next target the ground
+varies by no more."""
 LEAST_AHEAD_M = 1.0
-"""... but never nearer than this, however steep the ground is."""
+"""Least distance of a target, however steep the ground is."""
 CLEAR_M = 5.0
-"""Who clears the ground by less climbs before it flies on."""
+"""A vehicle that clears the ground by less climbs before it flies on."""
 LEG_CLIMB_M_S = 0.45
-"""How fast a vehicle gains or loses height on a leg over steep ground: it flies towards targets
-within `FOLLOW_M`, and slows down before each. Simulated, an ArduCopter 0.6 and a PX4 0.46."""
+"""Rate of climb on a leg over steep ground, where targets lie within `FOLLOW_M` and a vehicle slows
+down before each. Simulated: an ArduCopter 0.6, a PX4 0.46."""
 _AHEAD_M = 60.0
-"""A target on ground that is not flat is no farther away than this."""
+"""Greatest distance of a target."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,15 +91,8 @@ class Terrain:
     def ups_and_downs_m(
         self, points: Sequence[GridPoint], speed_m_s: float = math.inf, climb_m_s: float = 0.0
     ) -> float:
-        """How far a way climbs and descends in all.
-
-        With the speed of a vehicle and its rate of climb: at least as many metres of climbing as
-        its legs take longer, for where it is steep targets lie near (`LEG_CLIMB_M_S`).
-
-        >>> ridge = Terrain(0.0, 0.0, 10.0, np.array([[0.0, 4.0, 1.0], [0.0, 4.0, 1.0]]))
-        >>> ridge.ups_and_downs_m([GridPoint(0.0, 0.0), GridPoint(20.0, 0.0)])
-        7.0
-        """
+        """Metres that a way climbs and descends in all; at least what a vehicle climbs in the time
+        by which steep legs take longer (`LEG_CLIMB_M_S`)."""
         in_all_m = 0.0
         for a, b in itertools.pairwise(points):
             if a == b:
@@ -111,11 +103,11 @@ class Terrain:
         return in_all_m
 
     def next_target(self, here: GridPoint, end: GridPoint) -> tuple[GridPoint, float]:
-        """Where to aim on a straight leg over ground: the point, and the height of a target there.
+        """The point to aim at on a straight leg, and the height of the highest ground up to it.
 
-        That height is of the highest ground from here to the point, so that a vehicle clears it in
-        whatever order it climbs and flies, and also if it hears nothing more and stops there. The
-        point is as far ahead as the ground keeps within `FOLLOW_M`.
+        So a vehicle clears the ground in whatever order it climbs and flies, also if it receives
+        nothing more and stops there. The point is as far ahead as the ground keeps within
+        `FOLLOW_M`.
         """
         whole_m = here.distance_to(end)
         reach_m = min(whole_m, _AHEAD_M)
@@ -137,10 +129,10 @@ class Terrain:
     def told(
         self, here: GridPoint, above_m: float, target: GridPoint, height_m: float
     ) -> tuple[GridPoint, float]:
-        """What a vehicle `above_m` above the ground is told on a leg to `target` at `height_m`.
+        """The command for a vehicle `above_m` above the ground on a leg to `target` at `height_m`:
+        a point, and the height above the ground there.
 
-        A point, and a height above the ground there. Who is so low that it might not clear the
-        ground until there, as after a landing that was broken off, climbs before it flies on.
+        One that is too low to clear the ground until there climbs first.
 
         >>> slope = Terrain(0.0, 0.0, 10.0, np.array([[0.0, 10.0], [0.0, 10.0]]))
         >>> slope.told(GridPoint(0.0, 0.0), 3.0, GridPoint(0.0, 9.0), 12.0)
@@ -180,13 +172,7 @@ class Relief:
 
 
 def relief_of(terrain: Terrain, area: BaseGeometry) -> Relief:
-    """The relief of an area: of all meshes of the lattice that touch it.
-
-    >>> slope = Terrain(0.0, 0.0, 10.0, np.array([[0.0, 1.0], [0.0, 1.0]]))
-    >>> found = relief_of(slope, shapely.box(1.0, 1.0, 9.0, 9.0))
-    >>> found.highest_m, found.steepest
-    (1.0, 0.1)
-    """
+    """The relief of an area: of all meshes of the lattice that touch it."""
     part = terrain.within(area)
     z, step_m = part.heights_m, part.step_m
     rows, columns = z.shape

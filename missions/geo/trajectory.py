@@ -125,11 +125,8 @@ class Trajectory:
         return sum(piece.length_m for piece in self.pieces)
 
     def at(self, t_s: float) -> Motion:
-        """The motion at mission time `t_s`, in the grid's fixed frame.
-
-        Before the beginning the state at the beginning; after the end at rest at the end, or
-        moving with the drift.
-        """
+        """The motion at time `t_s`, fixed frame; before the beginning that at the beginning,
+        after the end at rest there, or moving with the drift."""
         t_s = max(t_s, self.begin_s)
         if t_s < self.end_s:
             piece = self._piece(t_s)
@@ -148,7 +145,7 @@ class Trajectory:
         )
 
     def place_at(self, t_s: float) -> GridPoint:
-        """`at(t_s).place`, and nothing but that, which is quicker."""
+        """`at(t_s).place`, but quicker."""
         t_s = max(t_s, self.begin_s)
         if t_s < self.end_s:
             piece = self._piece(t_s)
@@ -160,7 +157,6 @@ class Trajectory:
         return GridPoint(east + drift_east * t_s, north + drift_north * t_s)
 
     def _piece(self, t_s: float) -> Piece:
-        """The piece under way."""
         return self.pieces[max(bisect_right(self.pieces, t_s, key=_BEGIN_S) - 1, 0)]
 
 
@@ -189,12 +185,12 @@ def rounded_path(
 ) -> Trajectory:
     """A polyline with its corners cut, flown as fast as the limits allow, to rest at its end.
 
-    `points` are in the frame of the region (with a drift of zero: the fixed one); it begins at the
-    first of them with `begin_speed_m_s` towards the second. Where it turns back it comes to rest.
-    `cut_m` is one number, or one for each point: by how much the corner there is cut.
+    It begins at the first of `points` (frame of the region) with `begin_speed_m_s` towards the
+    second, and comes to rest where it turns back. `cut_m` is the cut of all corners, or one for
+    each point.
 
-    Raises ValueError for no point at all, numbers that are not finite or not positive, and a speed
-    at the beginning from which the first corner, or the end, cannot be reached slowly enough.
+    Raises ValueError without points, for numbers that are not finite or positive, and for a first
+    speed from which the first corner, or the end, cannot be reached slowly enough.
     """
     cuts_m = [cut_m] * len(points) if isinstance(cut_m, int | float) else list(cut_m)
     if len(cuts_m) != len(points):

@@ -51,11 +51,7 @@ class FrameId(NamedTuple):
 
     @property
     def exposed(self) -> tuple[float, int]:
-        """What frames are ordered by: the time of exposure; at one instant, the vehicle.
-
-        >>> sorted([FrameId(1, 5.0), FrameId(2, 4.0)], key=lambda frame: frame.exposed)
-        [FrameId(vehicle=2, t_s=4.0), FrameId(vehicle=1, t_s=5.0)]
-        """
+        """What frames are ordered by: the time of exposure; at one instant, the vehicle."""
         return self.t_s, self.vehicle
 
 
@@ -109,11 +105,6 @@ class Belief:
 
         A verdict is too late when its ballot is full and counts a frame that was taken later. Who
         adds only these to a belief never sees a cell leave `roi`.
-
-        >>> belief = Belief(frames=1, positive=1)
-        >>> belief = belief.with_frame(Cell(0, 0), FrameId(1, 2.0), {Cell(0, 0): True})
-        >>> belief.in_time(Cell(0, 0), FrameId(2, 1.0), {Cell(0, 0): False, Cell(1, 0): True})
-        {Cell(east=1, north=0): True}
         """
         kept = {}
         for cell, says_roi in verdicts.items():
@@ -137,16 +128,6 @@ class Belief:
         """The votes that count on a cell from one vantage, or the open ones; at most `frames`."""
         return _tally(self._ballot(cell, vantage))
 
-    def tally_anywhere(self, cell: Cell) -> Tally:
-        """The votes of a cell's open ballot that count, at most `frames`.
-
-        >>> belief = Belief(frames=5, positive=3)
-        >>> belief = belief.with_frame(None, FrameId(1, 0.5), {Cell(0, 1): True})
-        >>> belief.tally_anywhere(Cell(0, 1))
-        Tally(positive=1, total=1)
-        """
-        return self.tally(cell, None)
-
     def verdict(self, cell: Cell) -> bool | None:
         """Whether a cell is ROI, as far as that is decided: True, False, or None for not yet.
 
@@ -157,12 +138,6 @@ class Belief:
         What is decided stays, as long as frames come in the order of exposure or only what
         `in_time` leaves of them is added, and no vantage elects a cell that the open ballot has
         decided against.
-
-        >>> here, belief = Cell(0, 1), Belief(frames=3, positive=2)
-        >>> for t in range(2):
-        ...     belief = belief.with_frame(None, FrameId(1, t), {here: False, Cell(0, 2): t == 0})
-        >>> belief.verdict(here), belief.verdict(Cell(0, 2))
-        (False, None)
         """
         if cell in self.roi:
             return True
@@ -173,14 +148,9 @@ class Belief:
 
         The verdict, where there is one; else whether its open ballot would elect it if the votes
         to come were as those so far. For three of five that is the majority, and a tie is a no.
-
-        >>> belief = Belief(frames=5, positive=3)
-        >>> belief = belief.with_frame(None, FrameId(1, 0.5), {Cell(0, 1): True})
-        >>> belief.provisional(Cell(0, 1)), belief.provisional(Cell(0, 0))
-        (True, None)
         """
         verdict = self.verdict(cell)
-        positive, total = self.tally_anywhere(cell)
+        positive, total = self.tally(cell, None)
         if verdict is not None or not total:
             return verdict
         return positive * self.frames >= self.positive * total

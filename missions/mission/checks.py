@@ -17,7 +17,6 @@ from typing import Any, Final
 from missions.errors import MissionFileError
 from missions.geo.grid import Grid
 from missions.mission import flyable, leapfrog_checks, places, terrain_checks
-from missions.mission.prior_places import prior_faults
 from missions.mission.schema import Mission, parse_fields
 from missions.planning.stepwise import EXPLORERS
 from missions.planning.sweep.strategies import ON_PATHS
@@ -36,16 +35,10 @@ def parse_mission(
     strategies: Collection[str] = STRATEGIES,
     detectors: Collection[str] = DETECTORS,
 ) -> Mission:
-    """A mission that can be flown, from the text of a mission file.
+    """A mission that can be flown, from the TOML of a mission file, which messages call `source`.
 
-    Args:
-        text: TOML.
-        source: what to call the file in messages.
-        strategies: names that `strategy` may have.
-        detectors: names that `detector.name` may have.
-
-    Raises:
-        MissionFileError: with a line for each fault.
+    `strategies` and `detectors` are the known names. Raises `MissionFileError` with a line for each
+    fault.
     """
     mission = parse_fields(text, source)
     check(mission, source, strategies=strategies, detectors=detectors)
@@ -80,7 +73,7 @@ def check(
         where = list(places.polygons(mission, grid)) or [
             *places.inside_fence(mission, grid),
             *places.homes_apart(mission, grid),
-            *prior_faults(mission, grid),
+            *places.prior_faults(mission, grid),
         ]
         if not where:
             faults += terrain_checks.faults(mission, grid)

@@ -1,7 +1,7 @@
-"""How much energy it takes to come home, and whether enough is left.
+"""The energy of legs and landings.
 
-The rule that the whole service keeps: an airborne vehicle always holds the energy for the way
-home against the worst wind known, for the landing, and for the reserve.
+The rule of the whole service: an airborne vehicle always holds the energy for the return path
+against the worst wind known, for the landing, and for the reserve.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ class EnergyModel:
     def leg_s(self, distance_m: float) -> float:
         """Time for a leg from rest to rest.
 
-        A multicopter holds its ground speed against a head wind by tilting, at a higher power,
-        as long as the two together stay below the airspeed that it can fly.
+        A multicopter holds its ground speed against a head wind by tilting, at a higher power, up
+        to its greatest airspeed.
         """
         against_wind = max(self.max_airspeed_m_s - self.wind_m_s, LEAST_HEADWAY_M_S)
         speed = min(self.speed_m_s, against_wind)
@@ -82,14 +82,8 @@ class EnergyModel:
         return self.hover_wh(height_m / self.climb_m_s + CLIMB_OVERHEAD_S, drawn_w)
 
     def relief_wh(self, ups_and_downs_m: float, drawn_w: float = 0.0) -> float:
-        """What the ups and downs of a way over ground that is not flat cost besides its length.
-
-        As if the vehicle climbed and descended apart from its flight over ground: on steep ground
-        it flies slower, too.
-
-        >>> model = EnergyModel(300, capacity_wh=60, reserve=0.1, speed_m_s=5, wind_m_s=3)
-        >>> round(model.relief_wh(30.0), 2), model.relief_wh(0.0)
-        (1.92, 0.0)
+        """What ups and downs cost besides the length of a way: as if climbed apart from it, for on
+        steep ground a vehicle flies slower.
         """
         return self.hover_wh(ups_and_downs_m / self.climb_m_s, drawn_w)
 

@@ -49,16 +49,12 @@ def with_vehicles(mission: Mission, count: int) -> Mission:
 
 
 def with_own_air(mission: Mission) -> Mission:
-    """A mission as a fleet flies it: with pads apart, and a layer of its own for everybody.
+    """A mission as a fleet flies it: with pads apart, and a layer of its own for every member.
 
-    Vehicles that share a layer (`vehicles.layer`, `search.layer_m`) are known to one service, which
-    keeps them apart in it; members of a fleet that do not hear each other cannot. Their layers lie
-    below the highest one of the mission.
+    One service keeps vehicles that share a layer (`vehicles.layer`, `search.layer_m`) apart in it;
+    members out of contact cannot. Their layers lie below the highest one of the mission.
     """
-    return _with_own_layers(with_pads_apart(mission))
-
-
-def _with_own_layers(mission: Mission) -> Mission:
+    mission = with_pads_apart(mission)
     last, apart_m = len(mission.vehicles) - 1, mission.team.layer_m
     changes: dict[str, object] = {}
     if mission.layer_number(last) != last:
@@ -74,11 +70,9 @@ def _with_own_layers(mission: Mission) -> Mission:
 
 
 def with_pads_apart(mission: Mission) -> Mission:
-    """A mission whose vehicles without a home stand in a row as far apart as a fleet's have to."""
-    grid, gap_m = (
-        Grid.at(mission.home, mission.grid.cell_m),
-        math.ceil(_least_apart_m(mission) + 1.0),
-    )
+    """The mission with vehicles without a home in a row, as far apart as a fleet needs."""
+    grid = Grid.at(mission.home, mission.grid.cell_m)
+    gap_m = math.ceil(_least_apart_m(mission) + 1.0)
     placed = []
     for k, vehicle in enumerate(mission.vehicles):
         if k and vehicle.home is None:  # the first stands at the start

@@ -36,10 +36,9 @@ from missions.units import GridPoint
 SEEN_SHARE = 0.9
 """A frame judges a cell of which it shows at least this part."""
 POSITION_ERROR_M = 0.8
-"""How far from the middle of its cell a vehicle looks: within 0.7 m it has arrived, and it wavers
-a little."""
+"""Distance of a look from the middle of its cell: 0.7 m at arrival, and some wavering."""
 SETTLING_S = 2.0
-"""What a look takes besides its frames."""
+"""Time of a look besides its frames."""
 
 _GRAVITY_M_S2 = 9.81
 # drag of a small multicopter, by its mass: it leans 4 degrees at 3.6 m/s and 26 at 12 m/s
@@ -68,10 +67,10 @@ def _wind(mission: Mission) -> Iterator[str]:
 
 
 def lean_rad(mission: Mission) -> float:
-    """How far the camera looks aside while the vehicle hovers in the wind of the mission.
+    """The lean of the camera while the vehicle hovers in the wind of the mission.
 
-    A vehicle that still brakes leans more, but it is at rest within a second or two, and a look
-    takes further frames until every cell has its votes. What must fit is the attitude that stays.
+    While it brakes a vehicle leans more, but only for a second or two, and a look takes frames
+    until every cell has its votes.
     """
     if mission.camera.mounting == "gimbal":
         return 0.0
@@ -83,9 +82,8 @@ def lean_rad(mission: Mission) -> float:
 def _camera(mission: Mission) -> Iterator[str]:
     """A frame votes on a cell and its four neighbours, so it must show enough of each.
 
-    The nearest edge of the picture decides, on the side from which the vehicle leans away. Yaw
-    costs nothing more: turned, the corners of a neighbour leave the picture first, and the part
-    that may be missing is all corner then.
+    The nearest edge of the picture decides. Yaw costs nothing more: of a turned picture the corners
+    of a neighbour are missing first, which it may lack.
     """
     camera, cell_m = mission.camera, mission.grid.cell_m
     height_m = mission.altitude_m(0)
@@ -153,17 +151,16 @@ def _up(value: float) -> str:
 # --- the search ------------------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class SearchArea:
-    """What of the box can be searched: areas in square metres on the ground."""
+    """The lanes that a way inside the fence leads to, and the ground of the box that they leave out
+    because of the fence's margin and holes."""
 
     lanes: tuple[Lane, ...]
-    """Those that a way inside the fence leads to, from some vehicle's home."""
     box_m2: float
     cut_off_m2: float
-    """What the fence's margin and holes keep from the lanes and from the frames taken on them."""
 
 
 def search_area(mission: Mission, grid: Grid) -> SearchArea:
-    """The lanes that can be flown, and what of the box they leave out."""
+    """What of the box can be searched."""
     cell_m = mission.grid.cell_m
     box = drawn(mission.search.box, grid)
     corners = [grid.fixed(place) for place in positions(mission.search.box)]
@@ -254,17 +251,16 @@ def look_s(mission: Mission) -> float:
 # --- what the crew should know ---------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class FarthestCorner:
-    """The corner of the box that costs a vehicle most, from its home and back."""
+    """The corner of the box that costs a vehicle (from 0) most, and the energy of a look there,
+    with climb, landing and reserve."""
 
     vehicle: int
-    """From 0, as in the file."""
     away_m: float
     sortie_wh: float
-    """What a look there takes in all, climb, landing and reserve included."""
 
 
 def farthest_corner(mission: Mission, grid: Grid) -> FarthestCorner:
-    """What a look at the corner of the box that is farthest for some vehicle costs."""
+    """The costliest corner of the box for any vehicle."""
     energy, fence = energy_model(mission), fence_of(mission, grid)
     found = []
     for i, place in enumerate(homes(mission)):
@@ -288,7 +284,7 @@ def _ups_and_downs_m(mission: Mission, home: GridPoint, route: tuple[GridPoint, 
 
 
 def warnings(mission: Mission, grid: Grid) -> list[str]:
-    """What does not keep a checked mission from being flown, but will show in its map."""
+    """What a checked mission can be flown with, but will show in its map."""
     found = list(far_homes(mission, grid))
     area = search_area(mission, grid)
     if area.cut_off_m2 >= _SMALLEST_LOSS_M2:

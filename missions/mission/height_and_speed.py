@@ -1,13 +1,12 @@
-"""How high and how fast a vehicle may fly while it takes pictures that are to be evidence.
+"""Limits of height and speed of a vehicle whose pictures are to be evidence.
 
-The higher, the more ground a picture shows and the fewer pixels a cell has: the detector needs
-`camera.pixels_per_cell`, and the law a ceiling (`fence.ceiling_m`). Both are of the highest layer.
+Height: the detector needs `camera.pixels_per_cell`, the law sets `fence.ceiling_m`; both hold for
+the highest layer.
 
-Two things limit the speed. While the shutter is open the picture moves over the sensor
-(`camera.max_blur_px`). And a cell is wholly in the picture only while the vehicle flies as far as
-the picture is longer than the cell: on this way it needs `votes.frames` frames,
-`camera.interval_s` apart. Both limits are of the speed against the ground that is judged, so a
-region that drifts towards the vehicle takes its own speed from them.
+Speed: while the shutter is open the picture moves over the sensor (`camera.max_blur_px`); and a
+cell is wholly in the picture only while the vehicle flies as far as the picture is longer than the
+cell, in which it needs `votes.frames` frames, `camera.interval_s` apart. Both limits are of the
+speed against the judged ground: a region that drifts towards the vehicle lowers them.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ CLIMB_M_S = 1.2
 
 # --- height ----------------------------------------------------------------------------------
 def altitude_reason(mission: Mission) -> str:
-    """What the layers are as high as they are for: the key of the mission file that says so."""
+    """The key of the mission file that sets the height of the layers."""
     if mission.flight.altitude_m != AUTO:
         return "flight.altitude_m"
     fine_m = mission.camera.optics.height_m(mission.grid.cell_m, mission.camera.pixels_per_cell)
@@ -89,16 +88,15 @@ def search_layer_faults(mission: Mission) -> Iterator[str]:
 
 
 def _over_hills(mission: Mission) -> str:
-    """What is added to a layer above the ground where that is highest."""
     if mission.highest_ground_m <= 0.0:
         return ""
     return f" above ground that rises {mission.highest_ground_m:.1f} m above the start"
 
 
 def footprint_over(mission: Mission, height_m: float) -> Footprint:
-    """What a level picture shows for certain from `height_m` above the ground, along either side.
+    """What a level picture shows for certain from `height_m` above the ground.
 
-    On a slope it shows less uphill: it is shortened for the steepest slope in the fence.
+    It is shortened for the steepest slope in the fence: uphill a picture shows less.
     """
     across_m, along_m = mission.camera.optics.footprint(height_m)
     if mission.ground is None or mission.relief is None:
@@ -113,15 +111,15 @@ class SpeedLimits:
     """The limits of the speed over ground at one height, all in m/s and at least 0."""
 
     flight_m_s: float
-    """What the mission file allows: `flight.speed_m_s`."""
+    """By `flight.speed_m_s`."""
     blur_m_s: float
-    """Above this a picture is blurred by more than `camera.max_blur_px`."""
+    """By `camera.max_blur_px`."""
     frames_m_s: float
-    """Above this a cell that is flown over may be wholly in fewer than `votes.frames` frames."""
+    """For a cell to be wholly in `votes.frames` frames."""
     headway_m_s: float
-    """What `flight.max_airspeed_m_s` leaves against `wind.speed_m_s`: faster no path is held."""
+    """What `flight.max_airspeed_m_s` leaves against `wind.speed_m_s`."""
     climb_m_s: float = math.inf
-    """Above this the steepest ground would be followed faster than vehicles climb and descend."""
+    """Where vehicles climb and descend as fast as the steepest ground does."""
 
     @property
     def least_m_s(self) -> float:
@@ -131,7 +129,7 @@ class SpeedLimits:
 
     @property
     def reason(self) -> str:
-        """Which one that is, by the key of the mission file that sets it."""
+        """The key of the mission file that sets the lowest."""
         if self.least_m_s == self.flight_m_s:
             return "flight.speed_m_s"
         if self.least_m_s == self.headway_m_s:
@@ -142,11 +140,10 @@ class SpeedLimits:
 
 
 def speed_limits(mission: Mission, height_m: float) -> SpeedLimits:
-    """What limits the speed of a vehicle that takes pictures from `height_m` above the ground.
+    """The limits of a vehicle that takes pictures from `height_m` above the ground.
 
-    The number of frames is reckoned for the worst direction of flight along a side of the picture,
-    which is the one along its shorter side, and for any moment at which the first frame may be
-    taken: a way of k intervals holds at least k frames.
+    Frames are counted along the shorter side of the picture, for any moment of the first frame: a
+    way of k intervals holds at least k frames.
     """
     camera, drift_m_s = mission.camera, mission.drift.speed_m_s
     blur_m = camera.max_blur_px * camera.optics.gsd_m(height_m)
@@ -167,21 +164,17 @@ def _climb_limit_m_s(mission: Mission) -> float:
 
 
 def headway_m_s(mission: Mission, wind_m_s: float) -> float:
-    """How fast the airframe still flies over ground, at least 0, straight against a wind."""
+    """The speed over ground straight against a wind, at least 0."""
     return max(mission.flight.max_airspeed_m_s - wind_m_s, 0.0)
 
 
 def speed_limit_m_s(mission: Mission, height_m: float) -> float:
-    """How fast a vehicle may fly at `height_m` above the ground and still judge what it flies over.
-
-    Straight over a cell, along a side of the picture, it has all its `votes.frames` frames, none of
-    them blurred too much. At least 0; 0 where no speed does (the picture shows no cell whole).
-    """
+    """The lowest of `speed_limits`; 0 where no speed does: the picture shows no cell whole."""
     return speed_limits(mission, height_m).least_m_s
 
 
 def blur_px(mission: Mission, height_m: float, speed_m_s: float) -> float:
-    """By how many pixels a picture is blurred that is taken at a speed over ground."""
+    """The blur of a picture taken at a speed over ground, pixels."""
     camera = mission.camera
     return speed_m_s * camera.exposure_s / camera.optics.gsd_m(height_m)
 
@@ -224,7 +217,7 @@ def _layer(mission: Mission, height_m: float) -> Layer:
 
 
 def picture_warnings(mission: Mission) -> Iterator[str]:
-    """Pictures that will be coarse, or blurred in a search, which is flown at full speed."""
+    """Warnings of pictures that will be coarse, or blurred in a search at full speed."""
     # of a leapfrog only the lower one maps
     mapping = 1 if mission.strategy == LEAPFROG.name else len(mission.vehicles)
     lowest_m, top_m = mission.altitude_m(0), mission.altitude_m(mapping - 1)

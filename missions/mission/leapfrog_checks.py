@@ -23,7 +23,7 @@ def tracker_view(mission: Mission) -> TrackerView:
     """What the tracker sees of the mapper. Raises `ValueError` where that is nothing."""
     optics = mission.camera.optics
     half = math.tan(optics.hfov_rad / 2.0) * optics.height_px / optics.width_px
-    return TrackerView(
+    return TrackerView(  # vfov in this form: `optics.vfov_rad` rounds otherwise
         hfov_rad=optics.hfov_rad,
         vfov_rad=2.0 * math.atan(half),
         above_m=mission.altitude_m(1) - mission.altitude_m(0),

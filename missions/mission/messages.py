@@ -13,8 +13,7 @@ _LONGEST_SHOWN = 60
 
 
 def explain(error: ValidationError, model: type[BaseModel]) -> list[str]:
-    """A line for each fault of a file that should be such a `model`: the key, the value and what
-    was expected.
+    """A line for each fault of a file of this `model`: key, value and what was expected.
 
     >>> class Wind(BaseModel, extra="forbid"):
     ...     speed_m_s: float = 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Final
 
 import pyproj
 import shapely
@@ -13,6 +14,8 @@ from missions.geo.geodesy import NORTH_LIMIT_DEG, SOUTH_LIMIT_DEG
 from missions.geo.grid import Grid
 from missions.mission.schema import Mission, positions
 from missions.mission.sections.fields import Vertex
+from missions.mission.sections.search_sections import PriorPlace
+from missions.planning.search.prior import Area, Spot
 from missions.units import GridPoint, LatLon
 
 SMALLEST_GAP_M = 8.0
@@ -22,9 +25,8 @@ SMALLEST_GAP_M = 8.0
 def homes(mission: Mission) -> tuple[LatLon, ...]:
     """The place of every vehicle, in the order of `mission.vehicles`.
 
-    A vehicle with a `home` stands there. The others stand in a row from the start towards grid
-    east, `max(2 * separation_m, 8)` metres apart, each at the place of its own number, so that
-    the first of the file stands at the start. Raises `GeodesyError` outside 80 S to 84 N.
+    A vehicle without a `home` stands in a row from the start towards grid east, at the place of
+    its number, `max(2 * separation_m, 8)` metres apart. Raises `GeodesyError` outside 80 S to 84 N.
     """
     grid = Grid.at(mission.home, mission.grid.cell_m)
     gap_m = max(2 * mission.team.separation_m, SMALLEST_GAP_M)
@@ -49,7 +51,6 @@ _TOUCH_M = 0.01
 
 
 def _rings(mission: Mission) -> Iterator[tuple[str, tuple[Vertex, ...]]]:
-    """Every ring of the file with its key."""
     yield "search.box", mission.search.box
     yield "fence.polygon", mission.fence.polygon
     for i, hole in enumerate(mission.fence.holes):
@@ -222,3 +223,53 @@ def far_homes(mission: Mission, grid: Grid) -> Iterator[str]:
                 f"{home_key(mission, i)} = {_show((place.lat_deg, place.lon_deg))}: "
                 f"{away_m / 1000:.1f} km from search.box; is that the place?"
             )
+
+
+# --- the prior -------------------------------------------------------------------------------
+FARTHEST_SPREADS: Final = 3.0
+"""A point so many spreads from the box says next to nothing of what is in it."""
+
+
+def prior_of(mission: Mission, grid: Grid) -> tuple[Spot | Area, ...]:
+    """The places where the region may be, in the fixed frame; empty without a prior."""
+    spread_m = default_spread_m(mission, grid)
+    return tuple(_on_ground(place, grid, spread_m) for place in mission.search.prior)
+
+
+def default_spread_m(mission: Mission, grid: Grid) -> float:
+    """Of a point that has none of its own: half of the box's shorter side, along the grid."""
+    west, south, east, north = drawn(mission.search.box, grid).bounds
+    return min(east - west, north - south) / 2.0
+
+
+def _on_ground(place: PriorPlace, grid: Grid, spread_m: float) -> Spot | Area:
+    if place.position is not None:
+        point = grid.fixed(LatLon(*place.position))
+        return Spot(point, place.spread_m or spread_m, place.weight)
+    rings = (place.polygon or (), *place.holes)
+    shell, *holes = ([grid.fixed(p) for p in positions(ring)] for ring in rings)
+    return Area(Polygon(shell, holes), place.weight)
+
+
+def prior_faults(mission: Mission, grid: Grid) -> Iterator[str]:
+    """Of a prior that says nothing of the box, and of holes that do not lie in their polygon."""
+    if not mission.search.prior:
+        return
+    box, outside = drawn(mission.search.box, grid), True
+    for i, part in enumerate(prior_of(mission, grid)):
+        if isinstance(part, Spot):
+            away_m = float(box.distance(Point(part.place)))
+            outside &= away_m > FARTHEST_SPREADS * part.spread_m
+            continue
+        if not part.polygon.is_valid:
+            yield (
+                f"search.prior[{i}].holes: not inside search.prior[{i}].polygon, or on one "
+                "another; a hole is cut out of its polygon"
+            )
+            return
+        outside &= not part.polygon.intersection(box).area > 0.0
+    if outside:
+        yield (
+            "search.prior: lies outside of search.box; move it, widen its spread_m, or leave it "
+            "out (positions are [latitude, longitude]: are they swapped?)"
+        )

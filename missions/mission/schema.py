@@ -63,11 +63,7 @@ MAX_VEHICLES = 50
 
 
 def positions(ring: tuple[Vertex, ...]) -> tuple[LatLon, ...]:
-    """The vertices of a ring as positions.
-
-    >>> positions(((48.0, 11.0),))
-    (LatLon(lat_deg=48.0, lon_deg=11.0),)
-    """
+    """The vertices of a ring as positions."""
     return tuple(LatLon(lat, lon) for lat, lon in ring)
 
 

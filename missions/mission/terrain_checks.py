@@ -84,10 +84,7 @@ def _into_the_ground(mission: Mission, relief: Relief) -> Iterator[str]:
 
 
 def _layers_apart(mission: Mission, relief: Relief) -> Iterator[str]:
-    """On a slope two layers are nearer to each other than one is above the other.
-
-    And on legs a vehicle may be higher above the ground than its layer.
-    """
+    """On a slope layers are nearer to each other, and on legs a vehicle may be above its layer."""
     team = mission.team
     if len(mission.vehicles) < 2:
         return
@@ -103,10 +100,10 @@ def _layers_apart(mission: Mission, relief: Relief) -> Iterator[str]:
 
 
 def off_if_flat_m(mission: Mission, relief: Relief) -> float:
-    """How far cells are off at the edge of what frames judge, were the ground taken as flat.
+    """The error of cells at the edge of what frames judge, were the ground taken as flat.
 
-    A point at a distance d from below the camera is taken for one at d times height above the
-    ground over height above home.
+    A point at the distance d is taken for one at d times height above ground over height above
+    home.
     """
     layer_m, cell_m = mission.altitude_m(0), mission.grid.cell_m
     footprint = mission.camera.optics.footprint(layer_m)
@@ -118,7 +115,7 @@ def off_if_flat_m(mission: Mission, relief: Relief) -> float:
 
 
 def warnings(mission: Mission) -> Iterator[str]:
-    """What does not keep a mission from being flown, but will show in its map."""
+    """Warn of ground that is taken as flat."""
     relief = mission.relief
     if relief is None or mission.flight.height_above == "ground":
         return

@@ -1,4 +1,4 @@
-"""What a frame shows whole of a vehicle that does not stop, and how fast its paths are flown."""
+"""What frames of a vehicle that does not stop show whole, and how fast its paths are flown."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ LEAST_M_S: Final = 0.3
 
 
 def path_speed_m_s(mission: Mission, height_m: float, wind_m_s: float = 0.0) -> float:
-    """How fast a path is flown from a height, in the frame of the region, m/s.
+    """The speed of paths at a height, in the frame of the region, m/s.
 
-    `wind_m_s` is the wind that was measured; that of the mission file counts where it is stronger.
+    `wind_m_s` is the measured wind; that of the mission file counts where it is stronger.
     """
     held = mission.camera.mounting == "gimbal"
     most_m_s = min(MOST_LEVEL_M_S if held else MOST_M_S, headway_m_s(mission, wind_m_s))
@@ -36,8 +36,8 @@ def path_speed_m_s(mission: Mission, height_m: float, wind_m_s: float = 0.0) -> 
 def seen_whole_m(mission: Mission, height_m: float, *, east_ahead: bool) -> tuple[float, float]:
     """How far east and north of the middle of a level picture the centre of a cell may lie.
 
-    The wide side of the picture is across the track of lanes: of lanes along east (`east_ahead`)
-    it points north. What the camera is turned by on the airframe (`camera.yaw_deg`) turns it too.
+    The wide side of the picture is across the lanes: north of lanes along east (`east_ahead`).
+    `camera.yaw_deg` turns it.
     """
     footprint = footprint_over(mission, height_m)
     margin_m = mission.camera.pose_error_m + TRACK_ERROR_M
@@ -62,12 +62,11 @@ def wind_toward(mission: Mission, grid: Grid) -> tuple[float, float]:
 def reaches_m(
     mission: Mission, grid: Grid, height_m: float, *, east_ahead: bool
 ) -> tuple[float, float]:
-    """How far to either side of a lane the centre of a cell may lie, to be shown whole.
+    """How far west and east of a lane along north, or south and north of one along east, the centre
+    of a cell may lie to be shown whole, in calm air and in the wind of the mission.
 
-    To the west and to the east of lanes along north, to the south and to the north of lanes along
-    east. A camera that tilts with the airframe looks aside as far as the vehicle leans against the
-    wind: the edge of the picture on the windward side comes nearer. What is given is shown both
-    in calm air and in the wind of the mission.
+    A camera that tilts with the airframe looks aside as the vehicle leans against the wind: the
+    windward edge of the picture comes nearer.
     """
     halves = seen_whole_m(mission, height_m, east_ahead=east_ahead)
     level_m = halves[1] if east_ahead else halves[0]
@@ -82,16 +81,13 @@ def reaches_m(
 
 
 def rows_across(mission: Mission, grid: Grid, vehicle: int = 0, *, east_ahead: bool) -> int:
-    """How many rows of cells a lane decides, from the layer in which a vehicle (from 0) searches.
-
-    That of the first is the lowest.
-    """
+    """The rows of cells that a lane decides, from the search layer of a vehicle (from 0)."""
     reaches = reaches_m(mission, grid, mission.top_altitude_m(vehicle), east_ahead=east_ahead)
     return max(1, math.floor(max(sum(reaches), 0.0) / mission.grid.cell_m) + 1)
 
 
 def beside_rows_m(mission: Mission, grid: Grid, height_m: float, *, east_ahead: bool) -> float:
-    """How far to windward of the middle of its rows a lane is flown: to the east, or to the north.
+    """How far east or north of the middle of its rows, to windward, a lane is flown.
 
     So the rows are in the picture whether the wind of the mission blows or not.
     """

@@ -113,14 +113,9 @@ class Solution:
 def solve(
     count: int, steps: Steps, links: Links, turns: Turns, *, weighed: bool = False
 ) -> Solution:
-    """The most probable errors, and how certain they are.
+    """The most probable errors and their certainty, with the evidence where `weighed`.
 
-    Args:
-        count: How many errors there are; each has a step, so that none is without any hold.
-        steps: What holds them one by one.
-        links: What ties them together.
-        turns: What is known of the scale and the rotation of what links show.
-        weighed: Tell the evidence, too.
+    Each of the `count` errors has a step, so that none is without any hold.
     """
     matrix = np.zeros((count, count))
     weight = 1.0 / steps.variance_m2

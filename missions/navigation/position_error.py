@@ -85,8 +85,5 @@ class Disagreement:
         """Whether satellites are off by more than that, or have leapt so far, for certain.
 
         A leap is known far better than the error: it does not matter how good the map is.
-
-        >>> Disagreement((1.0, 2.0), 0.3, 60.0).wrong(1.0)
-        True
         """
         return max(self.least_m, self.leap_m - 2.5 * UNEASE_M) > tolerated_m

@@ -92,12 +92,17 @@ def knots_of(keys: Sequence[Key], errors: ToldErrors) -> Knots:
     return Knots(prior, at, share, bridged)
 
 
-def turns_of(ties: Sequence[Tie], keys: Mapping[int, Key], knots: Knots) -> Turns:
-    """What is known of scale and rotation: what they are usually, and zooms between keyframes."""
+def indices(keys: Mapping[int, Key], numbers: Iterable[int]) -> Numbers:
+    """The places of keyframes in their order, by their numbers."""
     index = {number: k for k, number in enumerate(keys)}
+    return np.array([index[number] for number in numbers], np.intp)
+
+
+def turns_of(ties: Sequence[Tie], keys: Mapping[int, Key], knots: Knots) -> Turns:
+    """What is known of scale and rotation: their usual spread, and zooms between keyframes."""
     zoomed = [tie for tie in ties if tie.zoom is not None]
-    begin = np.array([index[tie.begin] for tie in zoomed], np.intp)
-    to = np.array([index[tie.to] for tie in zoomed], np.intp)
+    begin = indices(keys, (tie.begin for tie in zoomed))
+    to = indices(keys, (tie.to for tie in zoomed))
     at, share = knots.between(begin, to, -1.0)
     zoom = np.array([tie.zoom for tie in zoomed], np.complex128)
     variance = np.array([tie.zoom_sigma**2 for tie in zoomed], np.float64)
@@ -107,10 +112,8 @@ def turns_of(ties: Sequence[Tie], keys: Mapping[int, Key], knots: Knots) -> Turn
 
 
 def links_of(ties: Sequence[Tie], keys: Mapping[int, Key], knots: Knots) -> Links:
-    """The rows of links between keyframes, which are counted in their order."""
-    index = {number: k for k, number in enumerate(keys)}
-    begin = np.array([index[tie.begin] for tie in ties], np.intp)
-    to = np.array([index[tie.to] for tie in ties], np.intp)
+    """The rows of links between keyframes."""
+    begin, to = indices(keys, (tie.begin for tie in ties)), indices(keys, (tie.to for tie in ties))
     moved = np.array([tie.moved for tie in ties], np.complex128)
     told = np.array([key.told for key in keys.values()], np.complex128)
     variance = np.array([tie.sigma_m**2 for tie in ties], np.float64)
@@ -178,11 +181,10 @@ _SUSPECT_S: Final = 15.0  # a link that nothing has confirmed by then is wrong
 
 
 def judged(ties: Sequence[Tie], keys: dict[int, Key], loose: Solution, knots: Knots) -> list[Tie]:
-    """Those that are believed, or may yet be; keyframes on whose way the told position leapt are
-    marked.
+    """The links that are believed, or may yet be; marks keyframes at which the position leapt.
 
-    Those fit that miss what is known without them by no more than chance; of others, two have to
-    say the same of one step, or one has to be certain.
+    A link is believed that misses what is known without it by no more than chance; of others, two
+    have to say the same of one step, or one has to be certain.
     """
     open_ties = [tie for tie in ties if tie.state != "held"]
     off, variance = loose.misfits(links_of(open_ties, keys, knots))
@@ -218,19 +220,15 @@ def _judge_zooms(ties: Sequence[Tie], keys: dict[int, Key], loose: Solution, kno
 
 
 def _leap(keys: dict[int, Key], after: int, until: int) -> None:
-    """Between two keyframes the told position leapt."""
     for number, key in keys.items():
         if after < number <= until:
             key.leapt = True
 
 
 def bridges(number: int, mine: Iterable[Tie], others: Iterable[Tie]) -> list[Tie]:
-    """Links between the partners of a keyframe, by way of the one that is known best.
+    """Links between the partners of keyframe `number`, by way of the one that is known best.
 
-    Args:
-        number: The keyframe.
-        mine: Its links.
-        others: All others: what they tie together needs no bridge.
+    `mine` are its links; what the `others` tie together needs no bridge.
     """
     held = sorted((tie for tie in mine if tie.state == "held"), key=lambda tie: tie.sigma_m)
     partners = [

@@ -26,6 +26,7 @@ from missions.navigation.rows import (
     Knots,
     Tie,
     bridges,
+    indices,
     judged,
     knots_of,
     links_of,
@@ -45,15 +46,11 @@ _MOST: Final = 80  # keyframes, the newest of those that count
 
 
 def learned_m(keys: dict[int, Key], ties: Sequence[Tie], errors: ToldErrors) -> float:
-    """The standard deviation of satellites in one direction: at most what is assumed.
+    """The standard deviation of satellites in one direction: at most what `errors` assumes.
 
-    The mean over several that may be, each weighted by how probable it makes what pictures and
-    satellites have said. What is too new is left out: else a slow lie would be taken for wander.
-
-    Args:
-        keys: Keyframes in their order; those count that come before the first untrusted one.
-        ties: Links between them that are believed.
-        errors: What is assumed.
+    The mean over several candidates, weighted by how probable each makes pictures and satellites.
+    Keyframes count from the first to the first untrusted one, without the newest: else a slow lie
+    would be taken for wander.
     """
     until_s = keys[next(reversed(keys))].t_s - LATEST_S if keys else 0.0
     calm = list(takewhile(lambda item: item[1].trusted and item[1].t_s <= until_s, keys.items()))
@@ -106,15 +103,10 @@ class Track:
 
     # --- what is told -----------------------------------------------------------------------
     def add(self, t_s: float, told_m: tuple[float, float], trusted: bool) -> int:
-        """A keyframe, later than all others; gives its number.
+        """Add a keyframe at a reported position, metres east and north; returns its number.
 
-        Args:
-            t_s: Mission time.
-            told_m: The told position, metres east and north.
-            trusted: It comes from satellites, and there is no reason to doubt them.
-
-        Raises:
-            ValueError: it is not later than the newest one.
+        `trusted`: it comes from satellites, and there is no reason to doubt them. Raises ValueError
+        where it is not later than the newest one.
         """
         if self._keys and t_s <= self._keys[self.newest].t_s:
             raise ValueError(f"a keyframe at {t_s:g} s after one at {self._newest.t_s:g} s")
@@ -136,20 +128,18 @@ class Track:
         *,
         certain: bool = False,
     ) -> None:
-        """The ground says that from one keyframe to another the camera moved so far.
+        """Add what the ground says of the movement from one keyframe to a later one.
 
         Args:
             begin: Number of a keyframe.
             to: Number of a later one.
             moved_m: East and north, by the mean scale and rotation of both pictures.
             sigma_m: Standard deviation in one direction, above 0.
-            zoom: By how much larger (and, imaginary, turned counter-clockwise: radians) the later
-                picture shows the ground than the earlier one, and its standard deviation.
-            certain: It is as the vehicle has moved before; if something is wrong, then what was
-                told.
+            zoom: Share by which the later picture shows the ground larger (imaginary: its turn,
+                counter-clockwise, rad), and its standard deviation.
+            certain: The movement fits those before; if something is wrong, then the position.
 
-        Raises:
-            ValueError: there is no such keyframe, or they are not in order.
+        Raises ValueError for foreign keyframes, or for two that are not in order.
         """
         if begin not in self._keys or to not in self._keys or begin >= to or not sigma_m > 0.0:
             raise ValueError(f"no link from keyframe {begin} to {to} with sigma {sigma_m:g} m")
@@ -159,21 +149,18 @@ class Track:
         self._links.append(tie)
 
     def distrust(self, since_s: float) -> None:
-        """Satellites have lied since then: no position from then on is held to be near the truth.
-
-        That holds for keyframes to come, too, until `trust_again`.
-        """
+        """Distrust satellites from `since_s` until `trust_again`."""
         for key in self._keys.values():
             key.trusted = key.trusted and key.t_s < since_s
         self._lying = True
         self._loose = None
 
     def trust_again(self) -> None:
-        """From the next keyframe on satellites are believed, where it is told so."""
+        """Believe satellites again, from the next keyframe on."""
         self._lying = False
 
     def remove(self, number: int, *, bridged: bool = True) -> None:
-        """Forget a keyframe; what it tied together stays tied, where it is to be bridged."""
+        """Forget a keyframe; with `bridged`, what it tied together stays tied."""
         after = next((k for k in self._keys if k > number), None)
         if after is not None and self._keys[number].leapt:
             self._keys[after].leapt = True
@@ -205,14 +192,10 @@ class Track:
         return self._keys[self.newest]
 
     def expected_m(self, numbers: Iterable[int]) -> list[tuple[float, float, float]]:
-        """From each of these keyframes to the newest: east, north, and the standard deviation.
-
-        By links, and by what is told where there are none; trusted or not.
-        """
-        loose = self._settled()
-        index = {number: k for k, number in enumerate(self._keys)}
+        """From each keyframe to the newest: east, north, and the standard deviation, by links, and
+        by reported positions where there are none."""
+        loose, begin = self._settled(), indices(self._keys, numbers)
         told, last = self._newest.told, len(self._keys) - 1
-        begin = np.array([index[number] for number in numbers], np.intp)
         told_m = told - np.array([self._keys[number].told for number in numbers], np.complex128)
         nothing, variance = np.zeros(len(begin), np.complex128), np.full(len(begin), 1e-6)
         # the true movement is told - (e_to - e_begin); the ground shows it turned and scaled
@@ -226,13 +209,9 @@ class Track:
         ]
 
     def expected_zoom(self, numbers: Iterable[int]) -> list[tuple[complex, float]]:
-        """By how much larger the newest picture shows the ground than each of these, and turned.
-
-        With the standard deviation of both.
-        """
+        """The zoom of the newest picture beside each of these, with its standard deviation."""
         loose, knots = self._settled(), self._knots()
-        index = {number: k for k, number in enumerate(self._keys)}
-        begin = np.array([index[number] for number in numbers], np.intp)
+        begin = indices(self._keys, numbers)
         at, share = knots.between(begin, np.full(len(begin), len(self._keys) - 1), -1.0)
         nothing = np.zeros(len(begin))
         asked = Turns(knots.prior, at, share, nothing.astype(np.complex128), nothing)
@@ -243,20 +222,14 @@ class Track:
         ]
 
     def places_m(self) -> NDArray[np.float64]:
-        """Where each keyframe truly was, east and north, by links more than by satellites.
-
-        Shape (n, 2), oldest first. Good to find what is near; `estimate` says where it is.
-        """
+        """Places of the keyframes, (n, 2), oldest first, by links more than by satellites: good to
+        find what is near; `estimate` says where it is."""
         told = np.array([key.told for key in self._keys.values()])
         places = told - self._settled().errors_m
         return np.column_stack([places.real, places.imag])
 
     def estimate(self) -> Estimate:
-        """The error of the newest told position.
-
-        Raises:
-            ValueError: there is no keyframe.
-        """
+        """The error of the newest reported position. Raises ValueError without a keyframe."""
         if not self._keys:
             raise ValueError("a track without keyframes has no estimate")
         self._settle()
@@ -271,14 +244,14 @@ class Track:
 
     @property
     def satellites_m(self) -> float:
-        """What satellites err by, as far as it has been learned."""
+        """The error of satellites, as learned so far."""
         return self._satellites_m or self.errors.satellites_m
 
     def disagreement(self) -> Disagreement:
         """How far satellites may be off, if they may have begun to lie at any time.
 
-        Several beginnings are tried, from some seconds to some minutes ago: positions from then on
-        are held by links alone. The one with the greatest certain error is told.
+        Of several beginnings, from which on positions are held by links alone, the one with the
+        greatest certain error.
         """
         self._settle()
         now_s, first_s = self._newest.t_s, next(iter(self._keys.values())).t_s
@@ -328,7 +301,6 @@ class Track:
 
     # --- the equations ----------------------------------------------------------------------
     def _settle(self) -> None:
-        """See to it that each link is believed, or not."""
         if any(link.state == "new" for link in self._links):
             loose = self._loose or self._solve(trusted_until_s=-math.inf)
             self._links = judged(self._links, self._keys, loose, self._knots())

@@ -76,11 +76,7 @@ class TrackerView:
 
     @property
     def reach_m(self) -> float:
-        """How far aside of the tracker the marker's middle is surely seen.
-
-        >>> round(TrackerView().reach_m, 2)
-        4.5
-        """
+        """How far aside of the tracker the marker's middle is surely seen."""
         half_rad = min(self.hfov_rad, self.vfov_rad) / 2.0 - self.tilt_rad
         if half_rad <= 0.0:
             return 0.0
@@ -116,7 +112,7 @@ class Step:
     @property
     def length_m(self) -> float:
         """How far it flies."""
-        return sum(map(_distance, self.way, self.way[1:]))
+        return sum(map(math.dist, self.way, self.way[1:]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,18 +134,14 @@ class Leapfrog:
     @property
     def farthest_m(self) -> float:
         """The greatest distance aside between both, at any time: at most `view.reach_m`."""
-        return max(_distance(place, step.hovering) for step in self.steps for place in step.way)
+        return max(math.dist(place, step.hovering) for step in self.steps for place in step.way)
 
 
 def plan_leapfrog(path: Sequence[Point], view: TrackerView) -> Leapfrog:
-    """The fewest hops along a path such that each vehicle is in view while it or the other moves.
+    """The fewest hops along the mapper's path, two or more corners in metres east and north, such
+    that each vehicle is in view while it or the other moves.
 
-    Args:
-        path: What the mapper shall fly: corners in metres east and north, at least two places.
-        view: What the tracker sees, and how much higher it flies.
-
-    Raises:
-        ValueError: where the path is no path.
+    Raises ValueError where the path is no path.
 
     >>> plan = plan_leapfrog([(0.0, 0.0), (30.0, 0.0)], TrackerView())
     >>> [(str(step.mover), round(step.end[0], 1)) for step in plan.steps][:4]
@@ -167,7 +159,7 @@ def plan_leapfrog(path: Sequence[Point], view: TrackerView) -> Leapfrog:
         until = _farthest(line, flown, view.reach_m)
         piece = _piece(line, flown, until)
         centre = _centre(piece)
-        if _distance(tracker, centre) > _STILL_M:
+        if math.dist(tracker, centre) > _STILL_M:
             steps.append(Step(Role.TRACKER, (tracker, centre), mapper))
             tracker = centre
         way = tuple((float(east), float(north)) for east, north in piece.coords)
@@ -202,10 +194,5 @@ def _piece(line: LineString, start_m: float, end_m: float) -> LineString:
 
 
 def _centre(piece: LineString) -> Point:
-    """The middle of the smallest circle around a piece."""
     circle = shapely.minimum_bounding_circle(piece).centroid
     return float(circle.x), float(circle.y)
-
-
-def _distance(a: Point, b: Point) -> float:
-    return math.hypot(b[0] - a[0], b[1] - a[1])

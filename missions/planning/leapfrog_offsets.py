@@ -1,16 +1,15 @@
-"""By how much the told places of two vehicles are off, while one tracks the other.
+"""The errors of the reported places of two vehicles, while one tracks the other.
 
-Without satellites an autopilot goes on to tell a place, by dead reckoning. Its error grows with the
-way: by a scale and a rotation of the odometer, which stay the same for an outage, and by a wander
-that does not. A Kalman filter follows both errors at once; three things are measured:
+Without satellites an autopilot reports a place by dead reckoning. Its error grows with the way: by
+a scale and a rotation of the odometer, constant for an outage, and by a wander. A Kalman filter
+follows both errors at once; three things are measured:
 
     told      the way that each tells to have flown: its error changes with that
     sighted   where the tracker sees the mapper: the difference of both errors
     held      how far one that hovers was moved over ground since it stopped, as its pictures show:
               by how much its own error has changed since then
 
-What nobody measures is the place of both together, and it is lost a little with each hop, not with
-each metre.
+The place of both together is not measured: it is lost a little with each hop, not each metre.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image
 
 from missions.lab.cooperation.exploration import Exploration, Move, Why
-from missions.lab.cooperation.space import Point, between, distance
+from missions.lab.cooperation.space import Point, between
 from missions.lab.cooperation.tracking import Ellipse
 from uavmap.lab.cooperation_trials import Report
 from uavmap.output.drawing.palette import (
@@ -106,7 +106,7 @@ class _Stage:
                 places[move.robot] = part[-1]
                 watcher = min(
                     (p for i, p in enumerate(standing) if i != move.robot),
-                    key=lambda place: distance(place, part[-1]),
+                    key=lambda place: math.dist(place, part[-1]),
                 )
                 self._draw(canvas, [Line.through((watcher, part[-1]), Style(TRUTH, 2.0))])
             self._draw(canvas, self._robots(places))
@@ -154,10 +154,10 @@ class _Stage:
             colour = track_colour(move.robot)
             watchers = sorted(
                 (place for robot, place in enumerate(standing) if robot != move.robot),
-                key=lambda place: distance(place, move.path[-1]),
+                key=lambda place: math.dist(place, move.path[-1]),
             )
             for watcher in watchers[:2]:
-                near = distance(watcher, move.path[-1]) <= self._report.terms.range_m * _EDGE
+                near = math.dist(watcher, move.path[-1]) <= self._report.terms.range_m * _EDGE
                 if near and len(path) > 1:
                     yield Area((watcher, *path), _tint(colour))
         yield Line.through(path, Style(colour, 1.0))
@@ -196,7 +196,7 @@ def _part(path: Sequence[Point], length_m: float) -> list[Point]:
     """The beginning of a path, so long."""
     found = [path[0]]
     for a, b in pairwise(path):
-        leg = distance(a, b)
+        leg = math.dist(a, b)
         if leg >= length_m:
             return [*found, between(a, b, max(length_m, 0.0) / leg if leg else 0.0)]
         found.append(b)

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from missions.errors import AreaError
 from missions.lab.cooperation import trapezoids, triangulation
-from missions.lab.cooperation.exploration import Exploration, Figures
-from missions.lab.cooperation.seen import unseen
+from missions.lab.cooperation.exploration import Exploration, Figures, unseen
 from missions.lab.cooperation.space import Point, Space
 from missions.lab.cooperation.tracking import Noise, Outcome, followed
 from missions.lab.cooperation.trapezoids import Cover, Pattern

@@ -76,7 +76,7 @@ def map_data(
 def cell_state(cell: Cell, state: State, *, recorded: bool) -> CellState:
     """What the map says of a cell; in `recorded` imagery every ROI cell counts as explored."""
     if cell not in state.belief.roi:
-        votes = state.belief.tally_anywhere(cell)
+        votes = state.belief.tally(cell, None)
         if recorded or not votes.total or state.belief.verdict(cell) is not None:
             return "non-roi"
         return "provisional" if state.belief.provisional(cell) else "provisional non-roi"

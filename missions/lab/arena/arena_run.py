@@ -1,14 +1,13 @@
-"""The arena: robots without noise on a ROI whose cells are given, and the explorer that leads them.
+"""The arena: robots without noise explore a given ROI, led by an explorer.
 
-A robot that arrives at a vertex looks from it and so learns which neighbours are ROI; then it
-decides. Robots that arrive at the same instant look first and decide together. On a resting ROI at
-unit speed the instants are the rounds of the synchronous model of Sung and Tokekar, section 4.1.
+A robot that arrives at a vertex looks from it, learns which neighbours are ROI, and decides. Robots
+that arrive at one instant look first and decide together. On a resting ROI at unit speed the
+instants are the rounds of Sung and Tokekar, section 4.1.
 
-With shared communication there is one tree for all. When robots talk only where they meet (the
-paper's assumption), each has a tree of its own, and those that stand at one vertex join theirs.
-Over a radio (`radio`) they besides tell each other what it lets through. Those that
-hear each other at once know the same and decide together. With a delay, or a limit to what can be
-told, everybody decides from what has reached it, and together only with those at its vertex.
+With shared communication all have one tree. Robots that talk only where they meet (the paper's
+assumption) have a tree each and join them at a common vertex. Over a radio (`radio`) robots that
+hear each other at once decide together; with a delay or a limited rate each decides from what has
+reached it, together only with those at its vertex.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ _SAME_INSTANT = 1e-9
 
 
 class Comms(StrEnum):
-    """Who knows what the others saw."""
+    """When robots know what the others saw: always, or after a meeting."""
 
     SHARED = "shared"
     MEETING = "meeting"
@@ -39,7 +38,7 @@ class Comms(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """A move: who, when and from where to where."""
+    """A move of one robot."""
 
     robot: int
     start_t: float
@@ -50,7 +49,7 @@ class Leg:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What came out: when the last robot was done, what all know together, and every move."""
+    """The outcome: when the last robot was done, the joined tree, every move, the last places."""
 
     makespan: float
     tree: Tree
@@ -59,7 +58,7 @@ class Run:
 
 
 Team = Callable[[float, Tree], Collection[int]]
-"""Who takes part at an instant: from the time and what is known."""
+"""The robots that take part at an instant: from the time and what is known."""
 
 
 def run(
@@ -79,14 +78,13 @@ def run(
     Args:
         explorer: the strategy.
         roi: the cells of the ROI; those that `start` does not reach stay unknown.
-        start: where all robots are at first; they are named 0, 1, ...
-        robots: how many.
+        start: the first vertex of all robots 0, 1, ...
+        robots: their number.
         metric: what a move costs, by default 1.
-        comms: who knows what the others saw, or the radio by which they tell each other.
+        comms: when robots know what others saw, or their radio.
         tree: what is known beforehand, by default nothing but the start.
-        team: who takes part, by default everybody. Who is left out stays at the vertex that it
-            reaches and is not told to the explorer, as a vehicle that failed; back again it goes
-            on.
+        team: the robots that take part, by default all. One that is left out stays at the vertex
+            that it reaches and is hidden from the explorer, as a vehicle that failed.
         limit: the time after which the run is given up, by default plenty.
 
     Raises:
@@ -100,12 +98,12 @@ def run(
     known = look(tree if tree is not None else Tree.rooted(start), start, roi)
     slowest = 1.0 / (metric.speed - metric.drift_speed) + metric.look
     radio = Radio(comms, known.vertices.keys() | set(roi)) if isinstance(comms, Links) else None
-    arena = _Arena(explorer, roi, metric, comms, team, radio)
-    arena.minds = dict.fromkeys(
-        range(robots), Mind(known, dict.fromkeys(range(robots), (0.0, start)))
-    )
-    arena.at = dict.fromkeys(range(robots), start)
-    arena.ready = set(range(robots))
+    mind = Mind(known, dict.fromkeys(range(robots), (0.0, start)))
+    everybody = range(robots)
+    arena = _Arena(
+        explorer, roi, metric, comms, team, radio,
+        dict.fromkeys(everybody, mind), dict.fromkeys(everybody, start), set(everybody),
+    )  # fmt: skip
     limit = limit if limit is not None else slowest * 50 * (len(roi) + 1) * patience_of(explorer)
     arena.play(limit)
     makespan = max((leg.end_t for leg in arena.legs), default=0.0)
@@ -113,7 +111,7 @@ def run(
 
 
 def patience_of(explorer: Explorer) -> float:
-    """How much longer than others a strategy may take that has no map."""
+    """The factor by which a strategy without a map may take longer than others."""
     return float(getattr(explorer, "patience", 1.0))
 
 
@@ -125,17 +123,17 @@ class _Arena:
     comms: Comms | Links
     team: Team | None
     radio: Radio | None
+    minds: dict[int, Mind]
+    at: dict[int, Cell]
+    ready: set[int]
     t: float = 0.0
-    minds: dict[int, Mind] = field(default_factory=dict)
-    at: dict[int, Cell] = field(default_factory=dict)
-    ready: set[int] = field(default_factory=set)
     flying: dict[int, Leg] = field(default_factory=dict)
     legs: list[Leg] = field(default_factory=list)
     told: dict[int, Mind] = field(default_factory=dict)
-    """From what each robot decided last, where it did not move then."""
+    """The mind from which each robot decided last."""
 
     def play(self, limit: float) -> None:
-        """Instant after instant, until everybody is done."""
+        """Run instant after instant until all are done."""
         self._hear()
         anew = True
         while True:
@@ -152,7 +150,7 @@ class _Arena:
                         "are left"
                     )
                 if self.radio is None:
-                    self.t += 1.0  # for those who come back
+                    self.t += 1.0  # for robots that come back
             if self.flying or self.radio is not None:
                 anew = self._arrive()
             if self.t > limit:
@@ -161,7 +159,7 @@ class _Arena:
                 )
 
     def everything(self) -> Tree:
-        """What all know together."""
+        """The tree that all know together."""
         minds = list(self.minds.values())
         all_of_it = minds[0]
         for mind in minds[1:]:
@@ -174,8 +172,7 @@ class _Arena:
         return set(self.team(self.t, self.everything()))
 
     def _decide(self, present: set[int], *, anew: bool) -> bool:
-        """Ask the explorer for everybody who is at a vertex and has something to do; unless `anew`,
-        only those who have heard something since."""
+        """Ask the explorer for the robots at vertices; unless `anew`, for those with news only."""
         moved = False
         for group in self._groups(self.ready & present):
             mind = self.minds[group[0]]
@@ -191,7 +188,7 @@ class _Arena:
         return moved
 
     def _groups(self, ready: Iterable[int]) -> list[list[int]]:
-        """Those who decide together: all, those who hear each other, or those at one vertex."""
+        """Robots that decide together: all, those that hear each other, or those at one vertex."""
         ordered = sorted(ready)
         if self.comms is Comms.SHARED:
             return [ordered] if ordered else []
@@ -202,7 +199,7 @@ class _Arena:
         return list(together.values())
 
     def _audience(self, here: Sequence[int]) -> Iterable[int]:
-        """Who knows at once what those at one vertex, or who decide together, see and do."""
+        """The robots that know at once what a group sees and does."""
         if self.comms is Comms.SHARED:
             return self.minds
         return here if self.radio is None else self.radio.together(here[0]) or here
@@ -228,8 +225,8 @@ class _Arena:
         return bool(moves)
 
     def _arrive(self) -> bool:
-        """Let time pass until somebody arrives; who arrives looks, and tells who is there. With a
-        radio until the next whole unit of time at most. Returns whether anybody has arrived."""
+        """Pass time until robots arrive, look and join their knowledge; with a radio at most to the
+        next whole unit of time. Returns whether any has arrived."""
         self.t = self._next_instant()
         arrived = sorted(r for r, leg in self.flying.items() if leg.end_t <= self.t + _SAME_INSTANT)
         for robot in arrived:
@@ -259,7 +256,6 @@ class _Arena:
         return arrival_t if arrival_t <= unit_t + _SAME_INSTANT else unit_t
 
     def _hear(self) -> None:
-        """Let be known what the radio brings at this instant."""
         if self.radio is None:
             return
         places = {r: (float(cell.east), float(cell.north)) for r, cell in self.at.items()}
@@ -273,8 +269,8 @@ class _Arena:
         self._meet({self.at[r] for r in self.ready})
 
     def _in_order(self, arrived: list[int]) -> list[Cell]:
-        """The cells of those who arrived, by depth, at one depth the outermost first: who is first
-        makes a cell that two see their child, and depth must not hang on the numbers of the robots.
+        """The cells of arrivals by depth, then the outermost first. The first look makes a cell
+        that two see its child, so the order must not hang on the numbers of the robots.
         """
         root = self.minds[0].tree.root
         depth = {self.at[r]: self.minds[r].tree.vertices[self.at[r]].depth for r in arrived}

@@ -1,4 +1,4 @@
-"""The certificate of an exploration: how long it took, and how long it must or may take."""
+"""The certificate of an exploration: its makespan between lower bound and promise."""
 
 from __future__ import annotations
 
@@ -16,29 +16,25 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """A makespan between its bounds; all times in the same unit.
-
-    >>> Certificate(30.0, 20.0, 38.0, tree_depth=9, cells=20, robots=1).ratio
-    1.5
-    """
+    """A makespan between its bounds; all times in the same unit."""
 
     makespan: float
     lower_bound: float
-    """What nobody can beat on this ROI."""
+    """No team is faster on this ROI."""
     bound: float | None
-    """What the strategy promises on this ROI, None where it promises nothing."""
+    """The strategy's promise for this ROI; None without one."""
     tree_depth: int
     cells: int
     robots: int
 
     @property
     def ratio(self) -> float | None:
-        """The makespan in lower bounds, 1 or more; None where there is nothing to do."""
+        """The makespan over the lower bound, 1 or more; None where there is nothing to do."""
         return self.makespan / self.lower_bound if self.lower_bound > 0.0 else None
 
     @property
     def bound_held(self) -> bool | None:
-        """Whether the strategy kept its promise, None where it gives none."""
+        """Whether the strategy kept its promise; None without one."""
         if self.bound is None:
             return None
         return self.makespan <= self.bound * (1.0 + _ROUNDING)
@@ -54,11 +50,9 @@ def certify(
 ) -> Certificate:
     """The certificate of a run in the arena that explored the whole ROI.
 
-    `static` holds the bounds of its ROI from its start. They are for steps to neighbours; straight
-    flight has its own. The promises of the strategies are for teams that share what they know:
-    robots that talk only where they meet, or over a radio with limits, walk into what others have
-    explored, and have no bound.
-    Nor is one stated where the strategy does not stand by it (`promised_moves`).
+    `static` holds the bounds for steps to neighbours; straight flight has its own. Strategies
+    promise for teams that share what they know: other teams walk into what is explored already,
+    and get no bound, nor does a case that `promised_moves` excludes.
     """
     tree = run.tree
     lower = flight_lower_bound(tree.vertices, tree.root, robots, metric)

@@ -1,14 +1,11 @@
-"""What every strategy must do, as a check that anybody can run on a strategy of their own.
+"""A check of what every strategy must do, for strategies of your own:
 
     from missions.lab.arena.conformance import check
     check(MyStrategy())
 
-A strategy that passes explores every ROI and brings everybody home: alone and in a team, in step
-and one robot at a time, on a resting and on a drifting ROI, cell by cell and in straight flight,
-with robots that talk always, only where they meet, or over a poor radio, that drop out and come
-back; it goes on after a restart, and when a cell turns out to be ROI late; it is a pure function of
-what it is given; and it keeps the bound that it states. The ROIs are small, so that a check takes
-seconds.
+A strategy that passes explores every ROI and brings all robots home under every condition of
+`CHECKS`; it is a pure function of the situation and keeps its stated bound. The ROIs are small: a
+check takes seconds.
 """
 
 from __future__ import annotations
@@ -37,7 +34,7 @@ from missions.units import Cell
 
 START = Cell(0, 0)
 TEAMS = (1, 2, 3, 7)
-"""How many robots the checks are run with."""
+"""Team sizes of the checks."""
 
 Roi = frozenset[Cell]
 Rois = Mapping[str, Roi]
@@ -46,10 +43,8 @@ Rois = Mapping[str, Roi]
 def check(explorer: Explorer, *, cells: int = 18, seed: int = 1) -> None:
     """Raise StrategyError with a line for every check that a strategy fails.
 
-    Args:
-        explorer: the strategy; an instance that may be used for several missions.
-        cells: about how many cells the ROIs have.
-        seed: of the ROIs that are drawn.
+    One instance serves all missions of the check. The ROIs have about `cells` cells; `seed` draws
+    them.
 
     >>> from missions.planning.stepwise import EXPLORERS
     >>> check(EXPLORERS["rdfs"], cells=8)
@@ -61,14 +56,14 @@ def check(explorer: Explorer, *, cells: int = 18, seed: int = 1) -> None:
 
 
 def failures(explorer: Explorer, *, cells: int = 18, seed: int = 1) -> dict[str, str]:
-    """The names of the checks that a strategy fails, with the first reason each."""
+    """The first reason of every failed check, by its name."""
     rois = small_rois(cells, seed)
     found = ((name, _first_failure(each, explorer, rois)) for name, each in CHECKS.items())
     return {name: why for name, why in found if why is not None}
 
 
 def small_rois(cells: int, seed: int) -> Rois:
-    """ROIs of several shapes around the start, each of some `cells` cells."""
+    """ROIs of several shapes around the start, each of about `cells` cells."""
     rng = np.random.default_rng(seed)
     side = max(2, round(cells**0.5))
     block = {Cell(east, north) for east in range(side) for north in range(side)}
@@ -89,7 +84,7 @@ _Check = Callable[[Explorer, Rois], Iterator[str]]
 
 
 def _first_failure(each: _Check, explorer: Explorer, rois: Rois) -> str | None:
-    """What is wrong first; a defect of the strategy is a failure like any other."""
+    """The first fault; a defect of the strategy is a failure like any other."""
     try:
         return next(each(explorer, rois), None)
     except StrategyError as error:
@@ -98,7 +93,7 @@ def _first_failure(each: _Check, explorer: Explorer, rois: Rois) -> str | None:
         return f"{type(error).__name__}: {error}"
 
 
-# --- the checks: what is wrong, in words ---------------------------------------------------------
+# --- the checks: each yields faults in words -----------------------------------------------------
 def _alone_and_in_a_team(explorer: Explorer, rois: Rois) -> Iterator[str]:
     for robots in TEAMS:
         yield from _runs(explorer, rois, robots)
@@ -114,7 +109,7 @@ def _drift(explorer: Explorer, rois: Rois) -> Iterator[str]:
 
 
 def _straight_flight(explorer: Explorer, rois: Rois) -> Iterator[str]:
-    """Legs and looks of any length, so that robots decide one at a time; some ways are barred."""
+    """Legs and looks differ, so that robots decide one at a time; some ways are barred."""
     metric = Metric(1.3, 0.3, 0.1, straight=True, look=0.7, passable=_not_too_far)
     for robots in TEAMS:
         yield from _runs(explorer, rois, robots, metric=metric)
@@ -130,7 +125,7 @@ def _meeting(explorer: Explorer, rois: Rois) -> Iterator[str]:
 
 
 def _radio(explorer: Explorer, rois: Rois) -> Iterator[str]:
-    """News comes late, in pieces or not at all, also to who is on its way."""
+    """News comes late, in pieces or not at all."""
     for links in (Links(range_cells=2.0, loss=0.3, seed=1), Links(delay=2.0, rate=1.0)):
         yield from _runs(explorer, rois, 3, comms=links)
 
@@ -164,11 +159,11 @@ def _bound(explorer: Explorer, rois: Rois) -> Iterator[str]:
 
 
 def _dropouts(explorer: Explorer, rois: Rois) -> Iterator[str]:
-    """Of five robots one joins late, two are away for a while, one never comes back in time."""
+    """Of five robots one joins late, two leave for a while, one comes back at the very end."""
     away = {1: (0, 6), 2: (3, 9), 3: (5, 12), 4: (4, 1_000_000)}
 
     def team(t: float, tree: Tree) -> list[int]:
-        if tree.is_explored(START):  # whoever was given up is brought home as well
+        if tree.is_explored(START):  # a robot that was given up is brought home as well
             return list(range(5))
         return [r for r in range(5) if not (r in away and away[r][0] <= t < away[r][1])]
 
@@ -190,7 +185,7 @@ def _pure(explorer: Explorer, rois: Rois) -> Iterator[str]:
 
 
 def _restart(explorer: Explorer, rois: Rois) -> Iterator[str]:
-    """The tree comes back from the journal, the memory does not: some rounds in, and half way."""
+    """The journal restores the tree but not the memory."""
     for kind, roi in rois.items():
         for rounds in (3, len(roi) // 2, len(roi)):
             party = _Party.of(3, roi)
@@ -199,7 +194,7 @@ def _restart(explorer: Explorer, rois: Rois) -> Iterator[str]:
 
 
 def _late(explorer: Explorer, rois: Rois) -> Iterator[str]:
-    """A negative turns positive: half way, and when everything else is explored."""
+    """A cell turns out to be ROI late: half way, and when all else is explored."""
     for kind, roi in rois.items():
         for rounds in (len(roi) // 2, None):
             party = _Party.of(2, roi).after(explorer, roi, rounds)
@@ -218,7 +213,7 @@ def _ends(explorer: Explorer, party: _Party, roi: Roi, what: str) -> Iterator[st
     yield from (f"{what}: {why}" for why in _unfinished(result, roi))
 
 
-CHECKS: Mapping[str, _Check] = {
+CHECKS: Mapping[str, _Check] = {  # by name  # by name
     "explores everything and returns": _alone_and_in_a_team,
     "more robots than cells to visit": _many_robots,
     "the stated bound holds": _bound,
@@ -232,7 +227,6 @@ CHECKS: Mapping[str, _Check] = {
     "a restart without the memory": _restart,
     "a cell that is ROI late": _late,
 }
-"""The checks by name."""
 
 
 # --- what drives them -----------------------------------------------------------------------------
@@ -249,7 +243,7 @@ class _Party:
         return cls(look(Tree.rooted(START), START, roi), dict.fromkeys(range(robots), START))
 
     def after(self, explorer: Explorer, roi: Collection[Cell], rounds: int | None) -> _Party:
-        """So many rounds later, or when all is done."""
+        """The party `rounds` later; None: when all is done."""
         limit = int(50 * (len(roi) + 1) * patience_of(explorer)) if rounds is None else rounds
         party = self
         for _ in range(limit):
@@ -278,8 +272,7 @@ class _Party:
 
 @dataclass(slots=True)
 class _Watch:
-    """A strategy under watch: every situation is decided twice, the second time from copies, as a
-    mission does that is resumed from its journal."""
+    """A strategy that decides twice, the second time from copies, as a resumed mission does."""
 
     explorer: Explorer
     faults: list[str] = field(default_factory=list)
@@ -308,7 +301,7 @@ class _Watch:
         return self.explorer.bound_moves(cells, depth, robots)
 
     def decide(self, situation: Situation) -> Decision:
-        """What the strategy says, if it says so again."""
+        """Decide, and note where a second decision differs."""
         before = copy.deepcopy(situation)
         decision = self.explorer.decide(situation)
         said = copy.deepcopy(decision)

@@ -1,9 +1,6 @@
-"""The figures of `rdfs` in the arena, compiled: those of `missions.lab.arena.arena_run`, but
-sooner.
+"""The figures of `rdfs` in the arena, compiled, for studies on regions of 100,000 cells.
 
-Studies of its bounds need them on regions of 100,000 cells.
-
-It knows shared communication and a team that stays; for everything else there is the arena.
+For shared communication and a team that stays; all else needs `missions.lab.arena.arena_run`.
 """
 
 from __future__ import annotations
@@ -26,7 +23,7 @@ _STEPS = Cell(0, 0).neighbours()
 
 @dataclass(frozen=True, slots=True)
 class Lattice:
-    """A ROI as arrays: cells in ascending order, and who lies beside whom."""
+    """A ROI as arrays: cells in ascending order, and their neighbours."""
 
     cells: NDArray[np.int64]
     """East and north of every cell; shape (C, 2)."""
@@ -35,9 +32,9 @@ class Lattice:
 
     @classmethod
     def of(cls, roi: Collection[Cell] | NDArray[np.int64]) -> Lattice:
-        """From cells, or from an array of shape (C, 2) with a row (east, north) for each.
+        """From cells, or from an array (C, 2) of east and north.
 
-        Raises `RoiError` when there are no cells, or when they are too far apart to be numbered.
+        Raises `RoiError` without cells, or when they are too far apart to be numbered.
 
         >>> Lattice.of([Cell(0, 0), Cell(1, 0)]).near.tolist()
         [[-1, 1, -1, -1], [-1, -1, -1, 0]]
@@ -62,7 +59,7 @@ class Lattice:
         return cls(np.stack(np.divmod(keys, tall), axis=1) + low, near)
 
     def index(self, cell: Cell) -> int:
-        """The number of a cell. Raises `RoiError` when it is none of them."""
+        """The number of a cell. Raises `RoiError` for a foreign one."""
         found = np.flatnonzero((self.cells[:, 0] == cell.east) & (self.cells[:, 1] == cell.north))
         if not len(found):
             raise RoiError(f"the start {tuple(cell)} is not a cell of the ROI")
@@ -71,16 +68,12 @@ class Lattice:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What a run came to."""
+    """The figures of a run: moves of all robots, cells and depth of the final tree."""
 
     makespan: float
-    """When the last robot was home."""
     moves: int
-    """Moves of all robots together."""
     cells: int
-    """Vertices of the tree."""
     depth: int
-    """depth_T, the depth of the tree."""
 
 
 def run_rdfs(
@@ -93,15 +86,9 @@ def run_rdfs(
 ) -> Summary:
     """The figures of `run(EXPLORERS["rdfs"], roi, start, robots, metric=metric)`.
 
-    With `plain`, Algorithm 1 has the child rule and no more: of equal children the first in the
-    order north, east, south, west is taken, not the outermost; of those who arrive at one depth
-    the first cell looks first; and the robots go home up the tree, not by a shortest way.
-
-    Raises:
-        RoiError: a start outside the ROI.
-
-    >>> run_rdfs([Cell(0, 0), Cell(1, 0), Cell(2, 0)], Cell(0, 0), robots=2)
-    Summary(makespan=4.0, moves=8, cells=3, depth=2)
+    With `plain`, Algorithm 1 has the child rule and no more: the first of equal children in the
+    order north, east, south, west instead of the outermost; looks at one depth in the order of the
+    cells; home up the tree, not by a shortest way. Raises `RoiError` for a start outside the ROI.
     """
     from missions.lab.kernels import rdfs_kernels as rdfs  # noqa: PLC0415 - as above
     from missions.planning.kernels import ground  # noqa: PLC0415 - importing numba takes a second

@@ -1,4 +1,4 @@
-"""What robots of the arena know, and how it grows: by looks, by meetings, by what they are told."""
+"""What robots of the arena know, and how it grows: by looks, meetings and news."""
 
 from __future__ import annotations
 
@@ -10,28 +10,22 @@ from missions.units import Cell
 
 
 def look(tree: Tree, cell: Cell, roi: Collection[Cell]) -> Tree:
-    """The tree after a noise-free look from a cell.
-
-    >>> len(look(Tree.rooted(Cell(0, 0)), Cell(0, 0), {Cell(0, 0), Cell(0, 1), Cell(5, 5)}))
-    2
-    """
+    """The tree after a noise-free look from a cell."""
     return tree.looked(cell, [c for c in cell.neighbours() if c in roi])
 
 
 @dataclass(frozen=True, slots=True)
 class Mind:
-    """What a robot, or all of them, know: the tree, where everybody was last heard to be, and what
-    the strategy remembers."""
+    """The tree, the last known places and the strategy's memory, of one robot or of all."""
 
     tree: Tree
     heard: Mapping[int, tuple[float, Cell]]
     memory: object = None
     looked: int = 0
-    """The cells that somebody has looked from since the start, a bit each, as `Radio` numbers them;
-    0 where there is no radio."""
+    """The cells that were looked from, a bit each as `Radio` numbers them; 0 without a radio."""
 
     def meet(self, other: Mind) -> Mind:
-        """What two know together; the strategy's memory is this one's."""
+        """The joined knowledge of two; the strategy's memory is this one's."""
         if other is self:
             return self
         tree = self.tree if other.tree is self.tree else self.tree.join(other.tree)
@@ -44,11 +38,10 @@ class Mind:
         heard: Mapping[int, tuple[float, Cell]],
         roi: Collection[Cell],
     ) -> Mind:
-        """What a robot knows that is told of looks, each from a cell with its bit, and of places.
+        """This mind after news of looks (cells with their bits) and of places.
 
-        It looks, so to speak, from these cells itself, in the order of the news: its own tree
-        grows, and what hangs in it stays where it is. A place that is not in the tree is not heard
-        of. Who is told nothing new keeps its very mind.
+        The robot looks from these cells itself, so to speak, in the order of the news: what hangs
+        in its tree stays there. Places outside the tree are ignored. Without news it is `self`.
         """
         tree, looked = self.tree, self.looked
         for cell, bit in news:
@@ -64,5 +57,5 @@ class Mind:
         return replace(self, tree=tree, heard={**self.heard, **newer}, looked=looked)
 
     def done(self, at: Cell) -> bool:
-        """Whether a robot that knows this has nothing to do."""
+        """Whether a robot at a cell has nothing to do."""
         return at == self.tree.root and self.tree.is_explored(self.tree.root)

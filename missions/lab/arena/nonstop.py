@@ -1,8 +1,8 @@
-"""Flight without stopping over a region that is known to the arena only: no take-off, no search.
+"""Flight without stopping over a region that only the arena knows: no take-off, no search.
 
-All vehicles stand over the start cell at one height; frames are taken at even intervals and judged
-in the same instant; a cell that a frame shows whole gets its vote. The run is over when every cell
-of the region and each of its neighbours is decided and everybody is at rest over the start.
+All vehicles begin over the start cell at one height. Frames are taken at even intervals and judged
+at once; a cell that a frame shows whole gets a vote. The run ends when every cell of the region and
+its neighbours is decided and all vehicles rest over the start.
 """
 
 from __future__ import annotations
@@ -26,19 +26,18 @@ from missions.planning.sweep.sweep_planner import Plan, Planner
 from missions.units import Cell, GridPoint
 
 FRUITLESS_PLANS: Final = 30
-"""So many plans that were flown to their end without any news: the rest is given up."""
+"""Plans flown to their end without news after which the rest is given up."""
 LONGEST_S: Final = 200_000.0
-"""A run that takes longer is given up."""
+"""Time after which a run is given up, s."""
 REPLAN_S: Final = 0.4
-"""There is a new plan after so long, if anything was seen."""
+"""Least time between two plans in flight, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """What a frame shows, and how it errs."""
+    """The sides of a frame on the ground along the grid, its votes, and its errors."""
 
     east_m: float
-    """The side of the footprint along the grid's east."""
     north_m: float
     frame_s: float = 0.2
     frames: int = 5
@@ -49,14 +48,16 @@ class Camera:
     loss_rate: float = 0.0
     """The chance of each frame to be lost."""
 
+    @property
+    def against(self) -> int:
+        """Votes against that decide a cell."""
+        return self.frames - self.majority + 1
+
     def kinematics(self, speed_m_s: float, accel_m_s2: float, cell_m: float) -> Kinematics:
-        """What a vehicle with this camera flies.
+        """The kinematics of a vehicle with this camera.
 
         Raises:
             StrategyError: a footprint that never shows a whole cell for long enough.
-
-        >>> Camera(15.0, 12.0).kinematics(6.0, 2.5, cell_m=4.0).half_east_m
-        5.5
         """
         least_m = cell_m + 1.0
         if min(self.east_m, self.north_m) < least_m:
@@ -70,35 +71,34 @@ class Camera:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """When a cell got its first majority or was decided, and how."""
+    """A change of what a cell is taken for: by a majority so far, or decided."""
 
     t_s: float
     cell: Cell
     roi: bool
     decided: bool
-    """False: a majority of the votes so far."""
 
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """What a run comes to."""
+    """The outcome of a run."""
 
     makespan_s: float
     missed: int
-    """Cells that were needed and are not decided."""
+    """Needed cells that are not decided."""
     wrong: int
-    """Cells that were decided against the truth."""
+    """Cells decided against the truth."""
     decisions: int
-    """How often there was a plan."""
+    """Number of plans."""
     paths: tuple[tuple[Trajectory, ...], ...] = ()
-    """By vehicle, each flown until the next begins; where they were asked for."""
+    """By vehicle, each flown until the next begins; only of a recorded run."""
     verdicts: tuple[Verdict, ...] = ()
-    """In the order of time; where they were asked for."""
+    """In the order of time; only of a recorded run."""
 
 
 @dataclass(slots=True)
 class Ground:
-    """The truth, and what the frames have told of it."""
+    """The truth, and what the frames have shown of it."""
 
     roi: Roi
     cell_m: float
@@ -127,7 +127,7 @@ class Ground:
         return GridPoint(self.roi.start.east * self.cell_m, self.roi.start.north * self.cell_m)
 
     def frame(self, t_s: float, path: Trajectory | None) -> int:
-        """Somebody on a path, or over the start, takes a frame; how many votes counted."""
+        """Take a frame from a path, or over the start; returns the number of counted votes."""
         camera, chart = self.camera, self.chart
         x, y = self.home if path is None else self._middle(path, t_s)
         if camera.loss_rate and self._random.random() < camera.loss_rate:
@@ -136,10 +136,9 @@ class Ground:
         if camera.error_rate:
             wrong = (self._random.random(self.truth.size) < camera.error_rate).astype(np.int64)
         before = self._standing() if self.record else None
-        west, south, columns, rows, cell_m = chart.grid
         counted: int = kernels.see(
-            x, y, self.kinematics.half_east_m, self.kinematics.half_north_m, cell_m, west, south,
-            columns, rows, self.truth, wrong, chart.yes, chart.no, camera.frames, camera.majority,
+            x, y, self.kinematics.half_east_m, self.kinematics.half_north_m, chart.grid,
+            self.truth, wrong, chart.yes, chart.no, camera.frames, camera.majority,
         )  # fmt: skip
         if before is not None:
             standing = self._standing()
@@ -150,7 +149,6 @@ class Ground:
         return counted
 
     def _middle(self, path: Trajectory, t_s: float) -> tuple[float, float]:
-        """The middle of the frame of who flies a path."""
         kin, m = self.kinematics, path.at(t_s)
         if not kin.tilt_m_s2:
             return m.east_m, m.north_m
@@ -159,12 +157,9 @@ class Ground:
         return m.east_m - kin.tilt_m_s2 * east, m.north_m - kin.tilt_m_s2 * north
 
     def decided(self) -> NDArray[np.bool_]:
-        """By cell, whether further votes could not change what it is."""
-        against = self.camera.frames - self.camera.majority + 1
-        found: NDArray[np.bool_] = (self.chart.yes >= self.camera.majority) | (
-            self.chart.no >= against
-        )
-        return found
+        """By cell, whether further votes could not change it."""
+        chart, camera = self.chart, self.camera
+        return np.asarray((chart.yes >= camera.majority) | (chart.no >= camera.against))
 
     def _standing(self) -> NDArray[np.int64]:
         """By cell: 1 and -1 for a majority for and against ROI, twice that where decided."""
@@ -173,7 +168,7 @@ class Ground:
         return standing
 
     def needed(self) -> NDArray[np.int64]:
-        """The cells that have to be decided: the region and its neighbours."""
+        """The cells to decide: the region and its neighbours."""
         cells = {near for cell in self.roi.cells for near in cell.cross()}
         return np.array(sorted(map(self.chart.index, cells)), np.int64)
 
@@ -188,7 +183,7 @@ class Ground:
     def outcome(
         self, makespan_s: float, decisions: int, paths: tuple[tuple[Trajectory, ...], ...]
     ) -> Flown:
-        """What it comes to."""
+        """The outcome of a run that ended at `makespan_s`."""
         decided = self.decided()
         roi = self.chart.yes >= self.camera.majority
         return Flown(
@@ -203,7 +198,7 @@ class Ground:
 
 @dataclass(frozen=True, slots=True)
 class Team:
-    """Vehicles that are all alike, and how large the cells are that they map."""
+    """Vehicles that are all alike, and the edge of the cells that they map."""
 
     robots: int
     camera: Camera
@@ -213,19 +208,11 @@ class Team:
 
     @property
     def kinematics(self) -> Kinematics:
-        """What each of them flies.
-
-        Raises:
-            StrategyError: a footprint that never shows a whole cell for long enough.
-        """
+        """The kinematics of each. Raises `StrategyError` as `Camera.kinematics` does."""
         return self.camera.kinematics(self.speed_m_s, self.accel_m_s2, self.cell_m)
 
     def over(self, roi: Roi, seed: int = 1, *, record: bool = False) -> Ground:
-        """A region that nobody of them has seen yet.
-
-        Raises:
-            StrategyError: as `kinematics` does.
-        """
+        """A region that no vehicle has seen yet. Raises `StrategyError` as `kinematics` does."""
         return Ground(roi, self.cell_m, self.kinematics, self.camera, seed, record)
 
 
@@ -237,10 +224,10 @@ class Run:
     robots: int
     planner: Planner
     t_s: float = 0.0
-    paths: list[Trajectory | None] = field(default_factory=list)
-    routes: list[Route | None] = field(default_factory=list)
+    paths: list[Trajectory | None] = field(init=False)
+    routes: list[Route | None] = field(init=False)
     decisions: int = 0
-    _flown: list[list[Trajectory]] = field(default_factory=list)
+    _flown: list[list[Trajectory]] = field(init=False)
 
     def __post_init__(self) -> None:
         self.paths = [None] * self.robots
@@ -248,7 +235,7 @@ class Run:
         self._flown = [[] for _ in range(self.robots)]
 
     def fly(self) -> Flown:
-        """To the end."""
+        """Fly to the end."""
         ground = self.ground
         tick, planned_s, news, fruitless = 0, -math.inf, True, 0
         while self.t_s < LONGEST_S and fruitless < FRUITLESS_PLANS:
@@ -287,7 +274,6 @@ class Run:
         return plan
 
     def _all_home(self) -> bool:
-        """Whether everybody is at rest over the start."""
         return all(
             path is not None
             and self.t_s >= path.end_s

@@ -1,8 +1,8 @@
-"""A reference that knows the region: how soon its cells can be seen by whoever flies them.
+"""A reference that knows the region: the best found way that shows every needed cell often enough.
 
-Annealing over the same paths and frames as the planner in flight, with all needed cells as work
-from the first moment, from several starts and with many more moves. It is no bound, but what was
-found: a way that shows every needed cell often enough, flown and judged as every other run.
+It anneals over the same paths and frames as the planner in flight, with all needed cells as work
+from the first moment, from several starts and with many more moves. It is no bound; its paths are
+flown and judged as those of every other run.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from missions.planning.sweep.planned_team import Tuning
 from missions.units import GridPoint
 
 MOVES_A_CELL: Final = 300
-"""Moves of the annealing for each needed cell, from each start."""
+"""Moves of the annealing per needed cell and start."""
 _PENALTY_S: Final = 30.0
 _HOT_S, _COLD_S = 4.0, 0.03
 _LAST: Final = 0.9
-"""Of the team's time that of the last vehicle counts so much."""
+"""Share of the last vehicle in the team's time."""
 _MENDS: Final = 20
 _MEND_MOVES, _MEND_S = 2000, 0.3
-"""Moves, and their temperature, where a cell was missed."""
+"""Moves and their temperature where a cell was missed."""
 
 
 @dataclass(slots=True)
 class _Search:
-    """A team at rest over the start, and what it has to see."""
+    """A team at rest over the start, and the frames that it needs."""
 
     ground: Ground
     robots: int
@@ -56,9 +56,8 @@ class _Search:
         leads = np.zeros((count, kernels.LEADS, 1, kernels.PIECE))
         self.team = kernels.Team(np.tile(row, (count, 1)), starts, leads, n_leads, np.zeros(count))
         self.need = np.zeros(ground.truth.size, np.int64)
-        against = ground.camera.frames - ground.camera.majority + 1
-        needed = ground.needed()
-        self.need[needed] = np.where(ground.truth[needed] == 1, ground.camera.majority, against)
+        camera, needed = ground.camera, ground.needed()
+        self.need[needed] = np.where(ground.truth[needed] == 1, camera.majority, camera.against)
         self.random = np.array([self.seed % 2147483646 + 1], np.int64)
 
     def improve(self, ways: kernels.Ways, moves: int, hot_s: float) -> None:
@@ -79,16 +78,10 @@ class _Search:
 
 
 def reference(roi: Roi, team: Team, *, moves_a_cell: int = MOVES_A_CELL, seed: int = 1) -> Flown:
-    """The best of what is found for a team that knows the region; frames do not err or get lost.
+    """The best run found for a team that knows the region; frames do not err or get lost.
 
     Raises:
         StrategyError: a footprint that never shows a whole cell, or nothing is found.
-
-    >>> from missions.lab.arena.nonstop import Camera
-    >>> from missions.units import Cell
-    >>> lake = Roi("lake", Cell(0, 0), frozenset({Cell(0, 0), Cell(1, 0)}))
-    >>> reference(lake, Team(1, Camera(15.0, 15.0)), moves_a_cell=20).missed
-    0
     """
     team = replace(team, camera=replace(team.camera, error_rate=0.0, loss_rate=0.0))
     best: Flown | None = None
@@ -109,7 +102,7 @@ def reference(roi: Roi, team: Team, *, moves_a_cell: int = MOVES_A_CELL, seed: i
 
 
 def _first(ground: Ground, robots: int, start: int) -> kernels.Ways:
-    """Waypoints to begin with: lanes along the east, along the north, or nothing at all."""
+    """First waypoints: lanes along the east, along the north, or none."""
     ways = np.zeros((robots, kernels.MOST_WAYPOINTS, 3))
     counts = np.ones(robots, np.int64)
     lanes = list(_lanes(ground, along_north=start == 1)) if start < 2 else []
@@ -129,7 +122,7 @@ def _first(ground: Ground, robots: int, start: int) -> kernels.Ways:
 
 
 def _lanes(ground: Ground, *, along_north: bool) -> Sequence[tuple[GridPoint, GridPoint]]:
-    """Through the needed cells, as far apart as a frame shows rows; each as long as they are."""
+    """Lanes through the needed cells, as far apart as a frame shows rows."""
     cells = [ground.chart.cell(int(index)) for index in ground.needed()]
     half_m = ground.kinematics.half_east_m if along_north else ground.kinematics.half_north_m
     rows = int(2.0 * half_m / ground.cell_m + 1e-9) + 1

@@ -1,10 +1,10 @@
-"""Radio between the robots of the arena: range, loss, partitions, delay, and how much one can tell.
+"""Radio between the robots of the arena: range, loss, partitions, delay, and rate.
 
-At each instant (an arrival, or a whole unit of time) it is drawn anew who hears whom, for a pair
-both ways or not at all. What is lost is told again at the next instant; a robot passes on all that
-it knows, so news goes from one to the other. What is told are looks: from which cells somebody has
-looked, and so which of their neighbours are ROI. A robot is not told what it knows, or what is on
-its way to it: who knows what, and who is where, is told with every message and counts for nothing.
+At each instant (an arrival, or a whole unit of time) it is drawn which pairs hear each other, both
+ways. Lost news is sent again at the next instant; a robot passes on all that it knows. News is the
+cells from which robots have looked, and so which of their neighbours are ROI. A robot is not sent
+what it knows or what is on its way to it; what others know and where they are comes with every
+message and costs nothing.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ Pairs = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Links:
-    """What becomes of what robots tell each other by radio; lengths in cells, times in the unit of
-    the metric. Robots that stand at one vertex tell each other everything whatever the radio does.
+    """The quality of the radio; lengths in cells, times in the unit of the metric. Robots at one
+    vertex share everything whatever the radio does.
     """
 
     range_cells: float = math.inf
@@ -40,15 +40,15 @@ class Links:
     loss: float = 0.0
     """The share of exchanges that fail, drawn for each pair at each instant."""
     delay: float = 0.0
-    """From what is told to what is known: until the first instant after it."""
+    """From sending to the first instant after which the news is known."""
     rate: float = math.inf
-    """How many cells of news a robot can tell in a unit of time, to all that hear it at once."""
+    """Cells of news that a robot can send in a unit of time, to all that hear it."""
     apart: tuple[Partition, ...] = ()
     seed: int = 0
 
     @property
     def at_once(self) -> bool:
-        """Whether those that hear each other know the same at once, and decide together."""
+        """Whether robots that hear each other know the same at once, and decide together."""
         return self.delay == 0.0 and math.isinf(self.rate)
 
 
@@ -67,7 +67,7 @@ class Radio:
     links: Links
     roi: Collection[Cell]
     touch: dict[int, tuple[int, ...]] = field(default_factory=dict)
-    """Of each robot all that it hears at this instant, over others too, and itself."""
+    """By robot: all that it hears at this instant, also over others, and itself."""
     _reach: Pairs = field(init=False)
     _hear: Pairs = field(init=False)
     _cells: tuple[Cell, ...] = field(init=False)
@@ -91,9 +91,9 @@ class Radio:
     def tune(
         self, t: float, places: Mapping[int, tuple[float, float]], at: Mapping[int, Cell]
     ) -> None:
-        """Draw who hears whom at an instant.
+        """Draw which robots hear each other at an instant.
 
-        `places` are those of all robots, 0, 1, ...; `at` the vertices of those that stand at one.
+        `places` are those of all robots 0, 1, ...; `at` the vertices of those that stand at one.
         """
         links, robots = self.links, len(places)
         reach = self._in_reach(t, places)
@@ -114,7 +114,6 @@ class Radio:
         self.touch = {r: group for group in self._groups() for r in group}
 
     def _in_reach(self, t: float, places: Mapping[int, tuple[float, float]]) -> Pairs:
-        """Who is in range of each other, and not parted."""
         robots = range(len(places))
         east, north = np.array([places[r] for r in robots]).T
         away = np.hypot(east[:, None] - east[None, :], north[:, None] - north[None, :])
@@ -139,17 +138,15 @@ class Radio:
             yield tuple(sorted(group))
 
     def together(self, robot: int) -> tuple[int, ...]:
-        """Who knows and decides the same as a robot at this instant, because they hear each other
-        at once; nobody where only those do that stand at one vertex."""
+        """The robots that decide with one because they hear each other at once; else none."""
         return self.touch[robot] if self.links.at_once else ()
 
     def hear(self, minds: dict[int, Mind], done: Collection[int] = ()) -> None:
-        """Let be known what robots hear at this instant, before anybody looks.
+        """Deliver what robots hear at this instant, before any looks.
 
-        Those that know the same at once also remember the same: what the first of them does that is
-        not `done`. So of those who still fly there is always one who never forgets where it was
-        bound, and it comes home; what a robot remembers that is done may be long out of date, and
-        would send others to and fro without an end.
+        A group that knows the same at once remembers the same: what its first robot does that is
+        not `done`. So one of those in flight never forgets where it is bound, and comes home; the
+        memory of a robot that is done may be out of date and send others to and fro without end.
         """
         if self.links.at_once:
             for group in sorted(set(self.touch.values())):
@@ -161,7 +158,7 @@ class Radio:
             minds[hearer] = minds[hearer].told(message.news, message.heard, self.roi)
 
     def _share(self, leader: int, group: Sequence[int], minds: dict[int, Mind]) -> None:
-        """Let a group know the same, and remember what one of them remembers."""
+        """Give a group one mind, with the memory of its leader."""
         mind = minds[leader]
         for robot in group:
             other = minds[robot]
@@ -172,14 +169,14 @@ class Radio:
             minds[robot] = mind
 
     def tell_places(self, robot: int, minds: dict[int, Mind]) -> None:
-        """Without a delay, let those in touch with a robot know where it thinks that all are."""
+        """Without a delay, send the places that a robot knows to those in touch with it."""
         if self.links.delay == 0.0:
             for other in self.touch[robot]:
                 minds[other] = minds[other].told((), minds[robot].heard, self.roi)
 
     def tell(self, minds: dict[int, Mind]) -> None:
-        """Let everybody tell what it knows, as much as it can. Without a delay it is known, and
-        passed on, at once. Those that share all they know at once have told it already."""
+        """Have every robot send what it can; without a delay it arrives, and is passed on, at once.
+        Robots that share all at once have done so already."""
         if self.links.at_once:
             return
         said = dict.fromkeys(minds, 0)
@@ -194,8 +191,8 @@ class Radio:
                 told = False
 
     def _say(self, sender: int, minds: Mapping[int, Mind], said: dict[int, int]) -> bool:
-        """One message: the news that is nearest to the root first, so that what a robot knows of
-        always hangs in its tree. Returns whether it was more than where everybody is."""
+        """Send one message: news nearest to the root first, so that it always hangs in the hearer's
+        tree. Returns whether it held any news."""
         mind = minds[sender]
         lacks = {
             hearer: mind.looked & ~(minds[hearer].looked | self._coming.get(hearer, 0))
@@ -221,7 +218,7 @@ class Radio:
         return bool(news)
 
     def _news(self, mind: Mind, wanted: int) -> list[tuple[Cell, int]]:
-        """Cells by their bits, in the order in which they hang in a robot's tree."""
+        """Cells of some bits, by depth in a robot's tree."""
         found = []
         while wanted:
             bit = wanted & -wanted

@@ -1,7 +1,7 @@
 """ROIs to explore without flying: sets of cells with a start.
 
-The growths take a random number generator and hand back cells around (0, 0), which is among them;
-`grown` makes a `Roi` of one, with a random cell of its boundary as the start.
+Growths return random cells around (0, 0), which is among them; `grown` makes a `Roi` of one, with a
+random cell of its boundary as the start.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from missions.mapping.breadth_first import neighbours_in, reached
 from missions.units import Cell
 
 MAX_CELLS = 1_000_000
-"""More are not grown or read: a mistyped number should not fill the memory."""
+"""Most cells of a ROI: a mistyped number should not fill the memory."""
 
 
 @dataclass(frozen=True, slots=True)
 class Roi:
-    """Cells that hang together, and the one where everybody starts.
+    """Cells that hang together, and the one where all robots start.
 
     >>> Roi.of("pair", Cell(0, 0), {Cell(0, 0), Cell(0, 1), Cell(7, 7)}).cells == {
     ...     Cell(0, 0), Cell(0, 1)}
@@ -47,11 +47,7 @@ def component(roi: Collection[Cell], start: Cell) -> set[Cell]:
 
 
 def boundary(roi: Collection[Cell]) -> list[Cell]:
-    """The cells of a ROI that have a neighbour outside, ascending.
-
-    >>> boundary({Cell(0, 0), *Cell(0, 0).neighbours()}).count(Cell(0, 0))
-    0
-    """
+    """The cells of a ROI that have a neighbour outside, ascending."""
     return sorted(cell for cell in roi if any(near not in roi for near in cell.neighbours()))
 
 
@@ -106,10 +102,7 @@ def ragged(cells: int, rng: np.random.Generator) -> set[Cell]:
 
 
 def rectangle(cells: int, rng: np.random.Generator) -> set[Cell]:
-    """A rectangle of a random shape, up to four times as wide as high or the other way round.
-
-    The last row is left incomplete where the number of cells asks for it.
-    """
+    """A rectangle of a random shape, at most 4 to 1; the last row may be short."""
     aspect = 4.0 ** float(rng.uniform(-1.0, 1.0))
     width = min(max(round(math.sqrt(cells * aspect)), 1), cells)
     return {Cell(i % width, i // width) for i in range(cells)}
@@ -128,9 +121,6 @@ def grown(kind: str, cells: int, seed: int) -> Roi:
 
     Raises:
         RoiError: an unknown kind, or a number of cells outside 1 to `MAX_CELLS`.
-
-    >>> len(grown("ragged", 120, seed=1).cells)
-    120
     """
     if kind not in KINDS:
         raise RoiError(f"{kind!r} is not a kind of ROI; choose one of {', '.join(KINDS)}")

@@ -1,9 +1,8 @@
-"""A survey without stopping: every cell of a box, lane beside lane, whatever the region is.
+"""A survey without stopping: every cell of a box, lane beside lane, without decisions in flight.
 
-What would be flown by somebody who knows the box and does not decide in flight. Lanes lie as far
-apart as the footprint allows, along the east or along the north, begun at any corner; each vehicle
-takes its part of them, from the start and back to it. Of all these the quickest is flown that shows
-every cell of the box often enough for a verdict.
+Lanes lie as far apart as the footprint allows, along the east or the north, begun at any corner;
+each vehicle flies its part of them, from the start and back to it. The quickest of all these is
+flown that shows every cell of the box often enough for a verdict.
 """
 
 from __future__ import annotations
@@ -24,13 +23,15 @@ from missions.planning.sweep.planned_team import Kinematics
 from missions.units import Cell, GridPoint
 
 MARGIN_CELLS = 2
-"""So far beyond the region the box goes by default."""
+"""Margin of the default box around the region."""
 CUT_M = 1.0
-"""By how much the corners of lanes are cut."""
+"""Cut of the corners between lanes, m."""
 _INSETS = (0.9, 0.75, 0.6, 0.45, 0.3, 0.15, 0.0)
-"""How much sooner than over its last cell a lane may end, as parts of half a view."""
+"""Distances before its last cell at which a lane may end, in half views."""
 _TURN_S = 2.5
-"""What the end of a lane takes, about: only for sharing lanes out."""
+"""Rough time of a lane's end, s: only to share lanes out."""
+
+_Lane = tuple[GridPoint, GridPoint]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,13 +43,7 @@ class Box:
 
     @classmethod
     def around(cls, roi: Roi, factor: float | None = None) -> Box:
-        """The bounding box of a region, two cells wider on each side; or `factor` times as wide.
-
-        >>> Box.around(Roi("two", Cell(0, 0), frozenset({Cell(0, 0), Cell(3, 0)})))
-        Box(low=Cell(east=-2, north=-2), high=Cell(east=5, north=2))
-        >>> Box.around(Roi("four", Cell(0, 0), frozenset({Cell(0, 0), Cell(3, 0)})), factor=2.5)
-        Box(low=Cell(east=-3, north=-1), high=Cell(east=6, north=1))
-        """
+        """The bounding box of a region, two cells wider on each side; or `factor` times as wide."""
         easts, norths = zip(*roi.cells, strict=True)
         east, north = MARGIN_CELLS, MARGIN_CELLS
         if factor is not None:
@@ -72,21 +67,15 @@ def surveyed(
 
     Raises:
         StrategyError: a footprint that never shows a whole cell, or not for long enough.
-
-    >>> from missions.lab.arena.nonstop import Camera
-    >>> lake = Roi("lake", Cell(0, 0), frozenset({Cell(0, 0), Cell(1, 0)}))
-    >>> surveyed(lake, Team(1, Camera(15.0, 15.0))).missed
-    0
     """
     ground = team.over(roi, seed, record=record)
     return ground.along(survey_paths(Box.around(roi, box_factor), team.robots, ground))
 
 
 def survey_paths(box: Box, robots: int, ground: Ground) -> list[Trajectory]:
-    """The paths of a team that show every cell of a box, each from the start and back to it.
+    """The paths of a team, from the start and back, that show every cell of a box.
 
-    Raises:
-        StrategyError: none does.
+    Raises `StrategyError` where none do.
     """
     best: list[Trajectory] = []
     best_s = math.inf
@@ -117,12 +106,12 @@ class _Lanes:
     inset: float
 
     def paths(self, robots: int) -> list[Trajectory]:
-        """The path of each vehicle; who gets no lane stays where it is."""
+        """The path of each vehicle; one without a lane stays where it is."""
         kin: Kinematics = self.ground.kinematics
         home = self.ground.home
         found = []
         for lanes in self._shares(self._lanes(), robots):
-            # the first lane that a vehicle flies leads the way that the corner says
+            # the first lane of a vehicle leads away from the corner
             turned = [(b, a) if i % 2 else (a, b) for i, (a, b) in enumerate(lanes)]
             points = [home, *itertools.chain.from_iterable(turned), home] if lanes else [home]
             found.append(
@@ -132,8 +121,7 @@ class _Lanes:
             )
         return found
 
-    def _lanes(self) -> list[tuple[GridPoint, GridPoint]]:
-        """From where to where each lane leads, in their order."""
+    def _lanes(self) -> list[_Lane]:
         low, high, kin = self.box.low, self.box.high, self.ground.kinematics
         cell_m = self.ground.cell_m
         if self.along_north:
@@ -157,10 +145,8 @@ class _Lanes:
             found.append((GridPoint(*pair[0]), GridPoint(*pair[1])))
         return found[::-1] if self.flip_across else found
 
-    def _shares(
-        self, lanes: Sequence[tuple[GridPoint, GridPoint]], robots: int
-    ) -> Iterator[Sequence[tuple[GridPoint, GridPoint]]]:
-        """Neighbouring lanes for each vehicle, so that the last is done soonest, about."""
+    def _shares(self, lanes: Sequence[_Lane], robots: int) -> Iterator[Sequence[_Lane]]:
+        """Neighbouring lanes for each vehicle, so that the last is done about soonest."""
         longest_s = max(self._about_s([lane]) for lane in lanes)
         low_s, high_s = longest_s, max(longest_s, self._about_s(lanes))
         for _ in range(30):
@@ -174,10 +160,8 @@ class _Lanes:
         for _ in range(robots - len(parts)):
             yield ()
 
-    def _cut(
-        self, lanes: Sequence[tuple[GridPoint, GridPoint]], most_s: float
-    ) -> list[Sequence[tuple[GridPoint, GridPoint]]]:
-        """Parts of at most `most_s` seconds, about; of one lane at least."""
+    def _cut(self, lanes: Sequence[_Lane], most_s: float) -> list[Sequence[_Lane]]:
+        """Parts of at most about `most_s` seconds, but one lane at least."""
         parts, begin = [], 0
         for end in range(1, len(lanes) + 1):
             if end == len(lanes) or self._about_s(lanes[begin : end + 1]) > most_s:
@@ -185,7 +169,7 @@ class _Lanes:
                 begin = end
         return parts
 
-    def _about_s(self, lanes: Sequence[tuple[GridPoint, GridPoint]]) -> float:
+    def _about_s(self, lanes: Sequence[_Lane]) -> float:
         home = self.ground.home
         way_m = home.distance_to(lanes[0][0]) + home.distance_to(lanes[-1][1])
         way_m += sum(a.distance_to(b) for a, b in lanes)
@@ -193,16 +177,16 @@ class _Lanes:
 
 
 def _shows(box: Box, paths: Sequence[Trajectory], ground: Ground) -> bool:
-    """Whether frames without errors along some paths decide every cell of a box."""
+    """Whether frames without errors along the paths decide every cell of a box."""
     columns, rows = box.high.east - box.low.east + 1, box.high.north - box.low.north + 1
     yes, no, nothing = (np.zeros(columns * rows, np.int64) for _ in range(3))
+    grid = (box.low.east, box.low.north, columns, rows, ground.cell_m)
     camera, kin = ground.camera, ground.kinematics
     for path in paths:
         for tick in range(math.floor(path.end_s / camera.frame_s + 1e-9) + 1):
             place = path.place_at(tick * camera.frame_s)
             kernels.see(
-                place.east_m, place.north_m, kin.half_east_m, kin.half_north_m, ground.cell_m,
-                box.low.east, box.low.north, columns, rows, nothing, nothing, yes, no,
-                camera.frames, camera.majority,
+                place.east_m, place.north_m, kin.half_east_m, kin.half_north_m, grid,
+                nothing, nothing, yes, no, camera.frames, camera.majority,
             )  # fmt: skip
-    return bool((no >= camera.frames - camera.majority + 1).all())
+    return bool((no >= camera.against).all())

@@ -39,11 +39,7 @@ from missions.units import Cell
 
 
 def least_s(length_m: float, speed_m_s: float, accel_m_s2: float) -> float:
-    """The least time of a way from rest to rest, seconds.
-
-    >>> least_s(30.0, 6.0, 2.0), least_s(8.0, 6.0, 2.0)
-    (8.0, 4.0)
-    """
+    """The least time of a way from rest to rest, seconds."""
     if length_m < speed_m_s**2 / accel_m_s2:
         return 2.0 * math.sqrt(length_m / accel_m_s2)
     return length_m / speed_m_s + speed_m_s / accel_m_s2
@@ -52,18 +48,10 @@ def least_s(length_m: float, speed_m_s: float, accel_m_s2: float) -> float:
 def lower_bound_s(
     needed: Collection[Cell], start: Cell, robots: int, cell_m: float, kinematics: Kinematics
 ) -> float:
-    """The seconds that the last vehicle needs at least; see the module for the proof.
+    """The least seconds of the last vehicle; the module has the proof.
 
-    Args:
-        needed: the cells that have to be seen whole.
-        start: over its centre all vehicles begin and end.
-        robots: how many vehicles, at least 1.
-        cell_m: the edge of a cell, metres.
-        kinematics: speed, acceleration and the half sides of a view; the camera does not tilt.
-
-    >>> kinematics = Kinematics(6.0, 2.0, 0.2, half_east_m=5.5, half_north_m=5.5)
-    >>> round(lower_bound_s([Cell(10, 0)], Cell(0, 0), 1, 4.0, kinematics), 3)
-    17.5
+    All cells of `needed` are seen whole, by 1 or more vehicles that begin and end over the centre
+    of `start`. The camera does not tilt.
     """
     speed, accel = kinematics.speed_m_s, kinematics.accel_m_s2
     frame_x = 2.0 * kinematics.half_east_m + cell_m
@@ -86,7 +74,7 @@ def lower_bound_s(
 def view_distances_m(
     needed: Collection[Cell], start: Cell, cell_m: float, kinematics: Kinematics
 ) -> Sequence[float]:
-    """How far the view of each needed cell is from the start, metres, ascending.
+    """Distances from the start to the view of each needed cell, m, ascending.
 
     >>> kinematics = Kinematics(6.0, 2.0, 0.2, half_east_m=5.0, half_north_m=5.0)
     >>> view_distances_m([Cell(0, 0), Cell(2, 0)], Cell(0, 0), 4.0, kinematics)

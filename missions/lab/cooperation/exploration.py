@@ -1,17 +1,22 @@
-"""What an exploration was: who moved where, who watched, and what came of it."""
+"""What an exploration was: the moves, the map, the watching, and what was seen."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import pairwise
 from typing import Final
 
-from missions.lab.cooperation.space import Point, Space, distance
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.lab.cooperation.space import Point, Space, between
 
 _STILL_M: Final = 1e-9
+_FEW: Final = 4
+_SLACK: Final = 1e-9
 _STRAIGHT_RAD: Final = 1e-6
 
 
@@ -36,7 +41,7 @@ class Move:
     @property
     def length_m(self) -> float:
         """Of the path."""
-        return sum(distance(a, b) for a, b in pairwise(self.path))
+        return sum(math.dist(a, b) for a, b in pairwise(self.path))
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,16 +121,12 @@ def _courses(moves: Sequence[Move]) -> list[tuple[float, Why]]:
         (math.atan2(b[1] - a[1], b[0] - a[0]), move.why)
         for move in moves
         for a, b in pairwise(move.path)
-        if distance(a, b) > _STILL_M
+        if math.dist(a, b) > _STILL_M
     ]
 
 
 def turned(one: float, other: float) -> float:
-    """The angle from one bearing to another, -pi to pi, in radians.
-
-    >>> round(turned(3.0, -3.0), 4)
-    0.2832
-    """
+    """The angle from one bearing to another, -pi to pi, in radians."""
     return math.remainder(other - one, math.tau)
 
 
@@ -136,11 +137,60 @@ def _corners(moves: Sequence[Move]) -> int:
 
 def _turns(moves: Sequence[Move]) -> int:
     """Changes of course from sweeping to sweeping; what lies between two sweeps is one turn."""
-    turns, last, between = 0, None, False
+    turns, last, moved_on = 0, None, False
     for course, why in _courses(moves):
         if why is Why.WAY:
-            between = True
+            moved_on = True
             continue
-        turns += last is not None and (between or abs(turned(last, course)) > _STRAIGHT_RAD)
-        last, between = course, False
+        turns += last is not None and (moved_on or abs(turned(last, course)) > _STRAIGHT_RAD)
+        last, moved_on = course, False
     return turns
+
+
+# --- what was seen of the ground, by the robots' places alone, whatever the map says ------------
+def places_of(exploration: Exploration, spacing_m: float) -> NDArray[np.float64]:
+    """Where robots were: the start, ends of legs, and between them at most `spacing_m` apart."""
+    found = [exploration.start]
+    for move in exploration.moves:
+        found += [point for point, _ in along(move, spacing_m)]
+    return np.unique(np.array(found), axis=0)
+
+
+def along(move: Move, spacing_m: float) -> Iterator[tuple[Point, bool]]:
+    """Points along a move, after its first, and whether each is the end of a leg."""
+    for a, b in pairwise(move.path):
+        parts = max(int(np.ceil(math.dist(a, b) / spacing_m)), 1)
+        for part in range(1, parts + 1):
+            yield (b if part == parts else between(a, b, part / parts)), part == parts
+
+
+def unseen(
+    exploration: Exploration, points: NDArray[np.float64], spacing_m: float
+) -> NDArray[np.float64]:
+    """Those of the points, of shape (n, 2), that were never within range and sight of any robot.
+
+    Robots are looked at every `spacing_m` along their ways: a point may be missing from sight only
+    in between, never the other way round.
+    """
+    left = points
+    for spacing in (max(exploration.range_m, spacing_m), spacing_m):  # few need the many places
+        if len(left):
+            places = places_of(exploration, spacing)
+            left = left[[not _is_seen(exploration, point, places) for point in left]]
+    return left
+
+
+def _is_seen(
+    exploration: Exploration, point: NDArray[np.float64], places: NDArray[np.float64]
+) -> bool:
+    """Whether a point is in sight of one of the places within the range, the nearest first."""
+    squares = ((places - point) ** 2).sum(axis=1)
+    near = np.flatnonzero(squares <= exploration.range_m**2 * (1.0 + _SLACK))
+    near = near[np.argsort(squares[near], kind="stable")]
+    first, many = 0, _FEW
+    while first < len(near):
+        some = places[near[first : first + many]]
+        if exploration.space.sees_all(np.broadcast_to(point, some.shape), some).any():
+            return True
+        first, many = first + many, many * 8
+    return False

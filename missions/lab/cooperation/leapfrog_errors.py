@@ -17,7 +17,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.lab.cooperation.space import Point, distance
+from missions.lab.cooperation.space import Point
+from missions.lab.cooperation.tracking import rotation
 from missions.planning.leapfrog_geometry import Leapfrog, Role, Step
 
 Array = NDArray[np.float64]
@@ -57,11 +58,7 @@ class LeapfrogNoise:
 
     @classmethod
     def of_tracker(cls, above_m: float, tilt_rad: float = math.radians(0.5)) -> LeapfrogNoise:
-        """With sightings by an attitude of such an error from such a height.
-
-        >>> round(LeapfrogNoise.of_tracker(12.0).place_m, 3)
-        0.105
-        """
+        """With sightings by an attitude of such an error from such a height."""
         return cls(place_m=above_m * math.tan(tilt_rad))
 
 
@@ -92,7 +89,7 @@ class Team:
         """
         i = _INDEX[role]
         heading, scale = self.mean[i + 2], self.mean[i + 3]
-        self.mean[i : i + 2] += _turned(heading) @ read / (1.0 + scale)
+        self.mean[i : i + 2] += rotation(heading) @ read / (1.0 + scale)
         self.mean[i + 2] += drift_rad
         moved = np.eye(2 * _EACH)
         moved[i : i + 2, i + 2] = _across(leg)
@@ -120,7 +117,7 @@ class Team:
         """
         mapper, tracker = self.mean[:3], self.mean[_EACH : _EACH + 3]
         expected = np.append(
-            _turned(-tracker[2]) @ (mapper[:2] - tracker[:2]), mapper[2] - tracker[2]
+            rotation(-tracker[2]) @ (mapper[:2] - tracker[:2]), mapper[2] - tracker[2]
         )
         rows = np.zeros((3, 2 * _EACH))
         rows[:3, :3] = np.eye(3)
@@ -174,14 +171,14 @@ def fly_leapfrog(plan: Leapfrog, noise: LeapfrogNoise, seed: int) -> tuple[Flown
             off = _drawn(drift_covariance(noise, float(np.hypot(*leg))), rng)
             aside = off[0] * _across(leg) / np.hypot(*leg)
             read = (1.0 + scales[mover]) * leg
-            tracked.reckon(mover, _turned(-heading[mover]) @ read + aside, off[1], leg)
+            tracked.reckon(mover, rotation(-heading[mover]) @ read + aside, off[1], leg)
             alone.reckon(mover, read + aside, off[1], leg)
             at[mover] = at[mover] + leg
         at[other] = at[other] + rng.normal(0.0, noise.hover_m, 2)
         heading[other] += float(rng.normal(0.0, noise.hover_rad))
         tracked.hover(other)
         exact = np.append(
-            _turned(-heading[Role.TRACKER]) @ (at[Role.MAPPER] - at[Role.TRACKER]),
+            rotation(-heading[Role.TRACKER]) @ (at[Role.MAPPER] - at[Role.TRACKER]),
             heading[Role.MAPPER] - heading[Role.TRACKER],
         )
         tracked.sight(exact + _drawn(sighting_covariance(noise), rng), _apart(step))
@@ -242,8 +239,7 @@ def _other(role: Role) -> Role:
 
 
 def _legs(step: Step) -> Sequence[Array]:
-    """The straight legs of a step."""
-    pairs = ((np.array(a), np.array(b)) for a, b in pairwise(step.way) if distance(a, b) > 0.0)
+    pairs = ((np.array(a), np.array(b)) for a, b in pairwise(step.way) if math.dist(a, b) > 0.0)
     return [b - a for a, b in pairs]
 
 
@@ -264,12 +260,6 @@ def _flown(ends: list[tuple[Array, Array]]) -> Flown:
     sigmas = np.array([math.sqrt(float(np.trace(spread))) for _, spread in ends])
     nees = np.array([float(error @ np.linalg.solve(spread, error)) for error, spread in ends])
     return Flown(errors, sigmas, nees)
-
-
-def _turned(angle_rad: float) -> Array:
-    """The matrix that turns against the clock."""
-    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
-    return np.asarray([[cos, -sin], [sin, cos]], dtype=np.float64)
 
 
 def _across(leg: Array) -> Array:

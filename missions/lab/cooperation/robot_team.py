@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from missions.lab.cooperation.exploration import Exploration, Move, Piece, Why
-from missions.lab.cooperation.space import Point, Space, between, distance
+from missions.lab.cooperation.space import Point, Space, between
 
 
 class Team:
     """Where the robots stand, and what they did so far."""
 
     def __init__(self, space: Space, start: Point, robots: int, range_m: float) -> None:
-        """Put `robots` robots side by side on one place."""
         self.range_m = range_m
         self.places = [start] * robots
         self.log = Exploration(space, range_m, start, robots)
@@ -24,7 +23,7 @@ class Team:
         """Let a robot go along a way; nothing happens where it stands there already."""
         path = [self.places[robot]]
         for point in way:
-            if distance(path[-1], point) > 0.0:
+            if math.dist(path[-1], point) > 0.0:
                 path.append(point)
         if len(path) == 1:
             return
@@ -49,7 +48,7 @@ class Team:
         The farthest comes first: those between see it pass.
         """
         far = sorted(
-            self.in_turn(), key=lambda robot: -round(distance(self.places[robot], place), 9)
+            self.in_turn(), key=lambda robot: -round(math.dist(self.places[robot], place), 9)
         )
         for robot in far:
             self.move(robot, [place], Why.WAY)
@@ -60,8 +59,8 @@ class Team:
         Each row is taken before those behind it: who stands there sees the next one pass.
         """
         here = self.places[0]
-        order = sorted(range(len(rows)), key=lambda row: distance(rows[row], here))
-        if distance(rows[order[0]], here) == 0.0:  # who stays is there from the beginning
+        order = sorted(range(len(rows)), key=lambda row: math.dist(rows[row], here))
+        if math.dist(rows[order[0]], here) == 0.0:  # who stays is there from the beginning
             order = [*order[1:], order[0]]
         standing = [0] * len(rows)
         for row, robot in zip(order, self.in_turn(), strict=True):
@@ -75,7 +74,7 @@ class Team:
         On legs longer than the range they stop: nobody is farther from a standing robot than that.
         """
         for a, b in pairwise(way):
-            legs = max(math.ceil(distance(a, b) / self.range_m - 1e-9), 1)
+            legs = max(math.ceil(math.dist(a, b) / self.range_m - 1e-9), 1)
             for leg in range(1, legs + 1):
                 stop = b if leg == legs else between(a, b, leg / legs)
                 for robot in self.in_turn():

@@ -25,30 +25,13 @@ TOUCH_M: Final = 1e-6
 MOST_CORNERS: Final = 2000
 
 
-def distance(a: Point, b: Point) -> float:
-    """From a to b, in metres.
-
-    >>> distance((0.0, 0.0), (3.0, 4.0))
-    5.0
-    """
-    return math.hypot(b[0] - a[0], b[1] - a[1])
-
-
 def cross(a: Point, b: Point, c: Point) -> float:
-    """Twice the area of the triangle a, b, c in square metres; positive where it turns left.
-
-    >>> cross((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
-    1.0
-    """
+    """Twice the area of the triangle a, b, c in square metres; positive where it turns left."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def between(a: Point, b: Point, part: float) -> Point:
-    """The point at this part of the way from a to b.
-
-    >>> between((0.0, 0.0), (2.0, 4.0), 0.5)
-    (1.0, 2.0)
-    """
+    """The point at this part of the way from a to b."""
     return (a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1]))
 
 
@@ -158,4 +141,4 @@ def _corners(points: Iterable[Point]) -> list[Point]:
 
 def _straight(a: Point, b: Point, c: Point) -> bool:
     """Whether b is on the line from a to c, by rounding."""
-    return abs(cross(a, b, c)) <= GRID_M * 1e-3 * (distance(a, b) + distance(b, c))
+    return abs(cross(a, b, c)) <= GRID_M * 1e-3 * (math.dist(a, b) + math.dist(b, c))

@@ -97,12 +97,7 @@ class Stripe:
 
 
 def stripes_of(space: Space, line_y: float, height_m: float) -> list[Stripe]:
-    """All stripes of a ground, of layers `height_m` high, one of whose lines is at `line_y`.
-
-    >>> room = Space([(0, 0), (10, 0), (10, 5), (0, 5)], [[(4, 1), (6, 1), (6, 3), (4, 3)]])
-    >>> [(s.x0, s.x1, len(s.doors)) for s in stripes_of(room, 0.0, 5.0)]
-    [(0.0, 4.0, 2), (4.0, 6.0, 2), (4.0, 6.0, 2), (6.0, 10.0, 2)]
-    """
+    """All stripes of a ground, of layers `height_m` high, one of whose lines is at `line_y`."""
     ys = space.edges[:, 1]
     first = math.floor((ys.min() - line_y) / height_m + 1e-9)
     last = math.ceil((ys.max() - line_y) / height_m - 1e-9)
@@ -200,7 +195,6 @@ def _convex(west: Trapezoid, east: Trapezoid) -> bool:
 
 
 def _doors_beside(stripes: list[Stripe]) -> None:
-    """Doors between stripes of a layer."""
     for west in stripes:
         for east in stripes:
             last, first = west.parts[-1], east.parts[0]
@@ -213,7 +207,6 @@ def _doors_beside(stripes: list[Stripe]) -> None:
 
 
 def _doors_between(below: list[Stripe], above: list[Stripe]) -> None:
-    """Doors through the line between two layers."""
     floors = [
         (part.x0, part.x1, stripe) for stripe in above for part in stripe.parts if part.open_below
     ]

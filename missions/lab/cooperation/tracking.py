@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.lab.cooperation.exploration import Exploration, turned
-from missions.lab.cooperation.space import Point, distance
+from missions.lab.cooperation.space import Point
 
 Array = NDArray[np.float64]
 
@@ -94,20 +94,20 @@ def legs_of(exploration: Exploration) -> Iterator[Leg]:
         robot = move.robot
         others = [i for i in range(exploration.robots) if i != robot]
         for a, b in pairwise(move.path):
-            if distance(a, b) <= _STILL_M:
+            if math.dist(a, b) <= _STILL_M:
                 continue
             course = math.atan2(b[1] - a[1], b[0] - a[0])
             before = courses[robot]
             courses[robot] = course
-            others.sort(key=lambda i: (distance(standing[i], b), i))
+            others.sort(key=lambda i: (math.dist(standing[i], b), i))
             seen = (
                 i
                 for i in others
-                if distance(standing[i], b) <= most_m and exploration.space.sees(standing[i], b)
+                if math.dist(standing[i], b) <= most_m and exploration.space.sees(standing[i], b)
             )
             watcher = next(seen, None)
             turn = 0.0 if before is None else turned(before, course)
-            yield Leg(robot, turn, distance(a, b), b, course, watcher)
+            yield Leg(robot, turn, math.dist(a, b), b, course, watcher)
 
 
 def first_courses(legs: list[Leg], robots: int) -> list[float]:
@@ -175,7 +175,6 @@ class Filter:
         self._spread = keep @ self._spread @ keep.T + gain @ noise @ gain.T
 
     def _correct(self, by: Array) -> None:
-        """Move each robot's world by what it was found to be off."""
         for i in range(0, len(by), 3):
             turn = by[i + 2]
             east, north = rotation(turn) @ self._mean[i : i + 2] + swing(turn) @ by[i : i + 2]

@@ -24,7 +24,7 @@ from typing import Final
 from missions.errors import StrategyError
 from missions.lab.cooperation.exploration import Exploration, Why
 from missions.lab.cooperation.robot_team import Team
-from missions.lab.cooperation.space import Point, Space, distance
+from missions.lab.cooperation.space import Point, Space
 from missions.lab.cooperation.stripes import Door, Stripe, stripes_of
 
 MOST_MOVES: Final = 100_000
@@ -88,11 +88,6 @@ def explore(space: Space, start: Point, pattern: Pattern) -> Exploration:
     """Explore a ground from a place in it; ends when every stripe is swept.
 
     Raises `StrategyError` where the range is so short that more than `MOST_MOVES` would be needed.
-
-    >>> hall = Space([(0, 0), (40, 0), (40, 20), (0, 20)])
-    >>> figures = explore(hall, (0.0, 0.0), Pattern(10.0, math.radians(60.0))).figures()
-    >>> figures.pieces, round(figures.path_m), figures.missed_m2
-    (3, 277, 0.0)
     """
     south, north = space.edges[:, 1].min(), space.edges[:, 1].max()
     layers = (north - south) / pattern.height_m
@@ -145,7 +140,7 @@ class _Explorer:
         """The shortest way through swept stripes to a door of one of them, and its length."""
         if here is last:
             point = _nearest(door, place)
-            return distance(place, point), (place, point)
+            return math.dist(place, point), (place, point)
         order = count()
         queue: list[tuple[float, int, int, tuple[Point, ...]]] = [
             (0.0, next(order), here.number, (place,))
@@ -161,12 +156,12 @@ class _Explorer:
             stripe = self._stripes[number]
             if stripe is last:
                 point = _nearest(door, way[-1])
-                total = length + distance(way[-1], point)
+                total = length + math.dist(way[-1], point)
                 heapq.heappush(queue, (total, next(order), -1, (*way, point)))
             for through in stripe.doors:
                 if through.other in self._swept:
                     for point in (through.a, through.b):
-                        total = length + distance(way[-1], point)
+                        total = length + math.dist(way[-1], point)
                         heapq.heappush(queue, (total, next(order), through.other, (*way, point)))
         raise AssertionError("swept stripes hang together")
 
@@ -178,7 +173,7 @@ class _Explorer:
         ends.sort(key=lambda x: (abs(x - entry[0]) if x in seen else math.inf, x))
         for number, end in enumerate(ends):
             if number:
-                back = min(self._team.places, key=lambda place: distance(place, entry))
+                back = min(self._team.places, key=lambda place: math.dist(place, entry))
                 self._team.gather(back)
                 self._team.travel([back, entry])
             self._go(stripe, entry[0], end)
@@ -186,7 +181,6 @@ class _Explorer:
         self._team.mapped(stripe.outline())
 
     def _go(self, stripe: Stripe, x: float, end: float) -> None:
-        """Sweep from one x to another."""
         standing = self._team.spread(self._pattern.rows(stripe, x))
         stops = [end]
         if self._pattern.robots > 2:  # rows are to be straight between two stops
@@ -218,7 +212,7 @@ class _Explorer:
             """By how much the range is exceeded, in metres."""
             rows = self._pattern.rows(stripe, target)
             return max(
-                distance(watching[row], rows[beside]) - self._pattern.range_m
+                math.dist(watching[row], rows[beside]) - self._pattern.range_m
                 for row in range(1 - moving, len(rows), 2)
                 for beside in range(max(row - 1, 0), min(row + 2, len(rows)))
             )
@@ -252,7 +246,6 @@ class _Explorer:
     def _leg(
         self, stripe: Stripe, standing: Sequence[int], row: int, target: Point
     ) -> tuple[Point, ...]:
-        """The way of a robot to its next place: straight, or around the tip of a diamond."""
         here = self._team.places[standing[row]]
         if self._pattern.cover is Cover.TRIANGLES:
             return (target,)
@@ -265,7 +258,6 @@ class _Explorer:
 
 
 def _nearest(door: Door, place: Point) -> Point:
-    """The point of a door that is nearest to a place."""
     (ax, ay), (bx, by) = door.a, door.b
     along = (place[0] - ax) * (bx - ax) + (place[1] - ay) * (by - ay)
     share = min(max(along / ((bx - ax) ** 2 + (by - ay) ** 2), 0.0), 1.0)
@@ -287,15 +279,7 @@ class Reckoned:
 
 
 def reckoned(cover: Cover, x_m: float, y_m: float, range_m: float, theta_rad: float) -> Reckoned:
-    """The formulas, simplified: 1 + cos(a) is 2 cos(a/2)^2, and 1 - cos(a) is 2 sin(a/2)^2.
-
-    >>> found = reckoned(Cover.TRIANGLES, 400.0, 200.0, 10.0, math.radians(60.0))
-    >>> round(found.path_m, 1), round(found.steps, 1), round(found.turns, 1)
-    (18875.2, 1847.5, 46.2)
-    >>> found = reckoned(Cover.DIAMONDS, 400.0, 200.0, 10.0, math.radians(60.0))
-    >>> round(found.path_m, 1), found.steps, found.turns, found.turns_corrected
-    (16964.4, 1600.0..., 200.0..., 3240.0...)
-    """
+    """The formulas, simplified: 1 + cos(a) is 2 cos(a/2)^2, and 1 - cos(a) is 2 sin(a/2)^2."""
     if cover is Cover.TRIANGLES:
         rows_m = range_m * math.cos(theta_rad / 2.0)
         turns = 2.0 * y_m / rows_m

@@ -11,6 +11,7 @@ which they see as well.
 from __future__ import annotations
 
 import heapq
+import math
 from itertools import count, pairwise
 
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from missions.errors import StrategyError
 from missions.lab.cooperation.exploration import Exploration, Why
 from missions.lab.cooperation.robot_team import Team
-from missions.lab.cooperation.space import GRID_M, Point, Space, distance
+from missions.lab.cooperation.space import GRID_M, Point, Space
 
 Corner = tuple[int, int]
 """In units of `GRID_M`: whole numbers, so that what is left of what is exact."""
@@ -30,11 +31,6 @@ def explore(space: Space, start: Point, range_m: float) -> Exploration:
     """Explore a ground with two robots; ends when every triangle is mapped.
 
     Raises `StrategyError` where the range is shorter than the ground is wide.
-
-    >>> room = Space([(0, 0), (6, 0), (6, 4), (0, 4)], [[(2, 1), (3, 1), (3, 2), (2, 2)]])
-    >>> figures = explore(room, (0.0, 0.0), 8.0).figures()
-    >>> figures.pieces, figures.missed_m2
-    (8, 0.0)
     """
     if range_m < space.diameter_m:
         raise StrategyError(
@@ -79,7 +75,7 @@ class _Explorer:
         walls = [edge for edge in self._walls if edge[0] in corners and edge[1] in corners]
         lines = [(a, b) for a in corners for b in corners if a < b]
         for edges in (walls, lines):
-            edges.sort(key=lambda e: (sum(distance(start, _point(c)) for c in e), e))
+            edges.sort(key=lambda e: (sum(math.dist(start, _point(c)) for c in e), e))
             for a, b in edges:
                 through = _in_triangle(self._corners, a, b, _corner(start))
                 if self._space.is_free((start, _point(a), _point(b))) and not through.any():
@@ -106,7 +102,7 @@ class _Explorer:
             for corner in self._known[frozenset(at)]:
                 for robot in (0, 1):
                     after = (corner, at[1]) if robot == 0 else (at[0], corner)
-                    total = length + distance(_point(at[robot]), _point(corner))
+                    total = length + math.dist(_point(at[robot]), _point(corner))
                     heapq.heappush(queue, (total, next(order), after, (*steps, (robot, corner))))
         raise AssertionError("triangles hang together")
 
@@ -169,11 +165,10 @@ def _point(corner: Corner) -> Point:
 
 
 def _length(a: Corner, b: Corner) -> float:
-    return distance(_point(a), _point(b))
+    return math.dist(_point(a), _point(b))
 
 
 def _cosine(a: Corner, b: Corner, c: Corner) -> float:
-    """Of the angle under which c sees a and b."""
     ax, ay, bx, by = a[0] - c[0], a[1] - c[1], b[0] - c[0], b[1] - c[1]
     return float((ax * bx + ay * by) / (_length(a, c) * _length(b, c)))
 

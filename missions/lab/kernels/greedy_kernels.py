@@ -21,10 +21,7 @@ VISITS = 1_000_000
 
 @kernel
 def adjacency(vertices: int, ends: Ints) -> tuple[Ints, Ints]:
-    """Who lies beside whom: v's neighbours are `beside[first[v]:first[v + 1]]`.
-
-    `ends` holds the two vertices of every edge; shape (E, 2).
-    """
+    """(first, beside) from `ends` (E, 2): v's neighbours are `beside[first[v]:first[v + 1]]`."""
     first = np.zeros(vertices + 1, np.int32)
     for e in range(ends.shape[0]):
         first[ends[e, 0] + 1] += 1
@@ -45,7 +42,7 @@ def adjacency(vertices: int, ends: Ints) -> tuple[Ints, Ints]:
 def nearest_unvisited(
     first: Ints, beside: Ints, rank: Ranks, visited: Ranks, seen: Ints, queue: Ints, start: int
 ) -> tuple[int, int]:
-    """A nearest unvisited vertex and its distance; of several one of the lowest rank.
+    """A nearest unvisited vertex of the lowest rank, and its distance.
 
     `seen` holds the start of the last search that came by; `queue` is scratch space.
     """
@@ -81,7 +78,7 @@ def _visit(
     at: int,
     most: int,
 ) -> tuple[int, int]:
-    """Visit so many vertices at most; returns the next, -1 where none is left, and the travel."""
+    """Visit at most `most` vertices; returns the next, -1 where none is left, and the travel."""
     travel = 0
     for _ in range(most):
         visited[at] = 1
@@ -93,9 +90,9 @@ def _visit(
 
 
 def greedy_travel(first: Ints, beside: Ints, rank: Ranks, start: int) -> tuple[int, int]:
-    """The travel of Greedy Mapping up to the last vertex, and how many vertices it visited.
+    """The travel of Greedy Mapping up to the last vertex, and the number of visited vertices.
 
-    It returns to Python every so often, so that it can be interrupted.
+    It returns to Python now and then, so that it can be interrupted.
     """
     visited = np.zeros(len(rank), np.int8)
     seen = np.full(len(rank), -1, np.int32)

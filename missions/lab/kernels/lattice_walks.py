@@ -38,7 +38,7 @@ def neighbours(m: int) -> tuple[Ints, Ints]:
 
 @kernel
 def _draw(state: int) -> int:
-    """The next of a sequence of random numbers, 1 to 2^32 - 1: Marsaglia's xorshift."""
+    """The next random number, 1 to 2^32 - 1: Marsaglia's xorshift."""
     state ^= (state << 13) & MASK
     state ^= state >> 17
     return state ^ ((state << 5) & MASK)
@@ -61,23 +61,20 @@ def shuffled(near: Ints, degree: Ints, seed: int) -> Ints:
 def least_recently_visited(
     near: Ints, degree: Ints, marks: Ints, visited: Ints, coverage: int, place: int, state: int
 ) -> tuple[int, int, int]:
-    """One coverage by LRV.
+    """One coverage by LRV: (steps, place, state of the random numbers).
 
-    A vertex counts for each of its directions how often it sent the robot there, and sends it
-    where the count is least, of equals to the first in `near`. Then the counts differ by one at
-    most, and the directions follow each other round and round: a pointer says the same.
+    A vertex sends the robot in the direction that it has chosen least often, of equals the first in
+    `near`. Then these counts differ by one at most, and the directions follow each other round and
+    round: a pointer says the same.
 
     Args:
-        near: the neighbours of every vertex.
-        degree: how many they are.
+        near: the neighbours of every vertex, `degree` of them used.
+        degree: as `neighbours` returns it.
         marks: what the robot left at the vertices, changed; at first zeros.
         visited: the last coverage in which a vertex was visited, changed; at first -1.
         coverage: the number of this one.
         place: where the robot is.
         state: of the random numbers, not 0.
-
-    Returns:
-        Steps, where the robot is, and the state.
     """
     visited[place] = coverage
     left, steps = len(near) - 1, 0
@@ -141,7 +138,7 @@ Walk = Callable[[Ints, Ints, Ints, Ints, int, int, int], tuple[int, int, int]]
 
 
 def cover(walk: Walk, near: Ints, degree: Ints, coverages: int, state: int) -> list[int]:
-    """Steps of one coverage after the other; between two of them a run can be interrupted."""
+    """Steps of each coverage; between two of them a run can be interrupted."""
     marks, visited = np.zeros(len(near), np.int32), np.full(len(near), -1, np.int32)
     found, place = [], 0
     for coverage in range(coverages):

@@ -1,10 +1,9 @@
 """The figures of `rdfs` in the arena, on arrays: millions of moves a second.
 
-Studies of its bounds need regions of 100,000 cells, whose trees are 40,000 deep.
-`missions.planning.stepwise.rdfs` in `missions.lab.arena.arena_run` is what flies; a property test
-holds the two to the same figures. What is different is the counting: no robot walks up the tree.
-The robots at or below a vertex change by one where a robot steps down or up, and a vertex marks
-itself as explored at its parent, once.
+Studies of its bounds need regions of 100,000 cells, whose trees are 40,000 deep. What flies is
+`missions.planning.stepwise.rdfs`; a property test holds the two to the same figures. Only the
+counting differs, for no robot walks up the tree: the robots at or below a vertex change by one
+where a robot steps down or up, and a vertex marks itself as explored at its parent, once.
 """
 
 from __future__ import annotations
@@ -23,21 +22,17 @@ _ENTERED = 1 << 30
 UNKNOWN = -1
 
 # A vertex is a row, half a cache line: its neighbours north, east, south, west, and
-PARENT = 4
-"""the vertex above, the start's is itself; -1 where no robot came"""
+PARENT = 4  # the vertex above, the start's is itself; -1 where no robot came
 DEPTH = 5
-"""how deep it hangs"""
-_STATE = 6
-"""whether it was looked from, and which of the four neighbours are unfinished children"""
-_BELOW = 7
-"""how many robots are at or below it; not kept for the start"""
+_STATE = 6  # _LOOKED if it was looked from, and a bit for each neighbour that is unfinished
+_BELOW = 7  # robots at or below it; not kept for the start
 
 _LOOKED = 16
 
 
 @kernel
 def _look(rows: Ints, v: int) -> None:
-    """A look from v: new children, and whose subtree is explored by it."""
+    """Look from v: hang new children, and mark the subtrees that are explored by it."""
     rows[v, _STATE] |= _LOOKED
     for d in range(4):
         w = rows[v, d]
@@ -55,7 +50,7 @@ def _look(rows: Ints, v: int) -> None:
 
 @kernel
 def _rank(rows: Ints, branch: Ints, low: int, high: int) -> int:
-    """Smaller is better: nobody has been there yet, then the fewest robots."""
+    """Smaller is better: not entered yet, then the fewest robots."""
     entered, robots = 0, 0
     for i in range(low, high):
         child = branch[i]
@@ -67,7 +62,7 @@ def _rank(rows: Ints, branch: Ints, low: int, high: int) -> int:
 
 @kernel
 def _next(rows: Ints, away: Longs, branch: Ints, v: int) -> int:
-    """Where a robot at v goes; `branch` is scratch space for four children, the outermost first."""
+    """The next vertex of a robot at v; `branch` is scratch space for four children."""
     low, high = 0, 0
     for d in range(4):
         if rows[v, _STATE] >> d & 1:
@@ -104,9 +99,9 @@ def _homewards(rows: Ints, steps: Ints, v: int) -> int:
 def _arrive(
     rows: Ints, away: Longs, at: Ints, end_t: Floats, t: float, arrived: Ints, fresh: Ints
 ) -> int:
-    """Those whose leg ends at t stand, and look, in the order of depth, then the outermost first.
+    """Let robots whose leg ends at t look, by depth, then the outermost first.
 
-    They are put into `arrived`, ascending; returns how many they are.
+    They are put into `arrived`, ascending; returns their number.
     """
     count, new = 0, 0
     for robot in range(len(at)):
@@ -132,7 +127,7 @@ def _arrive(
 
 @kernel
 def _later(rows: Ints, away: Longs, v: int, w: int) -> bool:
-    """Whether of two that arrive together v looks after w."""
+    """Whether v is looked from after w, if robots arrive there together."""
     return (rows[v, DEPTH], -away[v], v) > (rows[w, DEPTH], -away[w], w)
 
 
@@ -149,19 +144,18 @@ def play(
     """Explore everything that `start` reaches and come home.
 
     Args:
-        near: for every cell its neighbours north, east, south, west, -1 where that is not ROI;
-            shape (C, 4). Cells are numbered in ascending order.
-        away: how far every cell is from the start, as the crow flies, squared.
-        start: the cell where all robots are at first.
-        robots: how many.
-        cost: what a move north, east, south, west takes.
-        look_cost: what a look takes.
-        steps: steps from every cell to the start, by which they go home; where it is empty they
-            go up the tree.
+        near: (C, 4), the neighbours north, east, south, west of cells in ascending order; -1 where
+            that is not ROI.
+        away: squared straight distance of every cell from the start.
+        start: the first cell of all robots.
+        robots: their number.
+        cost: time of a move north, east, south, west.
+        look_cost: time of a look.
+        steps: steps from every cell to the start, for the way home; empty: up the tree.
 
     Returns:
-        The makespan, the number of moves, and the rows of the vertices, of which the columns
-        `PARENT` and `DEPTH` tell the tree; shape (C, 8).
+        The makespan, the number of moves, and the rows of the vertices (C, 8), whose columns
+        `PARENT` and `DEPTH` hold the tree.
     """
     rows = np.zeros((near.shape[0], 8), np.int32)
     rows[:, :4] = near
@@ -173,7 +167,7 @@ def play(
     arrived = np.arange(robots).astype(np.int32)
     count = robots
     at = np.full(robots, start, np.int32)
-    end_t = np.full(robots, np.inf)  # endless: stands at a vertex
+    end_t = np.full(robots, np.inf)  # inf: at a vertex
     t, makespan, moves = 0.0, 0.0, 0
     while True:
         for i in range(count):

@@ -129,11 +129,7 @@ class GridMap:
 
     @property
     def circumnavigation(self) -> int:
-        """Moves around all obstacles together, c in Lemma 2.
-
-        >>> GridMap.of({Cell(0, 0), Cell(1, 0)}).circumnavigation
-        2
-        """
+        """Moves around all obstacles together, c in Lemma 2."""
         return sum(i * count for i, count in enumerate(self.labels))
 
 
@@ -168,13 +164,7 @@ def candidates_after(
 
 
 def split(known: GridMap, candidates: Candidates, direction: int) -> list[Candidates]:
-    """What a move makes of candidates: the groups in which the same is sensed afterwards.
-
-    >>> from missions.units import Cell
-    >>> corridor = GridMap.of({Cell(i, 0) for i in range(5)})
-    >>> split(corridor, (1, 2, 3), 1)
-    [(0,), (1, 2)]
-    """
+    """What a move makes of candidates: the groups in which the same is sensed afterwards."""
     step, patterns = known.steps[direction], known.patterns
     groups: dict[int, list[int]] = {}
     for here in candidates:

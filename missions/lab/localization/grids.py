@@ -14,10 +14,6 @@ def chevrons(k: int, m: int) -> tuple[set[Cell], Cell]:
     m obstacles of 2 k + 1 cells point west. Rows -(k + 1) to k + 1 are each moved east by their
     distance from the middle; all but the outermost are (free, free, obstructed) m times, then free,
     free.
-
-    >>> cells, start = chevrons(4, 5)
-    >>> len(cells) == 4 * 4 * 5 + 8 * 5 + 4 * 4 + 4, start
-    (True, Cell(east=16, north=0))
     """
     width = 3 * m + 2
     cells = {
@@ -32,11 +28,7 @@ def chevrons(k: int, m: int) -> tuple[set[Cell], Cell]:
 
 
 def studded(k: int) -> set[Cell]:
-    """G_k of Lemma 8: a square of 2 k + 1 with k^2 obstacles of one cell.
-
-    >>> len(studded(3)) == 3 * 3**2 + 4 * 3 + 1
-    True
-    """
+    """G_k of Lemma 8: a square of 2 k + 1 with k^2 obstacles of one cell."""
     side = range(2 * k + 1)
     return {Cell(east, north) for east in side for north in side if not east % 2 * (north % 2)}
 
@@ -47,11 +39,7 @@ def corridor(cells: int) -> set[Cell]:
 
 
 def cluttered(width: int, height: int, share: float, rng: np.random.Generator) -> set[Cell]:
-    """A room in which a share of the cells is obstructed, at random: the largest part of it.
-
-    >>> len(cluttered(4, 3, 0.0, np.random.default_rng(1)))
-    12
-    """
+    """A room in which a share of the cells is obstructed, at random: the largest part of it."""
     free = rng.random((width, height)) >= share
     left = {Cell(int(e), int(n)) for e, n in np.argwhere(free)} or {Cell(0, 0)}
     return set(patches(left)[0])

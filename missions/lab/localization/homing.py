@@ -49,12 +49,7 @@ AHEAD: Final = (2, 1, 3, 0, 4)
 
 
 def homing(pattern: int) -> Moves:
-    """Move as the Homing Robot does. It never ends by itself.
-
-    >>> corridor = homing(0b01000000)  # only the cell in the east is free
-    >>> next(corridor)
-    3
-    """
+    """Move as the Homing Robot does. It never ends by itself."""
     while True:
         hit = next((i for i in AHEAD if not pattern >> i & 1), None)
         if hit is None:
@@ -115,11 +110,7 @@ def depth_first(pattern: int) -> Moves:
 
 
 def random_walk(pattern: int, rng: np.random.Generator) -> Moves:
-    """Go to any unobstructed neighbour, each as likely as the others. It never ends by itself.
-
-    >>> next(random_walk(0b100, np.random.default_rng(1)))
-    1
-    """
+    """Go to any unobstructed neighbour, each as likely as the others. It never ends by itself."""
     while True:
         ways = [d for d in DIRECTIONS if is_free(pattern, d)]
         pattern = yield ways[int(rng.integers(len(ways)))]
@@ -129,11 +120,7 @@ _ABOVE, _BELOW = 2 * NORTH, 2 * SOUTH
 
 
 def blum_kozen(pattern: int) -> Moves:
-    """Move from column to column. It never ends by itself.
-
-    >>> next(blum_kozen(0b00010000)) == SOUTH
-    True
-    """
+    """Move from column to column. It never ends by itself."""
     pattern = yield from _straight(pattern, SOUTH)
     heading = heading_beside(pattern, _BELOW)
     while True:
@@ -156,7 +143,6 @@ def blum_kozen(pattern: int) -> Moves:
 
 
 def _straight(pattern: int, direction: int) -> Generator[int, int, int]:
-    """Go in one direction as far as it is free."""
     while is_free(pattern, direction):
         pattern = yield direction
     return pattern

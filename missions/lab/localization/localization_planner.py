@@ -47,12 +47,7 @@ Way = tuple[int, ...]
 
 
 def homing_bound(known: GridMap) -> int:
-    """Moves that the Homing Robot needs at most, from any cell (Lemma 1); never above 4 n.
-
-    >>> from missions.units import Cell
-    >>> homing_bound(GridMap.of({Cell(i, 0) for i in range(10)}))
-    27
-    """
+    """Moves that the Homing Robot needs at most, from any cell (Lemma 1); never above 4 n."""
     return known.labels[0] + 3 * known.circumnavigation // 2
 
 
@@ -149,7 +144,6 @@ class Planner:
 
 
 def _depth(candidates: Candidates) -> int:
-    """Splits to look ahead."""
     return next((depth for most, depth in LOOK_AHEAD if len(candidates) <= most), 1)
 
 

@@ -123,7 +123,6 @@ def localize(
 
 
 def _next(walk: Moves, seen: int | None) -> int | None:
-    """The next move; None when the method has no more."""
     try:
         return next(walk) if seen is None else walk.send(seen)
     except StopIteration:

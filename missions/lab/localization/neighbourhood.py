@@ -22,20 +22,12 @@ FREE: Final = 0xFF
 
 
 def back(direction: int) -> int:
-    """The opposite direction.
-
-    >>> back(NORTH) == SOUTH, back(EAST) == WEST
-    (True, True)
-    """
+    """The opposite direction."""
     return (direction + 2) % 4
 
 
 def is_free(pattern: int, direction: int) -> bool:
-    """Whether the cell in a direction is unobstructed.
-
-    >>> is_free(0b100, WEST), is_free(0b100, EAST)
-    (True, False)
-    """
+    """Whether the cell in a direction is unobstructed."""
     return bool(pattern >> 2 * direction & 1)
 
 
@@ -48,11 +40,7 @@ def keep_right(pattern: int, heading: int) -> int:
     >>> keep_right(FREE, NORTH) == EAST
     True
     """
-    for turns in range(4):
-        direction = (heading + 3 + turns) % 4
-        if is_free(pattern, direction):
-            return direction
-    raise ValueError("a cell without an unobstructed neighbour has no way out")
+    return _first_free(pattern, heading + 3, 1)
 
 
 def keep_left(pattern: int, heading: int) -> int:
@@ -61,10 +49,13 @@ def keep_left(pattern: int, heading: int) -> int:
     >>> keep_left(FREE, NORTH) == WEST
     True
     """
-    for turns in range(4):
-        direction = (heading + 1 - turns) % 4
-        if is_free(pattern, direction):
-            return direction
+    return _first_free(pattern, heading + 1, -1)
+
+
+def _first_free(pattern: int, begin: int, step: int) -> int:
+    for direction in range(begin, begin + 4 * step, step):
+        if is_free(pattern, direction % 4):
+            return direction % 4
     raise ValueError("a cell without an unobstructed neighbour has no way out")
 
 
@@ -101,9 +92,6 @@ def label(pattern: int) -> int:
 
     Cells are connected where they share at least a corner, within the square of nine. It is how
     often the cell is entered when all obstacles are circumnavigated (Lemma 2).
-
-    >>> label(FREE), label(0), label(0b01010101)
-    (0, 1, 4)
     """
     # between two unobstructed edge neighbours lies at most one component
     edges = [i for i in (0, 2, 4, 6) if pattern >> i & 1]

@@ -73,7 +73,6 @@ class NoisyPlanner:
         return self._way.pop(0)
 
     def _planned(self, belief: Belief) -> list[int]:
-        """The best way found."""
         places, weights = self._hypotheses(belief.mass)
         doubts = np.outer(weights, weights)
         np.fill_diagonal(doubts, 0.0)
@@ -120,7 +119,6 @@ class NoisyPlanner:
         return places, weights[places] / weights[places].sum()
 
     def _straight(self, doubts: Doubts, places: NDArray[np.intp]) -> tuple[float, list[int]]:
-        """The best of the straight ways, with what it needs."""
         best = (math.inf, [0])
         directions = np.array(DIRECTIONS, np.intp)
         ways, at = np.repeat(doubts[None], 4, axis=0), np.repeat(places[None], 4, axis=0)
@@ -188,14 +186,6 @@ def localize_with_errors(
 
     Raises:
         KeyError: the start is not on the map.
-
-    >>> from missions.lab.localization.methods import METHODS
-    >>> row = GridMap.of({Cell(i, 0) for i in range(6)})
-    >>> errors = Errors(Noise(0.05, 0.1), slip=0.02)
-    >>> rng = np.random.default_rng(1)
-    >>> done = localize_with_errors(row, Cell(2, 0), METHODS["plan"], errors, rng)
-    >>> done.right, done.confidence >= 0.95
-    (True, True)
     """
     here = known.index[start]
     walk = _Walk(known, method, errors, rng)
@@ -251,7 +241,6 @@ class _Walk:
 
 
 def _sensed(pattern: int, noise: Noise, rng: np.random.Generator) -> int:
-    """What a sensor makes of a pattern."""
     if noise == EXACT:
         return pattern
     wrong = rng.random(8)
@@ -265,7 +254,6 @@ def _sensed(pattern: int, noise: Noise, rng: np.random.Generator) -> int:
 def _landed(
     known: GridMap, here: int, direction: int, slip: float, rng: np.random.Generator
 ) -> int:
-    """Where a move ends."""
     if rng.random() < slip:
         wrong = [None, *(d for d in DIRECTIONS if d != direction)][int(rng.integers(4))]
         if wrong is None:

@@ -36,9 +36,6 @@ class Noise:
 
     A positive is an unobstructed cell, a cell of the region. Both rates are 0 to `MAX_RATE`; a
     `LocalizationError` names the one that is not.
-
-    >>> Noise(0.1, 0.0).likelihoods(0b1)[[0b1, 0b0]].round(4)
-    array([0.4783, 0.0478])
     """
 
     false_positive: float = 0.0

@@ -48,12 +48,11 @@ class Bfdn:
         return 2.0 * cells / robots + depth**2 * (min(math.log(_DEGREE), math.log(robots)) + 3.0)
 
     def bound_holds(self, robots: int, metric: Metric) -> bool:
-        """In rounds, so where no move takes longer than another; one robot always goes in rounds
-        of its own."""
+        """In rounds: where no move takes longer than another, or one robot is alone."""
         return robots == 1 or (metric.drift_speed == 0.0 and metric.look == 0.0)
 
     def decide(self, situation: Situation) -> Decision:
-        """One robot after the other. The memory is everybody's anchor."""
+        """One robot after the other. The memory is the anchor of each."""
         tree, at = situation.tree, situation.at
         before = cast("Mapping[int, _Anchor]", situation.memory or {})
         anchors = {r: before.get(r, _Anchor(tree.root)) for r in at}
@@ -64,7 +63,7 @@ class Bfdn:
                 anchors[robot] = _Anchor(_anchor(tree, anchors, robot), ahead=True)
             if here == anchors[robot].cell:
                 anchors[robot] = _Anchor(here, ahead=False)
-                others = set()  # it came for these children: whoever else heads there may not come
+                others = set()  # it came for these children: another that heads there may not come
             busy = others.union(cell for cell in moves.values() if cell is not None)
             moves[robot] = _move(tree, busy, here, anchors[robot])
         return Decision(moves, anchors)
@@ -72,8 +71,6 @@ class Bfdn:
 
 @dataclass(frozen=True, slots=True)
 class _Anchor:
-    """Where a robot is anchored, and whether it is on the way down to it."""
-
     cell: Cell
     ahead: bool = False
 

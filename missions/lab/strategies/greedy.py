@@ -1,19 +1,17 @@
-"""Greedy Mapping of Tovey and Koenig: always to the nearest cell that nobody has visited.
+"""Greedy Mapping of Tovey and Koenig: always to the nearest unvisited cell.
 
-One robot moves along a shortest way over known cells to the nearest known cell that is unvisited,
-until there is none. With several robots each goes to the nearest of the cells that the fewest
-others head for: to one of its own while there are any, and then to another's, so that nobody waits
-for a robot that may never come.
+One robot moves along a shortest way over known cells to the nearest unvisited one, until there is
+none. Several robots each go to the nearest of the cells that the fewest others head for: to one of
+its own while there are any, then to another's, so that no robot waits for one that may never come.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
 
-from missions.lab.strategies.leg_costs import Ways
+from missions.lab.strategies.leg_costs import Ways, headed_for
 from missions.mapping.breadth_first import step_home
 from missions.planning.stepwise.interface import Decision, Situation
 from missions.planning.stepwise.metric import Metric
@@ -39,12 +37,11 @@ class Greedy:
         return 2.0 * cells**1.5 + 4.0 * cells + depth if robots == 1 else None
 
     def bound_holds(self, robots: int, metric: Metric) -> bool:
-        """Cell by cell: the theorem counts edges of a graph, where the nearest cell is the one
-        with the fewest on the way."""
+        """Cell by cell only: the theorem counts edges of a graph."""
         return not metric.straight
 
     def decide(self, situation: Situation) -> Decision:
-        """One robot after the other. The memory is where everybody heads for."""
+        """One robot after the other. The memory is the goal of each."""
         tree, at = situation.tree, situation.at
         before = cast("Mapping[int, Cell]", situation.memory or {})
         goals = {r: before.get(r, at[r]) for r in at}
@@ -54,10 +51,7 @@ class Greedy:
             if not ways.unvisited:
                 moves[robot] = step_home(tree, at[robot])
                 continue
-            others = Counter(cell for r in at if r != robot for cell in {goals[r], at[r]})
-            fewest = min(others[cell] for cell in ways.unvisited)
-            free = [cell for cell in ways.unvisited if others[cell] == fewest]
-            nearest = ways.nearest(at[robot], free)
+            nearest = ways.nearest_free(at[robot], headed_for(robot, at, goals))
             if goals[robot] not in nearest:  # of equally near ones keep the one before
                 goals[robot] = nearest[0]
             moves[robot] = ways.next_stop(at[robot], goals[robot])

@@ -4,11 +4,6 @@ At every decision all robots are assigned to the known unvisited cells by the Hu
 cell costs the way to it less a share of the way home from it: far cells are done on the way out, so
 that what is left lies towards home. When there are more robots than cells a cell is given out
 again, the dearer the more often.
-
-The cheapest assignment of rows to columns: the Hungarian method.
-
-Shortest augmenting paths with potentials (Kuhn 1955, Munkres 1957; in this form Jonker and
-Volgenant 1987): O(rows^2 x columns).
 """
 
 from __future__ import annotations
@@ -27,7 +22,9 @@ from missions.units import Cell
 def assign(costs: Sequence[Sequence[float]]) -> list[int]:
     """For every row a column of its own, so that the sum of the costs is least.
 
-    There are at least as many columns as rows; costs are finite. Raises ValueError otherwise.
+    Shortest augmenting paths with potentials (Kuhn 1955, Munkres 1957; in this form Jonker and
+    Volgenant 1987), O(rows^2 x columns). Raises ValueError for more rows than columns, and for
+    costs that are not finite.
 
     >>> assign([[4.0, 1.0, 3.0], [2.0, 0.0, 5.0], [3.0, 2.0, 2.0]])
     [1, 0, 2]
@@ -51,7 +48,7 @@ def assign(costs: Sequence[Sequence[float]]) -> list[int]:
 def _augment(
     costs: Sequence[Sequence[float]], u: list[float], v: list[float], row_of: list[int]
 ) -> None:
-    """Give one more row a column, along the shortest path of changes (Dijkstra)."""
+    """Assign one more row, along the shortest path of changes (Dijkstra)."""
     columns = len(v) - 1
     least, before = [math.inf] * (columns + 1), [0] * (columns + 1)
     done = [False] * (columns + 1)
@@ -82,9 +79,9 @@ def _augment(
 
 
 DEPTH_BIAS = 0.6
-"""By how much a cell is cheaper for each step of its depth."""
+"""Discount of a cell for each step of its depth."""
 CROWDING = 3.0
-"""By how much a cell is dearer for each robot that goes there already."""
+"""Surcharge of a cell for each robot that goes there already."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +103,7 @@ class Hungarian:
         return None
 
     def decide(self, situation: Situation) -> Decision:
-        """Everybody is assigned, and who decides goes."""
+        """Assign all robots; those that decide go."""
         tree, at = situation.tree, situation.at
         ways = Ways(tree, situation.metric)
         goals = _goals(tree, ways, at)
@@ -121,7 +118,7 @@ class Hungarian:
 
 
 def _goals(tree: Tree, ways: Ways, at: Mapping[int, Cell]) -> dict[int, Cell]:
-    """For every robot the cell that it heads for; empty when all cells are visited."""
+    """The goal of every robot; empty when all cells are visited."""
     depth = ways.steps(tree.root)
     todo = sorted(ways.unvisited, key=lambda cell: -depth[cell])  # of equally dear ones the far
     if not todo:

@@ -1,13 +1,13 @@
-"""How far it is, and where to go first: cell by cell, or straight as in flight.
+"""Ways and their lengths, cell by cell or straight as in flight.
 
-Lengths are in cells. Where robots fly straight the length of a leg is the time that it adds to a
-closed tour, times the speed, so that it is a length again; a leg that is not allowed is as long as
-the way over known cells.
+Lengths are in cells. Where robots fly straight a leg's length is the time that it adds to a closed
+tour, times the speed; a leg that is not allowed is as long as the way over known cells.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections import Counter
+from collections.abc import Collection, Mapping
 from functools import cache
 
 from missions.mapping.breadth_first import neighbours_in, reached
@@ -33,18 +33,17 @@ class Ways:
     def __init__(self, tree: Tree, metric: Metric) -> None:
         self._metric = metric
         known = dict(tree.vertices.items())
-        # most ways are short: who asks for the next cell should not pay for the whole map
+        # most ways are short: the next cell should not cost the whole map
         self._near = cache(neighbours_in(known))
         self.unvisited = [cell for cell, vertex in known.items() if not vertex.looked]
-        """The known cells that nobody has looked from, in the order in which they were found."""
+        """The known cells from which no robot has looked, in the order in which they were found."""
 
     def steps(self, start: Cell, until: Collection[Cell] = ()) -> dict[Cell, int]:
-        """Steps from a vertex to every vertex over known cells, nearest first; with `until` no
-        farther than to the nearest of these."""
+        """Steps to every vertex, nearest first; with `until` as far as to the nearest of these."""
         return reached(self._near, start, until)
 
     def nearest(self, start: Cell, goals: Collection[Cell]) -> list[Cell]:
-        """Those of some vertices that are nearest to one: several when they are equally near."""
+        """The nearest of some vertices: several when they are equally near."""
         wanted = frozenset(goals)
         if self._metric.straight:
             far = self.lengths(start, wanted)
@@ -53,8 +52,13 @@ class Ways:
         last = next(reversed(steps.values()))
         return [cell for cell, count in steps.items() if count == last and cell in wanted]
 
+    def nearest_free(self, start: Cell, others: Mapping[Cell, int]) -> list[Cell]:
+        """The nearest of the unvisited vertices that the fewest others head for."""
+        fewest = min(others.get(cell, 0) for cell in self.unvisited)
+        return self.nearest(start, [c for c in self.unvisited if others.get(c, 0) == fewest])
+
     def lengths(self, start: Cell, goals: Collection[Cell]) -> dict[Cell, float]:
-        """The length of the way from a vertex to each of some others, nearest first."""
+        """The length of the way to each of some vertices, nearest first."""
         wanted = frozenset(goals)
         found = {cell: float(n) for cell, n in self.steps(start).items() if cell in wanted}
         if not self._metric.straight:
@@ -65,7 +69,7 @@ class Ways:
         return dict(sorted(found.items(), key=lambda item: item[1]))
 
     def next_stop(self, start: Cell, goal: Cell) -> Cell:
-        """The vertex to move to on the way to another: itself where robots fly straight."""
+        """The next vertex on the way to another: that one where robots fly straight."""
         if self._metric.straight and self._is_straight(start, goal):
             return goal
         steps = self.steps(goal, [start])
@@ -74,3 +78,8 @@ class Ways:
     def _is_straight(self, start: Cell, end: Cell) -> bool:
         passable = self._metric.passable
         return passable is None or passable(start, end)
+
+
+def headed_for(robot: int, at: Mapping[int, Cell], goals: Mapping[int, Cell]) -> Counter[Cell]:
+    """For each cell the number of other robots that are there or head for it."""
+    return Counter(cell for r in at if r != robot for cell in {goals[r], at[r]})

@@ -19,12 +19,11 @@ that there is no bound.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import cast
 
-from missions.lab.strategies.leg_costs import Ways
+from missions.lab.strategies.leg_costs import Ways, headed_for
 from missions.mapping.breadth_first import step_home, step_towards
 from missions.mapping.tree import Tree
 from missions.planning.stepwise.interface import Decision, Situation
@@ -62,15 +61,14 @@ class SmartDfs:
             here = at[robot]
             if here == goals[robot]:
                 trails[robot] += (_fork(tree, ways, trails[robot], here),)
-            others = Counter(cell for r in at if r != robot for cell in {goals[r], at[r]})
+            others = headed_for(robot, at, goals)
             trails[robot] = trail = _unfinished(tree, others, trails[robot])
             if trail:
-                goals[robot] = _next(tree, others, trail[-1])
+                order = trail[-1].order
+                goals[robot] = next(cell for cell in order if _left(tree, others, cell))
                 moves[robot] = _towards(tree, here, trail[-1].cell, goals[robot])
             elif ways.unvisited:
-                fewest = min(others[cell] for cell in ways.unvisited)
-                free = [cell for cell in ways.unvisited if others[cell] == fewest]
-                goals[robot] = ways.nearest(here, free)[0]
+                goals[robot] = ways.nearest_free(here, others)[0]
                 moves[robot] = step_towards(tree, here, goals[robot])
             else:
                 moves[robot] = step_home(tree, here)
@@ -79,7 +77,7 @@ class SmartDfs:
 
 @dataclass(frozen=True, slots=True)
 class _Fork:
-    """A cell that a robot came to explore, and in which order it tries the neighbours."""
+    """A cell that a robot came to explore, and the order in which it tries the neighbours."""
 
     cell: Cell
     order: tuple[Cell, ...]
@@ -87,8 +85,6 @@ class _Fork:
 
 @dataclass(frozen=True, slots=True)
 class _Memory:
-    """Every robot's forks, and where everybody heads for."""
-
     trails: Mapping[int, tuple[_Fork, ...]] = field(default_factory=dict)
     goals: Mapping[int, Cell] = field(default_factory=dict)
 
@@ -117,8 +113,7 @@ def _way_home(tree: Tree, home: Mapping[Cell, int], part: Collection[Cell], here
 
 
 def _part(tree: Tree, start: Cell) -> frozenset[Cell]:
-    """The known unvisited cells that may hang together with one: over sides, and around corners
-    where nothing that is known forbids it."""
+    """The known unvisited cells that may hang together with one, over sides or open corners."""
     part, todo = {start}, [start]
     while todo:
         e, n = todo.pop()
@@ -134,7 +129,7 @@ def _part(tree: Tree, start: Cell) -> frozenset[Cell]:
 
 
 def _shut(tree: Tree, cell: Cell) -> bool:
-    """Whether nobody can be led over a cell to something unvisited: visited, or not ROI."""
+    """Whether no way leads over a cell to something unvisited: visited, or not ROI."""
     if cell in tree:
         return tree.has_looked(cell)
     return any(n in tree and tree.has_looked(n) for n in cell.neighbours())
@@ -149,12 +144,8 @@ def _unfinished(
     return trail
 
 
-def _next(tree: Tree, others: Mapping[Cell, int], fork: _Fork) -> Cell:
-    return next(cell for cell in fork.order if _left(tree, others, cell))
-
-
 def _left(tree: Tree, others: Mapping[Cell, int], cell: Cell) -> bool:
-    """Whether a cell is unvisited and nobody else heads for it."""
+    """Whether a cell is unvisited and no other robot heads for it."""
     return not tree.has_looked(cell) and not others.get(cell)
 
 

@@ -75,8 +75,8 @@ class Search(Section):
     mapped. "all": the whole box is seen, and every patch of the ROI that begins in it is mapped
     (strategy "swath")."""
     altitude_m: Altitude | None = None
-    """Of the lowest layer of the search, above the start; without it the box is searched from where
-    it is mapped. "auto": as high as `search.pixels_per_cell` and `fence.ceiling_m` allow."""
+    """Of the lowest layer of the search, above the start; without it that of the map. "auto": as
+    high as `search.pixels_per_cell` and `fence.ceiling_m` allow."""
     pixels_per_cell: Positive = 20.0
     """What the edge of a cell must have for a suspicion, where the search has layers of its own."""
     layer_m: NotNegative | None = None

@@ -87,9 +87,6 @@ def drift_lower_bound(static_moves: float, metric: Metric) -> float:
 
     Tours are closed, so a step costs on average at least what it costs across the drift:
     1 / sqrt(Sr^2 - Sp^2).
-
-    >>> drift_lower_bound(8, Metric(speed=1.0, drift_east=0.6))
-    10.0
     """
     return static_moves * metric.least_per_length
 
@@ -102,9 +99,6 @@ def flight_lower_bound(roi: Collection[Cell], start: Cell, robots: int, metric: 
     the length of a cell; and it looks k times. Over a closed tour a unit of length costs at least
     1 / sqrt(Sr^2 - Sp^2). The largest of these over all d. The look from the start, which comes
     before any move, is not counted.
-
-    >>> flight_lower_bound([Cell(1, 0), Cell(2, 0)], Cell(0, 0), 1, Metric(straight=True))
-    4.0
     """
     best = 0.0
     for distance, visits in _shares(roi, start, robots):
@@ -291,11 +285,6 @@ def passing_bound_s(
         lean_m: how far a lean shifts it at most.
         speed_m_s: of the fastest vehicle, above 0.
         turned: whether pictures lie at any angle to the grid.
-
-    >>> round(passing_bound_s(6400.0, 1, 0, (20.0, 15.0), 0.0, 6.0), 1)
-    40.7
-    >>> round(passing_bound_s(6400.0, 1, 0, (20.0, 15.0), 0.0, 6.0, turned=True), 1)
-    39.4
     """
     east_m, north_m = footprint_m[0] + 2.0 * lean_m, footprint_m[1] + 2.0 * lean_m
     diagonal_m = math.hypot(east_m, north_m)

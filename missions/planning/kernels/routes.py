@@ -10,6 +10,8 @@ node. So what is uncertain comes early on a route. `routes` has a row of nodes f
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +22,19 @@ Ints = NDArray[np.int32]
 
 NEAR, ONE_FAR = 8, 8
 """How many nodes and robots are near a node; one attempt in so many takes any other instead."""
+
+
+class Outlays(NamedTuple):
+    """What routes through K nodes cost."""
+
+    legs: Floats
+    """From site to site, (K+R+1, K+R+1), symmetric."""
+    loads: Floats
+    """Of a node besides, (K,)."""
+    behind: Floats
+    """How much longer a tour might get by what lies behind a node, (K,); 0 where nothing does."""
+    share: float
+    """The weight of such a longer tour beside the tour as it is known."""
 
 
 @kernel
@@ -37,15 +52,13 @@ def sixth(length: float) -> float:
 
 @kernel
 def price(
-    legs: Floats,
-    loads: Floats,
-    behind: Floats,
-    share: float,
+    outlays: Outlays,
     route: Ints,
     count: int,
     robot: int,
 ) -> float:
     """What the route of a robot costs."""
+    legs, loads, behind, share = outlays
     last, home = loads.size + robot, legs.shape[0] - 1
     length, cost = 0.0, 0.0
     for place in range(count):
@@ -60,24 +73,21 @@ def price(
 
 @kernel
 def insert(
-    legs: Floats,
-    loads: Floats,
-    behind: Floats,
-    share: float,
+    outlays: Outlays,
     routes: Ints,
     counts: Ints,
     costs: Floats,
     node: int,
 ) -> None:
     """Put a node where it costs least."""
-    trial = np.empty(loads.size + 1, np.int32)
+    trial = np.empty(outlays.loads.size + 1, np.int32)
     best, best_robot, best_place = np.inf, 0, 0
     for robot in range(counts.size):
         count = counts[robot]
         trial[1 : count + 1] = routes[robot, :count]
         for place in range(count + 1):
             trial[place] = node
-            cost = price(legs, loads, behind, share, trial, count + 1, robot) - costs[robot]
+            cost = price(outlays, trial, count + 1, robot) - costs[robot]
             if cost < best:
                 best, best_robot, best_place = cost, robot, place
             if place < count:
@@ -184,10 +194,7 @@ def attempt(near: Ints, starts: int, state: int) -> tuple[int, int, bool, int, b
 
 @kernel
 def improve(
-    legs: Floats,
-    loads: Floats,
-    behind: Floats,
-    share: float,
+    outlays: Outlays,
     routes: Ints,
     counts: Ints,
     costs: Floats,
@@ -202,7 +209,7 @@ def improve(
     where it makes the whole dearer by less than a random part of `heat` times the whole, which
     cools down to nothing after four fifths of the attempts.
     """
-    nodes = loads.size
+    legs, nodes = outlays.legs, outlays.loads.size
     owner, place_of = np.zeros(nodes, np.int32), np.zeros(nodes, np.int32)
     a, b, c = np.empty(nodes, np.int32), np.empty(nodes, np.int32), np.empty(nodes, np.int32)
     for robot in range(counts.size):
@@ -239,10 +246,10 @@ def improve(
             left = _reversed(routes[mine], count, min(i + 1, j), max(i, j - 1), a)
         else:
             continue
-        cost, other_cost = price(legs, loads, behind, share, a, left, mine), 0.0
+        cost, other_cost = price(outlays, a, left, mine), 0.0
         gain = cost - costs[mine]
         if mine != theirs:
-            other_cost = price(legs, loads, behind, share, b, right, theirs)
+            other_cost = price(outlays, b, right, theirs)
             gain += other_cost - costs[theirs]
         if gain < allowed:
             total += gain
@@ -326,10 +333,7 @@ def _rotate(way: Ints, start: int, middle: int, end: int) -> None:
 
 @kernel
 def arrange(
-    legs: Floats,
-    loads: Floats,
-    behind: Floats,
-    share: float,
+    outlays: Outlays,
     last: Ints,
     last_counts: Ints,
     moves: int,
@@ -339,18 +343,14 @@ def arrange(
     """Routes through all nodes, and how many nodes each has.
 
     Args:
-        legs: cost from site to site, (K+R+1, K+R+1), symmetric.
-        loads: what a node costs besides, (K,).
-        behind: how much longer a tour might get by what lies behind a node, (K,); 0 where nothing
-            does.
-        share: how much a tour that goes on behind a node counts, beside the tour as it is known.
+        outlays: what routes cost.
         last: routes to start from, (R, any); nodes that they lack are put where they cost least.
         last_counts: how many nodes of each row of `last` are meant, (R,).
         moves: attempts of the local search.
         heat: how much dearer an attempt may make the whole at first, as a fraction.
         state: of the generator of random numbers, 0 .. 2^31 - 1.
     """
-    nodes, robots = loads.size, last_counts.size
+    nodes, robots = outlays.loads.size, last_counts.size
     routes = np.zeros((robots, nodes), np.int32)
     counts = last_counts.copy()
     costs = np.zeros(robots, np.float64)
@@ -359,13 +359,13 @@ def arrange(
         for place in range(counts[robot]):
             routes[robot, place] = last[robot, place]
             placed[last[robot, place]] = True
-        costs[robot] = price(legs, loads, behind, share, routes[robot], counts[robot], robot)
+        costs[robot] = price(outlays, routes[robot], counts[robot], robot)
     for node in range(nodes):
         if not placed[node]:
-            insert(legs, loads, behind, share, routes, counts, costs, node)
-    if nodes > 1 and robots == 1 and not behind.any():
+            insert(outlays, routes, counts, costs, node)
+    if nodes > 1 and robots == 1 and not outlays.behind.any():
         length = costs[0] ** (1.0 / 6.0) - 1.0
-        improve_alone(legs, routes[0], length, moves, heat, state)
+        improve_alone(outlays.legs, routes[0], length, moves, heat, state)
     elif nodes > 1:
-        improve(legs, loads, behind, share, routes, counts, costs, moves, heat, state)
+        improve(outlays, routes, counts, costs, moves, heat, state)
     return routes, counts

@@ -2,12 +2,11 @@
 
 A *path* is a list of pieces, lines and arcs. A *profile* turns it into segments of constant
 tangential acceleration, so place and speed are exact functions of time. *Frames* taken along it at
-even intervals show cells; each frame that a cell needs has a worth in seconds. `improve` looks for
-the waypoints of a team that cost the least: seconds of flight less the worth of what is seen.
+even intervals show cells; each frame that a cell needs has a worth in seconds. `improve` searches
+the waypoints of a team that cost least: seconds of flight less the worth of what is seen.
 
-One module, because what kernels of several modules call may not change
-(`missions.planning.kernels.jit`). Lengths are metres, angles radians from east towards north, times
-seconds.
+All in one module, as `missions.planning.kernels.jit` demands. Metres, seconds, radians from east
+towards north.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ Grid = tuple[int, int, int, int, float]
 SPEED, ACCEL, CUT, TURN_V, FRAME_S, HALF_X, HALF_Y, TILT, DRAG, WIND_X, WIND_Y = range(11)
 NEXT_FRAME_S, FULL_RATE_S, FADE_1_S = 11, 12, 13
 PARAMETERS = 14
-# columns of a piece of a path
+# columns of a piece of a path; the speed on it and at its end are limits
 P_X, P_Y, P_HEADING, P_CURVE, P_LENGTH, P_SPEED, P_END = range(7)
 PIECE = 7
 # columns of a segment of a profile
@@ -59,7 +58,7 @@ LEADS = 4
 
 
 class Team(NamedTuple):
-    """The vehicles, and how each can begin."""
+    """The vehicles, a row each, and how each can begin."""
 
     pars: Floats
     """(vehicles, PARAMETERS)"""
@@ -68,21 +67,21 @@ class Team(NamedTuple):
     leads: Floats
     """(vehicles, LEADS, most, PIECE): the pieces of a lead-in."""
     n_leads: Ints
-    """(vehicles, LEADS): how many; -1: it cannot begin so."""
+    """(vehicles, LEADS): pieces of a lead-in; -1: the vehicle cannot begin so."""
     v0: Floats
     """(vehicles,): the speed now."""
 
 
 class Ways(NamedTuple):
-    """What is searched for."""
+    """The waypoints of each vehicle: what is searched."""
 
     points: Floats
-    """(vehicles, MOST_WAYPOINTS, 3): x, y, and by how much the corner may be cut. The last one is
-    where the vehicle ends, and stays the last."""
+    """(vehicles, MOST_WAYPOINTS, 3): x, y, and how far the corner may be cut; the last is the end
+    and stays the last."""
     counts: Ints
-    """(vehicles,): how many waypoints, at least 1."""
+    """(vehicles,): waypoints, at least 1."""
     choices: Ints
-    """(vehicles,): which lead-in."""
+    """(vehicles,): the number of the lead-in."""
     total: Floats
     """(vehicles,): the seconds it takes."""
 
@@ -95,7 +94,7 @@ class Cells(NamedTuple):
     need: Ints
     """Frames that are worth it."""
     cover: Ints
-    """Frames that are on their way; those of a plan are added while it is weighed."""
+    """Frames to come; those of a plan are added while it is weighed."""
     allowed: Flags
     """0 where no vehicle may be."""
     fenced: bool
@@ -103,8 +102,8 @@ class Cells(NamedTuple):
     grid: Grid
 
 
-class _Room(NamedTuple):
-    """Where one path is computed."""
+class Room(NamedTuple):
+    """The arrays in which one path is computed; `new_room` makes them."""
 
     pieces: Floats
     caps: Floats
@@ -114,17 +113,17 @@ class _Room(NamedTuple):
 
 
 class _Hits(NamedTuple):
-    """Which cells are shown when; a row for each vehicle and two for what is tried."""
+    """Which cells are shown when; a row for each vehicle and two for the trial."""
 
     cells: Indices
     times: Singles
     counts: Ints
     row: Ints
-    """Which row is whose."""
+    """The row of each vehicle and of the trial's two sides."""
 
 
 class _Trial(NamedTuple):
-    """What is tried: other waypoints for one vehicle or two."""
+    """Other waypoints for one vehicle or two."""
 
     points: Floats
     counts: Ints
@@ -136,8 +135,20 @@ class _Trial(NamedTuple):
 
 
 @kernel
+def new_room() -> Room:
+    """Empty arrays for one path."""
+    return Room(
+        np.empty((MOST_PIECES, PIECE)),
+        np.empty(MOST_PIECES + 1),
+        np.empty((MOST_SEGMENTS, SEGMENT)),
+        np.empty(6),
+        np.empty(MOST_WAYPOINTS, np.int64),
+    )
+
+
+@kernel
 def _wrap(angle: float) -> float:
-    """An angle between -pi and pi."""
+    """The same angle between -pi and pi."""
     while angle > math.pi:
         angle -= 2.0 * math.pi
     while angle <= -math.pi:
@@ -147,33 +158,19 @@ def _wrap(angle: float) -> float:
 
 @kernel
 def _length(x: float, y: float) -> float:
-    """Of a vector; as `math.hypot`, which rounds otherwise where it is compiled."""
+    """The length of a vector; a compiled `math.hypot` would round otherwise than Python's."""
     return math.sqrt(x * x + y * y)
 
 
-# --- paths --------------------------------------------------------------------------------------
 @kernel
-def _add(
-    pieces: Floats,
-    n: int,
-    x: float,
-    y: float,
-    heading: float,
-    curve: float,
-    length: float,
-    speed: float,
-    end: float,
-) -> int:
-    pieces[n, P_X] = x
-    pieces[n, P_Y] = y
-    pieces[n, P_HEADING] = heading
-    pieces[n, P_CURVE] = curve
-    pieces[n, P_LENGTH] = length
-    pieces[n, P_SPEED] = speed
-    pieces[n, P_END] = end
+def _append(rows: Floats, n: int, row: tuple[float, ...]) -> int:
+    """Write row `n` of pieces or segments, in the order of the columns; returns `n` + 1."""
+    for column in range(len(row)):
+        rows[n, column] = row[column]
     return n + 1
 
 
+# --- paths --------------------------------------------------------------------------------------
 @kernel
 def _turn_towards(
     par: Floats,
@@ -186,7 +183,7 @@ def _turn_towards(
     to_x: float,
     to_y: float,
 ) -> tuple[int, float, float, float, float]:
-    """An arc from where one flies to the line to a point: (pieces, x, y, heading, length of it).
+    """An arc onto the line to a point: (pieces, x, y, heading, length of the line).
 
     -1 pieces where the point lies inside of the arc, or behind.
     """
@@ -209,7 +206,7 @@ def _turn_towards(
         return -1, x, y, heading, 0.0
     if turn <= 1e-4:  # the line is drawn from where it begins, or it ends beside the point
         return n, x, y, math.atan2(dy, dx), _length(dx, dy)
-    n = _add(pieces, n, x, y, heading, side / radius, radius * turn, turn_v, par[SPEED])
+    n = _append(pieces, n, (x, y, heading, side / radius, radius * turn, turn_v, par[SPEED]))
     x = cx + side * radius * math.sin(toward)
     y = cy - side * radius * math.cos(toward)
     return n, x, y, toward, length
@@ -229,22 +226,22 @@ def _cut_corner(
     turn: float,
     point: Floats,
 ) -> tuple[int, float, float, float]:
-    """A line and an arc around a waypoint: (pieces, x, y, length of the line that is left).
+    """A line and an arc around a waypoint: (pieces, x, y, length of the next line).
 
-    The arc begins `ahead` of the corner: as far as the cut that is allowed asks for, but no more
-    than a part of either leg.
+    The arc begins `ahead` of the corner: as far as the allowed cut demands, at most a part of
+    either leg.
     """
     speed, accel = par[SPEED], par[ACCEL]
     size = abs(turn)
     cos, tan = math.cos(size / 2.0), math.tan(size / 2.0)
     ahead = min(point[2] * cos / (1.0 - cos) * tan, _LEG_SHARE * min(before, after))
     radius = ahead / tan
-    n = _add(pieces, n, x, y, toward, 0.0, length - ahead, speed, speed)
+    n = _append(pieces, n, (x, y, toward, 0.0, length - ahead, speed, speed))
     x = point[0] - ahead * math.cos(toward)
     y = point[1] - ahead * math.sin(toward)
     slow = min(speed, math.sqrt(accel * radius))
     bend = math.copysign(1.0 / radius, turn)
-    n = _add(pieces, n, x, y, toward, bend, radius * size, slow, speed)
+    n = _append(pieces, n, (x, y, toward, bend, radius * size, slow, speed))
     x = point[0] + ahead * math.cos(toward + turn)
     y = point[1] + ahead * math.sin(toward + turn)
     return n, x, y, after - ahead
@@ -264,12 +261,11 @@ def lay_pieces(
     pieces: Floats,
     reached: Ints,
 ) -> int:
-    """Lead-in, then waypoints: how many pieces that are, or -1 where it cannot be flown so.
+    """Lead-in, then waypoints: the number of pieces, or -1 where they cannot be flown.
 
-    `lead` has `n_lead` pieces that end at (`x`, `y`) with `heading`; with `turn_v` at rest the
-    vehicle stands there and turns on the spot, else it goes on with an arc at that speed. `way`
-    has `m` >= 1 waypoints, the last of which is the end. `reached` gets for each waypoint the
-    piece at whose end it is behind.
+    `lead` has `n_lead` pieces that end at (`x`, `y`) with `heading`. From there the vehicle goes on
+    with an arc at the speed `turn_v`; at rest it turns on the spot. `way` has `m` >= 1 waypoints,
+    the last is the end. `reached` gets for each waypoint the piece at whose end it is passed.
     """
     if n_lead < 0:
         return -1
@@ -309,11 +305,11 @@ def lay_pieces(
             )
         else:
             end = 0.0 if abs(turn) > _REVERSAL else par[SPEED]
-            n = _add(pieces, n, x, y, toward, 0.0, length, par[SPEED], end)
+            n = _append(pieces, n, (x, y, toward, 0.0, length, par[SPEED], end))
             x, y, length = way[i, 0], way[i, 1], after
         toward, before = onward, after
     reached[m - 1] = n
-    return _add(pieces, n, x, y, toward, 0.0, length, par[SPEED], 0.0)
+    return _append(pieces, n, (x, y, toward, 0.0, length, par[SPEED], 0.0))
 
 
 # --- profiles -----------------------------------------------------------------------------------
@@ -333,32 +329,6 @@ def _limit_speeds(par: Floats, pieces: Floats, n: int, caps: Floats) -> None:
 
 
 @kernel
-def _emit(
-    segs: Floats,
-    n: int,
-    t: float,
-    x: float,
-    y: float,
-    heading: float,
-    curve: float,
-    v: float,
-    a: float,
-    cos: float,
-    sin: float,
-) -> int:
-    segs[n, S_T] = t
-    segs[n, S_X] = x
-    segs[n, S_Y] = y
-    segs[n, S_HEADING] = heading
-    segs[n, S_CURVE] = curve
-    segs[n, S_V] = v
-    segs[n, S_A] = a
-    segs[n, S_COS] = cos
-    segs[n, S_SIN] = sin
-    return n + 1
-
-
-@kernel
 def _fly_line(
     segs: Floats, n: int, t: float, piece: Floats, start: float, end: float, accel: float
 ) -> tuple[int, float]:
@@ -371,14 +341,14 @@ def _fly_line(
     down = (peak * peak - end * end) / (2.0 * accel)
     flat = max(0.0, length - up - down)
     if peak > start + 1e-9:
-        n = _emit(segs, n, t, x, y, heading, 0.0, start, accel, cos, sin)
+        n = _append(segs, n, (t, x, y, heading, 0.0, start, accel, cos, sin))
         t += (peak - start) / accel
     if flat > 1e-9 and peak > 1e-6:
-        n = _emit(segs, n, t, x + up * cos, y + up * sin, heading, 0.0, peak, 0.0, cos, sin)
+        n = _append(segs, n, (t, x + up * cos, y + up * sin, heading, 0.0, peak, 0.0, cos, sin))
         t += flat / peak
     if peak > end + 1e-9:
         at = up + flat
-        n = _emit(segs, n, t, x + at * cos, y + at * sin, heading, 0.0, peak, -accel, cos, sin)
+        n = _append(segs, n, (t, x + at * cos, y + at * sin, heading, 0.0, peak, -accel, cos, sin))
         t += (peak - end) / accel
     return n, t
 
@@ -387,7 +357,7 @@ def _fly_line(
 def profile(
     par: Floats, pieces: Floats, n: int, v0: float, caps: Floats, segs: Floats
 ) -> tuple[int, float]:
-    """Segments of a path begun at the speed `v0`: (how many, seconds); (-1, 0) where impossible.
+    """Segments of a path from the speed `v0`: (their number, seconds); (-1, 0) where impossible.
 
     Arcs are flown at one speed, lines with even acceleration up and down; the end is a halt.
     """
@@ -411,10 +381,8 @@ def profile(
         if start < SLOW:  # nothing flies an arc from rest
             return -1, 0.0
         heading = pieces[i, P_HEADING]
-        count = _emit(
-            segs, count, t, pieces[i, P_X], pieces[i, P_Y], heading, curve, start, 0.0,
-            math.cos(heading), math.sin(heading),
-        )  # fmt: skip
+        x, y, cos, sin = pieces[i, P_X], pieces[i, P_Y], math.cos(heading), math.sin(heading)
+        count = _append(segs, count, (t, x, y, heading, curve, start, 0.0, cos, sin))
         t += length / start
     return count, t
 
@@ -445,7 +413,7 @@ def place(segs: Floats, i: int, dt: float, out: Floats) -> None:
 
 @kernel
 def _along(piece: Floats, way: float) -> tuple[float, float, float]:
-    """Place and heading so many metres into a piece: (x, y, heading)."""
+    """(x, y, heading) `way` metres into a piece."""
     x, y, h, curve = piece[P_X], piece[P_Y], piece[P_HEADING], piece[P_CURVE]
     if curve == 0.0:
         return x + way * math.cos(h), y + way * math.sin(h), h
@@ -467,10 +435,10 @@ def lead_in(
     lead: Floats,
     end: Floats,
 ) -> int:
-    """The rest of a path from `start` metres into piece `first` until the speed may be `slow`.
+    """The rest of a path from `start` metres into piece `first` until the speed is `slow`.
 
-    Pieces go into `lead`, their end (x, y, heading, speed) into `end`; returns how many, -1 where
-    there is no room for them.
+    Pieces go into `lead`, their end (x, y, heading, speed) into `end`; returns their number, -1
+    where `lead` is too short.
     """
     accel = par[ACCEL]
     count = 0
@@ -490,9 +458,8 @@ def lead_in(
             take = min(take, needed)
             v = slow if done else math.sqrt(v * v - 2.0 * accel * take)
         if take > 1e-9:
-            count = _add(
-                lead, count, x, y, h, pieces[i, P_CURVE], take, pieces[i, P_SPEED], par[SPEED]
-            )
+            row = (x, y, h, pieces[i, P_CURVE], take, pieces[i, P_SPEED], par[SPEED])
+            count = _append(lead, count, row)
         x, y, h = _along(pieces[i], begun + take)
         if done:
             break
@@ -501,32 +468,20 @@ def lead_in(
 
 
 @kernel
-def fly(
-    par: Floats,
-    starts: Floats,
-    leads: Floats,
-    n_leads: Ints,
-    v0: float,
-    choice: int,
-    way: Floats,
-    m: int,
-    pieces: Floats,
-    caps: Floats,
-    segs: Floats,
-    reached: Ints,
-) -> tuple[int, int, float]:
-    """Path and profile of one vehicle: (pieces, segments, seconds); seconds `_NEVER` where none.
+def fly(team: Team, v: int, choice: int, way: Floats, m: int, room: Room) -> tuple[int, int, float]:
+    """Path and profile of vehicle `v`: (pieces, segments, seconds); seconds `_NEVER` where none.
 
-    `choice` says with which lead-in it begins: the last is a halt, from which all can be flown.
+    `choice` is its lead-in: the last is a halt, from which all can be flown.
     """
-    turn_v = starts[choice, 3] if choice < LEADS - 1 else 0.0
+    par, start = team.pars[v], team.starts[v, choice]
+    turn_v = start[3] if choice < LEADS - 1 else 0.0
     n = lay_pieces(
-        par, leads[choice], n_leads[choice], turn_v, starts[choice, 0], starts[choice, 1],
-        starts[choice, 2], way, m, pieces, reached,
+        par, team.leads[v, choice], team.n_leads[v, choice], turn_v, start[0], start[1], start[2],
+        way, m, room.pieces, room.reached,
     )  # fmt: skip
     if n < 0:
         return 0, 0, _NEVER
-    count, total = profile(par, pieces, n, v0, caps, segs)
+    count, total = profile(par, room.pieces, n, team.v0[v], room.caps, room.segs)
     if count < 0:
         return 0, 0, _NEVER
     return n, count, total
@@ -544,7 +499,7 @@ def frames(
     times: Singles,
     out: Floats,
 ) -> int:
-    """Which cells the frames along a profile show, and when: how many times one is shown.
+    """Fill in which cells the frames along a profile show, and when; returns the number of both.
 
     Frames farther in the future than FULL_RATE_S are computed one in two, and count twice.
     """
@@ -582,34 +537,26 @@ def frames(
 
 
 @kernel
-def _take(
-    shown: Indices, times: Singles, n: int, cells: Cells, urgent: float, fade: float
+def _cover(
+    shown: Indices, times: Singles, n: int, cells: Cells, urgent: float, fade: float, step: int
 ) -> float:
-    """Add frames to what is covered; returns their worth in seconds: what is not urgent fades."""
+    """Add frames to what is covered (`step` 1), or take back the last ones added (`step` -1).
+
+    Returns their worth in seconds; what is worth less than `urgent` fades with time.
+    """
     worth, need, cover = cells.worth, cells.need, cells.cover
     gain = 0.0
-    for k in range(n):
+    k = 0 if step > 0 else n - 1
+    for _ in range(n):
         c = shown[k]
+        if step < 0:
+            cover[c] -= 1
         if cover[c] < need[c]:
             later = 1.0 if worth[c] >= urgent else max(0.0, 1.0 - fade * times[k])
             gain += worth[c] * later
-        cover[c] += 1
-    return gain
-
-
-@kernel
-def _give_back(
-    shown: Indices, times: Singles, n: int, cells: Cells, urgent: float, fade: float
-) -> float:
-    """The inverse of `_take`, where nobody else has covered the cells since."""
-    worth, need, cover = cells.worth, cells.need, cells.cover
-    gain = 0.0
-    for k in range(n - 1, -1, -1):
-        c = shown[k]
-        cover[c] -= 1
-        if cover[c] < need[c]:
-            later = 1.0 if worth[c] >= urgent else max(0.0, 1.0 - fade * times[k])
-            gain += worth[c] * later
+        if step > 0:
+            cover[c] += 1
+        k += step
     return gain
 
 
@@ -625,7 +572,7 @@ def worth_of_rest(
     times: Singles,
     urgent: float,
 ) -> float:
-    """What the frames are worth on the rest of a path that was begun `since_s` ago.
+    """The worth of the frames on the rest of a path that was begun `since_s` ago.
 
     They are added to what is covered. `shown` and `times` are room for them.
     """
@@ -637,7 +584,7 @@ def worth_of_rest(
     par[NEXT_FRAME_S], par[FULL_RATE_S] = held
     for k in range(count):
         times[k] -= since_s
-    return _take(shown, times, count, cells, urgent, par[FADE_1_S])
+    return _cover(shown, times, count, cells, urgent, par[FADE_1_S], 1)
 
 
 @kernel
@@ -667,24 +614,21 @@ def _evaluate(
     m: int,
     team: Team,
     cells: Cells,
-    room: _Room,
+    room: Room,
     hits: _Hits,
     row: int,
 ) -> float:
     """Seconds of a vehicle's way; what it shows goes into a row of `hits`."""
-    par = team.pars[v]
     hits.counts[row] = 0
-    _, count, total = fly(
-        par, team.starts[v], team.leads[v], team.n_leads[v], team.v0[v], choice, way, m,
-        room.pieces, room.caps, room.segs, room.reached,
-    )  # fmt: skip
+    _, count, total = fly(team, v, choice, way, m, room)
     if total >= _NEVER:
         return _NEVER
     if cells.fenced and _forbidden(room.segs, count, total, cells, room.out):
         return _NEVER
     hits.counts[row] = frames(
-        par, room.segs, count, total, cells.grid, hits.cells[row], hits.times[row], room.out
-    )
+        team.pars[v], room.segs, count, total, cells.grid, hits.cells[row], hits.times[row],
+        room.out,
+    )  # fmt: skip
     return total
 
 
@@ -693,7 +637,7 @@ def _evaluate(
 def _cheapest(
     way: Floats, m: int, start_x: float, start_y: float, x: float, y: float
 ) -> tuple[int, float]:
-    """Before which of `m` waypoints a new one makes the least detour: (index, metres)."""
+    """The waypoint of `m` before which a new one makes the least detour: (index, metres)."""
     best, best_m = 0, _NOWHERE
     px, py = start_x, start_y
     for k in range(m):
@@ -726,7 +670,7 @@ def _remove(way: Floats, m: int, at: int, length: int) -> int:
 
 @kernel
 def _begin_trial(trial: _Trial, side: int, v: int, ways: Ways) -> None:
-    """Put the waypoints of a vehicle on a side of the trial."""
+    """Copy the waypoints of a vehicle to a side of the trial."""
     m = ways.counts[v]
     trial.who[side] = v
     trial.counts[side] = m
@@ -735,7 +679,7 @@ def _begin_trial(trial: _Trial, side: int, v: int, ways: Ways) -> None:
 
 @kernel
 def _most_missed(cells: Cells, candidates: Ints, random: Ints) -> int:
-    """Of some cells the one whose missing frames are worth the most; -1 where none misses any."""
+    """Of six drawn cells the one whose missing frames are worth most; -1 where none misses any."""
     worst, found = 0.0, -1
     if candidates.shape[0] == 0:
         return found
@@ -751,7 +695,7 @@ def _most_missed(cells: Cells, candidates: Ints, random: Ints) -> int:
 def _show(
     c: int, v: int, nearest: bool, team: Team, ways: Ways, cells: Cells, random: Ints, trial: _Trial
 ) -> bool:
-    """A new waypoint from which a cell is seen, for `v` or for who is nearest."""
+    """Add a waypoint from which a cell is seen, for `v` or for the nearest vehicle."""
     west, south, width, _, cell_m = cells.grid
     lattice = 0.5 * cell_m
     reach_x = int(team.pars[v, HALF_X] / lattice)
@@ -780,7 +724,7 @@ def _show(
 
 @kernel
 def _begin_otherwise(v: int, team: Team, ways: Ways, random: Ints, trial: _Trial) -> bool:
-    """Another lead-in."""
+    """Take another lead-in."""
     choice = draw(random, LEADS)
     if team.v0[v] < SLOW or choice == ways.choices[v]:
         return False
@@ -791,7 +735,7 @@ def _begin_otherwise(v: int, team: Team, ways: Ways, random: Ints, trial: _Trial
 
 @kernel
 def _bend(trial: _Trial, random: Ints) -> bool:
-    """Cut a corner by twice as much, or by half."""
+    """Cut a corner twice as far, or half."""
     k = draw(random, trial.counts[0] - 1)
     trial.points[0, k, 2] *= 2.0 if uniform(random) < 0.5 else 0.5
     return bool(0.2 <= trial.points[0, k, 2] <= 20.0)
@@ -799,7 +743,7 @@ def _bend(trial: _Trial, random: Ints) -> bool:
 
 @kernel
 def _shift(trial: _Trial, lattice: float, random: Ints) -> bool:
-    """A waypoint elsewhere, near by."""
+    """Move a waypoint a little."""
     k = draw(random, trial.counts[0] - 1)
     far = 1 + draw(random, 3)
     trial.points[0, k, 0] += lattice * (draw(random, 2 * far + 1) - far)
@@ -809,7 +753,7 @@ def _shift(trial: _Trial, lattice: float, random: Ints) -> bool:
 
 @kernel
 def _turn_round(trial: _Trial, random: Ints) -> bool:
-    """A part of the way the other way round."""
+    """Fly a part of the way the other way round."""
     m = trial.counts[0]
     k = draw(random, m - 1)
     end = min(k + 1 + draw(random, min(_LONGEST_REVERSAL, m - 1 - k)), m - 2)
@@ -825,7 +769,7 @@ def _turn_round(trial: _Trial, random: Ints) -> bool:
 
 @kernel
 def _take_block(trial: _Trial, random: Ints) -> int:
-    """Take some waypoints out of the first way; returns how many."""
+    """Cut some waypoints out of the first way into the block; returns their number."""
     m = trial.counts[0]
     k = draw(random, m - 1)
     length: int = min(1 + draw(random, _BLOCK), m - 1 - k)
@@ -836,7 +780,7 @@ def _take_block(trial: _Trial, random: Ints) -> int:
 
 @kernel
 def _put_block(trial: _Trial, side: int, at: int, length: int, random: Ints) -> None:
-    """Put them in again, forwards or backwards."""
+    """Insert the block, forwards or backwards."""
     back = uniform(random) < 0.5
     for b in range(length):
         point = trial.block[b if back else length - 1 - b]
@@ -847,7 +791,7 @@ def _put_block(trial: _Trial, side: int, at: int, length: int, random: Ints) -> 
 
 @kernel
 def _hand_over(u: int, team: Team, ways: Ways, random: Ints, trial: _Trial) -> bool:
-    """Some waypoints of one vehicle go to another."""
+    """Give some waypoints of the first vehicle to `u`."""
     if ways.counts[u] + _BLOCK >= MOST_WAYPOINTS:
         return False
     _begin_trial(trial, 1, u, ways)
@@ -862,7 +806,7 @@ def _hand_over(u: int, team: Team, ways: Ways, random: Ints, trial: _Trial) -> b
 
 @kernel
 def _swap_tails(v: int, u: int, ways: Ways, random: Ints, trial: _Trial) -> bool:
-    """Two vehicles go on with what the other would have done; each to its own end."""
+    """Exchange the later waypoints of two vehicles; each keeps its own end."""
     m, m2 = ways.counts[v], ways.counts[u]
     k, k2 = draw(random, m - 1), draw(random, m2)
     new_m, new_m2 = k + (m2 - k2), k2 + (m - k)
@@ -881,7 +825,7 @@ def _swap_tails(v: int, u: int, ways: Ways, random: Ints, trial: _Trial) -> bool
 def _try_something(
     team: Team, ways: Ways, cells: Cells, candidates: Ints, random: Ints, trial: _Trial
 ) -> bool:
-    """Any change; returns whether there is one in the trial."""
+    """Draw a change into the trial; returns whether there is one."""
     vehicles = ways.counts.shape[0]
     kind = uniform(random)
     v = draw(random, vehicles) if vehicles > 1 else 0
@@ -919,7 +863,7 @@ def _try_something(
 # --- the search ---------------------------------------------------------------------------------
 @kernel
 def _keep_trial(trial: _Trial, after: Floats, ways: Ways, hits: _Hits) -> None:
-    """What was tried is the plan now; the rows of `hits` change places."""
+    """Make the trial the plan; the rows of `hits` change places."""
     vehicles = ways.counts.shape[0]
     ways.total[:] = after
     if trial.choice[0] >= 0:
@@ -945,13 +889,8 @@ def _copy(source: Ways, target: Ways) -> None:
 
 
 @kernel
-def _cover_row(hits: _Hits, row: int, cells: Cells, urgent: float, fade: float) -> float:
-    return _take(hits.cells[row], hits.times[row], hits.counts[row], cells, urgent, fade)
-
-
-@kernel
-def _uncover_row(hits: _Hits, row: int, cells: Cells, urgent: float, fade: float) -> float:
-    return _give_back(hits.cells[row], hits.times[row], hits.counts[row], cells, urgent, fade)
+def _cover_row(hits: _Hits, row: int, cells: Cells, urgent: float, fade: float, step: int) -> float:
+    return _cover(hits.cells[row], hits.times[row], hits.counts[row], cells, urgent, fade, step)
 
 
 @kernel
@@ -960,12 +899,12 @@ def _weigh(
     team: Team,
     ways: Ways,
     cells: Cells,
-    room: _Room,
+    room: Room,
     hits: _Hits,
     urgent: float,
     after: Floats,
 ) -> float:
-    """How much more the trial shows, in seconds; its frames are covered, and no longer the plan's.
+    """How much more the trial shows than the plan, s; covers its frames instead of the plan's.
 
     `after` gets the seconds by vehicle.
     """
@@ -976,7 +915,7 @@ def _weigh(
     for side in range(2):
         w = trial.who[side]
         if w >= 0:
-            gain -= _uncover_row(hits, hits.row[w], cells, urgent, fade)
+            gain -= _cover_row(hits, hits.row[w], cells, urgent, fade, -1)
     for side in range(2):
         w = trial.who[side]
         if w < 0:
@@ -988,7 +927,7 @@ def _weigh(
         after[w] = _evaluate(
             w, choice, trial.points[side], trial.counts[side], team, cells, room, hits, row
         )
-        gain += _cover_row(hits, row, cells, urgent, fade)
+        gain += _cover_row(hits, row, cells, urgent, fade, 1)
     return gain
 
 
@@ -996,13 +935,13 @@ def _weigh(
 def _undo(
     trial: _Trial, cells: Cells, hits: _Hits, vehicles: int, urgent: float, fade: float
 ) -> None:
-    """Cover what the plan shows, and not what the trial does."""
+    """Cover the frames of the plan instead of the trial's."""
     for side in range(1, -1, -1):
         if trial.who[side] >= 0:
-            _uncover_row(hits, hits.row[vehicles + side], cells, urgent, fade)
+            _cover_row(hits, hits.row[vehicles + side], cells, urgent, fade, -1)
     for side in range(2):
         if trial.who[side] >= 0:
-            _cover_row(hits, hits.row[trial.who[side]], cells, urgent, fade)
+            _cover_row(hits, hits.row[trial.who[side]], cells, urgent, fade, 1)
 
 
 @kernel
@@ -1021,19 +960,13 @@ def improve(
     """Search waypoints that cost less, in place; returns the cost in seconds.
 
     First every cell of `candidates` whose frames are worth `urgent` or more is shown, if that is
-    worth it; then come `moves` of annealing from the temperature `hot` to `cold` (seconds).
-    `last` is how much of a team's time is that of the last vehicle. `random` is the state of the
-    random numbers: the same state gives the same result.
+    worth it; then follow `moves` of annealing from the temperature `hot` to `cold` (seconds).
+    `last` is the share of the last vehicle in a team's time. `random` is the state of the random
+    numbers: the same state gives the same result.
     """
     vehicles = ways.counts.shape[0]
     fade = team.pars[0, FADE_1_S]
-    room = _Room(
-        np.empty((MOST_PIECES, PIECE)),
-        np.empty(MOST_PIECES + 1),
-        np.empty((MOST_SEGMENTS, SEGMENT)),
-        np.empty(6),
-        np.empty(MOST_WAYPOINTS, np.int64),
-    )
+    room = new_room()
     hits = _Hits(
         np.empty((vehicles + 2, MOST_HITS), np.int32),
         np.empty((vehicles + 2, MOST_HITS), np.float32),
@@ -1052,7 +985,7 @@ def improve(
         ways.total[v] = _evaluate(
             v, ways.choices[v], ways.points[v], ways.counts[v], team, cells, room, hits, v
         )
-        gain += _cover_row(hits, v, cells, urgent, fade)
+        gain += _cover_row(hits, v, cells, urgent, fade, 1)
     cost = team_s(ways.total, last) - gain
     best = Ways(ways.points.copy(), ways.counts.copy(), ways.choices.copy(), ways.total.copy())
     best_cost = cost
@@ -1075,7 +1008,7 @@ def improve(
         more = _weigh(trial, team, ways, cells, room, hits, urgent, after)
         new_cost = team_s(after, last) - gain - more
         rise = new_cost - cost
-        # exp never overflows: what costs less is taken without asking
+        # exp never overflows: a lower cost is accepted before it
         uphill = turn >= candidates.shape[0] and (
             rise < 0.0 or uniform(random) < math.exp(-rise / temperature)
         )
@@ -1088,6 +1021,6 @@ def improve(
             best_cost = cost
             _copy(ways, best)
     for v in range(vehicles):
-        _uncover_row(hits, hits.row[v], cells, urgent, fade)
+        _cover_row(hits, hits.row[v], cells, urgent, fade, -1)
     _copy(best, ways)
     return best_cost

@@ -181,11 +181,7 @@ def see(
     y: float,
     half_x: float,
     half_y: float,
-    cell: float,
-    west: int,
-    south: int,
-    width: int,
-    height: int,
+    grid: tuple[int, int, int, int, float],
     truth: Ints,
     flips: Ints,
     yes: Ints,
@@ -196,8 +192,10 @@ def see(
     """One frame's votes on the cells that it shows whole; returns how many counted.
 
     (`x`, `y`) is its middle; a cell is shown whole when its centre is no farther than the halves
-    from it. `flips` is by cell, 1 where the frame errs. A ballot that is decided takes no more.
+    from it. `grid` is as of `swath.Grid`. `flips` is by cell, 1 where the frame errs. A decided
+    ballot takes no more votes.
     """
+    west, south, width, height, cell = grid
     i0 = max(0, math.ceil((x - half_x) / cell) - west)
     i1 = min(width - 1, math.floor((x + half_x) / cell) - west)
     j0 = max(0, math.ceil((y - half_y) / cell) - south)

@@ -122,12 +122,7 @@ def _point(coordinates: Sequence[float]) -> GridPoint:
 
 
 def share_out(all_lanes: Sequence[Lane], vehicles: int) -> tuple[tuple[Lane, ...], ...]:
-    """A block of consecutive lanes for each vehicle, of nearly equal length.
-
-    >>> lane = (GridPoint(0, 0), GridPoint(10, 0))
-    >>> [len(block) for block in share_out([lane] * 5, 2)]
-    [2, 3]
-    """
+    """A block of consecutive lanes for each vehicle, of nearly equal length."""
     total_m = sum(a.distance_to(b) for a, b in all_lanes)
     blocks: list[list[Lane]] = [[] for _ in range(vehicles)]
     done_m = 0.0
@@ -140,7 +135,7 @@ def share_out(all_lanes: Sequence[Lane], vehicles: int) -> tuple[tuple[Lane, ...
 
 
 def along_m(lane: Lane, place: GridPoint) -> float:
-    """How far along a lane the nearest point to a place lies, from 0 to the lane's length.
+    """The distance along a lane of the point nearest to a place, m.
 
     >>> along_m((GridPoint(0, 0), GridPoint(10, 0)), GridPoint(4, 1))
     4.0
@@ -174,10 +169,6 @@ def unseen(lane: Lane, seen_m: Collection[float], cell_m: float) -> tuple[Lane, 
 
     A frame counts for a cell before it and a cell behind it. What is shorter than half a cell is
     in the frames beside it: they show three cells.
-
-    >>> lane = (GridPoint(0, 0), GridPoint(40, 0))
-    >>> unseen(lane, [2.0, 6.0, 10.0, 14.0], cell_m=4.0)
-    ((GridPoint(east_m=18.0, north_m=0.0), GridPoint(east_m=40.0, north_m=0.0)),)
     """
     length_m = lane[0].distance_to(lane[1])
     gaps: list[tuple[float, float]] = []
@@ -207,12 +198,6 @@ def tour_m(pad: GridPoint, block: Sequence[Lane]) -> tuple[float, tuple[Lane, ..
 
     The lanes are flown in their order or in the opposite one, by turns to and fro. Where two are
     equally long, the one is taken that begins nearer to the pad.
-
-    >>> lanes = [(GridPoint(x, 0), GridPoint(x, 100)) for x in (50, 60)]
-    >>> tour_m(GridPoint(70, 0), lanes)[0]
-    240.0
-    >>> tour_m(GridPoint(70, 0), lanes)[1][0]
-    (GridPoint(east_m=60, north_m=0), GridPoint(east_m=60, north_m=100))
     """
     if not block:
         return 0.0, ()

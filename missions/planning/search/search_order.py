@@ -54,10 +54,6 @@ def expected_s(blocks: Sequence[Block], homes: Sequence[GridPoint], pace: Pace) 
     """The expected time to the first sighting, seconds from being at height over the homes.
 
     `blocks` holds the lanes of each vehicle in their order, `homes` where each begins.
-
-    >>> lane = LikelyLane((GridPoint(10, 0), GridPoint(30, 0)), 1.0, 5.0)
-    >>> expected_s([(lane,)], [GridPoint(0, 0)], Pace(5.0, 1.0))
-    4.0
     """
     total_s = 0.0
     for block, at in zip(blocks, homes, strict=True):
@@ -245,7 +241,6 @@ class _Tours:
         return np.where(back < len(self._ways), back ^ 1, back)
 
     def _turned(self, tour: Ints, place: int) -> Ints:
-        """With the part from a place on turned round."""
         ends = range(place + 1, min(len(tour), place + self._reach) + 1)
         batch = np.repeat(tour[None, :], len(ends), axis=0)
         for row, end in zip(batch, ends, strict=True):

@@ -60,12 +60,7 @@ class Retreat:
 
     @classmethod
     def of(cls, tree: Tree) -> Retreat:
-        """The retreat that begins now.
-
-        >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(0, 1), Cell(1, 0)])
-        >>> Retreat.of(tree.looked(Cell(0, 1), [])).dropped
-        frozenset({Cell(east=0, north=1)})
-        """
+        """The retreat that begins now."""
         return cls(frozenset(cell for cell in tree.vertices if tree.is_explored(cell)))
 
     def moves(self, situation: Situation) -> tuple[dict[int, Cell | None], Retreat]:

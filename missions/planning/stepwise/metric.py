@@ -65,11 +65,7 @@ class Metric:
         return self.speed / (self.speed**2 - self.drift_east**2 - self.drift_north**2)
 
     def from_rest(self, leg: float) -> float:
-        """Time of a leg from rest to rest, given its time at full speed, with even acceleration.
-
-        >>> Metric(ramp=3.0).from_rest(9.0), Metric(ramp=3.0).from_rest(0.75)
-        (12.0, 3.0)
-        """
+        """Time of a leg from rest to rest, given its time at full speed, with even acceleration."""
         return leg + self.ramp if leg >= self.ramp else 2.0 * math.sqrt(leg * self.ramp)
 
     def leg(self, start: Cell, end: Cell) -> float:
@@ -80,14 +76,7 @@ class Metric:
         return (along + math.sqrt(along**2 + rest * (east**2 + north**2))) / rest
 
     def tour_leg(self, start: Cell, end: Cell) -> float:
-        """The symmetric part of `leg`: what the leg adds to a closed tour.
-
-        >>> drifting = Metric(speed=1.0, drift_east=0.6)
-        >>> there, back = Cell(0, 0), Cell(2, 1)
-        >>> half = (drifting.leg(there, back) + drifting.leg(back, there)) / 2
-        >>> abs(half - drifting.tour_leg(there, back)) < 1e-12
-        True
-        """
+        """The symmetric part of `leg`: what the leg adds to a closed tour."""
         east, north = end.east - start.east, end.north - start.north
         along = east * self.drift_east + north * self.drift_north
         rest = self.speed**2 - self.drift_east**2 - self.drift_north**2

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,9 @@ from missions.mapping.tree import Tree
 from missions.planning.stepwise.interface import Situation
 from missions.planning.stepwise.metric import Metric
 from missions.units import Cell
+
+if TYPE_CHECKING:
+    from missions.planning.kernels.routes import Outlays
 
 MOVES, MOVES_EACH = 25000, 300
 """Attempts of the local search at each step, at most: in all, and for each node."""
@@ -193,7 +197,6 @@ class Sites:
         before = np.zeros((len(rows), max(map(len, rows))), np.int32)
         for row, nodes in zip(before, rows, strict=True):
             row[: len(nodes)] = nodes
-        loads, behind, share = self._outlays()
         lengths = np.array([len(nodes) for nodes in rows], np.int32)
         each = ATTEMPTS_PER_NODE_SINGLE
         if len(self.places) > 1:
@@ -203,15 +206,16 @@ class Sites:
             moves = min(moves, TEAM_MOVES_TIMES_NODES_SQUARED // len(self.nodes) ** 2)
         seed = (decisions * 104729 + 12345) & 0x7FFFFFFF
         routes, counts = kernels.arrange(
-            self.legs, loads, behind, share, before, lengths, moves, INITIAL_TEMPERATURE, seed
+            self._outlays(), before, lengths, moves, INITIAL_TEMPERATURE, seed
         )
         return {
             r: tuple(self.nodes[node] for node in route[:count])
             for r, route, count in zip(self.places, routes, counts, strict=True)
         }
 
-    def _outlays(self) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-        """The `loads`, `behind` and `share` of `missions.planning.kernels.routes.arrange`."""
+    def _outlays(self) -> Outlays:
+        from missions.planning.kernels.routes import Outlays  # noqa: PLC0415, as above
+
         frontier_cost = FLOWN
         if not self.metric.straight:
             frontier_cost = FEW if len(self.places) <= SMALL_TEAM else MANY
@@ -220,10 +224,10 @@ class Sites:
         unseen = self.unseen[:count].astype(np.float64)
         loads = looks + frontier_cost.unseen * (1.0 + looks) * unseen
         if len(self.places) == 1:  # only a team can share what turns out longer
-            return loads, np.zeros(count), frontier_cost.share
+            return Outlays(self.legs, loads, np.zeros(count), frontier_cost.share)
         farthest = max(self.legs[:count, -1].max(initial=0.0), 1.0)
         behind = frontier_cost.behind * unseen + frontier_cost.far * farthest * (unseen > 0.0)
-        return loads, (1.0 + looks) * behind, frontier_cost.share
+        return Outlays(self.legs, loads, (1.0 + looks) * behind, frontier_cost.share)
 
     def goals(self, routes: Mapping[int, Sequence[Cell]], asked: Sequence[int]) -> dict[int, Cell]:
         """Where those who are asked go: along their routes, or, where these are empty, after the

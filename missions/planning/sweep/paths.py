@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,34 +25,13 @@ class Route:
     """How far along its path each is behind the vehicle."""
 
 
-@dataclass(slots=True)
-class Buffers:
-    """Room for one path."""
-
-    pieces: Floats = field(default_factory=lambda: np.zeros((kernels.MOST_PIECES, kernels.PIECE)))
-    caps: Floats = field(default_factory=lambda: np.zeros(kernels.MOST_PIECES + 1))
-    segments: Floats = field(
-        default_factory=lambda: np.zeros((kernels.MOST_SEGMENTS, kernels.SEGMENT))
-    )
-    hits: NDArray[np.int32] = field(
-        default_factory=lambda: np.empty(kernels.MOST_HITS, dtype=np.int32)
-    )
-    times: NDArray[np.float32] = field(
-        default_factory=lambda: np.empty(kernels.MOST_HITS, dtype=np.float32)
-    )
-    reached: Ints = field(default_factory=lambda: np.zeros(kernels.MOST_WAYPOINTS, np.int64))
-
-
 def path_of(
     team: kernels.Team, ways: kernels.Ways, k: int, begin_s: float
 ) -> tuple[Trajectory, Route]:
-    """The path through the waypoints of vehicle `k`, and after what way it has passed each."""
-    room, way, count = Buffers(), ways.points[k], int(ways.counts[k])
-    n, segments, _ = kernels.fly(
-        team.pars[k], team.starts[k], team.leads[k], team.n_leads[k], team.v0[k], ways.choices[k],
-        way, count, room.pieces, room.caps, room.segments, room.reached,
-    )  # fmt: skip
-    path = trajectory_of(room.segments[:segments], begin_s, team.starts[k, kernels.LEADS - 1])
+    """The path through the waypoints of vehicle `k`, and its route with the ways passed."""
+    room, way, count = kernels.new_room(), ways.points[k], int(ways.counts[k])
+    n, segments, _ = kernels.fly(team, k, ways.choices[k], way, count, room)
+    path = trajectory_of(room.segs[:segments], begin_s, team.starts[k, kernels.LEADS - 1])
     ends_m = np.cumsum(room.pieces[:n, kernels.P_LENGTH])
     passed = tuple(float(ends_m[min(int(i), n - 1)]) if n else 0.0 for i in room.reached[:count])
     return path, Route(tuple((float(x), float(y), float(c)) for x, y, c in way[:count]), passed)
@@ -60,7 +39,7 @@ def path_of(
 
 @dataclass(frozen=True, slots=True)
 class Now:
-    """Where on its path a vehicle is."""
+    """The place of a vehicle on its path."""
 
     piece: int
     into_m: float
@@ -71,7 +50,7 @@ class Now:
 
 
 def within(path: Trajectory, t_s: float) -> Now | None:
-    """Where a vehicle is on its path at a time; None after its end."""
+    """The place of a vehicle on its path at a time; None after its end."""
     if t_s >= path.end_s or not path.pieces:
         return None
     along_m = 0.0
@@ -89,19 +68,14 @@ def within(path: Trajectory, t_s: float) -> Now | None:
     return None
 
 
-def path_length_m(path: Trajectory) -> float:
-    """How long a path is in the frame of the region, metres."""
-    return path.length_m
-
-
 def ahead(route: Route, along_m: float) -> list[tuple[float, float, float]]:
-    """The waypoints that are farther along, without the end."""
+    """The waypoints from `along_m` on, without the end."""
     pairs = zip(route.waypoints[:-1], route.passed_m[:-1], strict=True)
     return [point for point, passed_m in pairs if passed_m >= along_m]
 
 
 def geometry(path: Trajectory, speed_m_s: float) -> Floats:
-    """The pieces of a path as the kernels take them: lines may be flown at full speed."""
+    """The pieces of a path as rows of the kernels; lines may be flown at full speed."""
     rows = [
         (
             p.east_m, p.north_m, p.heading_rad, p.curvature_1_m, p.length_m,
@@ -113,7 +87,7 @@ def geometry(path: Trajectory, speed_m_s: float) -> Floats:
 
 
 def segments_of(path: Trajectory) -> Floats:
-    """The profile of a path as the kernels take it, times from its beginning."""
+    """The profile of a path as rows of the kernels, times from its beginning."""
     rows = [
         (
             p.begin_s - path.begin_s, p.east_m, p.north_m, p.heading_rad, p.curvature_1_m,
@@ -125,7 +99,7 @@ def segments_of(path: Trajectory) -> Floats:
 
 
 def trajectory_of(segments: Floats, begin_s: float, place: Floats) -> Trajectory:
-    """A path from its profile; `place` is where one without any motion stays."""
+    """A path from its profile; one without any motion stays at `place`."""
     if not len(segments):
         here = Piece(begin_s, 0.0, float(place[0]), float(place[1]), 0.0, 0.0, 0.0, 0.0)
         return Trajectory(begin_s, begin_s, (here,))
@@ -147,6 +121,5 @@ def trajectory_of(segments: Floats, begin_s: float, place: Floats) -> Trajectory
 
 
 def _last_s(segment: Floats) -> float:
-    """How long the last segment takes: it ends at rest."""
     slows = -float(segment[kernels.S_A])
     return float(segment[kernels.S_V]) / slows if slows > 0.0 else 0.0

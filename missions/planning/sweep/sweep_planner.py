@@ -25,13 +25,11 @@ from missions.planning.kernels import swath as kernels
 from missions.planning.kernels import worth as worths
 from missions.planning.sweep.chart import Chart, Flags
 from missions.planning.sweep.paths import (
-    Buffers,
     Floats,
     Ints,
     Route,
     ahead,
     geometry,
-    path_length_m,
     path_of,
     segments_of,
     within,
@@ -117,7 +115,7 @@ class Planner:
 
     def __init__(self, tuning: Tuning) -> None:
         self.tuning = tuning
-        self._buffers = Buffers()
+        self._room = kernels.new_room()
 
     def worth(
         self, chart: Chart, root: int, frames: int, majority: int, asked: Flags | None = None
@@ -192,7 +190,6 @@ class Planner:
         )
 
     def _improve(self, search: _Search, valued: Valued, seed: int) -> float:
-        """Anneal the ways of a search; returns what they cost."""
         tuning = self.tuning
         random = np.array([seed % 2147483646 + 1], np.int64)
         return kernels.improve(
@@ -209,14 +206,16 @@ class Planner:
         """What it costs to fly on as before; infinite where somebody has nothing to fly."""
         seen_s, rest = 0.0, []
         cells = search.cells._replace(cover=search.cells.cover.copy())
+        shown = np.empty(kernels.MOST_HITS, np.int32)
+        times = np.empty(kernels.MOST_HITS, np.float32)
         for k, flyer in enumerate(team):
             if flyer.path is None or flyer.route is None:
                 return math.inf
-            segments, room, path = segments_of(flyer.path), self._buffers, flyer.path
+            segments, path = segments_of(flyer.path), flyer.path
             rest.append(max(0.0, path.end_s - begin_s))
             seen_s += kernels.worth_of_rest(
                 search.team.pars[k], segments, len(segments), path.end_s - path.begin_s,
-                begin_s - path.begin_s, cells, room.hits, room.times, self._urgent,
+                begin_s - path.begin_s, cells, shown, times, self._urgent,
             )  # fmt: skip
         last = self.tuning.last_share
         return last * max(rest) + (1.0 - last) * sum(rest) / len(rest) - seen_s
@@ -239,7 +238,7 @@ class Planner:
             begin.starts[k, :, 0], begin.starts[k, :, 1] = place
             begin.n_leads[k, : kernels.LEADS - 1] = -1
             if route is not None and path is not None:
-                along_m = path_length_m(path) if now is None else now.along_m
+                along_m = path.length_m if now is None else now.along_m
                 left = ahead(route, along_m + 0.5)
         else:
             speed = begin.v0[k] = now.speed_m_s
@@ -264,15 +263,11 @@ class Planner:
             ways.choices[k] = self._quickest_begin(search, k)
 
     def _quickest_begin(self, search: _Search, k: int) -> int:
-        """With which lead-in the waypoints of a vehicle are flown soonest."""
-        team, ways, room = search.team, search.ways, self._buffers
+        way, m = search.ways.points[k], search.ways.counts[k]
         seconds = [
-            kernels.fly(
-                team.pars[k], team.starts[k], team.leads[k], team.n_leads[k], team.v0[k], choice,
-                ways.points[k], ways.counts[k], room.pieces, room.caps, room.segments, room.reached,
-            )[2]
+            kernels.fly(search.team, k, choice, way, m, self._room)[2]
             for choice in range(kernels.LEADS)
-        ]  # fmt: skip
+        ]
         return seconds.index(min(seconds))
 
 

@@ -23,9 +23,8 @@ import shapely
 from numpy.typing import NDArray
 
 from missions.lab.cooperation import trapezoids, triangulation
-from missions.lab.cooperation.exploration import Exploration
-from missions.lab.cooperation.seen import unseen, unwatched
-from missions.lab.cooperation.space import Space
+from missions.lab.cooperation.exploration import Exploration, Move, along, unseen
+from missions.lab.cooperation.space import Point, Space
 from missions.lab.cooperation.tracking import Noise, followed, legs_of
 from missions.lab.cooperation.trapezoids import Cover, Pattern
 from tests.support.polygons import random_space, random_start
@@ -70,6 +69,25 @@ def mapped_unseen(exploration: Exploration, pieces: int) -> int:
         spacing_m = exploration.range_m * SPACING
         count += bool(len(unseen(until, shapely.get_coordinates(ring), spacing_m)))
     return count
+
+
+def unwatched(exploration: Exploration, spacing_m: float) -> list[tuple[Move, Point]]:
+    """Where a robot was that moved, and no standing one had it within range and sight.
+
+    Looked at every `spacing_m` along the ways, and at the ends of legs.
+    """
+    found = []
+    most_m = exploration.range_m * (1.0 + 1e-9)
+    for move, standing in exploration.standing():
+        others = [place for robot, place in enumerate(standing) if robot != move.robot]
+        for point, _ in along(move, spacing_m):
+            near = sorted(others, key=lambda place: math.dist(place, point))
+            if not any(
+                math.dist(place, point) <= most_m and exploration.space.sees(place, point)
+                for place in near
+            ):
+                found.append((move, point))
+    return found
 
 
 def faults(exploration: Exploration, seed: int, points: int = POINTS, pieces: int = 4) -> list[str]:

@@ -38,7 +38,7 @@ def belief_of(frames: list[Report], *, start: Belief | None = None) -> Belief:
 
 
 def facts(belief: Belief) -> tuple[object, ...]:
-    here = [(belief.verdict(c), belief.provisional(c), belief.tally_anywhere(c)) for c in AROUND]
+    here = [(belief.verdict(c), belief.provisional(c), belief.tally(c, None)) for c in AROUND]
     return belief.roi, list(belief.cells().items()), belief.detections(), here
 
 
@@ -144,7 +144,7 @@ def test_a_cell_is_decided_when_no_votes_to_come_could_change_it(
     empty = Belief(size, data.draw(st.integers(1, size)))
     belief = belief_of(frames, start=empty)
     for cell in AROUND:
-        lacks = size - belief.tally_anywhere(cell).total
+        lacks = size - belief.tally(cell, None).total
         outcomes = set()
         for rest in itertools.product((False, True), repeat=lacks):
             later = [(None, FrameId(3, 9.0 + i), {cell: vote}) for i, vote in enumerate(rest)]

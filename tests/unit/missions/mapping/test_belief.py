@@ -111,7 +111,7 @@ def test_three_equal_votes_of_five_decide(
     assert belief.provisional(HERE) is provisional
     assert (HERE in belief.roi) is (verdict is True)
     counted = pattern[:5]
-    assert belief.tally_anywhere(HERE) == Tally(counted.count("+"), len(counted))
+    assert belief.tally(HERE, None) == Tally(counted.count("+"), len(counted))
 
 
 def test_a_vantage_decides_for_a_cell_and_not_against_it() -> None:

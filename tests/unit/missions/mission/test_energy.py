@@ -4,6 +4,7 @@ what flying takes."""
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -46,6 +47,36 @@ models = st.builds(
 )
 
 
+winds = st.floats(0, 15)
+Costs = Callable[[EnergyModel, float], tuple[float, ...]]
+AWAY_M = 800.0
+GROWING: dict[str, tuple[st.SearchStrategy[float], Costs]] = {
+    "distance": (distances, lambda m, x: (m.leg_s(x), m.leg_wh(x), m.home_wh(x, 12.0))),
+    "wind": (winds, lambda m, x: home(replace(m, wind_m_s=m.wind_m_s + x))),
+    "weakness of the airframe": (winds, lambda m, x: home(replace(m, max_airspeed_m_s=30.0 - x))),
+    "height": (
+        heights,
+        lambda m, x: (m.home_wh(AWAY_M, x), m.climb_wh(x), m.sortie_wh(0.0, 0.0, x, 5.0)),
+    ),
+    "drawn power": (powers, lambda m, x: (m.power_w(x), m.home_wh(AWAY_M, 12.0, x))),
+    "stay": (durations, lambda m, x: (m.sortie_wh(AWAY_M, AWAY_M, 12.0, x),)),
+}
+
+
+def home(model: EnergyModel) -> tuple[float, ...]:
+    """What a long way and a short one take, which in wind never gets up to speed."""
+    return (*(model.leg_s(away_m) for away_m in (1.0, AWAY_M)), model.home_wh(AWAY_M, 12.0))
+
+
+@pytest.mark.parametrize("what", GROWING)
+@FAST
+@given(models, st.data())
+def test_more_never_takes_less(what: str, model: EnergyModel, data: st.DataObject) -> None:
+    values, costs = GROWING[what]
+    low, high = sorted((data.draw(values), data.draw(values)))
+    assert all(a <= b for a, b in zip(costs(model, low), costs(model, high), strict=True))
+
+
 # --- the mission's model ---------------------------------------------------------------------
 def test_the_model_is_made_of_the_mission_s_battery_wind_and_speeds() -> None:
     made = mission(square(0, 0, 40, 30), square(-30, -30, 120, 100), capacity_wh=44.0)
@@ -84,14 +115,12 @@ def test_a_vehicle_that_draws_more_is_believed_and_one_that_draws_less_is_not() 
 
 
 @FAST
-@given(models, powers, powers)
-def test_more_drawn_never_means_less_power(
-    model: EnergyModel, one_w: float, other_w: float
+@given(models, powers)
+def test_power_is_above_what_was_drawn_and_what_hovering_takes(
+    model: EnergyModel, drawn_w: float
 ) -> None:
-    low_w, high_w = sorted((one_w, other_w))
-    assert model.power_w(low_w) <= model.power_w(high_w)
-    assert model.power_w(high_w) >= high_w
-    assert model.power_w(low_w) > model.hover_power_w
+    assert model.power_w(drawn_w) >= drawn_w
+    assert model.power_w(drawn_w) > model.hover_power_w
 
 
 # --- legs ------------------------------------------------------------------------------------
@@ -154,33 +183,6 @@ def test_in_wind_beyond_the_airframe_the_figures_stay_finite(wind_m_s: float) ->
 
 @FAST
 @given(models, distances, distances)
-def test_farther_never_takes_less(model: EnergyModel, one_m: float, other_m: float) -> None:
-    near_m, far_m = sorted((one_m, other_m))
-    assert model.leg_s(near_m) <= model.leg_s(far_m)
-    assert model.leg_wh(near_m) <= model.leg_wh(far_m)
-    assert model.home_wh(near_m, 12.0) <= model.home_wh(far_m, 12.0)
-
-
-@FAST
-@given(models, distances, st.floats(0, 15))
-def test_more_wind_never_takes_less(model: EnergyModel, distance_m: float, more_m_s: float) -> None:
-    """Also on short legs, which in wind never get up to speed."""
-    windier = replace(model, wind_m_s=model.wind_m_s + more_m_s)
-    assert windier.leg_s(distance_m) >= model.leg_s(distance_m)
-    assert windier.home_wh(distance_m, 12.0) >= model.home_wh(distance_m, 12.0)
-
-
-@FAST
-@given(models, distances, st.floats(0, 15))
-def test_a_stronger_airframe_never_takes_longer(
-    model: EnergyModel, distance_m: float, more_m_s: float
-) -> None:
-    stronger = replace(model, max_airspeed_m_s=model.max_airspeed_m_s + more_m_s)
-    assert stronger.leg_s(distance_m) <= model.leg_s(distance_m)
-
-
-@FAST
-@given(models, distances, distances)
 def test_a_way_in_two_legs_is_never_cheaper_than_in_one(
     model: EnergyModel, one_m: float, other_m: float
 ) -> None:
@@ -219,17 +221,6 @@ def test_a_landing_is_reckoned_at_the_last_slow_metres_all_the_way_down() -> Non
 
 
 @FAST
-@given(models, heights, heights, distances)
-def test_higher_never_takes_less(
-    model: EnergyModel, one_m: float, other_m: float, distance_m: float
-) -> None:
-    low_m, high_m = sorted((one_m, other_m))
-    assert model.home_wh(distance_m, low_m) <= model.home_wh(distance_m, high_m)
-    assert model.climb_wh(low_m) <= model.climb_wh(high_m)
-    assert model.sortie_wh(0.0, 0.0, low_m, 5.0) <= model.sortie_wh(0.0, 0.0, high_m, 5.0)
-
-
-@FAST
 @given(models, distances, heights, powers)
 def test_the_reserve_is_left_at_touch_down(
     model: EnergyModel, distance_m: float, height_m: float, drawn_w: float
@@ -240,16 +231,6 @@ def test_the_reserve_is_left_at_touch_down(
     landing_s = height_m / LANDING_SPEED_M_S + LANDING_OVERHEAD_S
     left_wh = start_wh - flown_wh - model.hover_wh(landing_s, drawn_w)
     assert left_wh == pytest.approx(model.reserve_wh, abs=1e-6)
-
-
-@FAST
-@given(models, distances, heights, powers, powers)
-def test_who_draws_more_turns_back_earlier(
-    model: EnergyModel, distance_m: float, height_m: float, one_w: float, other_w: float
-) -> None:
-    low_w, high_w = sorted((one_w, other_w))
-    calm = model.home_wh(distance_m, height_m, low_w)
-    assert calm <= model.home_wh(distance_m, height_m, high_w)
 
 
 # --- whole sorties ---------------------------------------------------------------------------
@@ -267,16 +248,6 @@ def test_a_sortie_is_the_sum_of_its_parts(
     sortie = model.sortie_wh(out_m, home_m, height_m, hover_s)
     assert sortie == pytest.approx(sum(parts))
     assert sortie > model.reserve_wh
-
-
-@FAST
-@given(models, distances, heights, durations, durations)
-def test_a_longer_stay_never_takes_less(
-    model: EnergyModel, out_m: float, height_m: float, one_s: float, other_s: float
-) -> None:
-    short_s, long_s = sorted((one_s, other_s))
-    brief = model.sortie_wh(out_m, out_m, height_m, short_s)
-    assert brief <= model.sortie_wh(out_m, out_m, height_m, long_s)
 
 
 def test_a_sortie_of_the_runway_by_hand() -> None:

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from shapely.geometry import LineString
 
 from missions.lab.cooperation.leapfrog_errors import LeapfrogNoise, compare, fly_leapfrog
-from missions.lab.cooperation.space import distance
 from missions.planning.leapfrog_geometry import Role, TrackerView, plan_leapfrog
 
 VIEW = TrackerView(above_m=12.0)
@@ -44,10 +43,10 @@ def test_nobody_ever_leaves_the_picture_and_the_path_is_flown(path):
         assert step.start == pytest.approx(places[step.mover], abs=1e-6)
         assert step.hovering == pytest.approx(places[other], abs=1e-6)
         # the way is straight between its places, so its ends are the farthest
-        assert max(distance(p, step.hovering) for p in step.way) <= VIEW.reach_m + 1e-6
+        assert max(math.dist(p, step.hovering) for p in step.way) <= VIEW.reach_m + 1e-6
         places[step.mover] = step.end
     flown = [p for step in plan.steps if step.mover is Role.MAPPER for p in step.way]
-    assert sum(map(distance, flown, flown[1:])) == pytest.approx(LineString(path).length)
+    assert sum(map(math.dist, flown, flown[1:])) == pytest.approx(LineString(path).length)
     assert LineString(flown).hausdorff_distance(LineString(path)) < 1e-6
     assert all(a.mover is not b.mover for a, b in pairwise(plan.steps) if a.mover is Role.TRACKER)
 
@@ -67,7 +66,7 @@ def test_what_cannot_be_flown_or_seen_is_refused():
 
 @pytest.mark.parametrize("above_m", [10.0, 12.0])
 def test_the_map_errs_by_a_fifth_of_what_dead_reckoning_does(above_m):
-    """Odometry of 2 % of the distance, and a gyro of 0.3 deg after a metre, without a compass."""
+    """Odometry of 2 % of the math.dist, and a gyro of 0.3 deg after a metre, without a compass."""
     plan = plan_leapfrog(STRAIGHT, TrackerView(above_m=above_m))
     found = compare(plan, LeapfrogNoise.of_tracker(above_m), seeds=range(40))
     assert found.times_better > 5.0

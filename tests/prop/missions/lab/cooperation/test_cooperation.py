@@ -9,13 +9,12 @@ import pytest
 
 from missions.errors import AreaError, StrategyError
 from missions.lab.cooperation import trapezoids, triangulation
-from missions.lab.cooperation.exploration import Exploration, Why
-from missions.lab.cooperation.seen import unseen, unwatched
+from missions.lab.cooperation.exploration import Exploration, Why, unseen
 from missions.lab.cooperation.space import GRID_M, Space
 from missions.lab.cooperation.stripes import stripes_of
 from missions.lab.cooperation.tracking import Filter, Leg, Noise, followed, legs_of
 from missions.lab.cooperation.trapezoids import Cover, Pattern, reckoned
-from tests.benchmarks.planning.cooperation import faults, in_stripes, in_triangles
+from tests.benchmarks.planning.cooperation import faults, in_stripes, in_triangles, unwatched
 from tests.support.polygons import random_space
 
 HALL = Space([(0, 0), (40, 0), (40, 20), (0, 20)])

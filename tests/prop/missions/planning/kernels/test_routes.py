@@ -8,7 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from missions.planning.kernels.ground import imagine, is_compact
-from missions.planning.kernels.routes import arrange, improve, improve_alone, nearest, price
+from missions.planning.kernels.routes import (
+    Outlays,
+    arrange,
+    improve,
+    improve_alone,
+    nearest,
+    price,
+)
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -17,17 +24,15 @@ def test_every_node_is_on_one_route_and_searching_pays(seed: int) -> None:
     nodes, robots = int(rng.integers(1, 25)), int(rng.integers(1, 7))
     places = rng.random((nodes + robots + 1, 2)) * 20.0
     legs = np.hypot(*(places[:, None, :] - places[None, :, :]).transpose(2, 0, 1))
-    loads, behind = rng.random(nodes), rng.integers(0, 3, nodes) * 4.0
+    outlays = Outlays(legs, rng.random(nodes), rng.integers(0, 3, nodes) * 4.0, 0.3)
     last, counts = np.zeros((robots, 1), np.int32), np.zeros(robots, np.int32)
     costs = []
     for moves in (0, 3000):
-        routes, many = arrange(legs, loads, behind, 0.3, last, counts, moves, 0.02, seed)
+        routes, many = arrange(outlays, last, counts, moves, 0.02, seed)
         visited = [int(n) for route, count in zip(routes, many, strict=True) for n in route[:count]]
         assert sorted(visited) == list(range(nodes))
-        costs.append(
-            sum(price(legs, loads, behind, 0.3, routes[r], int(many[r]), r) for r in range(robots))
-        )
-        again = arrange(legs, loads, behind, 0.3, last, counts, moves, 0.02, seed)
+        costs.append(sum(price(outlays, routes[r], int(many[r]), r) for r in range(robots)))
+        again = arrange(outlays, last, counts, moves, 0.02, seed)
         assert (again[0] == routes).all()
     assert costs[1] <= costs[0] * 1.05
 
@@ -59,11 +64,11 @@ def test_the_search_for_one_robot_is_that_for_a_team(seed: int) -> None:
     nodes = int(rng.integers(2, 40))
     places = rng.integers(0, 12, (nodes + 2, 2))
     legs = np.abs(places[:, None, :] - places[None, :, :]).sum(axis=2).astype(np.float64)
-    loads, behind = rng.integers(0, 3, nodes).astype(np.float64), np.zeros(nodes)
+    outlays = Outlays(legs, rng.integers(0, 3, nodes).astype(np.float64), np.zeros(nodes), 0.3)
     routes, counts = rng.permutation(nodes).astype(np.int32)[None, :], np.array([nodes], np.int32)
-    costs = np.array([price(legs, loads, behind, 0.3, routes[0], nodes, 0)])
+    costs = np.array([price(outlays, routes[0], nodes, 0)])
     alone, length = routes[0].copy(), costs[0] ** (1.0 / 6.0) - 1.0
-    improve(legs, loads, behind, 0.3, routes, counts, costs, 2000, 0.0, seed)
+    improve(outlays, routes, counts, costs, 2000, 0.0, seed)
     improve_alone(legs, alone, length, 2000, 0.0, seed)
     assert alone.tolist() == routes[0].tolist()
     assert costs[0] < (length + 1.0) ** 6 or nodes < 4
@@ -76,14 +81,14 @@ def test_the_search_for_one_robot_warms_up_as_that_for_a_team() -> None:
         rng = np.random.default_rng(seed)
         places = rng.integers(0, 12, (32, 2))
         legs = np.abs(places[:, None, :] - places[None, :, :]).sum(axis=2).astype(np.float64)
-        none, counts = np.zeros(30), np.array([30], np.int32)
+        outlays, counts = Outlays(legs, np.zeros(30), np.zeros(30), 0.3), np.array([30], np.int32)
         routes = rng.permutation(30).astype(np.int32)[None, :]
-        costs = np.array([price(legs, none, none, 0.3, routes[0], 30, 0)])
+        costs = np.array([price(outlays, routes[0], 30, 0)])
         alone, length = routes[0].copy(), costs[0] ** (1.0 / 6.0) - 1.0
-        improve(legs, none, none, 0.3, routes, counts, costs, 3000, 0.1, seed)
+        improve(outlays, routes, counts, costs, 3000, 0.1, seed)
         improve_alone(legs, alone, length, 3000, 0.1, seed)
         for k, route in enumerate((routes[0], alone)):
-            ends[k] += price(legs, none, none, 0.3, route, 30, 0) ** (1.0 / 6.0) - 1.0
+            ends[k] += price(outlays, route, 30, 0) ** (1.0 / 6.0) - 1.0
     assert abs(ends[1] / ends[0] - 1.0) < 0.01
 
 

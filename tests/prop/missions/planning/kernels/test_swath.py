@@ -121,8 +121,7 @@ def test_the_frames_that_are_predicted_are_the_frames_that_are_seen(points, tilt
     while (t_s := 0.2 + 0.2 * ticks) < total_s - 1e-6:
         x, y = judged._middle(path, path.begin_s + t_s)
         worths.see(
-            x, y, 5.5, 4.5, 4.0, *chart.grid[:4], nothing, nothing, chart.yes, chart.no, 10**6,
-            5 * 10**5,
+            x, y, 5.5, 4.5, chart.grid, nothing, nothing, chart.yes, chart.no, 10**6, 5 * 10**5,
         )  # fmt: skip
         ticks += 1
     # a cell that lies on the very edge of a frame may fall to either side
@@ -199,7 +198,7 @@ def test_what_cells_are_worth_does_not_hang_on_the_order_of_frames(roi, places, 
         ground = Ground(roi, 4.0, KINEMATICS, Camera(15.0, 15.0, frames=99, majority=50))
         for x, y in places:
             worths.see(
-                x, y, 5.5, 5.5, 4.0, *ground.chart.grid[:4], ground.truth,
+                x, y, 5.5, 5.5, ground.chart.grid, ground.truth,
                 np.zeros_like(ground.truth), ground.chart.yes, ground.chart.no, 99, 50,
             )  # fmt: skip
         found.append(Planner(QUICK).worth(ground.chart, ground.chart.index(roi.start), 99, 50))

@@ -10,8 +10,7 @@ import pytest
 
 from missions.lab.arena.arena_run import run
 from missions.lab.arena.roi import KINDS, component, eden, thin
-from missions.lab.strategies.lrv import Lrv
-from missions.lab.strategies.random_walk import RandomWalk, mix
+from missions.lab.strategies.walks import Lrv, RandomWalk, mix
 from missions.mapping.tree import Tree
 from missions.planning.stepwise import EXPLORERS, Situation
 from missions.planning.stepwise.metric import Metric

@@ -88,9 +88,9 @@ def sites(seed: int, nodes: int, robots: int) -> tuple[np.ndarray, np.ndarray, n
 def test_on_few_sites_the_search_finds_the_shortest_round(seed: int, nodes: int) -> None:
     """Against every order there is."""
     legs, loads, _ = sites(seed, nodes, 1)
-    nothing = np.zeros(nodes)
+    outlays = routing.Outlays(legs, loads, np.zeros(nodes), 0.0)
     none, empty = np.zeros((1, 1), np.int32), np.zeros(1, np.int32)
-    routes, counts = routing.arrange(legs, loads, nothing, 0.0, none, empty, 4000, 0.05, seed)
+    routes, counts = routing.arrange(outlays, none, empty, 4000, 0.05, seed)
 
     def length(order: list[int]) -> float:
         way = [nodes, *order, nodes + 1]

@@ -9,7 +9,7 @@ from missions.errors import MissionFileError
 from missions.flight.setting import Setting
 from missions.geo.fence import Fence
 from missions.mission.checks import parse_mission
-from missions.mission.prior_places import prior_of
+from missions.mission.places import prior_of
 from missions.mission.schema import parse_fields
 from missions.planning.search.lanes import lanes
 from missions.planning.search.prior import EVEN_SHARE, Area, LikelyLane, Spot, likely_lanes
