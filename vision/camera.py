@@ -1,7 +1,7 @@
 """The pinhole camera: from metres on the ground to pixels.
 
-Pixel coordinates are those of OpenCV: (0, 0) is the *centre* of the top left pixel, so a picture of
-`width_px` columns reaches from -0.5 to `width_px - 0.5`.
+Pixel (0, 0) is the *centre* of the top left pixel, as in OpenCV: a picture reaches from -0.5 to
+`width_px - 0.5`.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ class Camera(Optics):
     """
 
     def homography(self, pose: Pose, grid: Grid, t_s: float) -> NDArray[np.float64]:
-        """The 3 x 3 matrix from the grid's moving frame to pixels.
+        """Return the 3 x 3 matrix from the grid's moving frame to pixels.
 
-        `H @ (east_m, north_m, 1)` is `(u w, v w, w)`. `w` is the distance in metres along the
-        optical axis: a point with `w <= 0` lies behind the camera and is not in the picture,
-        whatever `u` and `v` say. The ground is a plane `pose.height_m` below the camera. Between
-        the grid and the attitude, which is to true north, lies the grid's meridian convergence.
+        `H @ (east_m, north_m, 1)` is `(u w, v w, w)`; `w` is metres along the optical axis. Points
+        with `w <= 0` lie behind the camera and are not in the picture. The ground is a plane
+        `pose.height_m` below the camera. The attitude is to true north: the grid's meridian
+        convergence lies between.
         """
         place = grid.to_moving(grid.fixed(pose.position), t_s)
         cos, sin = math.cos(grid.convergence_rad), math.sin(grid.convergence_rad)
@@ -47,7 +47,7 @@ class Camera(Optics):
         return matrix
 
     def pixels_of_ned(self, pose: Pose) -> NDArray[np.float64]:
-        """The 3 x 3 matrix from metres north, east and down of the camera to pixels."""
+        """Return the 3 x 3 matrix from metres north, east and down of the camera to pixels."""
         focal = self.focal_px
         pixels_of_camera = np.array(
             [
@@ -61,10 +61,9 @@ class Camera(Optics):
 
 
 def pixel_rows(camera: Camera, pose: Pose, grid: Grid, t_s: float) -> NDArray[np.float64]:
-    """The 3 x 4 matrix from the grid's moving frame, and a height, to pixels.
+    """Return the 3 x 4 matrix from the grid's moving frame and a height to pixels.
 
-    It takes `(east_m, north_m, 1, rise_m)`, where a point lies `rise_m` above the plane that is
-    `pose.height_m` below the camera; see `Camera.homography`.
+    It takes `(east_m, north_m, 1, rise_m)`: `rise_m` above the plane of `Camera.homography`.
     """
     down = camera.pixels_of_ned(pose)[:, 2]
     return np.column_stack([camera.homography(pose, grid, t_s), -down])
@@ -73,14 +72,13 @@ def pixel_rows(camera: Camera, pose: Pose, grid: Grid, t_s: float) -> NDArray[np
 def edges(
     camera: Optics, matrix: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The picture's rim on the ground: the polygon that it shows, as four half-planes.
+    """Return the picture's rim on the ground as four half-planes.
 
-    A ground point `p` is `normals @ p + offsets` metres inside of the left, right, upper and lower
-    edge of the picture; what is inside of all four is in the picture, and in front of the camera.
-    An edge whose line lies at infinity (at the horizon) is infinitely far: its offset is +-inf.
+    A ground point `p` is `normals @ p + offsets` metres inside the left, right, upper and lower
+    edge. An edge at infinity (the horizon) has the offset +-inf.
 
     Args:
-        camera: Says the size of the picture.
+        camera: Gives the size of the picture.
         matrix: 3 x 3, from `Camera.homography`.
 
     Returns:
@@ -98,7 +96,7 @@ def edges(
 
 
 def rotation(attitude: Quaternion) -> NDArray[np.float64]:
-    """The 3 x 3 matrix that takes vectors from camera axes to NED.
+    """Return the 3 x 3 matrix from camera axes to NED.
 
     >>> level_east = Quaternion.from_euler(0.0, 0.0, math.pi / 2)
     >>> forward, right, down = rotation(level_east).T.round(9) + 0.0
@@ -118,15 +116,14 @@ def rotation(attitude: Quaternion) -> NDArray[np.float64]:
 def project(
     matrix: NDArray[np.float64], points: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Pixels of ground points.
+    """Project ground points to pixels.
 
     Args:
         matrix: 3 x 3, from `Camera.homography`.
-        points: shape (..., 2), metres east and north in the moving frame.
+        points: Shape (..., 2), metres east and north in the moving frame.
 
     Returns:
-        `pixels`, shape (..., 2), NaN where the point is not in front of the camera, and `depth`,
-        shape (...), metres along the optical axis.
+        `pixels`, shape (..., 2), NaN behind the camera, and `depth`, metres along the optical axis.
     """
     homogeneous = points @ matrix[:, :2].T + matrix[:, 2]
     depth = homogeneous[..., 2]
@@ -135,9 +132,8 @@ def project(
 
 
 def euler(turn: Quaternion) -> tuple[float, float, float]:
-    """Roll, pitch and yaw (radians) that `Quaternion.from_euler` makes this rotation of.
-
-    Straight down, where yaw and roll are one, all of it is yaw.
+    """Return roll, pitch and yaw (radians) as `Quaternion.from_euler` takes them; straight down,
+    roll is 0.
 
     >>> [round(v, 9) for v in euler(Quaternion.from_euler(0.1, -1.2, 2.0))]
     [0.1, -1.2, 2.0]

@@ -1,9 +1,8 @@
 """Lines of equal level on a raster, between its pixels: marching squares.
 
-Between two pixels' centres the level is taken for linear, so a line lies where it crosses, at a
-fraction of a pixel. Every line is closed: beyond the raster nothing is region. Crossings have
-numbers that hold over the whole raster, so that it can be gone through block by block: contourpy
-takes all of it at once, as 8 bytes a pixel, and five times as long.
+Levels are linear between pixels' centres. Every line is closed: nothing beyond the raster is
+region. Crossings have numbers that hold over the whole raster, so it can be processed block by
+block; contourpy needs all of it at once, as 8 bytes a pixel, and five times as long.
 """
 
 from __future__ import annotations
@@ -45,11 +44,11 @@ for _case, _pairs in _LINES.items():
 
 @dataclass(frozen=True, slots=True)
 class Ring:
-    """A closed line, the inside at its left hand.
+    """A closed line, the inside at its left.
 
     Attributes:
-        points: Shape (n, 2): columns and rows, in which a pixel's centre is a whole number.
-        open: Shape (n,): whether the line runs along ground that nobody has seen there.
+        points: Shape (n, 2): columns and rows; a pixel's centre is a whole number.
+        open: Shape (n,): whether the line runs along unseen ground there.
         area_px: Enclosed area in pixels: positive around the inside, negative around a hole.
     """
 
@@ -76,7 +75,7 @@ class Contours:
         self._open: list[NDArray[np.bool_]] = []
 
     def add(self, levels: NDArray[np.uint8], top: int, left: int) -> None:
-        """Take in the squares between the pixels of a part of the raster.
+        """Add the squares between the pixels of a part of the raster.
 
         `levels` begins in row `top` and column `left`. Parts share a row, or column, of pixels.
         """
@@ -103,7 +102,7 @@ class Contours:
     def _crossing(
         self, rows: NDArray[np.intp], columns: NDArray[np.intp], side: NDArray[np.int8]
     ) -> NDArray[np.int64]:
-        """The number of the crossing on a side: that of its upper, or left, pixel, twice."""
+        """Number the crossings on a side by its upper, or left, pixel, twice."""
         r = rows + (side == _BOTTOM)
         c = columns + (side == _RIGHT)
         upright = (side == _LEFT) | (side == _RIGHT)
@@ -119,7 +118,7 @@ class Contours:
         top: int,
         left: int,
     ) -> None:
-        """Where the lines' beginnings lie: each crossing is the beginning of one."""
+        """Locate the lines' beginnings: each crossing is the beginning of one."""
         r, c = rows + (side == _BOTTOM), columns + (side == _RIGHT)
         upright = (side == _LEFT) | (side == _RIGHT)
         first = levels[r, c]
@@ -135,7 +134,7 @@ class Contours:
         self._open.append(unseen)
 
     def rings(self, least_px: float) -> Iterator[Ring]:
-        """All closed lines around at least so many pixels."""
+        """Yield the closed lines around at least `least_px` pixels."""
         if not self._from:
             return
         begin, end = np.concatenate(self._from), np.concatenate(self._to)
@@ -158,9 +157,9 @@ class Contours:
 def _cycles(
     following: NDArray[np.intp], order: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The cycles of a permutation one after another, and where each begins.
+    """Return the cycles of a permutation one after another, and where each begins.
 
-    Each begins with what of it comes first in `order`, and the cycles come in that order, too.
+    Each begins with its first element in `order`; the cycles come in that order.
 
     >>> chain, starts = _cycles(np.array([2, 3, 4, 1, 0]), np.array([1, 0, 2, 3, 4]))
     >>> chain.tolist(), starts.tolist()

@@ -1,4 +1,4 @@
-"""Which way round pictures are, from how well pairs of them agree: the labels of a graph."""
+"""The orientation of pictures from the agreement of pairs: labels of a graph."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ Scores = Mapping[tuple[int, int], NDArray[np.float64]]
 _Neighbours = Mapping[int, Mapping[int, NDArray[np.float64]]]
 
 MARGIN = 0.05
-"""Mean gain a pair below which nothing is called turned."""
+"""Mean gain per pair below which nothing is turned."""
 
 
 def best_labels(count: int, scores: Scores) -> tuple[bool, ...]:
-    """For each picture whether it is turned, so that the pairs agree best in sum.
+    """Return for each picture whether it is turned, so that the sum over the pairs is largest.
 
-    A search that looks at every pair a few times; what hangs together by pairs is labelled
-    together, and stays as it is where turning gains less than `MARGIN` a pair.
+    The search visits every pair a few times. Pictures that pairs connect are labelled together;
+    they stay as stored if turning gains less than `MARGIN` per pair.
 
     >>> best_labels(3, {(0, 1): np.array([[0.1, 0.9], [0.8, 0.1]])})
     (False, True, False)
@@ -57,7 +57,7 @@ def _component(first: int, near: _Neighbours) -> set[int]:
 
 
 def _gain(k: int, labels: Mapping[int, bool], near: _Neighbours) -> float:
-    """What picture k adds when turned, over when not, given the labels of its neighbours."""
+    """Return the gain of turning picture k, given the labels of its neighbours."""
     total = 0.0
     for other, table in near[k].items():
         if other in labels:
@@ -67,7 +67,7 @@ def _gain(k: int, labels: Mapping[int, bool], near: _Neighbours) -> float:
 
 
 def _grown(first: int, way: bool, near: _Neighbours) -> dict[int, bool]:
-    """Label outwards from a picture, the clearest next; then mend until none changes."""
+    """Label outwards from a picture, the clearest next; then mend."""
     labels: dict[int, bool] = {}
     heap: list[tuple[float, int]] = [(0.0, first)]
     clearest = {first: 0.0}
@@ -85,7 +85,7 @@ def _grown(first: int, way: bool, near: _Neighbours) -> dict[int, bool]:
 
 
 def _mend(labels: dict[int, bool], near: _Neighbours) -> None:
-    """Turn the worst that disagrees with its neighbours, again and again."""
+    """Turn the picture that disagrees most with its neighbours until none does."""
     gains = {k: _gain(k, labels, near) for k in labels}
     for _ in range(len(labels)):
         wrong = [k for k, gain in gains.items() if (gain > 0.0) != labels[k]]

@@ -1,4 +1,4 @@
-"""A real lens: focal lengths, principal point and distortion, as OpenCV calibrates them."""
+"""A real lens: focal lengths, principal point and distortion, as in OpenCV."""
 
 from __future__ import annotations
 
@@ -15,18 +15,17 @@ _CENTRED = 1e-4  # of the width: a tenth of a pixel in a thousand
 
 @dataclass(frozen=True, slots=True)
 class Lens:
-    """The intrinsics of a picture of `width_px` x `height_px`, all in its pixels.
-
-    Pixel coordinates are OpenCV's: (0, 0) is the centre of the top left pixel.
+    """The intrinsics of a picture of `width_px` x `height_px`, in pixels; (0, 0) is a pixel's
+    centre.
 
     Attributes:
-        width_px: Columns of the picture, at least 1.
-        height_px: Rows of the picture, at least 1.
+        width_px: At least 1.
+        height_px: At least 1.
         fx_px: Focal length along the columns, above 0.
         fy_px: Focal length along the rows, above 0.
-        cx_px: Column of the principal point, inside of the picture.
-        cy_px: Row of the principal point, inside of the picture.
-        model: How `distortion` is to be read.
+        cx_px: Column of the principal point, inside the picture.
+        cy_px: Row of the principal point, inside the picture.
+        model: Meaning of `distortion`.
         distortion: Coefficients; none for a pinhole.
 
     >>> lens = Lens.pinhole(math.radians(90.0), 640, 480)
@@ -44,7 +43,6 @@ class Lens:
     distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse what is no lens with `ValueError`."""
         if self.width_px < 1 or self.height_px < 1:
             raise ValueError(f"a picture of {self.width_px} x {self.height_px} px has no pixels")
         numbers = (self.fx_px, self.fy_px, self.cx_px, self.cy_px, *self.distortion)
@@ -69,9 +67,8 @@ class Lens:
 
     @classmethod
     def pinhole(cls, hfov_rad: float, width_px: int, height_px: int) -> Lens:
-        """A lens without distortion, its axis through the middle of the picture.
-
-        Raises `ValueError` for an angle of view `hfov_rad` outside of 0 to pi.
+        """Return an undistorted lens, its axis through the middle; `ValueError` unless 0 < hfov <
+        pi.
         """
         if not 0.0 < hfov_rad < math.pi:
             raise ValueError(f"hfov_rad is {hfov_rad:g}, expected 0 to pi, open")
@@ -91,7 +88,7 @@ class Lens:
 
     @property
     def is_pinhole(self) -> bool:
-        """Whether the picture is one of a pinhole with square pixels, its axis in the middle."""
+        """Whether the lens is a pinhole with square pixels, its axis in the middle."""
         return (
             self.model == "brown"
             and not any(self.distortion)
@@ -101,7 +98,7 @@ class Lens:
         )
 
     def scaled(self, width_px: int, height_px: int) -> Lens:
-        """The lens of the same picture, scaled to another size.
+        """Return the lens of the same picture, scaled to another size.
 
         >>> half = Lens.pinhole(math.radians(90.0), 640, 480).scaled(320, 240)
         >>> round(half.fx_px, 6), half.cx_px

@@ -1,9 +1,8 @@
 """From pixels to cells over ground that is not flat: each cell by its own corners.
 
-A cell's corners are projected with the height of the ground at each of them, and between its
-corners a cell is taken for a plane. So a slope in a picture, or a rise of the ground from one cell
-to the next, does not move what is seen. What a hill hides is not found out: near the nadir nothing
-is hidden that is flatter than the rays are steep.
+A cell's corners are projected with the height of the ground at each; between them a cell is a
+plane. So slopes and rises do not move what is seen. Hidden ground is not detected: near the nadir
+nothing is hidden that is flatter than the rays are steep.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from vision.camera import Camera, pixel_rows
 from vision.detectors.interface import Marks
 
 SAMPLES: Final = 32
-"""A cell's side in samples: a share is good to some hundredths."""
+"""Samples along a cell's side: a share is good to some hundredths."""
 _CORNERS: Final = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 _OUTSIDE: Final = 127
 
@@ -41,7 +40,7 @@ class OverTerrain:
         self._rows = pixel_rows(camera, pose, grid, t_s)
 
     def project(self, places: Floats) -> tuple[Floats, Floats]:
-        """Pixels and depths of ground points, (..., 2) and (...); see `vision.camera.project`."""
+        """Project ground points (..., 2); as `vision.camera.project`."""
         east, north = places[..., 0], places[..., 1]
         rise = self._terrain.at(east + self._drift[0], north + self._drift[1]) - self._below_m
         # the height of the camera above a point is a column of its own
@@ -50,15 +49,10 @@ class OverTerrain:
         in_front = np.where(depth > 0.0, depth, np.nan)
         return homogeneous[..., :2] / in_front[..., None], depth
 
-    def in_front(self, cell: Cell) -> bool:
-        """Whether all of a cell lies in front of the camera."""
-        _, depth = self.project(np.array(self._grid.corners_of(cell)))
-        return bool((depth > 0.0).all())
+    def shown_whole(self, below: Cell, reach: int, margin_m: float) -> NDArray[np.intp]:
+        """Return the cells around `below`, sorted, that lie `margin_m` inside the picture.
 
-    def shown_whole(self, below: Cell, reach: int, margin_m: float) -> tuple[Cell, ...]:
-        """The cells around `below`, sorted, all of whose corners are so far inside the picture.
-
-        The margin is reckoned at the depth of each corner: seen aslant it is fewer pixels.
+        The margin holds at the depth of each corner: seen aslant it is fewer pixels.
         """
         steps = np.arange(-reach, reach + 2) - 0.5
         lattice = np.stack(
@@ -67,40 +61,20 @@ class OverTerrain:
         pixels, depth = self.project(lattice * self._grid.cell_m)
         with np.errstate(divide="ignore", invalid="ignore"):
             margin = margin_m * self._camera.focal_px / depth
-            inside = (depth > 0.0) & (
-                np.minimum(
-                    np.minimum(pixels[..., 0] + 0.5, self._camera.width_px - 0.5 - pixels[..., 0]),
-                    np.minimum(pixels[..., 1] + 0.5, self._camera.height_px - 0.5 - pixels[..., 1]),
-                )
-                >= margin
-            )
+            limit = (self._camera.width_px - 0.5, self._camera.height_px - 0.5)
+            rim = np.minimum(pixels + 0.5, limit - pixels).min(axis=-1)
+            inside = (depth > 0.0) & (rim >= margin)
         whole = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
-        return tuple(
-            Cell(below.east - reach + int(i), below.north - reach + int(j))
-            for i, j in np.argwhere(whole)
-        )
+        shown: NDArray[np.intp] = np.argwhere(whole) + (np.array(below) - reach)
+        return shown
 
-    def shares(
-        self,
-        marks: Marks,
-        cells: tuple[Cell, ...],
-        seen_share: float,
-    ) -> list[float]:
-        """The part of each cell that is ROI; -1 for a cell too little of which is in the picture.
+    def seen_shares(self, marks: Marks, cells: NDArray[np.intp]) -> tuple[Floats, Floats]:
+        """Return of each cell the part of what is seen that is ROI, and the part that is seen.
 
-        The arguments are those of `seen_shares`.
+        `marks` is a mask (uint8, 0 and 255) or a probability (float32, 0 to 1). All cells lie in
+        front of the camera.
         """
-        shares, seen = self.seen_shares(marks, cells)
-        found: list[float] = np.where(seen >= seen_share, shares, -1.0).tolist()
-        return found
-
-    def seen_shares(self, marks: Marks, cells: tuple[Cell, ...]) -> tuple[Floats, Floats]:
-        """Of each cell the part that is ROI, of what is seen of it, and the part that is seen.
-
-        `marks` is a mask (uint8, 0 and 255) or a probability (float32, 0 to 1). All cells lie
-        in front of the camera.
-        """
-        corners = np.array([self._grid.corners_of(cell) for cell in cells], dtype=np.float64)
+        corners = np.array([self._grid.corners_of(Cell(*cell)) for cell in cells.tolist()])
         pixels, _ = self.project(corners)
         square = (_CORNERS * SAMPLES - 0.5).astype(np.float32)
         shares, parts = np.zeros(len(cells)), np.zeros(len(cells))

@@ -13,7 +13,7 @@ from vision.camera import Camera
 from vision.lens import Lens
 
 _WIDEST_RAD = math.radians(150.0)
-"""A pinhole that is wider shows more of its picture's rim than of the ground."""
+"""Widest pinhole: a wider one shows more of its picture's rim than of the ground."""
 _EDGE_STEPS = 33
 _TOUCH_PX = 1e-4
 
@@ -27,7 +27,7 @@ class Straightening:
     rows: NDArray[np.float32]
 
     def applied(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """A picture of the lens as its pinhole would have taken it, of `camera`'s size."""
+        """Return a picture of the lens as its pinhole would have taken it, of `camera`'s size."""
         straight = cv2.remap(
             image, self.columns, self.rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
@@ -35,10 +35,10 @@ class Straightening:
 
 
 def straightening(lens: Lens) -> Straightening:
-    """The pinhole for a lens, and the way to its pictures.
+    """Return the pinhole of a lens, and the map to its pictures.
 
-    Its axis is the lens's, its picture as large as the lens's, and all of it is inside of the
-    lens's picture: what lies at the corners of that is left out, and nothing is made up.
+    Its axis and picture size are the lens's. All of its picture lies inside the lens's: corners are
+    left out, nothing is made up.
 
     >>> plan = straightening(Lens.pinhole(math.radians(80.0), 640, 480))
     >>> round(math.degrees(plan.camera.hfov_rad), 3)
@@ -60,7 +60,7 @@ def straightening(lens: Lens) -> Straightening:
 
 
 def distorted(lens: Lens, rays: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Pixels of rays (x, y, 1), x to the right and y down; shape (n, 2) both."""
+    """Return pixels of rays (x, y, 1), x to the right and y down; shape (n, 2) both."""
     matrix = np.array([[lens.fx_px, 0, lens.cx_px], [0, lens.fy_px, lens.cy_px], [0, 0, 1.0]])
     coefficients = np.array(lens.distortion or (0.0,) * 4)
     if lens.model == "fisheye":
@@ -73,7 +73,7 @@ def distorted(lens: Lens, rays: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _focal_px(lens: Lens) -> float:
-    """The shortest focal length at which the pinhole's rim still lies in the lens's picture."""
+    """Return the shortest focal length at which the pinhole's rim lies in the lens's picture."""
     width_px, height_px = lens.width_px, lens.height_px
     across = np.linspace(-0.5, width_px - 0.5, _EDGE_STEPS) - (width_px - 1) / 2.0
     along = np.linspace(-0.5, height_px - 0.5, _EDGE_STEPS) - (height_px - 1) / 2.0

@@ -1,10 +1,8 @@
 """Which recorded pictures are stored upside down.
 
-Picture viewers turn a photograph by 180 degrees without touching its gimbal angles, and then no tag
-tells. The ground does: where two pictures overlap, they agree only if both are the right way up.
-
-A picture is compared with a few others only: the one before it, and the nearest of those before
-that. So the cost grows with the number of pictures, and not with its square.
+Picture viewers turn a photograph by 180 degrees without changing its gimbal angles, so no tag
+tells. Overlapping pictures agree only if both are upright. Each is compared with the one before it
+and the nearest of those before that: the cost is linear in the number of pictures.
 """
 
 from __future__ import annotations
@@ -21,7 +19,8 @@ from numpy.typing import NDArray
 from missions.geo.grid import Grid
 from vision.camera import project
 from vision.labels import best_labels
-from vision.look import OBLIQUE_LIMIT, Frame
+from vision.look import Frame
+from vision.projection import OBLIQUE_LIMIT
 
 _PIXELS_A_HEIGHT = 40  # resolution of the comparison: a metre from 40 m
 _SEARCH = 0.12  # how far positions may be off, in heights: some 5 m from 40 m
@@ -50,9 +49,9 @@ class Patch:
 
 @dataclass(slots=True)
 class UprightSearch:
-    """Compares pictures as they come; in the end it says which are upside down.
+    """Compares pictures as they come; then reports which are upside down.
 
-    `pitch_m` is the raster on the ground on which they are compared: `pitch_for` the heights.
+    `pitch_m` is the raster on the ground for the comparison: `pitch_for` the heights.
     """
 
     grid: Grid
@@ -63,7 +62,7 @@ class UprightSearch:
 
     @staticmethod
     def pitch_for(heights_m: Sequence[float]) -> float:
-        """The raster for pictures from such heights, metres.
+        """Return the raster for pictures from such heights, metres.
 
         >>> UprightSearch.pitch_for([40.0, 40.0, 4000.0])
         1.0
@@ -72,12 +71,61 @@ class UprightSearch:
         return usual_m / _PIXELS_A_HEIGHT
 
     def patch(self, frame: Frame) -> Patch | None:
-        """What is compared of a frame; None if it looks too far sideways. Of no other's business:
-        several threads may ask at once."""
-        return _patch(frame, self.grid, self.pitch_m)
+        """Lay a frame on the ground; None if it looks too far sideways. Safe in several threads."""
+        grid, pitch_m = self.grid, self.pitch_m
+        if frame.pose.height_m <= 0.0:
+            return None
+        width, height = frame.camera.width_px, frame.camera.height_px
+        matrix = frame.camera.homography(frame.pose, grid, frame.t_s)
+        corners = np.array(
+            [[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], float
+        )
+        to_ground: NDArray[np.float64] = np.linalg.inv(matrix).astype(np.float64)
+        ground, _ = project(_positive_at_centre(to_ground, width, height), corners)
+        here = grid.to_moving(grid.fixed(frame.pose.position), frame.t_s)
+        reach_m = np.hypot(*(ground - np.array(here)).T).max()
+        if not reach_m <= OBLIQUE_LIMIT * frame.pose.height_m:  # NaN: a corner at the sky
+            return None
+        low = np.floor(ground.min(axis=0) / pitch_m).astype(int)
+        high = np.ceil(ground.max(axis=0) / pitch_m).astype(int)
+        columns, rows = (int(n) for n in high - low)
+        ground_of_sample = np.array(
+            [
+                [pitch_m, 0.0, (low[0] + 0.5) * pitch_m],
+                [0.0, -pitch_m, (high[1] - 0.5) * pitch_m],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+        to_pixels = matrix @ ground_of_sample
+        half_turn = np.array([[-1.0, 0.0, width - 1.0], [0.0, -1.0, height - 1.0], [0.0, 0.0, 1.0]])
+        # blurred to the raster, or the raster would pick single pixels out of leaves and gravel
+        blur_px = frame.camera.focal_px * pitch_m / frame.pose.height_m
+        gray, times = _halved(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), blur_px)
+        blur = max(1, round(blur_px / times))
+        gray = cv2.blur(gray, (blur, blur))
+        middle = (1.0 - times) / (2.0 * times)
+        smaller = np.array(
+            [[1.0 / times, 0.0, middle], [0.0, 1.0 / times, middle], [0.0, 0.0, 1.0]]
+        )
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        ways = tuple(
+            cv2.warpPerspective(gray, smaller @ m, (columns, rows), flags=flags).astype(
+                np.uint8, copy=False
+            )
+            for m in (to_pixels, half_turn @ to_pixels)
+        )
+        rim = (ground / pitch_m - (low[0] + 0.5, high[1] - 0.5)) * (1.0, -1.0)
+        seen = np.zeros((rows, columns), np.uint8)
+        cv2.fillConvexPoly(seen, np.round(rim).astype(np.int32), (255,))
+        inner = cv2.erode(
+            seen, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0
+        )
+        return Patch(
+            int(low[0]), int(high[1]), (ways[0], ways[1]), inner.astype(np.uint8, copy=False)
+        )
 
     def add(self, patch: Patch | None) -> None:
-        """The next picture, in the order in which they were taken."""
+        """Add the patch of the next picture, in the order of exposure."""
         number = self._count
         self._count += 1
         if patch is None:
@@ -89,11 +137,16 @@ class UprightSearch:
         self._kept.append((number, patch))
 
     def turned(self) -> tuple[bool, ...]:
-        """For each picture, whether it has to be turned by 180 degrees to agree with the others."""
+        """Return for each picture whether it must be turned by 180 degrees to agree with the
+        others.
+
+        The labels under which overlapping pairs correlate best, summed over the pairs. Pictures
+        without overlap stay as they are, as do all if the gain is below a small margin.
+        """
         return best_labels(self._count, self._scores)
 
     def _partners(self, patch: Patch) -> list[tuple[int, Patch]]:
-        """The picture before, and the nearest of the others that may overlap."""
+        """Return the picture before, and the nearest of the others that may overlap."""
         if not self._kept:
             return []
         *others, before = self._kept
@@ -109,73 +162,8 @@ class UprightSearch:
         return [before, *((number, kept) for _, number, kept in near[:_PARTNERS])]
 
 
-def upside_down(frames: Sequence[Frame], grid: Grid) -> tuple[bool, ...]:
-    """For each frame, whether its picture has to be turned by 180 degrees to agree with the others.
-
-    The labels are those under which the overlapping pairs correlate best, summed over the pairs.
-    Frames that see past `OBLIQUE_LIMIT` heights, or overlap no other, are taken as they are; so is
-    everything where the best labels gain less than a small margin.
-    """
-    if not frames:
-        return ()
-    search = UprightSearch(grid, UprightSearch.pitch_for([f.pose.height_m for f in frames]))
-    for frame in frames:
-        search.add(search.patch(frame))
-    return search.turned()
-
-
-# --- the pictures on the ground ----------------------------------------------------------------
-def _patch(frame: Frame, grid: Grid, pitch_m: float) -> Patch | None:
-    """The frame on a raster of `pitch_m`; None if it looks too far sideways."""
-    if frame.pose.height_m <= 0.0:
-        return None
-    width, height = frame.camera.width_px, frame.camera.height_px
-    matrix = frame.camera.homography(frame.pose, grid, frame.t_s)
-    corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], float)
-    to_ground: NDArray[np.float64] = np.linalg.inv(matrix).astype(np.float64)
-    ground, _ = project(_positive_at_centre(to_ground, width, height), corners)
-    here = grid.to_moving(grid.fixed(frame.pose.position), frame.t_s)
-    reach_m = np.hypot(*(ground - np.array(here)).T).max()
-    if not reach_m <= OBLIQUE_LIMIT * frame.pose.height_m:  # NaN: a corner at the sky
-        return None
-    low = np.floor(ground.min(axis=0) / pitch_m).astype(int)
-    high = np.ceil(ground.max(axis=0) / pitch_m).astype(int)
-    columns, rows = (int(n) for n in high - low)
-    ground_of_sample = np.array(
-        [
-            [pitch_m, 0.0, (low[0] + 0.5) * pitch_m],
-            [0.0, -pitch_m, (high[1] - 0.5) * pitch_m],
-            [0.0, 0.0, 1.0],
-        ]
-    )
-    to_pixels = matrix @ ground_of_sample
-    half_turn = np.array([[-1.0, 0.0, width - 1.0], [0.0, -1.0, height - 1.0], [0.0, 0.0, 1.0]])
-    # blurred to the raster, or the raster would pick single pixels out of leaves and gravel
-    blur_px = frame.camera.focal_px * pitch_m / frame.pose.height_m
-    gray, times = _halved(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), blur_px)
-    blur = max(1, round(blur_px / times))
-    gray = cv2.blur(gray, (blur, blur))
-    middle = (1.0 - times) / (2.0 * times)
-    smaller = np.array([[1.0 / times, 0.0, middle], [0.0, 1.0 / times, middle], [0.0, 0.0, 1.0]])
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    ways = tuple(
-        cv2.warpPerspective(gray, smaller @ m, (columns, rows), flags=flags).astype(
-            np.uint8, copy=False
-        )
-        for m in (to_pixels, half_turn @ to_pixels)
-    )
-    rim = (ground / pitch_m - (low[0] + 0.5, high[1] - 0.5)) * (1.0, -1.0)
-    seen = np.zeros((rows, columns), np.uint8)
-    cv2.fillConvexPoly(seen, np.round(rim).astype(np.int32), (255,))
-    inner = cv2.erode(
-        seen, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0
-    )
-    return Patch(int(low[0]), int(high[1]), (ways[0], ways[1]), inner.astype(np.uint8, copy=False))
-
-
 def _halved(gray: NDArray[Any], blur_px: float) -> tuple[NDArray[Any], int]:
-    """The means of so many by so many pixels: a picture that will be blurred much need not be
-    large. How many along an edge comes with it.
+    """Halve a picture as often as the blur allows; return it and how many pixels became one.
 
     >>> _halved(np.ones((9, 12), np.uint8), 20.0)[0].shape
     (2, 3)
@@ -195,13 +183,15 @@ def _halved(gray: NDArray[Any], blur_px: float) -> tuple[NDArray[Any], int]:
 def _positive_at_centre(
     matrix: NDArray[np.float64], width: int, height: int
 ) -> NDArray[np.float64]:
-    """The matrix with its sign such that the middle of the picture is in front."""
+    """Sign the matrix such that the middle of the picture is in front."""
     middle = matrix[2] @ np.array([(width - 1) / 2, (height - 1) / 2, 1.0])
     return matrix if middle > 0.0 else -matrix
 
 
 def _correlations(first: Patch, second: Patch) -> NDArray[np.float64] | None:
-    """Best correlation for each (first turned, second turned); None without enough in common."""
+    """Return the best correlation for each (first turned, second turned); None without enough in
+    common.
+    """
     west = max(first.west_px, second.west_px)
     north = min(first.north_px, second.north_px)
     shapes = [p.seen.shape for p in (first, second)]
@@ -237,10 +227,10 @@ def _best_scores(
     images: Sequence[NDArray[np.uint8]],
     weight: NDArray[np.float32],
 ) -> NDArray[np.float64]:
-    """The best correlation of each template, where it has weight, over all places in each image.
+    """Return the best correlation of each weighted template over all places in each image.
 
-    As `cv2.matchTemplate` with a mask gives it, at a third of its cost: what depends on one of the
-    two only is reckoned once.
+    As `cv2.matchTemplate` with a mask, at a third of its cost: what depends on one of the two alone
+    is computed once.
     """
     count = float(weight.sum())
     centred = []

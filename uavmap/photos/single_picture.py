@@ -14,7 +14,6 @@ from missions.flight.setting import Setting
 from missions.mission.schema import Mission
 from missions.units import Cell, GridPoint, LatLon
 from uavmap.photos.ground.judging import Judge
-from uavmap.photos.ground.projection import Laid
 from uavmap.photos.registration.lenses import Lenses
 from uavmap.photos.sources.picture_record import Picture
 from uavmap.photos.sources.tag_validation import Placed, above_ground, credible
@@ -22,6 +21,7 @@ from vision.camera import project
 from vision.lens import Lens
 from vision.look import Frame, Verdict, marks_of
 from vision.plausible import implausible
+from vision.projection import Projection
 from vision.upright import UprightSearch
 
 _ROI: Final = (60, 200, 60)
@@ -48,7 +48,7 @@ class Looked:
 
     placed: Placed
     frame: Frame
-    laid: Laid
+    laid: Projection
     mask: NDArray[np.uint8]
     verdicts: tuple[Verdict, ...]
     footprint: tuple[LatLon, ...]
@@ -127,7 +127,7 @@ def annotated(looked: Looked) -> NDArray[np.uint8]:
     return image
 
 
-def _draw_cell(image: NDArray[np.uint8], verdict: Verdict, laid: Laid) -> None:
+def _draw_cell(image: NDArray[np.uint8], verdict: Verdict, laid: Projection) -> None:
     pixels = laid.pixels(np.array(laid.grid.corners_of(verdict.cell), dtype=np.float64))
     corners = np.round(pixels).astype(np.int32)
     colour = _ROI if verdict.positive else _NOT_ROI
@@ -141,7 +141,7 @@ def _draw_cell(image: NDArray[np.uint8], verdict: Verdict, laid: Laid) -> None:
         )  # fmt: skip
 
 
-def _footprint(laid: Laid) -> tuple[LatLon, ...]:
+def _footprint(laid: Projection) -> tuple[LatLon, ...]:
     """Where the corners' rays meet the level of the ground below the camera."""
     grid, matrix = laid.grid, laid.camera.homography(laid.pose, laid.grid, laid.t_s)
     right, low = laid.camera.width_px - 0.5, laid.camera.height_px - 0.5

@@ -21,7 +21,6 @@ from missions.geo.grid import Grid
 from missions.mission.schema import Mission
 from missions.units import Cell
 from uavmap.aircraft.imaging.classifier import detector_of
-from uavmap.photos.ground.projection import Cells, Laid
 from uavmap.photos.registration.lenses import Lenses
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.tag_validation import Placed
@@ -31,6 +30,7 @@ from vision.detectors import Detector
 from vision.detectors.interface import Marks
 from vision.look import Frame, marks_of
 from vision.plausible import implausible
+from vision.projection import Cells, Projection
 from vision.upright import Patch, UprightSearch
 
 LEAST_WIDTH_PX: Final = 64
@@ -149,15 +149,15 @@ class Judge:
         return laid.shares(upright, said.cells)
 
     def _weighed(
-        self, laid: Laid, marks: Marks, cells: Cells
+        self, laid: Projection, marks: Marks, cells: Cells
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         if self.mission.by_evidence:
             return laid.weighed(marks, cells)
         return laid.shares(marks, cells), np.ones(len(cells))
 
-    def laid(self, camera: Camera, placed: Placed, t_s: float) -> Laid:
+    def laid(self, camera: Camera, placed: Placed, t_s: float) -> Projection:
         """The picture on the mission's ground."""
-        return Laid(camera, placed.pose, t_s, self.grid, self.mission.ground)
+        return Projection(camera, placed.pose, t_s, self.grid, self.mission.ground)
 
     def frame(self, placed: Placed, t_s: float, most_width_px: int | None = None) -> Frame:
         """A picture at the size that the mission works with, as a pinhole shows it.

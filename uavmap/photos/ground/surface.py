@@ -23,12 +23,12 @@ from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import Pose
 from uavmap.photos.ground.judging import unpacked
-from uavmap.photos.ground.projection import Laid
 from uavmap.photos.verdict_spool import Spool
 from uavmap.photos.workers import GoOn, in_order
 from vision.camera import Camera
 from vision.fusion import UNSEEN, Fusion, Levels, as_levels
 from vision.overlay import Overlay, framed
+from vision.projection import Projection
 from vision.raster import Raster, Window
 
 FINEST_M: Final = 0.1
@@ -63,7 +63,7 @@ class Footing:
     def overlay(self, grid: Grid, terrain: Terrain | None) -> Overlay:
         """The picture over the ground."""
         return Overlay(
-            Laid(self.camera, self.pose, self.t_s, grid, terrain).pixels,
+            Projection(self.camera, self.pose, self.t_s, grid, terrain).pixels,
             grid.to_moving(grid.fixed(self.pose.position), self.t_s),
             self.pose.height_m,
             self.camera.width_px,

@@ -20,7 +20,7 @@ from tests.unit.uavmap.photos.sources.test_replay_robust import mapped as mapped
 from tests.unit.uavmap.photos.test_replay import paint
 from uavmap.journal.event_log import Journal
 from uavmap.ui.cli import main
-from vision.weighing import weights
+from vision.projection import weights
 
 __all__ = ["good"]  # a fixture
 

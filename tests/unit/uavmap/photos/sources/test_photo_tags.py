@@ -16,6 +16,7 @@ from missions.errors import ImageError
 from missions.geo.grid import Grid
 from missions.units import Quaternion
 from tests.support.photographs import DJI, dji, write_photo
+from tests.unit.vision.scene import upside_down
 from uavmap.base.image_files import read_image
 from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import decoded
@@ -23,7 +24,6 @@ from uavmap.photos.sources.picture_record import Picture, Refused
 from uavmap.photos.sources.tag_validation import Placed, credible
 from vision.camera import Camera, rotation
 from vision.look import Frame
-from vision.upright import upside_down
 
 
 def tagged(path: Path) -> tuple[Picture, ...]:

@@ -19,10 +19,10 @@ from tests.unit.vision.test_over_terrain import CAMERA, GRID, pose, terrain
 from uavmap.journal.event_log import Journal
 from uavmap.output.drawing.scale import step_near
 from uavmap.output.facts.vote_tally import Votes
-from uavmap.photos.ground.projection import Laid
 from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.workers import in_order
+from vision.projection import Projection
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -151,12 +151,12 @@ def test_a_picture_over_level_ground_is_judged_as_over_a_plane(view: str) -> Non
     ground, at = GRID, pose(4.0, 6.0, height_m=40.0)
     mask = np.zeros((240, 320), np.uint8)
     mask[:, 150:] = 255
-    plane = Laid(CAMERA, at, 0.0, ground, None)
-    level = Laid(CAMERA, at, 0.0, ground, terrain(0.0))
+    plane = Projection(CAMERA, at, 0.0, ground, None)
+    level = Projection(CAMERA, at, 0.0, ground, terrain(0.0))
     cells = plane.cells(view, 0.0)  # type: ignore[arg-type]
     assert len(cells) >= 5
     assert (level.cells(view, 0.0) == cells).all()  # type: ignore[arg-type]
     assert level.shares(mask, cells) == pytest.approx(plane.shares(mask, cells), abs=0.1)
-    steep = Laid(CAMERA, at, 0.0, ground, terrain(30.0))
+    steep = Projection(CAMERA, at, 0.0, ground, terrain(30.0))
     there = steep.cells(view, 0.5)  # type: ignore[arg-type]
     assert np.abs(steep.shares(mask, there)).max() <= 1.0
