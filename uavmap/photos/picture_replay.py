@@ -46,10 +46,9 @@ from uavmap.photos.ground.rasters import Rasters, Wishes
 from uavmap.photos.ground.surface import Footing, Scene
 from uavmap.photos.memory import set_apart
 from uavmap.photos.pictures_csv import FILE, PictureRow, write_pictures
-from uavmap.photos.registration.lenses import Lenses
 from uavmap.photos.sources.inventory import Gathered
 from uavmap.photos.sources.tag_validation import Placed, above_ground, credible
-from uavmap.photos.verdict_spool import Said, Spool
+from uavmap.photos.verdict_spool import Spool
 from uavmap.photos.workers import Crew, GoOn, Threads, beside, worker_count
 from vision.camera import Camera
 from vision.lens import Lens
@@ -85,13 +84,11 @@ class Options:
         crew: Who looks at the pictures. The results are the same.
         lens: A calibration of the camera, instead of what tags say.
         any_day: Whether pictures of other days than most are used.
-        refine: Whether poses are refined where pictures overlap.
     """
 
     crew: Crew = field(default_factory=Threads)
     lens: Lens | None = None
     any_day: bool = False
-    refine: bool = False
 
 
 @dataclass(slots=True)
@@ -290,7 +287,7 @@ def look_at_all(gathered: Gathered, setting: Setting, spool: Spool, options: Opt
         raise gathered.none_usable(refused)
     shots = _timed(placed)
     search = UprightSearch(setting.grid, UprightSearch.pitch_for([p.pose.height_m for p in placed]))
-    judge = Judge.of(setting.mission, setting.grid, search, Lenses(options.lens))
+    judge = Judge.of(setting.mission, setting.grid, search, options.lens)
     placed_all = all(entry.picture.name in gathered.refined for entry in placed)
     judge = replace(judge, compare=not placed_all)
     _judge_all(judge, shots, spool, options.crew)
@@ -342,8 +339,7 @@ def _judge_all(judge: Judge, shots: Sequence[Shot], spool: Spool, crew: Crew) ->
         else:
             judge.search.add(said.patch)
             shot.camera = said.camera
-            what = Said(said.vantage, said.cells, said.shares, said.marks, said.weights, said.small)
-            spool.put(number, what)
+            spool.put(number, said.said)
         if number % every == every - 1 or number + 1 == len(shots):
             name = printable(shot.placed.picture.name)
             _LOG.info(f"looked at {number + 1} of {len(shots)}: {name}")

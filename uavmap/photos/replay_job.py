@@ -99,7 +99,7 @@ def _replayed(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Do
     better = None
     if wanted.refine:
         better = refined(gathered, given, lens=lens, crew=crew)
-        gathered = gathered if better is None else better.gathered
+        gathered = better.gathered
     text, source = "", wanted.mission or "derived from the pictures"
     mission = given
     if mission is None:
@@ -110,7 +110,7 @@ def _replayed(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Do
     for line in _shown(text):
         _LOG.info(line)
     with Spool() as spool:
-        how = Options(crew, lens, wanted.any_day, refine=better is not None)
+        how = Options(crew, lens, wanted.any_day)
         with beside(lambda _: documents.load()):
             looked = look_at_all(gathered, Setting.of(mission), spool, how)
         looked.refuse_empty()

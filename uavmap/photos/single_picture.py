@@ -14,7 +14,6 @@ from missions.flight.setting import Setting
 from missions.mission.schema import Mission
 from missions.units import Cell, GridPoint, LatLon
 from uavmap.photos.ground.judging import Judge
-from uavmap.photos.registration.lenses import Lenses
 from uavmap.photos.sources.picture_record import Picture
 from uavmap.photos.sources.tag_validation import Placed, above_ground, credible
 from vision.camera import project
@@ -88,7 +87,7 @@ def look_at(picture: Picture, mission: Mission, lens: Lens | None = None) -> Loo
     setting = Setting.of(mission)
     placed, grid = replace(placed, pose=above_ground(placed.pose, setting)), setting.grid
     search = UprightSearch(grid, UprightSearch.pitch_for([placed.pose.height_m]))
-    judge = Judge.of(mission, grid, search, Lenses(lens))
+    judge = Judge.of(mission, grid, search, lens)
     try:
         frame = judge.frame(placed, 0.0)
     except ImageError as error:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import cv2
@@ -28,6 +28,7 @@ from uavmap.photos.verdict_spool import Said
 from vision.camera import Camera
 from vision.detectors import Detector
 from vision.detectors.interface import Marks
+from vision.lens import Lens
 from vision.look import Frame, marks_of
 from vision.plausible import implausible
 from vision.projection import Cells, Projection
@@ -54,28 +55,18 @@ class Judged:
     """What a picture says as it is stored.
 
     Attributes:
-        vantage: The cell over which its votes count.
-        cells: Shape (n, 2): columns and rows of the cells that it shows.
-        shares: Shape (n,): how much of each is ROI; -1 where it is not in the picture.
-        weights: Shape (n,): what that weighs, 0 to 1; 1 where votes are counted.
+        said: What the spool keeps.
         camera: The pinhole that it was judged with.
-        marks: The detector's, as `packed`.
-        patch: What is compared to find pictures upside down.
+        patch: For the search of pictures upside down.
         fingerprint: Of its pixels; equal for equal pictures.
-        sharpness: Of its finest detail beside its contrast, at the size that was looked at.
-        small: The picture itself, as `miniature`.
+        sharpness: Of its finest detail beside its contrast, at the judged size.
     """
 
-    vantage: Cell
-    cells: Cells
-    shares: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    said: Said
     camera: Camera
-    marks: bytes
     patch: Patch | None
     fingerprint: bytes
     sharpness: float
-    small: bytes
 
 
 class Task(NamedTuple):
@@ -97,19 +88,19 @@ class Judge:
     grid: Grid
     detector: Detector
     search: UprightSearch
-    lenses: Lenses = field(default_factory=Lenses)
+    lenses: Lenses
     compare: bool = True
 
     @classmethod
-    def of(cls, mission: Mission, grid: Grid, search: UprightSearch, lenses: Lenses) -> Judge:
-        """The judge that a mission file describes."""
+    def of(cls, mission: Mission, grid: Grid, search: UprightSearch, lens: Lens | None) -> Judge:
+        """Return the judge that a mission file describes; `lens` is a calibration."""
+        lenses = Lenses(mission.camera.hfov_deg, lens)
         return cls(mission, grid, detector_of(mission), search, lenses)
 
     def __reduce__(self) -> tuple[object, ...]:
         """What it is made of travels to a worker, and not what was seen so far."""
         search = UprightSearch(self.grid, self.search.pitch_m)
-        lenses = Lenses(self.lenses.given)
-        made = (self.mission, self.grid, self.detector, search, lenses, self.compare)
+        made = (self.mission, self.grid, self.detector, search, self.lenses, self.compare)
         return Judge, made
 
     def said(self, task: Task) -> Judged | str:
@@ -128,16 +119,11 @@ class Judge:
         marks = marks_of(self.detector, frame.image)
         shares, weights = self._weighed(self.laid(frame.camera, placed, t_s), marks, cells)
         return Judged(
-            vantage,
-            cells,
-            shares,
-            weights,
+            Said(vantage, cells, shares, packed(marks), weights, miniature(frame.image)),
             frame.camera,
-            packed(marks),
             self.search.patch(frame) if self.compare else None,
             hashlib.blake2b(some.data, digest_size=16).digest(),
             sharpness(frame.image),
-            miniature(frame.image),
         )
 
     def turned(self, placed: Placed, t_s: float, camera: Camera, said: Said) -> NDArray[np.float64]:
@@ -170,7 +156,7 @@ class Judge:
         ):
             raise ImageError(f"{picture.width_px} x {picture.height_px} px are too few")
         image = eight_bits(picture.decode(width_px))
-        image, camera = self.lenses.straightened(image, picture, self.mission)
+        image, camera = self.lenses.straightened(image, self.lenses.lens(picture))
         return Frame(image, placed.pose, t_s, camera)
 
     def _asked(self, camera: Camera, placed: Placed, t_s: float) -> tuple[Cell, Cells]:

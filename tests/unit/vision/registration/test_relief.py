@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ from missions.geo.geodesy import LocalPlane
 from missions.geo.terrain import Terrain
 from missions.units import GridPoint
 from tests.unit.vision.flights import CAMERA, GRID, Shot, made_up, passes
-from uavmap.photos.registration.refinement import Refinement, Tags
-from vision.registration import Prior, Relief, View, register
+from uavmap.photos.registration.refinement import Taken, refine
+from uavmap.photos.sources.photo_file import FileContent
+from uavmap.photos.sources.picture_record import Measured, Picture
+from vision.registration import Relief, View, register
 from vision.registration.ground_plane import (
     UNKNOWNS,
     Cameras,
@@ -120,15 +123,15 @@ def test_poses_over_a_slope_come_back_above_the_start() -> None:
     relief = relief_of(ground)
     shots = flown(relief, 3)
     views = made_up(shots, 4, relief=relief)
-    refinement = Refinement(grid=GRID, terrain=ground)
+    taken = []
     for view, shot in zip(views, shots, strict=True):
-        place = PLANE.to_wgs84(view.east_m, view.north_m)
-        told = Prior(shot.height_m, 0.5)
-        refinement.tags.append(
-            Tags(view.name, place, CAMERA.hfov_rad, "one", 1.0, 0.03, (told.value, told.sigma))
-        )
-        refinement.features.append(view.features)
-    _, found = refinement.run()
+        picture = Picture(
+            view.name, FileContent(Path("none"), 0), CAMERA.width_px, CAMERA.height_px,
+            position=PLANE.to_wgs84(view.east_m, view.north_m), position_sigma_m=1.0,
+            height_m=Measured(shot.height_m, 0.5),
+        )  # fmt: skip
+        taken.append(Taken(picture, view.features, CAMERA.hfov_rad, 0.03))
+    _, found = refine(taken, (GRID, ground))
     assert len(found) == len(shots)
     off = []
     for view, shot in zip(views, shots, strict=True):
