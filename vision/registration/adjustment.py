@@ -1,8 +1,8 @@
 """Bundle adjustment of views over known ground: all poses at once, by Levenberg-Marquardt.
 
-What is made small: tie points of one picture, taken through the ground into the other, against
-where they are there (pixels), beside what the tags say. Ground points are no unknowns, so the
-normal equations have 6 unknowns a view, and a block for each pair that overlaps.
+It minimises tie points of one picture, taken through the ground into the other, against where they
+are there (pixels), beside what the tags say. Ground points are no unknowns: the normal equations
+have 6 unknowns a view, and a block for each overlapping pair.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from vision.registration.problem import HEIGHT, SHARED, SLOPE, YAW, Solution, Ta
 from vision.registration.views import Floats
 
 SLOPE_SIGMA: Final = 0.05
-"""Standard deviation of the slope of the ground, in one direction, a tangent."""
+"""Standard deviation of the slope of the ground in one direction, a tangent."""
 
 KNOWN_SLOPE_SIGMA: Final = 1e-4
-"""The same where an elevation model tells how the ground falls."""
+"""The same where an elevation model gives the slope."""
 
 _PRIOR_HUBER = 2.0  # standard deviations of a tag, beyond which it pulls no stronger
 _UNKNOWN_HEIGHT = 0.5  # a height that no tag tells is that of the others, within this share
 
 
 def add_tags(normal: Normal, solution: Solution, tags: Tags) -> float:
-    """Add all that tags say; returns the cost."""
+    """Add all that tags say; return the cost."""
     terms = (_add_places, _add_heights, _add_yaws, _add_tilts, _add_shared)
     return sum(term(normal, solution, tags) for term in terms)
 
@@ -46,7 +46,7 @@ class _Rows:
     by_shared: Floats  # (views, count, SHARED)
 
     def add(self, normal: Normal, told: NDArray[np.bool_] | None = None) -> float:
-        """Into the normal equations, by Huber's weights; returns the cost."""
+        """Add to the normal equations by Huber's weights, views of `told` only; return the cost."""
         weight, cost = huber(np.sqrt(np.square(self.off).sum(axis=1)), _PRIOR_HUBER)
         if told is not None:
             weight, cost = np.where(told, weight, 0.0), np.where(told, cost, 0.0)
@@ -143,7 +143,9 @@ def _add_shared(normal: Normal, solution: Solution, tags: Tags) -> float:
 
 
 HUBER_PX: Final = (40.0, 8.0, 2.5)
-"""Beyond this a tie point pulls no stronger: wide at first, where poses may be far off."""
+"""Residuals from which a tie point pulls no stronger, pixels: wide at first, where poses may be far
+off.
+"""
 
 _ROUNDS = 25
 _ENOUGH = 1e-5  # a step that gains less than this share ends the search
@@ -155,7 +157,7 @@ _CHUNK = 40_000  # tie points whose derivatives are in memory at once
 def adjust(
     start: Cameras, ties: Ties, tags: Tags, limits_px: Sequence[float] = HUBER_PX
 ) -> Solution:
-    """The poses under which tie points and tags agree best."""
+    """Return the poses under which tie points and tags agree best."""
     solution = Solution(start, np.zeros(SHARED), np.median(tags.place_m, axis=0), math.inf)
     for limit_px in limits_px:
         solution = _descend(solution, ties, tags, limit_px)
@@ -194,7 +196,7 @@ def _stepped(solution: Solution, steps: Floats, shared: Floats) -> Solution:
 def linearised(
     solution: Solution, ties: Ties, tags: Tags, limit_px: float
 ) -> tuple[Solution, Normal]:
-    """The solution with its cost, and the normal equations around it."""
+    """Return the solution with its cost, and the normal equations around it."""
     cameras = solution.cameras
     normal = Normal.zeros(len(cameras.centre_m), ties.pairs, len(cameras.focal_px) + SHARED)
     cost = 0.0

@@ -16,7 +16,7 @@ from vision.registration.views import Floats, Ints
 TIE_SIGMA_PX: Final = 1.0
 
 INDEPENDENT: Final = 12.0
-"""Tie points of one pair share the errors of relief and lens: many count as so many."""
+"""Most independent tie points of a pair: all share the errors of relief and lens."""
 
 HEIGHT, YAW, SLOPE = 0, 1, slice(2, 4)
 """The shared unknowns after the focal lengths."""
@@ -27,7 +27,7 @@ SHARED: Final = 4
 
 @dataclass
 class Tags:
-    """What tags say of the views of a net, as arrays. NaN where nothing is said."""
+    """What tags say of the views of a net; NaN where nothing."""
 
     place_m: Floats
     place_sigma_m: Floats
@@ -43,7 +43,7 @@ class Tags:
 
 @dataclass
 class Ties:
-    """Tie points of all pairs: half of them are taken from first to second, half back."""
+    """Tie points of all pairs: half of them from first to second, half back."""
 
     source: Ints
     target: Ints
@@ -55,7 +55,7 @@ class Ties:
 
     @classmethod
     def of(cls, pairs: Sequence[Pair]) -> Ties:
-        """The tie points of pairs that are not held apart."""
+        """Return the tie points of pairs that are not held apart."""
         source, weight, forth = [], [], []
         for p in pairs:
             count = len(p.in_first)
@@ -85,13 +85,13 @@ class Solution:
     """The adjusted cameras, and what all of a net have in common.
 
     Attributes:
-        cameras: over ground that is level in their frame.
-        shared: the bias of height tags (a share), of headings (radians), and how steeply the
-            ground falls towards east and north (tangents). Sloping ground leans the whole net:
-            a camera above `(x, y)` at height `h` has its geotag at `(x, y) + h slope`.
+        cameras: Over ground that is level in their frame.
+        shared: The bias of height tags (a share), of headings (radians), and how steeply the ground
+            falls towards east and north (tangents). Sloping ground leans the whole net: a camera
+            above `(x, y)` at height `h` has its geotag at `(x, y) + h slope`.
         middle_m: (east, north) around which the net leans.
-        cost: what was made small, without unit.
-        normal: the normal equations at the end.
+        cost: The minimised sum, without unit.
+        normal: The normal equations at the end.
     """
 
     cameras: Cameras
@@ -101,23 +101,13 @@ class Solution:
     normal: Normal | None = None
 
     @property
-    def height_bias(self) -> float:
-        """Of height tags, a share."""
-        return float(self.shared[HEIGHT])
-
-    @property
-    def yaw_bias_rad(self) -> float:
-        """Of tagged headings."""
-        return float(self.shared[YAW])
-
-    @property
     def slope(self) -> Floats:
         """Of the ground, towards east and north, tangents; positive where it falls."""
         return self.shared[SLOPE]
 
 
 def huber(size: Floats, limit: float) -> tuple[Floats, Floats]:
-    """Weights and costs of residuals of these sizes."""
+    """Return weights and costs of residuals of these sizes."""
     inside = size <= limit
     safe = np.maximum(size, 1e-12)
     weight = np.where(inside, 1.0, limit / safe)

@@ -17,9 +17,9 @@ NO_SCALE: Final = "the positions of its net lie too close together to tell how h
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """How well overlapping pictures agree, by `points` tie points that no fit has seen.
+    """How well overlapping pictures agree, by `points` tie points that no fit has used.
 
-    On the ground in metres, and in pixels of the features; medians, and what 90 % are below.
+    On the ground in metres, and in pixels of the features; `most` is the 90 % quantile.
     """
 
     points: int
@@ -31,18 +31,18 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True)
 class Net:
-    """Views that hang together by overlaps and were adjusted together.
+    """Views that overlaps connect, adjusted together.
 
     Attributes:
-        members: indices of the views.
-        pairs: how many overlaps hold them.
-        focal: by camera, the focal length as a share of what was told.
-        slope: of the ground towards (east, north), tangents, positive where it falls.
-        height_bias: what height tags have in common, as a share.
-        yaw_bias_rad: what headings have in common.
-        position_sigma_m: how far geotags are off one by one; None for too few of them.
-        yaw_sigma_rad: how certain the heading of the whole net is.
-        scale_sigma: how certain its scale is, as a share.
+        members: Indices of the views.
+        pairs: Count of overlaps.
+        focal: By camera, the focal length as a share of the tagged one.
+        slope: Of the ground towards (east, north), tangents, positive where it falls.
+        height_bias: Common error of height tags, as a share.
+        yaw_bias_rad: Common error of headings.
+        position_sigma_m: Of geotags one by one; None for too few of them.
+        yaw_sigma_rad: Of the heading of the whole net.
+        scale_sigma: Of its scale, as a share.
     """
 
     members: tuple[int, ...]
@@ -58,15 +58,15 @@ class Net:
 
 @dataclass(frozen=True, slots=True)
 class Registration:
-    """What a registration found.
+    """The result for all views, in the order given.
 
     Attributes:
-        refined: of each view in the order given, its pose; None: left as tagged.
-        left: of each view, why it was left as tagged; None where it was not.
-        nets: the adjusted groups, the largest first.
-        before: how well the refined pictures agreed as tagged; None where tags lack a heading or
-            a height. Pictures that were stored upside down are turned for this, too.
-        after: how well they agree now; None where nothing was refined.
+        refined: The pose; None: left as tagged.
+        left: Why a view was left as tagged; None where it was not.
+        nets: The adjusted groups, the largest first.
+        before: Agreement of the refined pictures as tagged (upright); None where tags lack a
+            heading or a height.
+        after: Their agreement now; None where nothing was refined.
     """
 
     refined: tuple[Refined | None, ...]
