@@ -17,8 +17,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 from typing import Any, Final
@@ -46,9 +45,9 @@ from uavmap.photos.ground.rasters import Rasters, Wishes
 from uavmap.photos.ground.surface import Footing, Scene
 from uavmap.photos.memory import set_apart
 from uavmap.photos.pictures_csv import FILE, PictureRow, write_pictures
+from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import Gathered
 from uavmap.photos.sources.tag_validation import Placed, above_ground, credible
-from uavmap.photos.verdict_spool import Spool
 from uavmap.photos.workers import Crew, GoOn, Threads, beside, worker_count
 from vision.camera import Camera
 from vision.lens import Lens
@@ -76,21 +75,6 @@ class Shot:
     camera: Camera | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Options:
-    """How a replay is done.
-
-    Attributes:
-        crew: Who looks at the pictures. The results are the same.
-        lens: A calibration of the camera, instead of what tags say.
-        any_day: Whether pictures of other days than most are used.
-    """
-
-    crew: Crew = field(default_factory=Threads)
-    lens: Lens | None = None
-    any_day: bool = False
-
-
 @dataclass(slots=True)
 class Looked:
     """All pictures of a replay, judged; nothing is written yet."""
@@ -109,14 +93,14 @@ class Looked:
     def written(self, journal: Journal, folder: Path) -> dict[str, Any]:
         """Journal, map and figures of the replay; returns the summary."""
         scene = scene_of(self.setting, self.footings())
-        with set_apart(), beside(partial(self._drawn, scene)) as fine:
-            return self._written(journal, folder, scene, fine)
 
-    def _drawn(self, scene: Scene | None, go_on: GoOn) -> FineMap | None:
-        """The region at pixel level: of what the pictures say, which waits on the spool."""
-        if scene is None:
-            return None
-        return FineMap.of(self.setting, self.judge, scene, self.spool, self.workers, go_on)
+        def drawn(go_on: GoOn) -> FineMap | None:
+            if scene is None:
+                return None
+            return FineMap.of(self.setting, self.judge, scene, self.spool, self.workers, go_on)
+
+        with set_apart(), beside(drawn) as fine:
+            return self._written(journal, folder, scene, fine)
 
     def _written(
         self,
@@ -270,9 +254,22 @@ class Looked:
 
 
 # --- the two passes ------------------------------------------------------------------------------
-def look_at_all(gathered: Gathered, setting: Setting, spool: Spool, options: Options) -> Looked:
-    """Both passes over the pictures. Raises `ImageError` where no tags allow to use one."""
-    verdicts = credible(gathered.posed, setting.mission, any_day=options.any_day)
+def look_at_all(
+    gathered: Gathered,
+    setting: Setting,
+    spool: Spool,
+    crew: Crew | None = None,
+    *,
+    lens: Lens | None = None,
+    any_day: bool = False,
+) -> Looked:
+    """Make both passes over the pictures.
+
+    `crew` is threads, one a core, by default; `lens` a calibration instead of tags; `any_day` uses
+    pictures of other days than most. Raises `ImageError` if no tags allow to use one.
+    """
+    crew = crew or Threads()
+    verdicts = credible(gathered.posed, setting.mission, any_day=any_day)
     placed = [
         replace(verdict, pose=above_ground(verdict.pose, setting))
         for verdict in verdicts
@@ -287,16 +284,16 @@ def look_at_all(gathered: Gathered, setting: Setting, spool: Spool, options: Opt
         raise gathered.none_usable(refused)
     shots = _timed(placed)
     search = UprightSearch(setting.grid, UprightSearch.pitch_for([p.pose.height_m for p in placed]))
-    judge = Judge.of(setting.mission, setting.grid, search, options.lens)
+    judge = Judge.of(setting.mission, setting.grid, search, lens)
     placed_all = all(entry.picture.name in gathered.refined for entry in placed)
     judge = replace(judge, compare=not placed_all)
-    _judge_all(judge, shots, spool, options.crew)
+    _judge_all(judge, shots, spool, crew)
     _refuse_blurred(shots)
     _turn(judge, shots, spool)
     # what was compared is not needed any more
     judge = replace(judge, search=UprightSearch(setting.grid, search.pitch_m))
     # marks and pictures that were judged elsewhere are laid on the ground here
-    workers = options.crew.count if isinstance(options.crew, Threads) else None
+    workers = crew.count if isinstance(crew, Threads) else None
     return Looked(setting, gathered, refused, shots, spool, judge, workers or worker_count())
 
 

@@ -26,11 +26,11 @@ from uavmap.output import documents
 from uavmap.photos.ground.rasters import ORTHO, Wishes
 from uavmap.photos.memory import give_back, memory_told
 from uavmap.photos.mission_from_photos import DETECTOR, derived
-from uavmap.photos.picture_replay import Looked, Options, look_at_all
+from uavmap.photos.picture_replay import Looked, look_at_all
 from uavmap.photos.registration.calibration import calibration_of
 from uavmap.photos.registration.refined_pictures import refined
+from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import gather, open_source
-from uavmap.photos.verdict_spool import Spool
 from uavmap.photos.workers import Crew, beside
 
 _LOG: Final = logging.getLogger("uavmap.photos")
@@ -110,9 +110,10 @@ def _replayed(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Do
     for line in _shown(text):
         _LOG.info(line)
     with Spool() as spool:
-        how = Options(crew, lens, wanted.any_day)
         with beside(lambda _: documents.load()):
-            looked = look_at_all(gathered, Setting.of(mission), spool, how)
+            looked = look_at_all(
+                gathered, Setting.of(mission), spool, crew, lens=lens, any_day=wanted.any_day
+            )
         looked.refuse_empty()
         make_folder(folder)
         keep_detector(mission.detector, folder)

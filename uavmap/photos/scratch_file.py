@@ -6,9 +6,15 @@ import contextlib
 import tempfile
 import threading
 from collections.abc import Iterator
-from typing import Self
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
 
 from missions.errors import OutputError
+from missions.units import Cell
+from vision.registration import Features
 
 
 class ScratchFile:
@@ -57,3 +63,105 @@ class ScratchFile:
                 f"{self._waits} in a file in the folder for temporary files, which cannot be "
                 f"written ({error.strerror}); make room there, {self._remedy}"
             ) from None
+
+
+class Said(NamedTuple):
+    """What a picture says; see `uavmap.photos.ground.judging.Judged`."""
+
+    vantage: Cell
+    cells: NDArray[np.intp]
+    shares: NDArray[np.float64]
+    marks: bytes
+    weights: NDArray[np.float64]
+    small: bytes = b""
+
+
+class _Kept(NamedTuple):
+    offset: int
+    cells: int
+    marks: int
+    small: int
+    vantage: Cell
+
+
+class Spool(ScratchFile):
+    """What pictures say by a number, in a file that vanishes with this object; for any thread.
+
+    >>> said = Said(Cell(0, 0), np.array([[1, 2]]), np.array([0.5]), b"marks", np.array([0.7]))
+    >>> with Spool() as spool:
+    ...     spool.put(7, said)
+    ...     found = spool.get(7)
+    >>> found.cells.tolist(), found.shares.tolist(), found.marks
+    ([[1, 2]], [0.5], b'marks')
+    """
+
+    def __init__(self) -> None:
+        super().__init__("what pictures say waits", "or have TMPDIR name another folder")
+        self._kept: dict[int, _Kept] = {}
+
+    def put(self, number: int, said: Said) -> None:
+        """Keep what a picture says; it may be told anew. Raises `OutputError` on a full disk."""
+        cells = np.ascontiguousarray(said.cells, dtype=np.int32).tobytes()
+        shares, weights = (
+            np.ascontiguousarray(numbers, dtype=np.float64).tobytes()
+            for numbers in (said.shares, said.weights)
+        )
+        offset = self.append(cells, shares, weights, said.marks, said.small)
+        sizes = len(said.cells), len(said.marks), len(said.small)
+        self._kept[number] = _Kept(offset, *sizes, said.vantage)
+
+    def get(self, number: int) -> Said:
+        """What was kept under a number. Raises `KeyError` where nothing was."""
+        offset, count, marks, small, vantage = self._kept[number]
+        data = self.read(offset, 24 * count + marks + small)
+        cells = np.frombuffer(data, np.int32, 2 * count).reshape(count, 2).astype(np.intp)
+        shares, weights = (np.frombuffer(data, np.float64, count, 8 * count * k) for k in (1, 2))
+        end = 24 * count + marks
+        return Said(vantage, cells, shares, data[24 * count : end], weights, data[end:])
+
+
+_WORDS: int = 128
+
+
+class FeatureFile(ScratchFile):
+    """Features in a file that vanishes with this object; for any thread.
+
+    >>> some = Features(np.array([[1.5, 2.0]]), np.full((1, 128), 7, np.uint8), 320, 240)
+    >>> with FeatureFile() as file:
+    ...     kept = file.put(some)
+    ...     kept.points.tolist(), int(kept.descriptors.sum()), kept.width_px
+    ([[1.5, 2.0]], 896, 320)
+    """
+
+    def __init__(self) -> None:
+        remedy = "have TMPDIR name another folder, or replay with --refine off"
+        super().__init__("features of pictures wait", remedy)
+
+    def put(self, features: Features) -> KeptFeatures:
+        """Keep features; raises `OutputError` on a full disk."""
+        points = features.points.astype(np.float64).tobytes()
+        offset = self.append(points, features.descriptors.tobytes())
+        size = features.width_px, features.height_px
+        return KeptFeatures(self, offset, len(features.points), *size)
+
+
+@dataclass(frozen=True, slots=True)
+class KeptFeatures:
+    """`Features` that are read whenever they are asked for."""
+
+    file: FeatureFile
+    offset: int
+    count: int
+    width_px: int
+    height_px: int
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """See `Features.points`."""
+        return np.frombuffer(self.file.read(self.offset, 16 * self.count)).reshape(-1, 2)
+
+    @property
+    def descriptors(self) -> NDArray[np.uint8]:
+        """See `Features.descriptors`."""
+        data = self.file.read(self.offset + 16 * self.count, _WORDS * self.count)
+        return np.frombuffer(data, np.uint8).reshape(-1, _WORDS)

@@ -3,11 +3,19 @@
 picture -> thumbnail -> extract -> View (features and tags) -> register -> Registration
 """
 
+from vision.registration.ground_plane import Relief
 from vision.registration.picture_features import WIDTH_PX, extract, thumbnail
 from vision.registration.registering import Many, register
-from vision.registration.relief import Relief
-from vision.registration.result import Agreement, Net, Registration
-from vision.registration.views import Described, Features, Prior, Refined, View
+from vision.registration.views import (
+    Agreement,
+    Described,
+    Features,
+    Net,
+    Prior,
+    Refined,
+    Registration,
+    View,
+)
 
 __all__ = [
     "WIDTH_PX",

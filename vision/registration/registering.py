@@ -9,8 +9,8 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from vision.registration.adjustment import HUBER_PX, adjust
-from vision.registration.ground_plane import Cameras, tilted_axes
+from vision.registration.adjustment import HEIGHT, HUBER_PX, YAW, Solution, Tags, Ties, adjust
+from vision.registration.ground_plane import Cameras, Relief, tilted_axes
 from vision.registration.matching import (
     Pair,
     apart_m,
@@ -29,9 +29,7 @@ from vision.registration.net import (
     laid,
 )
 from vision.registration.normal_equations import sigmas
-from vision.registration.problem import HEIGHT, YAW, Solution, Tags, Ties
-from vision.registration.relief import Relief
-from vision.registration.result import (
+from vision.registration.views import (
     CONTRADICTED,
     NO_HEADING,
     NO_OVERLAP,
@@ -39,10 +37,12 @@ from vision.registration.result import (
     NO_TEXTURE,
     SIDEWAYS,
     Agreement,
+    Floats,
     Net,
+    Refined,
     Registration,
+    View,
 )
-from vision.registration.views import Floats, Refined, View
 
 MOST_TILT: Final = 1.2
 """Largest tagged tilt of a registered view, a tangent (50 degrees)."""

@@ -14,7 +14,7 @@ from tests.support.hills import SIDE_M, STEP_M, slope
 from vision.camera import Camera, project
 from vision.detectors import make_detector
 from vision.look import Frame, look
-from vision.over_terrain import OverTerrain
+from vision.projection import OverTerrain
 
 PLACE = LatLon(48.0, 11.3)
 GRID = Grid.at(PLACE, 4.0)

@@ -23,7 +23,7 @@ from tests.unit.vision.flights import (
 from vision.registration import Features, Registration, View, extract, register
 from vision.registration.ground_plane import bearing
 from vision.registration.matching import candidates
-from vision.registration.result import (
+from vision.registration.views import (
     CONTRADICTED,
     NO_HEADING,
     NO_OVERLAP,

@@ -22,9 +22,9 @@ from missions.mission.schema import Mission
 from missions.units import Cell
 from uavmap.aircraft.imaging.classifier import detector_of
 from uavmap.photos.registration.lenses import Lenses
+from uavmap.photos.scratch_file import Said
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.tag_validation import Placed
-from uavmap.photos.verdict_spool import Said
 from vision.camera import Camera
 from vision.detectors import Detector
 from vision.detectors.interface import Marks

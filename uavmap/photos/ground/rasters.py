@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from missions.errors import ImageError
 from uavmap.base.extras import install_command
-from uavmap.photos.ground.fine_map import FineMap, upright
+from uavmap.photos.ground.fine_map import Colours, FineMap, Tile, mosaic, upright
 from uavmap.photos.ground.geotiff import (
     COLOURS,
     PROBABILITIES,
@@ -27,7 +27,6 @@ from uavmap.photos.ground.geotiff import (
     write_cog,
 )
 from uavmap.photos.ground.judging import Judge
-from uavmap.photos.ground.mosaic import Colours, Tile, mosaic
 from uavmap.photos.ground.surface import Shown, aligned
 from uavmap.photos.sources.tag_validation import Placed
 from vision.fusion import MOST, UNSEEN

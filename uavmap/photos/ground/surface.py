@@ -23,7 +23,7 @@ from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import Pose
 from uavmap.photos.ground.judging import unpacked
-from uavmap.photos.verdict_spool import Spool
+from uavmap.photos.scratch_file import Spool
 from uavmap.photos.workers import GoOn, in_order
 from vision.camera import Camera
 from vision.fusion import UNSEEN, Fusion, Levels, as_levels

@@ -17,7 +17,7 @@ import numpy as np
 
 from missions.errors import ImageError
 from missions.mission.schema import Mission
-from uavmap.base.text_files import read_text
+from uavmap.photos.sources.photo_file import text_beside
 from vision.lens import Lens, Model
 
 _LARGEST_BYTES: Final = 2**20
@@ -53,12 +53,7 @@ def calibration_of(
 
 def read_calibration(path: Path) -> Lens:
     """The lens in a calibration file. Raises `ImageError`: names the file, the key, the remedy."""
-    try:
-        text = read_text(path, _LARGEST_BYTES)
-    except OSError as error:
-        raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
-    except UnicodeDecodeError:
-        raise ImageError(f"{path}: not a text file in UTF-8") from None
+    text = text_beside(path, _LARGEST_BYTES)
     values = _of_json(text, path) if text.lstrip().startswith("{") else _of_opencv(text, path)
     matrix, size = values.get("matrix"), (values.get("width"), values.get("height"))
     if matrix is None or len(matrix) != 9:

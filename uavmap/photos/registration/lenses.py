@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from uavmap.photos.sources.picture_record import Picture
 from vision.camera import Camera
-from vision.lens import Lens
-from vision.straighten import Straightening, straightening
+from vision.lens import Lens, Straightening, straightening
 
 
 @dataclass(slots=True)

@@ -21,10 +21,10 @@ from missions.flight.setting import Setting
 from missions.mission.schema import Mission
 from uavmap.base.printable import printable
 from uavmap.output import summary
-from uavmap.photos.registration.feature_file import FeatureFile
 from uavmap.photos.registration.lenses import Lenses
 from uavmap.photos.registration.refinement import Found, Taken, refine
 from uavmap.photos.registration.registration_report import FILE, lines, report
+from uavmap.photos.scratch_file import FeatureFile
 from uavmap.photos.sources.inventory import Gathered
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.picture_record import Measured, Picture

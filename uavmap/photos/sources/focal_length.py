@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
-from typing import Any
+from typing import Any, Final
 
 from PIL import ExifTags
 
@@ -40,7 +39,7 @@ def lens_of(
         xmp: Values by local name.
     """
     notes: list[str] = []
-    if math.prod((width_px, height_px)) == 0:
+    if not width_px or not height_px:
         return None, "", ()
     rules: tuple[tuple[str, Callable[[], Lens | None]], ...] = (
         ("XMP DewarpData", lambda: _dewarp(width_px, height_px, xmp)),
@@ -115,7 +114,7 @@ def _on_plane(width_px: int, height_px: int, detail: Exif) -> Lens | None:
 
 def _on_sensor(width_px: int, height_px: int, model: str, detail: Exif) -> Lens | None:
     focal_mm = _positive(detail, ExifTags.Base.FocalLength)
-    width_mm = WIDTH_MM.get(model)
+    width_mm = _WIDTH_MM.get(model)
     if focal_mm is None or width_mm is None or height_px > width_px:
         return None
     return _square(focal_mm / width_mm * width_px, width_px, height_px)
@@ -150,30 +149,11 @@ def _positive(detail: Exif, tag: ExifTags.Base) -> float | None:
     return number if math.isfinite(number) and number > 0.0 else None
 
 
-WIDTH_MM: Mapping[str, float] = MappingProxyType(
-    {
-        # 1/2.3 inch
-        "FC300C": 6.16,
-        "FC300S": 6.16,
-        "FC300X": 6.16,
-        "FC300XW": 6.16,
-        "FC330": 6.16,
-        "FC350": 6.16,
-        "FC220": 6.16,
-        # 1 inch
-        "FC6310": 13.2,
-        "FC6310R": 13.2,
-        "FC6310S": 13.2,
-        "L1D-20c": 13.2,
-        "FC3411": 13.2,
-        "XT705": 13.2,
-        # four thirds
-        "FC550": 17.3,
-        "FC6520": 17.3,
-        "L2D-20c": 17.3,
-        "M3E": 17.3,
-        # full frame
-        "ZenmuseP1": 35.9,
-    }
+_SENSORS: Final = (
+    (6.16, "FC300C FC300S FC300X FC300XW FC330 FC350 FC220"),  # 1/2.3 inch
+    (13.2, "FC6310 FC6310R FC6310S L1D-20c FC3411 XT705"),  # 1 inch
+    (17.3, "FC550 FC6520 L2D-20c M3E"),  # four thirds
+    (35.9, "ZenmuseP1"),  # full frame
 )
-"""By EXIF Model."""
+_WIDTH_MM: Final = {model: width_mm for width_mm, models in _SENSORS for model in models.split()}
+"""Width of the sensor by EXIF Model, mm."""

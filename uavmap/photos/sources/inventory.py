@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
 
 from missions.errors import ImageError
 from uavmap.journal.kept_frames import FRAMES, POSES
-from uavmap.photos.sources.duplicate_pictures import different
 from uavmap.photos.sources.flight_frames import FlightFrames
+from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.photo_folder import VIDEOS, Folder
 from uavmap.photos.sources.picture_record import Picture, PictureSource, Refused
+from uavmap.photos.sources.tag_validation import distance_m
 from uavmap.photos.sources.video import Video
 
 
@@ -89,3 +96,119 @@ def open_source(path: Path, video_start_s: float | None = None) -> PictureSource
     if (path / FRAMES / POSES).is_file():
         return FlightFrames(path)
     return Folder(path)
+
+
+SAME_PLACE_M: Final = 0.5
+"""Tags that were written anew may be rounded anew."""
+ALIKE: Final = 0.99
+"""The correlation of two small pictures of one capture; of the next one over ground it is less."""
+_ALIKE_LEVELS: Final = 2.0  # without contrast a correlation says nothing
+_SMALL_PX: Final = (32, 24)
+_DECODED_PX: Final = 256
+
+Small = NDArray[np.float32]
+
+
+def when(picture: Picture) -> tuple[bool, float, float, float, float, int, str]:
+    """What pictures are ordered by: time, then what their files hold; names come last."""
+    place, height = picture.position, picture.height_m
+    return (
+        picture.taken_s is None,
+        picture.taken_s or 0.0,
+        0.0 if place is None else place.lat_deg,
+        0.0 if place is None else place.lon_deg,
+        0.0 if height is None else height.value,
+        picture.content.size_bytes,
+        picture.name,
+    )
+
+
+def different(pictures: Sequence[Picture]) -> tuple[tuple[Picture, ...], tuple[Refused, ...]]:
+    """Return the pictures, each once, in the order of `when`; and the others, with why.
+
+    A second copy is no second look. A file is known by its bytes. A capture that was saved again
+    (smaller, brighter, at another quality) has the same time, place and nearly the same pixels.
+    """
+    ordered = sorted(pictures, key=when)
+    files, same_files = _other_bytes(ordered)
+    copies = _same_captures(files)
+    kept = tuple(picture for picture in files if picture.name not in copies)
+    again = [Refused(name, f"the same capture as {of}") for name, of in sorted(copies.items())]
+    return kept, (*same_files, *again)
+
+
+def _other_bytes(pictures: Sequence[Picture]) -> tuple[list[Picture], list[Refused]]:
+    """The pictures without those whose content was there before; the others' names.
+
+    Only pictures of the same size can be the same, so that few are read for it.
+    """
+    sizes: dict[int, int] = defaultdict(int)
+    for picture in pictures:
+        sizes[picture.content.size_bytes] += 1
+    first: dict[str, str] = {}
+    kept, copies = [], []
+    for picture in pictures:
+        if sizes[picture.content.size_bytes] > 1:
+            try:
+                digest = picture.content.digest()
+            except ImageError as error:
+                copies.append(Refused(picture.name, str(error)))
+                continue
+            if digest in first:
+                copies.append(Refused(picture.name, f"the same file as {first[digest]}"))
+                continue
+            first[digest] = picture.name
+        kept.append(picture)
+    return kept, copies
+
+
+def _same_captures(pictures: Sequence[Picture]) -> dict[str, str]:
+    """Names of captures that are there in a better copy, and of that one.
+
+    Only pictures of one time and place can be one capture; only these are decoded, small.
+    """
+    by_time: dict[float, list[Picture]] = defaultdict(list)
+    for picture in pictures:
+        if picture.taken_s is not None and picture.position is not None:
+            by_time[picture.taken_s].append(picture)
+    copies: dict[str, str] = {}
+    for group in by_time.values():
+        if len(group) == 1:
+            continue
+        kept: list[tuple[Picture, Small]] = []
+        for picture in sorted(group, key=_worse):
+            small = _small(picture)
+            if small is None:
+                continue  # whoever decodes it says why
+            of = next((k.name for k, seen in kept if _one(picture, small, k, seen)), None)
+            if of is None:
+                kept.append((picture, small))
+            else:
+                copies[picture.name] = of
+    return copies
+
+
+def _worse(picture: Picture) -> tuple[int, int, str]:
+    return -picture.width_px * picture.height_px, -picture.content.size_bytes, picture.name
+
+
+def _small(picture: Picture) -> Small | None:
+    try:
+        image = eight_bits(picture.decode(_DECODED_PX))
+    except ImageError:
+        return None
+    gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    return cv2.resize(gray, _SMALL_PX, interpolation=cv2.INTER_AREA).astype(np.float32)
+
+
+def _one(picture: Picture, small: Small, other: Picture, seen: Small) -> bool:
+    """Whether two pictures of one time are of one place, and nearly the same."""
+    assert picture.position is not None
+    assert other.position is not None
+    if distance_m(picture.position, other.position) > SAME_PLACE_M:
+        return False
+    if float(np.abs(small - seen).mean()) <= _ALIKE_LEVELS:
+        return True
+    a, b = small - small.mean(), seen - seen.mean()
+    norm = float(np.sqrt((a * a).sum() * (b * b).sum()))
+    return norm > 0.0 and float((a * b).sum()) >= ALIKE * norm

@@ -7,7 +7,7 @@ import io
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Final
 
@@ -19,7 +19,8 @@ from PIL import Image
 from missions.errors import ImageError, UavmapError
 from uavmap.base.image_files import MAX_PIXELS
 from uavmap.base.printable import printable
-from uavmap.photos.sources.photo_tags import Tags, tags_of
+from uavmap.base.text_files import read_text
+from uavmap.photos.sources.photo_tags import tags_of
 from uavmap.photos.sources.picture_record import Picture, Refused
 
 SUFFIXES: Final = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff"})
@@ -64,6 +65,16 @@ class FileContent:
         return decoded(self.read(), max_width_px)
 
 
+def text_beside(path: Path, most_bytes: int) -> str:
+    """Return the text of a file that comes with pictures. Raises `ImageError`."""
+    try:
+        return read_text(path, most_bytes)
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
+    except UnicodeDecodeError:
+        raise ImageError(f"{path}: not a text file in UTF-8") from None
+
+
 def read_photo(path: Path, name: str) -> Picture | Refused:
     """The tags of a photograph; its pixels are not decoded."""
     try:
@@ -80,7 +91,10 @@ def read_photo(path: Path, name: str) -> Picture | Refused:
         return Refused(name, str(error))
     if tags.mirrored:
         return Refused(name, tags.notes[-1])
-    return _record(name, FileContent(path, size_bytes), size, tags)
+    told = {field.name: getattr(tags, field.name) for field in fields(tags)}
+    del told["mirrored"]
+    told["notes"] = tuple(tags.notes)
+    return Picture(name, FileContent(path, size_bytes), *size, **told)
 
 
 def decoded(data: bytes, max_width_px: int) -> Pixels:
@@ -100,7 +114,7 @@ def decoded(data: bytes, max_width_px: int) -> Pixels:
                 rows = max(1, height_px * max_width_px // width_px)
                 picture.draft(None, (max_width_px, rows))  # never below what is asked for
             pixels = _eight_bits(picture)
-    return _reduced(pixels, max_width_px)
+    return reduced(pixels, max_width_px)
 
 
 # --- decoding ------------------------------------------------------------------------------------
@@ -180,7 +194,8 @@ def _eight_bits(picture: Image.Image) -> NDArray[np.uint8]:
     return cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR).astype(np.uint8, copy=False)
 
 
-def _reduced(pixels: Pixels, max_width_px: int) -> Pixels:
+def reduced(pixels: Pixels, max_width_px: int) -> Pixels:
+    """Return pixels scaled down to at most so many columns."""
     rows, columns = pixels.shape[:2]
     if columns <= max_width_px:
         return pixels
@@ -191,28 +206,6 @@ def _reduced(pixels: Pixels, max_width_px: int) -> Pixels:
     return smaller.astype(np.uint16, copy=False)
 
 
-# --- the record ----------------------------------------------------------------------------------
-def _record(name: str, content: FileContent, size: tuple[int, int], tags: Tags) -> Picture:
-    return Picture(
-        name,
-        content,
-        *size,
-        taken_s=tags.taken_s,
-        clock=tags.clock,
-        position=tags.position,
-        position_sigma_m=tags.position_sigma_m,
-        height_m=tags.height_m,
-        amsl_m=tags.amsl_m,
-        yaw_deg=tags.yaw_deg,
-        pitch_deg=tags.pitch_deg,
-        roll_deg=tags.roll_deg,
-        lens=tags.lens,
-        lens_from=tags.lens_from,
-        notes=tuple(tags.notes),
-    )
-
-
-# --- eight bits ----------------------------------------------------------------------------------
 _OUTLIERS: Final = 0.5  # per cent at either end that may be defects
 _NARROW: Final = 0.25
 """Samples of 16 bits that span less than this part of their range are spread over it."""

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from missions.errors import ImageError
 from uavmap.photos.sources.focal_length import film_lens
+from uavmap.photos.sources.photo_file import Pixels, reduced
 from uavmap.photos.sources.picture_record import Measured, Picture, Refused
-from uavmap.photos.sources.srt import Moment, nearest, read_srt
-from uavmap.photos.sources.tlog_track import read_tlog
+from uavmap.photos.sources.video_telemetry import Moment, nearest, read_srt, read_tlog
 
 EVERY_S: Final = 1.0
 """Frames lie so far apart. A video from a stand-still shows the same ground again and again, which
@@ -130,14 +130,9 @@ class VideoFrame:
         """See `uavmap.photos.sources.picture_record.Content`."""
         return hashlib.sha256(f"{self.reader.path.name}#{self.index}".encode()).hexdigest()
 
-    def decode(self, max_width_px: int) -> NDArray[np.uint8]:
+    def decode(self, max_width_px: int) -> Pixels:
         """See `uavmap.photos.sources.picture_record.Content`."""
-        image = self.reader.frame(self.index)
-        rows, columns = image.shape[:2]
-        if columns <= max_width_px:
-            return image
-        size = (max_width_px, max(1, round(rows * max_width_px / columns)))
-        return cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
+        return reduced(self.reader.frame(self.index), max_width_px)
 
 
 class _Reader:

@@ -24,10 +24,10 @@ from tests.support.small_missions import CELL_M, START, ring, square
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load
-from uavmap.photos.picture_replay import Options, look_at_all
+from uavmap.photos.picture_replay import look_at_all
 from uavmap.photos.registration.refined_pictures import refined
+from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import gather, open_source
-from uavmap.photos.verdict_spool import Spool
 from uavmap.photos.workers import Threads
 
 REAL = Path(__file__).resolve().parents[4] / "../shared/data/brighton_beach"
@@ -99,7 +99,7 @@ def replayed(
         better.write(out)
         gathered = better.gathered
     with Spool() as spool:
-        return look_at_all(gathered, made, spool, Options()).written(journal, out)
+        return look_at_all(gathered, made, spool).written(journal, out)
 
 
 def mapped(

@@ -7,7 +7,7 @@ import pytest
 
 from missions.errors import OutputError
 from uavmap.photos import scratch_file
-from uavmap.photos.registration.feature_file import FeatureFile
+from uavmap.photos.scratch_file import FeatureFile
 from vision.registration import Features
 
 

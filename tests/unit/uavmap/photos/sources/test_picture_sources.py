@@ -27,9 +27,8 @@ from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.photo_tags import tags_of
 from uavmap.photos.sources.picture_record import Picture, Refused
-from uavmap.photos.sources.srt import parse_srt
 from uavmap.photos.sources.tag_validation import Placed, credible
-from uavmap.photos.sources.tlog_track import read_tlog
+from uavmap.photos.sources.video_telemetry import parse_srt, read_tlog
 from uavmap.ui.cli import main
 
 LOG = Path(__file__).resolve().parents[5] / "../shared/data/arducopter/flight-4.6.tlog"
