@@ -16,17 +16,14 @@ from missions.geo.footprint import Optics
 from missions.geo.grid import Grid
 from missions.units import Pose, Quaternion
 
+Floats = NDArray[np.float64]
+
 
 @dataclass(frozen=True, slots=True)
 class Camera(Optics):
-    """A pinhole camera with square pixels, at any pose.
+    """A pinhole camera with square pixels, at any pose."""
 
-    >>> camera = Camera(math.radians(90.0), 640, 480)
-    >>> round(camera.footprint(12.0).short_m, 9)
-    18.0
-    """
-
-    def homography(self, pose: Pose, grid: Grid, t_s: float) -> NDArray[np.float64]:
+    def homography(self, pose: Pose, grid: Grid, t_s: float) -> Floats:
         """Return the 3 x 3 matrix from the grid's moving frame to pixels.
 
         `H @ (east_m, north_m, 1)` is `(u w, v w, w)`; `w` is metres along the optical axis. Points
@@ -43,10 +40,10 @@ class Camera(Optics):
                 [0.0, 0.0, pose.height_m],
             ]
         )
-        matrix: NDArray[np.float64] = self.pixels_of_ned(pose) @ ned_of_ground
+        matrix: Floats = self.pixels_of_ned(pose) @ ned_of_ground
         return matrix
 
-    def pixels_of_ned(self, pose: Pose) -> NDArray[np.float64]:
+    def pixels_of_ned(self, pose: Pose) -> Floats:
         """Return the 3 x 3 matrix from metres north, east and down of the camera to pixels."""
         focal = self.focal_px
         pixels_of_camera = np.array(
@@ -56,11 +53,11 @@ class Camera(Optics):
                 [1.0, 0.0, 0.0],
             ]
         )
-        matrix: NDArray[np.float64] = pixels_of_camera @ rotation(pose.attitude).T
+        matrix: Floats = pixels_of_camera @ rotation(pose.attitude).T
         return matrix
 
 
-def pixel_rows(camera: Camera, pose: Pose, grid: Grid, t_s: float) -> NDArray[np.float64]:
+def pixel_rows(camera: Camera, pose: Pose, grid: Grid, t_s: float) -> Floats:
     """Return the 3 x 4 matrix from the grid's moving frame and a height to pixels.
 
     It takes `(east_m, north_m, 1, rise_m)`: `rise_m` above the plane of `Camera.homography`.
@@ -69,9 +66,7 @@ def pixel_rows(camera: Camera, pose: Pose, grid: Grid, t_s: float) -> NDArray[np
     return np.column_stack([camera.homography(pose, grid, t_s), -down])
 
 
-def edges(
-    camera: Optics, matrix: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def edges(camera: Optics, matrix: Floats) -> tuple[Floats, Floats]:
     """Return the picture's rim on the ground as four half-planes.
 
     A ground point `p` is `normals @ p + offsets` metres inside the left, right, upper and lower
@@ -95,14 +90,8 @@ def edges(
     return normals, offsets
 
 
-def rotation(attitude: Quaternion) -> NDArray[np.float64]:
-    """Return the 3 x 3 matrix from camera axes to NED.
-
-    >>> level_east = Quaternion.from_euler(0.0, 0.0, math.pi / 2)
-    >>> forward, right, down = rotation(level_east).T.round(9) + 0.0
-    >>> [float(x) for x in forward]
-    [0.0, 1.0, 0.0]
-    """
+def rotation(attitude: Quaternion) -> Floats:
+    """Return the 3 x 3 matrix from camera axes (forward, right, down) to NED."""
     w, x, y, z = attitude
     return np.array(
         [
@@ -113,9 +102,7 @@ def rotation(attitude: Quaternion) -> NDArray[np.float64]:
     )
 
 
-def project(
-    matrix: NDArray[np.float64], points: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def project(matrix: Floats, points: Floats) -> tuple[Floats, Floats]:
     """Project ground points to pixels.
 
     Args:

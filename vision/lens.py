@@ -21,22 +21,10 @@ _CENTRED = 1e-4  # of the width: a tenth of a pixel in a thousand
 
 @dataclass(frozen=True, slots=True)
 class Lens:
-    """The intrinsics of a picture of `width_px` x `height_px`, in pixels; (0, 0) is a pixel's
-    centre.
+    """The intrinsics of a picture of `width_px` x `height_px`, in its pixels.
 
-    Attributes:
-        width_px: At least 1.
-        height_px: At least 1.
-        fx_px: Focal length along the columns, above 0.
-        fy_px: Focal length along the rows, above 0.
-        cx_px: Column of the principal point, inside the picture.
-        cy_px: Row of the principal point, inside the picture.
-        model: Meaning of `distortion`.
-        distortion: Coefficients; none for a pinhole.
-
-    >>> lens = Lens.pinhole(math.radians(90.0), 640, 480)
-    >>> round(lens.fx_px, 6), lens.cx_px, round(math.degrees(lens.hfov_rad), 6)
-    (320.0, 319.5, 90.0)
+    The principal point `cx_px`, `cy_px` lies inside the picture; `model` gives the meaning of
+    `distortion`, which is empty for a pinhole. Raises `ValueError` for what is no lens.
     """
 
     width_px: int

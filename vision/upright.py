@@ -22,10 +22,11 @@ from vision.camera import project
 from vision.look import Frame
 from vision.projection import OBLIQUE_LIMIT
 
-Scores = Mapping[tuple[int, int], NDArray[np.float64]]
+Floats = NDArray[np.float64]
+Scores = Mapping[tuple[int, int], Floats]
 """The agreement of pictures i < j for (i turned, j turned): 2 x 2, 0 to 1."""
 
-_Neighbours = Mapping[int, Mapping[int, NDArray[np.float64]]]
+_Neighbours = Mapping[int, Mapping[int, Floats]]
 
 MARGIN = 0.05
 """Mean gain per pair below which nothing is turned."""
@@ -40,7 +41,7 @@ def best_labels(count: int, scores: Scores) -> tuple[bool, ...]:
     >>> best_labels(3, {(0, 1): np.array([[0.1, 0.9], [0.8, 0.1]])})
     (False, True, False)
     """
-    near: dict[int, dict[int, NDArray[np.float64]]] = {k: {} for k in range(count)}
+    near: dict[int, dict[int, Floats]] = {k: {} for k in range(count)}
     for (i, j), table in scores.items():
         near[i][j], near[j][i] = table, table.T
     turned = [False] * count
@@ -71,7 +72,6 @@ def _component(first: int, near: _Neighbours) -> set[int]:
 
 
 def _gain(k: int, labels: Mapping[int, bool], near: _Neighbours) -> float:
-    """Return the gain of turning picture k, given the labels of its neighbours."""
     total = 0.0
     for other, table in near[k].items():
         if other in labels:
@@ -156,7 +156,7 @@ class UprightSearch:
     pitch_m: float
     _count: int = 0
     _kept: deque[tuple[int, Patch]] = field(default_factory=lambda: deque(maxlen=_KEPT))
-    _scores: dict[tuple[int, int], NDArray[np.float64]] = field(default_factory=dict)
+    _scores: dict[tuple[int, int], Floats] = field(default_factory=dict)
 
     @staticmethod
     def pitch_for(heights_m: Sequence[float]) -> float:
@@ -178,7 +178,7 @@ class UprightSearch:
         corners = np.array(
             [[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], float
         )
-        to_ground: NDArray[np.float64] = np.linalg.inv(matrix).astype(np.float64)
+        to_ground: Floats = np.linalg.inv(matrix).astype(np.float64)
         ground, _ = project(_positive_at_centre(to_ground, width, height), corners)
         here = grid.to_moving(grid.fixed(frame.pose.position), frame.t_s)
         reach_m = np.hypot(*(ground - np.array(here)).T).max()
@@ -278,15 +278,13 @@ def _halved(gray: NDArray[Any], blur_px: float) -> tuple[NDArray[Any], int]:
     return gray, times
 
 
-def _positive_at_centre(
-    matrix: NDArray[np.float64], width: int, height: int
-) -> NDArray[np.float64]:
+def _positive_at_centre(matrix: Floats, width: int, height: int) -> Floats:
     """Sign the matrix such that the middle of the picture is in front."""
     middle = matrix[2] @ np.array([(width - 1) / 2, (height - 1) / 2, 1.0])
     return matrix if middle > 0.0 else -matrix
 
 
-def _correlations(first: Patch, second: Patch) -> NDArray[np.float64] | None:
+def _correlations(first: Patch, second: Patch) -> Floats | None:
     """Return the best correlation for each (first turned, second turned); None without enough in
     common.
     """
@@ -324,7 +322,7 @@ def _best_scores(
     templates: Sequence[NDArray[np.uint8]],
     images: Sequence[NDArray[np.uint8]],
     weight: NDArray[np.float32],
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the best correlation of each weighted template over all places in each image.
 
     As `cv2.matchTemplate` with a mask, at a third of its cost: what depends on one of the two alone

@@ -57,7 +57,6 @@ deviations | |
     nir: int = 3
 
     def __post_init__(self) -> None:
-        """Refuse parameters out of range with `MissionFileError`, naming the key."""
         if self.kind not in get_args(Kind):
             raise MissionFileError(
                 f"detector.kind is {self.kind!r}: expected one of {', '.join(get_args(Kind))}"
@@ -70,7 +69,7 @@ deviations | |
             check_whole(key, getattr(self, key), _MOST_BAND)
 
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
-        """See `Detector.probability`. Raises `ImageError` where the picture lacks a band."""
+        """See `Detector.probability`. Raises `ImageError` if the picture lacks a band."""
         away = (self._index(image) - np.float32(self.value)) / np.float32(self.softness)
         if self.side == "below":
             away = -away
@@ -104,5 +103,5 @@ deviations | |
 
 
 def _ratio(above: NDArray[np.float32], below: Any) -> NDArray[np.float32]:
-    """A quotient; a divisor below 1, as of black, counts as 1."""
+    """Divide; a divisor below 1, as of black, counts as 1."""
     return np.asarray(above / np.maximum(below, np.float32(1.0)), np.float32)
