@@ -1,7 +1,6 @@
 """After a flight that kept its pictures: the boundary at pixel level, and the ground on the map.
 
-The pictures are judged once more, with the poses that they were judged with in the air. The map of
-cells stays as it was flown.
+The pictures are judged again with their poses in the air. The map of cells stays as flown.
 """
 
 from __future__ import annotations
@@ -51,9 +50,9 @@ def draw_boundary(
     complain: Callable[[str], None],
     wishes: Wishes | None = None,
 ) -> None:
-    """Write boundary.geojson, the GeoTIFFs, and map.png anew, of a flight that is over.
+    """Write boundary.geojson, the GeoTIFFs, and map.png again, of a flight that is over.
 
-    Whatever goes wrong is told in a line: the other results are there already. So is Ctrl-C.
+    Every fault, and Ctrl-C, is a line to `complain`: the other results are there already.
     """
     try:
         with Spool() as spool:
@@ -107,7 +106,7 @@ def _draw(folder: Path, spool: Spool, wishes: Wishes) -> None:
 
 
 def _footings(looked: Looked) -> list[Footing]:
-    """The used pictures, at the mission times of their exposures: the region may drift."""
+    """Return the used pictures, at the mission times of their exposures: the region may drift."""
     return [
         replace(footing, t_s=looked.shots[footing.number].placed.picture.taken_s or 0.0)
         for footing in looked.footings()

@@ -1,9 +1,9 @@
-"""Pictures that are looked at on a Dask cluster instead of on this computer's cores.
+"""Pictures examined on a Dask cluster instead of on this computer's cores.
 
-A picture's bytes travel with it, so that workers need neither the files nor the detector's; what
-they need is the same version of uavmap. Pictures are handed out a few at a time and taken back in
-their order, so the map is the same, byte for byte, and memory does not grow with the archive. What
-a worker had when it died Dask gives to another one.
+A picture's bytes travel with it, so workers need neither the files nor the detector's, only the
+same version of uavmap. Pictures are sent a few at a time and received in their order: the map is
+the same, byte for byte, and memory does not grow with the archive. Dask gives the work of a dead
+worker to another.
 """
 
 from __future__ import annotations
@@ -30,16 +30,15 @@ from uavmap.photos.sources.picture_record import Picture
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 MOST_WAITING: Final = 64
-"""So many pictures at most are under way, however large the cluster."""
+"""Most pictures under way, however large the cluster."""
 NO_WORKER_S: Final = 60.0
-"""A cluster that has lost its last worker gets so long to bring another."""
+"""Maximum time without any worker, s."""
 _ASK_S: Final = 2.0
 
 
 class Travelling(NamedTuple):
-    """The content of a picture on its way: the bytes of its file, its pixels, or why it has none.
-
-    See `uavmap.photos.sources.picture_record.Content`.
+    """The content of a picture on its way: the bytes of its file, its pixels, or a fault; a
+    `Content`.
     """
 
     data: bytes | NDArray[np.uint8] | NDArray[np.uint16]
@@ -48,11 +47,11 @@ class Travelling(NamedTuple):
     fault: str = ""
 
     def digest(self) -> str:
-        """Nobody asks for it on a worker: which pictures differ is known before they leave."""
+        """See `Content.digest`."""
         return self.sha256
 
     def decode(self, max_width_px: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
-        """See `Content.decode`. Pixels that travel are of the size that was asked for."""
+        """See `Content.decode`. Pixels that travel have the wanted size already."""
         if self.fault:
             raise ImageError(self.fault)
         return decoded(self.data, max_width_px) if isinstance(self.data, bytes) else self.data
@@ -60,10 +59,10 @@ class Travelling(NamedTuple):
 
 @dataclass(slots=True)
 class Cluster:
-    """A Dask cluster that looks at pictures; to be used in a `with`.
+    """A Dask cluster that examines pictures; a context manager.
 
-    Raises `StudyError`, in a line, where it cannot be reached or has no worker, where a worker has
-    another version of uavmap, and when its scheduler or its last worker goes away.
+    Raises `StudyError`, in a line, if it cannot be reached or has no worker, a worker has another
+    version of uavmap, or its scheduler or last worker goes away.
     """
 
     address: str
@@ -91,7 +90,7 @@ class Cluster:
         self._client.close()
 
     def in_order(self, work: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
-        """`work` of every item, in their order; both have to survive a journey (pickle)."""
+        """Yield `work` of every item, in their order; both must be picklable."""
         packed = pickle.dumps(work)
         waiting: deque[Any] = deque()
         most = min(2 * self._threads() + 1, MOST_WAITING)
@@ -111,7 +110,7 @@ class Cluster:
                 future.release()
 
     def sent(self, picture: Picture, max_width_px: int) -> Picture:
-        """See `Crew.sent`: files go as they are, frames of videos decoded."""
+        """See `Crew.sent`: files travel as they are, frames of videos decoded."""
         content = picture.content
         try:
             data = (
@@ -184,7 +183,7 @@ def _version() -> str:
 
 @lru_cache(maxsize=4)
 def _unpacked(packed: bytes) -> Callable[[Any], Any]:
-    """The same object for all pictures of a replay: what it has reckoned once it keeps."""
+    """Return the same object for all pictures of a replay: it keeps what it has computed."""
     cv2.setNumThreads(1)
     work: Callable[[Any], Any] = pickle.loads(packed)
     return work

@@ -1,4 +1,4 @@
-"""pictures.csv: what became of each picture of a replay."""
+"""pictures.csv: the fate of each picture of a replay."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ COLUMNS: Final = (
 class PictureRow(NamedTuple):
     """A picture as tagged, or a file that is none; `reason` says why it is not used.
 
-    `refined` is the picture with the pose that its overlaps give it, None where they do not.
+    `refined` has the pose from its overlaps, if any.
     """
 
     picture: Picture | None
@@ -83,6 +83,6 @@ def _number(measured: Measured | None) -> str:
 
 
 def _cell(text: str) -> str:
-    """Text from outside, harmless also where a spreadsheet takes it for a formula."""
+    """Return text from outside, harmless also where a spreadsheet takes it for a formula."""
     clean = printable(text)
     return f"'{clean}" if clean[:1] in ("=", "+", "-", "@") else clean

@@ -1,4 +1,4 @@
-"""Bytes that wait on disk while a set of pictures is worked on, in a file without a name."""
+"""Bytes on disk while a set of pictures is processed, in a file without a name."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from vision.registration import Features
 class ScratchFile:
     """A file that vanishes with this object; for any thread.
 
-    Every call raises `OutputError` where the disk refuses: `waits` is what is in the file,
-    `remedy` what helps besides more room.
+    Every call raises `OutputError` if the disk refuses: `waits` is the content, `remedy` helps
+    besides more room.
     """
 
     def __init__(self, waits: str, remedy: str) -> None:
@@ -38,7 +38,7 @@ class ScratchFile:
         self._file.close()
 
     def append(self, *parts: bytes) -> int:
-        """Keep bytes; returns where they begin."""
+        """Keep bytes; return where they begin."""
         with self._one_at_a_time, self._refusals():
             offset = self._end
             self._file.seek(offset)
@@ -66,7 +66,16 @@ class ScratchFile:
 
 
 class Said(NamedTuple):
-    """What a picture says; see `uavmap.photos.ground.judging.Judged`."""
+    """The judgement of a picture.
+
+    Attributes:
+        vantage: The cell over which its votes count.
+        cells: Shape (n, 2): columns and rows of the cells that it shows.
+        shares: Shape (n,): the part of each that is ROI; -1 where it is not in the picture.
+        marks: The detector's, packed.
+        weights: Shape (n,): of the shares, 0 to 1; 1 where votes are counted.
+        small: A JPEG of the picture, small.
+    """
 
     vantage: Cell
     cells: NDArray[np.intp]
@@ -85,7 +94,7 @@ class _Kept(NamedTuple):
 
 
 class Spool(ScratchFile):
-    """What pictures say by a number, in a file that vanishes with this object; for any thread.
+    """Judgements of pictures by number, in a file that vanishes with this object; for any thread.
 
     >>> said = Said(Cell(0, 0), np.array([[1, 2]]), np.array([0.5]), b"marks", np.array([0.7]))
     >>> with Spool() as spool:
@@ -100,7 +109,7 @@ class Spool(ScratchFile):
         self._kept: dict[int, _Kept] = {}
 
     def put(self, number: int, said: Said) -> None:
-        """Keep what a picture says; it may be told anew. Raises `OutputError` on a full disk."""
+        """Keep a judgement, or replace it. Raises `OutputError` on a full disk."""
         cells = np.ascontiguousarray(said.cells, dtype=np.int32).tobytes()
         shares, weights = (
             np.ascontiguousarray(numbers, dtype=np.float64).tobytes()
@@ -111,7 +120,7 @@ class Spool(ScratchFile):
         self._kept[number] = _Kept(offset, *sizes, said.vantage)
 
     def get(self, number: int) -> Said:
-        """What was kept under a number. Raises `KeyError` where nothing was."""
+        """Return what was kept under a number. Raises `KeyError` where nothing was."""
         offset, count, marks, small, vantage = self._kept[number]
         data = self.read(offset, 24 * count + marks + small)
         cells = np.frombuffer(data, np.int32, 2 * count).reshape(count, 2).astype(np.intp)
@@ -124,14 +133,7 @@ _WORDS: int = 128
 
 
 class FeatureFile(ScratchFile):
-    """Features in a file that vanishes with this object; for any thread.
-
-    >>> some = Features(np.array([[1.5, 2.0]]), np.full((1, 128), 7, np.uint8), 320, 240)
-    >>> with FeatureFile() as file:
-    ...     kept = file.put(some)
-    ...     kept.points.tolist(), int(kept.descriptors.sum()), kept.width_px
-    ([[1.5, 2.0]], 896, 320)
-    """
+    """Features in a file that vanishes with this object; for any thread."""
 
     def __init__(self) -> None:
         remedy = "have TMPDIR name another folder, or replay with --refine off"
@@ -147,7 +149,7 @@ class FeatureFile(ScratchFile):
 
 @dataclass(frozen=True, slots=True)
 class KeptFeatures:
-    """`Features` that are read whenever they are asked for."""
+    """`Features` that are read at each access."""
 
     file: FeatureFile
     offset: int

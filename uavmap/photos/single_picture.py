@@ -1,4 +1,4 @@
-"""One picture, looked at: where it lies on the grid, and what a mission's detector says of it."""
+"""One picture: where it lies on the grid, and a mission's detector on it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _LETTER_PX: Final = 34  # a cell whose edge has fewer pixels gets no number
 
 @dataclass(frozen=True, slots=True)
 class Looked:
-    """What one picture says.
+    """The judgement of one picture.
 
     Attributes:
         placed: The picture with its pose.
@@ -40,8 +40,8 @@ class Looked:
         laid: The picture on the ground.
         mask: The detector's.
         verdicts: By cell, sorted.
-        footprint: The ground at its corners, from the upper left clockwise; none where one of them
-            shows the sky.
+        footprint: The ground at its corners, from the upper left clockwise; none if one shows the
+            sky.
         doubt: Why a mission would not count it; empty where it would.
     """
 
@@ -54,7 +54,7 @@ class Looked:
     doubt: str
 
     def figures(self) -> dict[str, Any]:
-        """For programs."""
+        """Return the figures for programs."""
         picture, pose = self.placed.picture, self.placed.pose
         return {
             "picture": picture.name,
@@ -80,7 +80,7 @@ class Looked:
 
 
 def look_at(picture: Picture, mission: Mission, lens: Lens | None = None) -> Looked:
-    """What a mission sees in a picture. Raises `ImageError`: why it can see nothing."""
+    """Return what a mission sees in a picture. Raises `ImageError`: why it can see nothing."""
     (placed,) = credible([picture], mission)
     if isinstance(placed, str):
         raise ImageError(f"{picture.name}: {placed}")
@@ -107,7 +107,7 @@ def look_at(picture: Picture, mission: Mission, lens: Lens | None = None) -> Loo
 
 
 def annotated(looked: Looked) -> NDArray[np.uint8]:
-    """The picture with the detector's mask as a line, the cells, and each one's share in per cent.
+    """Draw the detector's mask as a line, the cells, and each one's share in per cent.
 
     Shape (rows, columns, 3), blue-green-red.
     """
@@ -141,7 +141,7 @@ def _draw_cell(image: NDArray[np.uint8], verdict: Verdict, laid: Projection) -> 
 
 
 def _footprint(laid: Projection) -> tuple[LatLon, ...]:
-    """Where the corners' rays meet the level of the ground below the camera."""
+    """Return where the corners' rays meet the level of the ground below the camera."""
     grid, matrix = laid.grid, laid.camera.homography(laid.pose, laid.grid, laid.t_s)
     right, low = laid.camera.width_px - 0.5, laid.camera.height_px - 0.5
     corners = np.array([[-0.5, -0.5, 1.0], [right, -0.5, 1.0], [right, low, 1.0], [-0.5, low, 1.0]])

@@ -1,4 +1,4 @@
-"""What a replay tells beside its cells: the boundary at pixel level, and the ground itself."""
+"""A replay's results beside its cells: the boundary at pixel level, and the ground itself."""
 
 from __future__ import annotations
 
@@ -26,8 +26,7 @@ from vision.overlay import framed
 from vision.raster import Raster, Window
 
 SHARPNESS: Final = 2
-"""So often are the weights of the fused probability squared: the best picture shows, the others
-hardly."""
+"""Number of times that weights are squared: the best picture shows, the others hardly."""
 
 _ROWS: Final = 256
 
@@ -35,12 +34,10 @@ Colours = NDArray[np.uint8]
 
 
 class Tile(NamedTuple):
-    """A picture of a mosaic, and how to come by its pixels.
+    """A picture of a mosaic.
 
-    Attributes:
-        shown: Where it lies; its window, which is of another raster, is not asked.
-        image: Blue-green-red, of any size, `framed`; None where it cannot be read. Called from any
-            thread.
+    `shown.window` is of another raster and not used. `image` returns blue-green-red, of any size,
+    `framed`; None if it cannot be read; any thread may call it.
     """
 
     shown: Shown
@@ -56,7 +53,7 @@ def mosaic(raster: Raster, window: Window, tiles: Iterable[Tile], workers: int) 
         raster: In the grid's moving frame.
         window: Of it.
         tiles: The pictures that may show something of the window.
-        workers: How many threads; the result is the same.
+        workers: Count of threads; the result is the same.
 
     Returns:
         Shape (rows, columns, 4), uint8: red, green, blue, and 255 where there is a picture, else 0.
@@ -87,8 +84,7 @@ def mosaic(raster: Raster, window: Window, tiles: Iterable[Tile], workers: int) 
 
 
 def _means(colours: NDArray[np.float32], total: NDArray[np.float32]) -> Colours | None:
-    """Sums of colours by their weights, as `mosaic` returns them; some rows at a time, or it would
-    take as much memory once more."""
+    """Return colours' sums over weights; some rows at a time, to save memory."""
     if not cv2.hasNonZero(total):
         return None
     found = np.empty((*total.shape, 4), np.uint8)
@@ -103,16 +99,7 @@ def _means(colours: NDArray[np.float32], total: NDArray[np.float32]) -> Colours 
 
 @dataclass(frozen=True, slots=True)
 class FineMap:
-    """The region at pixel level.
-
-    Attributes:
-        setting: What was to be mapped.
-        scene: The used pictures over a raster.
-        surface: The probabilities on it.
-        boundary: The region's.
-        spool: What the pictures say, and small ones of them.
-        workers: How many threads.
-    """
+    """The region at pixel level: its pictures over a raster, probabilities, boundary."""
 
     setting: Setting
     scene: Scene
@@ -131,7 +118,7 @@ class FineMap:
         workers: int,
         go_on: GoOn = lambda: None,
     ) -> FineMap:
-        """Of the pictures of a scene; `go_on` is asked before each picture."""
+        """Make it of the pictures of a scene; `go_on` is called before each picture."""
         shrinks_px = int(getattr(judge.detector, "shrinks_px", 0))
         surface = fused(scene, spool, shrinks_px, workers, setting.mission.votes.positive, go_on)
         level = setting.mission.detector.share if judge.detector.calibrated else HALF
@@ -145,13 +132,13 @@ class FineMap:
         seen: NDArray[np.int32],
         undecided: NDArray[np.int32],
     ) -> BoundaryMap:
-        """What boundary.geojson tells, for the mission time of a map.
+        """Return the content of boundary.geojson.
 
         Args:
-            t_s: That time.
-            positions_m: How well the place of each picture is known.
-            seen: The cells on which pictures were asked, sorted; shape (n, 2).
-            undecided: Those that too few of them show.
+            t_s: Mission time of the map.
+            positions_m: Standard deviation of each picture's position.
+            seen: The examined cells, sorted; shape (n, 2).
+            undecided: Those that too few pictures show.
         """
         mission = self.setting.mission
         return BoundaryMap(
@@ -168,7 +155,7 @@ class FineMap:
 
 
 def scene_of(setting: Setting, used: Sequence[Footing]) -> Scene | None:
-    """The used pictures over a raster; None where they show nothing."""
+    """Return the used pictures over a raster; None where they show nothing."""
     if not used:
         return None
     grid = setting.grid
@@ -179,7 +166,7 @@ def scene_of(setting: Setting, used: Sequence[Footing]) -> Scene | None:
 def beneath(
     scene: Scene, spool: Spool, grid: Grid, workers: int, t_s: float
 ) -> Callable[[View], NDArray[np.uint8] | None]:
-    """The mosaic beneath a map's picture: as `uavmap.photos.ground.fine_map.mosaic` gives it."""
+    """Return the mosaic beneath a map's picture, as `mosaic` gives it."""
 
     def laid(view: View) -> NDArray[np.uint8] | None:
         raster = Raster(
@@ -206,5 +193,5 @@ def _small(entry: Shown, spool: Spool) -> Callable[[], NDArray[np.uint8] | None]
 
 
 def upright(image: NDArray[np.uint8], *, turned: bool) -> NDArray[np.uint8]:
-    """An image the right way up, which was stored turned by 180 degrees, or not."""
+    """Return an image the right way up that may be stored turned by 180 degrees."""
     return np.ascontiguousarray(image[::-1, ::-1]) if turned else image

@@ -1,8 +1,7 @@
-"""What one recorded picture says: decoded, held against what no camera gives, and judged.
+"""The judgement of one recorded picture: decoded, checked for plausibility, and classified.
 
-A `Judge` knows no order and keeps nothing, so that any number of threads may use it at once. What
-depends on the other pictures (the same picture twice, upside down, blurred beside the others) is
-told as numbers, for whoever sees all of them.
+A `Judge` knows no order and keeps nothing, so any number of threads may use it. What depends on
+other pictures (repeated, upside down, blurred) is returned as numbers.
 """
 
 from __future__ import annotations
@@ -36,9 +35,9 @@ from vision.upright import Patch, UprightSearch
 
 LEAST_WIDTH_PX: Final = 64
 LEAST_PIXELS_A_CELL: Final = 8.0
-"""A cell's edge with fewer has no share that is worth a vote."""
+"""Least pixels along a cell's edge for a vote."""
 WHITE_SHARE: Final = 0.6
-"""A picture with more of it at the upper end of the levels is over-exposed."""
+"""Least part of white pixels of an over-exposed picture."""
 DARK_SHARE: Final = 0.95
 _WHITE, _DARK = 250, 12
 _EVERY = 12  # what is asked of all of a picture is asked of every so many rows
@@ -52,14 +51,10 @@ WHOLE_AREA: Final = Cell(0, 0)
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """What a picture says as it is stored.
+    """The judgement of a picture as it is stored; `said` goes to the spool.
 
-    Attributes:
-        said: What the spool keeps.
-        camera: The pinhole that it was judged with.
-        patch: For the search of pictures upside down.
-        fingerprint: Of its pixels; equal for equal pictures.
-        sharpness: Of its finest detail beside its contrast, at the judged size.
+    Equal pictures have equal `fingerprint`s. `sharpness` is the finest detail beside the contrast,
+    at the judged size.
     """
 
     said: Said
@@ -70,7 +65,7 @@ class Judged:
 
 
 class Task(NamedTuple):
-    """A picture to be judged, and the mission time at which it was taken."""
+    """A picture to be judged, and the mission time of its exposure."""
 
     placed: Placed
     t_s: float
@@ -78,10 +73,10 @@ class Task(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Judge:
-    """How the pictures of a replay are judged.
+    """Judges the pictures of a replay.
 
-    `compare`: whether pictures upside down are looked for; registration has found them already
-    where it has placed all.
+    `compare`: whether to look for pictures upside down; registration that has placed all of them
+    has found these.
     """
 
     mission: Mission
@@ -98,20 +93,19 @@ class Judge:
         return cls(mission, grid, detector_of(mission), search, lenses)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """What it is made of travels to a worker, and not what was seen so far."""
         search = UprightSearch(self.grid, self.search.pitch_m)
         made = (self.mission, self.grid, self.detector, search, self.lenses, self.compare)
         return Judge, made
 
     def said(self, task: Task) -> Judged | str:
-        """What a picture says, or why it is no evidence."""
+        """Return a picture's judgement, or why it is no evidence."""
         try:
             return self.judged(*task)
         except ImageError as error:
             return str(error)
 
     def judged(self, placed: Placed, t_s: float) -> Judged:
-        """What a picture says. Raises `ImageError`: why it is no evidence."""
+        """Return a picture's judgement. Raises `ImageError`: why it is no evidence."""
         frame = self.frame(placed, t_s)
         vantage, cells = self._asked(frame.camera, placed, t_s)
         some = np.ascontiguousarray(frame.image[::_EVERY])  # noise is in every row
@@ -127,7 +121,7 @@ class Judge:
         )
 
     def turned(self, placed: Placed, t_s: float, camera: Camera, said: Said) -> NDArray[np.float64]:
-        """The shares of a picture that turns out to be stored upside down; its weights stay."""
+        """Return the shares of a picture that is stored upside down; its weights stay."""
         upright = unpacked(said.marks, camera.height_px, camera.width_px, upside_down=True)
         laid = self.laid(camera, placed, t_s)
         if self.mission.by_evidence:
@@ -142,13 +136,12 @@ class Judge:
         return laid.shares(marks, cells), np.ones(len(cells))
 
     def laid(self, camera: Camera, placed: Placed, t_s: float) -> Projection:
-        """The picture on the mission's ground."""
+        """Lay the picture on the mission's ground."""
         return Projection(camera, placed.pose, t_s, self.grid, self.mission.ground)
 
     def frame(self, placed: Placed, t_s: float, most_width_px: int | None = None) -> Frame:
-        """A picture at the size that the mission works with, as a pinhole shows it.
-
-        Or at a width of its own; never larger than it is.
+        """Return a picture as a pinhole shows it, at the mission's or another width; never
+        enlarged.
         """
         picture, width_px = placed.picture, most_width_px or self.mission.camera.width_px
         if min(picture.width_px, picture.height_px) < LEAST_WIDTH_PX // 2 or (
@@ -160,7 +153,7 @@ class Judge:
         return Frame(image, placed.pose, t_s, camera)
 
     def _asked(self, camera: Camera, placed: Placed, t_s: float) -> tuple[Cell, Cells]:
-        """The vantage, and the cells that the picture shows."""
+        """Return the vantage, and the cells that the picture shows."""
         cell_px = camera.pixels_per_cell(placed.pose.height_m, self.grid.cell_m)
         if cell_px < LEAST_PIXELS_A_CELL:
             raise ImageError(
@@ -193,7 +186,7 @@ class Judge:
 
 
 def sharpness(image: NDArray[np.uint8]) -> float:
-    """How much of the contrast in a picture's middle is detail of a pixel or two."""
+    """Return the part of the contrast in a picture's middle that is detail of a pixel or two."""
     rows, columns = image.shape[:2]
     middle = image[rows // 4 : rows - rows // 4, columns // 4 : columns - columns // 4]
     gray = cv2.cvtColor(middle, cv2.COLOR_BGR2GRAY)
@@ -203,7 +196,7 @@ def sharpness(image: NDArray[np.uint8]) -> float:
 
 
 def miniature(image: NDArray[np.uint8]) -> bytes:
-    """A picture for the background of a map: a JPEG of at most some `MINIATURE_PX` columns."""
+    """Return a JPEG of about `MINIATURE_PX` columns, for the background of a map."""
     factor = max(1, image.shape[1] // MINIATURE_PX)
     rows, columns = (max(1, side // factor) for side in image.shape[:2])
     small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_LINEAR)
@@ -211,14 +204,14 @@ def miniature(image: NDArray[np.uint8]) -> bytes:
 
 
 def packed(marks: Marks) -> bytes:
-    """Marks in a few kilobytes: a mask as a bit a pixel, a probability in 255 steps, squeezed."""
+    """Compress marks to a few kilobytes: a mask as a bit a pixel, a probability in 255 steps."""
     if marks.dtype == np.uint8:
         return b"m" + zlib.compress(np.packbits(marks > 0).tobytes(), 1)
     return b"p" + zlib.compress(np.round(marks * 255.0).astype(np.uint8).tobytes(), 1)
 
 
 def unpacked(data: bytes, rows: int, columns: int, *, upside_down: bool = False) -> Marks:
-    """The inverse of `packed`; turned by 180 degrees if they are `upside_down`.
+    """Invert `packed`; turn the marks by 180 degrees if they are `upside_down`.
 
     >>> mask = np.array([[255, 0, 255]], np.uint8)
     >>> unpacked(packed(mask), 1, 3).tolist()

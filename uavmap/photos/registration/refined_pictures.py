@@ -129,7 +129,6 @@ def _features(lenses: Lenses, picture: Picture) -> tuple[Features, float] | None
 
 
 def _log_overlaps(done: int, all_: int) -> None:
-    """Log how many possible overlaps were examined, now and then."""
     if done % _OVERLAPS_A_LINE == 0 and done < all_:
         _LOG.info(f"looked for overlaps: {done} of {all_}")
 
@@ -140,7 +139,7 @@ def _has_place(picture: Picture) -> bool:
 
 
 def _filled(picture: Picture, found: Found, lenses: Lenses) -> Picture:
-    """The picture with the pose and the focal length that were found."""
+    """Return the picture with its refined pose and focal length."""
     roll, pitch, yaw = (math.degrees(angle) for angle in euler(found.pose.attitude))
     pose, lens, ratio = found.refined, lenses.lens(picture), found.focal_ratio
     sigma_deg = math.degrees(pose.yaw_sigma_rad)

@@ -17,7 +17,7 @@ from vision.registration.ground_plane import bearing
 
 FILE: Final = "registration.json"
 MOST_NAMED: Final = 12
-"""The most pictures left as tagged that are named on the screen; the file names all."""
+"""Most pictures left as tagged that the screen names; the file names all."""
 
 
 def report(

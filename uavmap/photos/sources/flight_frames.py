@@ -21,7 +21,7 @@ _ANGLE_SIGMA_DEG = 2.0
 
 @dataclass(slots=True)
 class FlightFrames:
-    """The kept pictures of a flight's folder, with the poses that they were judged with."""
+    """The kept pictures of a flight's folder, with their poses in the air."""
 
     path: Path
     _damaged: list[str] = field(default_factory=list, repr=False)

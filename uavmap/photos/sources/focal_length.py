@@ -1,9 +1,8 @@
-"""The lens of a photograph from its tags, by the best of what is there.
+"""The lens of a photograph from its tags, by the best of them.
 
 In this order: the maker's calibration (XMP DewarpData, CalibratedFocalLength), EXIF FocalLength on
-the pixels' pitch (FocalPlaneXResolution), FocalLength on a known sensor, and the 35 mm equivalent,
-which is the focal length that has the same angle of view across the *diagonal* of a 36 x 24 mm
-frame.
+the pixels' pitch (FocalPlaneXResolution), FocalLength on a known sensor, and the 35 mm equivalent:
+the focal length with the same angle of view across the *diagonal* of a 36 x 24 mm frame.
 """
 
 from __future__ import annotations
@@ -19,7 +18,9 @@ from vision.lens import Lens
 
 _FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 _WIDE = 1.6
-"""A picture wider than this is cut from a sensor of 4:3, over all of its width; the tags stay."""
+"""Widest uncut picture: a wider one is cut from a sensor of 4:3, over its whole width; the tags
+stay.
+"""
 _UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 _NARROWEST_RAD, _WIDEST_RAD = math.radians(2.0), math.radians(170.0)
 
@@ -29,7 +30,7 @@ Exif = Mapping[int, Any]
 def lens_of(
     width_px: int, height_px: int, model: str, detail: Exif, xmp: Values
 ) -> tuple[Lens | None, str, tuple[str, ...]]:
-    """The lens, None where no tag tells a focal length; which tag did; what is unreadable.
+    """Return the lens, None if no tag gives a focal length; the tag; what is unreadable.
 
     Args:
         width_px: Columns of the picture.
@@ -72,7 +73,7 @@ def lens_of(
 
 
 def _dewarp(width_px: int, height_px: int, xmp: Values) -> Lens | None:
-    """DJI's: date;fx,fy,cx,cy,k1,k2,p1,p2,k3, the centre from the middle of the picture.
+    """Read DJI's date;fx,fy,cx,cy,k1,k2,p1,p2,k3, the centre from the middle of the picture.
 
     A picture with DewarpFlag 1 was corrected by the camera already.
     """
@@ -126,7 +127,7 @@ def _film(width_px: int, height_px: int, detail: Exif) -> Lens | None:
 
 
 def film_lens(film_mm: float, width_px: int, height_px: int) -> Lens:
-    """The lens of a 35 mm equivalent, above 0.
+    """Return the lens of a 35 mm equivalent, above 0.
 
     >>> round(film_lens(24.0, 4000, 3000).hfov_deg, 1)
     71.6

@@ -24,16 +24,15 @@ from uavmap.photos.sources.video import Video
 
 @dataclass(frozen=True, slots=True)
 class Gathered:
-    """What a source holds.
+    """The content of a source.
 
     Attributes:
-        source: What to call it.
-        pictures: Different pictures, in the order in which they were taken; those that do not say
-            when come last.
-        refused: What should be a picture and is none, or is one that is there already.
-        copies: How many of `refused` are copies of another picture.
-        left_out: What else lies there, a line a kind.
-        refined: Pictures with the poses that their overlaps give them, by name.
+        source: Its name.
+        pictures: Different pictures, in the order of exposure; those without a time last.
+        refused: Files that are no readable picture, or copies.
+        copies: Count of copies in `refused`.
+        left_out: Other files, a line a kind.
+        refined: Pictures with the poses from their overlaps, by name.
         upside_down: The names of those among them that were stored so.
     """
 
@@ -47,7 +46,7 @@ class Gathered:
 
     @property
     def posed(self) -> tuple[Picture, ...]:
-        """The pictures with the best poses that there are, in the same order."""
+        """The pictures with their best poses, in the same order."""
         return tuple(self.refined.get(picture.name, picture) for picture in self.pictures)
 
     def none_usable(self, refused: Mapping[str, str]) -> ImageError:
@@ -60,7 +59,7 @@ class Gathered:
 def gather(source: PictureSource) -> Gathered:
     """Read the tags of every picture.
 
-    Raises `ImageError` where there is no picture at all; a line says what there is instead.
+    Raises `ImageError` if there is no picture at all; a line names the other files.
     """
     pictures: list[Picture] = []
     refused: list[Refused] = []
@@ -87,9 +86,9 @@ def gather(source: PictureSource) -> Gathered:
 
 
 def open_source(path: Path, video_start_s: float | None = None) -> PictureSource:
-    """The source at a path. Raises `ImageError` where there is none.
+    """Return the source at a path. Raises `ImageError` if there is none.
 
-    `video_start_s`: when a video begins, in seconds since 1970; for one with a .tlog beside it.
+    `video_start_s`: begin of a video with a .tlog beside it, in seconds since 1970.
     """
     if path.is_file() and path.suffix.lower() in VIDEOS:
         return Video(path, video_start_s)
@@ -99,9 +98,9 @@ def open_source(path: Path, video_start_s: float | None = None) -> PictureSource
 
 
 SAME_PLACE_M: Final = 0.5
-"""Tags that were written anew may be rounded anew."""
+"""Largest distance of one capture's tags: they may be rounded again."""
 ALIKE: Final = 0.99
-"""The correlation of two small pictures of one capture; of the next one over ground it is less."""
+"""Least correlation of two small pictures of one capture; the next one over ground has less."""
 _ALIKE_LEVELS: Final = 2.0  # without contrast a correlation says nothing
 _SMALL_PX: Final = (32, 24)
 _DECODED_PX: Final = 256
@@ -110,7 +109,7 @@ Small = NDArray[np.float32]
 
 
 def when(picture: Picture) -> tuple[bool, float, float, float, float, int, str]:
-    """What pictures are ordered by: time, then what their files hold; names come last."""
+    """Return the order of pictures: time, then what their files hold; names come last."""
     place, height = picture.position, picture.height_m
     return (
         picture.taken_s is None,
@@ -138,9 +137,9 @@ def different(pictures: Sequence[Picture]) -> tuple[tuple[Picture, ...], tuple[R
 
 
 def _other_bytes(pictures: Sequence[Picture]) -> tuple[list[Picture], list[Refused]]:
-    """The pictures without those whose content was there before; the others' names.
+    """Return the pictures without those whose content was there before; and the others.
 
-    Only pictures of the same size can be the same, so that few are read for it.
+    Only pictures of the same size can be the same, so few are read.
     """
     sizes: dict[int, int] = defaultdict(int)
     for picture in pictures:
@@ -163,7 +162,7 @@ def _other_bytes(pictures: Sequence[Picture]) -> tuple[list[Picture], list[Refus
 
 
 def _same_captures(pictures: Sequence[Picture]) -> dict[str, str]:
-    """Names of captures that are there in a better copy, and of that one.
+    """Return names of captures that are there in a better copy, and of that one.
 
     Only pictures of one time and place can be one capture; only these are decoded, small.
     """

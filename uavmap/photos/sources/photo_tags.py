@@ -1,6 +1,6 @@
-"""What the tags of a photograph say: EXIF, and XMP as makers of drones write it.
+"""The tags of a photograph: EXIF, and XMP as makers of drones write it.
 
-Nothing is guessed. A tag that is there and cannot be read is a note; the value stays absent.
+Nothing is guessed. An unreadable tag is a note; its value stays absent.
 """
 
 from __future__ import annotations
@@ -43,9 +43,7 @@ _ANGLES: tuple[tuple[tuple[str, str, str], float], ...] = (
 
 @dataclass(slots=True)
 class Tags:
-    """The tags of one photograph; see `uavmap.photos.sources.picture_record.Picture` for the
-    values.
-    """
+    """The tags of one photograph, named as in `uavmap.photos.sources.picture_record.Picture`."""
 
     taken_s: float | None = None
     clock: Literal["utc", "camera"] = "camera"
@@ -62,7 +60,7 @@ class Tags:
     notes: list[str] = field(default_factory=list)
 
     def take(self, read: Callable[[], None]) -> None:
-        """Read something; what cannot be read is noted."""
+        """Read something; note what cannot be read."""
         try:
             read()
         except (TypeError, ValueError, KeyError, ZeroDivisionError, OverflowError) as error:
@@ -70,7 +68,7 @@ class Tags:
 
 
 def tags_of(picture: Image.Image) -> Tags:
-    """The tags of an opened picture, whose pixels are not needed."""
+    """Return the tags of an opened picture, whose pixels are not needed."""
     exif = picture.getexif()
     gps: Exif = exif.get_ifd(ExifTags.IFD.GPSInfo)
     detail: Exif = exif.get_ifd(ExifTags.IFD.Exif)

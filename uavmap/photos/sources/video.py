@@ -21,8 +21,7 @@ from uavmap.photos.sources.picture_record import Measured, Picture, Refused
 from uavmap.photos.sources.video_telemetry import Moment, nearest, read_srt, read_tlog
 
 EVERY_S: Final = 1.0
-"""Frames lie so far apart. A video from a stand-still shows the same ground again and again, which
-is no more evidence than one frame."""
+"""Time between frames, s: a video from a stand-still adds no evidence beyond one frame."""
 _AHEAD: Final = 4  # frames that were passed while another thread asked for a later one
 _POSITION_SIGMA_M: Final = 5.0
 _LARGEST_SIDE: Final = 10_000
@@ -33,23 +32,22 @@ _LONGEST_FRAMES: Final = 10_000_000
 class Video:
     """The frames of a video at an interval, with the telemetry of the file beside it.
 
-    Raises `ImageError` on creation where the video or the telemetry cannot be read.
+    `start_utc_s`, in seconds since 1970, ties the video to a .tlog. Raises `ImageError` on creation
+    if the video or the telemetry cannot be read.
     """
 
     path: Path
     start_utc_s: float | None = None
-    """When the recording began, in seconds since 1970: ties the video to a .tlog beside it."""
     every_s: float = EVERY_S
     _moments: tuple[Moment, ...] = field(init=False, repr=False)
     _reader: _Reader = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Open the video and read the telemetry."""
         self._moments = self._telemetry()
         self._reader = _Reader(self.path, self.every_s)
 
     def _telemetry(self) -> tuple[Moment, ...]:
-        """What lies beside the video, in seconds from its start."""
+        """Return the moments beside the video, in seconds from its start."""
         beside = {path.suffix.lower(): path for path in self.path.parent.glob("*.*")
                   if path.stem == self.path.stem and path.is_file()}  # fmt: skip
         if ".srt" in beside:
@@ -136,7 +134,7 @@ class VideoFrame:
 
 
 class _Reader:
-    """A video, read forwards; whoever asks for an earlier frame begins it anew."""
+    """A video, read forwards; a request for an earlier frame begins it again."""
 
     def __init__(self, path: Path, every_s: float) -> None:
         self.path = path
@@ -157,7 +155,7 @@ class _Reader:
         self.step = max(1, round(self.frames_s * every_s))
 
     def frame(self, index: int) -> NDArray[np.uint8]:
-        """A frame by its number from 0. Raises `ImageError` where it cannot be decoded."""
+        """Return a frame by its number from 0. Raises `ImageError` if it cannot be decoded."""
         with self._lock:
             if index in self._passed:
                 return self._passed.pop(index)
@@ -176,7 +174,7 @@ class _Reader:
             return np.asarray(image, dtype=np.uint8)
 
     def _keep_asked(self) -> None:
-        """Of the frames that are passed by, keep those that another thread is about to ask for."""
+        """Keep passed frames that another thread is about to request."""
         if self._next % self.step:
             return
         good, image = self._video.retrieve()

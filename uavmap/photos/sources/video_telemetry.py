@@ -46,7 +46,10 @@ _OLD_HEIGHT: Final = re.compile(r",\s*H\s+([-+]?\d{1,9}(?:\.\d+)?)\s*m\b")
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """What a block says; None for what it does not. Times in seconds from the video's start."""
+    """The values of a block; None for what it lacks. Times in seconds from the video's start.
+
+    `film_mm` is the 35 mm equivalent of the focal length.
+    """
 
     t_s: float
     position: LatLon | None
@@ -56,11 +59,10 @@ class Moment:
     pitch_deg: float | None
     roll_deg: float | None
     film_mm: float | None
-    """The 35 mm equivalent of the focal length."""
 
 
 def read_srt(path: Path) -> tuple[Moment, ...]:
-    """The moments of a file, in order. Raises `ImageError` where it holds no positions."""
+    """Return the moments of a file, in order. Raises `ImageError` if it holds no positions."""
     moments = parse_srt(text_beside(path, LARGEST_BYTES))
     if not any(moment.position is not None for moment in moments):
         raise ImageError(f"{path}: no positions; was the recording of captions switched on?")
@@ -68,7 +70,7 @@ def read_srt(path: Path) -> tuple[Moment, ...]:
 
 
 def parse_srt(text: str) -> tuple[Moment, ...]:
-    """The moments in the text of an SRT file, sorted by time.
+    """Return the moments in the text of an SRT file, sorted by time.
 
     >>> (moment,) = parse_srt("1\\n00:00:01,500 --> 00:00:02,000\\n[latitude: 46.5] [longitude: 7]")
     >>> moment.t_s, moment.position
@@ -86,7 +88,7 @@ def parse_srt(text: str) -> tuple[Moment, ...]:
 
 
 def nearest(moments: Sequence[Moment], t_s: float) -> Moment:
-    """The moment next to a time; one at least."""
+    """Return the moment next to a time; at least one is given."""
     at = bisect_left(moments, t_s, key=lambda moment: moment.t_s)
     near = moments[max(0, at - 1) : at + 1] or moments[-1:]
     return min(near, key=lambda moment: abs(moment.t_s - t_s))
@@ -146,12 +148,12 @@ _READ: Final = frozenset(
 
 
 def read_tlog(path: Path) -> tuple[Moment, ...]:
-    """The moments of a log, in order, with times in seconds since 1970.
+    """Return the moments of a log, in order, with times in seconds since 1970.
 
     A log (.tlog) is frames of MAVLink, each behind its time in microseconds since 1970 (UTC, big
     endian); damaged bytes are skipped. A moment is a reported position, with the last heading,
     pitch and roll of the same aircraft: the first that reports its position or attitude. Raises
-    `ImageError` where there is none.
+    `ImageError` if there is none.
     """
     try:
         if path.stat().st_size > _LARGEST_TLOG_BYTES:
@@ -190,7 +192,7 @@ def _moments(data: bytes) -> Iterator[Moment]:
 
 
 def _messages(data: bytes) -> Iterator[tuple[float, Any]]:
-    """The messages that are of use, each with its time."""
+    """Yield the useful messages, each with its time."""
     codec = mav.MAVLink(None)
     codec.robust_parsing = True
     at, end = 0, len(data)
@@ -211,7 +213,7 @@ def _messages(data: bytes) -> Iterator[tuple[float, Any]]:
 
 
 def _length(data: bytes, at: int) -> int | None:
-    """How long the frame is that begins here, None where none does."""
+    """Return the length of the frame that begins here, None where none does."""
     if data[at] == _V1:
         return data[at + 1] + 8
     if data[at] == _V2:

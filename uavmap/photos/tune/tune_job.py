@@ -51,22 +51,21 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """What is asked of a training."""
+    """Wishes for a training; `cell_px` is the side of a map cell at the working width."""
 
     seed: int = 0
     width_px: int = 1000
     cell_px: float = 25.0
-    """The side of a cell of the map in a picture at the working width."""
     kinds: tuple[str, ...] = KINDS
     sets: tuple[str, ...] = tuple(SETS)
 
 
 def tune(images: Path, where: Path, out: Path, wishes: Wishes, say: Say) -> dict[str, Any]:
-    """Learn a detector; returns the report.
+    """Learn a detector; return the report.
 
-    `out` is made once all that belongs into it is: an interruption, or a full disk, leaves nothing.
-    Raises `ImageError` for what is wrong with pictures or examples, `UavmapError` without
-    scikit-learn, `OutputError` when the disk refuses.
+    `out` is made once all its content is: an interruption, or a full disk, leaves nothing. Raises
+    `ImageError` for faults of pictures or examples, `UavmapError` without scikit-learn,
+    `OutputError` when the disk refuses.
     """
     need_learner()
     examples = load_examples(images, where, wishes.width_px, say)
@@ -87,7 +86,7 @@ def tune(images: Path, where: Path, out: Path, wishes: Wishes, say: Say) -> dict
 
 @contextmanager
 def _whole(out: Path) -> Iterator[Path]:
-    """A folder beside `out` that takes its name, or its content, once it is complete."""
+    """Yield a folder beside `out` that takes its name, or its content, once it is complete."""
     out.parent.mkdir(parents=True, exist_ok=True)
     folder = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}."))
     try:
@@ -105,10 +104,10 @@ def _whole(out: Path) -> Iterator[Path]:
 def learned(
     examples: Sequence[Example], others: Sequence[NDArray[np.uint8]], wishes: Wishes, say: Say
 ) -> tuple[Model, Choice, list[Picture]]:
-    """The model, what cross-validation has chosen, and the examples described.
+    """Return the model, the choice of cross-validation, and the examples described.
 
-    Raises `ImageError` where fewer than two pictures are painted, or where one of them holds all
-    that is region or all that is not.
+    Raises `ImageError` if fewer than two pictures are painted, or one of them holds all that is
+    region or all that is not.
     """
     _check_spread(examples)
     pictures = []
@@ -146,7 +145,7 @@ def _check_spread(examples: Sequence[Example]) -> None:
 def _others(
     images: Path, painted: set[str], wishes: Wishes, say: Say
 ) -> list[tuple[str, NDArray[np.uint8]]]:
-    """Some pictures that nobody painted, evenly from all of them."""
+    """Return some pictures that are not painted, evenly from all of them."""
     paths = [path for path in list_pictures(images) if path.stem not in painted]
     step = max(1, -(-len(paths) // _OTHERS))
     found = []
@@ -159,7 +158,7 @@ def _others(
 
 
 def _scale(pictures: Sequence[Picture], others: Sequence[NDArray[np.uint8]]) -> Scale:
-    """Mean and standard deviation of each feature, each picture counting alike."""
+    """Return mean and standard deviation of each feature, each picture counting alike."""
     some = [one.values[:, ::7] for picture in pictures for one in picture.versions]
     some += [f.reshape(len(f), -1)[:, ::7] for f in map(features, others)]
     means = np.stack([values.mean(axis=1, dtype=np.float64) for values in some])
@@ -234,8 +233,10 @@ def _draw(
     choice: Choice,
     model: Model,
 ) -> None:
-    """Outlines over pictures: green what was painted, red what is marked. A painted picture shows
-    what a model marks that has not seen it."""
+    """Outline in green what was painted, in red what is marked.
+
+    A painted picture shows the marks of a model that has not seen it.
+    """
     folder.mkdir(exist_ok=True)
     for example, share in zip(examples, choice.shares, strict=True):
         rows, columns = example.picture.shape[:2]
