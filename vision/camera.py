@@ -57,15 +57,6 @@ class Camera(Optics):
         return matrix
 
 
-def pixel_rows(camera: Camera, pose: Pose, grid: Grid, t_s: float) -> Floats:
-    """Return the 3 x 4 matrix from the grid's moving frame and a height to pixels.
-
-    It takes `(east_m, north_m, 1, rise_m)`: `rise_m` above the plane of `Camera.homography`.
-    """
-    down = camera.pixels_of_ned(pose)[:, 2]
-    return np.column_stack([camera.homography(pose, grid, t_s), -down])
-
-
 def edges(camera: Optics, matrix: Floats) -> tuple[Floats, Floats]:
     """Return the picture's rim on the ground as four half-planes.
 

@@ -19,7 +19,7 @@ from missions.geo.footprint import TOUCH_M
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import Cell, Pose
-from vision.camera import Camera, edges, pixel_rows, project
+from vision.camera import Camera, edges, project
 from vision.detectors.interface import Marks
 
 SEEN_SHARE: Final = 0.9
@@ -51,7 +51,12 @@ Cells = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class Projection:
-    """A picture on flat ground, or over a terrain; `pose.height_m` is above the ground below."""
+    """A picture on flat ground, or over a terrain; `pose.height_m` is above the ground below.
+
+    Over a terrain a cell's corners are projected with the height of the ground at each; between
+    them a cell is a plane. So slopes and rises do not move what is seen. Hidden ground is not
+    detected: near the nadir nothing is hidden that is flatter than the rays are steep.
+    """
 
     camera: Camera
     pose: Pose
@@ -80,10 +85,7 @@ class Projection:
             return np.array(cross, np.intp)[(depth > 0.0).all(axis=1)]
         if partly:
             margin_m -= self.grid.cell_m / 2.0
-        if self.terrain is None:
-            return self._shown_whole(margin_m)
-        reach = math.ceil(OBLIQUE_LIMIT * self.pose.height_m / self.grid.cell_m)
-        return self._over(self.terrain).shown_whole(below, reach, margin_m)
+        return self._on_plane(margin_m) if self.terrain is None else self._on_terrain(margin_m)
 
     def shares(self, marks: Marks, cells: Cells, *, finely: bool = False) -> Floats:
         """Return the part of each cell that is marked; -1 for one that is not in the picture.
@@ -112,56 +114,108 @@ class Projection:
 
     def project(self, points: Floats) -> tuple[Floats, Floats]:
         """Return pixels (..., 2), NaN behind the camera, and depths (...) of ground points."""
-        if self.terrain is not None:
-            return self._over(self.terrain).project(points)
-        return project(self.camera.homography(self.pose, self.grid, self.t_s), points)
+        matrix = self.camera.homography(self.pose, self.grid, self.t_s)
+        if self.terrain is None:
+            return project(matrix, points)
+        # the rise of the ground over that below the camera has a column of its own
+        rows = np.column_stack([matrix, -self.camera.pixels_of_ned(self.pose)[:, 2]])
+        below_m = self.terrain.height_m(self.grid.fixed(self.pose.position))
+        east, north = points[..., 0], points[..., 1]
+        drift_east_m = self.grid.drift_east_m_s * self.t_s
+        drift_north_m = self.grid.drift_north_m_s * self.t_s
+        rise = self.terrain.at(east + drift_east_m, north + drift_north_m) - below_m
+        homogeneous = np.stack([east, north, np.ones_like(east), rise], axis=-1) @ rows.T
+        depth = homogeneous[..., 2]
+        in_front = np.where(depth > 0.0, depth, np.nan)
+        return homogeneous[..., :2] / in_front[..., None], depth
 
     def pixels(self, points: Floats) -> Floats:
         """Return pixels of ground points in the grid's moving frame; NaN behind the camera."""
         return self.project(points)[0]
 
-    def _over(self, terrain: Terrain) -> OverTerrain:
-        return OverTerrain(self.camera, self.pose, self.grid, self.t_s, terrain)
-
     def _seen(self, marks: Marks, cells: Cells, *, finely: bool = False) -> tuple[Floats, Floats]:
         """Return of each cell the part of what is seen that is ROI, and the part that is seen."""
         if self.terrain is not None:
-            return self._over(self.terrain).seen_shares(marks, cells)
+            return self._seen_cell_by_cell(marks, cells)
         matrix = self.camera.homography(self.pose, self.grid, self.t_s)
         cell_px = self.camera.pixels_per_cell(self.pose.height_m, self.grid.cell_m)
         samples = _SAMPLES if finely else math.ceil(_SAMPLES_A_PIXEL * cell_px)
         return _seen_shares(marks, matrix, self.grid, cells, samples)
 
-    def _shown_whole(self, margin_m: float) -> Cells:
-        """Return the cells on flat ground, sorted, at least `margin_m` inside the rim."""
+    def _seen_cell_by_cell(self, marks: Marks, cells: Cells) -> tuple[Floats, Floats]:
+        """Return the same over a terrain, of cells in front of the camera."""
+        corners = np.array([self.grid.corners_of(Cell(*cell)) for cell in cells.tolist()])
+        square = ((_CORNERS + 0.5) * _TERRAIN_SAMPLES - 0.5).astype(np.float32)
+        shares, parts = np.zeros(len(cells)), np.zeros(len(cells))
+        for number, quad in enumerate(self.project(corners)[0].astype(np.float32)):
+            part = cv2.warpPerspective(
+                marks,
+                cv2.getPerspectiveTransform(square, quad),
+                (_TERRAIN_SAMPLES, _TERRAIN_SAMPLES),
+                flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
+                borderMode=cv2.BORDER_CONSTANT,
+                borderValue=(_OUTSIDE,),
+            )
+            inside = part != _OUTSIDE
+            seen = int(np.count_nonzero(inside))
+            if marks.dtype == np.uint8:
+                roi = float(np.count_nonzero(part == 255))
+            else:
+                roi = float(part.sum(where=inside, dtype=np.float64))
+            shares[number] = roi / max(seen, 1)
+            parts[number] = seen / _TERRAIN_SAMPLES**2
+        return shares, parts
+
+    def _on_plane(self, margin_m: float) -> Cells:
+        """Return the cells, sorted, at least `margin_m` inside the rim."""
         matrix = self.camera.homography(self.pose, self.grid, self.t_s)
         low, high = self._window(matrix)
-        columns, rows = (np.arange(low[k], high[k] + 2) - 0.5 for k in (0, 1))
-        lattice = np.stack(np.meshgrid(columns, rows, indexing="ij"), axis=-1)
         normals, offsets = edges(self.camera, matrix)
-        least_m = (lattice * self.grid.cell_m @ normals.T + offsets).min(axis=-1)
-        inside: NDArray[np.bool_] = least_m >= margin_m - TOUCH_M
-        whole = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
-        shown: Cells = np.argwhere(whole) + low
-        return shown
+        least_m = (_lattice(low, high) * self.grid.cell_m @ normals.T + offsets).min(axis=-1)
+        return _whole(least_m >= margin_m - TOUCH_M) + low
+
+    def _on_terrain(self, margin_m: float) -> Cells:
+        """Return the same over a terrain, with the margin at the depth of each corner."""
+        low, high = self._around()
+        pixels, depth = self.project(_lattice(low, high) * self.grid.cell_m)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            margin = margin_m * self.camera.focal_px / depth
+            limit = (self.camera.width_px - 0.5, self.camera.height_px - 0.5)
+            rim = np.minimum(pixels + 0.5, limit - pixels).min(axis=-1)
+            return _whole((depth > 0.0) & (rim >= margin)) + low
+
+    def _around(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return the first and last column and row within `OBLIQUE_LIMIT`."""
+        below = np.array(self.grid.cell_at(self.pose.position, self.t_s), dtype=np.intp)
+        reach = math.ceil(OBLIQUE_LIMIT * self.pose.height_m / self.grid.cell_m)
+        return below - reach, below + reach
 
     def _window(self, matrix: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return the first and last column and row that may be shown within `OBLIQUE_LIMIT`."""
-        cell_m, camera = self.grid.cell_m, self.camera
-        below = np.array(self.grid.cell_at(self.pose.position, self.t_s), dtype=np.intp)
-        reach = math.ceil(OBLIQUE_LIMIT * self.pose.height_m / cell_m)
-        right, low_px = camera.width_px - 0.5, camera.height_px - 0.5
+        """Return those of them that may be shown on a plane."""
+        first, last = self._around()
+        right, lower = self.camera.width_px - 0.5, self.camera.height_px - 0.5
         corners = np.array(
-            [[-0.5, -0.5, 1], [right, -0.5, 1], [right, low_px, 1], [-0.5, low_px, 1.0]]
+            [[-0.5, -0.5, 1], [right, -0.5, 1], [right, lower, 1], [-0.5, lower, 1.0]]
         )
         ground = corners @ np.linalg.inv(matrix).T
         scale = ground[:, 2:]
         if not bool((scale > 0.0).all() or (scale < 0.0).all()):
-            return below - reach, below + reach  # a corner shows the sky
-        places = np.clip(ground[:, :2] / scale / cell_m, below - reach - 1.0, below + reach + 1.0)
-        low = np.maximum(np.floor(places.min(axis=0)).astype(np.intp), below - reach)
-        high = np.minimum(np.ceil(places.max(axis=0)).astype(np.intp), below + reach)
+            return first, last  # a corner shows the sky
+        places = np.clip(ground[:, :2] / scale / self.grid.cell_m, first - 1.0, last + 1.0)
+        low = np.maximum(np.floor(places.min(axis=0)).astype(np.intp), first)
+        high = np.minimum(np.ceil(places.max(axis=0)).astype(np.intp), last)
         return low, np.maximum(high, low)
+
+
+def _lattice(low: NDArray[np.intp], high: NDArray[np.intp]) -> Floats:
+    """Return the corners of the cells of a window, (columns + 1, rows + 1, 2), in cells."""
+    columns, rows = (np.arange(low[k], high[k] + 2) - 0.5 for k in (0, 1))
+    return np.stack(np.meshgrid(columns, rows, indexing="ij"), axis=-1)
+
+
+def _whole(inside: NDArray[np.bool_]) -> Cells:
+    """Return the cells of a lattice of which all corners are inside."""
+    return np.argwhere(inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:])
 
 
 def _weighty(shares: Floats, seen: Floats, heavy: Floats) -> Floats:
@@ -259,80 +313,3 @@ def weights(seen: Floats, corners_px: Floats, slant: Floats) -> Floats:
     resolved = np.where(np.isfinite(pixels), pixels / (pixels + ENOUGH_PX), 0.0)
     found: Floats = seen * resolved / (1.0 + slant * slant) ** 2
     return found
-
-
-class OverTerrain:
-    """One picture over a terrain, in the grid's moving frame at the time of its exposure.
-
-    A cell's corners are projected with the height of the ground at each; between them a cell is a
-    plane. So slopes and rises do not move what is seen. Hidden ground is not detected: near the
-    nadir nothing is hidden that is flatter than the rays are steep.
-    """
-
-    def __init__(
-        self, camera: Camera, pose: Pose, grid: Grid, t_s: float, terrain: Terrain
-    ) -> None:
-        self._camera, self._grid, self._terrain = camera, grid, terrain
-        self._drift = grid.drift_east_m_s * t_s, grid.drift_north_m_s * t_s
-        below = grid.fixed(pose.position)
-        self._below_m = terrain.height_m(below)
-        self._rows = pixel_rows(camera, pose, grid, t_s)
-
-    def project(self, places: Floats) -> tuple[Floats, Floats]:
-        """Project ground points (..., 2); as `vision.camera.project`."""
-        east, north = places[..., 0], places[..., 1]
-        rise = self._terrain.at(east + self._drift[0], north + self._drift[1]) - self._below_m
-        # the height of the camera above a point is a column of its own
-        homogeneous = np.stack([east, north, np.ones_like(east), rise], axis=-1) @ self._rows.T
-        depth = homogeneous[..., 2]
-        in_front = np.where(depth > 0.0, depth, np.nan)
-        return homogeneous[..., :2] / in_front[..., None], depth
-
-    def shown_whole(self, below: Cell, reach: int, margin_m: float) -> NDArray[np.intp]:
-        """Return the cells around `below`, sorted, that lie `margin_m` inside the picture.
-
-        The margin holds at the depth of each corner: seen aslant it is fewer pixels.
-        """
-        steps = np.arange(-reach, reach + 2) - 0.5
-        lattice = np.stack(
-            np.meshgrid(steps + below.east, steps + below.north, indexing="ij"), axis=-1
-        )
-        pixels, depth = self.project(lattice * self._grid.cell_m)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            margin = margin_m * self._camera.focal_px / depth
-            limit = (self._camera.width_px - 0.5, self._camera.height_px - 0.5)
-            rim = np.minimum(pixels + 0.5, limit - pixels).min(axis=-1)
-            inside = (depth > 0.0) & (rim >= margin)
-        whole = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
-        shown: NDArray[np.intp] = np.argwhere(whole) + (np.array(below) - reach)
-        return shown
-
-    def seen_shares(self, marks: Marks, cells: NDArray[np.intp]) -> tuple[Floats, Floats]:
-        """Return of each cell the part of what is seen that is ROI, and the part that is seen.
-
-        `marks` is a mask (uint8, 0 and 255) or a probability (float32, 0 to 1). All cells lie in
-        front of the camera.
-        """
-        corners = np.array([self._grid.corners_of(Cell(*cell)) for cell in cells.tolist()])
-        pixels, _ = self.project(corners)
-        square = ((_CORNERS + 0.5) * _TERRAIN_SAMPLES - 0.5).astype(np.float32)
-        shares, parts = np.zeros(len(cells)), np.zeros(len(cells))
-        for number, quad in enumerate(pixels.astype(np.float32)):
-            to_pixel = cv2.getPerspectiveTransform(square, quad)
-            part = cv2.warpPerspective(
-                marks,
-                to_pixel,
-                (_TERRAIN_SAMPLES, _TERRAIN_SAMPLES),
-                flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
-                borderMode=cv2.BORDER_CONSTANT,
-                borderValue=(_OUTSIDE,),
-            )
-            inside = part != _OUTSIDE
-            seen = int(np.count_nonzero(inside))
-            if marks.dtype == np.uint8:
-                roi = float(np.count_nonzero(part == 255))
-            else:
-                roi = float(part.sum(where=inside, dtype=np.float64))
-            shares[number] = roi / max(seen, 1)
-            parts[number] = seen / _TERRAIN_SAMPLES**2
-        return shares, parts

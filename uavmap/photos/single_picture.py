@@ -146,11 +146,9 @@ def _footprint(laid: Projection) -> tuple[LatLon, ...]:
     right, low = laid.camera.width_px - 0.5, laid.camera.height_px - 0.5
     corners = np.array([[-0.5, -0.5, 1.0], [right, -0.5, 1.0], [right, low, 1.0], [-0.5, low, 1.0]])
     ground = corners @ np.linalg.inv(matrix).T
-    places = []
-    for east, north, scale in ground.tolist():
-        point = np.array([[east / scale, north / scale]]) if scale else np.full((1, 2), np.nan)
-        _, depth = project(matrix, point)
-        if not float(depth[0]) > 0.0:
-            return ()
-        places.append(grid.position(GridPoint(*point[0].tolist())))
-    return tuple(places)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        points = ground[:, :2] / ground[:, 2:]
+    _, depth = project(matrix, points)
+    if not (np.isfinite(points).all() and (depth > 0.0).all()):
+        return ()
+    return tuple(grid.position(GridPoint(*point)) for point in points.tolist())

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import ImageError, MissionFileError
-from vision.detectors.interface import check_number, check_whole, marked
+from vision.detectors.interface import check_number, check_whole, marked, sigmoid
 
 Kind = Literal["exg", "ndvi", "ndwi", "hot"]
 _HALF: Final = 0.5
@@ -73,7 +73,7 @@ deviations | |
         away = (self._index(image) - np.float32(self.value)) / np.float32(self.softness)
         if self.side == "below":
             away = -away
-        return np.asarray(1.0 / (1.0 + np.exp(-np.clip(away, -30.0, 30.0))), np.float32)
+        return sigmoid(away)
 
     def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
         """See `Detector.mask`."""

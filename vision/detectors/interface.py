@@ -47,6 +47,11 @@ class Detector(Protocol):
         """Return the ROI of a picture: (rows, columns), uint8, 255 for ROI, else 0."""
 
 
+def sigmoid(logit: NDArray[Any]) -> NDArray[np.float32]:
+    """Return the probability of a logit."""
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(logit, -30.0, 30.0))), np.float32)
+
+
 def certain(mask: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Return the probability that a mask stands for, 1 or 0."""
     return (mask > 0).astype(np.float32)

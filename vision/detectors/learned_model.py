@@ -26,7 +26,7 @@ from pydantic import (
 )
 
 from missions.errors import MissionFileError
-from vision.detectors.interface import check_number, marked
+from vision.detectors.interface import check_number, marked, sigmoid
 from vision.detectors.pixel_features import FEATURES, features, working_picture
 
 Array = NDArray[np.float32]
@@ -168,18 +168,14 @@ class Scorer:
                 logit = np.full(values.shape[1], part.base, np.float32)
                 for tree, table in zip(part.trees, tables, strict=True):
                     logit += table[_left_over(tree, values)]
-            total += _sigmoid(logit)
+            total += sigmoid(logit)
         share = np.clip(total / len(self.model.parts), 1e-6, 1.0 - 1e-6)
         return np.asarray(np.log(share / (1.0 - share)), np.float32)
 
     def probability(self, values: Array) -> Array:
         """Return of features (count, n) the probabilities, shape (n,)."""
         model = self.model
-        return _sigmoid(self.logit(values) * np.float32(model.slope) + np.float32(model.offset))
-
-
-def _sigmoid(logit: Array) -> Array:
-    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(logit, -30.0, 30.0))), np.float32)
+        return sigmoid(self.logit(values) * np.float32(model.slope) + np.float32(model.offset))
 
 
 def _left_over(tree: Tree, values: Array) -> NDArray[np.uint8]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from missions.errors import ImageError, MissionFileError
-from vision.detectors.interface import check_number, marked
+from vision.detectors.interface import check_number, marked, sigmoid
 
 Array = NDArray[np.float32]
 Run = Callable[[Array], NDArray[Any]]
@@ -130,7 +130,7 @@ class OnnxDetector:
         if self.settings.output == "probability":
             return np.asarray(answer[0, channel], np.float32)
         if answer.shape[1] == 1:
-            return np.asarray(1.0 / (1.0 + np.exp(-np.clip(answer[0, 0], -30, 30))), np.float32)
+            return sigmoid(answer[0, 0])
         powers = np.exp(answer[0] - answer[0].max(axis=0))
         return np.asarray(powers[channel] / powers.sum(axis=0), np.float32)
 

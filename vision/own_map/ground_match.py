@@ -40,14 +40,10 @@ class Match:
         moved_m: East and north along the patches' axes, of the place below the camera.
         sigma_m: Standard deviation of each, by the pictures alone, without errors of attitude and
             height.
-        score: Correlation, `LEAST_SCORE` to 1.
-        lead: Over any other place.
     """
 
     moved_m: tuple[float, float]
     sigma_m: float
-    score: float
-    lead: float
 
 
 def match(
@@ -79,12 +75,11 @@ def match(
     found = _peak(surface, common, radius)
     if found is None:
         return None
-    right, up, score, lead, sigma_px = found
+    right, up, sigma_px = found
     moved_m = (shift[0] + right) * pitch_m, (shift[1] + up) * pitch_m
-    return Match(moved_m, sigma_px * pitch_m, score, lead)
+    return Match(moved_m, sigma_px * pitch_m)
 
 
-# --- matching -----------------------------------------------------------------------------------
 def _canvases(
     earlier: Patch, later: Patch, shift: tuple[int, int], radius: int
 ) -> tuple[NDArray[np.int8], NDArray[np.int8]] | None:
@@ -152,8 +147,8 @@ def _correlation(
 
 def _peak(
     surface: NDArray[np.float32], common: NDArray[np.float32], radius: int
-) -> tuple[float, float, float, float, float] | None:
-    """Return east, north (pixels), score, lead and sigma (pixels) of the one place that fits."""
+) -> tuple[float, float, float] | None:
+    """Return east, north and sigma (pixels) of the one place that fits."""
     inner = surface[1:-1, 1:-1]
     row, column = (int(i) + 1 for i in np.unravel_index(int(inner.argmax()), inner.shape))
     score = float(surface[row, column])
@@ -165,8 +160,7 @@ def _peak(
         max(0, row - _AROUND_PX) : row + _AROUND_PX + 1,
         max(0, column - _AROUND_PX) : column + _AROUND_PX + 1,
     ] = -1.0
-    lead = score - max(float(others.max()), 0.0)
-    if lead < LEAST_LEAD:
+    if score - max(float(others.max()), 0.0) < LEAST_LEAD:
         return None
     # a paraboloid through the nine values around the peak
     a = around.astype(np.float64)
@@ -185,4 +179,4 @@ def _peak(
     pixels = max(float(common[row, column]), 1.0) / _CORRELATED
     variance = (1.0 - min(score, 0.999)) / (-flattest * pixels) + _FLOOR_PX**2
     east, south = column - radius + right, row - radius + down
-    return east, -south, score, lead, math.sqrt(variance)
+    return east, -south, math.sqrt(variance)

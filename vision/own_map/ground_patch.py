@@ -42,25 +42,6 @@ class Patch:
     north_px: int
     metres_per_pixel: float
 
-    @property
-    def centre_m(self) -> tuple[float, float]:
-        """The middle of what is shown, metres east and north of the place below the camera."""
-        rows, columns = self.values.shape
-        east = self.west_px + (columns - 1) / 2.0
-        north = self.north_px - (rows - 1) / 2.0
-        return east * self.metres_per_pixel, north * self.metres_per_pixel
-
-    @property
-    def pixels(self) -> int:
-        """Count of pixels that show ground."""
-        return int(np.count_nonzero(self.values != NOTHING))
-
-    @property
-    def texture(self) -> float:
-        """Root mean square contrast, 0 (noise alone: 0.2) to about 1."""
-        seen = self.values[self.values != NOTHING].astype(np.float32)
-        return float(np.sqrt(np.mean(np.square(seen)))) / STEPS if seen.size else 0.0
-
 
 def resolution_m(camera: Optics, height_m: float) -> float:
     """Return metres to a pixel of a patch from this height: fine enough, and not finer.
@@ -181,7 +162,7 @@ def side_m(patch: Patch) -> float:
     >>> side_m(Patch(np.ones((30, 30), np.int8), 0, 0, 0.5))
     15.0
     """
-    return math.sqrt(patch.pixels) * patch.metres_per_pixel
+    return math.sqrt(np.count_nonzero(patch.values != NOTHING)) * patch.metres_per_pixel
 
 
 def overlaps(

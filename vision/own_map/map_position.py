@@ -238,8 +238,12 @@ class OwnMap:
                 kept = kept or math.hypot(*away_m) >= _KEYFRAME_SHARE * side_m(patch)
                 self._go_on(t_s, key, seen, patch)
             if seen is not None:
-                self._link(key, number, seen, patch if kept else None, zoom)
-        if self._sigma_now_m > self._lost_m and t_s - self._searched_s >= _SEARCH_EVERY_S:
+                if kept:
+                    seen = self._compared(key, patch, seen, zoom[0])
+                sigma_m = self._sigma_m(seen)
+                self.track.link(key, number, seen.moved_m, sigma_m, seen.zoom, certain=seen.certain)
+        lost_m = _LOST_M + 2.0 * self.errors.satellites_m
+        if self._sigma_now_m > lost_m and t_s - self._searched_s >= _SEARCH_EVERY_S:
             self._searched_s = t_s
             self._find_anew(number, patch, t_s)
         return kept or self._found_anew_s == t_s
@@ -286,16 +290,6 @@ class OwnMap:
         else:
             self._way = before.on(t_s, key, *seen.moved_m, patch)
 
-    def _link(
-        self, key: int, number: int, seen: _Seen, kept: Patch | None, zoom: tuple[complex, float]
-    ) -> None:
-        """Link two pictures; if both are kept, with the zoom between them."""
-        if kept is not None:
-            seen = self._compared(key, kept, seen, zoom[0])
-        self.track.link(
-            key, number, seen.moved_m, self._sigma_m(seen), seen.zoom, certain=seen.certain
-        )
-
     def _compared(self, key: int, patch: Patch, seen: _Seen, zoom: complex) -> _Seen:
         """Add the zoom between both, where it is known."""
         pitch_m = patch.metres_per_pixel
@@ -310,11 +304,6 @@ class OwnMap:
             sigma_m=found.sigma_px * pitch_m,
             zoom=(found.zoom, found.sigma),
         )
-
-    @property
-    def _lost_m(self) -> float:
-        """Standard deviation from which the whole map is searched."""
-        return _LOST_M + 2.0 * self.errors.satellites_m
 
     def _find_anew(self, number: int, patch: Patch, t_s: float) -> None:
         """Search a picture on the mosaic of all others, and link it to those around it."""

@@ -218,8 +218,6 @@ class _Registering:
                 float(solution.shared[HEIGHT]),
                 float(solution.shared[YAW]),
                 on_ground.position_sigma_m,
-                on_ground.yaw_sigma_rad,
-                on_ground.scale_sigma,
             )
         )
         kept = [self.refined[k] is not None for k in members]

@@ -149,8 +149,6 @@ class Net:
         height_bias: Common error of height tags, as a share.
         yaw_bias_rad: Common error of headings.
         position_sigma_m: Of geotags one by one; None for too few of them.
-        yaw_sigma_rad: Of the heading of the whole net.
-        scale_sigma: Of its scale, as a share.
     """
 
     members: tuple[int, ...]
@@ -160,8 +158,6 @@ class Net:
     height_bias: float
     yaw_bias_rad: float
     position_sigma_m: float | None
-    yaw_sigma_rad: float
-    scale_sigma: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -105,8 +105,6 @@ class FineMap:
     scene: Scene
     surface: Surface
     boundary: Boundary
-    spool: Spool
-    workers: int
 
     @classmethod
     def of(
@@ -123,7 +121,7 @@ class FineMap:
         surface = fused(scene, spool, shrinks_px, workers, setting.mission.votes.positive, go_on)
         level = setting.mission.detector.share if judge.detector.calibrated else HALF
         boundary = boundary_of(surface, setting.grid.cell_m, level)
-        return cls(setting, scene, surface, boundary, spool, workers)
+        return cls(setting, scene, surface, boundary)
 
     def told(
         self,

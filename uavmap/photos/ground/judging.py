@@ -111,7 +111,11 @@ class Judge:
         some = np.ascontiguousarray(frame.image[::_EVERY])  # noise is in every row
         self._refuse_implausible(some)
         marks = marks_of(self.detector, frame.image)
-        shares, weights = self._weighed(self.laid(frame.camera, placed, t_s), marks, cells)
+        laid = self.laid(frame.camera, placed, t_s)
+        if self.mission.by_evidence:
+            shares, weights = laid.weighed(marks, cells)
+        else:
+            shares, weights = laid.shares(marks, cells), np.ones(len(cells))
         return Judged(
             Said(vantage, cells, shares, packed(marks), weights, miniature(frame.image)),
             frame.camera,
@@ -127,13 +131,6 @@ class Judge:
         if self.mission.by_evidence:
             return laid.shares_of(upright, said.cells, said.weights)
         return laid.shares(upright, said.cells)
-
-    def _weighed(
-        self, laid: Projection, marks: Marks, cells: Cells
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        if self.mission.by_evidence:
-            return laid.weighed(marks, cells)
-        return laid.shares(marks, cells), np.ones(len(cells))
 
     def laid(self, camera: Camera, placed: Placed, t_s: float) -> Projection:
         """Lay the picture on the mission's ground."""

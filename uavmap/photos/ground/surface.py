@@ -209,29 +209,24 @@ def fused(
     """
     surface = Surface(scene.raster)
     usual_m = median(entry.footing.gsd_m for entry in scene.shown)
+
+    def said(job: tuple[Shown, Window, bytes]) -> list[tuple[Window, Levels, NDArray[np.float32]]]:
+        entry, part, marks = job
+        ratio = min(max((usual_m / entry.footing.gsd_m) ** 2, _WEIGHTS[0]), _WEIGHTS[1])
+        levels = framed(_levels(entry.footing, marks, shrinks_px, scene.raster.pitch_m))
+        return [
+            (shown, laying.sampled(levels), laying.weight)
+            for shown, laying in entry.overlay.laid(scene.raster, part, ratio)
+        ]
+
+    def jobs(near: Sequence[Shown], around: Window) -> Iterator[tuple[Shown, Window, bytes]]:
+        for entry in near:
+            go_on()
+            yield entry, entry.window.common(around), spool.get(entry.footing.number).marks
+
     for block, near in scene.blocks():
         fusion = Fusion(block, least)
-
-        def said(
-            job: tuple[Shown, Window, bytes], usual_m: float = usual_m
-        ) -> list[tuple[Window, NDArray[np.uint8], NDArray[np.float32]]]:
-            entry, part, marks = job
-            ratio = min(max((usual_m / entry.footing.gsd_m) ** 2, _WEIGHTS[0]), _WEIGHTS[1])
-            levels = framed(_levels(entry.footing, marks, shrinks_px, scene.raster.pitch_m))
-            return [
-                (shown, laying.sampled(levels), laying.weight)
-                for shown, laying in entry.overlay.laid(scene.raster, part, ratio)
-            ]
-
-        def jobs(
-            near: Sequence[Shown] = near, around: Window = fusion.window
-        ) -> Iterator[tuple[Shown, Window, bytes]]:
-            for entry in near:
-                go_on()
-                marks = spool.get(entry.footing.number).marks
-                yield entry, entry.window.common(around), marks
-
-        for answer in in_order(said, jobs(), workers):
+        for answer in in_order(said, jobs(near, fusion.window), workers):
             for shown in answer:
                 fusion.add(*shown)
         surface.put(block, fusion.levels())

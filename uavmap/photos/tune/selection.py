@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -18,6 +18,7 @@ from missions.errors import ImageError
 from uavmap.photos.tune.metrics import Counts, cell_counts, total
 from uavmap.photos.tune.samples import Described, clear, training_set
 from uavmap.photos.tune.training import Scale, fit_logistic, fit_trees
+from vision.detectors.interface import sigmoid
 from vision.detectors.learned_model import Logistic, Model, Scorer, Trees
 from vision.detectors.pixel_features import FEATURES, GROUPS, STRIDE
 
@@ -155,10 +156,7 @@ def choose(
             if best is None or _clearly_better(pictures, found, best):
                 best = found
     assert best is not None
-    return Choice(
-        best.kind, best.features, best.slope, best.offset, best.threshold, best.share,
-        best.shares, tried,
-    )  # fmt: skip
+    return replace(best, tried=tried)
 
 
 def _judged(
@@ -190,7 +188,7 @@ def _calibrated(
     slope, offset = calibration(pictures, logits)
     by_picture = [
         [
-            (one, _probability(logit, slope, offset))
+            (one, sigmoid(slope * logit + offset))
             for one, logit in zip(picture.versions, some, strict=True)
         ]
         for picture, some in zip(pictures, logits, strict=True)
@@ -203,7 +201,7 @@ def _calibrated(
 
     places = usual(_counts)
     cells = usual(lambda one, share, least: _cells(one, share, cell, least))
-    plain = tuple(_probability(some[0], slope, offset) for some in logits)
+    plain = tuple(sigmoid(slope * some[0] + offset) for some in logits)
     return Choice(
         kind, features, slope, offset, round(places, 2), round(cells, 2), plain, {}
     )  # fmt: skip
@@ -259,11 +257,6 @@ def _platt(
         if np.abs(step).max() < 1e-6:
             break
     return slope, offset
-
-
-def _probability(logit: Array, slope: float, offset: float) -> Array:
-    away = np.clip(slope * logit + offset, -30.0, 30.0)
-    return np.asarray(1.0 / (1.0 + np.exp(-away)), np.float32)
 
 
 def _suiting(
