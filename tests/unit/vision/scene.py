@@ -71,6 +71,12 @@ def paint(
     return image
 
 
+def decoded(jpeg: bytes) -> np.ndarray:
+    image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    return image.astype(np.uint8)
+
+
 def square(grid: Grid, cell: Cell) -> list[GridPoint]:
     """The outline of a cell, from its centre and size alone."""
     e, n, h = cell.east * grid.cell_m, cell.north * grid.cell_m, grid.cell_m / 2

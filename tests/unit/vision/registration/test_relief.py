@@ -17,15 +17,7 @@ from uavmap.photos.registration.refinement import Taken, refine
 from uavmap.photos.sources.photo_file import FileContent
 from uavmap.photos.sources.picture_record import Measured, Picture
 from vision.registration import Relief, View, register
-from vision.registration.ground_plane import (
-    UNKNOWNS,
-    Cameras,
-    moved,
-    tilted_axes,
-    to_ground,
-    to_pixels,
-    transfer,
-)
+from vision.registration.ground_plane import Cameras, tilted_axes, to_ground, to_pixels
 
 SIDE_M, STEP_M = 60.0, 2.0
 PLANE = LocalPlane(GRID.position(GridPoint(0.0, 0.0)))
@@ -67,35 +59,6 @@ def test_a_ray_meets_the_ground_where_it_is() -> None:
     views = np.zeros(20, int)
     places = to_ground(cameras, views, pixels)
     assert to_pixels(cameras, views, places) == pytest.approx(pixels, abs=0.01)
-
-
-def test_derivatives_of_a_transfer_over_a_slope() -> None:
-    cameras = Cameras(
-        np.array([[0.0, 0.0, 20.0], [5.0, 3.0, 21.0]]),
-        np.array([tilted_axes(0.3, (0.1, -0.05)), tilted_axes(-2.0, (0.02, 0.15))]),
-        np.array([300.0, 310.0]),
-        np.array([0, 1]),
-        relief_of(terrain(0.3, 0.0)),
-    )
-    pixels = np.random.default_rng(1).uniform(-100, 100, (5, 2))
-    source, target = np.zeros(5, int), np.ones(5, int)
-    there = transfer(cameras, source, target, pixels)
-    small, still = 1e-4, np.zeros((2, UNKNOWNS))
-    for view, by_view in ((0, there.by_source), (1, there.by_target)):
-        for k in range(UNKNOWNS):
-            step = still.copy()
-            step[view, k] = small
-            ahead = transfer(moved(cameras, step, np.zeros(2)), source, target, pixels).pixels
-            behind = transfer(moved(cameras, -step, np.zeros(2)), source, target, pixels).pixels
-            assert by_view[:, :, k] == pytest.approx(
-                (ahead - behind) / (2 * small), rel=2e-3, abs=0.05
-            )
-    focal = np.array([small, 0.0])
-    ahead = transfer(moved(cameras, still, focal), source, target, pixels).pixels
-    behind = transfer(moved(cameras, still, -focal), source, target, pixels).pixels
-    assert there.by_source_focal == pytest.approx(
-        (ahead - behind) / (2 * small), rel=2e-3, abs=0.05
-    )
 
 
 def test_pictures_over_hills_agree_on_them() -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from PIL import Image
 
 from missions.events import Vote, from_json, to_json
 from missions.mapping.belief import Belief, FrameId
@@ -19,7 +18,6 @@ from tests.unit.vision.test_over_terrain import CAMERA, GRID, pose, terrain
 from uavmap.journal.event_log import Journal
 from uavmap.output.drawing.scale import step_near
 from uavmap.output.facts.vote_tally import Votes
-from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.workers import in_order
 from vision.projection import Projection
@@ -89,17 +87,6 @@ def test_what_a_worker_raises_is_raised() -> None:
         list(in_order(work, range(9), workers=2))
 
 
-def test_pictures_come_in_the_order_in_which_they_were_taken(tmp_path: Path) -> None:
-    shot(tmp_path / "b.jpg", 1)
-    shot(tmp_path / "a.jpg", 2)
-    shot(tmp_path / "c.jpg", 3, taken=None)
-    (tmp_path / "d.jpg").write_bytes((tmp_path / "b.jpg").read_bytes())
-    gathered = gather(open_source(tmp_path))
-    assert [picture.name for picture in gathered.pictures] == ["b.jpg", "a.jpg", "c.jpg"]
-    assert [refused.name for refused in gathered.refused] == ["d.jpg"]
-    assert gathered.copies == 1
-
-
 def test_a_thermal_picture_is_spread_over_its_levels() -> None:
     thermal = np.linspace(7000, 7400, 4000).astype(np.uint16).reshape(40, 100)
     levels = eight_bits(thermal)
@@ -133,16 +120,6 @@ def test_events_are_written_all_at_once_or_not_at_all(tmp_path: Path) -> None:
     with Journal.open(tmp_path / "j.db") as journal:  # verifies every checksum
         assert journal.bodies() == [to_json(e) for e in (*events, events[0])]
         assert [from_json(body) for body in journal.bodies()][:5] == events
-
-
-def test_gray_and_cmyk_photographs_are_read(tmp_path: Path) -> None:
-    for mode in ("L", "CMYK", "RGB"):
-        image = Image.effect_noise((200, 100), 40.0).convert(mode)
-        image.save(tmp_path / f"{mode}.jpg")
-    shapes = {
-        picture.name: picture.decode(50).shape for picture in gather(open_source(tmp_path)).pictures
-    }
-    assert shapes == {"CMYK.jpg": (25, 50, 3), "L.jpg": (25, 50), "RGB.jpg": (25, 50, 3)}
 
 
 @pytest.mark.parametrize("view", ["all", "cross"])
