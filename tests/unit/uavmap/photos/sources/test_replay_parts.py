@@ -8,14 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
-from missions.events import Vote, from_json, to_json
+from missions.events import Vote
 from missions.mapping.belief import Belief, FrameId
 from missions.units import Cell
 from tests.benchmarks.photos.replay import mutations, peak_mb, survives
-from tests.support.journals import META
 from tests.unit.uavmap.photos.sources.test_replay_robust import shot
 from tests.unit.vision.test_over_terrain import CAMERA, GRID, pose, terrain
-from uavmap.journal.event_log import Journal
 from uavmap.output.drawing.scale import step_near
 from uavmap.output.facts.vote_tally import Votes
 from uavmap.photos.sources.photo_file import eight_bits
@@ -99,27 +97,6 @@ def test_a_thermal_picture_is_spread_over_its_levels() -> None:
 
 def test_cells_are_round_numbers() -> None:
     assert [step_near(m) for m in (0.011, 0.3, 1.4, 1.5, 7.5)] == [0.01, 0.2, 1.0, 2.0, 10.0]
-
-
-def test_events_are_written_all_at_once_or_not_at_all(tmp_path: Path) -> None:
-    from missions.events import Airborne  # noqa: PLC0415
-
-    events = [Airborne(1, float(n)) for n in range(5)]
-
-    def broken():
-        yield events[0]
-        raise OSError("the disk is gone")
-
-    with Journal.create(tmp_path / "j.db", META) as journal:
-        journal.append(events[0])
-        with pytest.raises(OSError, match="gone"):
-            journal.append_all(broken())
-        assert len(journal) == 1
-        journal.append_all(events[1:])
-        journal.append(events[0])
-    with Journal.open(tmp_path / "j.db") as journal:  # verifies every checksum
-        assert journal.bodies() == [to_json(e) for e in (*events, events[0])]
-        assert [from_json(body) for body in journal.bodies()][:5] == events
 
 
 @pytest.mark.parametrize("view", ["all", "cross"])

@@ -16,10 +16,10 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from tests.support.photographs import dji, write_photo
+from tests.support.photographs import dji
 from tests.support.small_missions import START, ring, square
 from tests.unit.uavmap.base.test_pictures import png
-from tests.unit.uavmap.photos.test_replay import FILM_MM, GRID, HEIGHT, WIDTH, geotag, paint
+from tests.unit.uavmap.photos.test_replay import GRID, HEIGHT, WIDTH, geotag, paint, shot
 from uavmap.load.mission_source import mission_of_text
 from uavmap.photos import scratch_file
 from uavmap.photos.mission_from_photos import derived
@@ -41,20 +41,6 @@ detector = {{intensity = 140, dilations = 0, share = 0.5, view = "all"}}
 votes = {{frames = 3, positive = 2}}
 """
 PLACES = ((10.0, 10.0), (16.0, 14.0), (14.0, 16.0))
-
-
-def shot(
-    path: Path, seed: int = 0, place: tuple[float, float] = (14.0, 12.0), **tags: object
-) -> Path:
-    """A photograph from 40 m, its upper edge in the north; `tags` change what is written."""
-    known: dict[str, object] = {
-        "gps": geotag(*place),
-        "taken": f"2024:05:01 10:00:{seed % 60:02}",
-        "film_mm": FILM_MM,
-        "xmp": dji(RelativeAltitude="+40.00", GimbalYawDegree="+0.00"),
-        "image": paint(*place, 0.0, seed=seed),
-    }
-    return write_photo(path, **{**known, **tags})  # type: ignore[arg-type]
 
 
 def xmp(**changes: str) -> bytes:
