@@ -87,10 +87,6 @@ class Raster:
         """All of it."""
         return Window(0, 0, self.rows, self.columns)
 
-    def blocks(self, side: int) -> Iterator[Window]:
-        """Windows of at most `side` pixels that cover all of it, row by row from the north."""
-        return self.whole.blocks(side)
-
     def shared(self, windows: Iterable[Window], side: int) -> dict[Window, list[int]]:
         """Return the blocks in which windows lie, from the north, each with the windows' numbers.
 

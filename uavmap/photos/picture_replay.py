@@ -47,7 +47,7 @@ from uavmap.photos.pictures_csv import FILE, PictureRow, write_pictures
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import Gathered
 from uavmap.photos.sources.tag_validation import Placed, above_ground, credible
-from uavmap.photos.workers import Crew, GoOn, Threads, beside, worker_count
+from uavmap.photos.workers import Crew, GoOn, Threads, beside, thread_count
 from vision.camera import Camera
 from vision.lens import Lens
 from vision.upright import UprightSearch
@@ -292,8 +292,7 @@ def look_at_all(
     # what was compared is not needed any more
     judge = replace(judge, search=UprightSearch(setting.grid, search.pitch_m))
     # marks and pictures that were judged elsewhere are laid on the ground here
-    workers = crew.count if isinstance(crew, Threads) else None
-    return Looked(setting, gathered, refused, shots, spool, judge, workers or worker_count())
+    return Looked(setting, gathered, refused, shots, spool, judge, thread_count(crew))
 
 
 def _turn(judge: Judge, shots: Sequence[Shot], spool: Spool) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from missions.errors import OutputError
 from missions.units import Cell
-from vision.registration import Features
+from vision.registration.views import Features
 
 
 class ScratchFile:
@@ -85,14 +85,6 @@ class Said(NamedTuple):
     small: bytes = b""
 
 
-class _Kept(NamedTuple):
-    offset: int
-    cells: int
-    marks: int
-    small: int
-    vantage: Cell
-
-
 class Spool(ScratchFile):
     """Judgements of pictures by number, in a file that vanishes with this object; for any thread.
 
@@ -106,7 +98,7 @@ class Spool(ScratchFile):
 
     def __init__(self) -> None:
         super().__init__("what pictures say waits", "or have TMPDIR name another folder")
-        self._kept: dict[int, _Kept] = {}
+        self._kept: dict[int, tuple[int, int, int, int, Cell]] = {}
 
     def put(self, number: int, said: Said) -> None:
         """Keep a judgement, or replace it. Raises `OutputError` on a full disk."""
@@ -117,7 +109,7 @@ class Spool(ScratchFile):
         )
         offset = self.append(cells, shares, weights, said.marks, said.small)
         sizes = len(said.cells), len(said.marks), len(said.small)
-        self._kept[number] = _Kept(offset, *sizes, said.vantage)
+        self._kept[number] = (offset, *sizes, said.vantage)
 
     def get(self, number: int) -> Said:
         """Return what was kept under a number. Raises `KeyError` where nothing was."""

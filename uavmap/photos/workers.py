@@ -51,6 +51,11 @@ def worker_count() -> int:
     return max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
 
 
+def thread_count(crew: Crew) -> int:
+    """Return the threads for work of a crew that has to be done here."""
+    return (crew.count if isinstance(crew, Threads) else None) or worker_count()
+
+
 def in_order(
     work: Callable[[Item], Answer], items: Iterable[Item], workers: int
 ) -> Iterator[Answer]:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from missions.errors import MissionFileError
 from vision.detectors.interface import check_number, marked
 
-_HALF: Final = 0.5
 _MOST_SAMPLES: Final = 64
 
 
@@ -57,7 +56,7 @@ class ColorDetector:
 
     def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
         """See `Detector.mask`."""
-        return marked(self.probability(image), _HALF)
+        return marked(self.probability(image))
 
     def _nearest(
         self, lab: NDArray[np.float32], colors: Sequence[Sequence[int]]

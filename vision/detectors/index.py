@@ -12,7 +12,6 @@ from missions.errors import ImageError, MissionFileError
 from vision.detectors.interface import check_number, check_whole, marked, sigmoid
 
 Kind = Literal["exg", "ndvi", "ndwi", "hot"]
-_HALF: Final = 0.5
 _MAD: Final = 1.4826  # of a normal distribution, standard deviations in a median deviation
 _MOST_BAND: Final = 31
 
@@ -77,7 +76,7 @@ deviations | |
 
     def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
         """See `Detector.mask`."""
-        return marked(self.probability(image), _HALF)
+        return marked(self.probability(image))
 
     def _index(self, image: NDArray[Any]) -> NDArray[np.float32]:
         if self.kind == "hot":

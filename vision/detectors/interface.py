@@ -57,7 +57,7 @@ def certain(mask: NDArray[np.uint8]) -> NDArray[np.float32]:
     return (mask > 0).astype(np.float32)
 
 
-def marked(probability: NDArray[np.float32], threshold: float) -> NDArray[np.uint8]:
+def marked(probability: NDArray[np.float32], threshold: float = 0.5) -> NDArray[np.uint8]:
     """Return 255 where a probability is at least the threshold, else 0."""
     return np.where(probability >= np.float32(threshold), np.uint8(255), np.uint8(0))
 

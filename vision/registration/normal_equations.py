@@ -6,7 +6,7 @@ have one order, so the number of threads changes nothing.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -60,9 +60,7 @@ class Normal:
         i, s = np.arange(UNKNOWNS), np.arange(len(corner))
         diagonal[:, i, i] *= 1.0 + factor
         corner[s, s] *= 1.0 + factor
-        return Normal(
-            diagonal, self.pairs, self.across, self.border, corner, self.right, self.right_shared
-        )
+        return replace(self, diagonal=diagonal, corner=corner)
 
     def solve(self) -> tuple[Floats, Floats]:
         """Return the unknowns of the views (views, 6), and the shared ones."""

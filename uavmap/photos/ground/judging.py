@@ -100,12 +100,11 @@ class Judge:
     def said(self, task: Task) -> Judged | str:
         """Return a picture's judgement, or why it is no evidence."""
         try:
-            return self.judged(*task)
+            return self._judged(*task)
         except ImageError as error:
             return str(error)
 
-    def judged(self, placed: Placed, t_s: float) -> Judged:
-        """Return a picture's judgement. Raises `ImageError`: why it is no evidence."""
+    def _judged(self, placed: Placed, t_s: float) -> Judged:
         frame = self.frame(placed, t_s)
         vantage, cells = self._asked(frame.camera, placed, t_s)
         some = np.ascontiguousarray(frame.image[::_EVERY])  # noise is in every row

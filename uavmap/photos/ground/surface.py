@@ -156,7 +156,7 @@ class Surface:
 
     def blocks(self) -> Iterator[tuple[Window, Levels]]:
         """Yield every block with something seen, with a row and a column of the next ones."""
-        for block in self.raster.blocks(_SIDE):
+        for block in self.raster.whole.blocks(_SIDE):
             wider = Window(block.top, block.left, block.bottom + 1, block.right + 1)
             wider = wider.common(self.raster.whole)
             near = [

@@ -28,10 +28,11 @@ from uavmap.photos.scratch_file import FeatureFile
 from uavmap.photos.sources.inventory import Gathered
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.picture_record import Measured, Picture
-from uavmap.photos.workers import Crew, Threads, in_order, worker_count
+from uavmap.photos.workers import Crew, Threads, in_order, thread_count
 from vision.camera import euler
 from vision.lens import Lens
-from vision.registration import WIDTH_PX, Features, Registration, extract, thumbnail
+from vision.registration.picture_features import WIDTH_PX, extract, thumbnail
+from vision.registration.views import Features, Registration
 
 _LOG: Final = logging.getLogger("uavmap.photos")
 HFOV_DEG: Final = 75.0
@@ -83,9 +84,9 @@ def refined(
     if mission is not None and mission.ground is not None:
         ground = Setting.of(mission).grid, mission.ground
     with FeatureFile() as kept:
-        taken = _looked_at(placed, lenses, crew or Threads(), kept)
-        threads = crew.count if isinstance(crew, Threads) else None
-        many = partial(in_order, workers=threads or worker_count())
+        crew = crew or Threads()
+        taken = _looked_at(placed, lenses, crew, kept)
+        many = partial(in_order, workers=thread_count(crew))
         result, found = refine(taken, ground, _log_overlaps, many)
     by_name = {p.name: p for p in placed}
     poses = {name: _filled(by_name[name], pose, lenses) for name, pose in found.items()}

@@ -16,16 +16,9 @@ from missions.geo.terrain import Terrain
 from missions.units import GridPoint, LatLon, Pose, Quaternion
 from uavmap.photos.sources.picture_record import Measured, Picture
 from vision.camera import rotation
-from vision.registration import (
-    Described,
-    Many,
-    Prior,
-    Refined,
-    Registration,
-    Relief,
-    View,
-    register,
-)
+from vision.registration.ground_plane import Relief
+from vision.registration.registering import Many, register
+from vision.registration.views import Described, Prior, Refined, Registration, View
 
 UNKNOWN_TILT_RAD: Final = math.radians(7.0)
 """Standard deviation of a camera's tilt from straight down without a tag, rad."""

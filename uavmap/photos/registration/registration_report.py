@@ -12,8 +12,9 @@ from missions.geo.geodesy import LocalPlane
 from uavmap.base.printable import printable
 from uavmap.photos.registration.refinement import Found, Taken
 from vision.camera import euler
-from vision.registration import WIDTH_PX, Agreement, Net, Registration
 from vision.registration.ground_plane import bearing
+from vision.registration.picture_features import WIDTH_PX
+from vision.registration.views import Agreement, Net, Registration
 
 FILE: Final = "registration.json"
 MOST_NAMED: Final = 12

@@ -30,7 +30,6 @@ MAX_FILE_BYTES: Final = 700 * 2**20
 _FORMATS: Final = ("JPEG", "PNG", "TIFF")
 _SCALED: Final = frozenset({"JPEG", "MPO"})  # an MPO is a JPEG with a preview behind it
 _DEEP: Final = frozenset({"I", "I;16", "I;16B", "I;16L", "I;16N", "F"})
-_CHUNK = 2**20
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -44,14 +43,11 @@ class FileContent:
 
     def digest(self) -> str:
         """See `uavmap.photos.sources.picture_record.Content`."""
-        sha = hashlib.sha256()
         try:
             with self.path.open("rb") as file:
-                while chunk := file.read(_CHUNK):
-                    sha.update(chunk)
+                return hashlib.file_digest(file, "sha256").hexdigest()
         except OSError as error:
             raise ImageError(f"cannot be read ({error.strerror})") from None
-        return sha.hexdigest()
 
     def read(self) -> bytes:
         """Return the bytes of the file. Raises `ImageError`."""
