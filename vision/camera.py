@@ -64,7 +64,6 @@ def edges(camera: Optics, matrix: Floats) -> tuple[Floats, Floats]:
     edge. An edge at infinity (the horizon) has the offset +-inf.
 
     Args:
-        camera: Gives the size of the picture.
         matrix: 3 x 3, from `Camera.homography`.
 
     Returns:

@@ -63,9 +63,7 @@ def look(
     """Return the verdicts of a frame.
 
     Args:
-        frame: The picture and its pose.
         grid: The grid; if it drifts, at `frame.t_s`.
-        detector: Marks the ROI in the picture.
         share: Least part of a cell's pixels that makes it positive, 0 to 1.
         view: `"cross"`: the cell under the camera's *position* and its four neighbours, in the
             order of `Cell.cross` (the paper's). `"all"`: every cell wholly inside the polygon of

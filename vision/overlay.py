@@ -40,7 +40,6 @@ class Overlay:
         below: The point under the camera, in the moving frame at the exposure.
         height_m: Of the camera above that point, above 0.
         width_px: Columns of the picture that `pixels` means.
-        height_px: Rows of it.
     """
 
     pixels: Callable[[Floats], Floats]

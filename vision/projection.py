@@ -232,8 +232,6 @@ def _seen_shares(
         marks: Shape (rows, columns): uint8, 255 for ROI, else 0; or float32, a probability from 0
             to 1, whose mean is the share.
         matrix: 3 x 3, from `Camera.homography`.
-        grid: The grid.
-        cells: At least one.
         most_samples: Samples along a cell's side. More than its pixels add nothing.
     """
     west, south = (int(n) for n in cells.min(axis=0))

@@ -68,8 +68,6 @@ class Raster:
         west_m: Left edge of the first column, metres east.
         north_m: Upper edge of the first row, metres north.
         pitch_m: Edge of a pixel on the ground, metres, above 0.
-        columns: From west to east.
-        rows: From north to south.
 
     >>> raster = Raster(0.0, 10.0, 0.5, 4, 3)
     >>> raster.middles(Window(0, 0, 1, 2), 1)[1].tolist()

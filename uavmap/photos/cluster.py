@@ -14,7 +14,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from types import TracebackType
 from typing import Any, Final, NamedTuple, Self, TypeVar
 
 import cv2
@@ -81,12 +80,7 @@ class Cluster:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._client.close()
 
     def in_order(self, work: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
@@ -129,50 +123,48 @@ class Cluster:
             except UavmapError:
                 raise
             except self._distributed.KilledWorker:
-                raise StudyError(
-                    f"--scheduler {self.address}: a picture has ended several workers; is their "
-                    "memory enough? Replay without --scheduler shows which"
+                raise self._fault(
+                    "a picture has ended several workers; is their memory enough? Replay without "
+                    "--scheduler shows which"
                 ) from None
             except TimeoutError:
                 if self._client.status == "closed":
-                    raise self._gone() from None
+                    raise self._fault("the scheduler has gone away") from None
                 now_s = time.monotonic()
                 lonely_s = None if self._threads() else (lonely_s or now_s)
                 if lonely_s is not None and now_s - lonely_s > NO_WORKER_S:
-                    raise StudyError(
-                        f"--scheduler {self.address}: it has lost its last worker; start some: "
-                        f"dask worker {self.address}"
-                    ) from None
+                    raise self._fault(f"it has lost its last worker; {self._start}") from None
             except (self._distributed.CancelledError, OSError):
-                raise self._gone() from None
+                raise self._fault("the scheduler has gone away") from None
 
-    def _gone(self) -> StudyError:
-        return StudyError(f"--scheduler {self.address}: the scheduler has gone away")
+    @property
+    def _start(self) -> str:
+        return f"start some: dask worker {self.address}"
+
+    def _fault(self, text: str) -> StudyError:
+        return StudyError(f"--scheduler {self.address}: {text}")
 
     def _threads(self) -> int:
         try:
             return int(sum(self._client.nthreads().values()))
         except (OSError, TimeoutError):
-            raise self._gone() from None
+            raise self._fault("the scheduler has gone away") from None
 
     def _check_workers(self) -> None:
         if not self._threads():
-            raise StudyError(
-                f"--scheduler {self.address}: it has no worker; start some: "
-                f"dask worker {self.address}"
-            )
+            raise self._fault(f"it has no worker; {self._start}")
         try:
             versions = self._client.run(_version)
         except Exception as error:  # whatever comes back from over there
-            raise StudyError(
-                f"--scheduler {self.address}: its workers cannot run uavmap "
-                f"({type(error).__name__}: {error}); install uavmap {__version__} there"
+            raise self._fault(
+                f"its workers cannot run uavmap ({type(error).__name__}: {error}); install uavmap "
+                f"{__version__} there"
             ) from None
         for worker, version in sorted(versions.items()):
             if version != __version__:
-                raise StudyError(
-                    f"--scheduler {self.address}: {worker} has uavmap {version}, and here is "
-                    f"{__version__}; install one version everywhere"
+                raise self._fault(
+                    f"{worker} has uavmap {version}, and here is {__version__}; install one "
+                    "version everywhere"
                 )
 
 

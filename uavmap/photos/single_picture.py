@@ -35,10 +35,6 @@ class Looked:
     """The judgement of one picture.
 
     Attributes:
-        placed: The picture with its pose.
-        frame: Its pixels at the mission's size.
-        laid: The picture on the ground.
-        mask: The detector's.
         verdicts: By cell, sorted.
         footprint: The ground at its corners, from the upper left clockwise; none if one shows the
             sky.

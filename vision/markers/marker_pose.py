@@ -114,8 +114,6 @@ def sight(
         camera: Without distortion.
         attitude: Camera axes to NED at the exposure, as in `missions.units.Pose`.
         tag_m: Side of the marker's black square, above 0.
-        carrier: What is known of the other vehicle.
-        errors: Of all of it.
     """
     if not tag_m > 0.0:
         raise ValueError(f"tag_m is {tag_m:g}, expected above 0")

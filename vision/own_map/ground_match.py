@@ -52,7 +52,6 @@ def match(
     """Return how far the camera moved from one picture to another, by the ground.
 
     Args:
-        earlier: A patch.
         later: Another one, with the same pixels and axes.
         expected_m: The believed movement, east and north.
         search_m: Its largest error in either direction, above 0.

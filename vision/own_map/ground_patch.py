@@ -59,7 +59,6 @@ def patch(
     """Return the ground that a picture shows; None on the ground, or near the horizon.
 
     Args:
-        frame: The picture and its pose.
         metres_per_pixel: Of the raster, above 0; by default `resolution_m` of the height. Only
             equal ones match.
         up_rad: True bearing of the raster's upper edge: 0, or `Grid.convergence_rad` for a grid's
@@ -174,7 +173,6 @@ def overlaps(
     """Return the part of a patch that each of some others covers, as squares, 0 to 1.
 
     Args:
-        patch: One.
         others: Those with other pixels cover nothing.
         sides_m: Their `side_m`.
         away_m: Where they were taken from there, east and north, shape (n, 2).

@@ -40,11 +40,7 @@ class OwnWay:
     """Where the newest picture with recognised ground was taken, and its speed then.
 
     Attributes:
-        t_s: When it was taken.
         key: The keyframe that its place is relative to.
-        east_m: Of that keyframe.
-        north_m: Of that keyframe.
-        patch: Its ground.
         velocity_m_s: East and north; None after the first one.
         over_s: Time over which that is the mean.
     """

@@ -74,7 +74,6 @@ def compare(earlier: Patch, later: Patch, moved_px: complex, zoom: complex = 0j)
     error are corrected everywhere.
 
     Args:
-        earlier: A patch.
         later: Another one, with the same pixels and axes.
         moved_px: How far the camera moved, in pixels of the earlier patch.
         zoom: How much larger the later one is believed to show the ground.

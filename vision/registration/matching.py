@@ -157,10 +157,18 @@ def apart_m(cameras: Cameras, pair: Pair) -> Floats:
 
 def transfer_px(cameras: Cameras, pair: Pair) -> Floats:
     """Return how far from its match a held point of the first falls in the second, pixels."""
-    ground = to_ground(cameras, np.full(len(pair.held), pair.first), pair.held[:, :2])
-    return _lengths(
-        to_pixels(cameras, np.full(len(pair.held), pair.second), ground) - pair.held[:, 2:]
-    )
+    return _misses_px(cameras, pair, pair.held[:, :2], pair.held[:, 2:])
+
+
+def pair_medians_px(cameras: Cameras, pairs: Sequence[Pair]) -> Floats:
+    """Return each pair's median transfer error over its tie points, pixels."""
+    misses = (_misses_px(cameras, p, p.in_first, p.in_second) for p in pairs)
+    return np.array([float(np.median(joined([missed]))) for missed in misses])
+
+
+def _misses_px(cameras: Cameras, pair: Pair, here: Floats, there: Floats) -> Floats:
+    ground = to_ground(cameras, np.full(len(here), pair.first), here)
+    return _lengths(to_pixels(cameras, np.full(len(here), pair.second), ground) - there)
 
 
 def joined(parts: Sequence[Floats]) -> Floats:
@@ -172,13 +180,3 @@ def joined(parts: Sequence[Floats]) -> Floats:
 def _lengths(offsets: Floats) -> Floats:
     lengths: Floats = np.sqrt(np.square(offsets).sum(axis=1))
     return lengths
-
-
-def pair_medians_px(cameras: Cameras, pairs: Sequence[Pair]) -> Floats:
-    """Return each pair's median transfer error over its tie points, pixels."""
-    medians = []
-    for pair in pairs:
-        ground = to_ground(cameras, np.full(len(pair.in_first), pair.first), pair.in_first)
-        there = to_pixels(cameras, np.full(len(ground), pair.second), ground)
-        medians.append(float(np.median(joined([_lengths(there - pair.in_second)]))))
-    return np.array(medians)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
@@ -58,16 +58,9 @@ _LEAST_POSITION_SIGMA_M = 0.5
 _FEW_POINTS = 40
 
 
-class Many(Protocol):
-    """As `map`: the answers in the items' order; in threads, perhaps."""
-
-    def __call__(
-        self,
-        work: Callable[[tuple[int, int]], Pair | None],
-        items: Iterable[tuple[int, int]],
-        /,
-    ) -> Iterable[Pair | None]:
-        """Do it."""
+Match = Callable[[tuple[int, int]], Pair | None]
+Many = Callable[[Match, Iterable[tuple[int, int]]], Iterable[Pair | None]]
+"""As `map`: the answers in the items' order; in threads, perhaps."""
 
 
 def register(
@@ -81,7 +74,6 @@ def register(
     The order of the views and `many` do not change the result.
 
     Args:
-        views: The pictures' features and tags.
         say: Receives how many of how many possible overlaps were examined.
         many: Examines them one after the other, or several at once.
         relief: The ground, where it is known not to be flat.

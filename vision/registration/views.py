@@ -58,11 +58,8 @@ class View:
 
     Attributes:
         name: Unique.
-        features: Its distinctive points.
         focal_px: The focal length in pixels of `features`.
         camera: Views with the same word share a focal length.
-        east_m: The geotag, metres true east.
-        north_m: The geotag, metres true north.
         position_sigma_m: Of either, without what all tags have in common.
         height_m: Above the ground; over a relief, above the level that its heights are counted
             from.
@@ -93,13 +90,10 @@ class Refined:
     Attributes:
         centre_m: The camera, metres (east, north, up).
         axes: 3 x 3; columns are the picture's right, down, and forward, in (east, north, up).
-        focal_px: The focal length.
         position_sigma_m: Of east and of north, within the net of overlaps.
-        height_sigma_m: Of the height.
         yaw_sigma_rad: Of the bearing of the upper edge.
         component: Number of the net, from 0.
         turned: The tagged bearing is that of the lower edge: stored upside down.
-        matches: Count of tie points.
         residual_px: Their median transfer error.
     """
 
@@ -143,7 +137,6 @@ class Net:
 
     Attributes:
         members: Indices of the views.
-        pairs: Count of overlaps.
         focal: By camera, the focal length as a share of the tagged one.
         slope: Of the ground towards (east, north), tangents, positive where it falls.
         height_bias: Common error of height tags, as a share.

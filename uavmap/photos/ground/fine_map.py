@@ -51,9 +51,7 @@ def mosaic(raster: Raster, window: Window, tiles: Iterable[Tile], workers: int) 
 
     Args:
         raster: In the grid's moving frame.
-        window: Of it.
         tiles: The pictures that may show something of the window.
-        workers: Count of threads; the result is the same.
 
     Returns:
         Shape (rows, columns, 4), uint8: red, green, blue, and 255 where there is a picture, else 0.
@@ -133,7 +131,6 @@ class FineMap:
         """Return the content of boundary.geojson.
 
         Args:
-            t_s: Mission time of the map.
             positions_m: Standard deviation of each picture's position.
             seen: The examined cells, sorted; shape (n, 2).
             undecided: Those that too few pictures show.

@@ -89,11 +89,7 @@ def write_cog(
     """Write a raster of the grid's moving frame, as it lies at a mission time.
 
     Args:
-        path: The file.
-        raster: Its pixels' places.
         grid: Gives the UTM zone.
-        t_s: Mission time, s.
-        layout: Its content.
         blocks: Its parts, each of shape (bands, rows, columns); absent ones are empty.
 
     Raises:

@@ -200,7 +200,6 @@ def fused(
     """Fuse all pictures of a scene.
 
     Args:
-        scene: The pictures over a raster.
         spool: Their judgements, by `Footing.number`.
         shrinks_px: Pixels by which the detector's mask is too small at each edge.
         workers: Count of threads; the result is the same.

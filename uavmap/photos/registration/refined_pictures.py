@@ -73,7 +73,6 @@ def refined(
     """Register the pictures of a set, over the ground of the mission where it is not flat.
 
     Args:
-        gathered: The set, as tagged.
         mission: Gives the ground, and the angle of view of pictures whose tags have none.
         lens: A calibration for all pictures.
         crew: Examines the pictures; None: threads here, one a core. The result is the same.

@@ -30,8 +30,6 @@ class Taken:
 
     Attributes:
         picture: As tagged, with a position.
-        features: At the size that is registered.
-        hfov_rad: Angle of view across the picture.
         focal_sigma: Standard deviation of the focal length, as a share.
     """
 

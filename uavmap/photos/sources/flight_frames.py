@@ -26,11 +26,6 @@ class FlightFrames:
     path: Path
     _damaged: list[str] = field(default_factory=list, repr=False)
 
-    @property
-    def name(self) -> str:
-        """The path."""
-        return str(self.path)
-
     def pictures(self) -> Iterator[Picture | Refused]:
         """See `uavmap.photos.sources.picture_record.PictureSource`."""
         self._damaged.clear()

@@ -33,8 +33,6 @@ def lens_of(
     """Return the lens, None if no tag gives a focal length; the tag; what is unreadable.
 
     Args:
-        width_px: Columns of the picture.
-        height_px: Rows of the picture.
         model: EXIF Model.
         detail: The Exif directory.
         xmp: Values by local name.

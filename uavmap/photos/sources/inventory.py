@@ -27,10 +27,8 @@ class Gathered:
     """The content of a source.
 
     Attributes:
-        source: Its name.
         pictures: Different pictures, in the order of exposure; those without a time last.
         refused: Files that are no readable picture, or copies.
-        copies: Count of copies in `refused`.
         left_out: Other files, a line a kind.
         refined: Pictures with the poses from their overlaps, by name.
         upside_down: The names of those among them that were stored so.
@@ -72,17 +70,17 @@ def gather(source: PictureSource) -> Gathered:
     if not pictures and not refused:
         there = f"; there are {', '.join(left_out)}" if left_out else ""
         raise ImageError(
-            f"{source.name}: no pictures (*.jpg, *.jpeg, *.png, *.tif, *.tiff) in this folder or "
+            f"{source.path}: no pictures (*.jpg, *.jpeg, *.png, *.tif, *.tiff) in this folder or "
             f"those below it{there}"
         )
     if not pictures:
         first = refused[0]
         more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
         raise ImageError(
-            f"{source.name}: no picture can be read: {first.name}: {first.reason}{more}"
+            f"{source.path}: no picture can be read: {first.name}: {first.reason}{more}"
         )
     kept, copies = different(pictures)
-    return Gathered(source.name, kept, (*refused, *copies), len(copies), left_out)
+    return Gathered(str(source.path), kept, (*refused, *copies), len(copies), left_out)
 
 
 def open_source(path: Path, video_start_s: float | None = None) -> PictureSource:

@@ -43,11 +43,7 @@ class FileContent:
 
     def digest(self) -> str:
         """See `uavmap.photos.sources.picture_record.Content`."""
-        try:
-            with self.path.open("rb") as file:
-                return hashlib.file_digest(file, "sha256").hexdigest()
-        except OSError as error:
-            raise ImageError(f"cannot be read ({error.strerror})") from None
+        return hashlib.sha256(self.read()).hexdigest()
 
     def read(self) -> bytes:
         """Return the bytes of the file. Raises `ImageError`."""

@@ -47,11 +47,6 @@ class Folder:
         elif not self.path.is_file():
             raise ImageError(f"{self.path}: no such file or folder")
 
-    @property
-    def name(self) -> str:
-        """The path."""
-        return str(self.path)
-
     def pictures(self) -> Iterator[Picture | Refused]:
         """See `uavmap.photos.sources.picture_record.PictureSource`."""
         self._left.clear()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -53,13 +54,9 @@ class Picture:
     Attributes:
         name: Unique in the source: the path below it, with "/"; of a video, its name and the
             frame's number.
-        content: The pixels, not decoded yet.
-        width_px: Columns at full size.
-        height_px: Rows at full size.
         taken_s: Time of exposure by `clock`; None if unknown.
         clock: `utc`: since 1970. `camera`: since 1970 by a clock without a zone; differences hold
             within a set. `relative`: since the recording began.
-        position: Of the camera, WGS84.
         position_sigma_m: Its standard deviation: of one horizontal coordinate.
         height_m: The camera above the place of take-off, which counts as the ground.
         amsl_m: The camera above sea level, or the ellipsoid: many cameras do not say which.
@@ -104,10 +101,7 @@ class Refused(NamedTuple):
 class PictureSource(Protocol):
     """A place with recorded pictures. Reading it loads no pixels."""
 
-    @property
-    def name(self) -> str:
-        """Its name for the user."""
-        ...
+    path: Path
 
     def pictures(self) -> Iterator[Picture | Refused]:
         """Yield every picture, in a fixed order; the same each time.

@@ -66,11 +66,6 @@ class Video:
         logged = read_tlog(beside[".tlog"])
         return tuple(replace(moment, t_s=moment.t_s - start_s) for moment in logged)
 
-    @property
-    def name(self) -> str:
-        """The path."""
-        return str(self.path)
-
     def pictures(self) -> Iterator[Picture | Refused]:
         """See `uavmap.photos.sources.picture_record.PictureSource`."""
         reader = self._reader

@@ -86,11 +86,11 @@ def refuse_same_folder(images: Path, masks: Path) -> None:
 
 def read_picture(path: Path, width_px: int) -> NDArray[np.uint8]:
     """Return a picture at the working width. Raises `ImageError`."""
+    data = file_bytes(path)
     try:
-        image = eight_bits(decoded(file_bytes(path), width_px))
+        image = eight_bits(decoded(data, width_px))
     except ImageError as error:
-        text = str(error)
-        raise ImageError(text if text.startswith(str(path)) else f"{path}: {text}") from None
+        raise ImageError(f"{path}: {error}") from None
     return working_picture(image, width_px)
 
 
@@ -108,9 +108,7 @@ def load_examples(
     """Return the painted pictures, by name.
 
     Args:
-        images: The folder of pictures.
         where: A folder of masks `NAME.png` and of polygons `*.geojson`, or one file of polygons.
-        width_px: The working width.
         say: Receives which pictures polygons are not projected into, as they cannot be read.
 
     Raises:

@@ -83,7 +83,6 @@ def cell_counts(
     Args:
         share: The marked part of each place, or its probability, (rows, columns).
         region: The part that is region.
-        known: Whether that is known.
         cell: Side of a cell in places.
         least: The share that makes a cell positive.
     """

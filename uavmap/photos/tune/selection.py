@@ -20,7 +20,7 @@ from uavmap.photos.tune.samples import Described, clear, training_set
 from uavmap.photos.tune.training import Scale, fit_logistic, fit_trees
 from vision.detectors.interface import sigmoid
 from vision.detectors.learned_model import Logistic, Model, Scorer, Trees
-from vision.detectors.pixel_features import FEATURES, GROUPS, STRIDE
+from vision.detectors.pixel_features import FEATURES, GROUPS
 
 Array = NDArray[np.float32]
 
@@ -140,9 +140,6 @@ def choose(
         scale: Mean and standard deviation of all features.
         cell: Side of a cell in places.
         seed: Of the samples and the trees.
-        say: Receives each trial.
-        kinds: Of `KINDS`.
-        sets: Of `SETS`.
     """
     best: Choice | None = None
     tried: dict[str, float] = {}
@@ -263,20 +260,16 @@ def _suiting(
     versions: Sequence[tuple[Described, Array]],
     counts: Callable[[Described, Array, float], Counts],
 ) -> float:
-    """Return the threshold that suits a picture in all its versions."""
-    return _lowest(lambda least: total([counts(one, share, least) for one, share in versions]).iou)
-
-
-def _lowest(score: Callable[[float], float]) -> float:
-    """Return the lowest of the thresholds that are about as good as the best one.
+    """Return the lowest of the thresholds that suit a picture about as well as the best one.
 
     In unpainted pictures a model is less sure of the region than in painted ones, whose ground and
     light it knows; that it marks more elsewhere is rarer.
     """
     at = np.round(np.arange(_LIMITS[0], _LIMITS[1] + 1e-9, 0.02), 2)
-    scores = np.array([score(float(least)) for least in at])
-    good = at[scores >= scores.max() - _PLATEAU]
-    return round(float(good[0]), 2)
+    scores = np.array(
+        [total([counts(one, share, float(least)) for one, share in versions]).iou for least in at]
+    )
+    return round(float(at[scores >= scores.max() - _PLATEAU][0]), 2)
 
 
 def _iou(pictures: Sequence[Picture], shares: Sequence[Array], least: float) -> float:
@@ -312,8 +305,3 @@ def picture_counts(
 ) -> tuple[Counts, Counts]:
     """Count places and cells of a picture."""
     return _counts(one, share, threshold), _cells(one, share, cell, least)
-
-
-def places_of_cell(cell_px: float) -> float:
-    """Return the side of a cell in described places."""
-    return cell_px / STRIDE

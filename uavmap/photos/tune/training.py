@@ -34,7 +34,6 @@ def fit_logistic(values: NDArray[np.float32], labels: NDArray[np.bool_], scale: 
 
     Args:
         values: (samples, features).
-        labels: Whether each sample is region.
         scale: Mean and standard deviation of each feature.
     """
     from sklearn.linear_model import LogisticRegression  # noqa: PLC0415

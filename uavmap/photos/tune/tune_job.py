@@ -29,11 +29,10 @@ from uavmap.photos.tune.selection import (
     choose,
     fitted,
     picture_counts,
-    places_of_cell,
 )
 from uavmap.photos.tune.training import Scale, need_learner
 from vision.detectors.learned_model import LearnedDetector, Model, model_bytes
-from vision.detectors.pixel_features import described_shape, features
+from vision.detectors.pixel_features import STRIDE, described_shape, features
 
 MODEL: Final = "model.json"
 DETECTOR: Final = "detector.toml"
@@ -116,7 +115,7 @@ def learned(
         versions = tuple(described(one) for one in variants(example, rng))
         pictures.append(Picture(described(example), versions))
     scale = _scale(pictures, others)
-    cell = places_of_cell(wishes.cell_px)
+    cell = wishes.cell_px / STRIDE
     choice = choose(pictures, scale, cell, wishes.seed, say, wishes.kinds, wishes.sets)
     names = SETS[choice.features]
     model = Model(
@@ -170,7 +169,7 @@ def _scale(pictures: Sequence[Picture], others: Sequence[NDArray[np.uint8]]) -> 
 
 # --- what is written -------------------------------------------------------------------------
 def _report(pictures: Sequence[Picture], choice: Choice, wishes: Wishes) -> dict[str, Any]:
-    cell = places_of_cell(wishes.cell_px)
+    cell = wishes.cell_px / STRIDE
     counts = [
         picture_counts(picture.plain, share, cell, choice.threshold, choice.share)
         for picture, share in zip(pictures, choice.shares, strict=True)
