@@ -172,15 +172,6 @@ def test_the_map_shows_the_ground(results: Path, field: Path, tmp_path: Path) ->
     assert len(np.unique(image[bare])) > 60  # the noise of the photographs
 
 
-def test_any_number_of_workers_gives_the_same_bytes(
-    results: Path, field: Path, tmp_path: Path
-) -> None:
-    assert replayed(field, tmp_path / "one", "--workers", "1", "--no-ortho") == 0
-    for name in (FILE, rasters.PROBABILITY, "map.png"):
-        assert (tmp_path / "one" / name).read_bytes() == (results / name).read_bytes()
-    assert not (tmp_path / "one" / rasters.ORTHO).exists()
-
-
 def test_a_replay_leaves_a_report_and_a_geopackage_with_its_boundary(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
