@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.geo.footprint import Optics
-from missions.units import Pose
 from vision.look import Frame
 
 NOTHING: Final = -128
@@ -68,7 +67,9 @@ def patch(
     if pose.height_m <= 0.0:
         return None
     pitch_m = metres_per_pixel or resolution_m(camera, pose.height_m)
-    matrix = camera.pixels_of_ned(pose) @ _ned_of_ground(pose, up_rad)
+    cos, sin = math.cos(up_rad), math.sin(up_rad)
+    ned_of_ground = np.array([[-sin, cos, 0.0], [cos, sin, 0.0], [0.0, 0.0, pose.height_m]])
+    matrix = camera.pixels_of_ned(pose) @ ned_of_ground
     box = _box(camera, matrix, pose.height_m, pitch_m)
     if box is None:
         return None
@@ -84,12 +85,6 @@ def patch(
     whole = np.full(small.shape, 255, np.uint8)
     seen = cv2.warpPerspective(whole, to_pixel, size, flags=inverse) == 255
     return Patch(_without_light(gray, seen), west, north, pitch_m)
-
-
-def _ned_of_ground(pose: Pose, up_rad: float) -> NDArray[np.float64]:
-    """Return the matrix from metres below the camera along the raster's axes to NED."""
-    cos, sin = math.cos(up_rad), math.sin(up_rad)
-    return np.array([[-sin, cos, 0.0], [cos, sin, 0.0], [0.0, 0.0, pose.height_m]])
 
 
 def _box(

@@ -139,13 +139,13 @@ def add_tags(normal: Normal, solution: Solution, tags: Tags) -> float:
     return sum(term(normal, solution, tags) for term in terms)
 
 
-@dataclass
 class _Rows:
     """Residuals of tags, `count` a view, in standard deviations, with their derivatives."""
 
-    off: Floats  # (views, count)
-    by_view: Floats  # (views, count, 6)
-    by_shared: Floats  # (views, count, SHARED)
+    def __init__(self, views: int, count: int) -> None:
+        self.off: Floats = np.zeros((views, count))
+        self.by_view: Floats = np.zeros((views, count, UNKNOWNS))
+        self.by_shared: Floats = np.zeros((views, count, SHARED))
 
     def add(self, normal: Normal, told: NDArray[np.bool_] | None = None) -> float:
         """Add to the normal equations by Huber's weights, views of `told` only; return the cost."""
@@ -162,17 +162,9 @@ class _Rows:
         return float(cost.sum())
 
 
-def _rows(views: int, count: int) -> _Rows:
-    return _Rows(
-        np.zeros((views, count)),
-        np.zeros((views, count, UNKNOWNS)),
-        np.zeros((views, count, SHARED)),
-    )
-
-
 def _add_places(normal: Normal, solution: Solution, tags: Tags) -> float:
     centre = solution.cameras.centre_m
-    rows = _rows(len(centre), 2)
+    rows = _Rows(len(centre), 2)
     each = 1.0 / tags.place_sigma_m
     rows.off = (centre[:, :2] + centre[:, 2:] * solution.slope - tags.place_m) * each[:, None]
     rows.by_view[:, 0, 0] = rows.by_view[:, 1, 1] = each
@@ -184,7 +176,7 @@ def _add_places(normal: Normal, solution: Solution, tags: Tags) -> float:
 def _add_heights(normal: Normal, solution: Solution, tags: Tags) -> float:
     centre = solution.cameras.centre_m
     told = np.isfinite(tags.height_m)
-    rows = _rows(len(centre), 1)
+    rows = _Rows(len(centre), 1)
     tag, each = np.where(told, tags.height_m, 0.0), 1.0 / tags.height_sigma_m
     away = centre[:, :2] - solution.middle_m
     above = centre[:, 2] - np.einsum("ni,i->n", away, solution.slope)
@@ -194,7 +186,7 @@ def _add_heights(normal: Normal, solution: Solution, tags: Tags) -> float:
     rows.by_shared[:, 0, HEIGHT] = -tag * each
     rows.by_shared[:, 0, SLOPE] = -away * each[:, None]
     cost = rows.add(normal, told)
-    unknown = _rows(len(centre), 1)
+    unknown = _Rows(len(centre), 1)
     above_m = solution.cameras.above_m()
     middle = float(np.median(above_m))
     unknown.off[:, 0] = (above_m / middle - 1.0) / _UNKNOWN_HEIGHT
@@ -205,7 +197,7 @@ def _add_heights(normal: Normal, solution: Solution, tags: Tags) -> float:
 def _add_yaws(normal: Normal, solution: Solution, tags: Tags) -> float:
     axes = solution.cameras.axes
     told = np.isfinite(tags.yaw_rad)
-    rows = _rows(len(axes), 1)
+    rows = _Rows(len(axes), 1)
     away = bearing(axes) - np.where(told, tags.yaw_rad, 0.0) - solution.shared[YAW]
     each = 1.0 / tags.yaw_sigma_rad
     rows.off[:, 0] = np.arctan2(np.sin(away), np.cos(away)) * each
@@ -220,7 +212,7 @@ def _add_yaws(normal: Normal, solution: Solution, tags: Tags) -> float:
 
 def _add_tilts(normal: Normal, solution: Solution, tags: Tags) -> float:
     axes = solution.cameras.axes
-    rows = _rows(len(axes), 2)
+    rows = _Rows(len(axes), 2)
     down = np.einsum("nji,j->ni", axes, np.array([*solution.slope, -1.0]))
     ratio = down[:, :2] / down[:, 2:]
     each = 1.0 / tags.tilt_sigma[:, None]

@@ -24,9 +24,7 @@ POSITION_SIGMA_M = 3.0
 """Of a GNSS receiver without corrections."""
 _RTK_FIXED = 50
 _HEIGHT_SIGMA_M = 2.0  # a barometer, and home that is not level with the ground below
-_AMSL_SIGMA_M = (
-    10.0  # above which level is not said: the geoid's and the ellipsoid's are 30 m apart
-)
+_AMSL_SIGMA_M = 10.0  # the level is unknown: the geoid and the ellipsoid are 30 m apart
 _GIMBAL_SIGMA_DEG = 5.0
 _AIRFRAME_SIGMA_DEG = 10.0
 _COMPASS_SIGMA_DEG = 20.0
