@@ -1,7 +1,7 @@
 """The pinhole camera: from metres on the ground to pixels.
 
-Pixel coordinates are those of OpenCV: (0, 0) is the *centre* of the top left pixel, so a picture of
-`width_px` columns reaches from -0.5 to `width_px - 0.5`.
+Pixel (0, 0) is the *centre* of the top left pixel, as in OpenCV: a picture reaches from -0.5 to
+`width_px - 0.5`.
 """
 
 from __future__ import annotations
@@ -16,23 +16,20 @@ from missions.geo.footprint import Optics
 from missions.geo.grid import Grid
 from missions.units import Pose, Quaternion
 
+Floats = NDArray[np.float64]
+
 
 @dataclass(frozen=True, slots=True)
 class Camera(Optics):
-    """A pinhole camera with square pixels, at any pose.
+    """A pinhole camera with square pixels, at any pose."""
 
-    >>> camera = Camera(math.radians(90.0), 640, 480)
-    >>> round(camera.footprint(12.0).short_m, 9)
-    18.0
-    """
+    def homography(self, pose: Pose, grid: Grid, t_s: float) -> Floats:
+        """Return the 3 x 3 matrix from the grid's moving frame to pixels.
 
-    def homography(self, pose: Pose, grid: Grid, t_s: float) -> NDArray[np.float64]:
-        """The 3 x 3 matrix from the grid's moving frame to pixels.
-
-        `H @ (east_m, north_m, 1)` is `(u w, v w, w)`. `w` is the distance in metres along the
-        optical axis: a point with `w <= 0` lies behind the camera and is not in the picture,
-        whatever `u` and `v` say. The ground is a plane `pose.height_m` below the camera. Between
-        the grid and the attitude, which is to true north, lies the grid's meridian convergence.
+        `H @ (east_m, north_m, 1)` is `(u w, v w, w)`; `w` is metres along the optical axis. Points
+        with `w <= 0` lie behind the camera and are not in the picture. The ground is a plane
+        `pose.height_m` below the camera. The attitude is to true north: the grid's meridian
+        convergence lies between.
         """
         place = grid.to_moving(grid.fixed(pose.position), t_s)
         cos, sin = math.cos(grid.convergence_rad), math.sin(grid.convergence_rad)
@@ -43,11 +40,11 @@ class Camera(Optics):
                 [0.0, 0.0, pose.height_m],
             ]
         )
-        matrix: NDArray[np.float64] = self.pixels_of_ned(pose) @ ned_of_ground
+        matrix: Floats = self.pixels_of_ned(pose) @ ned_of_ground
         return matrix
 
-    def pixels_of_ned(self, pose: Pose) -> NDArray[np.float64]:
-        """The 3 x 3 matrix from metres north, east and down of the camera to pixels."""
+    def pixels_of_ned(self, pose: Pose) -> Floats:
+        """Return the 3 x 3 matrix from metres north, east and down of the camera to pixels."""
         focal = self.focal_px
         pixels_of_camera = np.array(
             [
@@ -56,31 +53,17 @@ class Camera(Optics):
                 [1.0, 0.0, 0.0],
             ]
         )
-        matrix: NDArray[np.float64] = pixels_of_camera @ rotation(pose.attitude).T
+        matrix: Floats = pixels_of_camera @ rotation(pose.attitude).T
         return matrix
 
 
-def pixel_rows(camera: Camera, pose: Pose, grid: Grid, t_s: float) -> NDArray[np.float64]:
-    """The 3 x 4 matrix from the grid's moving frame, and a height, to pixels.
+def edges(camera: Optics, matrix: Floats) -> tuple[Floats, Floats]:
+    """Return the picture's rim on the ground as four half-planes.
 
-    It takes `(east_m, north_m, 1, rise_m)`, where a point lies `rise_m` above the plane that is
-    `pose.height_m` below the camera; see `Camera.homography`.
-    """
-    down = camera.pixels_of_ned(pose)[:, 2]
-    return np.column_stack([camera.homography(pose, grid, t_s), -down])
-
-
-def edges(
-    camera: Optics, matrix: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The picture's rim on the ground: the polygon that it shows, as four half-planes.
-
-    A ground point `p` is `normals @ p + offsets` metres inside of the left, right, upper and lower
-    edge of the picture; what is inside of all four is in the picture, and in front of the camera.
-    An edge whose line lies at infinity (at the horizon) is infinitely far: its offset is +-inf.
+    A ground point `p` is `normals @ p + offsets` metres inside the left, right, upper and lower
+    edge. An edge at infinity (the horizon) has the offset +-inf.
 
     Args:
-        camera: Says the size of the picture.
         matrix: 3 x 3, from `Camera.homography`.
 
     Returns:
@@ -97,14 +80,8 @@ def edges(
     return normals, offsets
 
 
-def rotation(attitude: Quaternion) -> NDArray[np.float64]:
-    """The 3 x 3 matrix that takes vectors from camera axes to NED.
-
-    >>> level_east = Quaternion.from_euler(0.0, 0.0, math.pi / 2)
-    >>> forward, right, down = rotation(level_east).T.round(9) + 0.0
-    >>> [float(x) for x in forward]
-    [0.0, 1.0, 0.0]
-    """
+def rotation(attitude: Quaternion) -> Floats:
+    """Return the 3 x 3 matrix from camera axes (forward, right, down) to NED."""
     w, x, y, z = attitude
     return np.array(
         [
@@ -115,18 +92,15 @@ def rotation(attitude: Quaternion) -> NDArray[np.float64]:
     )
 
 
-def project(
-    matrix: NDArray[np.float64], points: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Pixels of ground points.
+def project(matrix: Floats, points: Floats) -> tuple[Floats, Floats]:
+    """Project ground points to pixels.
 
     Args:
         matrix: 3 x 3, from `Camera.homography`.
-        points: shape (..., 2), metres east and north in the moving frame.
+        points: Shape (..., 2), metres east and north in the moving frame.
 
     Returns:
-        `pixels`, shape (..., 2), NaN where the point is not in front of the camera, and `depth`,
-        shape (...), metres along the optical axis.
+        `pixels`, shape (..., 2), NaN behind the camera, and `depth`, metres along the optical axis.
     """
     homogeneous = points @ matrix[:, :2].T + matrix[:, 2]
     depth = homogeneous[..., 2]
@@ -135,9 +109,8 @@ def project(
 
 
 def euler(turn: Quaternion) -> tuple[float, float, float]:
-    """Roll, pitch and yaw (radians) that `Quaternion.from_euler` makes this rotation of.
-
-    Straight down, where yaw and roll are one, all of it is yaw.
+    """Return roll, pitch and yaw (radians) as `Quaternion.from_euler` takes them; straight down,
+    roll is 0.
 
     >>> [round(v, 9) for v in euler(Quaternion.from_euler(0.1, -1.2, 2.0))]
     [0.1, -1.2, 2.0]

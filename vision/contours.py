@@ -1,9 +1,8 @@
 """Lines of equal level on a raster, between its pixels: marching squares.
 
-Between two pixels' centres the level is taken for linear, so a line lies where it crosses, at a
-fraction of a pixel. Every line is closed: beyond the raster nothing is region. Crossings have
-numbers that hold over the whole raster, so that it can be gone through block by block: contourpy
-takes all of it at once, as 8 bytes a pixel, and five times as long.
+Levels are linear between pixels' centres. Every line is closed: nothing beyond the raster is
+region. Crossings have numbers that hold over the whole raster, so it can be processed block by
+block; contourpy needs all of it at once, as 8 bytes a pixel, and five times as long.
 """
 
 from __future__ import annotations
@@ -43,40 +42,37 @@ for _case, _pairs in _LINES.items():
         _ENDS[_which, :, _case] = _pair
 
 
+Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+
 @dataclass(frozen=True, slots=True)
 class Ring:
-    """A closed line, the inside at its left hand.
+    """A closed line, the inside at its left.
 
     Attributes:
-        points: Shape (n, 2): columns and rows, in which a pixel's centre is a whole number.
-        open: Shape (n,): whether the line runs along ground that nobody has seen there.
+        points: Shape (n, 2): columns and rows; a pixel's centre is a whole number.
+        open: Shape (n,): whether the line runs along unseen ground there.
         area_px: Enclosed area in pixels: positive around the inside, negative around a hole.
     """
 
     points: NDArray[np.float64]
-    open: NDArray[np.bool_]
+    open: Flags
     area_px: float
 
 
 class Contours:
-    """The lines of one level over a raster of `columns`.
-
-    >>> lines = Contours(level=126.5, columns=3)
-    >>> lines.add(np.array([[0, 0, 0], [0, 253, 0], [0, 0, 0]], np.uint8), 0, 0)
-    >>> (ring,) = lines.rings(least_px=0.0)
-    >>> ring.points.tolist(), ring.area_px
-    ([[1.0, 0.5], [0.5, 1.0], [1.0, 1.5], [1.5, 1.0]], 0.5)
-    """
+    """The lines of one level over a raster of `columns`."""
 
     def __init__(self, level: float, columns: int) -> None:
         self._level, self._columns = level, columns
         self._from: list[NDArray[np.int64]] = []
         self._to: list[NDArray[np.int64]] = []
         self._points: list[NDArray[np.float64]] = []
-        self._open: list[NDArray[np.bool_]] = []
+        self._open: list[Flags] = []
 
     def add(self, levels: NDArray[np.uint8], top: int, left: int) -> None:
-        """Take in the squares between the pixels of a part of the raster.
+        """Add the squares between the pixels of a part of the raster.
 
         `levels` begins in row `top` and column `left`. Parts share a row, or column, of pixels.
         """
@@ -95,33 +91,22 @@ class Contours:
         for which in range(2):
             start, end = _ENDS[which, 0, cases], _ENDS[which, 1, cases]
             some = start >= 0
-            r, c = rows[some], columns[some]
-            self._from.append(self._crossing(r + top, c + left, start[some]))
-            self._to.append(self._crossing(r + top, c + left, end[some]))
-            self._place(levels, r, c, start[some], top, left)
+            self._to.append(self._number(*_side(rows[some], columns[some], end[some]), top, left))
+            r, c, upright = _side(rows[some], columns[some], start[some])
+            self._from.append(self._number(r, c, upright, top, left))
+            self._place(levels, r, c, upright, top, left)
 
-    def _crossing(
-        self, rows: NDArray[np.intp], columns: NDArray[np.intp], side: NDArray[np.int8]
+    def _number(
+        self, r: Indices, c: Indices, upright: Flags, top: int, left: int
     ) -> NDArray[np.int64]:
-        """The number of the crossing on a side: that of its upper, or left, pixel, twice."""
-        r = rows + (side == _BOTTOM)
-        c = columns + (side == _RIGHT)
-        upright = (side == _LEFT) | (side == _RIGHT)
-        numbers: NDArray[np.int64] = 2 * (r.astype(np.int64) * self._columns + c) + upright
+        """Number crossings by the upper, or left, pixel of their side, twice."""
+        numbers: NDArray[np.int64] = 2 * ((r + top) * self._columns + c + left) + upright
         return numbers
 
     def _place(
-        self,
-        levels: NDArray[np.uint8],
-        rows: NDArray[np.intp],
-        columns: NDArray[np.intp],
-        side: NDArray[np.int8],
-        top: int,
-        left: int,
+        self, levels: NDArray[np.uint8], r: Indices, c: Indices, upright: Flags, top: int, left: int
     ) -> None:
-        """Where the lines' beginnings lie: each crossing is the beginning of one."""
-        r, c = rows + (side == _BOTTOM), columns + (side == _RIGHT)
-        upright = (side == _LEFT) | (side == _RIGHT)
+        """Locate the lines' beginnings: each crossing is the beginning of one."""
         first = levels[r, c]
         second = levels[r + upright, c + ~upright]
         unseen = (first == UNSEEN) | (second == UNSEEN)
@@ -135,7 +120,7 @@ class Contours:
         self._open.append(unseen)
 
     def rings(self, least_px: float) -> Iterator[Ring]:
-        """All closed lines around at least so many pixels."""
+        """Yield the closed lines around at least `least_px` pixels."""
         if not self._from:
             return
         begin, end = np.concatenate(self._from), np.concatenate(self._to)
@@ -155,12 +140,17 @@ class Contours:
                 yield Ring(along[first:last], unseen[first:last], area)
 
 
-def _cycles(
-    following: NDArray[np.intp], order: NDArray[np.intp]
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The cycles of a permutation one after another, and where each begins.
+def _side(
+    rows: Indices, columns: Indices, side: NDArray[np.int8]
+) -> tuple[Indices, Indices, Flags]:
+    """Return the upper, or left, pixel of squares' sides, and whether these are upright."""
+    return rows + (side == _BOTTOM), columns + (side == _RIGHT), (side == _LEFT) | (side == _RIGHT)
 
-    Each begins with what of it comes first in `order`, and the cycles come in that order, too.
+
+def _cycles(following: Indices, order: Indices) -> tuple[Indices, Indices]:
+    """Return the cycles of a permutation one after another, and where each begins.
+
+    Each begins with its first element in `order`; the cycles come in that order.
 
     >>> chain, starts = _cycles(np.array([2, 3, 4, 1, 0]), np.array([1, 0, 2, 3, 4]))
     >>> chain.tolist(), starts.tolist()

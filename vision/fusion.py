@@ -1,9 +1,7 @@
 """Many pictures' probabilities on one raster.
 
-At each place the fused probability is the mean over the pictures that show it, each with its
-weight. Pictures of the same ground are no independent evidence (the same shadow is in all of
-them), so their log-odds are not added up; where they disagree, as at an edge that errors of the
-poses shift, the mean lies in between, and tells so.
+The fused probability is the weighted mean over the pictures that show a place. Pictures of the same
+ground are no independent evidence (all have the same shadow), so log-odds are not added.
 """
 
 from __future__ import annotations
@@ -22,9 +20,9 @@ MOST: Final = 254
 """Levels of a probability: 0 to `MOST`; `UNSEEN` where no picture shows the place."""
 
 SMOOTH_PX: Final = 1.0
-"""Standard deviation of the smoothing of the sums, in pixels of the raster."""
+"""Standard deviation of the smoothing of the sums, pixels of the raster."""
 HALO_PX: Final = 4
-"""So far around a window its smoothing reaches."""
+"""Reach of the smoothing around a window, pixels."""
 _ROWS: Final = 256  # smoothed at once: all would take as much memory once more
 
 Levels = NDArray[np.uint8]
@@ -40,7 +38,7 @@ class Fusion:
         self._weight = np.zeros(self.window.shape, np.float32)
 
     def add(self, part: Window, levels: NDArray[np.uint8], weight: NDArray[np.float32]) -> None:
-        """Take in a picture on a part of the window: 0 to 255, and its weight."""
+        """Add a picture on a part of the window: levels 0 to 255, and its weight."""
         at = part.within(self.window)
         product = cv2.multiply(levels, weight, dtype=cv2.CV_32F)
         for total, more in ((self._sum, product), (self._weight, weight)):
@@ -49,7 +47,7 @@ class Fusion:
         cv2.add(count, (weight > 0.0).view(np.uint8), dst=count)
 
     def levels(self) -> Levels:
-        """The fused probability of the window, in levels from 0 to `MOST`, or `UNSEEN`."""
+        """Return the fused probability of the window, 0 to `MOST`, or `UNSEEN`."""
         rows, columns = self.window.shape
         found = np.full((rows - 2 * HALO_PX, columns - 2 * HALO_PX), UNSEEN, np.uint8)
         for top in range(HALO_PX, rows - HALO_PX, _ROWS):
@@ -61,7 +59,7 @@ class Fusion:
         return found
 
     def _smoothed(self, top: int, bottom: int) -> Levels:
-        """The levels of some rows, without the halo at their ends."""
+        """Return the levels of some rows, without the halo at their ends."""
         total, weight = (
             np.asarray(
                 cv2.GaussianBlur(
@@ -81,7 +79,7 @@ class Fusion:
 
 
 def as_levels(marks: Marks, shrinks_px: int = 0) -> NDArray[np.uint8]:
-    """Marks of a detector as 0 to 255, its mask grown by what the detector takes off at edges.
+    """Return a detector's marks as 0 to 255, a mask grown by `shrinks_px`.
 
     >>> as_levels(np.array([[0, 255, 0, 0]], np.uint8), 1).tolist()
     [[255, 255, 255, 0]]

@@ -1,7 +1,7 @@
-"""A picture laid on a raster of the ground, with how much it is to be believed at each place.
+"""A picture laid on a raster of the ground, with its weight at each place.
 
-Where a place lies in the picture is reckoned in the middle of squares of eight by eight pixels of
-the raster and interpolated in between: through a homography, or over a terrain.
+Places are projected in the middle of squares of eight by eight pixels of the raster and
+interpolated in between.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.units import GridPoint
-from vision.look import OBLIQUE_LIMIT
+from vision.projection import OBLIQUE_LIMIT
 from vision.raster import Raster, Window
 
 STEP: Final = 8
 FEATHER: Final = 0.04
-"""At the rim of a picture its weight fades over this part of its width."""
+"""Part of a picture's width over which its weight fades at the rim."""
 _PART: Final = 48 * STEP  # of a window, that is left out if the picture shows nothing of it
 _ALL_INSIDE: Final = 1.001  # a fade above this is 1 between its middles, too
 # columns and rows are in one map; an empty array in place of the other gives nonsense
@@ -35,12 +35,11 @@ class Overlay:
     """One picture over the ground.
 
     Attributes:
-        pixels: Pixels (n, m, 2) of ground points (n, m, 2) in the grid's moving frame; NaN for
-            those behind the camera.
-        below: The point under the camera, in the moving frame at the time of the exposure.
+        pixels: Pixels (n, m, 2) of ground points (n, m, 2) in the grid's moving frame; NaN behind
+            the camera.
+        below: The point under the camera, in the moving frame at the exposure.
         height_m: Of the camera above that point, above 0.
-        width_px: Columns of the picture as `pixels` means it.
-        height_px: Rows of it.
+        width_px: Columns of the picture that `pixels` means.
     """
 
     pixels: Callable[[Floats], Floats]
@@ -50,9 +49,10 @@ class Overlay:
     height_px: int
 
     def bounds(self) -> tuple[Floats, Floats] | None:
-        """The south-western and the north-eastern corner of what it shows within `OBLIQUE_LIMIT`.
+        """Return the south-western and north-eastern corner of what it shows within
+        `OBLIQUE_LIMIT`.
 
-        A little more than that; None where it shows nothing.
+        A little generous; None where it shows nothing.
         """
         below, reach_m = np.array(self.below), OBLIQUE_LIMIT * self.height_m
         low, high = below - reach_m, below + reach_m
@@ -69,10 +69,10 @@ class Overlay:
     def laid(
         self, raster: Raster, window: Window, times: float = 1.0
     ) -> Iterator[tuple[Window, Laying]]:
-        """The picture on the parts of a window of a raster of which it shows something.
+        """Yield the picture on the parts of a window where it shows something, its weight times
+        `times`.
 
-        A picture lies aslant on the ground: a good part of the window around it is not in it. Its
-        weight is multiplied by `times`.
+        A picture lies aslant on the ground: a good part of the window around it is not in it.
         """
         nodes = raster.middles(window, STEP)
         pixels = self.pixels(nodes)
@@ -94,7 +94,7 @@ class Overlay:
                 yield part, Laying(places[near], weight, (self.width_px, self.height_px))
 
     def _inside_px(self, pixels: Floats) -> Floats:
-        """How many pixels from the rim of the picture; negative outside of it."""
+        """Return the pixels from the rim of the picture; negative outside."""
         x, y = pixels[..., 0], pixels[..., 1]
         across = np.minimum(x + 0.5, self.width_px - 0.5 - x)
         along = np.minimum(y + 0.5, self.height_px - 0.5 - y)
@@ -103,15 +103,17 @@ class Overlay:
 
 @dataclass(frozen=True, slots=True)
 class Laying:
-    """A picture of `size_px` columns and rows on a window: where the middles of its squares lie in
-    it, and the weight of each pixel: 0 outside, at most 1 times what was asked for."""
+    """A picture of `size_px` columns and rows on a window.
+
+    `nodes` are the middles of its squares in the picture; `weight` is of each pixel: 0 outside.
+    """
 
     nodes: NDArray[np.float32]
     weight: NDArray[np.float32]
     size_px: tuple[int, int]
 
     def sampled(self, framed_image: NDArray[Any]) -> NDArray[Any]:
-        """An image of what the picture shows, of whatever size, `framed`, on the window."""
+        """Sample an image of the picture, of any size, `framed`, on the window."""
         rows, columns = (side - 2 for side in framed_image.shape[:2])
         # from pixels' edges to pixels' edges, of which the frame has one more
         scale = np.divide((columns, rows), self.size_px)
@@ -125,15 +127,14 @@ class Laying:
 
 
 def _near(part: Window, window: Window) -> tuple[slice, ...]:
-    """The squares of a part of a window, with those around, between whose middles its outer
-    pixels lie."""
+    """Return the squares of a part of a window, with one more all around."""
     return tuple(
         slice(side.start // STEP, -(-side.stop // STEP) + 2) for side in part.within(window)
     )
 
 
 def _narrowed(block: Window, window: Window, shown: NDArray[np.bool_]) -> Window:
-    """The part of a block that may lie between middles of which one is shown: whole squares."""
+    """Return the whole squares of a block that may lie between middles of which one is shown."""
     found = shown[_near(block, window)]
     rows, columns = (np.flatnonzero(found.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
@@ -149,7 +150,7 @@ def _narrowed(block: Window, window: Window, shown: NDArray[np.bool_]) -> Window
 def _weight(
     fade: NDArray[np.float32], level: NDArray[np.float32], shape: tuple[int, ...]
 ) -> NDArray[np.float32]:
-    """The weight at every pixel of a part: `fade` goes up to 1 from the rim of the picture on."""
+    """Return the weight at every pixel of a part; `fade` rises to 1 from the rim inwards."""
     found = _between(level, shape)
     if fade.min() > _ALL_INSIDE:
         return found
@@ -159,7 +160,7 @@ def _weight(
 
 
 def framed(image: NDArray[Any]) -> NDArray[Any]:
-    """An image with its outermost pixels once more around it, as `Laying.sampled` takes it.
+    """Return an image with its outermost pixels repeated around it, for `Laying.sampled`.
 
     >>> framed(np.array([[1, 2]], np.uint8)).tolist()
     [[1, 1, 2, 2], [1, 1, 2, 2], [1, 1, 2, 2]]
@@ -168,7 +169,7 @@ def framed(image: NDArray[Any]) -> NDArray[Any]:
 
 
 def _between(nodes: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Values at every pixel, from those in the middle of squares with one more row all around."""
+    """Interpolate to every pixel values of squares' middles, with one more row all around."""
     rows, columns = shape
     size = STEP * nodes.shape[1], STEP * nodes.shape[0]
     found = cv2.resize(nodes, size, interpolation=cv2.INTER_LINEAR)

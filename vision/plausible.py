@@ -1,9 +1,8 @@
-"""Whether a picture can be evidence at all, before anybody asks what it shows.
+"""Whether a picture can be evidence at all.
 
-A lens cap, a dead sensor, an exposure that failed and a camera that has stalled all give pictures
-that decode without a fault, and a detector takes a black one for ROI from edge to edge. What no
-working camera over any ground gives is refused here; whether the rest is ROI or not is for the
-detector.
+A lens cap, a dead sensor, a failed exposure and a stalled camera give pictures that decode without
+a fault, and a detector takes a black one for ROI. This module refuses what no working camera over
+any ground gives.
 """
 
 from __future__ import annotations
@@ -13,15 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 DARK = 16
-"""A picture with nothing brighter (0 to 255) shows no ground: sensors give some levels of noise
-with the lens cap on."""
+"""Brightest level, 0 to 255, of a picture that shows no ground: sensors give some noise with the
+lens cap on.
+"""
 
 BRIGHT = 250
-"""A picture with nothing darker is over-exposed."""
+"""Darkest level of an over-exposed picture."""
 
 LEAST_SPREAD = 2
-"""Levels between the darkest and the brightest pixels: a working sensor's own noise gives more, in
-fog and over open water too."""
+"""Least levels between the darkest and the brightest pixels: a sensor's own noise gives more, in
+fog and over open water too.
+"""
 
 _OUTLIERS = 0.005  # the share of pixels at either end that may be defects of the sensor
 
@@ -29,14 +30,13 @@ Image = NDArray[np.uint8]
 
 
 def implausible(image: Image, last: Image | None = None, *, noiseless: bool = False) -> str | None:
-    """Why a picture is no evidence; None where it may be.
+    """Return why a picture is no evidence; None where it may be.
 
     Args:
-        image: The picture, (rows, columns, 3), blue-green-red.
-        last: The picture that this camera took before it. Two pictures of a working camera differ
-            in every few pixels, by noise alone.
-        noiseless: A simulated camera without noise gives uniform pictures of ground without
-            texture, and the same picture twice when nothing moves; let it.
+        image: Shape (rows, columns, 3), blue-green-red.
+        last: The camera's picture before it. Two pictures of a working camera differ by noise
+            alone.
+        noiseless: Allow uniform and repeated pictures, as a simulated camera without noise gives.
 
     >>> implausible(np.zeros((8, 8, 3), np.uint8))
     'the picture is dark all over (nothing above level 0 of 255): lens cap, or a dead sensor'
@@ -65,7 +65,7 @@ def implausible(image: Image, last: Image | None = None, *, noiseless: bool = Fa
 
 
 def _ends(image: Image, channel: int) -> tuple[int, int]:
-    """The levels of a channel between which all but the outliers lie."""
+    """Return the levels of a channel between which all but the outliers lie."""
     counts = cv2.calcHist([image], [channel], None, [256], [0.0, 256.0]).ravel()
     below = np.cumsum(counts)
     few = _OUTLIERS * float(below[-1])

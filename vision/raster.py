@@ -26,11 +26,11 @@ class Window(NamedTuple):
 
     @property
     def is_empty(self) -> bool:
-        """Whether there is no pixel in it."""
+        """Whether it has no pixel."""
         return 0 in self.shape
 
     def common(self, other: Window) -> Window:
-        """What two windows share; maybe empty.
+        """Return what two windows share; maybe empty.
 
         >>> Window(0, 0, 4, 4).common(Window(2, 1, 9, 3))
         Window(top=2, left=1, bottom=4, right=3)
@@ -43,20 +43,20 @@ class Window(NamedTuple):
         )
 
     def within(self, other: Window) -> tuple[slice, slice]:
-        """Where this window lies in an array of `other`, of which it is a part."""
+        """Return the slices of this window in an array of `other`, of which it is a part."""
         return (
             slice(self.top - other.top, self.bottom - other.top),
             slice(self.left - other.left, self.right - other.left),
         )
 
     def blocks(self, side: int) -> Iterator[Window]:
-        """Windows of at most `side` pixels that cover all of it, row by row from its top."""
+        """Yield windows of at most `side` pixels that cover it, row by row from its top."""
         for top in range(self.top, self.bottom, side):
             for left in range(self.left, self.right, side):
                 yield Window(top, left, top + side, left + side).common(self)
 
     def grown(self, by: int) -> Window:
-        """The window with so many pixels more on each side."""
+        """Return the window with `by` more pixels on each side."""
         return Window(self.top - by, self.left - by, self.bottom + by, self.right + by)
 
 
@@ -65,11 +65,9 @@ class Raster:
     """Pixels of `pitch_m` in the grid's moving frame.
 
     Attributes:
-        west_m: The left edge of the first column, metres east.
-        north_m: The upper edge of the first row, metres north.
-        pitch_m: Edge of a pixel, metres on the ground, above 0.
-        columns: How many from west to east.
-        rows: How many from north to south.
+        west_m: Left edge of the first column, metres east.
+        north_m: Upper edge of the first row, metres north.
+        pitch_m: Edge of a pixel on the ground, metres, above 0.
 
     >>> raster = Raster(0.0, 10.0, 0.5, 4, 3)
     >>> raster.middles(Window(0, 0, 1, 2), 1)[1].tolist()
@@ -87,13 +85,8 @@ class Raster:
         """All of it."""
         return Window(0, 0, self.rows, self.columns)
 
-    def blocks(self, side: int) -> Iterator[Window]:
-        """Windows of at most `side` pixels that cover all of it, row by row from the north."""
-        return self.whole.blocks(side)
-
     def shared(self, windows: Iterable[Window], side: int) -> dict[Window, list[int]]:
-        """The blocks in which some of these windows lie, in the order of `blocks`, each with the
-        numbers of these.
+        """Return the blocks in which windows lie, from the north, each with the windows' numbers.
 
         >>> found = Raster(0.0, 0.0, 1.0, 9, 9).shared([Window(0, 3, 2, 6), Window(8, 0, 9, 1)], 4)
         >>> [(block.top, block.left, numbers) for block, numbers in found.items()]
@@ -114,10 +107,10 @@ class Raster:
         }  # fmt: skip
 
     def middles(self, window: Window, side: int) -> NDArray[np.float64]:
-        """Metres east and north of the middles of squares of so many pixels along an edge: those
-        that cover a window, from its first pixel on, and one more on each side of it.
+        """Return metres east and north of the middles of squares of `side` pixels.
 
-        Shape (rows / side rounded up + 2, columns / side rounded up + 2, 2).
+        They cover a window from its first pixel, with one more all around. Shape (rows / side
+        rounded up + 2, columns / side rounded up + 2, 2).
         """
         rows, columns = (np.arange(-1, math.ceil(edge / side) + 1) + 0.5 for edge in window.shape)
         east = self.west_m + (window.left + side * columns) * self.pitch_m
@@ -125,15 +118,9 @@ class Raster:
         return np.stack(np.meshgrid(east, north), axis=-1)
 
     def around(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> Window:
-        """The window of all pixels between two corners (metres east and north), within it."""
-        left, bottom = (
-            (low[0] - self.west_m) / self.pitch_m,
-            (self.north_m - low[1]) / self.pitch_m,
-        )
-        right, top = (
-            (high[0] - self.west_m) / self.pitch_m,
-            (self.north_m - high[1]) / self.pitch_m,
-        )
+        """Return the window of the pixels between two corners (metres east and north)."""
+        left, right = ((corner[0] - self.west_m) / self.pitch_m for corner in (low, high))
+        top, bottom = ((self.north_m - corner[1]) / self.pitch_m for corner in (high, low))
         return Window(
             math.floor(top), math.floor(left), math.ceil(bottom) + 1, math.ceil(right) + 1
         ).common(self.whole)

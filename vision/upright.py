@@ -1,16 +1,15 @@
 """Which recorded pictures are stored upside down.
 
-Picture viewers turn a photograph by 180 degrees without touching its gimbal angles, and then no tag
-tells. The ground does: where two pictures overlap, they agree only if both are the right way up.
-
-A picture is compared with a few others only: the one before it, and the nearest of those before
-that. So the cost grows with the number of pictures, and not with its square.
+Picture viewers turn a photograph by 180 degrees without changing its gimbal angles, so no tag
+tells. Overlapping pictures agree only if both are upright. Each is compared with the one before it
+and the nearest of those before that: the cost is linear in the number of pictures.
 """
 
 from __future__ import annotations
 
+import heapq
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,8 +19,106 @@ from numpy.typing import NDArray
 
 from missions.geo.grid import Grid
 from vision.camera import project
-from vision.labels import best_labels
-from vision.look import OBLIQUE_LIMIT, Frame
+from vision.look import Frame
+from vision.projection import OBLIQUE_LIMIT
+
+Floats = NDArray[np.float64]
+Scores = Mapping[tuple[int, int], Floats]
+"""The agreement of pictures i < j for (i turned, j turned): 2 x 2, 0 to 1."""
+
+_Neighbours = Mapping[int, Mapping[int, Floats]]
+
+MARGIN = 0.05
+"""Mean gain per pair below which nothing is turned."""
+
+
+def best_labels(count: int, scores: Scores) -> tuple[bool, ...]:
+    """Return for each picture whether it is turned, so that the sum over the pairs is largest.
+
+    The search visits every pair a few times. Pictures that pairs connect are labelled together;
+    they stay as stored if turning gains less than `MARGIN` per pair.
+
+    >>> best_labels(3, {(0, 1): np.array([[0.1, 0.9], [0.8, 0.1]])})
+    (False, True, False)
+    """
+    near: dict[int, dict[int, Floats]] = {k: {} for k in range(count)}
+    for (i, j), table in scores.items():
+        near[i][j], near[j][i] = table, table.T
+    turned = [False] * count
+    seen: set[int] = set()
+    for first in range(count):
+        if first in seen or not near[first]:
+            continue
+        component = _component(first, near)
+        seen.update(component)
+        grown = [_grown(first, way, near) for way in (False, True)]
+        labels = max(grown, key=lambda found: _sum(found, near))
+        as_stored = dict.fromkeys(component, False)
+        pairs = sum(len(near[k]) for k in component) // 2
+        if _sum(labels, near) > _sum(as_stored, near) + MARGIN * pairs:
+            for k, way in labels.items():
+                turned[k] = way
+    return tuple(turned)
+
+
+def _component(first: int, near: _Neighbours) -> set[int]:
+    found, edge = {first}, [first]
+    while edge:
+        for k in near[edge.pop()]:
+            if k not in found:
+                found.add(k)
+                edge.append(k)
+    return found
+
+
+def _gain(k: int, labels: Mapping[int, bool], near: _Neighbours) -> float:
+    total = 0.0
+    for other, table in near[k].items():
+        if other in labels:
+            column = int(labels[other])
+            total += float(table[1, column] - table[0, column])
+    return total
+
+
+def _grown(first: int, way: bool, near: _Neighbours) -> dict[int, bool]:
+    """Label outwards from a picture, the clearest next; then mend."""
+    labels: dict[int, bool] = {}
+    heap: list[tuple[float, int]] = [(0.0, first)]
+    clearest = {first: 0.0}
+    while heap:
+        sureness, k = heapq.heappop(heap)
+        if k in labels or -sureness != clearest[k]:
+            continue
+        labels[k] = _gain(k, labels, near) > 0.0 if labels else way
+        for other in near[k]:
+            if other not in labels:
+                clearest[other] = abs(_gain(other, labels, near))
+                heapq.heappush(heap, (-clearest[other], other))
+    _mend(labels, near)
+    return labels
+
+
+def _mend(labels: dict[int, bool], near: _Neighbours) -> None:
+    """Turn the picture that disagrees most with its neighbours until none does."""
+    gains = {k: _gain(k, labels, near) for k in labels}
+    for _ in range(len(labels)):
+        wrong = [k for k, gain in gains.items() if (gain > 0.0) != labels[k]]
+        if not wrong:
+            return
+        worst = max(wrong, key=lambda k: (abs(gains[k]), -k))
+        labels[worst] = not labels[worst]
+        for other in near[worst]:
+            gains[other] = _gain(other, labels, near)
+
+
+def _sum(labels: Mapping[int, bool], near: _Neighbours) -> float:
+    return sum(
+        float(table[int(labels[i]), int(labels[j])])
+        for i in sorted(labels)
+        for j, table in near[i].items()
+        if i < j
+    )
+
 
 _PIXELS_A_HEIGHT = 40  # resolution of the comparison: a metre from 40 m
 _SEARCH = 0.12  # how far positions may be off, in heights: some 5 m from 40 m
@@ -50,20 +147,20 @@ class Patch:
 
 @dataclass(slots=True)
 class UprightSearch:
-    """Compares pictures as they come; in the end it says which are upside down.
+    """Compares pictures as they come; then reports which are upside down.
 
-    `pitch_m` is the raster on the ground on which they are compared: `pitch_for` the heights.
+    `pitch_m` is the raster on the ground for the comparison: `pitch_for` the heights.
     """
 
     grid: Grid
     pitch_m: float
     _count: int = 0
     _kept: deque[tuple[int, Patch]] = field(default_factory=lambda: deque(maxlen=_KEPT))
-    _scores: dict[tuple[int, int], NDArray[np.float64]] = field(default_factory=dict)
+    _scores: dict[tuple[int, int], Floats] = field(default_factory=dict)
 
     @staticmethod
     def pitch_for(heights_m: Sequence[float]) -> float:
-        """The raster for pictures from such heights, metres.
+        """Return the raster for pictures from such heights, metres.
 
         >>> UprightSearch.pitch_for([40.0, 40.0, 4000.0])
         1.0
@@ -72,12 +169,61 @@ class UprightSearch:
         return usual_m / _PIXELS_A_HEIGHT
 
     def patch(self, frame: Frame) -> Patch | None:
-        """What is compared of a frame; None if it looks too far sideways. Of no other's business:
-        several threads may ask at once."""
-        return _patch(frame, self.grid, self.pitch_m)
+        """Lay a frame on the ground; None if it looks too far sideways. Safe in several threads."""
+        grid, pitch_m = self.grid, self.pitch_m
+        if frame.pose.height_m <= 0.0:
+            return None
+        width, height = frame.camera.width_px, frame.camera.height_px
+        matrix = frame.camera.homography(frame.pose, grid, frame.t_s)
+        corners = np.array(
+            [[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], float
+        )
+        to_ground: Floats = np.linalg.inv(matrix).astype(np.float64)
+        ground, _ = project(_positive_at_centre(to_ground, width, height), corners)
+        here = grid.to_moving(grid.fixed(frame.pose.position), frame.t_s)
+        reach_m = np.hypot(*(ground - np.array(here)).T).max()
+        if not reach_m <= OBLIQUE_LIMIT * frame.pose.height_m:  # NaN: a corner at the sky
+            return None
+        low = np.floor(ground.min(axis=0) / pitch_m).astype(int)
+        high = np.ceil(ground.max(axis=0) / pitch_m).astype(int)
+        columns, rows = (int(n) for n in high - low)
+        ground_of_sample = np.array(
+            [
+                [pitch_m, 0.0, (low[0] + 0.5) * pitch_m],
+                [0.0, -pitch_m, (high[1] - 0.5) * pitch_m],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+        to_pixels = matrix @ ground_of_sample
+        half_turn = np.array([[-1.0, 0.0, width - 1.0], [0.0, -1.0, height - 1.0], [0.0, 0.0, 1.0]])
+        # blurred to the raster, or the raster would pick single pixels out of leaves and gravel
+        blur_px = frame.camera.focal_px * pitch_m / frame.pose.height_m
+        gray, times = _halved(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), blur_px)
+        blur = max(1, round(blur_px / times))
+        gray = cv2.blur(gray, (blur, blur))
+        middle = (1.0 - times) / (2.0 * times)
+        smaller = np.array(
+            [[1.0 / times, 0.0, middle], [0.0, 1.0 / times, middle], [0.0, 0.0, 1.0]]
+        )
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        ways = tuple(
+            cv2.warpPerspective(gray, smaller @ m, (columns, rows), flags=flags).astype(
+                np.uint8, copy=False
+            )
+            for m in (to_pixels, half_turn @ to_pixels)
+        )
+        rim = (ground / pitch_m - (low[0] + 0.5, high[1] - 0.5)) * (1.0, -1.0)
+        seen = np.zeros((rows, columns), np.uint8)
+        cv2.fillConvexPoly(seen, np.round(rim).astype(np.int32), (255,))
+        inner = cv2.erode(
+            seen, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0
+        )
+        return Patch(
+            int(low[0]), int(high[1]), (ways[0], ways[1]), inner.astype(np.uint8, copy=False)
+        )
 
     def add(self, patch: Patch | None) -> None:
-        """The next picture, in the order in which they were taken."""
+        """Add the patch of the next picture, in the order of exposure."""
         number = self._count
         self._count += 1
         if patch is None:
@@ -89,11 +235,16 @@ class UprightSearch:
         self._kept.append((number, patch))
 
     def turned(self) -> tuple[bool, ...]:
-        """For each picture, whether it has to be turned by 180 degrees to agree with the others."""
+        """Return for each picture whether it must be turned by 180 degrees to agree with the
+        others.
+
+        The labels under which overlapping pairs correlate best, summed over the pairs. Pictures
+        without overlap stay as they are, as do all if the gain is below a small margin.
+        """
         return best_labels(self._count, self._scores)
 
     def _partners(self, patch: Patch) -> list[tuple[int, Patch]]:
-        """The picture before, and the nearest of the others that may overlap."""
+        """Return the picture before, and the nearest of the others that may overlap."""
         if not self._kept:
             return []
         *others, before = self._kept
@@ -109,73 +260,8 @@ class UprightSearch:
         return [before, *((number, kept) for _, number, kept in near[:_PARTNERS])]
 
 
-def upside_down(frames: Sequence[Frame], grid: Grid) -> tuple[bool, ...]:
-    """For each frame, whether its picture has to be turned by 180 degrees to agree with the others.
-
-    The labels are those under which the overlapping pairs correlate best, summed over the pairs.
-    Frames that see past `OBLIQUE_LIMIT` heights, or overlap no other, are taken as they are; so is
-    everything where the best labels gain less than a small margin.
-    """
-    if not frames:
-        return ()
-    search = UprightSearch(grid, UprightSearch.pitch_for([f.pose.height_m for f in frames]))
-    for frame in frames:
-        search.add(search.patch(frame))
-    return search.turned()
-
-
-# --- the pictures on the ground ----------------------------------------------------------------
-def _patch(frame: Frame, grid: Grid, pitch_m: float) -> Patch | None:
-    """The frame on a raster of `pitch_m`; None if it looks too far sideways."""
-    if frame.pose.height_m <= 0.0:
-        return None
-    width, height = frame.camera.width_px, frame.camera.height_px
-    matrix = frame.camera.homography(frame.pose, grid, frame.t_s)
-    corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], float)
-    to_ground: NDArray[np.float64] = np.linalg.inv(matrix).astype(np.float64)
-    ground, _ = project(_positive_at_centre(to_ground, width, height), corners)
-    here = grid.to_moving(grid.fixed(frame.pose.position), frame.t_s)
-    reach_m = np.hypot(*(ground - np.array(here)).T).max()
-    if not reach_m <= OBLIQUE_LIMIT * frame.pose.height_m:  # NaN: a corner at the sky
-        return None
-    low = np.floor(ground.min(axis=0) / pitch_m).astype(int)
-    high = np.ceil(ground.max(axis=0) / pitch_m).astype(int)
-    columns, rows = (int(n) for n in high - low)
-    ground_of_sample = np.array(
-        [
-            [pitch_m, 0.0, (low[0] + 0.5) * pitch_m],
-            [0.0, -pitch_m, (high[1] - 0.5) * pitch_m],
-            [0.0, 0.0, 1.0],
-        ]
-    )
-    to_pixels = matrix @ ground_of_sample
-    half_turn = np.array([[-1.0, 0.0, width - 1.0], [0.0, -1.0, height - 1.0], [0.0, 0.0, 1.0]])
-    # blurred to the raster, or the raster would pick single pixels out of leaves and gravel
-    blur_px = frame.camera.focal_px * pitch_m / frame.pose.height_m
-    gray, times = _halved(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), blur_px)
-    blur = max(1, round(blur_px / times))
-    gray = cv2.blur(gray, (blur, blur))
-    middle = (1.0 - times) / (2.0 * times)
-    smaller = np.array([[1.0 / times, 0.0, middle], [0.0, 1.0 / times, middle], [0.0, 0.0, 1.0]])
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    ways = tuple(
-        cv2.warpPerspective(gray, smaller @ m, (columns, rows), flags=flags).astype(
-            np.uint8, copy=False
-        )
-        for m in (to_pixels, half_turn @ to_pixels)
-    )
-    rim = (ground / pitch_m - (low[0] + 0.5, high[1] - 0.5)) * (1.0, -1.0)
-    seen = np.zeros((rows, columns), np.uint8)
-    cv2.fillConvexPoly(seen, np.round(rim).astype(np.int32), (255,))
-    inner = cv2.erode(
-        seen, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0
-    )
-    return Patch(int(low[0]), int(high[1]), (ways[0], ways[1]), inner.astype(np.uint8, copy=False))
-
-
 def _halved(gray: NDArray[Any], blur_px: float) -> tuple[NDArray[Any], int]:
-    """The means of so many by so many pixels: a picture that will be blurred much need not be
-    large. How many along an edge comes with it.
+    """Halve a picture as often as the blur allows; return it and how many pixels became one.
 
     >>> _halved(np.ones((9, 12), np.uint8), 20.0)[0].shape
     (2, 3)
@@ -192,16 +278,16 @@ def _halved(gray: NDArray[Any], blur_px: float) -> tuple[NDArray[Any], int]:
     return gray, times
 
 
-def _positive_at_centre(
-    matrix: NDArray[np.float64], width: int, height: int
-) -> NDArray[np.float64]:
-    """The matrix with its sign such that the middle of the picture is in front."""
+def _positive_at_centre(matrix: Floats, width: int, height: int) -> Floats:
+    """Sign the matrix such that the middle of the picture is in front."""
     middle = matrix[2] @ np.array([(width - 1) / 2, (height - 1) / 2, 1.0])
     return matrix if middle > 0.0 else -matrix
 
 
-def _correlations(first: Patch, second: Patch) -> NDArray[np.float64] | None:
-    """Best correlation for each (first turned, second turned); None without enough in common."""
+def _correlations(first: Patch, second: Patch) -> Floats | None:
+    """Return the best correlation for each (first turned, second turned); None without enough in
+    common.
+    """
     west = max(first.west_px, second.west_px)
     north = min(first.north_px, second.north_px)
     shapes = [p.seen.shape for p in (first, second)]
@@ -236,11 +322,11 @@ def _best_scores(
     templates: Sequence[NDArray[np.uint8]],
     images: Sequence[NDArray[np.uint8]],
     weight: NDArray[np.float32],
-) -> NDArray[np.float64]:
-    """The best correlation of each template, where it has weight, over all places in each image.
+) -> Floats:
+    """Return the best correlation of each weighted template over all places in each image.
 
-    As `cv2.matchTemplate` with a mask gives it, at a third of its cost: what depends on one of the
-    two only is reckoned once.
+    As `cv2.matchTemplate` with a mask, at a third of its cost: what depends on one of the two alone
+    is computed once.
     """
     count = float(weight.sum())
     centred = []

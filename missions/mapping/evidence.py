@@ -3,7 +3,7 @@
 A vote counts alike from wherever it was taken, and the first few of them decide: that is how the
 paper maps, in flight. Recorded pictures are all there before anything is decided, and they differ:
 one sees a cell from above, another aslant, one with 25 pixels along its edge, another with 10, one
-all of it, another half. So each picture has a weight on each cell (`vision.weighing`), and the
+all of it, another half. So each picture has a weight on each cell (`vision.projection`), and the
 belief in a cell is the weighed mean of the shares of region that pictures have seen in it. It is a
 mean and no product of odds: a cell of which a third is region is a third region in every picture,
 and ten of them do not make it less.

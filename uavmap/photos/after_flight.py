@@ -1,7 +1,6 @@
 """After a flight that kept its pictures: the boundary at pixel level, and the ground on the map.
 
-The pictures are judged once more, with the poses that they were judged with in the air. The map of
-cells stays as it was flown.
+The pictures are judged again with their poses in the air. The map of cells stays as flown.
 """
 
 from __future__ import annotations
@@ -13,10 +12,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from shapely.geometry.base import BaseGeometry
 
 from missions.errors import UavmapError
-from missions.flight.setting import Setting
 from missions.flight.state import State
 from uavmap.base.messages import muted
 from uavmap.journal.event_log import JournalReader
@@ -35,10 +32,10 @@ from uavmap.output.write_results import flight_values, map_data
 from uavmap.photos.ground.fine_map import FineMap, beneath, scene_of
 from uavmap.photos.ground.rasters import ORTHO, Rasters, Wishes
 from uavmap.photos.ground.surface import Footing
-from uavmap.photos.picture_replay import Looked, Options, look_at_all
+from uavmap.photos.picture_replay import Looked, look_at_all
+from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.flight_frames import FlightFrames
 from uavmap.photos.sources.inventory import gather
-from uavmap.photos.verdict_spool import Spool
 
 _LOG: Final = logging.getLogger("uavmap.photos")
 
@@ -53,9 +50,9 @@ def draw_boundary(
     complain: Callable[[str], None],
     wishes: Wishes | None = None,
 ) -> None:
-    """Write boundary.geojson, the GeoTIFFs, and map.png anew, of a flight that is over.
+    """Write boundary.geojson, the GeoTIFFs, and map.png again, of a flight that is over.
 
-    Whatever goes wrong is told in a line: the other results are there already. So is Ctrl-C.
+    Every fault, and Ctrl-C, is a line to `complain`: the other results are there already.
     """
     try:
         with Spool() as spool:
@@ -86,14 +83,15 @@ def _draw(folder: Path, spool: Spool, wishes: Wishes) -> None:
         "there (Ctrl-C leaves it out)"
     )
     with muted():
-        looked = look_at_all(gathered, setting, spool, Options())
+        looked = look_at_all(gathered, setting, spool)
     scene = scene_of(setting, _footings(looked))
     if scene is None:
         return
     fine = FineMap.of(setting, looked.judge, scene, spool, looked.workers)
     told = _told(fine, looked, state)
     boundary_file.write(told, folder / FILE)
-    truth = _truth(setting) if plan.simulated else None
+    painted = plan.simulated and setting.mission.sim.roi
+    truth = true_roi(setting.mission, setting.grid) if painted else None
     cells = map_data(setting, state, found, truth)
     data = replace(cells, boundary=fine.boundary.region)
     ground = beneath(scene, spool, setting.grid, looked.workers, state.t_s)
@@ -108,7 +106,7 @@ def _draw(folder: Path, spool: Spool, wishes: Wishes) -> None:
 
 
 def _footings(looked: Looked) -> list[Footing]:
-    """The used pictures, at the mission times of their exposures: the region may drift."""
+    """Return the used pictures, at the mission times of their exposures: the region may drift."""
     return [
         replace(footing, t_s=looked.shots[footing.number].placed.picture.taken_s or 0.0)
         for footing in looked.footings()
@@ -122,8 +120,3 @@ def _told(fine: FineMap, looked: Looked, state: State) -> boundary_file.Boundary
     sigmas_m = [shot.placed.picture.position_sigma_m for shot in looked.shots if not shot.reason]
     cells, without = (np.array(some, np.int32).reshape(-1, 2) for some in (seen, undecided))
     return fine.told(state.t_s, sigmas_m, cells, without)
-
-
-def _truth(setting: Setting) -> BaseGeometry | None:
-    mission = setting.mission
-    return true_roi(mission, setting.grid) if mission.sim.roi else None

@@ -1,9 +1,9 @@
-"""Pictures that are looked at on a Dask cluster instead of on this computer's cores.
+"""Pictures examined on a Dask cluster instead of on this computer's cores.
 
-A picture's bytes travel with it, so that workers need neither the files nor the detector's; what
-they need is the same version of uavmap. Pictures are handed out a few at a time and taken back in
-their order, so the map is the same, byte for byte, and memory does not grow with the archive. What
-a worker had when it died Dask gives to another one.
+A picture's bytes travel with it, so workers need neither the files nor the detector's, only the
+same version of uavmap. Pictures are sent a few at a time and received in their order: the map is
+the same, byte for byte, and memory does not grow with the archive. Dask gives the work of a dead
+worker to another.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from types import TracebackType
 from typing import Any, Final, NamedTuple, Self, TypeVar
 
 import cv2
@@ -30,16 +29,15 @@ from uavmap.photos.sources.picture_record import Picture
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 MOST_WAITING: Final = 64
-"""So many pictures at most are under way, however large the cluster."""
+"""Most pictures under way, however large the cluster."""
 NO_WORKER_S: Final = 60.0
-"""A cluster that has lost its last worker gets so long to bring another."""
+"""Maximum time without any worker, s."""
 _ASK_S: Final = 2.0
 
 
 class Travelling(NamedTuple):
-    """The content of a picture on its way: the bytes of its file, its pixels, or why it has none.
-
-    See `uavmap.photos.sources.picture_record.Content`.
+    """The content of a picture on its way: the bytes of its file, its pixels, or a fault; a
+    `Content`.
     """
 
     data: bytes | NDArray[np.uint8] | NDArray[np.uint16]
@@ -48,11 +46,11 @@ class Travelling(NamedTuple):
     fault: str = ""
 
     def digest(self) -> str:
-        """Nobody asks for it on a worker: which pictures differ is known before they leave."""
+        """See `Content.digest`."""
         return self.sha256
 
     def decode(self, max_width_px: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
-        """See `Content.decode`. Pixels that travel are of the size that was asked for."""
+        """See `Content.decode`. Pixels that travel have the wanted size already."""
         if self.fault:
             raise ImageError(self.fault)
         return decoded(self.data, max_width_px) if isinstance(self.data, bytes) else self.data
@@ -60,10 +58,10 @@ class Travelling(NamedTuple):
 
 @dataclass(slots=True)
 class Cluster:
-    """A Dask cluster that looks at pictures; to be used in a `with`.
+    """A Dask cluster that examines pictures; a context manager.
 
-    Raises `StudyError`, in a line, where it cannot be reached or has no worker, where a worker has
-    another version of uavmap, and when its scheduler or its last worker goes away.
+    Raises `StudyError`, in a line, if it cannot be reached or has no worker, a worker has another
+    version of uavmap, or its scheduler or last worker goes away.
     """
 
     address: str
@@ -82,16 +80,11 @@ class Cluster:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._client.close()
 
     def in_order(self, work: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
-        """`work` of every item, in their order; both have to survive a journey (pickle)."""
+        """Yield `work` of every item, in their order; both must be picklable."""
         packed = pickle.dumps(work)
         waiting: deque[Any] = deque()
         most = min(2 * self._threads() + 1, MOST_WAITING)
@@ -111,7 +104,7 @@ class Cluster:
                 future.release()
 
     def sent(self, picture: Picture, max_width_px: int) -> Picture:
-        """See `Crew.sent`: files go as they are, frames of videos decoded."""
+        """See `Crew.sent`: files travel as they are, frames of videos decoded."""
         content = picture.content
         try:
             data = (
@@ -130,50 +123,48 @@ class Cluster:
             except UavmapError:
                 raise
             except self._distributed.KilledWorker:
-                raise StudyError(
-                    f"--scheduler {self.address}: a picture has ended several workers; is their "
-                    "memory enough? Replay without --scheduler shows which"
+                raise self._fault(
+                    "a picture has ended several workers; is their memory enough? Replay without "
+                    "--scheduler shows which"
                 ) from None
             except TimeoutError:
                 if self._client.status == "closed":
-                    raise self._gone() from None
+                    raise self._fault("the scheduler has gone away") from None
                 now_s = time.monotonic()
                 lonely_s = None if self._threads() else (lonely_s or now_s)
                 if lonely_s is not None and now_s - lonely_s > NO_WORKER_S:
-                    raise StudyError(
-                        f"--scheduler {self.address}: it has lost its last worker; start some: "
-                        f"dask worker {self.address}"
-                    ) from None
+                    raise self._fault(f"it has lost its last worker; {self._start}") from None
             except (self._distributed.CancelledError, OSError):
-                raise self._gone() from None
+                raise self._fault("the scheduler has gone away") from None
 
-    def _gone(self) -> StudyError:
-        return StudyError(f"--scheduler {self.address}: the scheduler has gone away")
+    @property
+    def _start(self) -> str:
+        return f"start some: dask worker {self.address}"
+
+    def _fault(self, text: str) -> StudyError:
+        return StudyError(f"--scheduler {self.address}: {text}")
 
     def _threads(self) -> int:
         try:
             return int(sum(self._client.nthreads().values()))
         except (OSError, TimeoutError):
-            raise self._gone() from None
+            raise self._fault("the scheduler has gone away") from None
 
     def _check_workers(self) -> None:
         if not self._threads():
-            raise StudyError(
-                f"--scheduler {self.address}: it has no worker; start some: "
-                f"dask worker {self.address}"
-            )
+            raise self._fault(f"it has no worker; {self._start}")
         try:
             versions = self._client.run(_version)
         except Exception as error:  # whatever comes back from over there
-            raise StudyError(
-                f"--scheduler {self.address}: its workers cannot run uavmap "
-                f"({type(error).__name__}: {error}); install uavmap {__version__} there"
+            raise self._fault(
+                f"its workers cannot run uavmap ({type(error).__name__}: {error}); install uavmap "
+                f"{__version__} there"
             ) from None
         for worker, version in sorted(versions.items()):
             if version != __version__:
-                raise StudyError(
-                    f"--scheduler {self.address}: {worker} has uavmap {version}, and here is "
-                    f"{__version__}; install one version everywhere"
+                raise self._fault(
+                    f"{worker} has uavmap {version}, and here is {__version__}; install one "
+                    "version everywhere"
                 )
 
 
@@ -184,7 +175,7 @@ def _version() -> str:
 
 @lru_cache(maxsize=4)
 def _unpacked(packed: bytes) -> Callable[[Any], Any]:
-    """The same object for all pictures of a replay: what it has reckoned once it keeps."""
+    """Return the same object for all pictures of a replay: it keeps what it has computed."""
     cv2.setNumThreads(1)
     work: Callable[[Any], Any] = pickle.loads(packed)
     return work

@@ -1,6 +1,6 @@
-"""Memory of this process: what is free is given back, what stays is not looked through.
+"""Memory of this process: free memory is returned, permanent objects are not collected.
 
-Where it runs out, a line says so, whichever library was the first to find out.
+Where it runs out, a line says so, whichever library notices first.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from missions.errors import UavmapError
 
 
 def give_back() -> bool:
-    """Have the C library give back what nobody uses any more; whether it is one that can.
+    """Have the C library return free memory to the system; return whether it can.
 
     Many threads take memory for a moment each, and glibc keeps it for them: after the maps of 1,000
-    pictures a quarter of what the process held was free.
+    pictures a quarter of the process's memory was free.
     """
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is None:  # no glibc: others give back by themselves
@@ -31,10 +31,10 @@ def give_back() -> bool:
 
 @contextlib.contextmanager
 def set_apart() -> Iterator[None]:
-    """In the block the garbage collector leaves alone what there was before it.
+    """Exclude existing objects from garbage collection in the block.
 
-    These are the modules and their classes, for the most part: looking through them once more takes
-    40 ms, which is a tenth of what the results of a small replay take.
+    These are mostly modules and their classes: visiting them takes 40 ms, a tenth of what the
+    results of a small replay take.
 
     >>> with set_apart():
     ...     gc.get_freeze_count() > 0
@@ -52,7 +52,7 @@ def set_apart() -> Iterator[None]:
 
 @contextlib.contextmanager
 def memory_told(what: str, remedy: str) -> Iterator[None]:
-    """Say in a line that memory ran out in the block; other errors pass.
+    """Report memory that runs out in the block in a line; other errors pass.
 
     >>> with memory_told("the map is not written", "map fewer pictures"):
     ...     raise MemoryError

@@ -1,4 +1,4 @@
-"""A mission file from recorded pictures: what they are of, and how finely they show it."""
+"""A mission file from recorded pictures: their area, at their resolution."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from uavmap.photos.sources.tag_validation import Placed, credible
 from vision.lens import Lens
 
 WIDTH_PX: Final = 1000
-"""Pictures are looked at at this width: finer than a cell needs, and fast."""
+"""Width at which pictures are judged: finer than a cell needs, and fast."""
 PIXELS_A_CELL: Final = 25
 _HFOV_DEG: Final = 75.0  # of most drones' cameras, for pictures that do not say
 _LEAST_CELLS: Final = 8  # across the shorter side of a picture
@@ -44,11 +44,10 @@ def derived(
     any_day: bool = False,
     detector: str = DETECTOR,
 ) -> str:
-    """The text of a mission file for these pictures, with the table `detector` in it.
+    """Return the text of a mission file for these pictures, with the table `detector` in it.
 
     Its start is the middle of all that they show, its box goes round that, and a cell has
-    `PIXELS_A_CELL` pixels from their usual height. Raises `ImageError` where no picture can be
-    used.
+    `PIXELS_A_CELL` pixels from their usual height. Raises `ImageError` if no picture can be used.
     """
     verdicts = credible(gathered.posed, any_day=any_day)
     placed = [verdict for verdict in verdicts if isinstance(verdict, Placed)]
@@ -94,7 +93,7 @@ positive = {positive}
 
 
 def _optics(placed: Sequence[Placed], lens: Lens | None) -> Optics:
-    """The usual camera, at the width that is worked with."""
+    """Return the usual camera, at the working width."""
     views = [
         (lens or p.picture.lens).hfov_rad  # type: ignore[union-attr]
         for p in placed
@@ -107,7 +106,7 @@ def _optics(placed: Sequence[Placed], lens: Lens | None) -> Optics:
 
 
 def _view_from(placed: Sequence[Placed], gathered: Gathered, lens: Lens | None) -> str:
-    """Where the angle of view comes from, for the line that tells it."""
+    """Return the source of the angle of view, for its line."""
     if lens is not None:
         return "from the calibration"
     told = Counter(p.picture.lens_from for p in placed if p.picture.lens_from)
@@ -123,7 +122,7 @@ def _view_from(placed: Sequence[Placed], gathered: Gathered, lens: Lens | None) 
 def _places(
     placed: Sequence[Placed], optics: Optics, height_m: float
 ) -> tuple[LatLon, list[LatLon], list[LatLon]]:
-    """Start, box and fence around all that the pictures show."""
+    """Return start, box and fence around all that the pictures show."""
     first = Grid.at(placed[0].pose.position, 1.0)
     points = [first.fixed(p.pose.position) for p in placed]
     reach_m = math.hypot(*optics.footprint(height_m)) / 2.0
@@ -144,7 +143,7 @@ def _places(
 
 
 def _votes(placed: Sequence[Placed], optics: Optics, start: LatLon) -> tuple[int, int]:
-    """How many votes count on a place, and a majority of them: two of three where pictures overlap.
+    """Return the votes of a place, and their majority: two of three where pictures overlap.
 
     Never two: both would have to agree, also where more pictures show the place.
     """

@@ -1,13 +1,12 @@
-"""Recorded pictures to a map, through the same detector and the same votes as a flight.
+"""Recorded pictures to a map, through the same detector and votes as a flight.
 
     source -> tags of all pictures -> credible -> decoded and judged one by one -> votes -> map
 
-The first pass reads tags only, and decides which pictures can be used. The second decodes each
-picture once, at the size that the mission works with, on all cores. What a picture says about
-cells waits on disk until all were seen: which are upside down, or blurred, shows beside the others
-only. What decides on a cell is the weighed mean of what all pictures say (`votes.recorded`,
-`missions.mapping.evidence`), or as in a flight the count of the first `votes.frames` that show it,
-in the order in which they were taken.
+The first pass reads tags only, and selects the pictures. The second decodes each once, at the
+mission's size, on all cores. Judgements wait on disk until all pictures were seen: which are upside
+down, or blurred, shows only beside the others. A cell is decided by the weighed mean of all
+pictures (`votes.recorded`, `missions.mapping.evidence`), or as in a flight by the first
+`votes.frames` that show it, in the order of exposure.
 
 A bad picture is refused with its reason, and never ends the run.
 """
@@ -17,8 +16,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 from typing import Any, Final
@@ -46,11 +44,10 @@ from uavmap.photos.ground.rasters import Rasters, Wishes
 from uavmap.photos.ground.surface import Footing, Scene
 from uavmap.photos.memory import set_apart
 from uavmap.photos.pictures_csv import FILE, PictureRow, write_pictures
-from uavmap.photos.registration.lenses import Lenses
+from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import Gathered
 from uavmap.photos.sources.tag_validation import Placed, above_ground, credible
-from uavmap.photos.verdict_spool import Said, Spool
-from uavmap.photos.workers import Crew, GoOn, Threads, beside, worker_count
+from uavmap.photos.workers import Crew, GoOn, Threads, beside, thread_count
 from vision.camera import Camera
 from vision.lens import Lens
 from vision.upright import UprightSearch
@@ -58,68 +55,52 @@ from vision.upright import UprightSearch
 _LOG: Final = logging.getLogger("uavmap.photos")
 VEHICLE: Final = 1
 BLURRED: Final = 0.2
-"""A picture with less than this part of the others' usual sharpness is blurred."""
+"""Least sharpness of a picture, as a part of the others' usual one."""
 _LEAST_SHARP: Final = 4  # so many pictures say what is usual
 _LINES: Final = 20
 
 
 @dataclass(slots=True)
 class Shot:
-    """A picture that was looked at, in the order in which they were taken."""
+    """A judged picture, in the order of exposure; `reason` is why it is not used."""
 
     placed: Placed
     t_s: float
     reason: str = ""
-    """Why it is not used."""
     sharpness: float = 0.0
     turned: bool = False
     cells: int = 0
     camera: Camera | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Options:
-    """How a replay is done.
-
-    Attributes:
-        crew: Who looks at the pictures. The results are the same.
-        lens: A calibration of the camera, instead of what tags say.
-        any_day: Whether pictures of other days than most are used.
-        refine: Whether poses are refined where pictures overlap.
-    """
-
-    crew: Crew = field(default_factory=Threads)
-    lens: Lens | None = None
-    any_day: bool = False
-    refine: bool = False
-
-
 @dataclass(slots=True)
 class Looked:
-    """All pictures of a replay, judged; nothing is written yet."""
+    """All pictures of a replay, judged; nothing is written yet.
+
+    `refused` gives by name why pictures were not decoded; `fine` is set once the results are
+    written.
+    """
 
     setting: Setting
     gathered: Gathered
     refused: Mapping[str, str]
-    """Why pictures are not used that were not decoded, by name."""
     shots: Sequence[Shot]
     spool: Spool
     judge: Judge
     workers: int
     fine: FineMap | None = None
-    """The region at pixel level, once the results are written."""
 
     def written(self, journal: Journal, folder: Path) -> dict[str, Any]:
-        """Journal, map and figures of the replay; returns the summary."""
+        """Write journal, map and figures of the replay; return the summary."""
         scene = scene_of(self.setting, self.footings())
-        with set_apart(), beside(partial(self._drawn, scene)) as fine:
-            return self._written(journal, folder, scene, fine)
 
-    def _drawn(self, scene: Scene | None, go_on: GoOn) -> FineMap | None:
-        """The region at pixel level: of what the pictures say, which waits on the spool."""
-        if scene is None:
-            return None
-        return FineMap.of(self.setting, self.judge, scene, self.spool, self.workers, go_on)
+        def drawn(go_on: GoOn) -> FineMap | None:
+            if scene is None:
+                return None
+            return FineMap.of(self.setting, self.judge, scene, self.spool, self.workers, go_on)
+
+        with set_apart(), beside(drawn) as fine:
+            return self._written(journal, folder, scene, fine)
 
     def _written(
         self,
@@ -171,7 +152,7 @@ class Looked:
         return summary
 
     def taken(self) -> dict[str, Any]:
-        """When the first picture was taken, and by which clock, for the journal's meta."""
+        """Return when the first picture was taken, and by which clock, for the journal's meta."""
         pictures = [shot.placed.picture for shot in self.shots]
         times = [picture.taken_s for picture in pictures if picture.taken_s is not None]
         clocks = {picture.clock for picture in pictures if picture.taken_s is not None}
@@ -180,9 +161,9 @@ class Looked:
         return taken_meta(min(times), "utc" if clocks == {"utc"} else "camera")
 
     def write_rasters(self, folder: Path, wishes: Wishes) -> bool:
-        """ortho.tif and probability.tif, after all else; returns whether any was written.
+        """Write ortho.tif and probability.tif, after all else; return whether any was written.
 
-        Raises `OutputError` where the disk refuses.
+        Raises `OutputError` if the disk refuses.
         """
         if self.fine is None:
             return False
@@ -191,13 +172,13 @@ class Looked:
         return rasters.write(folder, wishes)
 
     def refuse_empty(self) -> None:
-        """Raise `ImageError` where no picture at all is used."""
+        """Raise `ImageError` if no picture at all is used."""
         if not self._used:
             reasons = {shot.placed.picture.name: shot.reason for shot in self.shots}
             raise self.gathered.none_usable({**reasons, **self.refused})
 
     def footings(self) -> list[Footing]:
-        """The used pictures, where they were taken."""
+        """Return the used pictures, where they were taken."""
         return [
             Footing(number, shot.camera, shot.placed.pose, shot.t_s, shot.turned)
             for number, shot in enumerate(self.shots)
@@ -211,7 +192,7 @@ class Looked:
     def _events(
         self, votes: Votes, evidence: Evidence | None
     ) -> Iterator[Tracked | FrameSeen | Weighed | FrameLost]:
-        """What happened, as a journal tells it; the votes are counted, or weighed, on the way."""
+        """Yield the events of a journal; count, or weigh, the votes on the way."""
         grid, share = self.setting.grid, self.setting.mission.detector.share
         for number, shot in enumerate(self.shots):
             point = grid.fixed(shot.placed.pose.position)
@@ -237,7 +218,7 @@ class Looked:
             yield Weighed(VEHICLE, shot.t_s, tuple(weights.tolist()))
 
     def _rows(self) -> list[PictureRow]:
-        """A row for each picture and each file that is none, by name."""
+        """Return a row for each picture and each file that is none, by name."""
         shots = {shot.placed.picture.name: shot for shot in self.shots}
         rows = [PictureRow(None, name, reason, 0, False) for name, reason in self.gathered.refused]
         for picture in self.gathered.pictures:
@@ -251,7 +232,6 @@ class Looked:
         return sorted(rows, key=lambda row: row.name)
 
     def _log(self) -> None:
-        """Who is not used and why; what was mended; what was not read."""
         lines = [f"{row.name}: {row.reason}; not judged" for row in self._rows() if row.reason]
         lines += [
             f"{s.placed.picture.name}: stored upside down (it overlaps its neighbours only when "
@@ -273,9 +253,22 @@ class Looked:
 
 
 # --- the two passes ------------------------------------------------------------------------------
-def look_at_all(gathered: Gathered, setting: Setting, spool: Spool, options: Options) -> Looked:
-    """Both passes over the pictures. Raises `ImageError` where no tags allow to use one."""
-    verdicts = credible(gathered.posed, setting.mission, any_day=options.any_day)
+def look_at_all(
+    gathered: Gathered,
+    setting: Setting,
+    spool: Spool,
+    crew: Crew | None = None,
+    *,
+    lens: Lens | None = None,
+    any_day: bool = False,
+) -> Looked:
+    """Make both passes over the pictures.
+
+    `crew` is threads, one a core, by default; `lens` a calibration instead of tags; `any_day` uses
+    pictures of other days than most. Raises `ImageError` if no tags allow to use one.
+    """
+    crew = crew or Threads()
+    verdicts = credible(gathered.posed, setting.mission, any_day=any_day)
     placed = [
         replace(verdict, pose=above_ground(verdict.pose, setting))
         for verdict in verdicts
@@ -290,21 +283,20 @@ def look_at_all(gathered: Gathered, setting: Setting, spool: Spool, options: Opt
         raise gathered.none_usable(refused)
     shots = _timed(placed)
     search = UprightSearch(setting.grid, UprightSearch.pitch_for([p.pose.height_m for p in placed]))
-    judge = Judge.of(setting.mission, setting.grid, search, Lenses(options.lens))
+    judge = Judge.of(setting.mission, setting.grid, search, lens)
     placed_all = all(entry.picture.name in gathered.refined for entry in placed)
     judge = replace(judge, compare=not placed_all)
-    _judge_all(judge, shots, spool, options.crew)
+    _judge_all(judge, shots, spool, crew)
     _refuse_blurred(shots)
     _turn(judge, shots, spool)
     # what was compared is not needed any more
     judge = replace(judge, search=UprightSearch(setting.grid, search.pitch_m))
     # marks and pictures that were judged elsewhere are laid on the ground here
-    workers = options.crew.count if isinstance(options.crew, Threads) else None
-    return Looked(setting, gathered, refused, shots, spool, judge, workers or worker_count())
+    return Looked(setting, gathered, refused, shots, spool, judge, thread_count(crew))
 
 
 def _turn(judge: Judge, shots: Sequence[Shot], spool: Spool) -> None:
-    """Judge anew what is stored upside down: its mask, the other way round."""
+    """Judge again what is stored upside down: its mask, turned."""
     for number, (shot, turned) in enumerate(zip(shots, judge.search.turned(), strict=True)):
         if shot.reason or not turned or shot.camera is None:
             continue
@@ -315,7 +307,7 @@ def _turn(judge: Judge, shots: Sequence[Shot], spool: Spool) -> None:
 
 
 def _timed(placed: Sequence[Placed]) -> list[Shot]:
-    """The pictures with times that differ, also within a second, and where nothing says when."""
+    """Give pictures distinct times, also within a second, and without any time."""
     shots, last_s = [], 0.0
     for number, entry in enumerate(placed, start=1):
         last_s = last_s if entry.taken_s is None else max(last_s, entry.taken_s)
@@ -324,7 +316,7 @@ def _timed(placed: Sequence[Placed]) -> list[Shot]:
 
 
 def _judge_all(judge: Judge, shots: Sequence[Shot], spool: Spool, crew: Crew) -> None:
-    """Decode and judge every picture; what each says is put on the spool."""
+    """Decode and judge every picture; put each judgement on the spool."""
     seen: dict[bytes, int] = {}
     every = max(1, len(shots) // 10)
     tasks = (_task(shot, judge, crew) for shot in shots)
@@ -342,8 +334,7 @@ def _judge_all(judge: Judge, shots: Sequence[Shot], spool: Spool, crew: Crew) ->
         else:
             judge.search.add(said.patch)
             shot.camera = said.camera
-            what = Said(said.vantage, said.cells, said.shares, said.marks, said.weights, said.small)
-            spool.put(number, what)
+            spool.put(number, said.said)
         if number % every == every - 1 or number + 1 == len(shots):
             name = printable(shot.placed.picture.name)
             _LOG.info(f"looked at {number + 1} of {len(shots)}: {name}")
@@ -363,7 +354,7 @@ def _repeats(same: int, number: int, shots: Sequence[Shot]) -> str:
 
 
 def _refuse_blurred(shots: Sequence[Shot]) -> None:
-    """A camera that shook, or was out of focus, shows beside the other pictures of the set."""
+    """Refuse pictures less sharp than the others: a camera that shook, or was out of focus."""
     known = [shot.sharpness for shot in shots if not shot.reason]
     if len(known) < _LEAST_SHARP:
         return

@@ -1,4 +1,4 @@
-"""pictures.csv: what became of each picture of a replay."""
+"""pictures.csv: the fate of each picture of a replay."""
 
 from __future__ import annotations
 
@@ -13,37 +13,20 @@ from uavmap.base.printable import printable
 from uavmap.photos.sources.picture_record import Measured, Picture
 
 FILE: Final = "pictures.csv"
+_POSE: Final = ("lat_deg", "lon_deg", "height_m", "yaw_deg", "pitch_deg", "roll_deg")
+_REFINED: Final = tuple(f"refined_{column}" for column in _POSE)
 COLUMNS: Final = (
-    "picture",
-    "used",
-    "reason",
-    "cells",
-    "upside_down",
-    "taken_s",
-    "lat_deg",
-    "lon_deg",
-    "height_m",
-    "amsl_m",
-    "yaw_deg",
-    "pitch_deg",
-    "roll_deg",
-    "hfov_deg",
-    "refined_lat_deg",
-    "refined_lon_deg",
-    "refined_height_m",
-    "refined_yaw_deg",
-    "refined_pitch_deg",
-    "refined_roll_deg",
-    "refined_sigma_m",
-    "notes",
-)
+    "picture", "used", "reason", "cells", "upside_down", "taken_s", "lat_deg", "lon_deg",
+    "height_m", "amsl_m", "yaw_deg", "pitch_deg", "roll_deg", "hfov_deg", *_REFINED,
+    "refined_sigma_m", "notes",
+)  # fmt: skip
 """The pose as tagged; the refined one is empty where none was estimated."""
 
 
 class PictureRow(NamedTuple):
     """A picture as tagged, or a file that is none; `reason` says why it is not used.
 
-    `refined` is the picture with the pose that its overlaps give it, None where they do not.
+    `refined` has the pose from its overlaps, if any.
     """
 
     picture: Picture | None
@@ -75,31 +58,24 @@ def _values(row: PictureRow) -> dict[str, str | int]:
     picture = row.picture
     if picture is None:
         return values
-    place = picture.position
     values |= {
         "taken_s": "" if picture.taken_s is None else f"{picture.taken_s:.3f}",
-        "lat_deg": "" if place is None else f"{place.lat_deg:.8f}",
-        "lon_deg": "" if place is None else f"{place.lon_deg:.8f}",
-        "height_m": _number(picture.height_m),
+        **dict(zip(_POSE, _pose(picture), strict=True)),
         "amsl_m": _number(picture.amsl_m),
-        "yaw_deg": _number(picture.yaw_deg),
-        "pitch_deg": _number(picture.pitch_deg),
-        "roll_deg": _number(picture.roll_deg),
         "hfov_deg": "" if picture.lens is None else f"{picture.lens.hfov_deg:.2f}",
         "notes": _cell("; ".join(picture.notes)),
     }
     if row.refined is not None and row.refined.position is not None:
-        better = row.refined.position
-        values |= {
-            "refined_lat_deg": f"{better.lat_deg:.8f}",
-            "refined_lon_deg": f"{better.lon_deg:.8f}",
-            "refined_height_m": _number(row.refined.height_m),
-            "refined_yaw_deg": _number(row.refined.yaw_deg),
-            "refined_pitch_deg": _number(row.refined.pitch_deg),
-            "refined_roll_deg": _number(row.refined.roll_deg),
-            "refined_sigma_m": f"{row.refined.position_sigma_m:.2f}",
-        }
+        values |= dict(zip(_REFINED, _pose(row.refined), strict=True))
+        values["refined_sigma_m"] = f"{row.refined.position_sigma_m:.2f}"
     return values
+
+
+def _pose(picture: Picture) -> tuple[str, ...]:
+    place = picture.position
+    angles = picture.height_m, picture.yaw_deg, picture.pitch_deg, picture.roll_deg
+    lat_lon = ("", "") if place is None else (f"{place.lat_deg:.8f}", f"{place.lon_deg:.8f}")
+    return (*lat_lon, *map(_number, angles))
 
 
 def _number(measured: Measured | None) -> str:
@@ -107,6 +83,6 @@ def _number(measured: Measured | None) -> str:
 
 
 def _cell(text: str) -> str:
-    """Text from outside, harmless also where a spreadsheet takes it for a formula."""
+    """Return text from outside, harmless also where a spreadsheet takes it for a formula."""
     clean = printable(text)
     return f"'{clean}" if clean[:1] in ("=", "+", "-", "@") else clean

@@ -1,4 +1,4 @@
-"""A whole replay, from what is asked for to the files in its folder."""
+"""A whole replay, from the user's wishes to the files in its folder."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from uavmap.output import documents
 from uavmap.photos.ground.rasters import ORTHO, Wishes
 from uavmap.photos.memory import give_back, memory_told
 from uavmap.photos.mission_from_photos import DETECTOR, derived
-from uavmap.photos.picture_replay import Looked, Options, look_at_all
+from uavmap.photos.picture_replay import Looked, look_at_all
 from uavmap.photos.registration.calibration import calibration_of
 from uavmap.photos.registration.refined_pictures import refined
+from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import gather, open_source
-from uavmap.photos.verdict_spool import Spool
 from uavmap.photos.workers import Crew, beside
 
 _LOG: Final = logging.getLogger("uavmap.photos")
@@ -39,19 +39,18 @@ MEMORY_HELPS: Final = (
     "(grid.cell_m of a mission file)"
 )
 MISSION_FILE = "mission.toml"
-"""In the results, of a replay without --mission: what was derived from the pictures."""
+"""Name of the derived mission in the results, of a replay without --mission."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wanted:
-    """A replay as its user asks for it; the fields are the options of `uavmap replay`.
+    """The options of `uavmap replay`.
 
     Attributes:
         path: A folder of pictures, or one file.
         mission: A mission file, or the name of a shipped one; None: derived from the pictures.
-        video_start: When a video with a .tlog beside it begins, in seconds since 1970.
-        refine: Whether poses are refined where pictures overlap.
-        rasters: Which GeoTIFFs are written.
+        video_start: Begin of a video with a .tlog beside it, in seconds since 1970.
+        refine: Whether to refine poses where pictures overlap.
     """
 
     path: str
@@ -77,9 +76,9 @@ class Done:
 def replay_pictures(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Done:
     """Map what pictures show, into a folder.
 
-    `crew` looks at them; `complain` is told what went wrong with the GeoTIFFs, without which the
-    results are complete. Raises `MissionFileError`, `ImageError`, `OutputError`, `JournalError`,
-    and `UavmapError` where memory runs out.
+    `crew` examines them; `complain` receives faults of the GeoTIFFs, without which the results are
+    complete. Raises `MissionFileError`, `ImageError`, `OutputError`, `JournalError`, and
+    `UavmapError` where memory runs out.
     """
     with memory_told(f"{wanted.path} is not mapped", MEMORY_HELPS):
         return _replayed(wanted, crew, complain)
@@ -99,7 +98,7 @@ def _replayed(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Do
     better = None
     if wanted.refine:
         better = refined(gathered, given, lens=lens, crew=crew)
-        gathered = gathered if better is None else better.gathered
+        gathered = better.gathered
     text, source = "", wanted.mission or "derived from the pictures"
     mission = given
     if mission is None:
@@ -110,9 +109,10 @@ def _replayed(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Do
     for line in _shown(text):
         _LOG.info(line)
     with Spool() as spool:
-        how = Options(crew, lens, wanted.any_day, refine=better is not None)
         with beside(lambda _: documents.load()):
-            looked = look_at_all(gathered, Setting.of(mission), spool, how)
+            looked = look_at_all(
+                gathered, Setting.of(mission), spool, crew, lens=lens, any_day=wanted.any_day
+            )
         looked.refuse_empty()
         make_folder(folder)
         keep_detector(mission.detector, folder)
@@ -134,7 +134,7 @@ def _replayed(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Do
 
 
 def _unwritten(folder: Path, error: OSError) -> str:
-    """A line for results that the disk refuses: which file, why, and what helps."""
+    """Return a line for results that the disk refuses: file, reason, remedy."""
     told = error.filename2 or error.filename  # the second one where a file takes its name
     name = f"{Path(os.fsdecode(told)).name}: " if isinstance(told, (str, bytes)) else ""
     helps = "make room, and" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "mend that, or"
@@ -150,7 +150,7 @@ def _rasters(
     wishes: Wishes,
     complain: Callable[[str], None],
 ) -> bool:
-    """The GeoTIFFs, without which the results are complete; whether they were interrupted."""
+    """Write the GeoTIFFs, without which the results are complete; return whether interrupted."""
     began_s = time.perf_counter()
     give_back()
     try:
@@ -166,13 +166,13 @@ def _rasters(
 
 
 def _shown(text: str) -> list[str]:
-    """The lines of a derived mission that a user may want to change; none without one."""
+    """Return the lines of a derived mission that a user may want to change."""
     lines = [line for line in text.splitlines() if line and not line.startswith("#")]
     return lines and ["without --mission, from the pictures:", *(f"  {line}" for line in lines)]
 
 
 def journal_meta(mission: Mission, source: str, path: str) -> dict[str, Any]:
-    """What the journal of a replay begins with: its mission, and where the pictures lie."""
+    """Return the begin of a replay's journal: its mission, and where the pictures lie."""
     plan = FlightPlan(
         mission_source=source,
         simulated=True,

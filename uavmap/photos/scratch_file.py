@@ -1,4 +1,4 @@
-"""Bytes that wait on disk while a set of pictures is worked on, in a file without a name."""
+"""Bytes on disk while a set of pictures is processed, in a file without a name."""
 
 from __future__ import annotations
 
@@ -6,16 +6,22 @@ import contextlib
 import tempfile
 import threading
 from collections.abc import Iterator
-from typing import Self
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
 
 from missions.errors import OutputError
+from missions.units import Cell
+from vision.registration.views import Features
 
 
 class ScratchFile:
     """A file that vanishes with this object; for any thread.
 
-    Every call raises `OutputError` where the disk refuses: `waits` is what is in the file,
-    `remedy` what helps besides more room.
+    Every call raises `OutputError` if the disk refuses: `waits` is the content, `remedy` helps
+    besides more room.
     """
 
     def __init__(self, waits: str, remedy: str) -> None:
@@ -32,7 +38,7 @@ class ScratchFile:
         self._file.close()
 
     def append(self, *parts: bytes) -> int:
-        """Keep bytes; returns where they begin."""
+        """Keep bytes; return where they begin."""
         with self._one_at_a_time, self._refusals():
             offset = self._end
             self._file.seek(offset)
@@ -57,3 +63,99 @@ class ScratchFile:
                 f"{self._waits} in a file in the folder for temporary files, which cannot be "
                 f"written ({error.strerror}); make room there, {self._remedy}"
             ) from None
+
+
+class Said(NamedTuple):
+    """The judgement of a picture.
+
+    Attributes:
+        vantage: The cell over which its votes count.
+        cells: Shape (n, 2): columns and rows of the cells that it shows.
+        shares: Shape (n,): the part of each that is ROI; -1 where it is not in the picture.
+        marks: The detector's, packed.
+        weights: Shape (n,): of the shares, 0 to 1; 1 where votes are counted.
+        small: A JPEG of the picture, small.
+    """
+
+    vantage: Cell
+    cells: NDArray[np.intp]
+    shares: NDArray[np.float64]
+    marks: bytes
+    weights: NDArray[np.float64]
+    small: bytes = b""
+
+
+class Spool(ScratchFile):
+    """Judgements of pictures by number, in a file that vanishes with this object; for any thread.
+
+    >>> said = Said(Cell(0, 0), np.array([[1, 2]]), np.array([0.5]), b"marks", np.array([0.7]))
+    >>> with Spool() as spool:
+    ...     spool.put(7, said)
+    ...     found = spool.get(7)
+    >>> found.cells.tolist(), found.shares.tolist(), found.marks
+    ([[1, 2]], [0.5], b'marks')
+    """
+
+    def __init__(self) -> None:
+        super().__init__("what pictures say waits", "or have TMPDIR name another folder")
+        self._kept: dict[int, tuple[int, int, int, int, Cell]] = {}
+
+    def put(self, number: int, said: Said) -> None:
+        """Keep a judgement, or replace it. Raises `OutputError` on a full disk."""
+        cells = np.ascontiguousarray(said.cells, dtype=np.int32).tobytes()
+        shares, weights = (
+            np.ascontiguousarray(numbers, dtype=np.float64).tobytes()
+            for numbers in (said.shares, said.weights)
+        )
+        offset = self.append(cells, shares, weights, said.marks, said.small)
+        sizes = len(said.cells), len(said.marks), len(said.small)
+        self._kept[number] = (offset, *sizes, said.vantage)
+
+    def get(self, number: int) -> Said:
+        """Return what was kept under a number. Raises `KeyError` where nothing was."""
+        offset, count, marks, small, vantage = self._kept[number]
+        data = self.read(offset, 24 * count + marks + small)
+        cells = np.frombuffer(data, np.int32, 2 * count).reshape(count, 2).astype(np.intp)
+        shares, weights = (np.frombuffer(data, np.float64, count, 8 * count * k) for k in (1, 2))
+        end = 24 * count + marks
+        return Said(vantage, cells, shares, data[24 * count : end], weights, data[end:])
+
+
+_WORDS: int = 128
+
+
+class FeatureFile(ScratchFile):
+    """Features in a file that vanishes with this object; for any thread."""
+
+    def __init__(self) -> None:
+        remedy = "have TMPDIR name another folder, or replay with --refine off"
+        super().__init__("features of pictures wait", remedy)
+
+    def put(self, features: Features) -> KeptFeatures:
+        """Keep features; raises `OutputError` on a full disk."""
+        points = features.points.astype(np.float64).tobytes()
+        offset = self.append(points, features.descriptors.tobytes())
+        size = features.width_px, features.height_px
+        return KeptFeatures(self, offset, len(features.points), *size)
+
+
+@dataclass(frozen=True, slots=True)
+class KeptFeatures:
+    """`Features` that are read at each access."""
+
+    file: FeatureFile
+    offset: int
+    count: int
+    width_px: int
+    height_px: int
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """See `Features.points`."""
+        return np.frombuffer(self.file.read(self.offset, 16 * self.count)).reshape(-1, 2)
+
+    @property
+    def descriptors(self) -> NDArray[np.uint8]:
+        """See `Features.descriptors`."""
+        data = self.file.read(self.offset + 16 * self.count, _WORDS * self.count)
+        return np.frombuffer(data, np.uint8).reshape(-1, _WORDS)

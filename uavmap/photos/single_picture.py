@@ -1,4 +1,4 @@
-"""One picture, looked at: where it lies on the grid, and what a mission's detector says of it."""
+"""One picture: where it lies on the grid, and a mission's detector on it."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from missions.flight.setting import Setting
 from missions.mission.schema import Mission
 from missions.units import Cell, GridPoint, LatLon
 from uavmap.photos.ground.judging import Judge
-from uavmap.photos.ground.projection import Laid
-from uavmap.photos.registration.lenses import Lenses
 from uavmap.photos.sources.picture_record import Picture
 from uavmap.photos.sources.tag_validation import Placed, above_ground, credible
 from vision.camera import project
 from vision.lens import Lens
 from vision.look import Frame, Verdict, marks_of
 from vision.plausible import implausible
+from vision.projection import Projection
 from vision.upright import UprightSearch
 
 _ROI: Final = (60, 200, 60)
@@ -33,29 +32,25 @@ _LETTER_PX: Final = 34  # a cell whose edge has fewer pixels gets no number
 
 @dataclass(frozen=True, slots=True)
 class Looked:
-    """What one picture says.
+    """The judgement of one picture.
 
     Attributes:
-        placed: The picture with its pose.
-        frame: Its pixels at the mission's size.
-        laid: The picture on the ground.
-        mask: The detector's.
         verdicts: By cell, sorted.
-        footprint: The ground at its corners, from the upper left clockwise; none where one of them
-            shows the sky.
+        footprint: The ground at its corners, from the upper left clockwise; none if one shows the
+            sky.
         doubt: Why a mission would not count it; empty where it would.
     """
 
     placed: Placed
     frame: Frame
-    laid: Laid
+    laid: Projection
     mask: NDArray[np.uint8]
     verdicts: tuple[Verdict, ...]
     footprint: tuple[LatLon, ...]
     doubt: str
 
     def figures(self) -> dict[str, Any]:
-        """For programs."""
+        """Return the figures for programs."""
         picture, pose = self.placed.picture, self.placed.pose
         return {
             "picture": picture.name,
@@ -81,14 +76,14 @@ class Looked:
 
 
 def look_at(picture: Picture, mission: Mission, lens: Lens | None = None) -> Looked:
-    """What a mission sees in a picture. Raises `ImageError`: why it can see nothing."""
+    """Return what a mission sees in a picture. Raises `ImageError`: why it can see nothing."""
     (placed,) = credible([picture], mission)
     if isinstance(placed, str):
         raise ImageError(f"{picture.name}: {placed}")
     setting = Setting.of(mission)
     placed, grid = replace(placed, pose=above_ground(placed.pose, setting)), setting.grid
     search = UprightSearch(grid, UprightSearch.pitch_for([placed.pose.height_m]))
-    judge = Judge.of(mission, grid, search, Lenses(lens))
+    judge = Judge.of(mission, grid, search, lens)
     try:
         frame = judge.frame(placed, 0.0)
     except ImageError as error:
@@ -108,7 +103,7 @@ def look_at(picture: Picture, mission: Mission, lens: Lens | None = None) -> Loo
 
 
 def annotated(looked: Looked) -> NDArray[np.uint8]:
-    """The picture with the detector's mask as a line, the cells, and each one's share in per cent.
+    """Draw the detector's mask as a line, the cells, and each one's share in per cent.
 
     Shape (rows, columns, 3), blue-green-red.
     """
@@ -127,7 +122,7 @@ def annotated(looked: Looked) -> NDArray[np.uint8]:
     return image
 
 
-def _draw_cell(image: NDArray[np.uint8], verdict: Verdict, laid: Laid) -> None:
+def _draw_cell(image: NDArray[np.uint8], verdict: Verdict, laid: Projection) -> None:
     pixels = laid.pixels(np.array(laid.grid.corners_of(verdict.cell), dtype=np.float64))
     corners = np.round(pixels).astype(np.int32)
     colour = _ROI if verdict.positive else _NOT_ROI
@@ -141,17 +136,15 @@ def _draw_cell(image: NDArray[np.uint8], verdict: Verdict, laid: Laid) -> None:
         )  # fmt: skip
 
 
-def _footprint(laid: Laid) -> tuple[LatLon, ...]:
-    """Where the corners' rays meet the level of the ground below the camera."""
+def _footprint(laid: Projection) -> tuple[LatLon, ...]:
+    """Return where the corners' rays meet the level of the ground below the camera."""
     grid, matrix = laid.grid, laid.camera.homography(laid.pose, laid.grid, laid.t_s)
     right, low = laid.camera.width_px - 0.5, laid.camera.height_px - 0.5
     corners = np.array([[-0.5, -0.5, 1.0], [right, -0.5, 1.0], [right, low, 1.0], [-0.5, low, 1.0]])
     ground = corners @ np.linalg.inv(matrix).T
-    places = []
-    for east, north, scale in ground.tolist():
-        point = np.array([[east / scale, north / scale]]) if scale else np.full((1, 2), np.nan)
-        _, depth = project(matrix, point)
-        if not float(depth[0]) > 0.0:
-            return ()
-        places.append(grid.position(GridPoint(*point[0].tolist())))
-    return tuple(places)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        points = ground[:, :2] / ground[:, 2:]
+    _, depth = project(matrix, points)
+    if not (np.isfinite(points).all() and (depth > 0.0).all()):
+        return ()
+    return tuple(grid.position(GridPoint(*point)) for point in points.tolist())

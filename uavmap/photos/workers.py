@@ -20,14 +20,14 @@ Answer = TypeVar("Answer")
 
 
 class Crew(Protocol):
-    """Who looks at pictures: threads here, or a cluster (`uavmap.photos.cluster`)."""
+    """Examines pictures: threads here, or a cluster (`uavmap.photos.cluster`)."""
 
     def in_order(self, work: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
-        """`work` of every item, in their order; what it raises is raised here."""
+        """Yield `work` of every item, in their order; what it raises is raised here."""
         ...
 
     def sent(self, picture: Picture, max_width_px: int) -> Picture:
-        """The picture as the one who looks at it can have it, at least so wide."""
+        """Return the picture in the form that the crew can use, at least so wide."""
         ...
 
 
@@ -47,14 +47,19 @@ class Threads:
 
 
 def worker_count() -> int:
-    """As many as this process may use cores."""
+    """Return how many cores this process may use."""
     return max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
+
+
+def thread_count(crew: Crew) -> int:
+    """Return the threads for work of a crew that has to be done here."""
+    return (crew.count if isinstance(crew, Threads) else None) or worker_count()
 
 
 def in_order(
     work: Callable[[Item], Answer], items: Iterable[Item], workers: int
 ) -> Iterator[Answer]:
-    """`work` of every item, in their order; what it raises is raised here.
+    """Yield `work` of every item, in their order; what it raises is raised here.
 
     At most `workers` + 1 answers wait, however fast the first are.
 
@@ -79,19 +84,18 @@ def in_order(
 
 
 GoOn = Callable[[], None]
-"""Raises `StoppedError` once nobody waits for an answer any more."""
+"""Raises `StoppedError` once the answer is not needed any more."""
 
 
 class StoppedError(Exception):
-    """Nobody waits for the answer of this work any more."""
+    """The answer of this work is not needed any more."""
 
 
 @contextmanager
 def beside(work: Callable[[GoOn], Answer]) -> Iterator[Future[Answer]]:
-    """`work` in a thread of its own, beside what is done in the block.
+    """Run `work` in a thread of its own, beside the block.
 
-    It should call what it is given now and then: that ends it when the block fails, or is
-    interrupted.
+    It should call its argument now and then: that ends it when the block fails, or is interrupted.
 
     >>> with beside(lambda go_on: 6 * 7) as answer:
     ...     answer.result()
@@ -113,9 +117,9 @@ def beside(work: Callable[[GoOn], Answer]) -> Iterator[Future[Answer]]:
 
 @dataclass(slots=True)
 class _OneThreadEach:
-    """OpenCV has threads of its own, which only stand in the way of ours.
+    """Takes OpenCV's own threads away, which would stand in the way of ours.
 
-    Several may be at work at the same time: the last one gives OpenCV its threads back.
+    Several may work at the same time: the last one gives OpenCV its threads back.
     """
 
     at_work: int = 0

@@ -35,20 +35,19 @@ FROM_FILES: Final[Mapping[str, tuple[str, ...]]] = {
     "learned": ("model",),
     "onnx": ("run", "settings"),
 }
-"""The detectors that are made of the file that `detector.model` names, and which of their
-parameters come from it."""
+"""Detectors made of the file `detector.model`, and the parameters that come from it."""
 
 
 def detector_names() -> tuple[str, ...]:
-    """The names that `make_detector` knows, sorted."""
+    """Return the names that `make_detector` accepts, sorted."""
     return tuple(sorted(_REGISTRY))
 
 
 def make_detector(name: str, **params: object) -> Detector:
-    """The detector of that name; parameters left out keep their defaults.
+    """Return the detector of that name; parameters left out keep their defaults.
 
-    Raises `MissionFileError` for an unknown name, an unknown parameter, one out of range, and one
-    that is missing and has no default.
+    Raises `MissionFileError` for an unknown name or parameter, one out of range, and one that is
+    missing and has no default.
 
     >>> make_detector("threshold", intensity=120)
     ThresholdDetector(intensity=120, dilations=7, polarity='dark')
@@ -68,7 +67,7 @@ def check_keys(name: str, keys: Mapping[str, object]) -> None:
 def build_detector(
     name: str, build: Callable[..., Detector], params: Mapping[str, object]
 ) -> Detector:
-    """What `build` makes of the parameters, which are held against its signature first."""
+    """Return what `build` makes of the parameters, once they fit its signature."""
     _check_known(name, build, params, ())
     for key, parameter in signature(build).parameters.items():
         if parameter.default is parameter.empty and key not in params:

@@ -1,4 +1,4 @@
-"""As near as a sample to one of some colours, as the eye tells them apart."""
+"""Pixels near to one of some colours, as the eye tells them apart."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from missions.errors import MissionFileError
 from vision.detectors.interface import check_number, marked
 
-_HALF: Final = 0.5
 _MOST_SAMPLES: Final = 64
 
 
@@ -21,19 +20,15 @@ _MOST_SAMPLES: Final = 64
 class ColorDetector:
     """The ROI has one of the sample colours, by distance in CIE Lab.
 
-    A distance of 2 is just seen, 10 is another shade, 50 another colour. The probability is a half
-    at `distance` and falls as a bell; it is not calibrated.
+    A distance of 2 is just visible, 10 is another shade, 50 another colour. The probability is a
+    half at `distance` and falls as a bell; it is not calibrated.
 
     Attributes:
         samples: Colours of the ROI, each [red, green, blue], 0 to 255; 1 to 64 of them.
         not_samples: Colours of the surround: a pixel nearer to one of these is not ROI.
-        distance: How far from a sample a pixel may be, more than 0, to 200.
-        lightness: What a difference of lightness counts beside one of colour, 0 to 1. 0 ignores
+        distance: Largest distance of a pixel from a sample, above 0, to 200.
+        lightness: Weight of a difference of lightness beside one of colour, 0 to 1. 0 ignores
             shadows and exposure.
-
-    >>> picture = np.array([[(40, 60, 200), (60, 150, 60)]], np.uint8)  # blue, green, red
-    >>> ColorDetector(samples=[[200, 60, 40]]).mask(picture).tolist()
-    [[255, 0]]
     """
 
     name: ClassVar[str] = "color"
@@ -45,7 +40,6 @@ class ColorDetector:
     lightness: float = 0.3
 
     def __post_init__(self) -> None:
-        """Refuse parameters out of range with `MissionFileError`, naming the key."""
         check_number("distance", self.distance, 0.1, 200.0)
         check_number("lightness", self.lightness, 0.0, 1.0)
         _check_colors("samples", self.samples, 1)
@@ -62,12 +56,12 @@ class ColorDetector:
 
     def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
         """See `Detector.mask`."""
-        return marked(self.probability(image), _HALF)
+        return marked(self.probability(image))
 
     def _nearest(
         self, lab: NDArray[np.float32], colors: Sequence[Sequence[int]]
     ) -> NDArray[np.float32]:
-        """The distance of each pixel to the nearest of the colours.
+        """Return the distance of each pixel to the nearest of the colours.
 
         |pixel - sample|^2 is |pixel|^2 + |sample|^2 - 2 pixel . sample: a product of matrices.
         """

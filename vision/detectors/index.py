@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import ImageError, MissionFileError
-from vision.detectors.interface import check_number, check_whole, marked
+from vision.detectors.interface import check_number, check_whole, marked, sigmoid
 
 Kind = Literal["exg", "ndvi", "ndwi", "hot"]
-_HALF: Final = 0.5
 _MAD: Final = 1.4826  # of a normal distribution, standard deviations in a median deviation
 _MOST_BAND: Final = 31
 
@@ -57,7 +56,6 @@ deviations | |
     nir: int = 3
 
     def __post_init__(self) -> None:
-        """Refuse parameters out of range with `MissionFileError`, naming the key."""
         if self.kind not in get_args(Kind):
             raise MissionFileError(
                 f"detector.kind is {self.kind!r}: expected one of {', '.join(get_args(Kind))}"
@@ -70,15 +68,15 @@ deviations | |
             check_whole(key, getattr(self, key), _MOST_BAND)
 
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
-        """See `Detector.probability`. Raises `ImageError` where the picture lacks a band."""
+        """See `Detector.probability`. Raises `ImageError` if the picture lacks a band."""
         away = (self._index(image) - np.float32(self.value)) / np.float32(self.softness)
         if self.side == "below":
             away = -away
-        return np.asarray(1.0 / (1.0 + np.exp(-np.clip(away, -30.0, 30.0))), np.float32)
+        return sigmoid(away)
 
     def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
         """See `Detector.mask`."""
-        return marked(self.probability(image), _HALF)
+        return marked(self.probability(image))
 
     def _index(self, image: NDArray[Any]) -> NDArray[np.float32]:
         if self.kind == "hot":
@@ -104,5 +102,5 @@ deviations | |
 
 
 def _ratio(above: NDArray[np.float32], below: Any) -> NDArray[np.float32]:
-    """A quotient; a divisor below 1, as of black, counts as 1."""
+    """Divide; a divisor below 1, as of black, counts as 1."""
     return np.asarray(above / np.maximum(below, np.float32(1.0)), np.float32)

@@ -1,4 +1,4 @@
-"""What a detector is."""
+"""The interface of detectors, and checks of their parameters."""
 
 from __future__ import annotations
 
@@ -17,79 +17,59 @@ Marks: TypeAlias = NDArray[np.uint8] | NDArray[np.float32]
 class Detector(Protocol):
     """Marks the pixels that look like the Region Of Interest.
 
-    A detector is a function of the picture alone: the same picture gives the same answers. A
-    picture has the shape (rows, columns, channels): uint8 blue-green-red for all detectors; `index`
-    and plug-ins may take other bands, and uint16. It is left as it is.
+    A detector is a function of the picture alone, which it leaves as it is. A picture has the shape
+    (rows, columns, channels): uint8 blue-green-red for all detectors; `index` and plug-ins may take
+    other bands, and uint16. Parameters out of range raise `MissionFileError`, naming the key.
 
-    One whose mask is smaller than the region by some pixels at each edge, because it takes off what
-    is narrow, may have `shrinks_px` to say by how many: the region's boundary is drawn so much
-    farther out.
+    If its mask is smaller than the region by some pixels at each edge, `shrinks_px` may give that
+    number: the region's boundary is drawn so much farther out.
     """
 
     @property
     def name(self) -> str:
-        """The name by which a mission file asks for it."""
+        """The name in a mission file."""
 
     @property
     def calibrated(self) -> bool:
         """Whether `probability` is one: of the pixels at 0.7, about 70 % are ROI.
 
-        Then a cell's share of ROI is the mean over its pixels; else it is the part of them that
-        the mask marks, as in the paper.
+        Then a cell's share of ROI is the mean over its pixels; else the part that the mask marks,
+        as in the paper.
         """
 
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
-        """How much each pixel looks like the ROI.
+        """Return how much each pixel looks like the ROI: (rows, columns), float32, 0 to 1.
 
-        Returns:
-            Shape (rows, columns), float32, 0 to 1. `mask` marks a pixel where this is at least the
-            detector's threshold. A detector that only says yes or no gives 1 and 0.
+        `mask` marks a pixel where this is at least the detector's threshold.
         """
 
     def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
-        """The ROI of a picture.
+        """Return the ROI of a picture: (rows, columns), uint8, 255 for ROI, else 0."""
 
-        Returns:
-            Shape (rows, columns), uint8: 255 where it looks like the ROI, else 0.
-        """
+
+def sigmoid(logit: NDArray[Any]) -> NDArray[np.float32]:
+    """Return the probability of a logit."""
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(logit, -30.0, 30.0))), np.float32)
 
 
 def certain(mask: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """The probability that a mask stands for, 1 or 0.
-
-    >>> certain(np.array([[255, 0]], np.uint8)).tolist()
-    [[1.0, 0.0]]
-    """
+    """Return the probability that a mask stands for, 1 or 0."""
     return (mask > 0).astype(np.float32)
 
 
-def marked(probability: NDArray[np.float32], threshold: float) -> NDArray[np.uint8]:
-    """255 where a probability is at least the threshold, else 0.
-
-    >>> marked(np.array([[0.5, 0.4]], np.float32), 0.5).tolist()
-    [[255, 0]]
-    """
+def marked(probability: NDArray[np.float32], threshold: float = 0.5) -> NDArray[np.uint8]:
+    """Return 255 where a probability is at least the threshold, else 0."""
     return np.where(probability >= np.float32(threshold), np.uint8(255), np.uint8(0))
 
 
 def check_whole(key: str, value: object, most: int) -> None:
-    """Raise `MissionFileError`, naming the key, unless a parameter is an integer from 0 to `most`.
-
-    >>> check_whole("dilations", -1, 255)
-    Traceback (most recent call last):
-    missions.errors.MissionFileError: detector.dilations is -1: expected an integer from 0 to 255
-    """
+    """Raise `MissionFileError` unless a parameter is an integer from 0 to `most`."""
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:
         raise MissionFileError(f"detector.{key} is {value!r}: expected an integer from 0 to {most}")
 
 
 def check_number(key: str, value: object, least: float, most: float) -> None:
-    """Raise `MissionFileError`, naming the key, unless a parameter is a number in a range.
-
-    >>> check_number("softness", 3, 0.0, 2.0)
-    Traceback (most recent call last):
-    missions.errors.MissionFileError: detector.softness is 3: expected a number from 0 to 2
-    """
+    """Raise `MissionFileError` unless a parameter is a number in a range."""
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if not number or not least <= value <= most:  # type: ignore[operator]
         raise MissionFileError(
@@ -98,11 +78,6 @@ def check_number(key: str, value: object, least: float, most: float) -> None:
 
 
 def check_polarity(value: object) -> None:
-    """Raise `MissionFileError` unless a polarity is "dark" or "bright".
-
-    >>> check_polarity("grey")
-    Traceback (most recent call last):
-    missions.errors.MissionFileError: detector.polarity is 'grey': expected 'dark' or 'bright'
-    """
+    """Raise `MissionFileError` unless a polarity is "dark" or "bright"."""
     if value not in ("dark", "bright"):
         raise MissionFileError(f"detector.polarity is {value!r}: expected 'dark' or 'bright'")

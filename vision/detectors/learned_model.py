@@ -1,10 +1,9 @@
 """A model that `uavmap tune` has learned: its file, and its answer for the features of a picture.
 
-The file is JSON of our own, so that reading one runs nothing that it holds. A model has one or two
-parts, a logistic regression and boosted trees; its answer is the mean of theirs, calibrated. A tree
-has at most eight leaves: the leaves that its conditions leave over are eight bits of a byte, and a
-table of 256 values says what they are worth (QuickScorer, Lucchese and others, 2015), which numpy
-does for all pixels at once.
+The file is JSON, so reading one runs nothing that it holds. A model has one or two parts, a
+logistic regression and boosted trees; its answer is the calibrated mean of theirs. A tree has at
+most eight leaves: the leaves that its conditions leave over are eight bits of a byte, and a table
+of 256 values gives their worth (QuickScorer, Lucchese and others, 2015), for all pixels at once.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from pydantic import (
 )
 
 from missions.errors import MissionFileError
-from vision.detectors.interface import check_number, marked
+from vision.detectors.interface import check_number, marked, sigmoid
 from vision.detectors.pixel_features import FEATURES, features, working_picture
 
 Array = NDArray[np.float32]
@@ -54,9 +53,9 @@ class Logistic(_Part):
 
 
 class Tree(_Part):
-    """A tree: nodes that ask whether a feature is at most a value, and what its leaves are worth.
+    """A tree: nodes that ask whether a feature is at most a value, and the worth of its leaves.
 
-    A node that is answered no rules out the leaves `left[i]`, bits of a byte.
+    A node answered no rules out the leaves `left[i]`, bits of a byte.
     """
 
     feature: tuple[Annotated[int, Field(ge=0)], ...]
@@ -80,7 +79,7 @@ class Trees(_Part):
 
 
 class Model(_Part):
-    """What a learned detector is."""
+    """A learned detector; `threshold` is the least probability of a marked pixel."""
 
     format: Literal["uavmap detector"] = "uavmap detector"
     version: Literal[1] = 1
@@ -91,7 +90,6 @@ class Model(_Part):
     offset: _Number = 0.0
     """Of the calibration: probability = 1 / (1 + exp(-(slope logit + offset)))."""
     threshold: Annotated[_Number, Field(gt=0, lt=1)] = 0.5
-    """A pixel is marked from this probability on."""
 
     @model_validator(mode="after")
     def _fits(self) -> Model:
@@ -108,12 +106,12 @@ class Model(_Part):
 
 
 def model_bytes(model: Model) -> bytes:
-    """The file of a model; equal models give equal bytes."""
+    """Return the file of a model; equal models give equal bytes."""
     return (json.dumps(model.model_dump(mode="json"), separators=(",", ":")) + "\n").encode()
 
 
 def read_model(data: bytes, source: str) -> Model:
-    """The model of a file. Raises `MissionFileError`, naming `source`, where it holds none.
+    """Return the model of a file. Raises `MissionFileError`, naming `source`, if it holds none.
 
     >>> read_model(b"{}", "model.json")
     Traceback (most recent call last):
@@ -146,13 +144,12 @@ def read_model(data: bytes, source: str) -> Model:
 
 @dataclass(frozen=True, slots=True)
 class Scorer:
-    """A model made ready for pictures."""
+    """A model with the tables of its trees."""
 
     model: Model
     _tables: tuple[tuple[NDArray[np.float32], ...], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Make the tables of the trees."""
         made = tuple(
             tuple(_table(tree) for tree in part.trees) if isinstance(part, Trees) else ()
             for part in self.model.parts
@@ -160,7 +157,7 @@ class Scorer:
         object.__setattr__(self, "_tables", made)
 
     def logit(self, values: Array) -> Array:
-        """Before the calibration: of features (count, n), shape (n,), the mean of the parts."""
+        """Return the mean of the parts before calibration, (n,), of features (count, n)."""
         total = np.zeros(values.shape[1], np.float32)
         for part, tables in zip(self.model.parts, self._tables, strict=True):
             if isinstance(part, Logistic):
@@ -171,22 +168,18 @@ class Scorer:
                 logit = np.full(values.shape[1], part.base, np.float32)
                 for tree, table in zip(part.trees, tables, strict=True):
                     logit += table[_left_over(tree, values)]
-            total += _sigmoid(logit)
+            total += sigmoid(logit)
         share = np.clip(total / len(self.model.parts), 1e-6, 1.0 - 1e-6)
         return np.asarray(np.log(share / (1.0 - share)), np.float32)
 
     def probability(self, values: Array) -> Array:
-        """Of features (count, n), shape (n,), 0 to 1."""
+        """Return of features (count, n) the probabilities, shape (n,)."""
         model = self.model
-        return _sigmoid(self.logit(values) * np.float32(model.slope) + np.float32(model.offset))
-
-
-def _sigmoid(logit: Array) -> Array:
-    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(logit, -30.0, 30.0))), np.float32)
+        return sigmoid(self.logit(values) * np.float32(model.slope) + np.float32(model.offset))
 
 
 def _left_over(tree: Tree, values: Array) -> NDArray[np.uint8]:
-    """The leaves that the answers to a tree's questions leave over, as bits."""
+    """Return the leaves that the answers to a tree's questions leave over, as bits."""
     left_over = np.full(values.shape[1], 255, np.uint8)
     for feature, at_most, left in zip(tree.feature, tree.at_most, tree.left, strict=True):
         no = values[feature] > np.float32(at_most)
@@ -196,7 +189,7 @@ def _left_over(tree: Tree, values: Array) -> NDArray[np.uint8]:
 
 
 def _table(tree: Tree) -> NDArray[np.float32]:
-    """What each set of leaves is worth: the first of them, for those before it are ruled out."""
+    """Return the worth of each set of leaves: that of the first left over."""
     table = np.zeros(256, np.float32)
     for bits in range(1, 256):
         first = int(math.log2(bits & -bits))
@@ -211,7 +204,7 @@ class LearnedDetector:
 
     Attributes:
         model: The file of a model, or the model.
-        threshold: A pixel is marked from this probability on, 0 to 1; 0 takes the model's own.
+        threshold: Least probability of a marked pixel, 0 to 1; 0 takes the model's own.
     """
 
     name: ClassVar[str] = "learned"
@@ -222,7 +215,6 @@ class LearnedDetector:
     _scorer: Scorer = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Refuse what is no model, and a threshold out of range, with `MissionFileError`."""
         check_number("threshold", self.threshold, 0.0, 1.0)
         model = self.model
         if not isinstance(model, Model):

@@ -1,7 +1,7 @@
-"""A segmentation model in the exchange format ONNX: what goes into it, what comes out of it.
+"""A segmentation model in the exchange format ONNX: its input and output.
 
-Who runs the model is handed in (`uavmap.load.detector_source` does it with onnxruntime), so that
-this room needs neither files nor a runtime.
+`uavmap.load.detector_source` hands in what runs the model (onnxruntime), so this package needs
+neither files nor a runtime.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from missions.errors import ImageError, MissionFileError
-from vision.detectors.interface import check_number, marked
+from vision.detectors.interface import check_number, marked, sigmoid
 
 Array = NDArray[np.float32]
 Run = Callable[[Array], NDArray[Any]]
-"""From a batch of tiles (1, channels, rows, columns) to what the model says of it."""
+"""From a batch of tiles (1, channels, rows, columns) to the model's answer."""
 _OVERLAP: Final = 8  # one part in so many of a tile is shared with the next
 
 _Three = tuple[float, float, float]
 
 
 class OnnxSettings(BaseModel):
-    """What a model wants: the TOML file beside it."""
+    """The settings of a model: the TOML file beside it."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     tile_px: Annotated[int, Field(ge=16, le=4096)]
-    """Rows and columns of what the model takes in at once."""
+    """Rows and columns of the model's input."""
     scale: Annotated[float, Field(gt=0, le=16)] = 1.0
     """Pixels of the model for one of the picture."""
     order: Literal["rgb", "bgr"] = "rgb"
@@ -42,7 +42,7 @@ class OnnxSettings(BaseModel):
     output: Literal["probability", "logit"] = "logit"
     """Of one channel: a sigmoid is taken of a logit; of several: a softmax."""
     channel: Annotated[int, Field(ge=0, le=1000)] = 0
-    """Which channel of the answer is the ROI."""
+    """Channel of the answer that is the ROI."""
     calibrated: bool = False
     """Whether its probability is one; see `Detector.calibrated`."""
 
@@ -51,10 +51,7 @@ class OnnxSettings(BaseModel):
 class OnnxDetector:
     """The ROI is what a segmentation model takes for it, tile by tile.
 
-    Attributes:
-        run: Runs the model.
-        settings: What it wants.
-        threshold: A pixel is marked from this probability on, 0 to 1.
+    Pixels are marked from the probability `threshold` on, 0 to 1.
     """
 
     name: ClassVar[str] = "onnx"
@@ -64,7 +61,6 @@ class OnnxDetector:
     threshold: float = 0.5
 
     def __post_init__(self) -> None:
-        """Refuse parameters out of range with `MissionFileError`, naming the key."""
         check_number("threshold", self.threshold, 0.0, 1.0)
         if min(self.settings.std) <= 0.0:
             raise MissionFileError(f"std = {list(self.settings.std)}: expected numbers above 0")
@@ -75,8 +71,7 @@ class OnnxDetector:
         return self.settings.calibrated
 
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
-        """See `Detector.probability`. Raises `ImageError` where the model's answer has no such
-        channel or size."""
+        """See `Detector.probability`. Raises `ImageError` for an answer of another shape."""
         rows, columns = image.shape[:2]
         picture = self._prepared(image)
         tall, wide = picture.shape[:2]
@@ -103,7 +98,7 @@ class OnnxDetector:
         return max(1, round(side_px * self.settings.scale))
 
     def _prepared(self, image: NDArray[Any]) -> Array:
-        """Scaled, normalised, and mirrored at its edges to at least a tile."""
+        """Scale, normalise, and mirror at the edges to at least a tile."""
         settings = self.settings
         size = (self._tall(image.shape[1]), self._tall(image.shape[0]))
         picture = image
@@ -135,13 +130,13 @@ class OnnxDetector:
         if self.settings.output == "probability":
             return np.asarray(answer[0, channel], np.float32)
         if answer.shape[1] == 1:
-            return np.asarray(1.0 / (1.0 + np.exp(-np.clip(answer[0, 0], -30, 30))), np.float32)
+            return sigmoid(answer[0, 0])
         powers = np.exp(answer[0] - answer[0].max(axis=0))
         return np.asarray(powers[channel] / powers.sum(axis=0), np.float32)
 
 
 def _starts(side_px: int, tile_px: int) -> list[int]:
-    """Where tiles begin, overlapping, the last at the end.
+    """Return where overlapping tiles begin, the last at the end.
 
     >>> _starts(100, 40), _starts(40, 40)
     ([0, 35, 60], [0])

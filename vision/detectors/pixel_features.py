@@ -1,10 +1,9 @@
-"""What a learned detector knows of a pixel: colours freed of exposure, texture, surroundings.
+"""The features of a pixel for a learned detector: colours freed of exposure, texture, surroundings.
 
-A picture is brought to a working width, so that a feature means the same ground whatever the
-camera's resolution, and described on a grid of every `STRIDE`-th pixel of that. Colours are
-differences of logarithms: a longer exposure adds a constant to each channel's logarithm, which the
-differences lose; brightness is told beside the picture's median. Everything is box filters and
-area means, which cost the same at each scale.
+A picture is brought to a working width, so that a feature means the same ground at any resolution,
+and described on a grid of every `STRIDE`-th pixel. Colours are differences of logarithms: a longer
+exposure adds a constant to each channel's logarithm, which the differences lose; brightness is
+relative to the picture's median. Box filters and area means cost the same at each scale.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from missions.errors import ImageError
 Array = NDArray[np.float32]
 
 STRIDE: Final = 4
-"""Pixels of the working width between two places that are described."""
+"""Pixels of the working width between two described places."""
 NEAR, AROUND, FAR = 5, 15, 45
 """Sides of the boxes over which features are averaged, in described places."""
 
@@ -44,16 +43,14 @@ GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     ),
 }  # fmt: skip
 """The features by group. `_near`, `_around`: the mean over a box; `_beside`: against the mean of
-the surroundings; `_rest`: against the median of the picture."""
+the surroundings; `_rest`: against the median of the picture.
+"""
 
 FEATURES: Final = tuple(name for names in GROUPS.values() for name in names)
 
 
 def working_picture(image: NDArray[Any], width_px: int) -> NDArray[np.uint8]:
-    """A picture at the working width, 8 bits, three channels.
-
-    Raises `ImageError` for a picture that has not three channels.
-    """
+    """Return a picture at the working width, 8 bits; `ImageError` unless it has three channels."""
     if image.ndim != 3 or image.shape[2] != 3:
         raise ImageError(f"a learned detector needs 3 channels, the picture has {image.shape[2:]}")
     if image.dtype == np.uint16:
@@ -67,27 +64,16 @@ def working_picture(image: NDArray[Any], width_px: int) -> NDArray[np.uint8]:
 
 
 def described_shape(rows: int, columns: int) -> tuple[int, int]:
-    """Rows and columns of the places that are described of a working picture.
-
-    >>> described_shape(562, 1000)
-    (140, 250)
-    """
+    """Return rows and columns of the described places of a working picture."""
     return max(1, rows // STRIDE), max(1, columns // STRIDE)
 
 
 def features(picture: NDArray[np.uint8], names: Sequence[str] = FEATURES) -> Array:
-    """The features of a working picture.
+    """Return the features of a working picture: (len(names), rows // STRIDE, columns // STRIDE).
 
     Args:
         picture: (rows, columns, 3), uint8, blue-green-red, at the working width.
-        names: Which, of `FEATURES`.
-
-    Returns:
-        Shape (len(names), rows // STRIDE, columns // STRIDE).
-
-    >>> grey = np.full((8, 12, 3), 128, np.uint8)
-    >>> features(grey, ["red_green", "light"]).shape
-    (2, 2, 3)
+        names: Some of `FEATURES`.
     """
     rows, columns = described_shape(*picture.shape[:2])
     size = (columns, rows)

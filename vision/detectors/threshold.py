@@ -25,7 +25,7 @@ class MaskDetector(ABC):
 
     @property
     def shrinks_px(self) -> int:
-        """By how many pixels `mask` is smaller than the ROI at each of its edges."""
+        """Pixels by which `mask` is smaller than the ROI at each of its edges."""
         return self.dilations
 
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
@@ -49,11 +49,10 @@ class MaskDetector(ABC):
 class ThresholdDetector(MaskDetector):
     """The paper's: a pixel is bright when its gray value is above `intensity`.
 
-    `"dark"` is the paper: the ROI is what stays dark after the bright pixels were dilated
-    `dilations` times by 3 x 3, which fills the dark gaps of a bright surround. `"bright"` is its
-    mirror: the ROI is bright, and what is dilated is again the surround, here the dark. So with
-    either polarity a dilation makes the ROI smaller, by a pixel at each of its edges, and speckles
-    of ROI in the surround vanish.
+    `"dark"` is the paper: the ROI is what stays dark after `dilations` of the bright pixels by 3 x
+    3, which fill the dark gaps of a bright surround. `"bright"` is its mirror: the ROI is bright,
+    and the dark surround is dilated. Either way a dilation makes the ROI smaller by a pixel at each
+    edge, and speckles of ROI in the surround vanish.
 
     Attributes:
         intensity: Gray value, 0 to 254.
@@ -74,7 +73,6 @@ class ThresholdDetector(MaskDetector):
     polarity: Literal["dark", "bright"] = "dark"
 
     def __post_init__(self) -> None:
-        """Refuse parameters out of range with `MissionFileError`, naming the key."""
         check_whole("intensity", self.intensity, 254)
         check_whole("dilations", self.dilations, 255)
         check_polarity(self.polarity)
@@ -98,11 +96,6 @@ class AdaptiveDetector(MaskDetector):
         offset: Gray levels by which the pixel is beyond the mean, 0 to 254.
         polarity: On which side: `"dark"` or `"bright"`.
         dilations: Passes of the 3 x 3 kernel on the surround, 0 to 255.
-
-    >>> picture = np.full((20, 20, 3), 180, np.uint8)
-    >>> picture[8:12, 8:12] = 90
-    >>> int(AdaptiveDetector(window=1.0, dilations=0).mask(picture).sum()) // 255
-    16
     """
 
     name: ClassVar[str] = "adaptive"
@@ -113,7 +106,6 @@ class AdaptiveDetector(MaskDetector):
     dilations: int = 1
 
     def __post_init__(self) -> None:
-        """Refuse parameters out of range with `MissionFileError`, naming the key."""
         check_number("window", self.window, 0.01, 2.0)
         check_whole("offset", self.offset, 254)
         check_whole("dilations", self.dilations, 255)
@@ -134,19 +126,14 @@ class PavedDetector(MaskDetector):
     """The ROI is bare ground among plants: lit and not green.
 
     Greenness is the excess green index (Woebbecke and others, 1995), (2 G - R - B) / (R + G + B),
-    -1 to 2. It is a ratio, so that it keeps its value where a camera exposes one picture longer
-    than the next, which a threshold on brightness does not. Green or dark pixels are the surround,
-    and are dilated as in `ThresholdDetector`.
+    -1 to 2. As a ratio it keeps its value under another exposure, unlike brightness. Green or dark
+    pixels are the surround, and are dilated as in `ThresholdDetector`.
 
     Attributes:
         greenness: The ROI's greenness is below this, -1 to 2.
-        intensity: The ROI's gray value is above this, 0 to 254: shadows and water have no colour
-            to speak of.
+        intensity: The ROI's gray value is above this, 0 to 254: shadows and water have hardly any
+            colour.
         dilations: Passes of the 3 x 3 kernel on the surround, 0 to 255.
-
-    >>> gray, grass = (160, 160, 160), (60, 150, 110)
-    >>> PavedDetector(dilations=0).mask(np.array([[gray, grass]], np.uint8)).tolist()
-    [[255, 0]]
     """
 
     name: ClassVar[str] = "paved"
@@ -156,7 +143,6 @@ class PavedDetector(MaskDetector):
     dilations: int = 1
 
     def __post_init__(self) -> None:
-        """Refuse parameters out of range with `MissionFileError`, naming the key."""
         check_whole("intensity", self.intensity, 254)
         check_whole("dilations", self.dilations, 255)
         check_number("greenness", self.greenness, -1.0, 2.0)

@@ -1,9 +1,9 @@
-"""Markers in a picture: which there are, and where exactly their corners lie.
+"""Markers in a picture, with exact corners.
 
 OpenCV's detector finds a marker and reads its number. Its corners are good to a third of a pixel,
-which is too coarse where a whole marker has fifteen. So the known pattern, blurred as the picture
-is, is laid over the marker and shifted until both agree at all pixels: that uses all edges of the
-pattern at once, and says by itself how certain the corners are.
+too coarse where a marker has fifteen. So the known pattern, blurred as the picture is, is shifted
+over the marker until all pixels agree: that uses all edges of the pattern at once, and gives the
+corners' covariance.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ DICTIONARIES: Final = (
     "DICT_6X6_50", "DICT_APRILTAG_36h11",
 )  # fmt: skip
 LEAST_EDGE_PX: Final = 8.0
-"""The least edge of a marker in the picture that is read."""
+"""Least edge of a marker in the picture, pixels."""
 _ENLARGED_BELOW_PX = 2000
 _ENLARGED = 2
 _FINE_PX = 16  # pixels of the pattern for each of its modules
@@ -63,14 +63,14 @@ class FoundTag:
 
 
 def find_tags(picture: NDArray[np.uint8], dictionary: str = "DICT_4X4_50") -> tuple[FoundTag, ...]:
-    """The markers of a dictionary in a picture, by number; one of each at most.
+    """Return the markers of a dictionary in a picture, by number; at most one of each.
+
+    A number that is seen twice is left out, as is what does not look like its pattern, or is
+    smaller than `LEAST_EDGE_PX`.
 
     Args:
         picture: Gray, (rows, columns), or in colour (blue, green, red), (rows, columns, 3).
         dictionary: One of `DICTIONARIES`; `ValueError` for another.
-
-    A number that is seen twice is that of nobody: it is left out. So is what does not look like its
-    pattern, and what is smaller than `LEAST_EDGE_PX`.
     """
     detector = _detector(dictionary)
     gray = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if picture.ndim == 3 else picture)
@@ -109,7 +109,7 @@ def _detector(name: str) -> cv2.aruco.ArucoDetector:
 
 @lru_cache(maxsize=64)
 def _pattern(dictionary: str, number: int) -> NDArray[np.float32]:
-    """The marker, 0 to 1, with two modules of white around it, `_FINE_PX` pixels a module."""
+    """Return the marker, 0 to 1, in two modules of white, `_FINE_PX` pixels a module."""
     known = _dictionary(dictionary)
     modules = np.asarray(cv2.aruco.generateImageMarker(known, number, known.markerSize + 2))
     framed = np.pad(modules.astype(np.float32) / 255.0, 2, constant_values=1.0)
@@ -118,7 +118,7 @@ def _pattern(dictionary: str, number: int) -> NDArray[np.float32]:
 
 
 class _Overlay:
-    """The part of a picture that shows a marker, and the pattern that is laid over it."""
+    """The part of a picture that shows a marker, and the pattern over it."""
 
     def __init__(self, gray: Gray, pattern: NDArray[np.float32], corners: Array) -> None:
         self._count = len(pattern) // _FINE_PX - 4  # modules along the black square
@@ -148,16 +148,15 @@ class _Overlay:
         self.blur(_BLURS_PX[1])
 
     def blur(self, sigma_px: float) -> None:
-        """Blur the pattern as the picture is."""
         sigma = sigma_px / self._per_module * _FINE_PX
         self._blurred = cv2.GaussianBlur(self._pattern, (0, 0), sigma)
 
     def whole(self, corners: Array) -> Array:
-        """Corners in pixels of the whole picture."""
+        """Return corners in pixels of the whole picture."""
         return np.asarray((corners + 0.5) * self.shrunk - 0.5 + self._low, dtype=np.float64)
 
     def _modules(self, corners: Array, u: Array, v: Array) -> tuple[Array, Array]:
-        """Where pixels lie on the marker, in modules right and down of its upper left corner."""
+        """Return pixels in modules right and down of the marker's upper left corner."""
         n = float(self._count)
         square = np.array([[0.0, 0.0], [n, 0.0], [n, n], [0.0, n]], np.float32)
         matrix = cv2.getPerspectiveTransform(corners.astype(np.float32), square)
@@ -166,7 +165,7 @@ class _Overlay:
         return np.asarray((a * u + b * v + c) / scale), np.asarray((d * u + e * v + f) / scale)
 
     def seen(self, corners: Array) -> Array:
-        """The blurred pattern in each pixel, 0 to 1, for corners in pixels of the part."""
+        """Return the blurred pattern in each pixel, 0 to 1, for corners in pixels of the part."""
         right, down = ((x + 2.0) * _FINE_PX - 0.5 for x in self._modules(corners, self._u, self._v))
         sampled = cv2.remap(
             self._blurred, right.astype(np.float32), down.astype(np.float32), cv2.INTER_LINEAR,
@@ -176,7 +175,7 @@ class _Overlay:
 
 
 def _refined(gray: Gray, dictionary: str, number: int, corners: Array) -> FoundTag | None:
-    """The marker with exact corners; None where the picture does not look like its pattern."""
+    """Return the marker with exact corners; None if the picture does not look like its pattern."""
     overlay = _Overlay(gray, _pattern(dictionary, number), corners)
     now = _fitted(overlay, overlay.corners)
     misfits = []
@@ -200,7 +199,7 @@ def _refined(gray: Gray, dictionary: str, number: int, corners: Array) -> FoundT
 
 
 def _residuals(overlay: _Overlay, corners: Array) -> tuple[Array, float, float]:
-    """What is left of the picture beside the best gain and offset; the gain; the correlation."""
+    """Return the residuals beside the best gain and offset; the gain; the correlation."""
     seen = overlay.seen(corners)
     varied, levels = seen - seen.mean(), overlay.levels - overlay.levels.mean()
     power = float(varied @ varied)
@@ -212,7 +211,7 @@ def _residuals(overlay: _Overlay, corners: Array) -> tuple[Array, float, float]:
 
 
 def _slopes(overlay: _Overlay, corners: Array, gain: float) -> Array:
-    """How each pixel answers to a pixel of motion of each corner, to the gain and to an offset."""
+    """Return the derivatives of each pixel by each corner, the gain and an offset."""
     found = np.empty((len(overlay.levels), 10))
     now = overlay.seen(corners)
     for i in range(8):
@@ -224,7 +223,7 @@ def _slopes(overlay: _Overlay, corners: Array, gain: float) -> Array:
 
 
 def _fitted(overlay: _Overlay, corners: Array) -> Array:
-    """The corners where pattern and picture agree best (Gauss-Newton)."""
+    """Fit the corners to the picture (Gauss-Newton)."""
     now = corners
     for _ in range(_ITERATIONS):
         residuals, gain, _ = _residuals(overlay, now)

@@ -1,10 +1,10 @@
-"""Where another vehicle is, by the marker on its top, relative to the camera, with covariance.
+"""The position of another vehicle by the marker on its top, relative to the camera, with
+covariance.
 
-Four things are known, none of them exactly: the corners in the picture, the camera's attitude, how
-the other vehicle is tilted, and, where both tell their heights, how far it is below. What agrees
-best with all of them at once is taken (a maximum a posteriori estimate); its covariance says what
-they leave open. So a range by the marker's size and one by the heights need not be chosen between:
-each counts by its own error.
+Four things are known with errors: the corners in the picture, the camera's attitude, the other
+vehicle's tilt, and, if both report their heights, how far it is below. A maximum a posteriori
+estimate weighs them all, so a range by the marker's size and one by the heights each count by their
+own error.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,15 +29,15 @@ _STEPS = np.array([1e-4] * 3 + [1e-5] * 6)
 _ITERATIONS = 25
 _ENOUGH: Final = 1e-7
 _LIKELY: Final = 40.0
-"""Of what is left over, as chi square: more is no marker of that size, or a wrong attitude."""
+"""Largest chi square of the residuals: more is a marker of another size, or a wrong attitude."""
 
 
 @dataclass(frozen=True, slots=True)
 class SightingErrors:
-    """Standard deviations of what a sighting rests on.
+    """Standard deviations of a sighting's inputs.
 
     Attributes:
-        corner_px: What a calibration leaves of the lens's distortion, beside the picture's noise.
+        corner_px: The lens's distortion after calibration, beside the picture's noise.
         tilt_rad: Of the camera's attitude about each level axis, at the exposure.
         heading_rad: Of the camera's heading.
     """
@@ -46,22 +47,20 @@ class SightingErrors:
     heading_rad: float = math.radians(2.0)
 
     def __post_init__(self) -> None:
-        """Refuse what is no error with `ValueError`."""
         if not (self.corner_px >= 0.0 and self.tilt_rad > 0.0 and self.heading_rad > 0.0):
             raise ValueError(f"corner_px is at least 0, tilt_rad and heading_rad above 0: {self}")
 
 
 @dataclass(frozen=True, slots=True)
 class Carrier:
-    """What is told of the vehicle that carries the marker.
+    """What is known of the vehicle that carries the marker.
 
     Attributes:
         roll_rad: By its telemetry, right side down.
         pitch_rad: By its telemetry, nose up.
-        tilt_rad: Standard deviation of each. Where nothing is told: how far a hovering vehicle
-            tilts in the wind, the default.
-        below_m: How much lower the marker is than the camera by both heights, None where these are
-            not told.
+        tilt_rad: Standard deviation of each; the default, that of hovering in wind, is for no
+            telemetry.
+        below_m: How much lower the marker is than the camera by both heights; None if unknown.
         below_sigma_m: Standard deviation of that; of two barometers.
     """
 
@@ -72,7 +71,6 @@ class Carrier:
     below_sigma_m: float = 0.3
 
     def __post_init__(self) -> None:
-        """Refuse errors that are none with `ValueError`."""
         if not (self.tilt_rad > 0.0 and self.below_sigma_m > 0.0):
             raise ValueError(f"tilt_rad and below_sigma_m are above 0: {self}")
 
@@ -81,14 +79,9 @@ class Carrier:
 class Sighting:
     """A marker's middle, in metres true east, true north and up of the camera.
 
-    Attributes:
-        tag_id: Its number.
-        east_m: East of the camera.
-        north_m: North of the camera.
-        up_m: Above the camera; below it, it is negative.
-        yaw_rad: The true bearing of the marker's upper edge (of the vehicle's nose), 0 to 2 pi.
-        yaw_sigma_rad: Its standard deviation; it is that of the camera's heading, mostly.
-        covariance_m2: (3, 3), of east, north and up.
+    `yaw_rad` is the true bearing of the marker's upper edge (the vehicle's nose), 0 to 2 pi; its
+    deviation is mostly that of the camera's heading. `covariance_m2` (3, 3) is of east, north and
+    up.
     """
 
     tag_id: int
@@ -113,18 +106,14 @@ def sight(
     carrier: Carrier = Carrier(),
     errors: SightingErrors = SightingErrors(),
 ) -> Sighting | None:
-    """Where a marker is.
+    """Return where a marker is; None if nothing fits: a marker of another size, or a wrong
+    attitude.
 
     Args:
         found: From `vision.markers.marker_corners.find_tags`.
-        camera: That took the picture; without distortion.
+        camera: Without distortion.
         attitude: Camera axes to NED at the exposure, as in `missions.units.Pose`.
         tag_m: Side of the marker's black square, above 0.
-        carrier: What is told of the other vehicle. Where it tells its height, that is used, too.
-        errors: What all of it rests on.
-
-    Returns:
-        None where nothing fits what is told: a marker of another size, or a wrong attitude.
     """
     if not tag_m > 0.0:
         raise ValueError(f"tag_m is {tag_m:g}, expected above 0")
@@ -184,7 +173,7 @@ class _View:
         return camera.focal_px, (camera.width_px - 1) / 2.0, (camera.height_px - 1) / 2.0
 
     def guess(self) -> Array | None:
-        """By size and direction, as if nothing was tilted; None where that is no place."""
+        """Guess by size and direction, as if nothing was tilted; None where that is no place."""
         focal, centre_u, centre_v = self._focus()
         quad = self._pixels
         one, other = quad[2] - quad[0], quad[3] - quad[1]
@@ -207,11 +196,11 @@ class _View:
         return found
 
     def misfits(self, x: Array) -> Array:
-        """How far what is known is from what would follow from `x`, in standard deviations."""
+        """Return what is known less what follows from `x`, in standard deviations."""
         focal, centre_u, centre_v = self._focus()
         body = rotation(Quaternion.from_euler(float(x[4]), float(x[5]), float(x[_YAW])))
         corners = body @ self._corners + np.array([[x[1]], [x[0]], [-x[2]]])
-        camera_axes = _small(x[_CAMERA]) @ self._to_ned
+        camera_axes = cv2.Rodrigues(x[_CAMERA])[0] @ self._to_ned
         forward, right, down = camera_axes.T @ corners
         pixels = np.stack(
             [centre_u + focal * right / forward, centre_v + focal * down / forward], axis=1
@@ -222,7 +211,6 @@ class _View:
         return np.concatenate(left)
 
     def slopes(self, x: Array) -> Array:
-        """How the misfits answer to each unknown."""
         columns = []
         for i in range(_UNKNOWNS):
             step = np.zeros(_UNKNOWNS)
@@ -230,14 +218,3 @@ class _View:
             ahead, behind = self.misfits(x + step), self.misfits(x - step)
             columns.append((ahead - behind) / (2.0 * _STEPS[i]))
         return np.stack(columns, axis=1)
-
-
-def _small(turn: Array) -> Array:
-    """The matrix of a rotation about the axis `turn` by its length, radians."""
-    angle = float(np.linalg.norm(turn))
-    x, y, z = turn
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    if angle < 1e-12:
-        return np.asarray(np.eye(3) + cross, dtype=np.float64)
-    turned = math.sin(angle) / angle * cross + (1.0 - math.cos(angle)) / angle**2 * cross @ cross
-    return np.asarray(np.eye(3) + turned, dtype=np.float64)

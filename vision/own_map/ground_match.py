@@ -1,9 +1,9 @@
-"""How far the camera has moved between two pictures, as the ground that both show says.
+"""How far the camera moved between two pictures, by the ground that both show.
 
-A picture becomes a patch: the level ground that it shows, north up, in gray levels from which
-light and shade are taken out. Two patches of the same ground differ by a shift, which their
-normalised cross-correlation finds to a fraction of a pixel. What two pictures cannot tell, because
-the ground has no texture, repeats itself, or runs along a line, gets no answer.
+A picture becomes a patch: the level ground that it shows, north up, without light and shade.
+Patches of the same ground differ by a shift, which their normalised cross-correlation finds to a
+fraction of a pixel. Ground without texture, that repeats itself or runs along a line gets no
+answer.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from vision.own_map.ground_patch import NOTHING, STEPS, Patch, patch, resolution
 __all__ = ["Match", "Patch", "match", "patch", "resolution_m"]
 
 LEAST_SCORE: Final = 0.3
-"""The least correlation that is taken for the same ground, 0 to 1."""
+"""Least correlation of the same ground, 0 to 1."""
 LEAST_LEAD: Final = 0.12
-"""By so much a place must correlate better than any other one."""
+"""Least lead of a place's correlation over any other's."""
 
 _LEAST_TEXTURE: Final = 0.35  # root mean square of a patch; of noise alone it has 0.2
 _LEAST_PX: Final = 400  # that two patches have in common
@@ -34,39 +34,33 @@ _FLOOR_PX: Final = 0.06  # what interpolation errs by, in one direction
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """How far the camera moved over ground between two pictures.
+    """The movement of the camera over ground between two pictures.
 
     Attributes:
         moved_m: East and north along the patches' axes, of the place below the camera.
-        sigma_m: Standard deviation of each of them, by the pictures alone: what the told attitude
-            and height are off by is not in it.
-        score: How well the pictures agree, `LEAST_SCORE` to 1.
-        lead: By how much better than at any other place.
+        sigma_m: Standard deviation of each, by the pictures alone, without errors of attitude and
+            height.
     """
 
     moved_m: tuple[float, float]
     sigma_m: float
-    score: float
-    lead: float
 
 
 def match(
     earlier: Patch, later: Patch, expected_m: tuple[float, float], search_m: float
 ) -> Match | None:
-    """How far the camera moved from one picture to another, as the ground shows it.
+    """Return how far the camera moved from one picture to another, by the ground.
 
     Args:
-        earlier: A patch.
         later: Another one, with the same pixels and axes.
-        expected_m: How far the camera is believed to have moved, east and north.
-        search_m: How far off that may be, in either direction, above 0.
+        expected_m: The believed movement, east and north.
+        search_m: Its largest error in either direction, above 0.
 
     Returns:
-        The movement; None where the ground does not say: too little is in both pictures, there is
-        no texture, or other places agree nearly as well.
+        None if too little is in both, there is no texture, or other places agree nearly as well.
 
     Raises:
-        ValueError: the patches have different pixels.
+        ValueError: The patches have different pixels.
     """
     pitch_m = earlier.metres_per_pixel
     if not math.isclose(pitch_m, later.metres_per_pixel):
@@ -80,19 +74,18 @@ def match(
     found = _peak(surface, common, radius)
     if found is None:
         return None
-    right, up, score, lead, sigma_px = found
+    right, up, sigma_px = found
     moved_m = (shift[0] + right) * pitch_m, (shift[1] + up) * pitch_m
-    return Match(moved_m, sigma_px * pitch_m, score, lead)
+    return Match(moved_m, sigma_px * pitch_m)
 
 
-# --- matching -----------------------------------------------------------------------------------
 def _canvases(
     earlier: Patch, later: Patch, shift: tuple[int, int], radius: int
 ) -> tuple[NDArray[np.int8], NDArray[np.int8]] | None:
-    """Both patches on canvases of one size, the later one where it is expected.
+    """Lay both patches on canvases of one size, the later one where it is expected.
 
-    What can have no partner is cut off; the rest of a canvas is empty, so that no shift within the
-    radius wraps around.
+    What can have no partner is cut off; the rest is empty, so that no shift within the radius
+    wraps.
     """
     spans = []
     for axis in (0, 1):
@@ -126,7 +119,7 @@ def _canvases(
 def _correlation(
     earlier: NDArray[np.int8], later: NDArray[np.int8], radius: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """For each shift the correlation, and how many pixels it is of; the middle is no shift.
+    """Return for each shift the correlation, and its count of pixels; the middle is no shift.
 
     Rows are shifts to the south, columns to the east, from -radius to radius.
     """
@@ -153,8 +146,8 @@ def _correlation(
 
 def _peak(
     surface: NDArray[np.float32], common: NDArray[np.float32], radius: int
-) -> tuple[float, float, float, float, float] | None:
-    """East, north (pixels), score, lead and sigma (pixels) of the one place that fits."""
+) -> tuple[float, float, float] | None:
+    """Return east, north and sigma (pixels) of the one place that fits."""
     inner = surface[1:-1, 1:-1]
     row, column = (int(i) + 1 for i in np.unravel_index(int(inner.argmax()), inner.shape))
     score = float(surface[row, column])
@@ -166,8 +159,7 @@ def _peak(
         max(0, row - _AROUND_PX) : row + _AROUND_PX + 1,
         max(0, column - _AROUND_PX) : column + _AROUND_PX + 1,
     ] = -1.0
-    lead = score - max(float(others.max()), 0.0)
-    if lead < LEAST_LEAD:
+    if score - max(float(others.max()), 0.0) < LEAST_LEAD:
         return None
     # a paraboloid through the nine values around the peak
     a = around.astype(np.float64)
@@ -186,4 +178,4 @@ def _peak(
     pixels = max(float(common[row, column]), 1.0) / _CORRELATED
     variance = (1.0 - min(score, 0.999)) / (-flattest * pixels) + _FLOOR_PX**2
     east, south = column - radius + right, row - radius + down
-    return east, -south, score, lead, math.sqrt(variance)
+    return east, -south, math.sqrt(variance)

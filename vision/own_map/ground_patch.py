@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.geo.footprint import Optics
-from missions.units import Pose
 from vision.look import Frame
 
 NOTHING: Final = -128
-"""The value of what a picture does not show."""
+"""Value of what a picture does not show."""
 STEPS: Final = 40.0
-"""Of the stored values in a unit of contrast."""
+"""Stored values in a unit of contrast."""
 
 _RESOLUTIONS_M: Final = (0.05, 0.1, 0.2, 0.4)
 _WANTED_PX: Final = 75.0  # along the shorter side of a footprint
@@ -30,11 +29,11 @@ _FEW: Final = 4  # of the pixels in a row one in so many tells the shading
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """Level ground as one picture shows it, as a raster around the place below the camera.
+    """Level ground of one picture, as a raster around the place below the camera.
 
     `values` are int8, row by row from the north: contrast to the surroundings in 1/40 of the local
-    deviation, `NOTHING` where nothing is seen. The centre of the pixel in row 0 and column 0 lies
-    `west_px` pixels east (so negative) and `north_px` pixels north of the place below the camera.
+    deviation, or `NOTHING`. The centre of the first pixel lies `west_px` pixels east (so negative)
+    and `north_px` pixels north of the place below the camera.
     """
 
     values: NDArray[np.int8]
@@ -42,28 +41,9 @@ class Patch:
     north_px: int
     metres_per_pixel: float
 
-    @property
-    def centre_m(self) -> tuple[float, float]:
-        """The middle of what is shown, metres east and north of the place below the camera."""
-        rows, columns = self.values.shape
-        east = self.west_px + (columns - 1) / 2.0
-        north = self.north_px - (rows - 1) / 2.0
-        return east * self.metres_per_pixel, north * self.metres_per_pixel
-
-    @property
-    def pixels(self) -> int:
-        """How many pixels show ground."""
-        return int(np.count_nonzero(self.values != NOTHING))
-
-    @property
-    def texture(self) -> float:
-        """How much there is to be seen, 0 (nothing but noise: 0.2) to about 1."""
-        seen = self.values[self.values != NOTHING].astype(np.float32)
-        return float(np.sqrt(np.mean(np.square(seen)))) / STEPS if seen.size else 0.0
-
 
 def resolution_m(camera: Optics, height_m: float) -> float:
-    """Metres to a pixel of a patch from this height: fine enough, and not finer.
+    """Return metres to a pixel of a patch from this height: fine enough, and not finer.
 
     >>> resolution_m(Optics(math.radians(80.0), 640, 480), 12.0)
     0.2
@@ -75,23 +55,21 @@ def resolution_m(camera: Optics, height_m: float) -> float:
 def patch(
     frame: Frame, *, metres_per_pixel: float | None = None, up_rad: float = 0.0
 ) -> Patch | None:
-    """The ground that a picture shows, as its pose has it.
+    """Return the ground that a picture shows; None on the ground, or near the horizon.
 
     Args:
-        frame: The picture and its pose.
         metres_per_pixel: Of the raster, above 0; by default `resolution_m` of the height. Only
-            patches of the same one can be matched.
-        up_rad: The true bearing of the raster's upper edge: 0, or `Grid.convergence_rad` to have
-            the axes of a grid.
-
-    Returns:
-        The patch; None where the pose shows no ground: on the ground, or near the horizon.
+            equal ones match.
+        up_rad: True bearing of the raster's upper edge: 0, or `Grid.convergence_rad` for a grid's
+            axes.
     """
     pose, camera = frame.pose, frame.camera
     if pose.height_m <= 0.0:
         return None
     pitch_m = metres_per_pixel or resolution_m(camera, pose.height_m)
-    matrix = camera.pixels_of_ned(pose) @ _ned_of_ground(pose, up_rad)
+    cos, sin = math.cos(up_rad), math.sin(up_rad)
+    ned_of_ground = np.array([[-sin, cos, 0.0], [cos, sin, 0.0], [0.0, 0.0, pose.height_m]])
+    matrix = camera.pixels_of_ned(pose) @ ned_of_ground
     box = _box(camera, matrix, pose.height_m, pitch_m)
     if box is None:
         return None
@@ -109,16 +87,10 @@ def patch(
     return Patch(_without_light(gray, seen), west, north, pitch_m)
 
 
-def _ned_of_ground(pose: Pose, up_rad: float) -> NDArray[np.float64]:
-    """From metres east and north of below the camera, along the raster's axes, to NED of it."""
-    cos, sin = math.cos(up_rad), math.sin(up_rad)
-    return np.array([[-sin, cos, 0.0], [cos, sin, 0.0], [0.0, 0.0, pose.height_m]])
-
-
 def _box(
     camera: Optics, matrix: NDArray[np.float64], height_m: float, pitch_m: float
 ) -> tuple[int, int, int, int] | None:
-    """West, south, east and north of what is shown, in pixels of the raster."""
+    """Return west, south, east and north of what is shown, in pixels of the raster."""
     right, low = camera.width_px - 1.0, camera.height_px - 1.0
     corners = np.array([[0.0, right, right, 0.0], [0.0, 0.0, low, low], [1.0] * 4])
     ground = np.linalg.solve(matrix, corners)
@@ -131,7 +103,7 @@ def _box(
 
 
 def _shrunk(frame: Frame, pitch_m: float) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """The gray picture, as small as the raster allows, and its pixels from those of the frame."""
+    """Return the gray picture, as small as the raster allows, and the matrix to its pixels."""
     camera = frame.camera
     factor = max(1, math.floor(pitch_m / camera.gsd_m(frame.pose.height_m)))
     rows, columns = camera.height_px // factor, camera.width_px // factor
@@ -144,7 +116,7 @@ def _shrunk(frame: Frame, pitch_m: float) -> tuple[NDArray[np.uint8], NDArray[np
 
 
 def _without_light(gray: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArray[np.int8]:
-    """Contrast to the surroundings, over how much it differs there."""
+    """Return the contrast to the surroundings over its deviation there."""
     window = (_WINDOW_PX, _WINDOW_PX)
 
     def around(values: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -163,7 +135,7 @@ def _without_light(gray: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArra
 
 
 def _shading(gray: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """The paraboloid that fits best: at the rim of what is seen, local means leave a lens's."""
+    """Fit a paraboloid: at the rim of what is seen, local means leave a lens's shading."""
     rows, columns = gray.shape
     y = np.linspace(-1.0, 1.0, rows, dtype=np.float32)[:, None]
     x = np.linspace(-1.0, 1.0, columns, dtype=np.float32)[None, :]
@@ -179,12 +151,12 @@ def _shading(gray: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArray[np.f
 
 
 def side_m(patch: Patch) -> float:
-    """Of a square as large as what a patch shows.
+    """Return the side of a square as large as what a patch shows.
 
     >>> side_m(Patch(np.ones((30, 30), np.int8), 0, 0, 0.5))
     15.0
     """
-    return math.sqrt(patch.pixels) * patch.metres_per_pixel
+    return math.sqrt(np.count_nonzero(patch.values != NOTHING)) * patch.metres_per_pixel
 
 
 def overlaps(
@@ -193,11 +165,10 @@ def overlaps(
     sides_m: Iterable[float],
     away_m: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """The part of a patch that each of some others covers, as squares, 0 to 1.
+    """Return the part of a patch that each of some others covers, as squares, 0 to 1.
 
     Args:
-        patch: One.
-        others: The others; those with other pixels cover nothing.
+        others: Those with other pixels cover nothing.
         sides_m: Their `side_m`.
         away_m: Where they were taken from there, east and north, shape (n, 2).
     """
@@ -210,12 +181,12 @@ def overlaps(
 def mosaic(
     patches: Iterable[tuple[Patch, tuple[float, float]]], reach_m: float, metres_per_pixel: float
 ) -> Patch:
-    """One patch of many; where several show the same ground, the first of them counts.
+    """Return one patch of many; where several show the same ground, the first of them counts.
 
     Args:
-        patches: Each with the place that its picture was taken above, metres east and north of the
-            mosaic's middle.
-        reach_m: How far the mosaic reaches from its middle in each direction, above 0.
+        patches: Each with where its picture was taken, metres east and north of the mosaic's
+            middle.
+        reach_m: From its middle in each direction, above 0.
         metres_per_pixel: Of all the patches.
     """
     reach = math.ceil(reach_m / metres_per_pixel)
@@ -241,7 +212,7 @@ def mosaic(
 
 
 def coarser(patch: Patch) -> Patch:
-    """The same ground with pixels twice as large.
+    """Return the same ground with pixels twice as large.
 
     >>> fine = Patch(np.ones((7, 9), np.int8), -3, 2, 0.2)
     >>> half = coarser(fine)

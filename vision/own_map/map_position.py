@@ -1,13 +1,11 @@
-"""Where a vehicle is, by its own pictures: each is matched with those that it took before.
+"""A vehicle's position by its own pictures: each is matched with those taken before.
 
-Some pictures are kept, as keyframes with their patches of ground. Each new one is matched with the
-last of them, and with the oldest that show the same ground: those were taken while satellites were
-good, and hold the estimate when it comes back over them.
+Some pictures are kept as keyframes. Each new one is matched with the last, and with the oldest that
+show the same ground: those were taken while satellites were good, and hold the estimate when the
+vehicle comes back over them.
 
-How a vehicle moves on from one picture to the next, whatever position it is told.
-
-No aircraft moves as a told position can leap: from where it was and how fast it was, what it can
-reach until the next picture is small.
+A reported position can leap, no aircraft can: from where and how fast it was, its reach until the
+next picture is small.
 """
 
 from __future__ import annotations
@@ -39,16 +37,12 @@ class Reach:
 
 @dataclass(frozen=True, slots=True)
 class OwnWay:
-    """Where the newest picture whose ground was recognised was taken, and how fast it moved then.
+    """Where the newest picture with recognised ground was taken, and its speed then.
 
     Attributes:
-        t_s: When it was taken.
-        key: The keyframe that its place is told from.
-        east_m: Of that keyframe.
-        north_m: Of that keyframe.
-        patch: Its ground.
+        key: The keyframe that its place is relative to.
         velocity_m_s: East and north; None after the first one.
-        over_s: Over how long a time that is the mean.
+        over_s: Time over which that is the mean.
     """
 
     t_s: float
@@ -60,7 +54,7 @@ class OwnWay:
     over_s: float = math.inf
 
     def on(self, t_s: float, key: int, east_m: float, north_m: float, patch: Patch) -> OwnWay:
-        """The next one, whose place is told from the same keyframe as this one's."""
+        """Return the next one, relative to the keyframe of this one."""
         over_s = t_s - self.t_s
         if key != self.key or over_s > _LONGEST_S:
             return OwnWay(t_s, key, east_m, north_m, patch)
@@ -68,11 +62,11 @@ class OwnWay:
         return OwnWay(t_s, key, east_m, north_m, patch, velocity, over_s)
 
     def told_from(self, key: int) -> OwnWay:
-        """The same, if that picture has become a keyframe itself."""
+        """Return the same after that picture has become a keyframe itself."""
         return OwnWay(self.t_s, key, 0.0, 0.0, self.patch, self.velocity_m_s, self.over_s)
 
     def reach(self, t_s: float) -> Reach | None:
-        """Where it can be then; None if nobody can say.
+        """Return where it can be then; None if unknown.
 
         >>> import numpy as np
         >>> ground = Patch(np.zeros((1, 1), np.int8), 0, 0, 0.2)
@@ -113,7 +107,7 @@ _OF_WAY: Final = 0.01  # heights and headings err differently in two pictures
 
 @dataclass(frozen=True, slots=True)
 class _Leap:
-    """After a keyframe the told position may have leapt so far; other pictures have to say so."""
+    """A possible leap of the reported position; other pictures have to confirm it."""
 
     t_s: float
     after: int
@@ -139,9 +133,9 @@ class OwnMap:
     """The pictures that a vehicle has taken, and where it is by them.
 
     Attributes:
-        errors: What told positions err by.
-        most_keyframes: No more are kept; what goes is near others.
-        track: Keyframes and links: what to ask for the disagreement, and to tell of distrust.
+        errors: Of reported positions.
+        most_keyframes: Most that are kept; those near others go first.
+        track: Keyframes and links: reports the disagreement, receives distrust.
     """
 
     errors: ToldErrors = field(default_factory=ToldErrors)
@@ -162,25 +156,22 @@ class OwnMap:
 
     @property
     def keyframes(self) -> int:
-        """How many pictures are kept."""
+        """Count of kept pictures."""
         return len(self._patches)
 
     def take(
         self, t_s: float, patch: Patch | None, told_m: tuple[float, float], trusted: bool
     ) -> Estimate:
-        """The next picture of the vehicle; gives the error of its told position.
+        """Add the next picture of the vehicle; return the error of its reported position.
 
-        Only for pictures that are plausible (`vision.plausible`): a camera that gives the same
-        picture again shows a vehicle that stands while it is told to move.
+        Only for plausible pictures (`vision.plausible`): a camera that repeats a picture shows a
+        vehicle that stands while it reports movement.
 
         Args:
-            t_s: Mission time, later than of all pictures before.
+            t_s: Mission time, later than of all pictures before, or `ValueError`.
             patch: The ground that it shows, along the axes of `told_m`; None where it shows none.
-            told_m: The told position, metres east and north.
+            told_m: The reported position, metres east and north.
             trusted: It comes from satellites, and there is no reason to doubt them.
-
-        Raises:
-            ValueError: it is not later than the last one.
         """
         if self._passing is not None:
             self.track.remove(self._passing, bridged=False)
@@ -206,11 +197,11 @@ class OwnMap:
         return estimate
 
     def disagreement(self) -> Disagreement:
-        """How far satellites and the pictures disagree; see `Track.disagreement`."""
+        """See `Track.disagreement`."""
         return self.track.disagreement()
 
     def _tie(self, number: int, patch: Patch, t_s: float, last: int) -> bool:
-        """Link a new picture to keyframes that show the same ground; whether it is to be one."""
+        """Link a new picture to keyframes of the same ground; return whether to keep it as one."""
         if self._leap is not None and t_s - self._leap.t_s > _LEAP_S:
             self._leap = None
         leap = self._leap
@@ -243,8 +234,12 @@ class OwnMap:
                 kept = kept or math.hypot(*away_m) >= _KEYFRAME_SHARE * side_m(patch)
                 self._go_on(t_s, key, seen, patch)
             if seen is not None:
-                self._link(key, number, seen, patch if kept else None, zoom)
-        if self._sigma_now_m > self._lost_m and t_s - self._searched_s >= _SEARCH_EVERY_S:
+                if kept:
+                    seen = self._compared(key, patch, seen, zoom[0])
+                sigma_m = self._sigma_m(seen)
+                self.track.link(key, number, seen.moved_m, sigma_m, seen.zoom, certain=seen.certain)
+        lost_m = _LOST_M + 2.0 * self.errors.satellites_m
+        if self._sigma_now_m > lost_m and t_s - self._searched_s >= _SEARCH_EVERY_S:
             self._searched_s = t_s
             self._find_anew(number, patch, t_s)
         return kept or self._found_anew_s == t_s
@@ -253,7 +248,7 @@ class OwnMap:
         self, key: int, patch: Patch, there: tuple[float, float], search_m: float,
         zoom: tuple[complex, float],
     ) -> _Seen | None:  # fmt: skip
-        """A keyframe's ground in a picture, around a place."""
+        """Find a keyframe's ground in a picture, around a place."""
         larger = zoom[0] if abs(zoom[0]) > _ALIKE else 0j
         found = match(
             self._patches[key], resized(patch, larger) if larger else patch, there, search_m
@@ -266,7 +261,7 @@ class OwnMap:
     def _flown_on(
         self, key: int, patch: Patch, t_s: float, zoom: tuple[complex, float]
     ) -> _Seen | None:
-        """The same where the vehicle can be as it moved before, whatever it is told."""
+        """Find it where the vehicle can be as it moved before, whatever it reports."""
         way = self._way
         reach = None if way is None or way.key != key else way.reach(t_s)
         if way is None or reach is None:
@@ -282,7 +277,7 @@ class OwnMap:
         return None if seen is None else replace(seen, certain=reach.within_m <= _CERTAIN_M)
 
     def _go_on(self, t_s: float, key: int, seen: _Seen | None, patch: Patch) -> None:
-        """Note place and velocity, where the ground has just been recognised."""
+        """Note place and velocity, if the ground has just been recognised."""
         if seen is None:
             return
         before = self._way
@@ -291,18 +286,8 @@ class OwnMap:
         else:
             self._way = before.on(t_s, key, *seen.moved_m, patch)
 
-    def _link(
-        self, key: int, number: int, seen: _Seen, kept: Patch | None, zoom: tuple[complex, float]
-    ) -> None:
-        """Link two pictures; if both are kept, by how much one is larger, too."""
-        if kept is not None:
-            seen = self._compared(key, kept, seen, zoom[0])
-        self.track.link(
-            key, number, seen.moved_m, self._sigma_m(seen), seen.zoom, certain=seen.certain
-        )
-
     def _compared(self, key: int, patch: Patch, seen: _Seen, zoom: complex) -> _Seen:
-        """With the zoom between both, where that can be told."""
+        """Add the zoom between both, where it is known."""
         pitch_m = patch.metres_per_pixel
         moved = complex(*seen.moved_m) / pitch_m * (1.0 - zoom / 2.0)
         found = compare(self._patches[key], patch, moved, zoom)
@@ -316,13 +301,8 @@ class OwnMap:
             zoom=(found.zoom, found.sigma),
         )
 
-    @property
-    def _lost_m(self) -> float:
-        """From which standard deviation on the whole map is searched."""
-        return _LOST_M + 2.0 * self.errors.satellites_m
-
     def _find_anew(self, number: int, patch: Patch, t_s: float) -> None:
-        """Search a picture on the mosaic of all others, and link it to those that it is among."""
+        """Search a picture on the mosaic of all others, and link it to those around it."""
         here = self.track.places_m()[-1]
         reach_m = min(_REACH_SIGMAS * self._sigma_now_m, _FARTHEST_M)
         wide_m, pitch_m = side_m(patch), patch.metres_per_pixel
@@ -358,7 +338,7 @@ class OwnMap:
         return math.hypot(found.sigma_m, math.sqrt(2.0) * self.errors.pointing_m, _OF_WAY * way_m)
 
     def _partners(self, patch: Patch, last: int) -> list[int]:
-        """The last keyframe, the oldest, and the nearest ones that show the same ground."""
+        """Return the last keyframe, the oldest, and the nearest ones that show the same ground."""
         where = dict(zip(self.track.numbers, self.track.places_m(), strict=True))
         away_m = np.array([where[key] for key in self._patches]) - where[self.track.newest]
         overlap = overlaps(patch, self._patches.values(), self._sides_m.values(), away_m)
@@ -369,7 +349,7 @@ class OwnMap:
         return [last, *(keys[k] for k in (*oldest, *rest))]
 
     def _thin_out(self) -> None:
-        """Forget the keyframe that is nearest to an older one, if there are too many."""
+        """Forget the keyframe nearest to an older one, if there are too many."""
         if len(self._patches) <= self.most_keyframes:
             return
         where = dict(zip(self.track.numbers, self.track.places_m(), strict=True))

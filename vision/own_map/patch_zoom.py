@@ -1,8 +1,7 @@
-"""By how much larger, and how turned, one patch of ground shows what another one shows.
+"""The scale and rotation between two patches of the same ground.
 
-Patches are laid out by told heights and headings. When those change while the ground does not, the
-same ground is larger in one patch than in the other, or turned: that is how far the told height or
-heading has gone wrong in between.
+Patches are laid out by reported heights and headings. When those change while the ground does not,
+the same ground is larger in one patch, or turned: so far the height or heading has drifted.
 """
 
 from __future__ import annotations
@@ -36,8 +35,7 @@ class Zoom:
     Attributes:
         moved_px: East + i north: of the camera over ground, in pixels of mean size and direction.
         sigma_px: Standard deviation in one direction.
-        zoom: By how much larger the later patch shows it, as a share, + i radians by which it is
-            turned counter-clockwise.
+        zoom: How much larger the later patch shows it, as a share, + i radians counter-clockwise.
         sigma: Standard deviation of both.
     """
 
@@ -48,7 +46,7 @@ class Zoom:
 
 
 def resized(patch: Patch, zoom: complex) -> Patch:
-    """A patch with its ground smaller by `zoom` and turned back, around the place below the camera.
+    """Shrink a patch's ground by `zoom` and turn it back, around the place below the camera.
 
     >>> small = resized(Patch(np.ones((21, 21), np.int8), -10, 10, 0.2), 0.25 + 0j)
     >>> small.west_px, small.north_px, int((small.values != NOTHING).sum())
@@ -70,19 +68,18 @@ def resized(patch: Patch, zoom: complex) -> Patch:
 
 
 def compare(earlier: Patch, later: Patch, moved_px: complex, zoom: complex = 0j) -> Zoom | None:
-    """Size, direction and place of what both patches show, from what is nearly right.
+    """Return scale, rotation and place of what both patches show, from what is nearly right.
 
-    Least squares by gradients; both patches are smoothed before, so that it finds what is up to
-    about two pixels off everywhere.
+    Least squares by gradients; both patches are smoothed first, so that up to about two pixels of
+    error are corrected everywhere.
 
     Args:
-        earlier: A patch.
         later: Another one, with the same pixels and axes.
         moved_px: How far the camera moved, in pixels of the earlier patch.
-        zoom: By how much larger the later one is believed to show the ground.
+        zoom: How much larger the later one is believed to show the ground.
 
     Returns:
-        What was found; None if too little is in both, or it leads elsewhere.
+        None if too little is in both, or it leads elsewhere.
     """
     size = later.values.shape[1], later.values.shape[0]
     below = _smooth(later.values.astype(np.float32))

@@ -1,8 +1,8 @@
 """Bundle adjustment of views over known ground: all poses at once, by Levenberg-Marquardt.
 
-What is made small: tie points of one picture, taken through the ground into the other, against
-where they are there (pixels), beside what the tags say. Ground points are no unknowns, so the
-normal equations have 6 unknowns a view, and a block for each pair that overlaps.
+It minimises tie points of one picture, taken through the ground into the other, against where they
+are there (pixels), beside what the tags say. Ground points are no unknowns: the normal equations
+have 6 unknowns a view, and a block for each overlapping pair.
 """
 
 from __future__ import annotations
@@ -16,37 +16,139 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.registration.ground_plane import UNKNOWNS, Cameras, bearing, moved, skew, transfer
+from vision.registration.matching import Pair
 from vision.registration.net import HEIGHT_BIAS, YAW_BIAS_RAD
 from vision.registration.normal_equations import Normal
-from vision.registration.problem import HEIGHT, SHARED, SLOPE, YAW, Solution, Tags, Ties, huber
-from vision.registration.views import Floats
+from vision.registration.views import Floats, Ints
+
+TIE_SIGMA_PX: Final = 1.0
+
+INDEPENDENT: Final = 12.0
+"""Most independent tie points of a pair: all share the errors of relief and lens."""
+
+HEIGHT, YAW, SLOPE = 0, 1, slice(2, 4)
+"""The shared unknowns after the focal lengths."""
+
+SHARED: Final = 4
+"""How many these are."""
+
+
+@dataclass
+class Tags:
+    """What tags say of the views of a net; NaN where nothing."""
+
+    place_m: Floats
+    place_sigma_m: Floats
+    height_m: Floats
+    height_sigma_m: Floats
+    yaw_rad: Floats
+    yaw_sigma_rad: Floats
+    tilt: Floats
+    tilt_sigma: Floats
+    focal_px: Floats
+    focal_sigma: Floats
+
+
+@dataclass
+class Ties:
+    """Tie points of all pairs: half of them from first to second, half back."""
+
+    source: Ints
+    target: Ints
+    in_source: Floats
+    in_target: Floats
+    pair: Ints
+    weight: Floats
+    pairs: Ints
+
+    @classmethod
+    def of(cls, pairs: Sequence[Pair]) -> Ties:
+        """Return the tie points of pairs that are not held apart."""
+        source, weight, forth = [], [], []
+        for p in pairs:
+            count = len(p.in_first)
+            first = np.arange(count) % 2 == 0
+            forth.append(first)
+            source.append(np.where(first, p.first, p.second))
+            weight.append(np.full(count, min(1.0, INDEPENDENT / max(count, 1)) / TIE_SIGMA_PX**2))
+        ends = np.array([[p.first, p.second] for p in pairs])
+        number = np.repeat(np.arange(len(pairs)), [len(p.in_first) for p in pairs])
+        swap = np.concatenate(forth)[:, None]
+        one = np.concatenate([p.in_first for p in pairs])
+        other = np.concatenate([p.in_second for p in pairs])
+        begins = np.concatenate(source)
+        return cls(
+            begins,
+            ends.sum(axis=1)[number] - begins,
+            np.where(swap, one, other),
+            np.where(swap, other, one),
+            number,
+            np.concatenate(weight),
+            ends,
+        )
+
+
+@dataclass
+class Solution:
+    """The adjusted cameras, and what all of a net have in common.
+
+    Attributes:
+        cameras: Over ground that is level in their frame.
+        shared: The bias of height tags (a share), of headings (radians), and how steeply the ground
+            falls towards east and north (tangents). Sloping ground leans the whole net: a camera
+            above `(x, y)` at height `h` has its geotag at `(x, y) + h slope`.
+        middle_m: (east, north) around which the net leans.
+        cost: The minimised sum, without unit.
+        normal: The normal equations at the end.
+    """
+
+    cameras: Cameras
+    shared: Floats
+    middle_m: Floats
+    cost: float
+    normal: Normal | None = None
+
+    @property
+    def slope(self) -> Floats:
+        """Of the ground, towards east and north, tangents; positive where it falls."""
+        return self.shared[SLOPE]
+
+
+def huber(size: Floats, limit: float) -> tuple[Floats, Floats]:
+    """Return weights and costs of residuals of these sizes."""
+    inside = size <= limit
+    safe = np.maximum(size, 1e-12)
+    weight = np.where(inside, 1.0, limit / safe)
+    cost = np.where(inside, 0.5 * size**2, limit * (size - 0.5 * limit))
+    return weight, cost
+
 
 SLOPE_SIGMA: Final = 0.05
-"""Standard deviation of the slope of the ground, in one direction, a tangent."""
+"""Standard deviation of the slope of the ground in one direction, a tangent."""
 
 KNOWN_SLOPE_SIGMA: Final = 1e-4
-"""The same where an elevation model tells how the ground falls."""
+"""The same where an elevation model gives the slope."""
 
 _PRIOR_HUBER = 2.0  # standard deviations of a tag, beyond which it pulls no stronger
 _UNKNOWN_HEIGHT = 0.5  # a height that no tag tells is that of the others, within this share
 
 
 def add_tags(normal: Normal, solution: Solution, tags: Tags) -> float:
-    """Add all that tags say; returns the cost."""
+    """Add all that tags say; return the cost."""
     terms = (_add_places, _add_heights, _add_yaws, _add_tilts, _add_shared)
     return sum(term(normal, solution, tags) for term in terms)
 
 
-@dataclass
 class _Rows:
     """Residuals of tags, `count` a view, in standard deviations, with their derivatives."""
 
-    off: Floats  # (views, count)
-    by_view: Floats  # (views, count, 6)
-    by_shared: Floats  # (views, count, SHARED)
+    def __init__(self, views: int, count: int) -> None:
+        self.off: Floats = np.zeros((views, count))
+        self.by_view: Floats = np.zeros((views, count, UNKNOWNS))
+        self.by_shared: Floats = np.zeros((views, count, SHARED))
 
     def add(self, normal: Normal, told: NDArray[np.bool_] | None = None) -> float:
-        """Into the normal equations, by Huber's weights; returns the cost."""
+        """Add to the normal equations by Huber's weights, views of `told` only; return the cost."""
         weight, cost = huber(np.sqrt(np.square(self.off).sum(axis=1)), _PRIOR_HUBER)
         if told is not None:
             weight, cost = np.where(told, weight, 0.0), np.where(told, cost, 0.0)
@@ -60,17 +162,9 @@ class _Rows:
         return float(cost.sum())
 
 
-def _rows(views: int, count: int) -> _Rows:
-    return _Rows(
-        np.zeros((views, count)),
-        np.zeros((views, count, UNKNOWNS)),
-        np.zeros((views, count, SHARED)),
-    )
-
-
 def _add_places(normal: Normal, solution: Solution, tags: Tags) -> float:
     centre = solution.cameras.centre_m
-    rows = _rows(len(centre), 2)
+    rows = _Rows(len(centre), 2)
     each = 1.0 / tags.place_sigma_m
     rows.off = (centre[:, :2] + centre[:, 2:] * solution.slope - tags.place_m) * each[:, None]
     rows.by_view[:, 0, 0] = rows.by_view[:, 1, 1] = each
@@ -82,7 +176,7 @@ def _add_places(normal: Normal, solution: Solution, tags: Tags) -> float:
 def _add_heights(normal: Normal, solution: Solution, tags: Tags) -> float:
     centre = solution.cameras.centre_m
     told = np.isfinite(tags.height_m)
-    rows = _rows(len(centre), 1)
+    rows = _Rows(len(centre), 1)
     tag, each = np.where(told, tags.height_m, 0.0), 1.0 / tags.height_sigma_m
     away = centre[:, :2] - solution.middle_m
     above = centre[:, 2] - np.einsum("ni,i->n", away, solution.slope)
@@ -92,7 +186,7 @@ def _add_heights(normal: Normal, solution: Solution, tags: Tags) -> float:
     rows.by_shared[:, 0, HEIGHT] = -tag * each
     rows.by_shared[:, 0, SLOPE] = -away * each[:, None]
     cost = rows.add(normal, told)
-    unknown = _rows(len(centre), 1)
+    unknown = _Rows(len(centre), 1)
     above_m = solution.cameras.above_m()
     middle = float(np.median(above_m))
     unknown.off[:, 0] = (above_m / middle - 1.0) / _UNKNOWN_HEIGHT
@@ -103,7 +197,7 @@ def _add_heights(normal: Normal, solution: Solution, tags: Tags) -> float:
 def _add_yaws(normal: Normal, solution: Solution, tags: Tags) -> float:
     axes = solution.cameras.axes
     told = np.isfinite(tags.yaw_rad)
-    rows = _rows(len(axes), 1)
+    rows = _Rows(len(axes), 1)
     away = bearing(axes) - np.where(told, tags.yaw_rad, 0.0) - solution.shared[YAW]
     each = 1.0 / tags.yaw_sigma_rad
     rows.off[:, 0] = np.arctan2(np.sin(away), np.cos(away)) * each
@@ -118,7 +212,7 @@ def _add_yaws(normal: Normal, solution: Solution, tags: Tags) -> float:
 
 def _add_tilts(normal: Normal, solution: Solution, tags: Tags) -> float:
     axes = solution.cameras.axes
-    rows = _rows(len(axes), 2)
+    rows = _Rows(len(axes), 2)
     down = np.einsum("nji,j->ni", axes, np.array([*solution.slope, -1.0]))
     ratio = down[:, :2] / down[:, 2:]
     each = 1.0 / tags.tilt_sigma[:, None]
@@ -143,7 +237,9 @@ def _add_shared(normal: Normal, solution: Solution, tags: Tags) -> float:
 
 
 HUBER_PX: Final = (40.0, 8.0, 2.5)
-"""Beyond this a tie point pulls no stronger: wide at first, where poses may be far off."""
+"""Residuals from which a tie point pulls no stronger, pixels: wide at first, where poses may be far
+off.
+"""
 
 _ROUNDS = 25
 _ENOUGH = 1e-5  # a step that gains less than this share ends the search
@@ -155,7 +251,7 @@ _CHUNK = 40_000  # tie points whose derivatives are in memory at once
 def adjust(
     start: Cameras, ties: Ties, tags: Tags, limits_px: Sequence[float] = HUBER_PX
 ) -> Solution:
-    """The poses under which tie points and tags agree best."""
+    """Return the poses under which tie points and tags agree best."""
     solution = Solution(start, np.zeros(SHARED), np.median(tags.place_m, axis=0), math.inf)
     for limit_px in limits_px:
         solution = _descend(solution, ties, tags, limit_px)
@@ -194,7 +290,7 @@ def _stepped(solution: Solution, steps: Floats, shared: Floats) -> Solution:
 def linearised(
     solution: Solution, ties: Ties, tags: Tags, limit_px: float
 ) -> tuple[Solution, Normal]:
-    """The solution with its cost, and the normal equations around it."""
+    """Return the solution with its cost, and the normal equations around it."""
     cameras = solution.cameras
     normal = Normal.zeros(len(cameras.centre_m), ties.pairs, len(cameras.focal_px) + SHARED)
     cost = 0.0

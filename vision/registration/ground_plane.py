@@ -1,20 +1,83 @@
 """From pixels to the ground and back, for many points at once, with derivatives.
 
-The ground is flat, or a `Relief` that the cameras carry with them.
-
-A camera is a place (east, north, up), three axes, and a focal length. A small turn is a vector in
-camera axes: right, down, forward; positive by the right-hand rule.
+The ground is flat, or the `Relief` of the cameras. A camera is a place (east, north, up), three
+axes, and a focal length. A small turn is a vector in camera axes (right, down, forward), positive
+by the right-hand rule.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final, Self
 
 import numpy as np
 
-from vision.registration.relief import Relief
+from missions.geo.terrain import Terrain
+from missions.units import GridPoint
 from vision.registration.views import Floats, Ints
+
+_REACH_M: Final = 500.0
+_ROUNDS: Final = 8  # of a ray's way to the ground: each leaves slope times obliqueness of the error
+
+
+@dataclass(frozen=True, slots=True)
+class Relief:
+    """Heights of the ground above the level that cameras' heights are counted from.
+
+    Attributes:
+        terrain: The heights, in metres of a grid.
+        matrix: 2 x 2, from metres (true east, true north) to those of the grid.
+        offset_m: The middle of the registration in the grid.
+        level_m: The terrain's height where cameras' heights are 0: at the start.
+    """
+
+    terrain: Terrain
+    matrix: Floats
+    offset_m: Floats
+    level_m: float
+
+    @classmethod
+    def of(
+        cls, terrain: Terrain, level_m: float, to_grid: Callable[[float, float], GridPoint]
+    ) -> Self:
+        """Build one from `to_grid`, which takes metres of the registration into the grid.
+
+        Within kilometres it is straight, to millimetres.
+        """
+        middle = np.array(to_grid(0.0, 0.0))
+        east = (np.array(to_grid(_REACH_M, 0.0)) - np.array(to_grid(-_REACH_M, 0.0))) / 2.0
+        north = (np.array(to_grid(0.0, _REACH_M)) - np.array(to_grid(0.0, -_REACH_M))) / 2.0
+        return cls(terrain, np.stack([east, north], axis=1) / _REACH_M, middle, level_m)
+
+    def at(self, places: Floats) -> Floats:
+        """Return the height at places (n, 2), metres (east, north); anything where they are NaN."""
+        east, north = (np.nan_to_num(places) @ self.matrix.T + self.offset_m).T
+        heights: Floats = self.terrain.at(east, north) - self.level_m
+        return heights
+
+    def rise(self, places: Floats) -> Floats:
+        """Return how steeply it rises there towards east and north, (n, 2), tangents."""
+        step_m = self.terrain.step_m / 2.0
+        both = []
+        for axis in (0, 1):
+            away = np.zeros(2)
+            away[axis] = step_m
+            both.append((self.at(places + away) - self.at(places - away)) / (2.0 * step_m))
+        return np.stack(both, axis=1)
+
+    def met(self, centre_m: Floats, along: Floats) -> Floats:
+        """Return the ground's height where rays from `centre_m` (n, 3) meet it.
+
+        `along` (n, 2) is how far each goes over the ground for a metre down.
+        """
+        height = self.at(centre_m[:, :2])
+        for _ in range(_ROUNDS):
+            place = centre_m[:, :2] + (centre_m[:, 2] - height)[:, None] * along
+            height = self.at(place)
+        return height
+
 
 UNKNOWNS = 6
 """Of a view: east, north, up in metres, and a turn about right, down and forward in radians."""
@@ -24,8 +87,9 @@ _LEAST_DOWN = 0.2  # of a ray's unit length; rays nearer to the horizon say noth
 
 @dataclass
 class Cameras:
-    """Many cameras. `groups` says which share the focal length `focal_px[group]`; `relief` is what
-    they see, None for flat ground at the height 0."""
+    """Many cameras. `groups` gives each its focal length `focal_px[group]`; `relief` is the ground,
+    None for flat ground at the height 0.
+    """
 
     centre_m: Floats
     axes: Floats
@@ -33,24 +97,20 @@ class Cameras:
     groups: Ints
     relief: Relief | None = None
 
-    def copy(self) -> Cameras:
-        """Independent arrays."""
-        arrays = (self.centre_m.copy(), self.axes.copy(), self.focal_px.copy())
-        return Cameras(*arrays, self.groups, self.relief)
-
     def above_m(self) -> Floats:
-        """How high each is above the ground below it."""
+        """Return the heights above the ground below each."""
         high: Floats = self.centre_m[:, 2]
         return high if self.relief is None else high - self.relief.at(self.centre_m[:, :2])
 
     def focal(self, views: Ints) -> Floats:
-        """The focal length of each of `views`."""
+        """Return the focal length of each of `views`."""
         lengths: Floats = self.focal_px[self.groups[views]]
         return lengths
 
 
 def level_axes(yaw_rad: Floats) -> Floats:
-    """The axes (n, 3, 3) of cameras that look straight down, the upper edge towards `yaw_rad`.
+    """Return the axes (n, 3, 3) of cameras that look straight down, the upper edge towards
+    `yaw_rad`.
 
     >>> (level_axes(np.array([0.0]))[0].round(9) + 0.0).tolist()
     [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]
@@ -67,7 +127,7 @@ def level_axes(yaw_rad: Floats) -> Floats:
 
 
 def tilted_axes(yaw_rad: float, tilt: tuple[float, float]) -> Floats:
-    """Axes whose ray (right, down) over forward = `tilt` points straight down.
+    """Return axes whose ray (right, down) over forward = `tilt` points straight down.
 
     >>> tilted = tilted_axes(1.0, (0.1, -0.2))
     >>> down = tilted.T @ np.array([0.0, 0.0, -1.0])
@@ -90,13 +150,13 @@ def tilted_axes(yaw_rad: float, tilt: tuple[float, float]) -> Floats:
 
 
 def bearing(axes: Floats) -> Floats:
-    """True bearings of the upper edges, radians."""
+    """Return true bearings of the upper edges, radians."""
     angles: Floats = np.arctan2(-axes[:, 0, 1], -axes[:, 1, 1])
     return angles
 
 
 def turned(turns: Floats) -> Floats:
-    """Rotation matrices (..., 3, 3) of turns (..., 3), by Rodrigues' formula."""
+    """Return rotation matrices (..., 3, 3) of turns (..., 3), by Rodrigues' formula."""
     angle = np.linalg.norm(turns, axis=-1)[..., None, None]
     cross = skew(turns)
     small = angle < 1e-8
@@ -108,7 +168,7 @@ def turned(turns: Floats) -> Floats:
 
 
 def skew(v: Floats) -> Floats:
-    """The matrices (..., 3, 3) of the cross product with `v`."""
+    """Return the matrices (..., 3, 3) of the cross product with `v`."""
     zero = np.zeros(v.shape[:-1])
     x, y, z = v[..., 0], v[..., 1], v[..., 2]
     return np.stack(
@@ -122,13 +182,13 @@ def skew(v: Floats) -> Floats:
 
 
 def to_ground(cameras: Cameras, views: Ints, pixels: Floats) -> Floats:
-    """Where rays meet the ground: metres (east, north). NaN for those that do not look down."""
+    """Return where rays meet the ground, metres (east, north); NaN if they do not look down."""
     rays = _rays(cameras, views, pixels)[1]
     return _where(cameras, cameras.centre_m[views], rays)[0]
 
 
 def _rays(cameras: Cameras, views: Ints, pixels: Floats) -> tuple[Floats, Floats]:
-    """In camera axes, and in (east, north, up)."""
+    """Return rays in camera axes, and in (east, north, up)."""
     inner = np.concatenate(
         [pixels / cameras.focal(views)[:, None], np.ones((len(pixels), 1))], axis=1
     )
@@ -136,7 +196,7 @@ def _rays(cameras: Cameras, views: Ints, pixels: Floats) -> tuple[Floats, Floats
 
 
 def _where(cameras: Cameras, centre: Floats, rays: Floats) -> tuple[Floats, Floats]:
-    """Where rays meet the ground, (n, 2), and how far below the camera that is."""
+    """Return where rays meet the ground, (n, 2), and how far below the camera."""
     down = np.where(-rays[:, 2] > _LEAST_DOWN, -rays[:, 2], np.nan)
     along = rays[:, :2] / down[:, None]
     below = centre[:, 2]
@@ -147,7 +207,7 @@ def _where(cameras: Cameras, centre: Floats, rays: Floats) -> tuple[Floats, Floa
 
 
 def to_pixels(cameras: Cameras, views: Ints, ground: Floats) -> Floats:
-    """Pixels from the middle of the picture, of ground points; NaN behind the camera."""
+    """Return pixels from the middle of the picture, of ground points; NaN behind the camera."""
     centre = cameras.centre_m[views]
     offset = _offset(cameras, ground, centre)
     p = np.einsum("nji,nj->ni", cameras.axes[views], offset)
@@ -157,7 +217,7 @@ def to_pixels(cameras: Cameras, views: Ints, ground: Floats) -> Floats:
 
 
 def _offset(cameras: Cameras, ground: Floats, centre: Floats) -> Floats:
-    """From cameras to ground points, (n, 3)."""
+    """Return vectors from cameras to ground points, (n, 3)."""
     up = -centre[:, 2]
     if cameras.relief is not None:
         up = up + cameras.relief.at(ground)
@@ -166,7 +226,7 @@ def _offset(cameras: Cameras, ground: Floats, centre: Floats) -> Floats:
 
 @dataclass
 class Transfer:
-    """What becomes of pixels of one view in another, through the ground, and the derivatives.
+    """Pixels of one view in another, through the ground, with derivatives.
 
     `by_source` and `by_target` are (n, 2, 6), pixels per unknown of the view (`UNKNOWNS`);
     `by_source_focal` and `by_target_focal` (n, 2), per unit of the logarithm of the focal length.
@@ -228,12 +288,12 @@ def transfer(cameras: Cameras, source: Ints, target: Ints, pixels: Floats) -> Tr
 
 
 def _known(values: Floats) -> Floats:
-    """Zero for what is not known: what becomes of it is not known either way."""
+    """Return zero for unknown values: what follows from them is unknown anyway."""
     return np.where(np.isfinite(values), values, 0.0)
 
 
 def moved(cameras: Cameras, steps: Floats, log_focal: Floats) -> Cameras:
-    """Cameras after a step (n, 6) of the unknowns, and one (groups,) of the focal lengths."""
+    """Return cameras after a step (n, 6) of the unknowns and one (groups,) of focal lengths."""
     return Cameras(
         cameras.centre_m + steps[:, :3],
         np.einsum("nij,njk->nik", cameras.axes, turned(steps[:, 3:])),

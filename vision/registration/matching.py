@@ -19,10 +19,10 @@ SECTORS: Final = 8
 NEAREST_IN_SECTOR: Final = 2
 
 LEAST_INLIERS: Final = 16
-"""Tie points that a pair of pictures must have to count as overlapping."""
+"""Least tie points of a pair that overlaps."""
 
 MOST_TIES: Final = 60
-"""The most tie points of a pair that are kept for the adjustment."""
+"""Most tie points of a pair in the adjustment."""
 
 _LENGTH_2 = 512.0**2  # of a descriptor, squared, but for rounding: `features` makes them alike
 _RATIO = 0.85  # a match has to be so much nearer than the second best
@@ -39,12 +39,12 @@ class Pair:
     """Two views that overlap, and where they show the same ground.
 
     Attributes:
-        first: index of a view.
-        second: index of another, above `first`.
+        first: Index of a view.
+        second: Index of another, above `first`.
         in_first: (n, 2) pixels from the middle of the first picture.
         in_second: (n, 2) the same points in the second.
         held: (k, 4) tie points kept apart from every fit: pixels in first, in second.
-        inliers: how many tie points were found.
+        inliers: Count of tie points found.
     """
 
     first: int
@@ -56,7 +56,7 @@ class Pair:
 
 
 def candidates(views: Sequence[View]) -> list[tuple[int, int]]:
-    """Pairs that may overlap by their geotags, sorted: a number that is linear in the views.
+    """Return pairs that may overlap by their geotags, sorted; linear in the views.
 
     For each view the nearest, and the nearest in each sector around it: pictures that follow each
     other closely must not crowd out the neighbouring pass.
@@ -77,7 +77,7 @@ def candidates(views: Sequence[View]) -> list[tuple[int, int]]:
 
 
 def tie_points(one: View, other: View, pair: tuple[int, int]) -> Pair | None:
-    """The tie points of two pictures; None where they show nothing in common."""
+    """Return the tie points of two pictures; None if they have too few in common."""
     first, second = one.features, other.features
     a, b = mutual_matches(first, second)
     p, q = first.points[a], second.points[b]
@@ -108,7 +108,7 @@ def tie_points(one: View, other: View, pair: tuple[int, int]) -> Pair | None:
 def mutual_matches(
     first: Described, second: Described
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Indices of points that are each other's nearest by far."""
+    """Return indices of points that are each other's nearest by far."""
     none = np.zeros(0, np.int64)
     if len(first.points) < 2 or len(second.points) < 2:
         return none, none
@@ -136,7 +136,7 @@ def _plausible(matrix: Floats, points: Floats) -> bool:
 
 
 def _spread(points: Floats, features: Described) -> NDArray[np.int64]:
-    """At most `MOST_TIES` of the points, as evenly over the overlap as they come."""
+    """Return at most `MOST_TIES` of the points, spread over the overlap."""
     low, high = points.min(axis=0), points.max(axis=0)
     place = ((points - low) / np.maximum(high - low, 1.0) * (_BUCKETS - 1e-6)).astype(int)
     bucket = place[:, 1] * _BUCKETS + place[:, 0]
@@ -148,7 +148,7 @@ def _spread(points: Floats, features: Described) -> NDArray[np.int64]:
 
 
 def apart_m(cameras: Cameras, pair: Pair) -> Floats:
-    """How far apart on the ground two pictures show the held tie points of a pair, metres."""
+    """Return how far apart on the ground two pictures show the held tie points, metres."""
     return _lengths(
         to_ground(cameras, np.full(len(pair.held), pair.first), pair.held[:, :2])
         - to_ground(cameras, np.full(len(pair.held), pair.second), pair.held[:, 2:])
@@ -156,15 +156,23 @@ def apart_m(cameras: Cameras, pair: Pair) -> Floats:
 
 
 def transfer_px(cameras: Cameras, pair: Pair) -> Floats:
-    """How far from its match a held tie point of the first picture falls in the second, pixels."""
-    ground = to_ground(cameras, np.full(len(pair.held), pair.first), pair.held[:, :2])
-    return _lengths(
-        to_pixels(cameras, np.full(len(pair.held), pair.second), ground) - pair.held[:, 2:]
-    )
+    """Return how far from its match a held point of the first falls in the second, pixels."""
+    return _misses_px(cameras, pair, pair.held[:, :2], pair.held[:, 2:])
+
+
+def pair_medians_px(cameras: Cameras, pairs: Sequence[Pair]) -> Floats:
+    """Return each pair's median transfer error over its tie points, pixels."""
+    misses = (_misses_px(cameras, p, p.in_first, p.in_second) for p in pairs)
+    return np.array([float(np.median(joined([missed]))) for missed in misses])
+
+
+def _misses_px(cameras: Cameras, pair: Pair, here: Floats, there: Floats) -> Floats:
+    ground = to_ground(cameras, np.full(len(here), pair.first), here)
+    return _lengths(to_pixels(cameras, np.full(len(here), pair.second), ground) - there)
 
 
 def joined(parts: Sequence[Floats]) -> Floats:
-    """All of the parts, what lies beyond the horizon counted as infinitely far."""
+    """Join the parts; what lies beyond the horizon is infinitely far."""
     values = np.concatenate([np.zeros(0), *parts])
     return np.where(np.isfinite(values), values, np.inf)
 
@@ -172,13 +180,3 @@ def joined(parts: Sequence[Floats]) -> Floats:
 def _lengths(offsets: Floats) -> Floats:
     lengths: Floats = np.sqrt(np.square(offsets).sum(axis=1))
     return lengths
-
-
-def pair_medians_px(cameras: Cameras, pairs: Sequence[Pair]) -> Floats:
-    """For each pair the median transfer error of all its tie points, pixels."""
-    medians = []
-    for pair in pairs:
-        ground = to_ground(cameras, np.full(len(pair.in_first), pair.first), pair.in_first)
-        there = to_pixels(cameras, np.full(len(ground), pair.second), ground)
-        medians.append(float(np.median(joined([_lengths(there - pair.in_second)]))))
-    return np.array(medians)

@@ -1,8 +1,8 @@
-"""The net of overlapping views: what hangs together, and a first pose for each view.
+"""The net of overlapping views: its components, and a first pose for each view.
 
 A level camera shows flat ground by a similarity. With pixels as complex numbers (right - i down,
-levelled by the tagged tilt) and ground points as east + i north this is `ground = c pixel + t`:
-`abs(c)` metres a pixel, `-arg(c)` the bearing of the upper edge, `t` the place below the camera.
+levelled by the tagged tilt) and ground points as east + i north, `ground = c pixel + t`: `abs(c)`
+metres a pixel, `-arg(c)` the bearing of the upper edge, `t` the place below the camera.
 """
 
 from __future__ import annotations
@@ -23,23 +23,24 @@ from vision.registration.views import Floats, View
 Complex: TypeAlias = NDArray[np.complex128]
 
 HEIGHT_BIAS: Final = 0.1
-"""Standard deviation of what all height tags of a net have in common, as a share of the height:
-the ground is not at the level of take-off, and the focal length is not as told."""
+"""Standard deviation of the common error of a net's height tags, as a share of the height: the
+ground is not at the level of take-off, and the focal length is not as tagged.
+"""
 
 YAW_BIAS_RAD: Final = math.radians(5.0)
-"""Standard deviation of what all headings have in common: the compass, the camera's mounting."""
+"""Standard deviation of the common error of headings: the compass, the camera's mounting."""
 
 MOST_YAW_SIGMA_RAD: Final = math.radians(15.0)
-"""A net whose heading is less certain than this cannot be laid on the ground."""
+"""Largest uncertainty of the heading of a net that is laid on the ground."""
 
 MOST_SCALE_SIGMA: Final = 0.25
-"""The same for its scale, as a share."""
+"""The same of its scale, as a share."""
 
 _HALF_TURN_CLEAR_RAD = math.radians(40.0)  # geotags so certain tell a heading from its reverse
 
 
 def components(count: int, pairs: Sequence[Pair]) -> list[list[int]]:
-    """The groups of views that hang together, each sorted, the largest first."""
+    """Return the connected groups of views, each sorted, the largest first."""
     group = list(range(count))
 
     def root(k: int) -> int:
@@ -58,7 +59,7 @@ def components(count: int, pairs: Sequence[Pair]) -> list[list[int]]:
 
 
 def chained(views: Sequence[View], pairs: Sequence[Pair]) -> tuple[Complex, Complex]:
-    """First poses `c`, `t` of views that hang together: from pair to pair, the surest first.
+    """Return first poses `c`, `t` of connected views: from pair to pair, the surest first.
 
     The first view has `c = 1`, `t = 0`.
     """
@@ -91,7 +92,7 @@ def chained(views: Sequence[View], pairs: Sequence[Pair]) -> tuple[Complex, Comp
 
 
 def levelled(view: View, pixels: Floats) -> Complex:
-    """The pixels that a level camera would have, its upper edge to the north: east + i north."""
+    """Return the pixels of a level camera, its upper edge to the north: east + i north."""
     axes = tilted_axes(0.0, view.tilt)
     rays = np.concatenate([pixels / view.focal_px.value, np.ones((len(pixels), 1))], axis=1)
     east, north, up = np.einsum("ij,nj->in", axes, rays)
@@ -100,13 +101,12 @@ def levelled(view: View, pixels: Floats) -> Complex:
 
 
 def _similarity(source: Complex, target: Complex) -> tuple[complex, complex]:
-    """Least squares of `target = a source + b`."""
+    """Fit `target = a source + b` by least squares."""
     s, t = source - source.mean(), target - target.mean()
     a = complex((np.conj(s) * t).sum() / max(float((np.abs(s) ** 2).sum()), 1e-12))
     return a, complex(target.mean() - a * source.mean())
 
 
-# --- laying a net on the ground ------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class Laid:
     """A net on the ground.
@@ -114,10 +114,10 @@ class Laid:
     Attributes:
         scale: `c` of each view.
         place: `t` of each view, metres.
-        turned: of each view, whether its tagged heading is that of the lower edge.
-        yaw_sigma_rad: how certain the heading of the whole net is.
-        scale_sigma: the same for its scale, as a share.
-        position_sigma_m: how far geotags are off one by one, as found; None for too few of them.
+        turned: Of each view, whether its tagged heading is that of the lower edge.
+        yaw_sigma_rad: Of the heading of the whole net.
+        scale_sigma: Of its scale, as a share.
+        position_sigma_m: Of geotags one by one, as found; None for too few of them.
     """
 
     scale: Complex
@@ -132,7 +132,7 @@ def laid(views: Sequence[View], scale: Complex, place: Complex) -> Laid:
     """Turn, scale and shift a chained net to where its tags say, robustly."""
     tags = np.array([complex(v.east_m, v.north_m) for v in views])
     sigmas_m = np.array([v.position_sigma_m for v in views])
-    factor, _, left = _aligned(tags, place, sigmas_m)
+    factor, left = _aligned(tags, place, sigmas_m)
     spread = abs(factor) * math.sqrt(float((np.abs(place - place.mean()) ** 2 / sigmas_m**2).sum()))
     sigma = 1.0 / max(spread, 1e-9)
     size, size_sigma = _log_scale(views, scale, math.log(max(abs(factor), 1e-12)), sigma)
@@ -146,10 +146,10 @@ def laid(views: Sequence[View], scale: Complex, place: Complex) -> Laid:
     )
 
 
-def _aligned(tags: Complex, place: Complex, sigmas_m: Floats) -> tuple[complex, complex, Floats]:
-    """Robust least squares of `tags = factor place + offset`, and the weights, 0 to 1."""
+def _aligned(tags: Complex, place: Complex, sigmas_m: Floats) -> tuple[complex, Floats]:
+    """Fit `tags = factor place + offset` robustly; return the factor and the weights, 0 to 1."""
     weights = np.ones(len(tags))
-    factor, offset = 0j, complex(tags.mean())
+    factor = 0j
     for _ in range(20):
         w = weights / sigmas_m**2
         mean_p, mean_t = (w * place).sum() / w.sum(), (w * tags).sum() / w.sum()
@@ -159,11 +159,11 @@ def _aligned(tags: Complex, place: Complex, sigmas_m: Floats) -> tuple[complex, 
         off = np.abs(tags - factor * place - offset) / sigmas_m
         limit = max(1.5 * float(np.median(off)), 0.1)
         weights = np.minimum(1.0, limit / np.maximum(off, 1e-9))
-    return factor, offset, weights
+    return factor, weights
 
 
 def _spread(left: Complex) -> float | None:
-    """Standard deviation in one direction of what is left of geotags; None for fewer than 6."""
+    """Return the deviation in one direction of geotags' residuals; None for fewer than 6."""
     if len(left) < 6:
         return None
     median = float(np.median(np.abs(left))) / 1.177  # of a Rayleigh distribution
@@ -173,7 +173,7 @@ def _spread(left: Complex) -> float | None:
 def _log_scale(
     views: Sequence[View], scale: Complex, by_tags: float, sigma: float
 ) -> tuple[float, float]:
-    """The logarithm of the net's scale, by geotags and by tagged heights, and its uncertainty."""
+    """Return the log of the net's scale, by geotags and tagged heights, and its uncertainty."""
     told = [
         math.log((v.height_m.value - v.ground_m) / v.focal_px.value / abs(c))
         for v, c in zip(views, scale, strict=True)
@@ -193,7 +193,7 @@ def _log_scale(
 def _angle(
     views: Sequence[View], scale: Complex, by_tags: float, sigma: float
 ) -> tuple[float, float, NDArray[np.bool_]]:
-    """How far the net has to be turned (anticlockwise), its uncertainty, and who is upside down."""
+    """Return the anticlockwise turn of the net, its uncertainty, and the views upside down."""
     turned = np.zeros(len(views), bool)
     known = [k for k, v in enumerate(views) if v.yaw_rad is not None]
     if not known:

@@ -1,12 +1,12 @@
 """Sparse normal equations: blocks of 6 unknowns for each view, and a few unknowns shared by all.
 
-They are solved by conjugate gradients. Memory and the cost of a step are linear in the number of
-overlaps; nothing depends on the number of threads, for all sums are made in one order.
+Conjugate gradients solve them. Memory and the cost of a step are linear in the overlaps. All sums
+have one order, so the number of threads changes nothing.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -42,7 +42,7 @@ class Normal:
 
     @classmethod
     def zeros(cls, views: int, pairs: Ints, shared: int) -> Normal:
-        """Without any observation."""
+        """Return a system without any observation."""
         n = UNKNOWNS
         return cls(
             np.zeros((views, n, n)),
@@ -55,23 +55,21 @@ class Normal:
         )
 
     def damped(self, factor: float) -> Normal:
-        """With the diagonal raised by `factor` of itself (Levenberg-Marquardt)."""
+        """Raise the diagonal by `factor` of itself (Levenberg-Marquardt)."""
         diagonal, corner = self.diagonal.copy(), self.corner.copy()
         i, s = np.arange(UNKNOWNS), np.arange(len(corner))
         diagonal[:, i, i] *= 1.0 + factor
         corner[s, s] *= 1.0 + factor
-        return Normal(
-            diagonal, self.pairs, self.across, self.border, corner, self.right, self.right_shared
-        )
+        return replace(self, diagonal=diagonal, corner=corner)
 
     def solve(self) -> tuple[Floats, Floats]:
-        """The unknowns of the views (views, 6), and the shared ones."""
+        """Return the unknowns of the views (views, 6), and the shared ones."""
         scale, scaled = self._scaled()
         x, y = scaled._conjugate_gradients()
         return x * scale[0], y * scale[1]
 
     def _scaled(self) -> tuple[tuple[Floats, Floats], Normal]:
-        """With ones on the diagonal."""
+        """Return the scales, and the system with ones on the diagonal."""
         own = 1.0 / np.sqrt(np.maximum(np.einsum("nii->ni", self.diagonal), 1e-300))
         shared = 1.0 / np.sqrt(np.maximum(np.einsum("ii->i", self.corner), 1e-300))
         i, j = self.pairs[:, 0], self.pairs[:, 1]
@@ -148,7 +146,7 @@ class _Neighbours:
 
 
 MOST_EXACT: Final = 200
-"""Nets of more views than this are inverted piece by piece."""
+"""Largest net, in views, that is inverted as a whole."""
 
 _PIECE = 60  # views
 
@@ -156,10 +154,10 @@ _HOPS = 2  # a view's piece: those that overlap it, and those that overlap them
 
 
 def sigmas(normal: Normal) -> Floats:
-    """Standard deviations (views, 6) of the unknowns, tags included.
+    """Return standard deviations (views, 6) of the unknowns, tags included.
 
-    Of a net with more than `MOST_EXACT` views each is reckoned as if the poses farther off than
-    `_HOPS` overlaps were known: that is how certain it is beside the views around it.
+    In a net of more than `MOST_EXACT` views each is computed as if poses farther than `_HOPS`
+    overlaps were known: its certainty beside the views around it.
     """
     views = len(normal.diagonal)
     links: list[list[int]] = [[] for _ in range(views)]  # the blocks of each view
@@ -181,7 +179,7 @@ def sigmas(normal: Normal) -> Floats:
 
 
 def _inverse_diagonal(normal: Normal, chosen: list[int], links: list[list[int]]) -> Floats:
-    """Of the chosen views, in their order; all others are held."""
+    """Return those of the chosen views, in their order; all others are held."""
     n = len(chosen)
     place = {v: at for at, v in enumerate(chosen)}
     own, shared = UNKNOWNS * n, normal.corner.shape[0]

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from vision.registration.views import Features
 
 WIDTH_PX: Final = 700
-"""Wider pictures are scaled down to this: finer detail costs time and tells no more of a pose."""
+"""Widest picture that is registered, pixels: finer detail costs time and adds nothing to a pose."""
 
 MOST: Final = 1200
-"""The most points that are kept of a picture."""
+"""Most points of a picture."""
 
 _COLUMNS, _ROWS = 10, 6  # of the lattice of buckets that points are spread over
 _LOCAL_PX = (61, 61)  # contrast is measured over so much
@@ -25,9 +25,8 @@ _LEAST_PX = 32  # a smaller picture has no room for features
 
 
 def extract(gray: NDArray[np.uint8]) -> Features:
-    """The features of a gray picture of at most `WIDTH_PX` columns.
-
-    A picture without texture gives few or none; that is no error.
+    """Return the features of a gray picture of at most `WIDTH_PX` columns; few or none without
+    texture.
 
     >>> extract(np.full((90, 160), 100, np.uint8)).points.shape
     (0, 2)
@@ -55,7 +54,7 @@ def extract(gray: NDArray[np.uint8]) -> Features:
 
 
 def thumbnail(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """A picture (rows, columns[, 3]) in gray, at most `WIDTH_PX` wide."""
+    """Return a picture (rows, columns[, 3]) in gray, at most `WIDTH_PX` wide."""
     gray = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     height, width = gray.shape
     if width > WIDTH_PX:
@@ -70,7 +69,7 @@ def _inside(point: Sequence[float], width: int, height: int) -> bool:
 
 
 def _normalised(gray: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Mean and contrast alike everywhere: exposure and haze then matter little."""
+    """Even out mean and contrast, so that exposure and haze matter little."""
     values = gray.astype(np.float32)
     mean = cv2.blur(values, _LOCAL_PX)
     spread = np.sqrt(cv2.blur(np.square(values - mean), _LOCAL_PX))
@@ -82,7 +81,7 @@ def _normalised(gray: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def _spread(
     points: NDArray[np.float64], strength: NDArray[np.float64], width: int, height: int
 ) -> NDArray[np.int64]:
-    """Of each bucket the strongest, in an order that depends on the points alone."""
+    """Return the strongest of each bucket, in an order that depends on the points alone."""
     column = np.clip(points[:, 0] * _COLUMNS / width, 0, _COLUMNS - 1).astype(int)
     row = np.clip(points[:, 1] * _ROWS / height, 0, _ROWS - 1).astype(int)
     bucket = row * _COLUMNS + column
@@ -95,9 +94,9 @@ def _spread(
 
 
 def _rooted(descriptors: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Square roots of the histograms (RootSIFT), as whole numbers.
+    """Return square roots of the histograms (RootSIFT), as whole numbers.
 
-    Whole numbers make their products exact in float32, in whatever order they are added.
+    Their products are exact in float32, in whatever order they are added.
     """
     total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-6)
     scaled = np.round(512.0 * np.sqrt(descriptors / total))

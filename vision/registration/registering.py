@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
-from vision.registration.adjustment import HUBER_PX, adjust
-from vision.registration.ground_plane import Cameras, tilted_axes
+from vision.registration.adjustment import HEIGHT, HUBER_PX, YAW, Solution, Tags, Ties, adjust
+from vision.registration.ground_plane import Cameras, Relief, tilted_axes
 from vision.registration.matching import (
     Pair,
     apart_m,
@@ -29,9 +29,7 @@ from vision.registration.net import (
     laid,
 )
 from vision.registration.normal_equations import sigmas
-from vision.registration.problem import Solution, Tags, Ties
-from vision.registration.relief import Relief
-from vision.registration.result import (
+from vision.registration.views import (
     CONTRADICTED,
     NO_HEADING,
     NO_OVERLAP,
@@ -39,16 +37,18 @@ from vision.registration.result import (
     NO_TEXTURE,
     SIDEWAYS,
     Agreement,
+    Floats,
     Net,
+    Refined,
     Registration,
+    View,
 )
-from vision.registration.views import Floats, Refined, View
 
 MOST_TILT: Final = 1.2
-"""A view tagged as looking farther to the side than this (a tangent, 50 degrees) is left out."""
+"""Largest tagged tilt of a registered view, a tangent (50 degrees)."""
 
 MOST_RESIDUAL_PX: Final = 4.0
-"""A view whose tie points still miss by more, as a median, is left as tagged."""
+"""Largest median miss of tie points of a refined view, pixels."""
 
 _WRONG_PAIR_PX = 6.0  # pairs that miss by more than this, and than others, are no overlaps
 _WRONG_PAIR_TIMES = 4.0
@@ -58,16 +58,9 @@ _LEAST_POSITION_SIGMA_M = 0.5
 _FEW_POINTS = 40
 
 
-class Many(Protocol):
-    """As `map`: the answers of some work on many items, in their order; in threads, perhaps."""
-
-    def __call__(
-        self,
-        work: Callable[[tuple[int, int]], Pair | None],
-        items: Iterable[tuple[int, int]],
-        /,
-    ) -> Iterable[Pair | None]:
-        """Do it."""
+Match = Callable[[tuple[int, int]], Pair | None]
+Many = Callable[[Match, Iterable[tuple[int, int]]], Iterable[Pair | None]]
+"""As `map`: the answers in the items' order; in threads, perhaps."""
 
 
 def register(
@@ -78,12 +71,11 @@ def register(
 ) -> Registration:
     """Refine the poses of views by their overlaps.
 
-    The same views give the same result, in whatever order they come and whatever `many` is.
+    The order of the views and `many` do not change the result.
 
     Args:
-        views: The pictures' features and tags.
-        say: Is told how many of how many possible overlaps were looked at.
-        many: How these are looked at: one after the other, or several at once.
+        say: Receives how many of how many possible overlaps were examined.
+        many: Examines them one after the other, or several at once.
         relief: The ground, where it is known not to be flat.
     """
     order = sorted(range(len(views)), key=lambda k: views[k].name)
@@ -134,7 +126,7 @@ class _Registering:
         self._nets(usable, pairs, _MENDS)
 
     def _nets(self, members: list[int], pairs: list[Pair], mends: int) -> None:
-        """Adjust each group of `members` that hangs together by `pairs`."""
+        """Adjust each group of `members` that `pairs` connect."""
         place = {k: at for at, k in enumerate(members)}
         local = [replace(p, first=place[p.first], second=place[p.second]) for p in pairs]
         for group in components(len(members), local):
@@ -179,7 +171,7 @@ class _Registering:
         tags: Tags,
         cameras: list[str],
     ) -> None:
-        """Take over the poses of a net, but for views that do not fit."""
+        """Keep the poses of a net, but for views that do not fit."""
         ties = [0] * len(members)
         misses: list[list[Floats]] = [[] for _ in members]
         for p in local:
@@ -215,14 +207,13 @@ class _Registering:
                 len(pairs),
                 dict(zip(cameras, focal.tolist(), strict=True)),
                 (float(solution.slope[0]), float(solution.slope[1])),
-                solution.height_bias,
-                solution.yaw_bias_rad,
+                float(solution.shared[HEIGHT]),
+                float(solution.shared[YAW]),
                 on_ground.position_sigma_m,
-                on_ground.yaw_sigma_rad,
-                on_ground.scale_sigma,
             )
         )
-        held = [p for p in local if self._both_refined(members, p)]
+        kept = [self.refined[k] is not None for k in members]
+        held = [p for p in local if kept[p.first] and kept[p.second]]
         told = _as_tagged(tags, solution.cameras)
         if told is None:
             self.as_tagged = None
@@ -231,13 +222,9 @@ class _Registering:
         if self.as_refined is not None:
             self.as_refined += [(solution.cameras, p) for p in held]
 
-    def _both_refined(self, members: list[int], pair: Pair) -> bool:
-        ends = (members[pair.first], members[pair.second])
-        return all(self.refined[k] is not None for k in ends)
-
     @staticmethod
     def agreement(pairs: list[tuple[Cameras, Pair]] | None) -> Agreement | None:
-        """Of held tie points; None where there are none, or poses are missing."""
+        """Return that of held tie points; None where there are none, or poses are missing."""
         metres = joined([apart_m(cameras, pair) for cameras, pair in pairs or ()])
         pixels = joined([transfer_px(cameras, pair) for cameras, pair in pairs or ()])
         if not len(metres):
@@ -252,7 +239,7 @@ class _Registering:
 
 
 def _start(views: list[View], net: Laid, relief: Relief | None) -> tuple[Tags, Cameras, list[str]]:
-    """The tags of a net as arrays, its first poses, and the cameras that took it."""
+    """Return the tags of a net as arrays, its first poses, and its cameras' names."""
     cameras = sorted({v.camera for v in views})
     groups = np.array([cameras.index(v.camera) for v in views])
     focal = np.array(
@@ -292,7 +279,7 @@ def _start(views: list[View], net: Laid, relief: Relief | None) -> tuple[Tags, C
 
 
 def _position_sigma_m(view: View, found_m: float | None) -> float:
-    """As told, or as found where geotags agree better with the net than they were said to."""
+    """Return the tagged value, or that found if geotags agree better with the net."""
     if found_m is None:
         return view.position_sigma_m
     return min(view.position_sigma_m, max(found_m, _LEAST_POSITION_SIGMA_M))
@@ -303,7 +290,7 @@ def _values(values: Sequence[float | None]) -> Floats:
 
 
 def _as_tagged(tags: Tags, solved: Cameras) -> Cameras | None:
-    """The cameras as tagged; None where a heading or a height is missing."""
+    """Return the cameras as tagged; None where a heading or a height is missing."""
     if not (np.isfinite(tags.yaw_rad).all() and np.isfinite(tags.height_m).all()):
         return None
     axes = [

@@ -1,13 +1,13 @@
-"""What goes into a registration and what comes out: views with their tags, and refined poses.
+"""Views with their tags, which a registration takes, and refined poses, which it returns.
 
-All positions are metres in one local frame: true east, true north, and up from the ground. Pixels
-are those of `vision.camera`, counted from the middle of the picture.
+Positions are metres in one local frame: true east, true north, and up from the ground. Pixels are
+those of `vision.camera`, counted from the middle of the picture.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Final, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ Ints: TypeAlias = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """A value that a tag tells, and its standard deviation, in the same unit; above 0."""
+    """A tagged value and its standard deviation, above 0, in the same unit."""
 
     value: float
     sigma: float
@@ -26,14 +26,11 @@ class Prior:
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """What is kept of a picture: at most `features.MOST` distinctive points.
+    """Distinctive points of a picture of `width_px` x `height_px`.
 
     Attributes:
-        points: (n, 2), pixels to the right of and below the middle of the picture, without lens
-            distortion.
+        points: (n, 2), pixels right of and below the middle of the picture, without distortion.
         descriptors: (n, 128) uint8.
-        width_px: columns of the picture that the pixels belong to.
-        height_px: rows of it.
     """
 
     points: Floats
@@ -43,7 +40,7 @@ class Features:
 
 
 class Described(Protocol):
-    """`Features`, wherever they are kept: of ten thousand pictures they fill a memory."""
+    """`Features`, in memory or on disk: those of ten thousand pictures fill a memory."""
 
     @property
     def points(self) -> Floats: ...  # noqa: D102
@@ -60,20 +57,16 @@ class View:
     """A picture to be registered: its features, and what its tags say; None where they are silent.
 
     Attributes:
-        name: how the picture is called; no two views have the same.
-        features: its distinctive points.
-        focal_px: the focal length in pixels of `features`.
-        camera: views with the same word here were taken by one camera, and share a focal length.
-        east_m: the geotag, metres true east.
-        north_m: the geotag, metres true north.
-        position_sigma_m: standard deviation of either, without what all tags have in common.
-        height_m: above the ground; over a relief, above the level that its heights are counted
+        name: Unique.
+        focal_px: The focal length in pixels of `features`.
+        camera: Views with the same word share a focal length.
+        position_sigma_m: Of either, without what all tags have in common.
+        height_m: Above the ground; over a relief, above the level that its heights are counted
             from.
-        yaw_rad: true bearing of the picture's upper edge.
-        tilt: where straight down lies, as the ray (right, down) over forward, in camera axes:
-            (0, 0) looks straight down.
-        tilt_sigma: standard deviation of either, radians.
-        ground_m: the height of the ground below, of a relief.
+        yaw_rad: True bearing of the picture's upper edge.
+        tilt: Straight down, as the ray (right, down) over forward, in camera axes.
+        tilt_sigma: Standard deviation of either, radians.
+        ground_m: The height of the ground below, of a relief.
     """
 
     name: str
@@ -95,16 +88,13 @@ class Refined:
     """The pose of one view after the adjustment.
 
     Attributes:
-        centre_m: the camera, metres (east, north, up).
-        axes: 3 x 3; columns are the picture's right, its down, and forward, in (east, north, up).
-        focal_px: the focal length.
-        position_sigma_m: standard deviation of east and of north, within the net of overlaps.
-        height_sigma_m: of the height.
-        yaw_sigma_rad: of the bearing of the upper edge.
-        component: number of the group of views that hang together by overlaps, from 0.
-        turned: the tagged bearing is that of the lower edge: stored upside down.
-        matches: tie points that hold the view.
-        residual_px: median transfer error of them.
+        centre_m: The camera, metres (east, north, up).
+        axes: 3 x 3; columns are the picture's right, down, and forward, in (east, north, up).
+        position_sigma_m: Of east and of north, within the net of overlaps.
+        yaw_sigma_rad: Of the bearing of the upper edge.
+        component: Number of the net, from 0.
+        turned: The tagged bearing is that of the lower edge: stored upside down.
+        residual_px: Their median transfer error.
     """
 
     centre_m: Floats
@@ -117,3 +107,67 @@ class Refined:
     turned: bool
     matches: int
     residual_px: float
+
+
+NO_OVERLAP: Final = "no overlap with another picture was found"
+NO_TEXTURE: Final = "it shows nothing distinctive"
+SIDEWAYS: Final = "it looks too far to the side"
+CONTRADICTED: Final = "its overlaps contradict each other"
+NO_HEADING: Final = "the positions of its net lie too close together to tell which way it faces"
+NO_SCALE: Final = "the positions of its net lie too close together to tell how high it was taken"
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """How well overlapping pictures agree, by `points` tie points that no fit has used.
+
+    On the ground in metres, and in pixels of the features; `most` is the 90 % quantile.
+    """
+
+    points: int
+    median_m: float
+    most_m: float
+    median_px: float
+    most_px: float
+
+
+@dataclass(frozen=True, slots=True)
+class Net:
+    """Views that overlaps connect, adjusted together.
+
+    Attributes:
+        members: Indices of the views.
+        focal: By camera, the focal length as a share of the tagged one.
+        slope: Of the ground towards (east, north), tangents, positive where it falls.
+        height_bias: Common error of height tags, as a share.
+        yaw_bias_rad: Common error of headings.
+        position_sigma_m: Of geotags one by one; None for too few of them.
+    """
+
+    members: tuple[int, ...]
+    pairs: int
+    focal: dict[str, float]
+    slope: tuple[float, float]
+    height_bias: float
+    yaw_bias_rad: float
+    position_sigma_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Registration:
+    """The result for all views, in the order given.
+
+    Attributes:
+        refined: The pose; None: left as tagged.
+        left: Why a view was left as tagged; None where it was not.
+        nets: The adjusted groups, the largest first.
+        before: Agreement of the refined pictures as tagged (upright); None where tags lack a
+            heading or a height.
+        after: Their agreement now; None where nothing was refined.
+    """
+
+    refined: tuple[Refined | None, ...]
+    left: tuple[str | None, ...]
+    nets: tuple[Net, ...]
+    before: Agreement | None
+    after: Agreement | None

@@ -39,12 +39,12 @@ from uavmap.output.facts.boundary_summary import FILE
 from uavmap.output.facts.score import true_roi
 from uavmap.photos.after_flight import draw_boundary
 from uavmap.photos.ground.rasters import Wishes
-from uavmap.photos.picture_replay import Options, look_at_all
+from uavmap.photos.picture_replay import look_at_all
 from uavmap.photos.replay_job import journal_meta
+from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.tune.tune_job import DETECTOR, MODEL, learned
 from uavmap.photos.tune.tune_job import Wishes as TuneWishes
-from uavmap.photos.verdict_spool import Spool
 from uavmap.runner.flight import fly
 from uavmap.ui.cli import main as uavmap
 from vision.detectors.learned_model import model_bytes
@@ -175,9 +175,9 @@ def cost(path: Path) -> None:
     found: dict[str, list[float]] = {"verdicts": [], "results": [], "GeoTIFFs": []}
     for _ in range(3):
         with tempfile.TemporaryDirectory() as name, Spool() as spool:
-            folder, how = Path(name), Options()
+            folder = Path(name)
             began_s = time.process_time()
-            looked = look_at_all(gathered, setting, spool, how)
+            looked = look_at_all(gathered, setting, spool)
             seen_s = time.process_time()
             meta = journal_meta(setting.mission, "road", str(path)) | looked.taken()
             with Journal.create(folder / JOURNAL, meta) as journal:

@@ -36,14 +36,14 @@ from uavmap.load.mission_source import mission_of_text
 from uavmap.output import documents
 from uavmap.photos.ground.rasters import Wishes
 from uavmap.photos.mission_from_photos import derived
-from uavmap.photos.picture_replay import Options, look_at_all
+from uavmap.photos.picture_replay import look_at_all
 from uavmap.photos.registration.refined_pictures import refined
 from uavmap.photos.replay_job import journal_meta
+from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import Gathered, gather, open_source
 from uavmap.photos.sources.photo_file import decoded, read_photo
 from uavmap.photos.sources.picture_record import Refused
 from uavmap.photos.sources.tag_validation import Placed, credible
-from uavmap.photos.verdict_spool import Spool
 from uavmap.photos.workers import Threads, in_order, worker_count
 
 WIDTH_PX = 1000
@@ -91,7 +91,7 @@ def looked(gathered: Gathered, workers: int) -> tuple[float, float]:
     setting = Setting.of(mission_of_text(derived(gathered), "derived"))
     begun, used = time.perf_counter(), time.process_time()
     with Spool() as spool:
-        look_at_all(gathered, setting, spool, Options(Threads(workers)))
+        look_at_all(gathered, setting, spool, Threads(workers))
     return time.perf_counter() - begun, time.process_time() - used
 
 
@@ -151,7 +151,7 @@ def _results(path: Path, often: int) -> None:
     for _ in range(often):
         with tempfile.TemporaryDirectory() as name, Spool() as spool:
             folder = Path(name)
-            judged = look_at_all(gathered, setting, spool, Options())
+            judged = look_at_all(gathered, setting, spool)
             meta = journal_meta(mission, "derived", str(path)) | judged.taken()
             times = [(time.perf_counter(), time.process_time())]
             with Journal.create(folder / JOURNAL, meta) as journal:

@@ -12,8 +12,9 @@ from missions.units import GridPoint, LatLon
 from sitl.world.texture import METRES_PER_PIXEL, TILE_PX, ground_tile
 from tests.unit.vision.scene import camera_axes, nadir_pose, photograph
 from vision.camera import Camera
-from vision.registration import Features, Prior, Relief, View, extract
-from vision.registration.ground_plane import bearing
+from vision.registration.ground_plane import Relief, bearing
+from vision.registration.picture_features import extract
+from vision.registration.views import Features, Prior, View
 
 GRID = Grid.at(LatLon(46.84, -91.99), 4.0)
 CAMERA = Camera(math.radians(75.0), 320, 240)

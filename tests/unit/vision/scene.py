@@ -7,7 +7,7 @@ there along the camera's axes to pixels.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import cv2
 import numpy as np
@@ -16,6 +16,8 @@ from missions.geo.geodesy import LocalPlane
 from missions.geo.grid import Grid
 from missions.units import Cell, GridPoint, Pose, Quaternion
 from vision.camera import Camera
+from vision.look import Frame
+from vision.upright import UprightSearch
 
 DARK, BRIGHT = 60, 220
 _FRACTION_BITS = 6
@@ -69,6 +71,12 @@ def paint(
     return image
 
 
+def decoded(jpeg: bytes) -> np.ndarray:
+    image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    return image.astype(np.uint8)
+
+
 def square(grid: Grid, cell: Cell) -> list[GridPoint]:
     """The outline of a cell, from its centre and size alone."""
     e, n, h = cell.east * grid.cell_m, cell.north * grid.cell_m, grid.cell_m / 2
@@ -98,3 +106,11 @@ def photograph(
     columns = (east_m + pose.height_m * east / down) / pitch_m + texture.shape[1] / 2
     gray = texture[np.round(rows).astype(int), np.round(columns).astype(int)]
     return np.repeat(gray[..., None], 3, axis=2)
+
+
+def upside_down(frames: Sequence[Frame], grid: Grid) -> tuple[bool, ...]:
+    """For each frame, whether the others find it stored upside down."""
+    search = UprightSearch(grid, UprightSearch.pitch_for([f.pose.height_m for f in frames]))
+    for frame in frames:
+        search.add(search.patch(frame))
+    return search.turned()

@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from vision.lens import Lens, Model
-from vision.straighten import distorted, straightening
+from vision.lens import Lens, Model, distorted, straightening
 
 WIDTH, HEIGHT = 160, 120
 LENSES = {

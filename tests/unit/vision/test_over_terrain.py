@@ -9,12 +9,12 @@ import pytest
 
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
-from missions.units import Cell, LatLon, Pose, Quaternion
+from missions.units import LatLon, Pose, Quaternion
 from tests.support.hills import SIDE_M, STEP_M, slope
 from vision.camera import Camera, project
 from vision.detectors import make_detector
 from vision.look import Frame, look
-from vision.over_terrain import OverTerrain
+from vision.projection import Projection
 
 PLACE = LatLon(48.0, 11.3)
 GRID = Grid.at(PLACE, 4.0)
@@ -32,7 +32,7 @@ def pose(roll_deg=0.0, pitch_deg=0.0, yaw_deg=20.0, height_m=14.0):
 
 def test_over_level_ground_it_is_the_homography():
     at = pose(4.0, 6.0)
-    flat = OverTerrain(CAMERA, at, GRID, 0.0, terrain(0.0))
+    flat = Projection(CAMERA, at, 0.0, GRID, terrain(0.0))
     points = np.array([[0.0, 0.0], [3.0, -5.0], [-8.0, 2.0]])
     matrix = CAMERA.homography(at, GRID, 0.0)
     for told, wanted in zip(flat.project(points), project(matrix, points), strict=True):
@@ -58,7 +58,7 @@ def test_over_level_ground_it_is_the_homography():
 
 def test_a_point_uphill_is_farther_out_in_the_picture():
     at = pose(yaw_deg=0.0)  # the upper edge is north
-    uphill = OverTerrain(CAMERA, at, GRID, 0.0, terrain(20.0, 0.0))
+    uphill = Projection(CAMERA, at, 0.0, GRID, terrain(20.0, 0.0))
     pixels, depth = uphill.project(np.array([[0.0, 5.0], [0.0, -5.0]]))
     focal = CAMERA.focal_px
     assert depth == pytest.approx([13.0, 15.0])
@@ -68,6 +68,6 @@ def test_a_point_uphill_is_farther_out_in_the_picture():
 
 
 def test_fewer_cells_are_shown_whole_uphill_than_downhill():
-    seen = OverTerrain(CAMERA, pose(yaw_deg=0.0), GRID, 0.0, terrain(30.0, 0.0))
-    rows = [cell.north for cell in seen.shown_whole(Cell(0, 0), 6, 0.2)]
-    assert max(rows) < -min(rows)
+    seen = Projection(CAMERA, pose(yaw_deg=0.0), 0.0, GRID, terrain(30.0, 0.0))
+    rows = seen.cells("all", 0.2)[:, 1]
+    assert rows.max() < -rows.min()

@@ -20,15 +20,19 @@ from tests.unit.vision.flights import (
     tagged,
     view,
 )
-from vision.registration import Features, Registration, View, extract, register
 from vision.registration.ground_plane import bearing
 from vision.registration.matching import candidates
-from vision.registration.result import (
+from vision.registration.picture_features import extract
+from vision.registration.registering import register
+from vision.registration.views import (
     CONTRADICTED,
     NO_HEADING,
     NO_OVERLAP,
     NO_TEXTURE,
     SIDEWAYS,
+    Features,
+    Registration,
+    View,
 )
 
 UPSIDE_DOWN, TILTED, TOO_HIGH = 4, 7, 2

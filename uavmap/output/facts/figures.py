@@ -21,7 +21,7 @@ from missions.units import GridPoint
 from uavmap.output.facts.counting import Counter
 from uavmap.output.facts.patch_certificates import certificates
 from uavmap.output.facts.patch_drift import Shares
-from vision.look import SEEN_SHARE
+from vision.projection import SEEN_SHARE
 
 
 @dataclass(frozen=True, slots=True)

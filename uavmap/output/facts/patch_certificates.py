@@ -30,7 +30,7 @@ from missions.mapping.breadth_first import patches
 from missions.mission.views import DRAG_1_S, G_M_S2, path_speed_m_s, seen_whole_m
 from missions.planning.bounds.lower_bounds import passing_bound_s
 from missions.units import Cell, GridPoint
-from vision.look import SEEN_SHARE
+from vision.projection import SEEN_SHARE
 
 FACT_S: Final = 1.0
 """Members of a fleet tell each other the second in which a cell was decided."""

@@ -1,7 +1,7 @@
 """Rasters as Cloud Optimized GeoTIFF, by rasterio (the extra `geo`).
 
-GDAL makes such a file of another one, so the blocks go into a temporary one first, beside it. Both
-are there whole or not at all.
+GDAL makes such a file of another one, so the blocks go into a temporary one beside it first. Either
+file is whole or absent.
 """
 
 from __future__ import annotations
@@ -30,13 +30,8 @@ _TILED: Final = {"tiled": True, "blockxsize": TILE_PX, "blockysize": TILE_PX, "s
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What a GeoTIFF holds.
-
-    Attributes:
-        dtype: Of its bands.
-        bands: How many.
-        made: Options of the temporary file.
-        copied: Options of the final one.
+    """Data type and bands of a GeoTIFF; options of the temporary (`made`) and the final file
+    (`copied`).
     """
 
     dtype: str
@@ -59,7 +54,7 @@ COLOURS: Final = Layout(
     {"compress": "JPEG", "quality": 85, "overview_resampling": "AVERAGE"},
 )
 NOWHERE: Final = -1.0
-"""The value of a probability where it is not known."""
+"""Value of an unknown probability."""
 PROBABILITIES: Final = Layout(
     "float32",
     1,
@@ -78,7 +73,7 @@ def there() -> bool:
 
 
 def need_rasterio(what: str) -> None:
-    """Raise `UavmapError` where rasterio is missing; `what` needs it."""
+    """Raise `UavmapError` if rasterio, which `what` needs, is missing."""
     if not there():
         raise UavmapError(f"{what} needs rasterio: {install_command('geo')}")
 
@@ -94,15 +89,11 @@ def write_cog(
     """Write a raster of the grid's moving frame, as it lies at a mission time.
 
     Args:
-        path: The file.
-        raster: Where its pixels lie.
-        grid: Says the UTM zone.
-        t_s: The time, in mission seconds.
-        layout: What it holds.
-        blocks: Its parts, each of the shape (bands, rows, columns); those that lack are empty.
+        grid: Gives the UTM zone.
+        blocks: Its parts, each of shape (bands, rows, columns); absent ones are empty.
 
     Raises:
-        OutputError: the disk refuses; nothing is left of the file then.
+        OutputError: The disk refuses; nothing is left of the file then.
     """
     import rasterio  # noqa: PLC0415 - an extra
     from rasterio.shutil import copy  # noqa: PLC0415
@@ -139,7 +130,7 @@ def write_cog(
 
 
 def _transform(raster: Raster, grid: Grid, t_s: float) -> tuple[float, ...]:
-    """From columns and rows to UTM, in the order of `Affine`."""
+    """Return the matrix from columns and rows to UTM, in the order of `Affine`."""
     step = raster.pitch_m * grid.scale
     west = grid.origin.east_m + (raster.west_m + grid.drift_east_m_s * t_s) * grid.scale
     north = grid.origin.north_m + (raster.north_m + grid.drift_north_m_s * t_s) * grid.scale
@@ -147,7 +138,7 @@ def _transform(raster: Raster, grid: Grid, t_s: float) -> tuple[float, ...]:
 
 
 def _read_again(path: Path) -> None:
-    """Raise `OSError` where a file is not whole: GDAL does not tell of every full disk."""
+    """Raise `OSError` if a file is not whole: GDAL does not report every full disk."""
     import rasterio  # noqa: PLC0415 - an extra
 
     with rasterio.open(path) as file:
@@ -158,7 +149,7 @@ def _read_again(path: Path) -> None:
 def probability_blocks(
     blocks: Iterable[tuple[Window, NDArray[np.uint8]]], most: int, unseen: int
 ) -> Iterator[tuple[Window, NDArray[np.float32]]]:
-    """Levels as probabilities."""
+    """Yield levels as probabilities."""
     for window, levels in blocks:
         found = levels.astype(np.float32) / np.float32(most)
         found[levels == unseen] = NOWHERE

@@ -1,15 +1,14 @@
-"""What one recorded picture says: decoded, held against what no camera gives, and judged.
+"""The judgement of one recorded picture: decoded, checked for plausibility, and classified.
 
-A `Judge` knows no order and keeps nothing, so that any number of threads may use it at once. What
-depends on the other pictures (the same picture twice, upside down, blurred beside the others) is
-told as numbers, for whoever sees all of them.
+A `Judge` knows no order and keeps nothing, so any number of threads may use it. What depends on
+other pictures (repeated, upside down, blurred) is returned as numbers.
 """
 
 from __future__ import annotations
 
 import hashlib
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import cv2
@@ -21,23 +20,24 @@ from missions.geo.grid import Grid
 from missions.mission.schema import Mission
 from missions.units import Cell
 from uavmap.aircraft.imaging.classifier import detector_of
-from uavmap.photos.ground.projection import Cells, Laid
 from uavmap.photos.registration.lenses import Lenses
+from uavmap.photos.scratch_file import Said
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.tag_validation import Placed
-from uavmap.photos.verdict_spool import Said
 from vision.camera import Camera
 from vision.detectors import Detector
 from vision.detectors.interface import Marks
+from vision.lens import Lens
 from vision.look import Frame, marks_of
 from vision.plausible import implausible
+from vision.projection import Cells, Projection
 from vision.upright import Patch, UprightSearch
 
 LEAST_WIDTH_PX: Final = 64
 LEAST_PIXELS_A_CELL: Final = 8.0
-"""A cell's edge with fewer has no share that is worth a vote."""
+"""Least pixels along a cell's edge for a vote."""
 WHITE_SHARE: Final = 0.6
-"""A picture with more of it at the upper end of the levels is over-exposed."""
+"""Least part of white pixels of an over-exposed picture."""
 DARK_SHARE: Final = 0.95
 _WHITE, _DARK = 250, 12
 _EVERY = 12  # what is asked of all of a picture is asked of every so many rows
@@ -51,35 +51,21 @@ WHOLE_AREA: Final = Cell(0, 0)
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """What a picture says as it is stored.
+    """The judgement of a picture as it is stored; `said` goes to the spool.
 
-    Attributes:
-        vantage: The cell over which its votes count.
-        cells: Shape (n, 2): columns and rows of the cells that it shows.
-        shares: Shape (n,): how much of each is ROI; -1 where it is not in the picture.
-        weights: Shape (n,): what that weighs, 0 to 1; 1 where votes are counted.
-        camera: The pinhole that it was judged with.
-        marks: The detector's, as `packed`.
-        patch: What is compared to find pictures upside down.
-        fingerprint: Of its pixels; equal for equal pictures.
-        sharpness: Of its finest detail beside its contrast, at the size that was looked at.
-        small: The picture itself, as `miniature`.
+    Equal pictures have equal `fingerprint`s. `sharpness` is the finest detail beside the contrast,
+    at the judged size.
     """
 
-    vantage: Cell
-    cells: Cells
-    shares: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    said: Said
     camera: Camera
-    marks: bytes
     patch: Patch | None
     fingerprint: bytes
     sharpness: float
-    small: bytes
 
 
 class Task(NamedTuple):
-    """A picture to be judged, and the mission time at which it was taken."""
+    """A picture to be judged, and the mission time of its exposure."""
 
     placed: Placed
     t_s: float
@@ -87,82 +73,71 @@ class Task(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Judge:
-    """How the pictures of a replay are judged.
+    """Judges the pictures of a replay.
 
-    `compare`: whether pictures upside down are looked for; registration has found them already
-    where it has placed all.
+    `compare`: whether to look for pictures upside down; registration that has placed all of them
+    has found these.
     """
 
     mission: Mission
     grid: Grid
     detector: Detector
     search: UprightSearch
-    lenses: Lenses = field(default_factory=Lenses)
+    lenses: Lenses
     compare: bool = True
 
     @classmethod
-    def of(cls, mission: Mission, grid: Grid, search: UprightSearch, lenses: Lenses) -> Judge:
-        """The judge that a mission file describes."""
+    def of(cls, mission: Mission, grid: Grid, search: UprightSearch, lens: Lens | None) -> Judge:
+        """Return the judge that a mission file describes; `lens` is a calibration."""
+        lenses = Lenses(mission.camera.hfov_deg, lens)
         return cls(mission, grid, detector_of(mission), search, lenses)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """What it is made of travels to a worker, and not what was seen so far."""
         search = UprightSearch(self.grid, self.search.pitch_m)
-        lenses = Lenses(self.lenses.given)
-        made = (self.mission, self.grid, self.detector, search, lenses, self.compare)
+        made = (self.mission, self.grid, self.detector, search, self.lenses, self.compare)
         return Judge, made
 
     def said(self, task: Task) -> Judged | str:
-        """What a picture says, or why it is no evidence."""
+        """Return a picture's judgement, or why it is no evidence."""
         try:
-            return self.judged(*task)
+            return self._judged(*task)
         except ImageError as error:
             return str(error)
 
-    def judged(self, placed: Placed, t_s: float) -> Judged:
-        """What a picture says. Raises `ImageError`: why it is no evidence."""
+    def _judged(self, placed: Placed, t_s: float) -> Judged:
         frame = self.frame(placed, t_s)
         vantage, cells = self._asked(frame.camera, placed, t_s)
         some = np.ascontiguousarray(frame.image[::_EVERY])  # noise is in every row
         self._refuse_implausible(some)
         marks = marks_of(self.detector, frame.image)
-        shares, weights = self._weighed(self.laid(frame.camera, placed, t_s), marks, cells)
+        laid = self.laid(frame.camera, placed, t_s)
+        if self.mission.by_evidence:
+            shares, weights = laid.weighed(marks, cells)
+        else:
+            shares, weights = laid.shares(marks, cells), np.ones(len(cells))
         return Judged(
-            vantage,
-            cells,
-            shares,
-            weights,
+            Said(vantage, cells, shares, packed(marks), weights, miniature(frame.image)),
             frame.camera,
-            packed(marks),
             self.search.patch(frame) if self.compare else None,
             hashlib.blake2b(some.data, digest_size=16).digest(),
             sharpness(frame.image),
-            miniature(frame.image),
         )
 
     def turned(self, placed: Placed, t_s: float, camera: Camera, said: Said) -> NDArray[np.float64]:
-        """The shares of a picture that turns out to be stored upside down; its weights stay."""
+        """Return the shares of a picture that is stored upside down; its weights stay."""
         upright = unpacked(said.marks, camera.height_px, camera.width_px, upside_down=True)
         laid = self.laid(camera, placed, t_s)
         if self.mission.by_evidence:
             return laid.shares_of(upright, said.cells, said.weights)
         return laid.shares(upright, said.cells)
 
-    def _weighed(
-        self, laid: Laid, marks: Marks, cells: Cells
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        if self.mission.by_evidence:
-            return laid.weighed(marks, cells)
-        return laid.shares(marks, cells), np.ones(len(cells))
-
-    def laid(self, camera: Camera, placed: Placed, t_s: float) -> Laid:
-        """The picture on the mission's ground."""
-        return Laid(camera, placed.pose, t_s, self.grid, self.mission.ground)
+    def laid(self, camera: Camera, placed: Placed, t_s: float) -> Projection:
+        """Lay the picture on the mission's ground."""
+        return Projection(camera, placed.pose, t_s, self.grid, self.mission.ground)
 
     def frame(self, placed: Placed, t_s: float, most_width_px: int | None = None) -> Frame:
-        """A picture at the size that the mission works with, as a pinhole shows it.
-
-        Or at a width of its own; never larger than it is.
+        """Return a picture as a pinhole shows it, at the mission's or another width; never
+        enlarged.
         """
         picture, width_px = placed.picture, most_width_px or self.mission.camera.width_px
         if min(picture.width_px, picture.height_px) < LEAST_WIDTH_PX // 2 or (
@@ -170,11 +145,11 @@ class Judge:
         ):
             raise ImageError(f"{picture.width_px} x {picture.height_px} px are too few")
         image = eight_bits(picture.decode(width_px))
-        image, camera = self.lenses.straightened(image, picture, self.mission)
+        image, camera = self.lenses.straightened(image, self.lenses.lens(picture))
         return Frame(image, placed.pose, t_s, camera)
 
     def _asked(self, camera: Camera, placed: Placed, t_s: float) -> tuple[Cell, Cells]:
-        """The vantage, and the cells that the picture shows."""
+        """Return the vantage, and the cells that the picture shows."""
         cell_px = camera.pixels_per_cell(placed.pose.height_m, self.grid.cell_m)
         if cell_px < LEAST_PIXELS_A_CELL:
             raise ImageError(
@@ -207,7 +182,7 @@ class Judge:
 
 
 def sharpness(image: NDArray[np.uint8]) -> float:
-    """How much of the contrast in a picture's middle is detail of a pixel or two."""
+    """Return the part of the contrast in a picture's middle that is detail of a pixel or two."""
     rows, columns = image.shape[:2]
     middle = image[rows // 4 : rows - rows // 4, columns // 4 : columns - columns // 4]
     gray = cv2.cvtColor(middle, cv2.COLOR_BGR2GRAY)
@@ -217,7 +192,7 @@ def sharpness(image: NDArray[np.uint8]) -> float:
 
 
 def miniature(image: NDArray[np.uint8]) -> bytes:
-    """A picture for the background of a map: a JPEG of at most some `MINIATURE_PX` columns."""
+    """Return a JPEG of about `MINIATURE_PX` columns, for the background of a map."""
     factor = max(1, image.shape[1] // MINIATURE_PX)
     rows, columns = (max(1, side // factor) for side in image.shape[:2])
     small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_LINEAR)
@@ -225,14 +200,14 @@ def miniature(image: NDArray[np.uint8]) -> bytes:
 
 
 def packed(marks: Marks) -> bytes:
-    """Marks in a few kilobytes: a mask as a bit a pixel, a probability in 255 steps, squeezed."""
+    """Compress marks to a few kilobytes: a mask as a bit a pixel, a probability in 255 steps."""
     if marks.dtype == np.uint8:
         return b"m" + zlib.compress(np.packbits(marks > 0).tobytes(), 1)
     return b"p" + zlib.compress(np.round(marks * 255.0).astype(np.uint8).tobytes(), 1)
 
 
 def unpacked(data: bytes, rows: int, columns: int, *, upside_down: bool = False) -> Marks:
-    """The inverse of `packed`; turned by 180 degrees if they are `upside_down`.
+    """Invert `packed`; turn the marks by 180 degrees if they are `upside_down`.
 
     >>> mask = np.array([[255, 0, 255]], np.uint8)
     >>> unpacked(packed(mask), 1, 3).tolist()

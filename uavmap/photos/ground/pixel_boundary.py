@@ -1,4 +1,4 @@
-"""The boundary of the region at pixel level, with how well it is known.
+"""The boundary of the region at pixel level, with its uncertainty.
 
     Surface -> lines of P = 0.1, a level between, 0.9 -> polygons with holes -> simplified
 
@@ -23,18 +23,18 @@ from vision.fusion import MOST
 from vision.raster import Raster
 
 HALF: Final = 0.5
-"""Where the boundary lies, unless a calibrated detector decides cells at another probability."""
+"""Probability at the boundary, unless a calibrated detector decides cells at another."""
 LOW: Final = 0.1
 HIGH: Final = 0.9
 TOLERANCE: Final = 0.5
-"""Lines are simplified by at most this part of a pixel of the raster."""
+"""Largest error of simplified lines, pixels of the raster."""
 LEAST_PART: Final = 0.5
-"""What is smaller than this part of a cell is neither a part of the region nor a hole in it."""
+"""Least size of a part of the region, or of a hole in it, in cells."""
 _APART: Final = 0.05  # between the level of the boundary and those of its band
 
 
 def boundary_of(surface: Surface, cell_m: float, level: float = HALF) -> Boundary:
-    """The boundary on a surface, where P is `level`.
+    """Return the boundary on a surface, where P is `level`.
 
     Parts and holes below `LEAST_PART` of a cell are left out.
     """
@@ -62,14 +62,14 @@ def boundary_of(surface: Surface, cell_m: float, level: float = HALF) -> Boundar
 
 
 def _ground(raster: Raster, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Metres east and north of columns and rows."""
+    """Return metres east and north of columns and rows."""
     east = raster.west_m + (points[:, 0] + 0.5) * raster.pitch_m
     north = raster.north_m - (points[:, 1] + 0.5) * raster.pitch_m
     return np.column_stack([east, north])
 
 
 def _polygons(raster: Raster, rings: Sequence[Ring]) -> MultiPolygon:
-    """Polygons of rings, each hole in the smallest ring around it."""
+    """Return polygons of rings, each hole in the smallest ring around it."""
     outer = [r for r in rings if r.area_px > 0.0]
     holes = [r for r in rings if r.area_px < 0.0]
     shells = [Polygon(_ground(raster, ring.points)) for ring in outer]
@@ -89,13 +89,13 @@ def _polygons(raster: Raster, rings: Sequence[Ring]) -> MultiPolygon:
 
 
 def _simplified(shape: MultiPolygon, tolerance_m: float) -> BaseGeometry:
-    """The shape with fewer points; line by line, or, where lines cross then, with care."""
+    """Return the shape with fewer points; line by line, or, if lines then cross, with care."""
     quick = shapely.simplify(shape, tolerance_m, preserve_topology=False)
     return quick if quick.is_valid else shapely.simplify(shape, tolerance_m)
 
 
 def _many(shape: BaseGeometry) -> MultiPolygon:
-    """The polygons of a shape: valid, without what has no area, outer rings counter-clockwise."""
+    """Return a shape's polygons: valid, with area, outer rings counter-clockwise."""
     if not shape.is_valid:
         shape = shapely.make_valid(shape)
     parts = [p for p in shapely.get_parts(shape) if p.geom_type == "Polygon" and p.area > 0.0]
@@ -107,7 +107,7 @@ def _many(shape: BaseGeometry) -> MultiPolygon:
 def _lines(
     region: MultiPolygon, low: MultiPolygon, high: MultiPolygon, pitch_m: float
 ) -> tuple[Line, ...]:
-    """The lines of the region, each point with its way to the lines of P = 0.1 and P = 0.9."""
+    """Return the region's lines, each point with half the distance from P = 0.1 to P = 0.9."""
     shells = [(part.exterior, False) for part in region.geoms]
     holes = [(ring, True) for part in region.geoms for ring in part.interiors]
     rings = [(shapely.get_coordinates(ring), hole) for ring, hole in (*shells, *holes)]
@@ -121,7 +121,7 @@ def _lines(
 
 
 def _distances(points: NDArray[np.float64], shape: MultiPolygon) -> NDArray[np.float64]:
-    """How far each point is from the edge of a shape; infinite where there is none."""
+    """Return the distance of each point from the edge of a shape; infinite where there is none."""
     found = np.full(len(points), np.inf)
     edges = [
         np.asarray(shapely.linestrings(np.stack([ring[:-1], ring[1:]], axis=1)), object)
@@ -139,7 +139,7 @@ def _distances(points: NDArray[np.float64], shape: MultiPolygon) -> NDArray[np.f
 
 
 def _open_parts(raster: Raster, rings: Sequence[Ring]) -> NDArray[np.float64]:
-    """Pieces of rings, shape (n, 2, 2), two points each, along ground that nobody has seen."""
+    """Return pieces of rings along unseen ground, shape (n, 2, 2), two points each."""
     pieces = [np.zeros((0, 2, 2))]
     for ring in rings:
         both = ring.open & np.roll(ring.open, -1)

@@ -1,4 +1,4 @@
-"""ortho.tif and probability.tif: what a geographic information system opens."""
+"""ortho.tif and probability.tif, for geographic information systems."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from missions.errors import ImageError
 from uavmap.base.extras import install_command
-from uavmap.photos.ground.fine_map import FineMap, upright
+from uavmap.photos.ground.fine_map import Colours, FineMap, Tile, mosaic, upright
 from uavmap.photos.ground.geotiff import (
     COLOURS,
     PROBABILITIES,
@@ -27,7 +27,6 @@ from uavmap.photos.ground.geotiff import (
     write_cog,
 )
 from uavmap.photos.ground.judging import Judge
-from uavmap.photos.ground.mosaic import Colours, Tile, mosaic
 from uavmap.photos.ground.surface import Shown, aligned
 from uavmap.photos.sources.tag_validation import Placed
 from vision.fusion import MOST, UNSEEN
@@ -38,12 +37,12 @@ _LOG: Final = logging.getLogger("uavmap.photos")
 ORTHO: Final = "ortho.tif"
 PROBABILITY: Final = "probability.tif"
 FINEST_M: Final = 0.05
-"""Edge of a pixel of the mosaic, where the user names none: that of the pictures, at least this."""
+"""Least default pixel of the mosaic, m; else that of the pictures."""
 MOST_PX: Final = 1_500_000_000
 MOST_LEVELS_PX: Final = 8_000_000_000
-"""Of the probabilities; where nothing is shown they take no room, but GDAL looks at each pixel."""
+"""Most pixels of the probabilities: empty ones take no room, but GDAL visits each."""
 APART: Final = 0.5
-"""Pictures of which all together show less than this part of the raster lie apart."""
+"""Part of the raster that pictures show together, below which they lie apart."""
 _SIDE: Final = 2048
 _RECENT_BYTES: Final = 96 * 1024 * 1024  # of decoded pictures that the next block may show, too
 _MINUTES: Final = 200  # pictures from which on it is said that the mosaic is being made
@@ -51,32 +50,26 @@ _MINUTES: Final = 200  # pictures from which on it is said that the mosaic is be
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """Which rasters are wanted.
+    """The wanted rasters.
 
     Attributes:
-        ortho: Whether the mosaic is; None: if rasterio is there.
-        gsd_m: Edge of a pixel of it; None: as finely as the pictures show it, at most `FINEST_M`.
+        ortho: Whether to write the mosaic; None: if rasterio is there.
+        gsd_m: Edge of its pixels; None: that of the pictures, at least `FINEST_M`.
     """
 
     ortho: bool | None = None
     gsd_m: float | None = None
 
     def check(self) -> None:
-        """Raise `UavmapError` for what was asked for and cannot be had."""
+        """Raise `UavmapError` for a wish that needs a missing rasterio."""
         if self.ortho or (self.gsd_m is not None and self.ortho is None):
             need_rasterio("--gsd" if self.ortho is None else "--ortho")
 
 
 @dataclass(frozen=True, slots=True)
 class Rasters:
-    """What the rasters of a replay are made of.
-
-    Attributes:
-        fine: The region at pixel level.
-        judge: Decodes pictures.
-        placed: The pictures, by `Footing.number`.
-        t_s: The mission time that the map is of.
-        workers: How many threads.
+    """The rasters of a replay at the mission time `t_s`; `placed` are the pictures by
+    `Footing.number`.
     """
 
     fine: FineMap
@@ -86,7 +79,7 @@ class Rasters:
     workers: int
 
     def write(self, folder: Path, wishes: Wishes) -> bool:
-        """Write the files, if rasterio is there; returns whether it is.
+        """Write the files, if rasterio is there; return whether it is.
 
         Raises `OutputError` when the disk refuses.
         """
@@ -115,7 +108,7 @@ class Rasters:
         write_cog(path, surface.raster, grid, self.t_s, PROBABILITIES, blocks)
 
     def _remedy(self) -> str:
-        """What helps where a raster is large, and most of it empty; nothing where it is full."""
+        """Return what helps where a raster is large and mostly empty; nothing where it is full."""
         raster = self.fine.scene.raster
         shown_px = sum(math.prod(entry.window.shape) for entry in self.fine.scene.shown)
         if shown_px > APART * raster.rows * raster.columns:
@@ -164,7 +157,7 @@ class Rasters:
     def _pixels(
         self, entry: Shown, step_m: float, unread: set[str], recent: Recent
     ) -> Callable[[], Colours | None]:
-        """A picture as finely as the mosaic takes it; its next block may want it, too."""
+        """Return a picture as finely as the mosaic takes it; its next block may need it too."""
         footing, placed = entry.footing, self.placed[entry.footing.number]
         width_px = math.ceil(placed.picture.width_px * min(1.0, self._gsd_m(entry) / step_m))
 
@@ -179,7 +172,7 @@ class Rasters:
         return lambda: recent.get(footing.number, decoded)
 
     def _gsd_m(self, entry: Shown) -> float:
-        """Ground sample distance of a picture at its full size."""
+        """Return the ground sample distance of a picture at its full size."""
         footing = entry.footing
         whole_px = self.placed[footing.number].picture.width_px
         return footing.gsd_m * footing.camera.width_px / whole_px
@@ -190,9 +183,9 @@ Pixels = NDArray[np.uint8]
 
 @dataclass(slots=True)
 class Recent:
-    """Pictures by number, at most so many bytes of them; the ones asked for last stay.
+    """The most recently used pictures by number, up to `most_bytes`; for any thread.
 
-    For any thread. Two threads that ask for the same picture at once both make it.
+    Two threads that need the same picture at once both make it.
 
     >>> recent, made = Recent(most_bytes=8), []
     >>> def picture():
@@ -210,7 +203,9 @@ class Recent:
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
     def get(self, number: int, make: Callable[[], Pixels | None]) -> Pixels | None:
-        """The picture of a number, made if it is not there; None, and asked again, if it cannot."""
+        """Return the picture of a number, made if absent; None, and made again next time, if it
+        cannot be.
+        """
         with self._one_at_a_time:
             found = self._kept.get(number)
             if found is not None:
@@ -222,7 +217,7 @@ class Recent:
         return made
 
     def forget(self, numbers: Iterable[int]) -> None:
-        """Let go of pictures that nobody will ask for again."""
+        """Drop pictures that are not needed again."""
         with self._one_at_a_time:
             for number in numbers:
                 gone = self._kept.pop(number, None)

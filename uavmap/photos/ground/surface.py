@@ -1,10 +1,10 @@
-"""The region's probability at pixel level: what all pictures of a replay say, on one raster.
+"""The region's probability at pixel level: all pictures of a replay on one raster.
 
-    marks on the spool -> laid on the ground, weighted -> mean, block by block -> levels, squeezed
+    marks on the spool -> laid on the ground, weighted -> mean, block by block -> levels, compressed
 
-No picture is decoded again. A block of the raster is in memory at a time, and the pictures that
-show it come from the spool one after another. So memory does not grow with the pictures, and hardly
-with the ground.
+No picture is decoded again. One block of the raster is in memory at a time; the pictures that show
+it come from the spool one after another. Memory does not grow with the pictures, and hardly with
+the ground.
 """
 
 from __future__ import annotations
@@ -23,19 +23,20 @@ from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import Pose
 from uavmap.photos.ground.judging import unpacked
-from uavmap.photos.ground.projection import Laid
-from uavmap.photos.verdict_spool import Spool
+from uavmap.photos.scratch_file import Spool
 from uavmap.photos.workers import GoOn, in_order
 from vision.camera import Camera
 from vision.fusion import UNSEEN, Fusion, Levels, as_levels
 from vision.overlay import Overlay, framed
+from vision.projection import Projection
 from vision.raster import Raster, Window
 
 FINEST_M: Final = 0.1
 COARSEST_M: Final = 0.5
-"""Edge of a pixel of the raster: that of the pictures as they are judged, within these."""
+"""Limits of the edge of a pixel of the raster, m; between them it is that of the judged pictures.
+"""
 PIXELS_A_CELL: Final = 4
-"""At least so many pixels of the raster along the edge of a cell."""
+"""Least pixels of the raster along the edge of a cell."""
 _SIDE: Final = 2048  # of a block
 _LOOSE_BYTES: Final = 16_000_000  # so much is kept as it is; what comes after that is squeezed
 _MARGIN: Final = 4  # pixels around all that is shown
@@ -46,12 +47,8 @@ _WEIGHTS: Final = (0.1, 4.0)  # of a picture's resolution beside the usual
 class Footing:
     """A used picture and where it was taken.
 
-    Attributes:
-        number: By which the spool knows it.
-        camera: The pinhole that it was judged with.
-        pose: `pose.height_m` is above the ground below.
-        t_s: When, in seconds of the mission: where the grid drifts, it says where it was.
-        turned: Whether it is stored upside down.
+    `number` is its key in the spool; `pose.height_m` is above the ground below; at the mission time
+    `t_s` the grid may have drifted; `turned` is stored upside down.
     """
 
     number: int
@@ -61,9 +58,9 @@ class Footing:
     turned: bool = False
 
     def overlay(self, grid: Grid, terrain: Terrain | None) -> Overlay:
-        """The picture over the ground."""
+        """Return the picture over the ground."""
         return Overlay(
-            Laid(self.camera, self.pose, self.t_s, grid, terrain).pixels,
+            Projection(self.camera, self.pose, self.t_s, grid, terrain).pixels,
             grid.to_moving(grid.fixed(self.pose.position), self.t_s),
             self.pose.height_m,
             self.camera.width_px,
@@ -77,7 +74,7 @@ class Footing:
 
 
 class Shown(NamedTuple):
-    """A picture and what it may show: the corners of that, and its part of the raster."""
+    """A picture, the corners of what it may show, and its part of the raster."""
 
     footing: Footing
     overlay: Overlay
@@ -87,12 +84,7 @@ class Shown(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """All used pictures over a raster.
-
-    Attributes:
-        raster: In the grid's moving frame.
-        shown: The pictures, in their order.
-    """
+    """All used pictures over a raster in the grid's moving frame, in their order."""
 
     raster: Raster
     shown: tuple[Shown, ...]
@@ -101,9 +93,9 @@ class Scene:
     def of(
         cls, footings: Sequence[Footing], grid: Grid, terrain: Terrain | None, pitch_m: float
     ) -> Scene | None:
-        """A raster around all that pictures show; None where they show nothing.
+        """Return a raster around all that pictures show; None where they show nothing.
 
-        `pitch_m` is in metres of the UTM projection, and the raster's lines lie at multiples of it.
+        `pitch_m` is in metres of the UTM projection; the raster's lines lie at multiples of it.
         """
         bounded = [
             (footing, overlay, bounds)
@@ -121,20 +113,20 @@ class Scene:
         return cls(raster, tuple(entry for entry in shown if not entry.window.is_empty))
 
     def blocks(self) -> Iterator[tuple[Window, list[Shown]]]:
-        """The blocks of the raster of which pictures may show something, with these."""
+        """Yield the blocks of which pictures may show something, with these."""
         shared = self.raster.shared((entry.window for entry in self.shown), _SIDE)
         for block, numbers in shared.items():
             yield block, [self.shown[number] for number in numbers]
 
 
 def pitch_m(footings: Sequence[Footing], cell_m: float) -> float:
-    """The edge of a pixel that goes with these pictures, rounded to centimetres."""
+    """Return the edge of a pixel that suits these pictures, rounded to centimetres."""
     usual_m = round(median(footing.gsd_m for footing in footings), 2)
     return min(max(FINEST_M, min(usual_m, COARSEST_M)), cell_m / PIXELS_A_CELL)
 
 
 def aligned(grid: Grid, low: NDArray[np.float64], high: NDArray[np.float64], step: float) -> Raster:
-    """A raster around two corners whose lines have whole UTM coordinates, in steps."""
+    """Return a raster around two corners whose lines have whole UTM coordinates, in steps."""
     origin = np.array([grid.origin.east_m, grid.origin.north_m])
     first = np.floor((origin + low * grid.scale) / step) - _MARGIN
     last = np.ceil((origin + high * grid.scale) / step) + _MARGIN
@@ -153,7 +145,7 @@ class Surface:
     _loose_bytes: int = 0
 
     def put(self, block: Window, levels: Levels) -> None:
-        """Keep a block; where nothing was seen nothing is kept."""
+        """Keep a block, unless nothing was seen there."""
         if (levels == UNSEEN).all():
             return
         if self._loose_bytes + levels.nbytes <= _LOOSE_BYTES:  # squeezing takes time
@@ -163,8 +155,8 @@ class Surface:
             self._blocks[block] = zlib.compress(levels.tobytes(), 1)
 
     def blocks(self) -> Iterator[tuple[Window, Levels]]:
-        """Every block that is not unseen as a whole, with a row and a column of the next ones."""
-        for block in self.raster.blocks(_SIDE):
+        """Yield every block with something seen, with a row and a column of the next ones."""
+        for block in self.raster.whole.blocks(_SIDE):
             wider = Window(block.top, block.left, block.bottom + 1, block.right + 1)
             wider = wider.common(self.raster.whole)
             near = [
@@ -179,14 +171,14 @@ class Surface:
                 yield wider, levels
 
     def seen(self) -> Iterator[tuple[Window, Levels]]:
-        """Every block of which something was seen."""
+        """Yield every block of which something was seen."""
         for block in self._blocks:
             found = np.full(block.shape, UNSEEN, np.uint8)
             self._get(found, block, block)
             yield block, found
 
     def _get(self, into: Levels, window: Window, block: Window) -> None:
-        """What is known of a block, into the levels of a window, of which it has a part."""
+        """Copy a block into the levels of a window, of which it has a part."""
         kept = self._blocks.get(block)
         if kept is not None:
             if isinstance(kept, bytes):
@@ -205,41 +197,35 @@ def fused(
     least: int = 1,
     go_on: GoOn = lambda: None,
 ) -> Surface:
-    """What all pictures of a scene say.
+    """Fuse all pictures of a scene.
 
     Args:
-        scene: The pictures over a raster.
-        spool: What they say, by `Footing.number`.
-        shrinks_px: By how many pixels the detector's mask is too small at each edge.
-        workers: How many threads; the result is the same.
-        least: In so many pictures a place has to be to count as seen.
-        go_on: Is asked before each picture, and raises what ends this.
+        spool: Their judgements, by `Footing.number`.
+        shrinks_px: Pixels by which the detector's mask is too small at each edge.
+        workers: Count of threads; the result is the same.
+        least: Least pictures of a place that counts as seen.
+        go_on: Called before each picture; raises what ends this.
     """
     surface = Surface(scene.raster)
     usual_m = median(entry.footing.gsd_m for entry in scene.shown)
+
+    def said(job: tuple[Shown, Window, bytes]) -> list[tuple[Window, Levels, NDArray[np.float32]]]:
+        entry, part, marks = job
+        ratio = min(max((usual_m / entry.footing.gsd_m) ** 2, _WEIGHTS[0]), _WEIGHTS[1])
+        levels = framed(_levels(entry.footing, marks, shrinks_px, scene.raster.pitch_m))
+        return [
+            (shown, laying.sampled(levels), laying.weight)
+            for shown, laying in entry.overlay.laid(scene.raster, part, ratio)
+        ]
+
+    def jobs(near: Sequence[Shown], around: Window) -> Iterator[tuple[Shown, Window, bytes]]:
+        for entry in near:
+            go_on()
+            yield entry, entry.window.common(around), spool.get(entry.footing.number).marks
+
     for block, near in scene.blocks():
         fusion = Fusion(block, least)
-
-        def said(
-            job: tuple[Shown, Window, bytes], usual_m: float = usual_m
-        ) -> list[tuple[Window, NDArray[np.uint8], NDArray[np.float32]]]:
-            entry, part, marks = job
-            ratio = min(max((usual_m / entry.footing.gsd_m) ** 2, _WEIGHTS[0]), _WEIGHTS[1])
-            levels = framed(_levels(entry.footing, marks, shrinks_px, scene.raster.pitch_m))
-            return [
-                (shown, laying.sampled(levels), laying.weight)
-                for shown, laying in entry.overlay.laid(scene.raster, part, ratio)
-            ]
-
-        def jobs(
-            near: Sequence[Shown] = near, around: Window = fusion.window
-        ) -> Iterator[tuple[Shown, Window, bytes]]:
-            for entry in near:
-                go_on()
-                marks = spool.get(entry.footing.number).marks
-                yield entry, entry.window.common(around), marks
-
-        for answer in in_order(said, jobs(), workers):
+        for answer in in_order(said, jobs(near, fusion.window), workers):
             for shown in answer:
                 fusion.add(*shown)
         surface.put(block, fusion.levels())
@@ -247,7 +233,6 @@ def fused(
 
 
 def _levels(footing: Footing, marks: bytes, shrinks_px: int, pitch_m: float) -> NDArray[np.uint8]:
-    """What a picture says, as finely as the raster takes it."""
     camera = footing.camera
     found = as_levels(
         unpacked(marks, camera.height_px, camera.width_px, upside_down=footing.turned), shrinks_px
@@ -256,7 +241,7 @@ def _levels(footing: Footing, marks: bytes, shrinks_px: int, pitch_m: float) -> 
 
 
 def shrunk(image: NDArray[np.uint8], times: float) -> NDArray[np.uint8]:
-    """An image of fewer pixels, by means over squares of as many as are wanted along an edge.
+    """Return an image of `times` fewer pixels along an edge, by means over squares.
 
     >>> shrunk(np.full((6, 9), 7, np.uint8), 3.4).shape
     (2, 3)

@@ -17,7 +17,7 @@ import numpy as np
 
 from missions.errors import ImageError
 from missions.mission.schema import Mission
-from uavmap.base.text_files import read_text
+from uavmap.photos.sources.photo_file import text_beside
 from vision.lens import Lens, Model
 
 _LARGEST_BYTES: Final = 2**20
@@ -39,7 +39,7 @@ _MODEL: Final = ("camera_model", "distortion_model", "model", "fisheye_model")
 def calibration_of(
     given: str | None, mission: Mission | None, mission_file: str | None
 ) -> Lens | None:
-    """The lens of --calibration, else of a mission's `camera.calibration`; None without either.
+    """Return the lens of --calibration, else of a mission's `camera.calibration`, else None.
 
     Raises `ImageError` as `read_calibration` does.
     """
@@ -52,13 +52,8 @@ def calibration_of(
 
 
 def read_calibration(path: Path) -> Lens:
-    """The lens in a calibration file. Raises `ImageError`: names the file, the key, the remedy."""
-    try:
-        text = read_text(path, _LARGEST_BYTES)
-    except OSError as error:
-        raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
-    except UnicodeDecodeError:
-        raise ImageError(f"{path}: not a text file in UTF-8") from None
+    """Return the lens in a calibration file. Raises `ImageError`: the file, the key, the remedy."""
+    text = text_beside(path, _LARGEST_BYTES)
     values = _of_json(text, path) if text.lstrip().startswith("{") else _of_opencv(text, path)
     matrix, size = values.get("matrix"), (values.get("width"), values.get("height"))
     if matrix is None or len(matrix) != 9:
@@ -156,7 +151,7 @@ def _of_opencv(text: str, path: Path) -> dict[str, Any]:
 
 
 def _with_directive(text: str) -> str:
-    """OpenCV knows YAML by its first line only."""
+    """Add the first line by which alone OpenCV recognises YAML."""
     if text.lstrip().startswith(("<?xml", "%YAML", "<")):
         return text.lstrip()
     return "%YAML:1.0\n---\n" + text.removeprefix("---\n")

@@ -1,13 +1,10 @@
-"""Recorded pictures to the registration and back: tags to views, refined poses to poses.
-
-tags, pixels -> View -> vision.registration.register -> Refined -> Pose, focal length
-"""
+"""Recorded pictures to the registration and back: Taken -> View -> register -> Refined -> Pose."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -17,69 +14,54 @@ from missions.geo.geodesy import LocalPlane
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import GridPoint, LatLon, Pose, Quaternion
+from uavmap.photos.sources.picture_record import Measured, Picture
 from vision.camera import rotation
-from vision.registration import (
-    Described,
-    Many,
-    Prior,
-    Refined,
-    Registration,
-    Relief,
-    View,
-    extract,
-    register,
-    thumbnail,
-)
-
-POSITION_SIGMA_M: Final = 10.0
-TILT_SIGMA_RAD: Final = math.radians(2.0)
-"""Of a tagged tilt: a gimbal's. Without a tag a camera looks down within `UNKNOWN_TILT_RAD`."""
+from vision.registration.ground_plane import Relief
+from vision.registration.registering import Many, register
+from vision.registration.views import Described, Prior, Refined, Registration, View
 
 UNKNOWN_TILT_RAD: Final = math.radians(7.0)
-FOCAL_SIGMA: Final = 0.05
-UNKNOWN_FOCAL_SIGMA: Final = 0.15
-"""Of a focal length that no tag tells, and a mission file does for all cameras, as a share."""
+"""Standard deviation of a camera's tilt from straight down without a tag, rad."""
 
 
 @dataclass(frozen=True, slots=True)
-class Tags:
-    """What is known of a picture before its overlaps are looked at; None where tags are silent.
+class Taken:
+    """A picture before its overlaps are known.
 
     Attributes:
-        name: of the picture; no two have the same.
-        position: the geotag.
-        position_sigma_m: standard deviation of its coordinates, beside what all have in common.
-        hfov_rad: angle of view across the picture.
-        hfov_sigma: standard deviation of the focal length that goes with it, as a share.
-        camera: pictures with the same word were taken with one lens.
-        height_m: above the ground, with its standard deviation.
-        yaw_rad: as `Quaternion.from_euler` takes it, with its standard deviation.
-        pitch_rad: of the optical axis, -pi/2 straight down.
-        roll_rad: about it.
-        tilt_sigma_rad: standard deviation of what both tell of the tilt.
+        picture: As tagged, with a position.
+        focal_sigma: Standard deviation of the focal length, as a share.
     """
 
-    name: str
-    position: LatLon
+    picture: Picture
+    features: Described
     hfov_rad: float
-    camera: str
-    position_sigma_m: float = POSITION_SIGMA_M
-    hfov_sigma: float = FOCAL_SIGMA
-    height_m: tuple[float, float] | None = None
-    yaw_rad: tuple[float, float] | None = None
-    pitch_rad: float | None = None
-    roll_rad: float | None = None
-    tilt_sigma_rad: float = TILT_SIGMA_RAD
+    focal_sigma: float
+
+    @property
+    def position(self) -> LatLon:
+        """The geotag."""
+        assert self.picture.position is not None
+        return self.picture.position
+
+    @property
+    def height_m(self) -> Measured | None:
+        """Above the ground; None without a tag above 0."""
+        told = self.picture.height_m
+        return told if told and told.value > 0.0 else None
+
+    @property
+    def focal_px(self) -> float:
+        """In pixels of the features."""
+        return self.features.width_px / 2.0 / math.tan(self.hfov_rad / 2.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
     """The pose of a picture after registration.
 
-    `hfov_rad` is what its focal length makes, which is `focal_ratio` times what was told.
-
-    `tag_position` is where the camera was. `pose` has the camera where level ground would have
-    to be seen from to look the same: on a slope it stands a little beside.
+    `tag_position` is where the camera was. `pose` has the camera where level ground would look the
+    same: on a slope it stands a little beside. `focal_ratio` is that to the focal length as tagged.
     """
 
     pose: Pose
@@ -89,83 +71,66 @@ class Found:
     refined: Refined
 
 
-@dataclass
-class Refinement:
-    """Pictures of a set on their way into a registration, and what came of it."""
+def refine(
+    taken: Sequence[Taken],
+    ground: tuple[Grid, Terrain] | None = None,
+    say: Callable[[int, int], None] = lambda done, all_: None,
+    many: Many = map,
+) -> tuple[Registration, Mapping[str, Found]]:
+    """Register pictures; the second holds, by name, those that were refined.
 
-    tags: list[Tags] = field(default_factory=list)
-    features: list[Described] = field(default_factory=list)
-    grid: Grid | None = None
-    terrain: Terrain | None = None
-    """The ground in the metres of `grid`, where it is known not to be flat; then heights are above
-    the ground at the grid's start."""
-
-    def add(self, tags: Tags, image: NDArray[np.uint8]) -> None:
-        """Take in a picture (rows, columns[, 3]); only its features are kept."""
-        self.tags.append(tags)
-        self.features.append(extract(thumbnail(image)))
-
-    def run(
-        self, say: Callable[[int, int], None] = lambda done, all_: None, many: Many = map
-    ) -> tuple[Registration, Mapping[str, Found]]:
-        """Register; the second holds, by name, the pictures that were refined."""
-        if not self.tags:
-            return Registration((), (), (), None, None), {}
-        plane = LocalPlane(_middle([t.position for t in self.tags]))
-        relief = self._relief(plane)
-        views = [_view(t, f, plane, relief) for t, f in zip(self.tags, self.features, strict=True)]
-        result = register(views, say, many, relief)
-        return result, {
-            tags.name: _found(refined, tags, features, plane, result)
-            for tags, features, refined in zip(
-                self.tags, self.features, result.refined, strict=True
-            )
-            if refined is not None
-        }
-
-    def _relief(self, plane: LocalPlane) -> Relief | None:
-        if self.terrain is None or self.grid is None:
-            return None
-        grid = self.grid
-        start_m = self.terrain.height_m(GridPoint(0.0, 0.0))
-        return Relief.of(self.terrain, start_m, lambda e, n: grid.fixed(plane.to_wgs84(e, n)))
+    `ground` is the terrain in the metres of a grid, where it is not flat; heights are then above
+    the ground at the grid's start.
+    """
+    if not taken:
+        return Registration((), (), (), None, None), {}
+    plane = LocalPlane(_middle([t.position for t in taken]))
+    relief = None
+    if ground is not None:
+        grid, terrain = ground
+        start_m = terrain.height_m(GridPoint(0.0, 0.0))
+        relief = Relief.of(terrain, start_m, lambda e, n: grid.fixed(plane.to_wgs84(e, n)))
+    result = register([_view(t, plane, relief) for t in taken], say, many, relief)
+    return result, {
+        one.picture.name: _found(refined, one, plane, result)
+        for one, refined in zip(taken, result.refined, strict=True)
+        if refined is not None
+    }
 
 
 def _middle(positions: Sequence[LatLon]) -> LatLon:
-    """The median of positions, which one that is far off does not move."""
+    """Return the median of positions, which one that is far off does not move."""
     lat = float(np.median([p.lat_deg for p in positions]))
     lon0 = positions[0].lon_deg
     away = float(np.median([math.remainder(p.lon_deg - lon0, 360.0) for p in positions]))
     return LatLon(lat, math.remainder(lon0 + away, 360.0))
 
 
-def _focal_px(tags: Tags, features: Described) -> float:
-    return features.width_px / 2.0 / math.tan(tags.hfov_rad / 2.0)
-
-
-def _view(tags: Tags, features: Described, plane: LocalPlane, relief: Relief | None) -> View:
-    east_m, north_m = plane.to_plane(tags.position)
-    focal_px = _focal_px(tags, features)
+def _view(taken: Taken, plane: LocalPlane, relief: Relief | None) -> View:
+    picture, features, focal_px = taken.picture, taken.features, taken.focal_px
+    east_m, north_m = plane.to_plane(taken.position)
     tilt, tilt_sigma = (0.0, 0.0), UNKNOWN_TILT_RAD
-    yaw = None if tags.yaw_rad is None else Prior(*tags.yaw_rad)
-    if tags.pitch_rad is not None:
-        told = 0.0 if tags.yaw_rad is None else tags.yaw_rad[0]
-        matrix = rotation(Quaternion.from_euler(tags.roll_rad or 0.0, tags.pitch_rad, told))
+    yaw = None if picture.yaw_deg is None else Prior(*map(math.radians, picture.yaw_deg))
+    if picture.pitch_deg is not None:
+        pitch, tilt_sigma = map(math.radians, picture.pitch_deg)
+        roll = 0.0 if picture.roll_deg is None else math.radians(picture.roll_deg.value)
+        told = 0.0 if yaw is None else yaw.value
+        matrix = rotation(Quaternion.from_euler(roll, pitch, told))
         forward, right, down = matrix[2]  # components of straight down, in camera axes
         tilt = (right / max(forward, 1e-3), down / max(forward, 1e-3))
-        tilt_sigma = tags.tilt_sigma_rad
         if yaw is not None:
             upper_north, upper_east = -matrix[0, 2], -matrix[1, 2]
             yaw = Prior(math.atan2(upper_east, upper_north), yaw.sigma)
     return View(
-        tags.name,
+        picture.name,
         features,
-        Prior(focal_px, tags.hfov_sigma * focal_px),
-        f"{tags.camera} {features.width_px} x {features.height_px} px, {focal_px:.1f} px",
+        Prior(focal_px, taken.focal_sigma * focal_px),
+        f"{math.degrees(taken.hfov_rad):.1f} deg "
+        f"{features.width_px} x {features.height_px} px, {focal_px:.1f} px",
         east_m,
         north_m,
-        tags.position_sigma_m,
-        None if tags.height_m is None else Prior(*tags.height_m),
+        picture.position_sigma_m,
+        None if taken.height_m is None else Prior(*taken.height_m),
         yaw,
         tilt,
         tilt_sigma,
@@ -173,22 +138,20 @@ def _view(tags: Tags, features: Described, plane: LocalPlane, relief: Relief | N
     )
 
 
-def _found(
-    refined: Refined, tags: Tags, features: Described, plane: LocalPlane, result: Registration
-) -> Found:
+def _found(refined: Refined, taken: Taken, plane: LocalPlane, result: Registration) -> Found:
     east_m, north_m, height_m = (float(x) for x in refined.centre_m)
     slope_e, slope_n = result.nets[refined.component].slope
     return Found(
         Pose(plane.to_wgs84(east_m, north_m), height_m, attitude(refined.axes)),
-        2.0 * math.atan(features.width_px / 2.0 / refined.focal_px),
-        refined.focal_px / _focal_px(tags, features),
+        2.0 * math.atan(taken.features.width_px / 2.0 / refined.focal_px),
+        refined.focal_px / taken.focal_px,
         plane.to_wgs84(east_m + height_m * slope_e, north_m + height_m * slope_n),
         refined,
     )
 
 
 def attitude(axes: NDArray[np.float64]) -> Quaternion:
-    """Camera axes to NED, from the picture's right, down and forward in (east, north, up).
+    """Return camera axes to NED, from the picture's right, down and forward in (east, north, up).
 
     >>> down_north = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
     >>> wanted = Quaternion.from_euler(0.0, math.radians(-90.0), 0.0)

@@ -8,11 +8,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 
 from missions.errors import ImageError
-from missions.units import Quaternion
 from uavmap.journal.kept_frames import FRAMES, KeptFrame, read_kept
 from uavmap.photos.sources.photo_file import read_photo
 from uavmap.photos.sources.picture_record import Measured, Picture, Refused
-from vision.camera import rotation
+from vision.camera import euler
 from vision.lens import Lens
 
 _POSITION_SIGMA_M = 1.5
@@ -22,15 +21,10 @@ _ANGLE_SIGMA_DEG = 2.0
 
 @dataclass(slots=True)
 class FlightFrames:
-    """The kept pictures of a flight's folder, with the poses that they were judged with."""
+    """The kept pictures of a flight's folder, with their poses in the air."""
 
     path: Path
     _damaged: list[str] = field(default_factory=list, repr=False)
-
-    @property
-    def name(self) -> str:
-        """The path."""
-        return str(self.path)
 
     def pictures(self) -> Iterator[Picture | Refused]:
         """See `uavmap.photos.sources.picture_record.PictureSource`."""
@@ -53,7 +47,7 @@ class FlightFrames:
         found = read_photo(self.path / FRAMES / name, name)
         if isinstance(found, Refused):
             return found
-        yaw, pitch, roll = (Measured(a, _ANGLE_SIGMA_DEG) for a in angles_deg(kept.pose.attitude))
+        roll, pitch, yaw = (math.degrees(angle) for angle in euler(kept.pose.attitude))
         lens = None
         if 0.0 < kept.hfov_deg < 180.0:
             lens = Lens.pinhole(math.radians(kept.hfov_deg), found.width_px, found.height_px)
@@ -64,28 +58,10 @@ class FlightFrames:
             position=kept.pose.position,
             position_sigma_m=_POSITION_SIGMA_M,
             height_m=Measured(kept.pose.height_m, _HEIGHT_SIGMA_M),
-            yaw_deg=yaw,
-            pitch_deg=pitch,
-            roll_deg=roll,
+            yaw_deg=Measured(yaw % 360.0, _ANGLE_SIGMA_DEG),
+            pitch_deg=Measured(pitch, _ANGLE_SIGMA_DEG),
+            roll_deg=Measured(roll, _ANGLE_SIGMA_DEG),
             lens=lens,
             lens_from="" if lens is None else "the flight that kept them",
             notes=(),
         )
-
-
-def angles_deg(attitude: Quaternion) -> tuple[float, float, float]:
-    """Yaw, pitch and roll of a camera; straight down the roll is 0.
-
-    >>> down = Quaternion.from_euler(0.0, -math.pi / 2, math.radians(30.0))
-    >>> [round(angle, 6) for angle in angles_deg(down)]
-    [30.0, -90.0, 0.0]
-    """
-    turn = rotation(attitude)
-    pitch = math.asin(max(-1.0, min(1.0, -float(turn[2, 0]))))
-    if math.cos(pitch) < 1e-6:
-        upwards = -turn[:, 2] if pitch < 0.0 else turn[:, 2]
-        yaw, roll = math.atan2(float(upwards[1]), float(upwards[0])), 0.0
-    else:
-        yaw = math.atan2(float(turn[1, 0]), float(turn[0, 0]))
-        roll = math.atan2(float(turn[2, 1]), float(turn[2, 2]))
-    return math.degrees(yaw) % 360.0, math.degrees(pitch), math.degrees(roll)

@@ -1,17 +1,15 @@
-"""The lens of a photograph from its tags, by the best of what is there.
+"""The lens of a photograph from its tags, by the best of them.
 
 In this order: the maker's calibration (XMP DewarpData, CalibratedFocalLength), EXIF FocalLength on
-the pixels' pitch (FocalPlaneXResolution), FocalLength on a known sensor, and the 35 mm equivalent,
-which is the focal length that has the same angle of view across the *diagonal* of a 36 x 24 mm
-frame.
+the pixels' pitch (FocalPlaneXResolution), FocalLength on a known sensor, and the 35 mm equivalent:
+the focal length with the same angle of view across the *diagonal* of a 36 x 24 mm frame.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
-from typing import Any
+from typing import Any, Final
 
 from PIL import ExifTags
 
@@ -20,7 +18,9 @@ from vision.lens import Lens
 
 _FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 _WIDE = 1.6
-"""A picture wider than this is cut from a sensor of 4:3, over all of its width; the tags stay."""
+"""Widest uncut picture: a wider one is cut from a sensor of 4:3, over its whole width; the tags
+stay.
+"""
 _UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
 _NARROWEST_RAD, _WIDEST_RAD = math.radians(2.0), math.radians(170.0)
 
@@ -30,17 +30,15 @@ Exif = Mapping[int, Any]
 def lens_of(
     width_px: int, height_px: int, model: str, detail: Exif, xmp: Values
 ) -> tuple[Lens | None, str, tuple[str, ...]]:
-    """The lens, None where no tag tells a focal length; which tag did; what is unreadable.
+    """Return the lens, None if no tag gives a focal length; the tag; what is unreadable.
 
     Args:
-        width_px: Columns of the picture.
-        height_px: Rows of the picture.
         model: EXIF Model.
         detail: The Exif directory.
         xmp: Values by local name.
     """
     notes: list[str] = []
-    if math.prod((width_px, height_px)) == 0:
+    if not width_px or not height_px:
         return None, "", ()
     rules: tuple[tuple[str, Callable[[], Lens | None]], ...] = (
         ("XMP DewarpData", lambda: _dewarp(width_px, height_px, xmp)),
@@ -73,7 +71,7 @@ def lens_of(
 
 
 def _dewarp(width_px: int, height_px: int, xmp: Values) -> Lens | None:
-    """DJI's: date;fx,fy,cx,cy,k1,k2,p1,p2,k3, the centre from the middle of the picture.
+    """Read DJI's date;fx,fy,cx,cy,k1,k2,p1,p2,k3, the centre from the middle of the picture.
 
     A picture with DewarpFlag 1 was corrected by the camera already.
     """
@@ -115,7 +113,7 @@ def _on_plane(width_px: int, height_px: int, detail: Exif) -> Lens | None:
 
 def _on_sensor(width_px: int, height_px: int, model: str, detail: Exif) -> Lens | None:
     focal_mm = _positive(detail, ExifTags.Base.FocalLength)
-    width_mm = WIDTH_MM.get(model)
+    width_mm = _WIDTH_MM.get(model)
     if focal_mm is None or width_mm is None or height_px > width_px:
         return None
     return _square(focal_mm / width_mm * width_px, width_px, height_px)
@@ -127,7 +125,7 @@ def _film(width_px: int, height_px: int, detail: Exif) -> Lens | None:
 
 
 def film_lens(film_mm: float, width_px: int, height_px: int) -> Lens:
-    """The lens of a 35 mm equivalent, above 0.
+    """Return the lens of a 35 mm equivalent, above 0.
 
     >>> round(film_lens(24.0, 4000, 3000).hfov_deg, 1)
     71.6
@@ -150,30 +148,11 @@ def _positive(detail: Exif, tag: ExifTags.Base) -> float | None:
     return number if math.isfinite(number) and number > 0.0 else None
 
 
-WIDTH_MM: Mapping[str, float] = MappingProxyType(
-    {
-        # 1/2.3 inch
-        "FC300C": 6.16,
-        "FC300S": 6.16,
-        "FC300X": 6.16,
-        "FC300XW": 6.16,
-        "FC330": 6.16,
-        "FC350": 6.16,
-        "FC220": 6.16,
-        # 1 inch
-        "FC6310": 13.2,
-        "FC6310R": 13.2,
-        "FC6310S": 13.2,
-        "L1D-20c": 13.2,
-        "FC3411": 13.2,
-        "XT705": 13.2,
-        # four thirds
-        "FC550": 17.3,
-        "FC6520": 17.3,
-        "L2D-20c": 17.3,
-        "M3E": 17.3,
-        # full frame
-        "ZenmuseP1": 35.9,
-    }
+_SENSORS: Final = (
+    (6.16, "FC300C FC300S FC300X FC300XW FC330 FC350 FC220"),  # 1/2.3 inch
+    (13.2, "FC6310 FC6310R FC6310S L1D-20c FC3411 XT705"),  # 1 inch
+    (17.3, "FC550 FC6520 L2D-20c M3E"),  # four thirds
+    (35.9, "ZenmuseP1"),  # full frame
 )
-"""By EXIF Model."""
+_WIDTH_MM: Final = {model: width_mm for width_mm, models in _SENSORS for model in models.split()}
+"""Width of the sensor by EXIF Model, mm."""

@@ -4,10 +4,10 @@
     image x y [z] [yaw pitch roll] [horizontal accuracy] [vertical accuracy] [more]
 
 `x` is the easting, or the longitude. Coordinates replace those of the tags; `z` is a height above
-sea level. Angles are degrees. 0 0 0 is "not known". OpenDroneMap counts the pitch from straight
+sea level. Angles are degrees; 0 0 0 is "not known". OpenDroneMap counts the pitch from straight
 down; files made from gimbal angles have about -90 there, and are read as such: no camera that maps
-looks backwards by more than 45 degrees. Older files have omega, phi and kappa in these columns; a
-comment that says so (`# image x y z omega phi kappa`) is heeded, as nothing else tells them apart.
+looks backwards by more than 45 degrees. Older files have omega, phi and kappa in these columns,
+which only a comment (`# image x y z omega phi kappa`) tells apart.
 """
 
 from __future__ import annotations
@@ -34,31 +34,32 @@ _SIGMA_DEG = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A line of the file; what it does not say is None."""
+    """A line of the file, None for what it lacks; `angles_deg` are yaw, pitch, roll as in
+    `Picture`.
+    """
 
     position: LatLon
     amsl_m: float | None
     angles_deg: tuple[float, float, float] | None
-    """Yaw, pitch, roll as in `Picture`."""
     horizontal_m: float | None
     vertical_m: float | None
 
 
 @dataclass(frozen=True, slots=True)
 class GeoFile:
-    """The entries by picture, and what of the file could not be read."""
+    """The entries by picture, and notes on lines that could not be read."""
 
     path: Path
     entries: Mapping[str, Entry]
     notes: tuple[str, ...]
 
     def key_of(self, name: str) -> str | None:
-        """The entry of a picture: by its path below the folder, or by its file name alone."""
+        """Return the entry of a picture: by its path below the folder, or by its file name."""
         file_name = PurePosixPath(name).name
         return next((key for key in (name, file_name) if key in self.entries), None)
 
     def applied(self, picture: Picture, key: str) -> Picture:
-        """A picture with what an entry says of it."""
+        """Return a picture with the values of an entry."""
         entry = self.entries[key]
         picture = replace(
             picture,
@@ -77,7 +78,7 @@ class GeoFile:
 
 
 def read_geo_file(path: Path) -> GeoFile:
-    """Read a geo.txt. Raises `ImageError` where its first line is no coordinate system."""
+    """Read a geo.txt. Raises `ImageError` if its first line is no coordinate system."""
     try:
         lines = read_text(path, LARGEST_BYTES).replace("\ufeff", "").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -156,7 +157,7 @@ def _of_ypr(yaw: float, pitch: float, roll: float) -> tuple[float, float, float]
 
 
 def _of_opk(omega: float, phi: float, kappa: float) -> tuple[float, float, float]:
-    """Photogrammetry's angles: the camera (right, up, backwards) is turned by Rx Ry Rz.
+    """Convert photogrammetry's angles: Rx Ry Rz turn the camera (right, up, backwards).
 
     >>> [round(a) for a in _of_opk(0.0, 0.0, -90.0)]
     [90, -90, 0]

@@ -2,31 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
 
 from missions.errors import ImageError
 from uavmap.journal.kept_frames import FRAMES, POSES
-from uavmap.photos.sources.duplicate_pictures import different
 from uavmap.photos.sources.flight_frames import FlightFrames
+from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.photo_folder import VIDEOS, Folder
 from uavmap.photos.sources.picture_record import Picture, PictureSource, Refused
+from uavmap.photos.sources.tag_validation import distance_m
 from uavmap.photos.sources.video import Video
 
 
 @dataclass(frozen=True, slots=True)
 class Gathered:
-    """What a source holds.
+    """The content of a source.
 
     Attributes:
-        source: What to call it.
-        pictures: Different pictures, in the order in which they were taken; those that do not say
-            when come last.
-        refused: What should be a picture and is none, or is one that is there already.
-        copies: How many of `refused` are copies of another picture.
-        left_out: What else lies there, a line a kind.
-        refined: Pictures with the poses that their overlaps give them, by name.
+        pictures: Different pictures, in the order of exposure; those without a time last.
+        refused: Files that are no readable picture, or copies.
+        left_out: Other files, a line a kind.
+        refined: Pictures with the poses from their overlaps, by name.
         upside_down: The names of those among them that were stored so.
     """
 
@@ -40,7 +44,7 @@ class Gathered:
 
     @property
     def posed(self) -> tuple[Picture, ...]:
-        """The pictures with the best poses that there are, in the same order."""
+        """The pictures with their best poses, in the same order."""
         return tuple(self.refined.get(picture.name, picture) for picture in self.pictures)
 
     def none_usable(self, refused: Mapping[str, str]) -> ImageError:
@@ -53,7 +57,7 @@ class Gathered:
 def gather(source: PictureSource) -> Gathered:
     """Read the tags of every picture.
 
-    Raises `ImageError` where there is no picture at all; a line says what there is instead.
+    Raises `ImageError` if there is no picture at all; a line names the other files.
     """
     pictures: list[Picture] = []
     refused: list[Refused] = []
@@ -66,26 +70,142 @@ def gather(source: PictureSource) -> Gathered:
     if not pictures and not refused:
         there = f"; there are {', '.join(left_out)}" if left_out else ""
         raise ImageError(
-            f"{source.name}: no pictures (*.jpg, *.jpeg, *.png, *.tif, *.tiff) in this folder or "
+            f"{source.path}: no pictures (*.jpg, *.jpeg, *.png, *.tif, *.tiff) in this folder or "
             f"those below it{there}"
         )
     if not pictures:
         first = refused[0]
         more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
         raise ImageError(
-            f"{source.name}: no picture can be read: {first.name}: {first.reason}{more}"
+            f"{source.path}: no picture can be read: {first.name}: {first.reason}{more}"
         )
     kept, copies = different(pictures)
-    return Gathered(source.name, kept, (*refused, *copies), len(copies), left_out)
+    return Gathered(str(source.path), kept, (*refused, *copies), len(copies), left_out)
 
 
 def open_source(path: Path, video_start_s: float | None = None) -> PictureSource:
-    """The source at a path. Raises `ImageError` where there is none.
+    """Return the source at a path. Raises `ImageError` if there is none.
 
-    `video_start_s`: when a video begins, in seconds since 1970; for one with a .tlog beside it.
+    `video_start_s`: begin of a video with a .tlog beside it, in seconds since 1970.
     """
     if path.is_file() and path.suffix.lower() in VIDEOS:
         return Video(path, video_start_s)
     if (path / FRAMES / POSES).is_file():
         return FlightFrames(path)
     return Folder(path)
+
+
+SAME_PLACE_M: Final = 0.5
+"""Largest distance of one capture's tags: they may be rounded again."""
+ALIKE: Final = 0.99
+"""Least correlation of two small pictures of one capture; the next one over ground has less."""
+_ALIKE_LEVELS: Final = 2.0  # without contrast a correlation says nothing
+_SMALL_PX: Final = (32, 24)
+_DECODED_PX: Final = 256
+
+Small = NDArray[np.float32]
+
+
+def when(picture: Picture) -> tuple[bool, float, float, float, float, int, str]:
+    """Return the order of pictures: time, then what their files hold; names come last."""
+    place, height = picture.position, picture.height_m
+    return (
+        picture.taken_s is None,
+        picture.taken_s or 0.0,
+        0.0 if place is None else place.lat_deg,
+        0.0 if place is None else place.lon_deg,
+        0.0 if height is None else height.value,
+        picture.content.size_bytes,
+        picture.name,
+    )
+
+
+def different(pictures: Sequence[Picture]) -> tuple[tuple[Picture, ...], tuple[Refused, ...]]:
+    """Return the pictures, each once, in the order of `when`; and the others, with why.
+
+    A second copy is no second look. A file is known by its bytes. A capture that was saved again
+    (smaller, brighter, at another quality) has the same time, place and nearly the same pixels.
+    """
+    ordered = sorted(pictures, key=when)
+    files, same_files = _other_bytes(ordered)
+    copies = _same_captures(files)
+    kept = tuple(picture for picture in files if picture.name not in copies)
+    again = [Refused(name, f"the same capture as {of}") for name, of in sorted(copies.items())]
+    return kept, (*same_files, *again)
+
+
+def _other_bytes(pictures: Sequence[Picture]) -> tuple[list[Picture], list[Refused]]:
+    """Return the pictures without those whose content was there before; and the others.
+
+    Only pictures of the same size can be the same, so few are read.
+    """
+    sizes: dict[int, int] = defaultdict(int)
+    for picture in pictures:
+        sizes[picture.content.size_bytes] += 1
+    first: dict[str, str] = {}
+    kept, copies = [], []
+    for picture in pictures:
+        if sizes[picture.content.size_bytes] > 1:
+            try:
+                digest = picture.content.digest()
+            except ImageError as error:
+                copies.append(Refused(picture.name, str(error)))
+                continue
+            if digest in first:
+                copies.append(Refused(picture.name, f"the same file as {first[digest]}"))
+                continue
+            first[digest] = picture.name
+        kept.append(picture)
+    return kept, copies
+
+
+def _same_captures(pictures: Sequence[Picture]) -> dict[str, str]:
+    """Return names of captures that are there in a better copy, and of that one.
+
+    Only pictures of one time and place can be one capture; only these are decoded, small.
+    """
+    by_time: dict[float, list[Picture]] = defaultdict(list)
+    for picture in pictures:
+        if picture.taken_s is not None and picture.position is not None:
+            by_time[picture.taken_s].append(picture)
+    copies: dict[str, str] = {}
+    for group in by_time.values():
+        if len(group) == 1:
+            continue
+        kept: list[tuple[Picture, Small]] = []
+        for picture in sorted(group, key=_worse):
+            small = _small(picture)
+            if small is None:
+                continue  # whoever decodes it says why
+            of = next((k.name for k, seen in kept if _one(picture, small, k, seen)), None)
+            if of is None:
+                kept.append((picture, small))
+            else:
+                copies[picture.name] = of
+    return copies
+
+
+def _worse(picture: Picture) -> tuple[int, int, str]:
+    return -picture.width_px * picture.height_px, -picture.content.size_bytes, picture.name
+
+
+def _small(picture: Picture) -> Small | None:
+    try:
+        image = eight_bits(picture.decode(_DECODED_PX))
+    except ImageError:
+        return None
+    gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    return cv2.resize(gray, _SMALL_PX, interpolation=cv2.INTER_AREA).astype(np.float32)
+
+
+def _one(picture: Picture, small: Small, other: Picture, seen: Small) -> bool:
+    """Whether two pictures of one time are of one place, and nearly the same."""
+    assert picture.position is not None
+    assert other.position is not None
+    if distance_m(picture.position, other.position) > SAME_PLACE_M:
+        return False
+    if float(np.abs(small - seen).mean()) <= _ALIKE_LEVELS:
+        return True
+    a, b = small - small.mean(), seen - seen.mean()
+    norm = float(np.sqrt((a * a).sum() * (b * b).sum()))
+    return norm > 0.0 and float((a * b).sum()) >= ALIKE * norm

@@ -7,7 +7,7 @@ import io
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Final
 
@@ -19,17 +19,17 @@ from PIL import Image
 from missions.errors import ImageError, UavmapError
 from uavmap.base.image_files import MAX_PIXELS
 from uavmap.base.printable import printable
-from uavmap.photos.sources.photo_tags import Tags, tags_of
+from uavmap.base.text_files import read_text
+from uavmap.photos.sources.photo_tags import tags_of
 from uavmap.photos.sources.picture_record import Picture, Refused
 
 SUFFIXES: Final = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff"})
-"""Files that count as photographs, in any case. What is in them, their first bytes say."""
+"""Endings of photographs, in any case; the first bytes give the format."""
 MAX_FILE_BYTES: Final = 700 * 2**20
-"""Of 100 million pixels, three bands of 16 bits."""
+"""Largest photograph: 100 million pixels, three bands of 16 bits."""
 _FORMATS: Final = ("JPEG", "PNG", "TIFF")
 _SCALED: Final = frozenset({"JPEG", "MPO"})  # an MPO is a JPEG with a preview behind it
 _DEEP: Final = frozenset({"I", "I;16", "I;16B", "I;16L", "I;16N", "F"})
-_CHUNK = 2**20
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -43,17 +43,10 @@ class FileContent:
 
     def digest(self) -> str:
         """See `uavmap.photos.sources.picture_record.Content`."""
-        sha = hashlib.sha256()
-        try:
-            with self.path.open("rb") as file:
-                while chunk := file.read(_CHUNK):
-                    sha.update(chunk)
-        except OSError as error:
-            raise ImageError(f"cannot be read ({error.strerror})") from None
-        return sha.hexdigest()
+        return hashlib.sha256(self.read()).hexdigest()
 
     def read(self) -> bytes:
-        """The bytes of the file. Raises `ImageError`."""
+        """Return the bytes of the file. Raises `ImageError`."""
         try:
             return self.path.read_bytes()
         except OSError as error:
@@ -64,8 +57,18 @@ class FileContent:
         return decoded(self.read(), max_width_px)
 
 
+def text_beside(path: Path, most_bytes: int) -> str:
+    """Return the text of a file that comes with pictures. Raises `ImageError`."""
+    try:
+        return read_text(path, most_bytes)
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be read ({error.strerror})") from None
+    except UnicodeDecodeError:
+        raise ImageError(f"{path}: not a text file in UTF-8") from None
+
+
 def read_photo(path: Path, name: str) -> Picture | Refused:
-    """The tags of a photograph; its pixels are not decoded."""
+    """Return the tags of a photograph; its pixels are not decoded."""
     try:
         size_bytes = path.stat().st_size
         if not size_bytes:
@@ -80,14 +83,17 @@ def read_photo(path: Path, name: str) -> Picture | Refused:
         return Refused(name, str(error))
     if tags.mirrored:
         return Refused(name, tags.notes[-1])
-    return _record(name, FileContent(path, size_bytes), size, tags)
+    told = {field.name: getattr(tags, field.name) for field in fields(tags)}
+    del told["mirrored"]
+    told["notes"] = tuple(tags.notes)
+    return Picture(name, FileContent(path, size_bytes), *size, **told)
 
 
 def decoded(data: bytes, max_width_px: int) -> Pixels:
-    """A picture file's pixels at most so wide; see `uavmap.photos.sources.picture_record.Content`.
+    """Return a picture file's pixels; see `uavmap.photos.sources.picture_record.Content`.
 
     A JPEG is decoded at a half, a quarter or an eighth where that suffices, which saves a third of
-    the time. All of the file has to be there: Pillow says so where OpenCV would fill in gray.
+    the time. The whole file is needed: Pillow reports what OpenCV would fill with gray.
     """
     with _opened(io.BytesIO(data)) as picture:
         if picture.format == "TIFF" and (_deep(picture) or picture.mode in _DEEP):
@@ -100,13 +106,13 @@ def decoded(data: bytes, max_width_px: int) -> Pixels:
                 rows = max(1, height_px * max_width_px // width_px)
                 picture.draft(None, (max_width_px, rows))  # never below what is asked for
             pixels = _eight_bits(picture)
-    return _reduced(pixels, max_width_px)
+    return reduced(pixels, max_width_px)
 
 
 # --- decoding ------------------------------------------------------------------------------------
 @contextmanager
 def _opened(file: io.BufferedReader | io.BytesIO) -> Iterator[Image.Image]:
-    """Open a picture; what goes wrong with it, here or in the block, is an `ImageError`."""
+    """Open a picture; its faults, here or in the block, are `ImageError`s."""
     try:
         with warnings.catch_warnings():
             # Pillow warns of a damaged tag and leaves it out; if it matters, it is missed by name
@@ -157,7 +163,7 @@ def _deep_tiff(data: bytes) -> Pixels:
 
 
 def _as_uint16(image: NDArray[np.generic]) -> Pixels:
-    """Samples of 16 bits as they are; others (degrees, radiance) spread over 16 bits."""
+    """Keep samples of 16 bits; spread others (degrees, radiance) over 16 bits."""
     if image.dtype == np.uint8:
         return image.astype(np.uint8, copy=False)
     if image.dtype == np.uint16:
@@ -180,7 +186,8 @@ def _eight_bits(picture: Image.Image) -> NDArray[np.uint8]:
     return cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR).astype(np.uint8, copy=False)
 
 
-def _reduced(pixels: Pixels, max_width_px: int) -> Pixels:
+def reduced(pixels: Pixels, max_width_px: int) -> Pixels:
+    """Return pixels scaled down to at most so many columns."""
     rows, columns = pixels.shape[:2]
     if columns <= max_width_px:
         return pixels
@@ -191,42 +198,17 @@ def _reduced(pixels: Pixels, max_width_px: int) -> Pixels:
     return smaller.astype(np.uint16, copy=False)
 
 
-# --- the record ----------------------------------------------------------------------------------
-def _record(name: str, content: FileContent, size: tuple[int, int], tags: Tags) -> Picture:
-    return Picture(
-        name,
-        content,
-        *size,
-        taken_s=tags.taken_s,
-        clock=tags.clock,
-        position=tags.position,
-        position_sigma_m=tags.position_sigma_m,
-        height_m=tags.height_m,
-        amsl_m=tags.amsl_m,
-        yaw_deg=tags.yaw_deg,
-        pitch_deg=tags.pitch_deg,
-        roll_deg=tags.roll_deg,
-        lens=tags.lens,
-        lens_from=tags.lens_from,
-        notes=tuple(tags.notes),
-    )
-
-
-# --- eight bits ----------------------------------------------------------------------------------
 _OUTLIERS: Final = 0.5  # per cent at either end that may be defects
 _NARROW: Final = 0.25
-"""Samples of 16 bits that span less than this part of their range are spread over it."""
+"""Least used part of the range of 16 bits; samples that span less are spread over it."""
 
 
 def eight_bits(image: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.uint8]:
-    """Blue-green-red, 8 bits, of any picture that a source decodes.
+    """Return blue-green-red, 8 bits, of any picture that a source decodes.
 
     Of 16 bits the upper 8 are taken. A thermal sensor uses a few hundred of its 65,536 levels: such
-    a picture is spread between its own darkest and brightest half per cent, so that levels are no
-    temperatures any more, and the same ground may differ from picture to picture.
-
-    >>> eight_bits(np.full((2, 2), 0x8000, np.uint16))[0, 0].tolist()
-    [128, 128, 128]
+    a picture is spread between its own darkest and brightest half per cent. Its levels are no
+    temperatures then, and the same ground may differ from picture to picture.
     """
     narrow = np.asarray(image, dtype=np.uint8) if image.dtype == np.uint8 else _narrowed(image)
     if narrow.ndim == 2:

@@ -17,22 +17,20 @@ from uavmap.photos.sources.picture_record import Picture, Refused
 VIDEOS = frozenset({".mp4", ".mov", ".avi", ".mkv", ".m4v"})
 GEO_FILE = "geo.txt"
 OURS = frozenset({"journal.jsonl", "detector.toml"})
-"""A folder with one of these holds results, or a detector with its overlays, and no photographs."""
+"""Files of folders that hold results, or a detector with its overlays, and no photographs."""
 LOOKED = "-looked"
-"""What `uavmap look` adds to the name of a picture that it has drawn on."""
+"""Suffix of a picture on which `uavmap look` has drawn."""
 MASK = "_mask"
-"""What OpenDroneMap adds to the name of a picture for its mask."""
+"""Suffix of OpenDroneMap's mask of a picture."""
 _KINDS_NAMED = 6
 
 
 @dataclass(slots=True)
 class Folder:
-    """The photographs below a folder, by path; `._` files of a Mac are none, whatever they end in.
+    """The photographs below a folder, by path, without `._` files of a Mac.
 
-    Nor are masks and overlays: pictures without any tags, named after one that has some.
-
-    Raises `ImageError` on creation for a folder or file that is not there, and for a geo.txt that
-    cannot be read.
+    Masks and overlays are left out: pictures without any tags, named after one that has some.
+    Raises `ImageError` on creation for a missing folder or file, and an unreadable geo.txt.
     """
 
     path: Path
@@ -41,7 +39,6 @@ class Folder:
     _found: set[str] = field(default_factory=set, repr=False)
 
     def __post_init__(self) -> None:
-        """Look for the geo.txt of OpenDroneMap."""
         if self.path.is_dir():
             for name in sorted(_names(self.path)):
                 if name.lower() == GEO_FILE and (self.path / name).is_file():
@@ -49,11 +46,6 @@ class Folder:
                     break
         elif not self.path.is_file():
             raise ImageError(f"{self.path}: no such file or folder")
-
-    @property
-    def name(self) -> str:
-        """The path."""
-        return str(self.path)
 
     def pictures(self) -> Iterator[Picture | Refused]:
         """See `uavmap.photos.sources.picture_record.PictureSource`."""
@@ -97,7 +89,7 @@ class Folder:
         return tuple(lines)
 
     def _photographs(self) -> Iterator[Path]:
-        """The files that end like photographs, in order; the others are counted."""
+        """Yield the files that end like photographs, in order; count the others."""
         for base, folders, names in os.walk(self.path, onerror=self._unreadable):
             if Path(base) != self.path and not OURS.isdisjoint(names):
                 folders.clear()
@@ -125,7 +117,7 @@ class Folder:
 
 
 def _original(path: Path) -> str:
-    """The name, without ending, of the picture on which this one was drawn, if it was.
+    """Return the stem of the picture on which this one may be drawn.
 
     >>> [_original(Path(name)) for name in ("a.png", "a.JPG.png", "a_mask.png", "a-looked.png")]
     ['a', 'a', 'a', 'a']
@@ -143,7 +135,7 @@ def _names(folder: Path) -> list[str]:
 
 
 def _named(left: Mapping[str, int]) -> list[tuple[str, int]]:
-    """The commonest kinds in a fixed order, the rest together."""
+    """Return the commonest kinds in a fixed order, the rest together."""
     ranked = sorted(left.items(), key=lambda item: (-item[1], item[0]))
     rest = sum(count for _, count in ranked[_KINDS_NAMED:])
     return ranked[:_KINDS_NAMED] + ([("of other kinds", rest)] if rest else [])

@@ -1,6 +1,6 @@
-"""What the tags of a photograph say: EXIF, and XMP as makers of drones write it.
+"""The tags of a photograph: EXIF, and XMP as makers of drones write it.
 
-Nothing is guessed. A tag that is there and cannot be read is a note; the value stays absent.
+Nothing is guessed. An unreadable tag is a note; its value stays absent.
 """
 
 from __future__ import annotations
@@ -24,9 +24,7 @@ POSITION_SIGMA_M = 3.0
 """Of a GNSS receiver without corrections."""
 _RTK_FIXED = 50
 _HEIGHT_SIGMA_M = 2.0  # a barometer, and home that is not level with the ground below
-_AMSL_SIGMA_M = (
-    10.0  # above which level is not said: the geoid's and the ellipsoid's are 30 m apart
-)
+_AMSL_SIGMA_M = 10.0  # the level is unknown: the geoid and the ellipsoid are 30 m apart
 _GIMBAL_SIGMA_DEG = 5.0
 _AIRFRAME_SIGMA_DEG = 10.0
 _COMPASS_SIGMA_DEG = 20.0
@@ -43,9 +41,7 @@ _ANGLES: tuple[tuple[tuple[str, str, str], float], ...] = (
 
 @dataclass(slots=True)
 class Tags:
-    """The tags of one photograph; see `uavmap.photos.sources.picture_record.Picture` for the
-    values.
-    """
+    """The tags of one photograph, named as in `uavmap.photos.sources.picture_record.Picture`."""
 
     taken_s: float | None = None
     clock: Literal["utc", "camera"] = "camera"
@@ -62,7 +58,7 @@ class Tags:
     notes: list[str] = field(default_factory=list)
 
     def take(self, read: Callable[[], None]) -> None:
-        """Read something; what cannot be read is noted."""
+        """Read something; note what cannot be read."""
         try:
             read()
         except (TypeError, ValueError, KeyError, ZeroDivisionError, OverflowError) as error:
@@ -70,7 +66,7 @@ class Tags:
 
 
 def tags_of(picture: Image.Image) -> Tags:
-    """The tags of an opened picture, whose pixels are not needed."""
+    """Return the tags of an opened picture, whose pixels are not needed."""
     exif = picture.getexif()
     gps: Exif = exif.get_ifd(ExifTags.IFD.GPSInfo)
     detail: Exif = exif.get_ifd(ExifTags.IFD.Exif)

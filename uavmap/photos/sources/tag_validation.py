@@ -1,7 +1,7 @@
 """Which pictures can be used, by their tags alone: before any pixel is decoded.
 
-A wrong position, height or heading puts a picture's verdicts in the wrong place, where they count
-like any other. So a picture that cannot be from this set is refused, with its reason.
+A wrong position, height or heading puts verdicts in the wrong place, where they count like any
+other. So a picture that cannot be of this set is refused, with its reason.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from missions.units import LatLon, Pose, Quaternion
 from uavmap.photos.sources.picture_record import Measured, Picture
 
 FARTHEST_M = 10_000.0
-"""Farther than this from the others, or from the mission's start, no picture is of one map."""
+"""Largest distance of a picture from the others, or from the mission's start, m."""
 HEIGHT_RATIO = 4.0
-"""So many times higher or lower than the usual height of the set..."""
+"""Largest ratio of a height to the usual one of the set."""
 OTHER_DAY_S = 12 * 3600.0
-"""...and so long before or after its usual time, a picture is of another flight."""
+"""Largest difference from the usual time of the set, s."""
 MOST_LATITUDE_DEG = 79.0
 LEAST_DOWN_DEG = 35.0
-"""A camera that looks less far down than this sees mostly what is too far to be judged."""
+"""Least angle of the camera below the horizon, deg."""
 _LEAST_SET = 3
 _EARTH_M = 6_371_000.0
 _LEAST_HEIGHT_M = 0.5
@@ -33,7 +33,7 @@ _MOST_HEIGHT_M = 5_000.0
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """A picture with all that is needed to lay it on the ground; `taken_s` since the first."""
+    """A picture with a complete pose; `taken_s` is since the first."""
 
     picture: Picture
     pose: Pose
@@ -50,14 +50,14 @@ def credible(
     *,
     any_day: bool = False,
 ) -> list[Verdict]:
-    """For each picture, in their order, the pose that its tags give it, or why it is not used.
+    """Return for each picture, in their order, its pose by its tags, or why it is not used.
 
     Args:
-        pictures: All of the set: what is usual in it is their median.
-        mission: What is to be mapped. `camera.mounting = "gimbal"` stands in for a pitch that no
-            tag tells, `start.amsl_m` makes a height of one above the sea, and pictures far from
-            its start are refused.
-        any_day: Whether pictures of other days are welcome.
+        pictures: All of the set: the usual is their median.
+        mission: What is to be mapped. `camera.mounting = "gimbal"` stands in for a missing pitch,
+            `start.amsl_m` makes a height of one above the sea, and pictures far from its start are
+            refused.
+        any_day: Whether pictures of other days are accepted.
     """
     found: list[Verdict] = [_placed(picture, mission) for picture in pictures]
     usable = [entry for entry in found if isinstance(entry, Placed)]
@@ -144,7 +144,7 @@ def _attitude(picture: Picture, mission: Mission | None) -> Quaternion | str:
 
 
 def _noted(picture: Picture, *words: str) -> str | None:
-    """What the source said about a tag that it could not use."""
+    """Return the source's note on a tag that it could not use."""
     return next((note for note in picture.notes if any(word in note for word in words)), None)
 
 
@@ -208,7 +208,7 @@ def _of_the_day(usable: Sequence[Placed]) -> Rule:
 
 
 def distance_m(one: LatLon, other: LatLon) -> float:
-    """About how far two places are from each other, on a sphere.
+    """Return the approximate distance of two places, on a sphere.
 
     >>> round(distance_m(LatLon(0.0, 0.0), LatLon(0.0, 180.0)) / 1000)
     20015
@@ -220,9 +220,9 @@ def distance_m(one: LatLon, other: LatLon) -> float:
 
 
 def above_ground(pose: Pose, setting: Setting) -> Pose:
-    """A pose whose height is above the ground below, of one whose height is above the start.
+    """Return a pose with its height above the ground below, instead of above the start.
 
-    The same where the ground is flat. Whoever took the photographs took off at the mission's start.
+    The same on flat ground. The photographer is taken to have started at the mission's start.
     """
     if setting.ground is None:
         return pose

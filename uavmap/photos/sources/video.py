@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 
 from missions.errors import ImageError
 from uavmap.photos.sources.focal_length import film_lens
+from uavmap.photos.sources.photo_file import Pixels, reduced
 from uavmap.photos.sources.picture_record import Measured, Picture, Refused
-from uavmap.photos.sources.srt import Moment, nearest, read_srt
-from uavmap.photos.sources.tlog_track import read_tlog
+from uavmap.photos.sources.video_telemetry import Moment, nearest, read_srt, read_tlog
 
 EVERY_S: Final = 1.0
-"""Frames lie so far apart. A video from a stand-still shows the same ground again and again, which
-is no more evidence than one frame."""
+"""Time between frames, s: a video from a stand-still adds no evidence beyond one frame."""
 _AHEAD: Final = 4  # frames that were passed while another thread asked for a later one
 _POSITION_SIGMA_M: Final = 5.0
 _LARGEST_SIDE: Final = 10_000
@@ -33,23 +32,22 @@ _LONGEST_FRAMES: Final = 10_000_000
 class Video:
     """The frames of a video at an interval, with the telemetry of the file beside it.
 
-    Raises `ImageError` on creation where the video or the telemetry cannot be read.
+    `start_utc_s`, in seconds since 1970, ties the video to a .tlog. Raises `ImageError` on creation
+    if the video or the telemetry cannot be read.
     """
 
     path: Path
     start_utc_s: float | None = None
-    """When the recording began, in seconds since 1970: ties the video to a .tlog beside it."""
     every_s: float = EVERY_S
     _moments: tuple[Moment, ...] = field(init=False, repr=False)
     _reader: _Reader = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Open the video and read the telemetry."""
         self._moments = self._telemetry()
         self._reader = _Reader(self.path, self.every_s)
 
     def _telemetry(self) -> tuple[Moment, ...]:
-        """What lies beside the video, in seconds from its start."""
+        """Return the moments beside the video, in seconds from its start."""
         beside = {path.suffix.lower(): path for path in self.path.parent.glob("*.*")
                   if path.stem == self.path.stem and path.is_file()}  # fmt: skip
         if ".srt" in beside:
@@ -67,11 +65,6 @@ class Video:
         start_s = self.start_utc_s
         logged = read_tlog(beside[".tlog"])
         return tuple(replace(moment, t_s=moment.t_s - start_s) for moment in logged)
-
-    @property
-    def name(self) -> str:
-        """The path."""
-        return str(self.path)
 
     def pictures(self) -> Iterator[Picture | Refused]:
         """See `uavmap.photos.sources.picture_record.PictureSource`."""
@@ -130,18 +123,13 @@ class VideoFrame:
         """See `uavmap.photos.sources.picture_record.Content`."""
         return hashlib.sha256(f"{self.reader.path.name}#{self.index}".encode()).hexdigest()
 
-    def decode(self, max_width_px: int) -> NDArray[np.uint8]:
+    def decode(self, max_width_px: int) -> Pixels:
         """See `uavmap.photos.sources.picture_record.Content`."""
-        image = self.reader.frame(self.index)
-        rows, columns = image.shape[:2]
-        if columns <= max_width_px:
-            return image
-        size = (max_width_px, max(1, round(rows * max_width_px / columns)))
-        return cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
+        return reduced(self.reader.frame(self.index), max_width_px)
 
 
 class _Reader:
-    """A video, read forwards; whoever asks for an earlier frame begins it anew."""
+    """A video, read forwards; a request for an earlier frame begins it again."""
 
     def __init__(self, path: Path, every_s: float) -> None:
         self.path = path
@@ -162,7 +150,7 @@ class _Reader:
         self.step = max(1, round(self.frames_s * every_s))
 
     def frame(self, index: int) -> NDArray[np.uint8]:
-        """A frame by its number from 0. Raises `ImageError` where it cannot be decoded."""
+        """Return a frame by its number from 0. Raises `ImageError` if it cannot be decoded."""
         with self._lock:
             if index in self._passed:
                 return self._passed.pop(index)
@@ -181,7 +169,7 @@ class _Reader:
             return np.asarray(image, dtype=np.uint8)
 
     def _keep_asked(self) -> None:
-        """Of the frames that are passed by, keep those that another thread is about to ask for."""
+        """Keep passed frames that another thread is about to request."""
         if self._next % self.step:
             return
         good, image = self._video.retrieve()

@@ -1,8 +1,7 @@
-"""XMP packets of photographs: their values by local name, whatever maker's namespace they are in.
+"""XMP packets of photographs: their values by local name, in any maker's namespace.
 
 DJI, Autel, Parrot and Pix4D write the same words (RelativeAltitude, GimbalYawDegree, Yaw) under
-namespaces of their own, which change from model to model; no two mean different things by one word
-that is read here.
+namespaces that change from model to model; no word that is read here has two meanings.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ Values = Mapping[str, str]
 
 
 def values_of(packet: bytes | str) -> dict[str, str]:
-    """Attributes and text elements of a packet by their local names; the first of a name counts.
+    """Return attributes and text elements by their local names; the first of a name counts.
 
     Raises `ValueError` for what is not well-formed, too long, or declares entities.
 
@@ -49,7 +48,7 @@ def values_of(packet: bytes | str) -> dict[str, str]:
 
 
 def number(values: Values, key: str) -> float | None:
-    """The number under a key, None where it is absent. Raises `ValueError` for anything else.
+    """Return the number under a key, None if absent. Raises `ValueError` for anything else.
 
     >>> number({"RelativeAltitude": "+39.80"}, "RelativeAltitude")
     39.8

@@ -1,8 +1,8 @@
 """Pictures and what people have painted on them.
 
 A mask is a picture of the same shape, named after the photograph: white is region, black is not,
-mid-grey is undecided. Polygons come as GeoJSON in longitude and latitude, and are projected into
-the pictures through their poses.
+mid-grey is undecided. Polygons are GeoJSON in longitude and latitude, projected into the pictures
+through their poses.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _KINDS: Final = ("region", "surround", "undecided")
 class Example:
     """A picture at the working width with what is known of its pixels.
 
-    `region` and `known` are (rows, columns), bool; `region` means nothing where `known` is false.
+    `region` and `known` are (rows, columns), bool; `region` is undefined where `known` is false.
     """
 
     name: str
@@ -54,9 +54,9 @@ class Example:
 
 
 def list_pictures(images: Path) -> list[Path]:
-    """The pictures of a folder, by name.
+    """Return the pictures of a folder, by name.
 
-    Raises `ImageError` where there are none, or two to which one mask would belong.
+    Raises `ImageError` if there are none, or two would share one mask.
     """
     if not images.is_dir():
         raise ImageError(f"{images}: no such folder")
@@ -85,17 +85,17 @@ def refuse_same_folder(images: Path, masks: Path) -> None:
 
 
 def read_picture(path: Path, width_px: int) -> NDArray[np.uint8]:
-    """A picture at the working width. Raises `ImageError`."""
+    """Return a picture at the working width. Raises `ImageError`."""
+    data = file_bytes(path)
     try:
-        image = eight_bits(decoded(file_bytes(path), width_px))
+        image = eight_bits(decoded(data, width_px))
     except ImageError as error:
-        text = str(error)
-        raise ImageError(text if text.startswith(str(path)) else f"{path}: {text}") from None
+        raise ImageError(f"{path}: {error}") from None
     return working_picture(image, width_px)
 
 
 def file_bytes(path: Path) -> bytes:
-    """What is in a file. Raises `ImageError`."""
+    """Return the content of a file. Raises `ImageError`."""
     try:
         return path.read_bytes()
     except OSError as error:
@@ -105,17 +105,14 @@ def file_bytes(path: Path) -> bytes:
 def load_examples(
     images: Path, where: Path, width_px: int, say: Callable[[str], None] = lambda text: None
 ) -> list[Example]:
-    """The painted pictures, by name.
+    """Return the painted pictures, by name.
 
     Args:
-        images: The folder of pictures.
-        where: A folder of masks `NAME.png` and of polygons `*.geojson`, or one such file of
-            polygons.
-        width_px: The working width.
-        say: Told which pictures polygons are not projected into, as they cannot be read.
+        where: A folder of masks `NAME.png` and of polygons `*.geojson`, or one file of polygons.
+        say: Receives which pictures polygons are not projected into, as they cannot be read.
 
     Raises:
-        ImageError: naming the file, for what cannot be read, a mask without its picture or of
+        ImageError: Naming the file, for what cannot be read, a mask without its picture or of
             another shape, and where nothing is painted, or no region, or nothing but region.
     """
     if where.is_dir() and any(path.suffix.lower() == ".png" for path in where.iterdir()):
@@ -184,7 +181,7 @@ Rings = list[NDArray[np.float64]]
 def _projected(
     images: Path, files: list[Path], width_px: int, say: Callable[[str], None]
 ) -> Iterator[Example]:
-    """The pictures with the polygons, by the best poses that there are."""
+    """Yield the pictures with the polygons, by their best poses."""
     shapes = [shape for path in files for shape in _shapes(path)]
     gathered = gather(open_source(images))
     with muted():
@@ -219,7 +216,7 @@ def _drawn(
     grid: Grid,
     shape: tuple[int, ...],
 ) -> NDArray[np.bool_]:
-    """Where the polygons of a kind lie in a picture."""
+    """Return where the polygons of a kind lie in a picture."""
     rows, columns = shape
     lens = placed.picture.lens
     if lens is None:
@@ -245,7 +242,7 @@ def _drawn(
 
 
 def _shapes(path: Path) -> list[tuple[str, Rings]]:
-    """The polygons of a GeoJSON file with what they are: the property `kind`, else region."""
+    """Return the polygons of a GeoJSON file with the property `kind`, else region."""
     try:
         root = json.loads(read_text(path, _LARGEST_GEOJSON))
     except OSError as error:
@@ -274,7 +271,7 @@ def _shapes(path: Path) -> list[tuple[str, Rings]]:
 
 
 def _refuse_other_crs(root: Any, path: Path) -> None:
-    """Raise `ImageError` where a file names another coordinate system, as old GeoJSON may."""
+    """Raise `ImageError` if a file names another coordinate system, as old GeoJSON may."""
     crs = root.get("crs") if isinstance(root, dict) else None
     if crs is None:
         return

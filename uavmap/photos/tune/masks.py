@@ -1,4 +1,4 @@
-"""Masks: pictures on which somebody has painted what is region, read as what they were meant."""
+"""Masks: pictures on which people have painted the region."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ Gray = NDArray[np.uint8]
 
 
 def mask_of(data: bytes, name: str) -> Gray:
-    """A mask as gray values, 0 to 255; where it is transparent nobody has painted: undecided.
+    """Return a mask as gray values (rows, columns), 0 to 255; transparent pixels are undecided.
 
-    Shape (rows, columns). Of 16 bits the upper end is white. Raises `ImageError` for what is no
-    picture, is in colour, or holds numbers of classes.
+    Of 16 bits the upper end is white. Raises `ImageError` for what is no picture, is in colour, or
+    holds numbers of classes.
     """
     with opened(io.BytesIO(data), name) as picture:
         if picture.mode.startswith("I"):
@@ -67,10 +67,9 @@ def _eight_bits(picture: Image.Image, name: str) -> Gray:
 def masks_by_picture(
     pictures: Sequence[Path], files: Iterable[Path]
 ) -> Iterator[tuple[Path, Path]]:
-    """Each mask among some files with its picture: `NAME.png`, or `NAME.JPG.png`.
+    """Yield each mask among some files with its picture: `NAME.png`, or `NAME.JPG.png`.
 
-    Raises `ImageError` for a mask without a picture, for two of one picture, and for one that is
-    no PNG.
+    Raises `ImageError` for a mask without a picture, two of one picture, and one that is no PNG.
     """
     named = {path.name: path for path in pictures} | {path.stem: path for path in pictures}
     found: dict[Path, Path] = {}

@@ -1,4 +1,4 @@
-"""How good marks are against what is painted: precision, recall, IoU."""
+"""Precision, recall and IoU of marks against what is painted."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Counts:
     def of(
         cls, marked: NDArray[np.bool_], region: NDArray[np.bool_], known: NDArray[np.bool_]
     ) -> Counts:
-        """Counted where it is known what is region."""
+        """Count where it is known what is region."""
         return cls(
             float(np.count_nonzero(marked & region & known)),
             float(np.count_nonzero(marked & ~region & known)),
@@ -61,12 +61,12 @@ def _ratio(part: float, whole: float) -> float:
 
 
 def total(counts: Sequence[Counts]) -> Counts:
-    """Of several pictures together."""
+    """Return the sum over pictures."""
     return sum(counts, Counts())
 
 
 def by_cell(values: NDArray[np.float32], cell: float) -> NDArray[np.float32]:
-    """The mean over squares of `cell` places, which is what a cell of the map sees."""
+    """Return the mean over squares of `cell` places, which is what a cell of the map sees."""
     rows, columns = (max(1, round(side / cell)) for side in values.shape)
     return np.asarray(cv2.resize(values, (columns, rows), interpolation=cv2.INTER_AREA), np.float32)
 
@@ -78,12 +78,11 @@ def cell_counts(
     cell: float,
     least: float,
 ) -> Counts:
-    """Cells whose mean share is at least `least`, against those that are region by half.
+    """Count cells whose mean share is at least `least`, against those that are region by half.
 
     Args:
-        share: What is marked of each place, or its probability, (rows, columns).
-        region: What is region of it.
-        known: Whether that is known.
+        share: The marked part of each place, or its probability, (rows, columns).
+        region: The part that is region.
         cell: Side of a cell in places.
         least: The share that makes a cell positive.
     """

@@ -1,7 +1,7 @@
 """A page to paint examples on, served to this computer only.
 
 The address holds a secret, so that neither another user of the computer nor a page from elsewhere
-that is open in the same browser can read pictures or write masks. Nothing is loaded from elsewhere.
+in the same browser can read pictures or write masks. Nothing is loaded from elsewhere.
 """
 
 from __future__ import annotations
@@ -36,10 +36,12 @@ _POLICY: Final = (
 
 
 class Easel:
-    """The pictures that are painted, and where their masks go."""
+    """The pictures that are painted, and where their masks go.
+
+    Raises `ImageError` for a folder without pictures, and for masks among pictures.
+    """
 
     def __init__(self, images: Path, masks: Path, width_px: int) -> None:
-        """Raises `ImageError` for a folder without pictures, and for masks among pictures."""
         refuse_same_folder(images, masks)
         self.pictures: Final = list_pictures(images)
         self.masks: Final = masks
@@ -47,21 +49,21 @@ class Easel:
         self.done: Final = threading.Event()
 
     def told(self) -> list[dict[str, Any]]:
-        """The names, and which of them are painted."""
+        """Return the names, and which of them are painted."""
         return [{"name": p.stem, "painted": self._mask(p).exists()} for p in self.pictures]
 
     def picture(self, index: int) -> bytes:
-        """A picture at the working width, as JPEG. Raises `ImageError`."""
+        """Return a picture at the working width, as JPEG. Raises `ImageError`."""
         _, data = cv2.imencode(".jpg", read_picture(self.pictures[index], self.width_px))
         return bytes(data)
 
     def mask(self, index: int) -> bytes | None:
-        """What was painted on it before. Raises `ImageError`."""
+        """Return the earlier mask, if any. Raises `ImageError`."""
         path = self._mask(self.pictures[index])
         return file_bytes(path) if path.exists() else None
 
     def keep(self, index: int, data: bytes) -> str:
-        """Write a mask as a grey PNG; returns what to say. Raises `ImageError`, `OSError`."""
+        """Write a mask as a grey PNG; return the answer. Raises `ImageError`, `OSError`."""
         path = self._mask(self.pictures[index])
         grey = cv2.cvtColor(read_image(data, path.name), cv2.COLOR_BGR2GRAY)
         _, encoded = cv2.imencode(".png", grey)
@@ -78,7 +80,7 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A browser that goes away in the middle of an answer is no error of ours."""
+        """Ignore a browser that goes away in the middle of an answer."""
         if not isinstance(sys.exception(), ConnectionError):
             super().handle_error(request, client_address)
 
@@ -94,10 +96,10 @@ class _Handler(BaseHTTPRequestHandler):
         super().__init__(*args)
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 - the base class's name
-        """Say nothing of each request: the address holds the secret."""
+        """Log no request: the address holds the secret."""
 
     def do_GET(self) -> None:
-        """The page, the list, a picture or a mask."""
+        """Answer the page, the list, a picture or a mask."""
         try:
             self._told(*self._asked())
         except ImageError as error:
@@ -133,7 +135,7 @@ class _Handler(BaseHTTPRequestHandler):
                 self._say(HTTPStatus.INSUFFICIENT_STORAGE, f"not saved: {error.strerror}")
 
     def do_POST(self) -> None:
-        """The painter is done."""
+        """End the painting."""
         what, _ = self._asked()
         if what == "done":
             self._say(HTTPStatus.OK, "done")
@@ -142,7 +144,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._say(HTTPStatus.NOT_FOUND, "not found")
 
     def _asked(self) -> tuple[str | None, int | None]:
-        """What is asked for, behind the secret, and of which picture; None where it is not for us.
+        """Return what is requested behind the secret, and of which picture; None if it is not for
+        us.
 
         A page from elsewhere may have its own name lead to this address: the host must be ours.
         """
@@ -177,7 +180,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 @contextmanager
 def served(easel: Easel, port: int = 0) -> Iterator[str]:
-    """Serve the page; yields its address. Raises `LinkError` where the port is taken."""
+    """Serve the page; yield its address. Raises `LinkError` if the port is taken."""
     token = secrets.token_urlsafe(24)
     try:
         server = _Server((HOST, port), partial(_Handler, easel, token))
@@ -196,7 +199,7 @@ def served(easel: Easel, port: int = 0) -> Iterator[str]:
 def paint(images: Path, masks: Path, width_px: int, say: Callable[[str], None]) -> None:
     """Serve the page until the painter is done (or Ctrl-C, which raises `KeyboardInterrupt`).
 
-    Raises `ImageError` for a folder without pictures, `OutputError` where masks cannot be kept.
+    Raises `ImageError` for a folder without pictures, `OutputError` if masks cannot be kept.
     """
     easel = Easel(images, masks, width_px)
     try:

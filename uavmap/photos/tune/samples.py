@@ -1,7 +1,7 @@
 """From painted pictures to samples: features of places, and whether they are region.
 
-Few painted pictures show few exposures and one height. So each is also taken as a camera would
-have taken it with another exposure, white balance and contrast, and from higher or lower.
+Few painted pictures show few exposures and one height. So each is also rendered with another
+exposure, white balance and contrast, and from higher or lower.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from uavmap.photos.tune.examples import Example
 from vision.detectors.pixel_features import described_shape, features
 
 VARIANTS: Final = 3
-"""Of each painted picture, beside itself."""
+"""Variants of each painted picture."""
 _MOST_SAMPLES: Final = 60_000
 _MOST_A_PICTURE: Final = 12_000
 _EXPOSURE_STOPS: Final = 0.7
@@ -33,8 +33,8 @@ _CLEAR: Final = 0.8  # a place is a sample if so much of it is of one kind
 class Described:
     """A picture as the learners see it.
 
-    `values` is (features, places), `region` the part of each place that is region, `known` whether
-    that is known, `rows` and `columns` how the places lie.
+    `values` is (features, places), `region` the part of each place that is region; the places lie
+    in `rows` and `columns`.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Described:
 
 
 def described(example: Example) -> Described:
-    """The features of all places of a painted picture."""
+    """Return the features of all places of a painted picture."""
     values = features(example.picture)
     rows, columns = described_shape(*example.picture.shape[:2])
     known = _mean(example.known, rows, columns)
@@ -62,23 +62,19 @@ def described(example: Example) -> Described:
 
 
 def variants(example: Example, rng: np.random.Generator, count: int = VARIANTS) -> list[Example]:
-    """The same ground as other exposures from other heights would show it."""
+    """Return the same ground under other exposures and from other heights."""
     return [_exposed(_moved(example, rng), rng) for _ in range(count)]
 
 
 def clear(one: Described) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """The places that are region and those that are surround, for the most part each."""
+    """Return the places that are mostly region and those that are mostly surround."""
     return one.known & (one.region >= _CLEAR), one.known & (one.region <= 1.0 - _CLEAR)
 
 
 def training_set(
     pictures: Sequence[Sequence[Described]], rng: np.random.Generator
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Samples of painted pictures and their variants: as many of each picture.
-
-    Returns:
-        Features, (samples, features), and whether each is region.
-    """
+    """Return features, (samples, features), and whether each is region: as many of each picture."""
     share = min(_MOST_A_PICTURE, _MOST_SAMPLES // max(1, len(pictures)))
     values, labels = [], []
     for versions in pictures:

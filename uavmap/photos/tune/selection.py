@@ -1,14 +1,14 @@
-"""Which model and which features, and where to set its thresholds: by cross-validation by picture.
+"""The choice of model, features and thresholds, by cross-validation by picture.
 
-Each picture is judged by a model that has seen none of its pixels, neither as it is nor in a
-variant. What is chosen, calibrated and reported comes from these judgements alone.
+Each picture is judged by a model that has seen none of its pixels, in no variant. Only these
+judgements choose, calibrate and report.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -18,8 +18,9 @@ from missions.errors import ImageError
 from uavmap.photos.tune.metrics import Counts, cell_counts, total
 from uavmap.photos.tune.samples import Described, clear, training_set
 from uavmap.photos.tune.training import Scale, fit_logistic, fit_trees
+from vision.detectors.interface import sigmoid
 from vision.detectors.learned_model import Logistic, Model, Scorer, Trees
-from vision.detectors.pixel_features import FEATURES, GROUPS, STRIDE
+from vision.detectors.pixel_features import FEATURES, GROUPS
 
 Array = NDArray[np.float32]
 
@@ -49,15 +50,16 @@ class Picture:
 
     @property
     def versions(self) -> tuple[Described, ...]:
-        """All of it."""
+        """The picture and its variants."""
         return (self.plain, *self.variants)
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """What cross-validation has chosen, and how each picture was judged by it.
+    """The choice of cross-validation.
 
-    `shares` are the probabilities of each picture's places by the model that has not seen it.
+    `shares` are the probabilities of each picture's places by the model that has not seen it;
+    `tried` the IoU of places of each candidate.
     """
 
     kind: str
@@ -68,11 +70,10 @@ class Choice:
     share: float
     shares: tuple[Array, ...]
     tried: Mapping[str, float]
-    """The IoU of places of each candidate."""
 
 
 def folds(count: int) -> list[tuple[list[int], list[int]]]:
-    """Learned from, judged: each picture is judged once; up to five parts.
+    """Split into up to five parts: learned from, judged; each picture is judged once.
 
     >>> folds(3)
     [([1, 2], [0]), ([0, 2], [1]), ([0, 1], [2])]
@@ -83,7 +84,7 @@ def folds(count: int) -> list[tuple[list[int], list[int]]]:
 
 
 def dealt(pictures: Sequence[Picture]) -> list[tuple[list[int], list[int]]]:
-    """`folds` of pictures, such that no part holds all that show region, or all that show surround.
+    """Return `folds` such that no part holds all pictures with region, or all with surround.
 
     Those with region come before those without, and those with surround after those without; two
     neighbours are never judged together.
@@ -103,9 +104,9 @@ def dealt(pictures: Sequence[Picture]) -> list[tuple[list[int], list[int]]]:
 def fitted(
     pictures: Sequence[Picture], names: Sequence[str], scale: Scale, kinds: str, seed: int
 ) -> tuple[Logistic | Trees, ...]:
-    """The parts of a model of some kind from some pictures.
+    """Return the parts of a model of some kind from some pictures.
 
-    Raises `ImageError` where hardly anything of one kind is painted.
+    Raises `ImageError` if hardly anything of one kind is painted.
     """
     rows = [FEATURES.index(name) for name in names]
     rng = np.random.default_rng([seed, len(rows)])
@@ -132,16 +133,13 @@ def choose(
     kinds: Sequence[str] = KINDS,
     sets: Sequence[str] = tuple(SETS),
 ) -> Choice:
-    """Kind, features, calibration and thresholds.
+    """Choose kind, features, calibration and thresholds.
 
     Args:
-        pictures: At least two, of which each part that is learned from has both kinds.
+        pictures: At least two; each part that is learned from has both kinds.
         scale: Mean and standard deviation of all features.
         cell: Side of a cell in places.
         seed: Of the samples and the trees.
-        say: Told what is tried.
-        kinds: Which kinds of model to try, of `KINDS`.
-        sets: Which sets of features to try, of `SETS`.
     """
     best: Choice | None = None
     tried: dict[str, float] = {}
@@ -155,16 +153,13 @@ def choose(
             if best is None or _clearly_better(pictures, found, best):
                 best = found
     assert best is not None
-    return Choice(
-        best.kind, best.features, best.slope, best.offset, best.threshold, best.share,
-        best.shares, tried,
-    )  # fmt: skip
+    return replace(best, tried=tried)
 
 
 def _judged(
     pictures: Sequence[Picture], features: str, scale: Scale, seed: int, kinds: Sequence[str]
 ) -> dict[str, list[list[Array]]]:
-    """By kind, the logits of each version of each picture, by a model that has not seen it."""
+    """Return by kind the logits of each version of each picture, by a model new to it."""
     names = SETS[features]
     rows = [FEATURES.index(name) for name in names]
     found: dict[str, list[list[Array]]] = {kind: [[] for _ in pictures] for kind in KINDS}
@@ -186,11 +181,11 @@ def _judged(
 def _calibrated(
     pictures: Sequence[Picture], logits: list[list[Array]], kind: str, features: str, cell: float
 ) -> Choice:
-    """A candidate with its calibration, and the thresholds that suit the pictures best."""
+    """Return a candidate with its calibration, and the thresholds that suit the pictures best."""
     slope, offset = calibration(pictures, logits)
     by_picture = [
         [
-            (one, _probability(logit, slope, offset))
+            (one, sigmoid(slope * logit + offset))
             for one, logit in zip(picture.versions, some, strict=True)
         ]
         for picture, some in zip(pictures, logits, strict=True)
@@ -198,12 +193,12 @@ def _calibrated(
     told = [versions for versions in by_picture if _tells(versions)] or by_picture
 
     def usual(counts: Callable[[Described, Array, float], Counts]) -> float:
-        """The median of what suits each picture: one that the others have not taught is one."""
+        """Return the median of what suits each picture: one may be unlike the others."""
         return float(np.median([_suiting(versions, counts) for versions in told]))
 
     places = usual(_counts)
     cells = usual(lambda one, share, least: _cells(one, share, cell, least))
-    plain = tuple(_probability(some[0], slope, offset) for some in logits)
+    plain = tuple(sigmoid(slope * some[0] + offset) for some in logits)
     return Choice(
         kind, features, slope, offset, round(places, 2), round(cells, 2), plain, {}
     )  # fmt: skip
@@ -212,11 +207,11 @@ def _calibrated(
 def calibration(
     pictures: Sequence[Picture], logits: Sequence[Sequence[Array]]
 ) -> tuple[float, float]:
-    """Slope and offset that make logits of unseen places tell frequencies (Platt, 1999).
+    """Return slope and offset that make logits of unseen places frequencies (Platt, 1999).
 
-    Slope and offset are the medians of those of the pictures one by one: of three pictures one
-    may show what the two others have not taught, and all that it has wrong would shift the rest.
-    Pictures that do not show both kinds tell neither. The slope is kept within limits.
+    They are medians over the pictures: of three, one may show what the two others do not teach, and
+    its errors would shift the rest. Pictures without both kinds do not count. The slope is kept
+    within limits.
     """
     told = []
     for picture, some in zip(pictures, logits, strict=True):
@@ -244,7 +239,7 @@ def _both_kinds(region: NDArray[np.float32]) -> bool:
 def _platt(
     x: NDArray[np.float64], y: NDArray[np.float64], *, tilts: bool = True
 ) -> tuple[float, float]:
-    """Slope and offset of a logistic regression of `y` on `x`; of slope 1 unless it `tilts`."""
+    """Fit a logistic regression of `y` on `x`; of slope 1 unless it `tilts`."""
     slope, offset, w = 1.0, 0.0, 1.0 / len(x)
     for _ in range(30):  # Newton's steps, with a weak pull towards slope 1
         p = 1.0 / (1.0 + np.exp(-np.clip(slope * x + offset, -30.0, 30.0)))
@@ -261,29 +256,20 @@ def _platt(
     return slope, offset
 
 
-def _probability(logit: Array, slope: float, offset: float) -> Array:
-    away = np.clip(slope * logit + offset, -30.0, 30.0)
-    return np.asarray(1.0 / (1.0 + np.exp(-away)), np.float32)
-
-
 def _suiting(
     versions: Sequence[tuple[Described, Array]],
     counts: Callable[[Described, Array, float], Counts],
 ) -> float:
-    """The threshold that suits a picture in all its versions."""
-    return _lowest(lambda least: total([counts(one, share, least) for one, share in versions]).iou)
+    """Return the lowest of the thresholds that suit a picture about as well as the best one.
 
-
-def _lowest(score: Callable[[float], float]) -> float:
-    """The lowest of the thresholds that are about as good as the best one.
-
-    In pictures that nobody has painted a model is less sure of the region than in painted ones,
-    whose ground and light it knows; that it marks more elsewhere is rarer.
+    In unpainted pictures a model is less sure of the region than in painted ones, whose ground and
+    light it knows; that it marks more elsewhere is rarer.
     """
     at = np.round(np.arange(_LIMITS[0], _LIMITS[1] + 1e-9, 0.02), 2)
-    scores = np.array([score(float(least)) for least in at])
-    good = at[scores >= scores.max() - _PLATEAU]
-    return round(float(good[0]), 2)
+    scores = np.array(
+        [total([counts(one, share, float(least)) for one, share in versions]).iou for least in at]
+    )
+    return round(float(at[scores >= scores.max() - _PLATEAU][0]), 2)
 
 
 def _iou(pictures: Sequence[Picture], shares: Sequence[Array], least: float) -> float:
@@ -317,10 +303,5 @@ def _cells(one: Described, share: Array, cell: float, least: float) -> Counts:
 def picture_counts(
     one: Described, share: Array, cell: float, threshold: float, least: float
 ) -> tuple[Counts, Counts]:
-    """Of places and of cells of a picture."""
+    """Count places and cells of a picture."""
     return _counts(one, share, threshold), _cells(one, share, cell, least)
-
-
-def places_of_cell(cell_px: float) -> float:
-    """The side of a cell in described places."""
-    return cell_px / STRIDE

@@ -30,11 +30,10 @@ def need_learner() -> None:
 
 
 def fit_logistic(values: NDArray[np.float32], labels: NDArray[np.bool_], scale: Scale) -> Logistic:
-    """A logistic regression that takes both kinds for equally frequent.
+    """Fit a logistic regression that takes both kinds for equally frequent.
 
     Args:
         values: (samples, features).
-        labels: Whether each sample is region.
         scale: Mean and standard deviation of each feature.
     """
     from sklearn.linear_model import LogisticRegression  # noqa: PLC0415
@@ -53,7 +52,7 @@ def fit_logistic(values: NDArray[np.float32], labels: NDArray[np.bool_], scale: 
 
 
 def fit_trees(values: NDArray[np.float32], labels: NDArray[np.bool_], seed: int) -> Trees:
-    """Boosted trees of at most eight leaves; both kinds count as equally frequent."""
+    """Fit boosted trees of at most eight leaves; both kinds count as equally frequent."""
     from sklearn.ensemble import HistGradientBoostingClassifier  # noqa: PLC0415
     from threadpoolctl import threadpool_limits  # noqa: PLC0415
 
@@ -80,14 +79,14 @@ def fit_trees(values: NDArray[np.float32], labels: NDArray[np.bool_], seed: int)
 
 
 def _balanced(labels: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Rows of the samples, those of the rarer kind repeated until there are as many."""
+    """Return rows of the samples, those of the rarer kind repeated until there are as many."""
     kinds = [np.flatnonzero(labels), np.flatnonzero(~labels)]
     most = max(map(len, kinds))
     return np.sort(np.concatenate([np.resize(kind, most) for kind in kinds]))
 
 
 def _check_same(parts: Trees, values: NDArray[np.float32], wanted: NDArray[np.float64]) -> None:
-    """scikit-learn does not promise how it keeps trees: what was read must answer as it does."""
+    """Check the trees' answers: scikit-learn does not promise how it keeps them."""
     names = tuple(f"{i}" for i in range(values.shape[1]))
     model = Model.model_construct(features=names, parts=(parts,), slope=1.0, offset=0.0)
     found = Scorer(model).probability(np.ascontiguousarray(values.T))
@@ -100,14 +99,14 @@ def _check_same(parts: Trees, values: NDArray[np.float32], wanted: NDArray[np.fl
 
 
 def _tree(nodes: NDArray[Any]) -> Tree:
-    """A tree of scikit-learn: its leaves from left to right, and what each node rules out."""
+    """Convert a tree of scikit-learn: leaves from left to right, what each node rules out."""
     leaves: list[float] = []
     feature: list[int] = []
     at_most: list[float] = []
     left: list[int] = []
 
     def walk(index: int) -> tuple[int, int]:
-        """Number the leaves below a node; returns the first and the one behind the last."""
+        """Number the leaves below a node; return the first and the one behind the last."""
         node = nodes[index]
         if node["is_leaf"]:
             leaves.append(_short([node["value"]])[0])
@@ -125,8 +124,10 @@ def _tree(nodes: NDArray[Any]) -> Tree:
 
 
 def _border(threshold: float) -> float:
-    """The largest float32 that is not above a threshold: every feature, which is one too, falls to
-    the same side of both. Many have the very value of a threshold, so no digit may be lost.
+    """Return the largest float32 that is not above a threshold.
+
+    Every feature, a float32 too, falls to the same side of both. Many have the very value of a
+    threshold, so no digit may be lost.
 
     >>> _border(0.1) < 0.1, float(np.float32(_border(0.1))) == float(np.float32(0.1))
     (True, False)
@@ -140,5 +141,5 @@ def _border(threshold: float) -> float:
 
 
 def _short(values: NDArray[np.float64] | Sequence[float]) -> tuple[float, ...]:
-    """Seven digits, which is what float32 has."""
+    """Round to seven digits, which is what float32 has."""
     return tuple(float(f"{value:.7g}") for value in values)

@@ -29,11 +29,10 @@ from uavmap.photos.tune.selection import (
     choose,
     fitted,
     picture_counts,
-    places_of_cell,
 )
 from uavmap.photos.tune.training import Scale, need_learner
 from vision.detectors.learned_model import LearnedDetector, Model, model_bytes
-from vision.detectors.pixel_features import described_shape, features
+from vision.detectors.pixel_features import STRIDE, described_shape, features
 
 MODEL: Final = "model.json"
 DETECTOR: Final = "detector.toml"
@@ -51,22 +50,21 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """What is asked of a training."""
+    """Wishes for a training; `cell_px` is the side of a map cell at the working width."""
 
     seed: int = 0
     width_px: int = 1000
     cell_px: float = 25.0
-    """The side of a cell of the map in a picture at the working width."""
     kinds: tuple[str, ...] = KINDS
     sets: tuple[str, ...] = tuple(SETS)
 
 
 def tune(images: Path, where: Path, out: Path, wishes: Wishes, say: Say) -> dict[str, Any]:
-    """Learn a detector; returns the report.
+    """Learn a detector; return the report.
 
-    `out` is made once all that belongs into it is: an interruption, or a full disk, leaves nothing.
-    Raises `ImageError` for what is wrong with pictures or examples, `UavmapError` without
-    scikit-learn, `OutputError` when the disk refuses.
+    `out` is made once all its content is: an interruption, or a full disk, leaves nothing. Raises
+    `ImageError` for faults of pictures or examples, `UavmapError` without scikit-learn,
+    `OutputError` when the disk refuses.
     """
     need_learner()
     examples = load_examples(images, where, wishes.width_px, say)
@@ -87,7 +85,7 @@ def tune(images: Path, where: Path, out: Path, wishes: Wishes, say: Say) -> dict
 
 @contextmanager
 def _whole(out: Path) -> Iterator[Path]:
-    """A folder beside `out` that takes its name, or its content, once it is complete."""
+    """Yield a folder beside `out` that takes its name, or its content, once it is complete."""
     out.parent.mkdir(parents=True, exist_ok=True)
     folder = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}."))
     try:
@@ -105,10 +103,10 @@ def _whole(out: Path) -> Iterator[Path]:
 def learned(
     examples: Sequence[Example], others: Sequence[NDArray[np.uint8]], wishes: Wishes, say: Say
 ) -> tuple[Model, Choice, list[Picture]]:
-    """The model, what cross-validation has chosen, and the examples described.
+    """Return the model, the choice of cross-validation, and the examples described.
 
-    Raises `ImageError` where fewer than two pictures are painted, or where one of them holds all
-    that is region or all that is not.
+    Raises `ImageError` if fewer than two pictures are painted, or one of them holds all that is
+    region or all that is not.
     """
     _check_spread(examples)
     pictures = []
@@ -117,7 +115,7 @@ def learned(
         versions = tuple(described(one) for one in variants(example, rng))
         pictures.append(Picture(described(example), versions))
     scale = _scale(pictures, others)
-    cell = places_of_cell(wishes.cell_px)
+    cell = wishes.cell_px / STRIDE
     choice = choose(pictures, scale, cell, wishes.seed, say, wishes.kinds, wishes.sets)
     names = SETS[choice.features]
     model = Model(
@@ -146,7 +144,7 @@ def _check_spread(examples: Sequence[Example]) -> None:
 def _others(
     images: Path, painted: set[str], wishes: Wishes, say: Say
 ) -> list[tuple[str, NDArray[np.uint8]]]:
-    """Some pictures that nobody painted, evenly from all of them."""
+    """Return some pictures that are not painted, evenly from all of them."""
     paths = [path for path in list_pictures(images) if path.stem not in painted]
     step = max(1, -(-len(paths) // _OTHERS))
     found = []
@@ -159,7 +157,7 @@ def _others(
 
 
 def _scale(pictures: Sequence[Picture], others: Sequence[NDArray[np.uint8]]) -> Scale:
-    """Mean and standard deviation of each feature, each picture counting alike."""
+    """Return mean and standard deviation of each feature, each picture counting alike."""
     some = [one.values[:, ::7] for picture in pictures for one in picture.versions]
     some += [f.reshape(len(f), -1)[:, ::7] for f in map(features, others)]
     means = np.stack([values.mean(axis=1, dtype=np.float64) for values in some])
@@ -171,7 +169,7 @@ def _scale(pictures: Sequence[Picture], others: Sequence[NDArray[np.uint8]]) -> 
 
 # --- what is written -------------------------------------------------------------------------
 def _report(pictures: Sequence[Picture], choice: Choice, wishes: Wishes) -> dict[str, Any]:
-    cell = places_of_cell(wishes.cell_px)
+    cell = wishes.cell_px / STRIDE
     counts = [
         picture_counts(picture.plain, share, cell, choice.threshold, choice.share)
         for picture, share in zip(pictures, choice.shares, strict=True)
@@ -234,8 +232,10 @@ def _draw(
     choice: Choice,
     model: Model,
 ) -> None:
-    """Outlines over pictures: green what was painted, red what is marked. A painted picture shows
-    what a model marks that has not seen it."""
+    """Outline in green what was painted, in red what is marked.
+
+    A painted picture shows the marks of a model that has not seen it.
+    """
     folder.mkdir(exist_ok=True)
     for example, share in zip(examples, choice.shares, strict=True):
         rows, columns = example.picture.shape[:2]

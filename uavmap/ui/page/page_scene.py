@@ -16,9 +16,9 @@ from uavmap.journal.kept_frames import KeptFrame
 from uavmap.output.drawing.palette import INK, LAND, LINES, RECORDED_NAMES, STATE_NAMES, TRACKS, css
 from uavmap.output.drawing.palette import STATES as COLOURS
 from uavmap.output.facts.map_model import State
-from uavmap.photos.ground.projection import Laid
 from uavmap.ui.page.background import Background
 from vision.camera import Camera
+from vision.projection import Projection
 
 STATES: Final[tuple[State, ...]] = tuple(COLOURS)
 """The states of a cell; on a board each is told by its place in here."""
@@ -72,7 +72,7 @@ def marks_of(setting: Setting, frame: KeptFrame, votes: Sequence[Vote]) -> dict[
     """
     optics = setting.mission.camera.optics
     camera = Camera(math.radians(frame.hfov_deg), optics.width_px, optics.height_px)
-    laid = Laid(camera, frame.pose, frame.t_s, setting.grid, setting.ground)
+    laid = Projection(camera, frame.pose, frame.t_s, setting.grid, setting.ground)
     corners = np.array(
         [setting.grid.corners_of(vote.cell) for vote in votes], dtype=np.float64
     ).reshape(-1, 4, 2)

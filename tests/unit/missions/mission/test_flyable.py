@@ -23,7 +23,7 @@ from missions.units import Cell
 from tests.support.small_missions import mission as metres
 from tests.support.small_missions import square
 from tests.unit.missions.mission.test_mission_checks import fault, faults, rectangle, text
-from vision.look import SEEN_SHARE
+from vision.projection import SEEN_SHARE
 
 FAST = settings(max_examples=60, deadline=None)
 

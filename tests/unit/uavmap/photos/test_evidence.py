@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from missions.events import FrameSeen, Vote, Weighed, from_json, to_json
 from missions.mapping.evidence import Evidence, evidence_of
@@ -20,7 +19,7 @@ from tests.unit.uavmap.photos.sources.test_replay_robust import mapped as mapped
 from tests.unit.uavmap.photos.test_replay import paint
 from uavmap.journal.event_log import Journal
 from uavmap.ui.cli import main
-from vision.weighing import weights
+from vision.projection import weights
 
 __all__ = ["good"]  # a fixture
 
@@ -95,11 +94,6 @@ def mapped(photos: Path, good: Path, out: Path) -> Any:
     return mapped_by(photos, good, out, "--refine", "off")
 
 
-def saved_again(path: Path, seed: int, place: tuple[float, float], image: Image.Image) -> None:
-    """The capture of `shot(..., seed, place)`, with the same tags, saved once more."""
-    shot(path, seed, place, image=image)
-
-
 def test_a_capture_that_was_saved_once_more_counts_once(good: Path, tmp_path: Path) -> None:
     photos = tmp_path / "photos"
     shutil.copytree(good, photos)
@@ -107,8 +101,8 @@ def test_a_capture_that_was_saved_once_more_counts_once(good: Path, tmp_path: Pa
     assert code == 0
     image = paint(*PLACES[0], 0.0, seed=0)
     size = (image.width * 3 // 4, image.height * 3 // 4)
-    saved_again(photos / "small.jpg", 0, PLACES[0], image.resize(size))
-    saved_again(photos / "bright.jpg", 0, PLACES[0], image.point(lambda level: level * 9 // 10))
+    shot(photos / "small.jpg", 0, PLACES[0], image=image.resize(size))
+    shot(photos / "bright.jpg", 0, PLACES[0], image=image.point(lambda level: level * 9 // 10))
     shutil.copy(photos / "1.jpg", photos / "a copy.jpg")
     code, rows, summary = mapped(photos, good, tmp_path / "two")
     assert code == 0

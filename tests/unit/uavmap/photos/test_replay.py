@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +25,10 @@ from tests.support.small_missions import CELL_M, START, ring, square
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load
-from uavmap.photos.picture_replay import Options, look_at_all
+from uavmap.photos.picture_replay import look_at_all
 from uavmap.photos.registration.refined_pictures import refined
+from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import gather, open_source
-from uavmap.photos.verdict_spool import Spool
 from uavmap.photos.workers import Threads
 
 REAL = Path(__file__).resolve().parents[4] / "../shared/data/brighton_beach"
@@ -37,22 +38,33 @@ GRID = Grid.at(START, CELL_M)
 ROI = (6.0, 27.0, 5.0, 20.0)
 """West, east, south and north of the painted region, metres true east and north of the start."""
 WIDTH, HEIGHT, FILM_MM, UP_M = 640, 360, 20, 40.0
+# the 35 mm equivalent is by the diagonal; a picture of 16:9 is cut from a sensor of 4:3
+GSD_M = UP_M * math.hypot(36.0, 24.0) / FILM_MM / math.hypot(WIDTH, 0.75 * WIDTH)
 
 
-def paint(east_m: float, north_m: float, yaw_deg: float, seed: int = 4) -> Image.Image:
+def in_roi(east: np.ndarray, north: np.ndarray) -> np.ndarray:
+    west_m, to_east_m, south_m, to_north_m = ROI
+    return (east > west_m) & (east < to_east_m) & (north > south_m) & (north < to_north_m)
+
+
+def paint(
+    east_m: float,
+    north_m: float,
+    yaw_deg: float,
+    seed: int = 4,
+    region: Callable[[np.ndarray, np.ndarray], np.ndarray] = in_roi,
+    levels: tuple[float, float] = (80.0, 200.0),
+) -> Image.Image:
     """What a camera looking straight down sees: dark in the region, bright around it."""
-    # the 35 mm equivalent is by the diagonal; a picture of 16:9 is cut from a sensor of 4:3
-    metres_per_px = UP_M * math.hypot(36.0, 24.0) / FILM_MM / math.hypot(WIDTH, 0.75 * WIDTH)
     rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
-    right = (columns + 0.5 - WIDTH / 2) * metres_per_px
-    ahead = (HEIGHT / 2 - rows - 0.5) * metres_per_px
+    right = (columns + 0.5 - WIDTH / 2) * GSD_M
+    ahead = (HEIGHT / 2 - rows - 0.5) * GSD_M
     yaw = math.radians(yaw_deg)
     east = east_m + right * math.cos(yaw) + ahead * math.sin(yaw)
     north = north_m - right * math.sin(yaw) + ahead * math.cos(yaw)
-    west_m, to_east_m, south_m, to_north_m = ROI
-    inside = (east > west_m) & (east < to_east_m) & (north > south_m) & (north < to_north_m)
+    inside = region(east, north)
     noise = np.random.default_rng(seed).normal(0.0, 5.0, inside.shape)
-    gray = np.clip(np.where(inside, 80, 200) + noise, 0, 255).astype(np.uint8)
+    gray = np.clip(np.where(inside, *levels) + noise, 0, 255).astype(np.uint8)
     return Image.fromarray(gray).convert("RGB")
 
 
@@ -62,19 +74,32 @@ def geotag(east_m: float, north_m: float) -> dict[int, object]:
     return {1: "N", 2: (lat, 0.0, 0.0), 3: "E", 4: (lon, 0.0, 0.0)}
 
 
+def shot(
+    path: Path,
+    seed: int = 0,
+    place: tuple[float, float] = (14.0, 12.0),
+    yaw_deg: float = 0.0,
+    **tags: object,
+) -> Path:
+    """A photograph from 40 m; `tags` change what is written."""
+    known: dict[str, object] = {
+        "gps": geotag(*place),
+        "taken": f"2024:05:01 10:00:{seed % 60:02}",
+        "film_mm": FILM_MM,
+        "xmp": dji(RelativeAltitude=f"{UP_M:+.2f}", GimbalYawDegree=f"{yaw_deg:+.2f}"),
+    }
+    if "image" not in tags:
+        known["image"] = paint(*place, yaw_deg, seed=seed)
+    return write_photo(path, **{**known, **tags})  # type: ignore[arg-type]
+
+
 def painted(folder: Path) -> Path:
     """Four photographs in a row, each with another heading; the last but one looks elsewhere."""
     folder.mkdir()
     places = [(10.0, 10.0, 0.0), (16.0, 14.0, 90.0), (20.0, 8.0, 213.0), (14.0, 16.0, -45.0)]
     for number, (east_m, north_m, yaw_deg) in enumerate(places):
-        write_photo(
-            folder / f"{number}.jpg",
-            gps=geotag(east_m, north_m),
-            taken=f"2024:05:01 10:00:0{number}",
-            film_mm=FILM_MM,
-            xmp=dji(RelativeAltitude=f"{UP_M:+.2f}", GimbalYawDegree=f"{yaw_deg:+.2f}"),
-            image=paint(east_m, north_m, yaw_deg),
-        )
+        image = paint(east_m, north_m, yaw_deg)
+        shot(folder / f"{number}.jpg", number, (east_m, north_m), yaw_deg, image=image)
     return folder
 
 
@@ -99,7 +124,7 @@ def replayed(
         better.write(out)
         gathered = better.gathered
     with Spool() as spool:
-        return look_at_all(gathered, made, spool, Options()).written(journal, out)
+        return look_at_all(gathered, made, spool).written(journal, out)
 
 
 def mapped(
@@ -163,12 +188,7 @@ def test_photographs_of_one_second_count_each(tmp_path: Path) -> None:
     images = tmp_path / "images"
     images.mkdir()
     for number in range(2):
-        write_photo(
-            images / f"{number}.jpg",
-            gps=geotag(16.0, 12.0),
-            xmp=dji(RelativeAltitude="+40.00", GimbalYawDegree="+0.00"),
-            image=paint(16.0, 12.0, 0.0, seed=number),
-        )
+        shot(images / f"{number}.jpg", number, (16.0, 12.0), taken="2024:05:01 10:00:00")
     summary, _ = mapped(images, setting(), tmp_path / "out")
     assert summary["cells_roi"] > 10  # two votes are needed
 
@@ -177,14 +197,7 @@ def row(folder: Path, *images: Image.Image) -> Path:
     """Photographs of one place, a second apart."""
     folder.mkdir()
     for number, image in enumerate(images):
-        write_photo(
-            folder / f"{number}.jpg",
-            gps=geotag(16.0, 12.0),
-            taken=f"2024:05:01 10:00:{number:02}",
-            film_mm=FILM_MM,
-            xmp=dji(RelativeAltitude="+40.00", GimbalYawDegree="+0.00"),
-            image=image,
-        )
+        shot(folder / f"{number}.jpg", number, (16.0, 12.0), image=image)
     return folder
 
 

@@ -21,9 +21,9 @@ from uavmap.output.facts.vote_tally import weighed
 from uavmap.output.formats import geojson_encoder as geojson
 from uavmap.output.formats import kml_encoder as kml
 from uavmap.photos.mission_from_photos import derived
-from uavmap.photos.picture_replay import Looked, Options, look_at_all
+from uavmap.photos.picture_replay import Looked, look_at_all
+from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import gather, open_source
-from uavmap.photos.verdict_spool import Spool
 from uavmap.photos.workers import Threads
 
 SIDE = 100
@@ -45,7 +45,7 @@ def traced() -> Iterator[Callable[[], tuple[int, int]]]:
 def looked_at(folder: Path, spool: Spool) -> Looked:
     gathered = gather(open_source(folder))
     setting = Setting.of(mission_of_text(derived(gathered), "derived"))
-    return look_at_all(gathered, setting, spool, Options(Threads(1)))
+    return look_at_all(gathered, setting, spool, Threads(1))
 
 
 def test_pictures_leave_little_in_memory(tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -18,6 +17,7 @@ from sitl.scenario import Setup
 from sitl.testing import Fleet
 from sitl.world.tags import TagPose
 from sitl.world.world import World, WorldSpec
+from tests.unit.vision.scene import decoded
 from vision.camera import Camera
 from vision.markers.marker_corners import find_tags
 from vision.markers.marker_pose import Carrier, SightingErrors, sight
@@ -30,17 +30,11 @@ ERRORS = SightingErrors(corner_px=0.02)
 BELOW_SIGMA_M, TOLD_TILT = 0.05, math.radians(1.0)
 
 
-def picture(jpeg):
-    decoded = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-    assert decoded is not None
-    return decoded
-
-
 def seen(place, attitude, body, number=2, world=WORLD, seed=0):
     """The picture of a marker at (east, north, up) of the camera."""
     east, north, up = place
     tag = TagPose(number, east, north, 30.1 + up, body)
-    return picture(render(world, SPEC, Shot(0.0, 0.0, 30.0, attitude, 0.0, seed, tags=(tag,))))
+    return decoded(render(world, SPEC, Shot(0.0, 0.0, 30.0, attitude, 0.0, seed, tags=(tag,))))
 
 
 LEVEL, FLAT = SPEC.attitude(0.0, 0.0, 0.0), Quaternion.from_euler(0.0, 0.0, 0.0)
@@ -62,7 +56,7 @@ def test_corners_are_exact_to_hundredths_of_a_pixel():
 
 def test_nothing_is_found_where_nothing_is():
     bare = render(WORLD, SPEC, Shot(0.0, 0.0, 30.0, LEVEL, 0.0, 0))
-    assert find_tags(picture(bare)) == ()
+    assert find_tags(decoded(bare)) == ()
     other = seen((0.0, 0.0, -BELOW_M), LEVEL, FLAT)
     assert find_tags(other, "DICT_6X6_50") == ()
     assert find_tags(np.full((60, 80), 128, np.uint8)) == ()
@@ -73,9 +67,9 @@ def test_nothing_is_found_where_nothing_is():
 def test_a_number_that_is_there_twice_is_nobodys():
     one, other = (TagPose(2, east, 0.0, 24.1, FLAT) for east in (-1.0, 1.0))
     shot = Shot(0.0, 0.0, 30.0, LEVEL, 0.0, 0, tags=(one, other))
-    assert find_tags(picture(render(WORLD, SPEC, shot))) == ()
+    assert find_tags(decoded(render(WORLD, SPEC, shot))) == ()
     shot = replace(shot, tags=(one, replace(other, number=5)))
-    assert [tag.tag_id for tag in find_tags(picture(render(WORLD, SPEC, shot)))] == [2, 5]
+    assert [tag.tag_id for tag in find_tags(decoded(render(WORLD, SPEC, shot)))] == [2, 5]
 
 
 def drawn(rng):
@@ -170,7 +164,7 @@ def test_one_vehicle_sees_another_that_flies_below():
     told = high.expect("CAMERA_IMAGE_CAPTURED", timeout_s=2.0)
     east, north = LocalPlane(high.truth.position).to_plane(low.truth.position)
     up = low.truth.height_m + 0.3 - (high.truth.height_m + 0.1)  # marker over feet, lens over feet
-    (found,) = find_tags(picture(high.image(told.file_url)))
+    (found,) = find_tags(decoded(high.image(told.file_url)))
     sighting = sight(
         found, CAMERA, Quaternion(*told.q), TAG_M,
         Carrier(low.truth.roll_rad, low.truth.pitch_rad, math.radians(0.2)),

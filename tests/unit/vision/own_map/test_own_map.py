@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import cv2
 import numpy as np
 import pytest
 
@@ -13,6 +12,7 @@ from missions.units import LatLon, Pose
 from sitl.camera.pinhole import CameraSpec, Shot
 from sitl.camera.render import render
 from sitl.world.world import World, WorldSpec
+from tests.unit.vision.scene import decoded
 from vision.camera import Camera
 from vision.look import Frame
 from vision.own_map.ground_match import Patch, patch
@@ -28,8 +28,7 @@ ERRORS = ToldErrors(satellites_m=0.3, pointing_m=0.03)
 def taken(east_m: float, north_m: float, t_s: float) -> Patch:
     attitude = SPEC.attitude(0.0, 0.0, 0.0)
     data = render(WORLD, SPEC, Shot(east_m, north_m, 12.0, attitude, t_s, round(10 * t_s)))
-    image = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR), np.uint8)
-    found = patch(Frame(image, Pose(ORIGIN, 12.1, attitude), t_s, CAMERA))
+    found = patch(Frame(decoded(data), Pose(ORIGIN, 12.1, attitude), t_s, CAMERA))
     assert found is not None
     return found
 

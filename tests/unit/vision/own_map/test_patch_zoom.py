@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 
-import cv2
-import numpy as np
 import pytest
 
 from missions.units import LatLon, Pose
 from sitl.camera.pinhole import CameraSpec, Shot
 from sitl.camera.render import render
 from sitl.world.world import World, WorldSpec
+from tests.unit.vision.scene import decoded
 from vision.camera import Camera
 from vision.look import Frame
 from vision.own_map.ground_match import Patch, match, patch
@@ -26,9 +25,8 @@ def taken(east_m: float, north_m: float, height: float = 0.0, heading_rad: float
     """From 12 m, told higher by a share, and turned clockwise."""
     shot = Shot(east_m, north_m, 12.0, SPEC.attitude(0.0, 0.0, 0.0), 0.0, round(7 * north_m))
     data = render(WORLD, SPEC, shot)
-    image = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR), np.uint8)
     told = Pose(LatLon(48.0, 11.0), 12.0 * (1.0 + height), SPEC.attitude(0.0, 0.0, heading_rad))
-    found = patch(Frame(image, told, 0.0, CAMERA), metres_per_pixel=0.2)
+    found = patch(Frame(decoded(data), told, 0.0, CAMERA), metres_per_pixel=0.2)
     assert found is not None
     return found
 

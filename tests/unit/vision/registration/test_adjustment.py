@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.unit.vision.registration.test_relief import relief_of, terrain
 from vision.registration import normal_equations
 from vision.registration.ground_plane import UNKNOWNS, Cameras, moved, tilted_axes, transfer
 from vision.registration.normal_equations import Normal, sigmas
@@ -57,28 +58,29 @@ def test_of_a_large_net_they_are_those_beside_the_views_around(
     assert found[20] == pytest.approx(whole[20], rel=0.3)
 
 
-def test_derivatives_of_a_transfer() -> None:
+@pytest.mark.parametrize("slope", [None, 0.3])
+def test_derivatives_of_a_transfer(slope: float | None) -> None:
     axes = np.array([tilted_axes(0.3, (0.1, -0.05)), tilted_axes(-2.0, (0.02, 0.15))])
-    cameras = Cameras(
-        np.array([[0.0, 0.0, 40.0], [10.0, 5.0, 42.0]]),
-        axes,
-        np.array([500.0, 520.0]),
-        np.array([0, 1]),
-    )
+    centre = np.array([[0.0, 0.0, 40.0], [10.0, 5.0, 42.0]])
+    relief = None if slope is None else relief_of(terrain(slope, 0.0))
+    cameras = Cameras(centre, axes, np.array([500.0, 520.0]), np.array([0, 1]), relief)
     pixels = np.random.default_rng(1).uniform(-200, 200, (5, 2))
     source, target = np.zeros(5, int), np.ones(5, int)
     there = transfer(cameras, source, target, pixels)
-    small, none = 1e-5, np.zeros(2)
+    small = 1e-5 if slope is None else 1e-4
+
+    def slopes(step: np.ndarray, focal: np.ndarray) -> np.ndarray:
+        ahead, behind = (
+            transfer(moved(cameras, way * step, way * focal), source, target, pixels).pixels
+            for way in (small, -small)
+        )
+        within = {"abs": 1e-5} if slope is None else {"rel": 2e-3, "abs": 0.05}
+        return pytest.approx((ahead - behind) / (2 * small), **within)
+
     for view, by_view in ((0, there.by_source), (1, there.by_target)):
         for k in range(UNKNOWNS):
             step = np.zeros((2, UNKNOWNS))
-            step[view, k] = small
-            ahead = transfer(moved(cameras, step, none), source, target, pixels).pixels
-            behind = transfer(moved(cameras, -step, none), source, target, pixels).pixels
-            assert by_view[:, :, k] == pytest.approx((ahead - behind) / (2 * small), abs=1e-5)
+            step[view, k] = 1.0
+            assert by_view[:, :, k] == slopes(step, np.zeros(2))
     for group, by_focal in ((0, there.by_source_focal), (1, there.by_target_focal)):
-        focal, still = np.zeros(2), np.zeros((2, UNKNOWNS))
-        focal[group] = small
-        ahead = transfer(moved(cameras, still, focal), source, target, pixels).pixels
-        behind = transfer(moved(cameras, still, -focal), source, target, pixels).pixels
-        assert by_focal == pytest.approx((ahead - behind) / (2 * small), abs=1e-5)
+        assert by_focal == slopes(np.zeros((2, UNKNOWNS)), np.eye(2)[group])

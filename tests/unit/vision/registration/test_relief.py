@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,17 +13,12 @@ from missions.geo.geodesy import LocalPlane
 from missions.geo.terrain import Terrain
 from missions.units import GridPoint
 from tests.unit.vision.flights import CAMERA, GRID, Shot, made_up, passes
-from uavmap.photos.registration.refinement import Refinement, Tags
-from vision.registration import Prior, Relief, View, register
-from vision.registration.ground_plane import (
-    UNKNOWNS,
-    Cameras,
-    moved,
-    tilted_axes,
-    to_ground,
-    to_pixels,
-    transfer,
-)
+from uavmap.photos.registration.refinement import Taken, refine
+from uavmap.photos.sources.photo_file import FileContent
+from uavmap.photos.sources.picture_record import Measured, Picture
+from vision.registration.ground_plane import Cameras, Relief, tilted_axes, to_ground, to_pixels
+from vision.registration.registering import register
+from vision.registration.views import View
 
 SIDE_M, STEP_M = 60.0, 2.0
 PLANE = LocalPlane(GRID.position(GridPoint(0.0, 0.0)))
@@ -66,35 +62,6 @@ def test_a_ray_meets_the_ground_where_it_is() -> None:
     assert to_pixels(cameras, views, places) == pytest.approx(pixels, abs=0.01)
 
 
-def test_derivatives_of_a_transfer_over_a_slope() -> None:
-    cameras = Cameras(
-        np.array([[0.0, 0.0, 20.0], [5.0, 3.0, 21.0]]),
-        np.array([tilted_axes(0.3, (0.1, -0.05)), tilted_axes(-2.0, (0.02, 0.15))]),
-        np.array([300.0, 310.0]),
-        np.array([0, 1]),
-        relief_of(terrain(0.3, 0.0)),
-    )
-    pixels = np.random.default_rng(1).uniform(-100, 100, (5, 2))
-    source, target = np.zeros(5, int), np.ones(5, int)
-    there = transfer(cameras, source, target, pixels)
-    small, still = 1e-4, np.zeros((2, UNKNOWNS))
-    for view, by_view in ((0, there.by_source), (1, there.by_target)):
-        for k in range(UNKNOWNS):
-            step = still.copy()
-            step[view, k] = small
-            ahead = transfer(moved(cameras, step, np.zeros(2)), source, target, pixels).pixels
-            behind = transfer(moved(cameras, -step, np.zeros(2)), source, target, pixels).pixels
-            assert by_view[:, :, k] == pytest.approx(
-                (ahead - behind) / (2 * small), rel=2e-3, abs=0.05
-            )
-    focal = np.array([small, 0.0])
-    ahead = transfer(moved(cameras, still, focal), source, target, pixels).pixels
-    behind = transfer(moved(cameras, still, -focal), source, target, pixels).pixels
-    assert there.by_source_focal == pytest.approx(
-        (ahead - behind) / (2 * small), rel=2e-3, abs=0.05
-    )
-
-
 def test_pictures_over_hills_agree_on_them() -> None:
     """Positions alone, 0.6 m off; on a plane the same pictures agree less or not at all."""
     ground = relief_of(terrain(0.1, 1.0))
@@ -120,15 +87,15 @@ def test_poses_over_a_slope_come_back_above_the_start() -> None:
     relief = relief_of(ground)
     shots = flown(relief, 3)
     views = made_up(shots, 4, relief=relief)
-    refinement = Refinement(grid=GRID, terrain=ground)
+    taken = []
     for view, shot in zip(views, shots, strict=True):
-        place = PLANE.to_wgs84(view.east_m, view.north_m)
-        told = Prior(shot.height_m, 0.5)
-        refinement.tags.append(
-            Tags(view.name, place, CAMERA.hfov_rad, "one", 1.0, 0.03, (told.value, told.sigma))
-        )
-        refinement.features.append(view.features)
-    _, found = refinement.run()
+        picture = Picture(
+            view.name, FileContent(Path("none"), 0), CAMERA.width_px, CAMERA.height_px,
+            position=PLANE.to_wgs84(view.east_m, view.north_m), position_sigma_m=1.0,
+            height_m=Measured(shot.height_m, 0.5),
+        )  # fmt: skip
+        taken.append(Taken(picture, view.features, CAMERA.hfov_rad, 0.03))
+    _, found = refine(taken, (GRID, ground))
     assert len(found) == len(shots)
     off = []
     for view, shot in zip(views, shots, strict=True):

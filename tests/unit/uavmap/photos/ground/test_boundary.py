@@ -12,6 +12,7 @@ import resource
 import sqlite3
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +23,8 @@ from PIL import Image
 from shapely.geometry.base import BaseGeometry
 
 from missions.units import LatLon
-from tests.support.photographs import dji, write_photo
 from tests.support.small_missions import START, ring, square
-from tests.unit.uavmap.photos.test_replay import FILM_MM, GRID, HEIGHT, UP_M, WIDTH, geotag
+from tests.unit.uavmap.photos.test_replay import GRID, GSD_M, HEIGHT, UP_M, WIDTH, paint, shot
 from uavmap.output.facts.boundary_summary import FILE
 from uavmap.photos.ground import geotiff, rasters
 from uavmap.ui.cli import main
@@ -35,21 +35,6 @@ TRUTH = shapely.Polygon(
 )
 """Metres true east and north of the start."""
 PLACES = ((8.0, 8.0, 0.0), (16.0, 14.0, 90.0), (24.0, 8.0, 213.0), (14.0, 18.0, -45.0))
-GSD_M = UP_M * math.hypot(36.0, 24.0) / FILM_MM / math.hypot(WIDTH, 0.75 * WIDTH)
-
-
-def photograph(east_m: float, north_m: float, yaw_deg: float, light: float) -> Image.Image:
-    """What a camera sees that looks straight down: a dark region on bright ground."""
-    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH]
-    right = (columns + 0.5 - WIDTH / 2) * GSD_M
-    ahead = (HEIGHT / 2 - rows - 0.5) * GSD_M
-    yaw = math.radians(yaw_deg)
-    east = east_m + right * math.cos(yaw) + ahead * math.sin(yaw)
-    north = north_m - right * math.sin(yaw) + ahead * math.cos(yaw)
-    inside = shapely.contains_xy(TRUTH, east, north)
-    noise = np.random.default_rng(int(yaw_deg) % 97).normal(0.0, 5.0, inside.shape)
-    gray = np.clip(np.where(inside, 60, 220) * light + noise, 0, 255).astype(np.uint8)
-    return Image.fromarray(gray).convert("RGB")
 
 
 @pytest.fixture(scope="module")
@@ -58,14 +43,13 @@ def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("field")
     (folder / "photos").mkdir()
     for number, (east_m, north_m, yaw_deg) in enumerate(PLACES):
-        write_photo(
-            folder / "photos" / f"{number}.jpg",
-            gps=geotag(east_m, north_m),
-            taken=f"2024:05:01 10:00:0{number}",
-            film_mm=FILM_MM,
-            xmp=dji(RelativeAltitude=f"{UP_M:+.2f}", GimbalYawDegree=f"{yaw_deg:+.2f}"),
-            image=photograph(east_m, north_m, yaw_deg, 0.7 if number % 2 else 1.0),
-        )
+        light = 0.7 if number % 2 else 1.0
+        image = paint(
+            east_m, north_m, yaw_deg, int(yaw_deg) % 97, partial(shapely.contains_xy, TRUTH),
+            (60.0 * light, 220.0 * light),
+        )  # fmt: skip
+        path = folder / "photos" / f"{number}.jpg"
+        shot(path, number, (east_m, north_m), yaw_deg, image=image)
     (folder / "field.toml").write_text(
         f"""
         start.position = [{START.lat_deg}, {START.lon_deg}]
@@ -186,15 +170,6 @@ def test_the_map_shows_the_ground(results: Path, field: Path, tmp_path: Path) ->
     image = np.asarray(Image.open(results / "map.png").convert("RGB")).astype(int)
     bare = np.abs(image - image.mean(axis=2, keepdims=True)).max(axis=2) < 3
     assert len(np.unique(image[bare])) > 60  # the noise of the photographs
-
-
-def test_any_number_of_workers_gives_the_same_bytes(
-    results: Path, field: Path, tmp_path: Path
-) -> None:
-    assert replayed(field, tmp_path / "one", "--workers", "1", "--no-ortho") == 0
-    for name in (FILE, rasters.PROBABILITY, "map.png"):
-        assert (tmp_path / "one" / name).read_bytes() == (results / name).read_bytes()
-    assert not (tmp_path / "one" / rasters.ORTHO).exists()
 
 
 def test_a_replay_leaves_a_report_and_a_geopackage_with_its_boundary(

@@ -70,6 +70,7 @@ def test_two_sites_take_the_room_of_what_they_show(
     for seed, east_m in enumerate((0.0, 6.0, 700.0, 706.0)):
         shot(folder / f"{seed}.jpg", seed, (east_m, east_m))
     assert replayed(folder, tmp_path / "map", "--no-ortho") == 0
+    assert not (tmp_path / "map" / rasters.ORTHO).exists()
     path = tmp_path / "map" / rasters.PROBABILITY
     with rasterio.open(path) as file:
         assert min(file.shape) > 6_000  # at 0.11 m

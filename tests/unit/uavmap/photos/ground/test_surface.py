@@ -14,7 +14,7 @@ def filled() -> Surface:
     found = Surface(Raster(0.0, 0.0, 0.1, 60, 50))
     levels = np.random.default_rng(1).integers(0, 256, (50, 60), np.uint8)
     levels[:32, 32:] = UNSEEN
-    for block in found.raster.blocks(32):
+    for block in found.raster.whole.blocks(32):
         found.put(block, levels[block.within(Window(0, 0, 50, 60))])
     return found
 

@@ -7,8 +7,8 @@ import pytest
 
 from missions.errors import OutputError
 from uavmap.photos import scratch_file
-from uavmap.photos.registration.feature_file import FeatureFile
-from vision.registration import Features
+from uavmap.photos.scratch_file import FeatureFile
+from vision.registration.views import Features
 
 
 def test_features_come_back_as_they_were() -> None:

@@ -7,7 +7,6 @@ import math
 import re
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -16,6 +15,7 @@ from missions.errors import ImageError
 from missions.geo.grid import Grid
 from missions.units import Quaternion
 from tests.support.photographs import DJI, dji, write_photo
+from tests.unit.vision.scene import upside_down
 from uavmap.base.image_files import read_image
 from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import decoded
@@ -23,7 +23,6 @@ from uavmap.photos.sources.picture_record import Picture, Refused
 from uavmap.photos.sources.tag_validation import Placed, credible
 from vision.camera import Camera, rotation
 from vision.look import Frame
-from vision.upright import upside_down
 
 
 def tagged(path: Path) -> tuple[Picture, ...]:
@@ -202,7 +201,7 @@ def test_real_tags() -> None:
 
 
 @needs_real
-def test_real_photographs_agree_on_the_ground_once_upright() -> None:
+def test_real_photographs_upside_down_are_found() -> None:
     """Those of the second leg are stored upside down, which their tags do not say."""
     photos = [p for p in placed(REAL) if p.picture.name[-6:-4] in ("24", "25", "33", "34")]
     grid = Grid.at(photos[0].pose.position, 4.0)
@@ -214,31 +213,3 @@ def test_real_photographs_agree_on_the_ground_once_upright() -> None:
         frames.append(Frame(image, photo.pose, 0.0, Camera(lens.hfov_rad, columns, rows)))
     turned = upside_down(frames, grid)
     assert turned == (True, True, False, False)
-    upright = [
-        Frame(np.ascontiguousarray(f.image[::-1, ::-1]), f.pose, f.t_s, f.camera) if t else f
-        for f, t in zip(frames, turned, strict=True)
-    ]
-    assert ground_offset_m(upright[0], upright[3], grid) < 3.0
-    assert ground_offset_m(upright[1], upright[2], grid) < 3.0
-
-
-def ground_offset_m(first: Frame, second: Frame, grid: Grid) -> float:
-    """How far the second must be moved over ground to match 16 m by 16 m of the first."""
-    places = [grid.fixed(f.pose.position) for f in (first, second)]
-    middle = [(a + b) / 2 for a, b in zip(*places, strict=True)]
-
-    def ground(frame: Frame, half_m: float) -> np.ndarray:
-        """North up, five pixels a metre."""
-        size = round(10 * half_m)
-        to_ground = np.array(
-            [[0.2, 0, middle[0] - half_m], [0, -0.2, middle[1] + half_m], [0, 0, 1.0]]
-        )
-        matrix = frame.camera.homography(frame.pose, grid, frame.t_s) @ to_ground
-        gray = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
-        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        return cv2.warpPerspective(gray, matrix, (size, size), flags=flags)
-
-    found = cv2.matchTemplate(ground(second, 14.0), ground(first, 8.0), cv2.TM_CCOEFF_NORMED)
-    row, column = np.unravel_index(np.argmax(found), found.shape)
-    assert found[row, column] > 0.6
-    return math.hypot(row - 30, column - 30) / 5.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import struct
 import threading
 from collections.abc import Callable
@@ -27,9 +28,8 @@ from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.photo_tags import tags_of
 from uavmap.photos.sources.picture_record import Picture, Refused
-from uavmap.photos.sources.srt import parse_srt
 from uavmap.photos.sources.tag_validation import Placed, credible
-from uavmap.photos.sources.tlog_track import read_tlog
+from uavmap.photos.sources.video_telemetry import parse_srt, read_tlog
 from uavmap.ui.cli import main
 
 LOG = Path(__file__).resolve().parents[5] / "../shared/data/arducopter/flight-4.6.tlog"
@@ -124,9 +124,8 @@ def test_a_video_is_read_with_its_captions(tmp_path: Path) -> None:
     placed = [entry for entry in credible(pictures) if isinstance(entry, Placed)]
     assert [entry.pose.position.lat_deg for entry in placed] == [46.8, 46.801, 46.802, 46.803]
     assert placed[0].pose.height_m == 40.1
-    yaw, lens = pictures[0].yaw_deg, pictures[0].lens
-    assert yaw is not None
-    assert yaw.value == 345.0
+    lens = pictures[0].lens
+    assert pictures[0].yaw_deg == (345.0, 5.0)
     assert lens is not None
     assert lens.hfov_deg == pytest.approx(71.6, abs=0.1)
     for captions in ("", "no captions", "999999999999:00:00,0 --> "):
@@ -155,20 +154,11 @@ def test_a_video_is_read_with_a_telemetry_log(tmp_path: Path) -> None:
     with pytest.raises(ImageError, match="--video-start"):
         open_source(path)
     pictures = gather(open_source(path, start_s)).pictures
-    places = [picture.position for picture in pictures]
-    assert [round(place.lat_deg, 4) for place in places if place] == [
-        46.8,
-        46.8001,
-        46.8002,
-        46.8003,
-    ]
+    places = [picture.position.lat_deg for picture in pictures if picture.position]
+    assert places == pytest.approx([46.8, 46.8001, 46.8002, 46.8003], abs=1e-6)
     first = pictures[0]
-    assert first.height_m is not None
-    assert first.height_m.value == 40.0
-    assert first.pitch_deg is not None
-    assert first.pitch_deg.value == -88.0
-    assert first.yaw_deg is not None
-    assert first.yaw_deg.value == pytest.approx(0.0)  # the mount's own, told as absolute
+    assert (first.height_m, first.pitch_deg) == ((40.0, 2.0), (-88.0, 1.0))
+    assert first.yaw_deg == pytest.approx((0.0, 5.0))  # the mount's own, told as absolute
     late = open_source(path, start_s - 3600.0).pictures()
     assert all(isinstance(found, Refused) and "no telemetry" in found.reason for found in late)
 
@@ -240,23 +230,21 @@ def frame_at(t_s: float) -> KeptFrame:
 
 
 @pytest.mark.parametrize("aside", [False, True])
-def test_each_picture_is_kept_once(aside: bool, tmp_path: Path) -> None:
+def test_each_picture_is_kept_once_and_a_refusal_is_told_once(aside: bool, tmp_path: Path) -> None:
     said: list[str] = []
-    for _ in range(2):  # a flight, and the same one gone on with
+
+    def keep() -> None:
         with FrameKeeper(tmp_path, said.append, aside=aside) as keeper:
             for t_s in (1.0, 2.0):
                 keeper.keep(frame_at(t_s), b"a picture")
+
+    keep()
+    keep()  # the same flight, gone on with
     assert [f.t_s for f in read_kept(tmp_path) if isinstance(f, KeptFrame)] == [1.0, 2.0]
     assert said == []
-
-
-@pytest.mark.parametrize("aside", [False, True])
-def test_what_the_disk_refuses_is_told_once(aside: bool, tmp_path: Path) -> None:
+    shutil.rmtree(tmp_path / "frames")
     (tmp_path / "frames").write_text("in the way")
-    said: list[str] = []
-    with FrameKeeper(tmp_path, said.append, aside=aside) as keeper:
-        for t_s in (1.0, 2.0):
-            keeper.keep(frame_at(t_s), b"a picture")
+    keep()
     assert len(said) == 1
     assert said[0].startswith(f"pictures are kept no longer: {tmp_path / 'frames'}")
 
@@ -293,14 +281,10 @@ def test_geo_txt_places_pictures_without_tags(tmp_path: Path) -> None:
     first, second = (p for p in source.pictures() if isinstance(p, Picture))
     assert first.position == LatLon(46.5, 7.25)
     assert first.position_sigma_m == 0.5
-    assert (first.amsl_m, first.yaw_deg, first.pitch_deg) == (
-        (440.0, 0.8),
-        (30.0, 5.0),
-        (-88.0, 5.0),
-    )
+    told = (first.amsl_m, first.yaw_deg, first.pitch_deg)
+    assert told == ((440.0, 0.8), (30.0, 5.0), (-88.0, 5.0))
     assert second.position == LatLon(46.5, 7.26)
-    assert second.yaw_deg is not None
-    assert second.yaw_deg.value == 0.0  # of the tags
+    assert second.yaw_deg == (0.0, 5.0)  # of the tags
     assert source.left_out() == (
         "1 lines of geo.txt are no positions (line 5)",
         "1 lines of geo.txt name no picture of the folder",

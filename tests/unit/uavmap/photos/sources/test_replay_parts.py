@@ -7,22 +7,18 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from PIL import Image
 
-from missions.events import Vote, from_json, to_json
+from missions.events import Vote
 from missions.mapping.belief import Belief, FrameId
 from missions.units import Cell
 from tests.benchmarks.photos.replay import mutations, peak_mb, survives
-from tests.support.journals import META
 from tests.unit.uavmap.photos.sources.test_replay_robust import shot
 from tests.unit.vision.test_over_terrain import CAMERA, GRID, pose, terrain
-from uavmap.journal.event_log import Journal
 from uavmap.output.drawing.scale import step_near
 from uavmap.output.facts.vote_tally import Votes
-from uavmap.photos.ground.projection import Laid
-from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.workers import in_order
+from vision.projection import Projection
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -89,17 +85,6 @@ def test_what_a_worker_raises_is_raised() -> None:
         list(in_order(work, range(9), workers=2))
 
 
-def test_pictures_come_in_the_order_in_which_they_were_taken(tmp_path: Path) -> None:
-    shot(tmp_path / "b.jpg", 1)
-    shot(tmp_path / "a.jpg", 2)
-    shot(tmp_path / "c.jpg", 3, taken=None)
-    (tmp_path / "d.jpg").write_bytes((tmp_path / "b.jpg").read_bytes())
-    gathered = gather(open_source(tmp_path))
-    assert [picture.name for picture in gathered.pictures] == ["b.jpg", "a.jpg", "c.jpg"]
-    assert [refused.name for refused in gathered.refused] == ["d.jpg"]
-    assert gathered.copies == 1
-
-
 def test_a_thermal_picture_is_spread_over_its_levels() -> None:
     thermal = np.linspace(7000, 7400, 4000).astype(np.uint16).reshape(40, 100)
     levels = eight_bits(thermal)
@@ -114,49 +99,18 @@ def test_cells_are_round_numbers() -> None:
     assert [step_near(m) for m in (0.011, 0.3, 1.4, 1.5, 7.5)] == [0.01, 0.2, 1.0, 2.0, 10.0]
 
 
-def test_events_are_written_all_at_once_or_not_at_all(tmp_path: Path) -> None:
-    from missions.events import Airborne  # noqa: PLC0415
-
-    events = [Airborne(1, float(n)) for n in range(5)]
-
-    def broken():
-        yield events[0]
-        raise OSError("the disk is gone")
-
-    with Journal.create(tmp_path / "j.db", META) as journal:
-        journal.append(events[0])
-        with pytest.raises(OSError, match="gone"):
-            journal.append_all(broken())
-        assert len(journal) == 1
-        journal.append_all(events[1:])
-        journal.append(events[0])
-    with Journal.open(tmp_path / "j.db") as journal:  # verifies every checksum
-        assert journal.bodies() == [to_json(e) for e in (*events, events[0])]
-        assert [from_json(body) for body in journal.bodies()][:5] == events
-
-
-def test_gray_and_cmyk_photographs_are_read(tmp_path: Path) -> None:
-    for mode in ("L", "CMYK", "RGB"):
-        image = Image.effect_noise((200, 100), 40.0).convert(mode)
-        image.save(tmp_path / f"{mode}.jpg")
-    shapes = {
-        picture.name: picture.decode(50).shape for picture in gather(open_source(tmp_path)).pictures
-    }
-    assert shapes == {"CMYK.jpg": (25, 50, 3), "L.jpg": (25, 50), "RGB.jpg": (25, 50, 3)}
-
-
 @pytest.mark.parametrize("view", ["all", "cross"])
 def test_a_picture_over_level_ground_is_judged_as_over_a_plane(view: str) -> None:
     """And over a slope each cell is where its own height puts it, as `look` has it."""
     ground, at = GRID, pose(4.0, 6.0, height_m=40.0)
     mask = np.zeros((240, 320), np.uint8)
     mask[:, 150:] = 255
-    plane = Laid(CAMERA, at, 0.0, ground, None)
-    level = Laid(CAMERA, at, 0.0, ground, terrain(0.0))
+    plane = Projection(CAMERA, at, 0.0, ground, None)
+    level = Projection(CAMERA, at, 0.0, ground, terrain(0.0))
     cells = plane.cells(view, 0.0)  # type: ignore[arg-type]
     assert len(cells) >= 5
     assert (level.cells(view, 0.0) == cells).all()  # type: ignore[arg-type]
     assert level.shares(mask, cells) == pytest.approx(plane.shares(mask, cells), abs=0.1)
-    steep = Laid(CAMERA, at, 0.0, ground, terrain(30.0))
+    steep = Projection(CAMERA, at, 0.0, ground, terrain(30.0))
     there = steep.cells(view, 0.5)  # type: ignore[arg-type]
     assert np.abs(steep.shares(mask, there)).max() <= 1.0

@@ -16,11 +16,12 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from tests.support.photographs import dji, write_photo
+from tests.support.photographs import dji
 from tests.support.small_missions import START, ring, square
 from tests.unit.uavmap.base.test_pictures import png
-from tests.unit.uavmap.photos.test_replay import FILM_MM, GRID, HEIGHT, WIDTH, geotag, paint
+from tests.unit.uavmap.photos.test_replay import GRID, HEIGHT, WIDTH, geotag, paint, shot
 from uavmap.load.mission_source import mission_of_text
+from uavmap.output.facts.boundary_summary import FILE as BOUNDARY
 from uavmap.photos import scratch_file
 from uavmap.photos.mission_from_photos import derived
 from uavmap.photos.registration import refined_pictures
@@ -41,20 +42,6 @@ detector = {{intensity = 140, dilations = 0, share = 0.5, view = "all"}}
 votes = {{frames = 3, positive = 2}}
 """
 PLACES = ((10.0, 10.0), (16.0, 14.0), (14.0, 16.0))
-
-
-def shot(
-    path: Path, seed: int = 0, place: tuple[float, float] = (14.0, 12.0), **tags: object
-) -> Path:
-    """A photograph from 40 m, its upper edge in the north; `tags` change what is written."""
-    known: dict[str, object] = {
-        "gps": geotag(*place),
-        "taken": f"2024:05:01 10:00:{seed % 60:02}",
-        "film_mm": FILM_MM,
-        "xmp": dji(RelativeAltitude="+40.00", GimbalYawDegree="+0.00"),
-        "image": paint(*place, 0.0, seed=seed),
-    }
-    return write_photo(path, **{**known, **tags})  # type: ignore[arg-type]
 
 
 def xmp(**changes: str) -> bytes:
@@ -333,20 +320,13 @@ def test_what_was_taken_far_from_the_start_is_judged_as_well(good: Path, tmp_pat
     assert summary["photographs_judged"] == 3
 
 
-def test_an_angle_of_view_that_nobody_tells_is_called_a_guess(good: Path, tmp_path: Path) -> None:
-    photos = tmp_path / "photos"
-    photos.mkdir()
-    for seed in range(3):
-        shot(photos / f"{seed}.jpg", seed, film_mm=None)
-    assert main(["replay", str(photos), "--out", str(tmp_path / "out")]) == 0
-    assert "a guess" in (tmp_path / "out" / "mission.toml").read_text("utf-8")
-
-
-def test_the_angle_of_view_says_where_it_comes_from(good: Path) -> None:
+def test_the_angle_of_view_says_where_it_comes_from(good: Path, tmp_path: Path) -> None:
     text = derived(gather(Folder(good)))
     assert "from EXIF FocalLengthIn35mmFilm of 3 of 3 pictures" in text
     lens = Lens.pinhole(1.2, WIDTH, HEIGHT)
     assert "# from the calibration" in derived(gather(Folder(good)), lens)
+    shot(tmp_path / "0.jpg", film_mm=None)
+    assert "a guess" in derived(gather(Folder(tmp_path)))
 
 
 def test_any_number_of_workers_gives_the_same_bytes(
@@ -360,7 +340,7 @@ def test_any_number_of_workers_gives_the_same_bytes(
         out = tmp_path / workers
         arguments = ["--mission", str(good / "m.toml"), "--out", str(out), "--workers", workers]
         assert main(["replay", str(photos), *arguments]) == 0
-        names = ("map.geojson", "map.kml", "map.png", "summary.json", "pictures.csv")
+        names = ("map.geojson", "map.kml", "map.png", "summary.json", "pictures.csv", BOUNDARY)
         made.append([(out / name).read_bytes() for name in names])
     assert made[0] == made[1]
 

@@ -1,0 +1,313 @@
+"""A picture laid on the ground: which cells it shows, and how much of each is ROI.
+
+The camera's homography resamples a detector's marks onto the grid, which takes out yaw, meridian
+convergence, tilt and height in one step. Then the pixels of each cell are counted.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import cv2
+import numpy as np
+from cv2.typing import MatLike
+from numpy.typing import NDArray
+
+from missions.geo.footprint import TOUCH_M
+from missions.geo.grid import Grid
+from missions.geo.terrain import Terrain
+from missions.units import Cell, Pose
+from vision.camera import Camera, edges, project
+from vision.detectors.interface import Marks
+
+SEEN_SHARE: Final = 0.9
+"""Least part of a cell inside the picture for a verdict."""
+
+OBLIQUE_LIMIT: Final = 3.0
+"""Farthest cell from below the camera that gets a verdict under the view "all", in heights: beyond,
+the line of sight is below 18 degrees, where a metre of height is three metres of ground."""
+
+ENOUGH_PX: Final = 64.0
+"""Pixels of a cell that weighs half of a perfectly resolved one."""
+HALF_SEEN: Final = 0.5
+"""Least part of a cell in a picture for a vote."""
+
+_SAMPLES: Final = 48  # a cell's side in samples: a share is good to about a hundredth
+_SAMPLES_A_PIXEL: Final = 0.8  # of 25 px some 400 samples: a share is good to a hundredth
+_TERRAIN_SAMPLES: Final = 32  # the same over a terrain: a share is good to some hundredths
+_BLOCK_SAMPLES: Final = 3072  # the most samples along a side of what is resampled at once
+_OUTSIDE: Final = 127  # marks samples past the picture's edge; a mask holds only 0 and 255
+_PACKED: Final = 64  # more than the samples along a cell's side
+_MARKS: Final = np.zeros(256, np.uint8)
+_MARKS[255], _MARKS[_OUTSIDE] = 1, _PACKED
+_CORNERS: Final = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+
+Floats = NDArray[np.float64]
+Cells = NDArray[np.intp]
+"""Columns and rows of cells, shape (n, 2)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Projection:
+    """A picture on flat ground, or over a terrain; `pose.height_m` is above the ground below.
+
+    Over a terrain a cell's corners are projected with the height of the ground at each; between
+    them a cell is a plane. So slopes and rises do not move what is seen. Hidden ground is not
+    detected: near the nadir nothing is hidden that is flatter than the rays are steep.
+    """
+
+    camera: Camera
+    pose: Pose
+    t_s: float
+    grid: Grid
+    terrain: Terrain | None
+
+    def cells(
+        self,
+        view: Literal["cross", "all"],
+        margin_m: float,
+        vantage: Cell | None = None,
+        *,
+        partly: bool = False,
+    ) -> Cells:
+        """Return the cells that the picture is asked for; see `vision.look.look`.
+
+        `partly`: under the view "all" also those that reach up to half a cell over its rim.
+        """
+        if self.pose.height_m <= 0.0:
+            return np.empty((0, 2), np.intp)  # from the ground nothing of the ground is seen
+        below = self.grid.cell_at(self.pose.position, self.t_s)
+        if view == "cross":
+            cross = (vantage or below).cross()
+            _, depth = self.project(np.array([self.grid.corners_of(cell) for cell in cross]))
+            return np.array(cross, np.intp)[(depth > 0.0).all(axis=1)]
+        if partly:
+            margin_m -= self.grid.cell_m / 2.0
+        return self._on_plane(margin_m) if self.terrain is None else self._on_terrain(margin_m)
+
+    def shares(self, marks: Marks, cells: Cells, *, finely: bool = False) -> Floats:
+        """Return the part of each cell that is marked; -1 for one that is not in the picture.
+
+        `finely`: sample cells at the full rate, whatever their pixels.
+        """
+        shares, seen = self._seen(marks, cells, finely=finely)
+        return np.where(seen >= SEEN_SHARE, shares, -1.0)
+
+    def weighed(self, marks: Marks, cells: Cells) -> tuple[Floats, Floats]:
+        """Return the part of each cell that is marked, and its weight (`weights`).
+
+        -1 for a cell of which not half is in the picture.
+        """
+        _, seen = found = self._seen(marks, cells)
+        middle = cells * self.grid.cell_m
+        corners = middle[:, None] + _CORNERS * self.grid.cell_m
+        below = self.grid.to_moving(self.grid.fixed(self.pose.position), self.t_s)
+        away_m = np.hypot(middle[:, 0] - below.east_m, middle[:, 1] - below.north_m)
+        heavy = weights(seen, self.project(corners)[0], away_m / self.pose.height_m)
+        return _weighty(*found, heavy), heavy
+
+    def shares_of(self, marks: Marks, cells: Cells, heavy: Floats) -> Floats:
+        """Return the shares of other marks on the same picture, whose weights are known."""
+        return _weighty(*self._seen(marks, cells), heavy)
+
+    def project(self, points: Floats) -> tuple[Floats, Floats]:
+        """Return pixels (..., 2), NaN behind the camera, and depths (...) of ground points."""
+        matrix = self.camera.homography(self.pose, self.grid, self.t_s)
+        if self.terrain is None:
+            return project(matrix, points)
+        # the rise of the ground over that below the camera has a column of its own
+        rows = np.column_stack([matrix, -self.camera.pixels_of_ned(self.pose)[:, 2]])
+        below_m = self.terrain.height_m(self.grid.fixed(self.pose.position))
+        east, north = points[..., 0], points[..., 1]
+        drift_east_m = self.grid.drift_east_m_s * self.t_s
+        drift_north_m = self.grid.drift_north_m_s * self.t_s
+        rise = self.terrain.at(east + drift_east_m, north + drift_north_m) - below_m
+        homogeneous = np.stack([east, north, np.ones_like(east), rise], axis=-1) @ rows.T
+        depth = homogeneous[..., 2]
+        in_front = np.where(depth > 0.0, depth, np.nan)
+        return homogeneous[..., :2] / in_front[..., None], depth
+
+    def pixels(self, points: Floats) -> Floats:
+        """Return pixels of ground points in the grid's moving frame; NaN behind the camera."""
+        return self.project(points)[0]
+
+    def _seen(self, marks: Marks, cells: Cells, *, finely: bool = False) -> tuple[Floats, Floats]:
+        """Return of each cell the part of what is seen that is ROI, and the part that is seen."""
+        if self.terrain is not None:
+            return self._seen_cell_by_cell(marks, cells)
+        matrix = self.camera.homography(self.pose, self.grid, self.t_s)
+        cell_px = self.camera.pixels_per_cell(self.pose.height_m, self.grid.cell_m)
+        samples = _SAMPLES if finely else math.ceil(_SAMPLES_A_PIXEL * cell_px)
+        return _seen_shares(marks, matrix, self.grid, cells, samples)
+
+    def _seen_cell_by_cell(self, marks: Marks, cells: Cells) -> tuple[Floats, Floats]:
+        """Return the same over a terrain, of cells in front of the camera."""
+        corners = np.array([self.grid.corners_of(Cell(*cell)) for cell in cells.tolist()])
+        square = ((_CORNERS + 0.5) * _TERRAIN_SAMPLES - 0.5).astype(np.float32)
+        shares, parts = np.zeros(len(cells)), np.zeros(len(cells))
+        for number, quad in enumerate(self.project(corners)[0].astype(np.float32)):
+            part = cv2.warpPerspective(
+                marks,
+                cv2.getPerspectiveTransform(square, quad),
+                (_TERRAIN_SAMPLES, _TERRAIN_SAMPLES),
+                flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
+                borderMode=cv2.BORDER_CONSTANT,
+                borderValue=(_OUTSIDE,),
+            )
+            inside = part != _OUTSIDE
+            seen = int(np.count_nonzero(inside))
+            if marks.dtype == np.uint8:
+                roi = float(np.count_nonzero(part == 255))
+            else:
+                roi = float(part.sum(where=inside, dtype=np.float64))
+            shares[number] = roi / max(seen, 1)
+            parts[number] = seen / _TERRAIN_SAMPLES**2
+        return shares, parts
+
+    def _on_plane(self, margin_m: float) -> Cells:
+        """Return the cells, sorted, at least `margin_m` inside the rim."""
+        matrix = self.camera.homography(self.pose, self.grid, self.t_s)
+        low, high = self._window(matrix)
+        normals, offsets = edges(self.camera, matrix)
+        least_m = (_lattice(low, high) * self.grid.cell_m @ normals.T + offsets).min(axis=-1)
+        return _whole(least_m >= margin_m - TOUCH_M) + low
+
+    def _on_terrain(self, margin_m: float) -> Cells:
+        """Return the same over a terrain, with the margin at the depth of each corner."""
+        low, high = self._around()
+        pixels, depth = self.project(_lattice(low, high) * self.grid.cell_m)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            margin = margin_m * self.camera.focal_px / depth
+            limit = (self.camera.width_px - 0.5, self.camera.height_px - 0.5)
+            rim = np.minimum(pixels + 0.5, limit - pixels).min(axis=-1)
+            return _whole((depth > 0.0) & (rim >= margin)) + low
+
+    def _around(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return the first and last column and row within `OBLIQUE_LIMIT`."""
+        below = np.array(self.grid.cell_at(self.pose.position, self.t_s), dtype=np.intp)
+        reach = math.ceil(OBLIQUE_LIMIT * self.pose.height_m / self.grid.cell_m)
+        return below - reach, below + reach
+
+    def _window(self, matrix: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return those of them that may be shown on a plane."""
+        first, last = self._around()
+        right, lower = self.camera.width_px - 0.5, self.camera.height_px - 0.5
+        corners = np.array(
+            [[-0.5, -0.5, 1], [right, -0.5, 1], [right, lower, 1], [-0.5, lower, 1.0]]
+        )
+        ground = corners @ np.linalg.inv(matrix).T
+        scale = ground[:, 2:]
+        if not bool((scale > 0.0).all() or (scale < 0.0).all()):
+            return first, last  # a corner shows the sky
+        places = np.clip(ground[:, :2] / scale / self.grid.cell_m, first - 1.0, last + 1.0)
+        low = np.maximum(np.floor(places.min(axis=0)).astype(np.intp), first)
+        high = np.minimum(np.ceil(places.max(axis=0)).astype(np.intp), last)
+        return low, np.maximum(high, low)
+
+
+def _lattice(low: NDArray[np.intp], high: NDArray[np.intp]) -> Floats:
+    """Return the corners of the cells of a window, (columns + 1, rows + 1, 2), in cells."""
+    columns, rows = (np.arange(low[k], high[k] + 2) - 0.5 for k in (0, 1))
+    return np.stack(np.meshgrid(columns, rows, indexing="ij"), axis=-1)
+
+
+def _whole(inside: NDArray[np.bool_]) -> Cells:
+    """Return the cells of a lattice of which all corners are inside."""
+    return np.argwhere(inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:])
+
+
+def _weighty(shares: Floats, seen: Floats, heavy: Floats) -> Floats:
+    """Return shares, -1 where not half of a cell is seen, or what is seen weighs nothing."""
+    return np.where((seen >= HALF_SEEN) & (heavy > 0.0), shares, -1.0)
+
+
+def _seen_shares(
+    marks: Marks, matrix: Floats, grid: Grid, cells: Cells, most_samples: int
+) -> tuple[Floats, Floats]:
+    """Return of each cell the part of what is seen that is ROI, and the part that is seen.
+
+    Args:
+        marks: Shape (rows, columns): uint8, 255 for ROI, else 0; or float32, a probability from 0
+            to 1, whose mean is the share.
+        matrix: 3 x 3, from `Camera.homography`.
+        most_samples: Samples along a cell's side. More than its pixels add nothing.
+    """
+    west, south = (int(n) for n in cells.min(axis=0))
+    east, north = (int(n) for n in cells.max(axis=0))
+    across, along = east - west + 1, north - south + 1
+    samples = max(1, min(most_samples, _SAMPLES, _BLOCK_SAMPLES // max(across, along)))
+    step_m = grid.cell_m / samples
+    ground_of_sample = np.array(
+        [
+            [step_m, 0.0, (west - 0.5) * grid.cell_m + step_m / 2],
+            [0.0, -step_m, (north + 0.5) * grid.cell_m - step_m / 2],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    block = cv2.warpPerspective(
+        marks,
+        matrix @ ground_of_sample,
+        (across * samples, along * samples),
+        flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=(_OUTSIDE,),  # no mask and no probability has this value
+    )
+    roi, outside = _counted(block, samples) if marks.dtype == np.uint8 else _summed(block, samples)
+    seen = samples * samples - outside
+    at = (north - cells[:, 1], cells[:, 0] - west)
+    return roi[at] / np.maximum(seen[at], 1), seen[at] / (samples * samples)
+
+
+def _counted(block: MatLike, samples: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Count each cell's samples that are ROI, and those past the picture's edge.
+
+    Both in one sum over the rows, which lie side by side in memory: a column of a cell has fewer
+    samples than `_PACKED`.
+    """
+    rows, columns = block.shape[0] // samples, block.shape[1] // samples
+    marks = np.asarray(cv2.LUT(block, _MARKS), dtype=np.uint8).reshape(rows, samples, -1)
+    tall = np.add.reduce(marks, axis=1, dtype=np.uint16).reshape(rows, columns, samples)
+    roi: NDArray[np.intp] = (tall % _PACKED).sum(axis=2, dtype=np.intp)
+    outside: NDArray[np.intp] = (tall // _PACKED).sum(axis=2, dtype=np.intp)
+    return roi, outside
+
+
+def _summed(block: MatLike, samples: int) -> tuple[Floats, NDArray[np.intp]]:
+    """Sum the probabilities in each cell, and count its samples past the edge."""
+    rows, columns = block.shape[0] // samples, block.shape[1] // samples
+    by_cell = np.asarray(block, dtype=np.float32).reshape(rows, samples, columns, samples)
+    inside = by_cell != _OUTSIDE
+    roi: Floats = by_cell.sum(axis=(1, 3), where=inside, dtype=np.float64)
+    return roi, np.count_nonzero(~inside, axis=(1, 3))
+
+
+def weights(seen: Floats, corners_px: Floats, slant: Floats) -> Floats:
+    """Return the weight of each cell's vote, shape (n,): a product of three factors, 0 to 1.
+
+    * coverage: the part of the cell that is in the picture;
+    * resolution: `n / (n + ENOUGH_PX)` with the cell's `n` pixels: the detector errs alike in all
+      of many pixels;
+    * obliqueness: the fourth power of the cosine of the angle from straight down: aslant a cell is
+      hidden by what stands on it, and lies beside its place by the angle's tangent per metre of
+      height.
+
+    Args:
+        seen: Part of each cell in the picture, 0 to 1.
+        corners_px: Its corners in the picture, shape (n, 4, 2), around it; NaN behind the camera,
+            which weighs 0.
+        slant: Tangent of the line of sight's angle from straight down.
+
+    >>> square = np.array([[[0, 0], [8, 0], [8, 8], [0, 8]]], float)
+    >>> weights(np.array([1.0]), square, np.array([0.0])).tolist()
+    [0.5]
+    >>> weights(np.array([0.5]), square, np.array([1.0])).tolist()
+    [0.0625]
+    """
+    x, y = corners_px[..., 0], corners_px[..., 1]
+    twice = x * np.roll(y, -1, axis=-1) - y * np.roll(x, -1, axis=-1)
+    pixels = np.abs(twice.sum(axis=-1)) / 2.0
+    resolved = np.where(np.isfinite(pixels), pixels / (pixels + ENOUGH_PX), 0.0)
+    found: Floats = seen * resolved / (1.0 + slant * slant) ** 2
+    return found
