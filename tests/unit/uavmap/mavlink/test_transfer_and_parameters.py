@@ -208,6 +208,47 @@ async def test_parameters_are_read_in_bunches_and_written(
     assert not await parameters.write("NO_SUCH_NAME", Parameter(1.0, 9))
 
 
+@by(on_virtual_time)
+async def test_parameter_reported_twice_old_copy_is_no_answer() -> None:
+    """A real PX4 sent GF_ACTION 3 once more after we had set it back to 1: taken for the answer, it
+    left the mission's fence on the vehicle (2 of 6 dry runs).
+    """
+    peer, there_s, again_s = Peer(), 0.02, 0.03
+    peer.session.feed(peer.frame(heartbeat(4 << 16 | 3 << 24, autopilot=mav.MAV_AUTOPILOT_PX4)))
+    value = mav.MAVLink_param_value_message(b"GF_MAX_VER_DIST", 10.0, 9, 1, 0)
+
+    def answer(message: Any) -> None:
+        if message.get_type() == "PARAM_SET":
+            told = mav.MAVLink_param_value_message(b"GF_MAX_VER_DIST", message.param_value, 9, 1, 0)
+            value.param_value = message.param_value
+            peer.say(told, after_s=2.0 * there_s)
+            for copy in (1, 2, 3):
+                peer.say(told, after_s=2.0 * there_s + copy * again_s)
+        elif message.get_type() == "PARAM_REQUEST_READ":
+            peer.say(value, after_s=2.0 * there_s)
+
+    peer.answer = answer
+    parameters = Parameters(peer.session)
+    for wanted in (25.0, 10.0, 0.0, 31.5):
+        assert await parameters.write("GF_MAX_VER_DIST", Parameter(wanted, 9))
+        assert value.param_value == wanted
+    assert await parameters.read("GF_MAX_VER_DIST") == Parameter(31.5, 9)
+
+
+@by(on_virtual_time)
+async def test_parameter_that_vehicle_does_not_keep_is_not_written() -> None:
+    """Set, acknowledged and lost again: the value that is read back decides."""
+    peer = Peer()
+    peer.session.feed(peer.frame(heartbeat()))
+
+    def answer(message: Any) -> None:
+        kept = message.param_value if message.get_type() == "PARAM_SET" else 3.0
+        peer.say(mav.MAVLink_param_value_message(b"GUID_TIMEOUT", kept, 9, 1, 0))
+
+    peer.answer = answer
+    assert not await Parameters(peer.session).write("GUID_TIMEOUT", Parameter(1.0, 9))
+
+
 @by(on_field, lambda: mission_of("px4"))
 async def test_a_negative_integer_of_a_px4_is_no_number_on_the_wire_and_is_read(
     field: Field, /
