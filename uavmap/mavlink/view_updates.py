@@ -97,11 +97,11 @@ def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:
 
 
 def _position(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    if not (view.kind.amsl and view.off_ground and view.position is not None):
+        view.home_amsl_m = (message.alt - message.relative_alt) / 1000.0
     view.told = LatLon(message.lat / 1e7, message.lon / 1e7)
     view.position = view.corrected(view.told)
     view.position_s = now_s
-    if not (view.kind.amsl and view.off_ground and view.position is not None):
-        view.home_amsl_m = (message.alt - message.relative_alt) / 1000.0
     view.height_m = view.height_of(message)
     view.velocity_ned_m_s = (message.vx / 100.0, message.vy / 100.0, message.vz / 100.0)
     boot_s = message.time_boot_ms / 1000.0

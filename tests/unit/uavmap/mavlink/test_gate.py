@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 import struct
@@ -80,11 +81,11 @@ def captured(t_s: float, index: int = 0, lat: float = LAT) -> Message:
 class Vehicle:
     """The frames of a vehicle, into a view at a time that the test tells."""
 
-    def __init__(self) -> None:
+    def __init__(self, first: Message | None = None) -> None:
         self.view = VehicleView()
         self.said: list[str] = []
         self.view.gate.say = self.said.append
-        self.hear(heartbeat(), 0.0)
+        self.hear(first or heartbeat(), 0.0)
 
     def hear(self, message: Message, now_s: float, component: int = 1, system: int = 1) -> bool:
         out = mav.MAVLink(None, srcSystem=system, srcComponent=component)
@@ -187,6 +188,24 @@ def test_pictures_are_announced_by_the_camera_that_was_heard_first() -> None:
     assert not vehicle.hear(captured(3.0), 3.0, component=102)
     vehicle.hear(beat, 13.5, component=102)  # the other has been silent for long
     assert vehicle.view.camera_component == 102
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
+def test_home_height_of_px4_in_air_is_known_in_any_order(order: tuple[int, ...]) -> None:
+    """A real PX4 sends state and estimator before its position. Its home was taken to lie at sea
+    level then, and it was landed where it was: "55.8 Wh are left, and landing takes 132.2".
+    """
+    vehicle = Vehicle(heartbeat(4 << 16 | 3 << 24, armed=True, autopilot=mav.MAV_AUTOPILOT_PX4))
+    messages = (
+        mav.MAVLink_extended_sys_state_message(0, mav.MAV_LANDED_STATE_IN_AIR),
+        position(t_s=1.0, up_m=12.0, amsl_m=548.0),
+        home(amsl_m=536.0),
+    )
+    for index in order:
+        assert vehicle.hear(messages[index], 1.0)
+    assert (vehicle.view.home_amsl_m, vehicle.view.height_m) == (536.0, 12.0)
+    vehicle.hear(position(t_s=1.1, up_m=11.0, amsl_m=548.0), 1.1)  # a PX4 corrects its home
+    assert (vehicle.view.home_amsl_m, vehicle.view.height_m) == (536.0, 12.0)
 
 
 # --- the battery -----------------------------------------------------------------------------
