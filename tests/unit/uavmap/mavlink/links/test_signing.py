@@ -18,6 +18,7 @@ from tests.support.plans import plan_of
 from tests.support.running import by, on_virtual_time
 from uavmap.base.clock import VirtualClock, run
 from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
+from uavmap.mavlink.identity import answered
 from uavmap.mavlink.links import signing as signing_module
 from uavmap.mavlink.links.key_file import BESIDE, KeptTimestamps, new_key, read_key, signing_with
 from uavmap.mavlink.links.signing import (
@@ -231,6 +232,20 @@ async def test_key_removed_vehicle_sends_and_hears_unsigned_frames(field: Field,
     await remove_key(session, ours, "udp")
     assert not vehicle.step(2.0)[2] & mav.MAVLINK_IFLAG_SIGNED
     assert field.parameter(0, "RTL_ALT") > 0.0
+
+
+@pytest.mark.parametrize(("key", "words"), [(OTHER, WRONG_KEY), (None, UNSIGNED)])
+@by(on_virtual_time)
+async def test_wrong_key_line_names_refused_signatures(key: bytes | None, words: str) -> None:
+    """To `doctor --key OTHER` a real vehicle looked as if it were switched off."""
+    session = Session(lambda frame: None, lambda frame: None)
+    session.signing = signing()
+    for _ in range(7):
+        session.feed(beat() if key is None else signing(key).sign(beat()))
+    with pytest.raises(LinkError, match=r"7 frames were refused for their signature") as silent:
+        await answered(session, "udp")
+    assert words in str(silent.value)
+    assert "switched on" not in str(silent.value)
 
 
 # --- flights -----------------------------------------------------------------------------------
