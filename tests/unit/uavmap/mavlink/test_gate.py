@@ -61,9 +61,9 @@ def home(lat: float = LAT, lon: float = LON, amsl_m: float = 500.0) -> Message:
     )
 
 
-def battery(percent: int, number: int = 0, consumed_hj: int = -1) -> Message:
+def battery(percent: int, number: int = 0, consumed_hj: int = -1, charge: int = 1) -> Message:
     return mav.MAVLink_battery_status_message(
-        number, 0, 1, 0, [4000] * 10, 100, 0, consumed_hj, percent
+        number, 0, 1, 0, [4000] * 10, 100, 0, consumed_hj, percent, 0, charge
     )
 
 
@@ -243,6 +243,44 @@ def test_what_two_messages_say_of_the_charge() -> None:
     assert vehicle.view.remaining_wh(60.0) == pytest.approx(20.0)
     vehicle.hear(sys_status(-1), 3.0)
     assert vehicle.view.battery_percent is None
+
+
+def test_two_messages_that_round_differently_are_one_battery() -> None:
+    """A real PX4 said 78 % in BATTERY_STATUS and 79 % in SYS_STATUS for seconds at each percent."""
+    vehicle, told = Vehicle(), []
+    for n in range(100):
+        left = 90.0 - 0.08 * n
+        vehicle.hear(battery(math.floor(left)), 1.0 + 0.5 * n)
+        told.append(vehicle.view.battery_percent)
+        vehicle.hear(sys_status(math.ceil(left)), 1.3 + 0.5 * n)
+        told.append(vehicle.view.battery_percent)
+    assert told == sorted(told, reverse=True)
+    assert told[-1] == 82
+    for n in range(10):  # BATTERY_STATUS falls silent: the other counts before the charge is stale
+        vehicle.hear(sys_status(80), 51.0 + n)
+    assert vehicle.view.battery_percent == 80
+    assert vehicle.view.battery_s == 60.0
+
+
+@pytest.mark.parametrize(("charge", "reported"), [(0, ""), (1, ""), (2, "low"), (7, "")])
+def test_charge_state_of_the_flown_battery_is_read(charge: int, reported: str) -> None:
+    vehicle = Vehicle()
+    vehicle.hear(battery(64, number=1, charge=4), 0.5)
+    vehicle.hear(battery(64, charge=charge), 1.0)
+    vehicle.hear(battery(64, number=1, charge=4), 1.5)  # of the camera
+    assert vehicle.view.battery_low == reported
+    assert vehicle.view.grounded_by == (reported and "its autopilot reports its battery as low")
+
+
+@pytest.mark.parametrize("flags", [0x33F, 0x0F])
+def test_critical_state_of_an_ardupilot_grounds_it_unless_it_reckons(flags: int) -> None:
+    vehicle = Vehicle()
+    vehicle.hear(mav.MAVLink_ekf_status_report_message(flags, 0, 0, 0, 0, 0), 0.5)
+    beat = heartbeat(armed=True)
+    beat.system_status = mav.MAV_STATE_CRITICAL
+    vehicle.hear(beat, 1.0)
+    assert bool(vehicle.view.grounded_by) == (flags == 0x33F)
+    assert vehicle.view.words_since(0.0) == ["system status CRITICAL"]
 
 
 # --- leaps -----------------------------------------------------------------------------------
