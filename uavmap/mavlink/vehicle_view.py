@@ -138,6 +138,10 @@ class VehicleView:
     battery_percent: int | None = None
     battery_percent_from: str = ""
     """The kind of message that told the percentage."""
+    battery_status_s: float = float("-inf")
+    """When BATTERY_STATUS held a percentage last, on the loop's clock, s."""
+    battery_low: str = ""
+    """The charge state with which no mission is flown, in words; empty for a good one."""
     battery_id: int | None = None
     """Of the battery that the vehicle flies on: the lowest that was heard."""
     energy_consumed_j: float | None = None
@@ -151,6 +155,12 @@ class VehicleView:
     """Takes every text of the vehicle as it is complete."""
     chunks: Texts = field(default_factory=Texts)
     """Texts that are not yet complete."""
+
+    def hear_text(self, text: Text, now_s: float) -> None:
+        """Keep a text of the vehicle, and pass it on."""
+        self.texts.append((now_s, text.words))
+        self.texts_heard += 1
+        self.hear(text)
 
     def corrected(self, told: LatLon) -> LatLon:
         """The place that the vehicle means where it tells one of its own."""
@@ -265,7 +275,10 @@ class VehicleView:
         """The mode in the autopilot's words."""
         if self.mode is None:
             return "unknown"
-        name = self.kind.mode_names.get(self.mode, f"mode {self.mode}")
+        names = self.kind.mode_names
+        if self.failsafe:
+            names = {**names, **self.kind.failsafe_names}
+        name = names.get(self.mode, f"mode {self.mode}")
         return f"{name} by a failsafe" if self.failsafe else name
 
     def remaining_wh(self, capacity_wh: float) -> float | None:
@@ -276,6 +289,19 @@ class VehicleView:
         if self.energy_consumed_j is not None:
             found.append(max(capacity_wh - self.energy_consumed_j / 3600.0, 0.0))
         return min(found) if found else None
+
+    @property
+    def grounded_by(self) -> str:
+        """What its autopilot reports with which no mission is flown, in words; empty if nothing.
+
+        A PX4 in a critical state flies by itself. Without satellites an ArduPilot may report it
+        while it is flown home by its pictures.
+        """
+        if self.battery_low:
+            return f"its autopilot reports its battery as {self.battery_low}"
+        if self.critical and not self.kind.tells_failsafe and not self.by_dead_reckoning:
+            return "its autopilot reports the state CRITICAL"
+        return ""
 
     def words_since(self, since_s: float) -> list[str]:
         """What the vehicle has said since a time of the loop's clock, oldest first."""
