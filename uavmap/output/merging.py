@@ -24,9 +24,7 @@ from uavmap.fleet.sealing import meaning_of
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.journal.recovery import read_journal
-from uavmap.output.documents import with_documents
-from uavmap.output.facts.score import true_roi
-from uavmap.output.write_results import write_results
+from uavmap.output.write_results import flown_flight, write_results
 
 MERGED: Final = "merged"
 """In the journal's meta: the folders whose journals it was made of."""
@@ -83,18 +81,14 @@ def merged_results(
         raise JournalError(f"--out {out}: holds a journal already; choose a new folder")
     sources = [Source.read(folder, say) for folder in folders]
     plan, events = merged(sources)
-    setting = plan.known_setting()
     names = sorted(folder.name for folder in folders)
     with Journal.create(out / JOURNAL, {"plan": plan.as_json(), MERGED: names}) as journal:
         journal.append_all(events)
         if truth is not None:
             journal.put_meta("truth", dict(truth))
-    simulated = plan.simulated and bool(setting.mission.sim.roi)
-    roi = true_roi(setting.mission, setting.grid) if simulated else None
-    calendar, also = with_documents(out, plan, setting, events, say)
-    seed = plan.seed if plan.simulated else None
+    flown, _ = flown_flight(out, plan, plan.known_setting(), events, truth)
     try:
-        return write_results(out, setting, events, seed, truth, roi, calendar, also)
+        return write_results(flown, say)
     except OSError as error:
         raise OutputError(f"{out}: the results cannot be written ({error.strerror})") from None
 

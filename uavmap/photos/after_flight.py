@@ -13,10 +13,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from shapely.geometry.base import BaseGeometry
 
 from missions.errors import UavmapError
-from missions.flight.setting import Setting
 from missions.flight.state import State
 from uavmap.base.messages import muted
 from uavmap.journal.event_log import JournalReader
@@ -27,11 +25,7 @@ from uavmap.output.drawing.map_scene import map_scene, map_view
 from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts import boundary_file
 from uavmap.output.facts.boundary_summary import FILE
-from uavmap.output.facts.figures import figures
-from uavmap.output.facts.flight_log import FlightLog
-from uavmap.output.facts.flown_mission import flown_from
-from uavmap.output.facts.score import true_roi
-from uavmap.output.write_results import flight_values, map_data
+from uavmap.output.write_results import flown_flight
 from uavmap.photos.ground.fine_map import FineMap, beneath, scene_of
 from uavmap.photos.ground.rasters import ORTHO, Rasters, Wishes
 from uavmap.photos.ground.surface import Footing
@@ -79,7 +73,7 @@ def _draw(folder: Path, spool: Spool, wishes: Wishes) -> None:
     plan = FlightPlan.read(journal)
     setting = plan.setting(lambda _: None)
     events, simulated = list(journal.events()), journal.meta.get("truth")
-    state, found = figures(setting, events)
+    flown, state = flown_flight(folder, plan, setting, events, simulated)
     gathered = gather(FlightFrames(folder))
     _LOG.info(
         f"drawing the boundary from {len(gathered.pictures)} kept pictures; all other results are "
@@ -93,14 +87,9 @@ def _draw(folder: Path, spool: Spool, wishes: Wishes) -> None:
     fine = FineMap.of(setting, looked.judge, scene, spool, looked.workers)
     told = _told(fine, looked, state)
     boundary_file.write(told, folder / FILE)
-    truth = _truth(setting) if plan.simulated else None
-    cells = map_data(setting, state, found, truth)
-    data = replace(cells, boundary=fine.boundary.region)
+    data = flown.data.with_boundary(fine.boundary.region)
     ground = beneath(scene, spool, setting.grid, looked.workers, state.t_s)
     write_sheet(map_scene(data), folder / "map.png", ground(map_view(data)))
-    seed = plan.seed if plan.simulated else None
-    values = flight_values(setting, state, found, seed, simulated, truth)
-    flown = flown_from(folder, plan, setting, cells, values, FlightLog.of(events))
     write_documents(flown, _LOG.info)
     placed = [shot.placed for shot in looked.shots]
     rasters = Rasters(fine, looked.judge, placed, state.t_s, looked.workers)
@@ -122,8 +111,3 @@ def _told(fine: FineMap, looked: Looked, state: State) -> boundary_file.Boundary
     sigmas_m = [shot.placed.picture.position_sigma_m for shot in looked.shots if not shot.reason]
     cells, without = (np.array(some, np.int32).reshape(-1, 2) for some in (seen, undecided))
     return fine.told(state.t_s, sigmas_m, cells, without)
-
-
-def _truth(setting: Setting) -> BaseGeometry | None:
-    mission = setting.mission
-    return true_roi(mission, setting.grid) if mission.sim.roi else None

@@ -29,9 +29,7 @@ from uavmap.journal.flight_plan import TLOG, FlightPlan
 from uavmap.journal.kept_frames import FrameKeeper
 from uavmap.journal.mission_time import Clocks, Marks, last_mark, read_clocks, taken_up_at
 from uavmap.journal.telemetry_log import TlogWriter
-from uavmap.output.documents import with_documents
-from uavmap.output.facts.score import true_roi
-from uavmap.output.write_results import write_results
+from uavmap.output.write_results import flown_flight, write_results
 from uavmap.runner.before_flight import BeforeFlight, Preflight, kept_fence
 from uavmap.runner.flight_links import (
     Link,
@@ -380,16 +378,10 @@ def written_results(
     """Write the results; what the simulator watched is kept for when they are written anew."""
     if truth is not None:
         journal.put_meta("truth", truth.figures())
-    roi = None
-    if plan.simulated and setting.mission.sim.roi:
-        roi = true_roi(setting.mission, setting.grid)
-    seed = plan.seed if plan.simulated else None
     events = list(journal.events())
-    calendar, also = with_documents(folder, plan, setting, events, _LOG.info)
+    flown, _ = flown_flight(folder, plan, setting, events, journal.meta.get("truth"))
     try:
-        return write_results(
-            folder, setting, events, seed, journal.meta.get("truth"), roi, calendar, also
-        )
+        return write_results(flown, _LOG.info)
     except OSError as error:
         raise OutputError(
             f"{folder}: the results cannot be written ({error.strerror}); the journal is whole: "

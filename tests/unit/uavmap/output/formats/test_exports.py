@@ -27,6 +27,7 @@ from tests.golden.recording import STOPS
 from tests.unit.uavmap.output.flown_folders import EVENTS, PLAN, folder_of, keep_frames, named
 from uavmap.base.version import __version__
 from uavmap.load.areas.reading import read_area_file
+from uavmap.output.documents import FORMATS, files_of
 from uavmap.output.drawing.palette import STATES
 from uavmap.output.facts.calendar import Calendar
 from uavmap.output.facts.flight_log import FlightLog
@@ -35,7 +36,6 @@ from uavmap.output.facts.map_model import MapData
 from uavmap.output.formats import geojson_encoder as geojson
 from uavmap.output.formats import kml_encoder as kml
 from uavmap.output.formats import qgis_style
-from uavmap.output.formats.exports import FORMATS, files_of
 from uavmap.output.formats.geopackage_layers import APPLICATION_ID
 from uavmap.output.formats.map_layers import layers
 from uavmap.output.report.page import encode

@@ -25,11 +25,11 @@ from tests.unit.uavmap.output.flown_folders import (
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.output import documents
-from uavmap.output.documents import REPORT, with_documents, write_documents
+from uavmap.output.documents import REPORT, write_documents
 from uavmap.output.facts.score import true_roi
 from uavmap.output.report.page import encode
 from uavmap.output.results_reading import flown_of
-from uavmap.output.write_results import write_results
+from uavmap.output.write_results import flown_flight, write_results
 from uavmap.ui.cli import main
 
 VOID = {"meta", "img"}
@@ -229,15 +229,12 @@ def test_a_report_elsewhere_overwrites_nothing(
 
 def test_the_report_made_anew_is_that_of_the_flight(tmp_path: Path) -> None:
     """Byte for byte, and the GeoPackage, too."""
-    folder = folder_of(tmp_path, truth={"min_separation_m": None, "fence_breaches": 0})
+    truth = {"min_separation_m": None, "fence_breaches": 0}
+    folder = folder_of(tmp_path, truth=truth)
     setting = STOPS.setting()
     told: list[str] = []
-    calendar, also = with_documents(folder, PLAN, setting, EVENTS, told.append)
-    truth, roi = (
-        {"min_separation_m": None, "fence_breaches": 0},
-        true_roi(setting.mission, setting.grid),
-    )
-    values = write_results(folder, setting, EVENTS, STOPS.seed, truth, roi, calendar, also)
+    flown, _ = flown_flight(folder, PLAN, setting, EVENTS, truth)
+    values = write_results(flown, told.append)
     assert not told
     report, package = (folder / REPORT).read_bytes(), (folder / "map.gpkg").read_bytes()
     assert encode(flown_of(folder)) == report
@@ -247,7 +244,8 @@ def test_the_report_made_anew_is_that_of_the_flight(tmp_path: Path) -> None:
     assert kept == json.loads(json.dumps(values))
     assert (kept["area_m2"], kept["perimeter_m"], kept["crs"]) == (96.0, 40.0, "EPSG:32632")
     assert kept["begun_utc"] == "2020-01-01T00:00:00.000Z"
-    assert kept["ended_utc"] == calendar.utc(EVENTS[-1].t_s)
+    assert kept["ended_utc"] == flown.calendar.utc(EVENTS[-1].t_s)
+    roi = true_roi(setting.mission, setting.grid)
     assert kept["area_low_m2"] <= roi.area <= kept["area_high_m2"]
 
 
@@ -256,13 +254,13 @@ def test_a_full_disk_costs_the_page_and_never_the_map(
 ) -> None:
     folder = folder_of(tmp_path)
     told: list[str] = []
-    _, also = with_documents(folder, PLAN, STOPS.setting(), EVENTS, told.append)
+    flown, _ = flown_flight(folder, PLAN, STOPS.setting(), EVENTS)
 
     def full(path: Path, data: bytes) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(documents, "write_bytes", full)
-    write_results(folder, STOPS.setting(), EVENTS, STOPS.seed, also=also)
+    write_results(flown, told.append)
     assert [line.partition(": ")[0] for line in told] == [
         str(folder / "map.gpkg"),
         str(folder / "report.html"),
