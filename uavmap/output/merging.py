@@ -1,8 +1,7 @@
-"""One map of several journals: of a fleet whose members each kept one, or of several flights.
+"""One map of several journals: of the members of a fleet, or of several flights.
 
-Every event stays what it is, with who it is of. Of a member whose journal is not there, or lacks
-its end, the frames count that others have heard of, so what was confirmed anywhere is on the map.
-The journals may be given in any order.
+The journals may come in any order. Where the journal of a member is missing or lacks its end, its
+frames count as far as other members received them.
 """
 
 from __future__ import annotations
@@ -41,9 +40,10 @@ class Source:
 
     @classmethod
     def read(cls, folder: Path, say: Callable[[str], None] = lambda text: None) -> Source:
-        """That of a folder of results, which is left as it is. Raises `JournalError`.
+        """Read a folder of results, without a change to it. Raises `JournalError`.
 
-        Of a damaged one its good beginning, of one under way what there is by now; says so.
+        Of a damaged journal the good beginning counts, of a flight under way what there is; report
+        it.
         """
         found = read_journal(folder / JOURNAL)
         if "replay" in found.meta:
@@ -59,7 +59,7 @@ class Source:
 
     @property
     def digest(self) -> bytes:
-        """Of all that it holds: no two flights have the same."""
+        """A digest of plan and events: no two flights have the same."""
         told = blake2s(repr(self.plan).encode())
         for event in self.events:
             told.update(to_json(event).encode())
@@ -72,7 +72,7 @@ def merged_results(
     say: Callable[[str], None],
     truth: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Write one map of the journals of some folders into another; returns the summary.
+    """Write one map of the journals of some folders into another; return the summary.
 
     `truth` is what the simulator watched. Raises `JournalError`, naming the folder, for journals
     that make no map together, and where `out` holds a journal already; `OutputError`.
@@ -94,7 +94,7 @@ def merged_results(
 
 
 def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
-    """The plan and the events of several journals as those of one. Raises `JournalError`."""
+    """Merge plans and events into those of one flight. Raises `JournalError`."""
     sources = sorted(sources, key=_place)
     first = sources[0]
     _refuse_strangers(sources)
@@ -124,12 +124,12 @@ def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
 
 
 def _place(source: Source) -> tuple[int, float, bytes]:
-    """Where a journal stands among others, whatever its folder is called."""
+    """Return the order of a journal among others, whatever its folder is called."""
     return source.plan.member or 0, source.plan.epoch_utc_s, source.digest
 
 
 def _only_heard(sources: Sequence[Source]) -> list[Shared]:
-    """Facts of members whose journal is not there, or lacks its end, as others have heard them."""
+    """Return the facts that only other members' journals have."""
     known, counted = Knowledge(), dict[int, int]()
     for source in sources:
         own = Facts(source.plan.known_setting())
@@ -191,7 +191,7 @@ def _refuse_strangers(sources: Sequence[Source]) -> None:
 
 
 def _renumbered(sources: Sequence[Source]) -> tuple[dict[int, int], int]:
-    """By how much the vehicles of each flight are numbered higher, and how many there are."""
+    """Return by how much each flight's vehicles are numbered higher, and how many there are."""
     numbers, count = {}, 0
     for source in sources:
         numbers[id(source)] = count
@@ -200,7 +200,6 @@ def _renumbered(sources: Sequence[Source]) -> tuple[dict[int, int], int]:
 
 
 def _moved(event: Event, higher: int, later_s: float) -> Event:
-    """An event of a vehicle that is numbered higher, and of a flight that began later."""
     if later_s:
         event = replace(event, t_s=round(event.t_s + later_s, 3))
     if higher and not isinstance(event, Recalled | Paused | Continued | Resumed):

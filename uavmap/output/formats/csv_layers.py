@@ -1,7 +1,7 @@
-"""A CSV file a layer: its columns, longitude and latitude, and of lines and areas the WKT.
+"""A CSV file per layer: its columns, longitude and latitude, and WKT of lines and areas.
 
-Decimal points, commas between, UTF-8, CRLF at the end of a line (RFC 4180). A text that a
-spreadsheet would take for a formula gets an apostrophe in front.
+Decimal points, commas, UTF-8, CRLF (RFC 4180). A text that a spreadsheet would take for a formula
+gets an apostrophe in front.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
-    """The files by name; `about.csv` says what they are of."""
+    """Encode the files by name; `about.csv` describes the map."""
     about = [("name", "value"), *((name, _cell(v)) for name, v in described(flown).items())]
     return {
         "about.csv": _lines(about),

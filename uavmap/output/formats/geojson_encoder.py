@@ -1,11 +1,10 @@
-"""GeoJSON by RFC 7946: map.geojson of each flight, and the export with a file a layer.
+"""GeoJSON by RFC 7946: map.geojson of each flight, and the export with a file per layer.
 
-Longitude before latitude, WGS84, seven decimals (about a centimetre), rings closed, exterior
-rings counter-clockwise and holes clockwise (section 3.1.6), a bounding box (section 5). A third
+Longitude before latitude, WGS84, seven decimals (about a centimetre), rings closed, exterior rings
+counter-clockwise and holes clockwise (section 3.1.6), a bounding box (section 5). A third
 coordinate, of tracks only, is the height above home in metres.
 
-Longitudes run on past 180 degrees where a map crosses the antimeridian, so that no polygon spans
-the globe.
+Longitudes run past 180 degrees where a map crosses the antimeridian: no polygon spans the globe.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ from uavmap.output.formats.layers import (
 
 
 def write(data: MapData, path: Path, utc: str | None = None) -> None:
-    """Write map.geojson to `path`; `utc` is its date, ISO 8601, if it is known."""
+    """Write map.geojson; `utc` is its date, ISO 8601, if it is known."""
     write_parts(path, (part.encode() for part in _map(data, utc)))
 
 
@@ -56,10 +55,10 @@ def encode_map(data: MapData, utc: str | None = None) -> str:
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
-    """Encode a file a layer, by name.
+    """Encode a file per layer, by name.
 
-    Mission, version, dates, and the coordinate system of the grid, which the coordinates are not
-    in, are members beside the features.
+    Mission, version, dates and the coordinate system of the grid (not that of the coordinates) are
+    members beside the features.
     """
     return {f"{layer.name}.geojson": "".join(_layer(flown, layer)).encode() for layer in layers}
 
@@ -131,8 +130,8 @@ def _unsearched(data: MapData) -> Iterator[_Mark]:
 
 
 def _cells(data: MapData) -> Iterator[str]:
-    """A line for each cell. There are thousands, so they are written without a tree of their
-    parts: numbers, and names of states that need no quoting."""
+    """Write a line per cell. Thousands of them, so without a tree of parts: no text needs
+    quoting."""
 
     def places(lon_deg: NDArray[np.float64], lat_deg: NDArray[np.float64]) -> list[str]:
         both = zip(turned(lon_deg, data.start).tolist(), lat_deg.tolist(), strict=True)
@@ -152,7 +151,6 @@ def _cells(data: MapData) -> Iterator[str]:
 
 
 def _map_bbox(data: MapData, shapes: Sequence[BaseGeometry]) -> list[float]:
-    """The box of all features; the heights are those of tracks."""
     lons, lats = turned(data.corners.lon_deg, data.start), data.corners.lat_deg
     places = [shapely.get_coordinates(shape) for shape in shapes]
     if len(lons):
@@ -186,7 +184,7 @@ def _feature(identity: str | int, geometry: str, values: dict[str, Any]) -> str:
 
 
 def _bbox(points: NDArray[np.float64]) -> list[float]:
-    """West, south, (lowest,) east, north(, highest); empty without any point (section 5)."""
+    """Return west, south, (lowest,) east, north(, highest); empty without any point (section 5)."""
     return [*points.min(axis=0).tolist(), *points.max(axis=0).tolist()] if len(points) else []
 
 

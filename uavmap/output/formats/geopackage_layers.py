@@ -1,7 +1,7 @@
 """map.gpkg: all layers in the UTM zone of the grid, with the styles of QGIS (OGC 12-128r17).
 
-It is built in memory with settings that are fixed, and with the dates of the mission in place of
-those of the computer: the same flight gives the same bytes.
+It is built in memory with fixed settings and the dates of the mission: the same flight gives the
+same bytes.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ _GEOGRAPHIC: Final = (
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
-    """The file."""
+    """Encode the file."""
     file = sqlite3.connect(":memory:")
     try:
         file.execute("PRAGMA page_size = 4096")
@@ -79,7 +79,7 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
 
 
 def _systems(file: sqlite3.Connection, flown: Flown) -> None:
-    """The coordinate systems: the three that every GeoPackage has, and that of the grid."""
+    """Write the coordinate systems: the three of every GeoPackage, and that of the grid."""
     epsg = flown.data.grid.zone.epsg
     system = pyproj.CRS.from_epsg(epsg)
     file.executemany(
@@ -94,7 +94,6 @@ def _systems(file: sqlite3.Connection, flown: Flown) -> None:
 
 
 def _layer(file: sqlite3.Connection, flown: Flown, layer: Layer) -> None:
-    """A table with its geometries, and what has to be said of it elsewhere."""
     srs = flown.data.grid.zone.epsg
     columns = ", ".join(f'"{field.name}" {_TYPES[field.kind]}' for field in layer.fields)
     shape = layer.geometry.upper()
@@ -140,7 +139,7 @@ def _content(
 
 
 def _styles(file: sqlite3.Connection, flown: Flown, layers: Sequence[Layer]) -> None:
-    """What QGIS looks for when a layer is opened."""
+    """Write the table in which QGIS looks for styles."""
     when = flown.calendar.utc(flown.data.t_s) or _NO_DATE
     _content(file, flown, "layer_styles", "attributes", "layer_styles", [None] * 4, 0)
     file.executemany(
@@ -152,7 +151,7 @@ def _styles(file: sqlite3.Connection, flown: Flown, layers: Sequence[Layer]) -> 
 
 
 def _plain(layer: Layer, rows: Sequence[tuple[Value, ...]]) -> Iterator[tuple[object, ...]]:
-    """The rows as SQLite holds them."""
+    """Yield the rows as SQLite holds them."""
     flags = [at for at, field in enumerate(layer.fields) if field.kind == "yes or no"]
     for row in rows:
         values = list[object](row)
@@ -163,7 +162,7 @@ def _plain(layer: Layer, rows: Sequence[tuple[Value, ...]]) -> Iterator[tuple[ob
 
 
 def _blobs(layer: Layer, shapes: Shapes, srs: int) -> Iterator[bytes | None]:
-    """The geometries: a header, the bounds of all but points, and well-known binary."""
+    """Yield geometries: header, bounds of all but points, well-known binary."""
     binary = shapely.to_wkb(
         shapes, output_dimension=3 if layer.heights else 2, byte_order=1, flavor="iso"
     )

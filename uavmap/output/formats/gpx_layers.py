@@ -1,7 +1,6 @@
-"""flight.gpx: tracks of all sorties with their times, the outline of the region, homes (GPX 1.1).
+"""flight.gpx: tracks of all sorties with their times, outline of the region, homes (GPX 1.1).
 
-Elevations are above the sea, as GPX has them, where the height of home above the sea is known;
-otherwise there are none.
+Elevations are above the sea; without the height of home above the sea there are none.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from uavmap.output.formats.map_layers import track_parts
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
-    """The file."""
+    """Encode the file."""
     known = {layer.name: layer for layer in layers}
     file = gpx.GPX()
     file.creator = f"uavmap {__version__}"
@@ -47,12 +46,12 @@ def _word(value: object) -> str:
 
 
 def _date(flown: Flown, t_s: float) -> Any:
-    """UTC; None where nobody knows it."""
+    """UTC; None where it is not known."""
     return None if flown.calendar.utc(t_s) is None else flown.calendar.date(t_s)
 
 
 def _turned(lon_deg: float) -> float:
-    """A longitude from -180 to 180 degrees, the latter excluded: GPX knows no others.
+    """Return a longitude from -180 to 180 degrees, the latter excluded, as GPX has them.
 
     >>> _turned(180.0), _turned(-12.5), _turned(180.25)
     (-180.0, -12.5, -179.75)
@@ -70,7 +69,7 @@ def _homes(flown: Flown, layer: Layer) -> list[gpx.GPXWaypoint]:
 
 
 def _tracks(flown: Flown, layer: Layer) -> list[gpx.GPXTrack]:
-    """A track a vehicle, a segment a sortie."""
+    """Create a track per vehicle, a segment per sortie."""
     fixes = {(vehicle, number): found for vehicle, number, found in track_parts(flown)}
     shapes = in_degrees(layer, flown.data.grid, flown.data.start)
     columns, tracks = layer.columns(), dict[object, gpx.GPXTrack]()
@@ -91,7 +90,7 @@ def _tracks(flown: Flown, layer: Layer) -> list[gpx.GPXTrack]:
 
 
 def _outline(flown: Flown, layer: Layer) -> list[gpx.GPXTrack]:
-    """A segment a ring: GPX knows no areas."""
+    """Create a segment per ring: GPX has no areas."""
     (shape,) = in_degrees(layer, flown.data.grid, flown.data.start)
     if shape is None:
         return []

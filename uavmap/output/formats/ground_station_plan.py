@@ -62,12 +62,10 @@ def plan_text(
     """Encode a QGroundControl plan of one vehicle.
 
     Args:
-        firmware: Of the vehicle.
-        home: The planned home.
         fence: Vertices of polygons and circles, as they are uploaded.
         rally: Rally points, heights above the home.
         items: Of the mission.
-        home_amsl_m: Height of the home above the sea, m.
+        home_amsl_m: Height of the planned home above the sea, m.
         speed_m_s: Over ground.
         frame: MAV_FRAME of the mission's heights.
     """
@@ -97,7 +95,7 @@ def plan_text(
 def waypoints_text(home: LatLon, home_amsl_m: float, items: Sequence[Item]) -> str:
     """Encode a mission as QGC WPL 110, for Mission Planner and others; row 0 is the home.
 
-    Where the autopilot chooses a parameter, 0 is written: the format has no other value for it.
+    A parameter that the autopilot chooses is 0: the format has no other value for it.
     """
     first = Item(mav.MAV_CMD_NAV_WAYPOINT, home, height_m=round(home_amsl_m, 3))
     rows = ["QGC WPL 110"]

@@ -1,8 +1,7 @@
 """KML 2.2 for Google Earth: map.kml of each flight, and the export with times and all layers.
 
-Coordinates are longitude, latitude and, of tracks, the height above the ground, which is taken to
-be level with home. Colours are written alpha, blue, green, red. The elements of a placemark come in
-the order of the schema.
+Coordinates are longitude, latitude and, of tracks, the height above the ground, taken as level with
+home. Colours are alpha, blue, green, red. A placemark's elements have the order of the schema.
 """
 
 from __future__ import annotations
@@ -55,13 +54,13 @@ def write(data: MapData, path: Path) -> None:
 
 
 def encode_map(data: MapData) -> bytes:
-    """Encode map.kml: folders Outline, Cells (a folder a state), Tracks, and Not searched where
-    ground was left out."""
+    """Encode map.kml: folders Outline, Cells (a folder per state), Tracks, Not searched (if
+    any)."""
     return "".join(_map(data)).encode()
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
-    """Encode a flight with its times: tracks as gx:Track, a folder a layer."""
+    """Encode a flight with its times: tracks as gx:Track, a folder per layer."""
     known = {layer.name: layer for layer in layers}
     head = f"<description>{_text(flown.values.get('finding', ''))}</description>"
     vehicles = {number for number, _, _ in track_parts(flown)}
@@ -156,7 +155,7 @@ def _layer(flown: Flown, layer: Layer) -> Iterator[str]:
 
 
 def _cells(data: MapData) -> Iterator[str]:
-    """A folder a state. There are thousands of cells: `AT_ONCE` of them are text at a time."""
+    """Write a folder per state, `AT_ONCE` of thousands of cells at a time."""
 
     def places(lon_deg: NDArray[np.float64], lat_deg: NDArray[np.float64]) -> list[str]:
         points = zip(turned(lon_deg, data.start).tolist(), lat_deg.tolist(), strict=True)
@@ -191,7 +190,7 @@ def _marks(flown: Flown, layer: Layer) -> Iterator[str]:
 
 
 def _tracks(flown: Flown, layer: Layer) -> Iterator[str]:
-    """Lines in time; without dates plain lines."""
+    """Write lines in time; without dates plain lines."""
     fixes = {(vehicle, number): found for vehicle, number, found in track_parts(flown)}
     shapes = in_degrees(layer, flown.data.grid, flown.data.start)
     for shape, values in zip(shapes, layer.records(), strict=True):
@@ -249,7 +248,6 @@ def _geometry(shape: BaseGeometry | None) -> str:
 
 
 def _line(points: Iterable[Sequence[float]]) -> str:
-    """A line above the ground."""
     return f"<LineString>{_ABOVE_GROUND}{_coordinates(points)}</LineString>"
 
 
@@ -279,7 +277,7 @@ def _extended(values: Mapping[str, Any]) -> str:
 
 
 def _text(value: object) -> str:
-    """A value without the characters that XML cannot hold at all."""
+    """Escape a value, without the characters that XML cannot hold."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     return escape("".join(c for c in str(value) if c >= " " and c not in "\ufffe\uffff"))

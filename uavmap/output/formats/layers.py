@@ -1,7 +1,7 @@
-"""A map as layers of geometries with columns: what every file for a GIS is written from.
+"""A map as layers of geometries with columns: the source of every file for a GIS.
 
-Geometries are in the UTM zone of the grid, in metres of the projection; `in_degrees` turns them
-into WGS84. Names of columns have at most ten letters, for a Shapefile holds no more.
+Geometries are in the UTM zone of the grid, in metres of the projection; `in_degrees` projects them
+to WGS84. Column names have at most ten letters, the limit of a Shapefile.
 """
 
 from __future__ import annotations
@@ -45,12 +45,8 @@ class Layer:
     Attributes:
         name: Of a table, or a file.
         title: For people.
-        geometry: Of all of them.
         heights: Whether points have a third coordinate: metres above home.
-        fields: The columns.
-        made: The geometries, in metres of the projection; None for a row without a place. Where
-            there are many, what makes those of a part.
-        rows: As many values as fields.
+        made: The geometries; None for a row without a place. Of many, a function makes a part.
     """
 
     name: str
@@ -67,7 +63,7 @@ class Layer:
         return self._part(slice(0, len(self.rows)))
 
     def parts(self) -> Iterator[tuple[Shapes, Sequence[tuple[Value, ...]]]]:
-        """Geometries and rows, at most `AT_ONCE` at a time."""
+        """Yield geometries and rows, at most `AT_ONCE` at a time."""
         for first in range(0, len(self.rows), AT_ONCE):
             part = slice(first, min(first + AT_ONCE, len(self.rows)))
             yield self._part(part), self.rows[part]
@@ -76,23 +72,23 @@ class Layer:
         return self.made(part) if callable(self.made) else self.made[part]
 
     def column(self, name: str) -> Iterator[Value]:
-        """The values of a column."""
+        """Return the values of a column."""
         at = [field.name for field in self.fields].index(name)
         return (row[at] for row in self.rows)
 
     def columns(self) -> dict[str, list[Value]]:
-        """The values by column."""
+        """Return the values by column."""
         return {field.name: list(self.column(field.name)) for field in self.fields}
 
     def records(self) -> Iterator[dict[str, Value]]:
-        """The rows, each value by its column."""
+        """Yield the rows, each value by its column."""
         names = [field.name for field in self.fields]
         return (dict(zip(names, row, strict=True)) for row in self.rows)
 
 
 # --- in degrees ----------------------------------------------------------------------------------
 def in_degrees(layer: Layer, grid: Grid, start: LatLon) -> Shapes:
-    """The geometries in WGS84, longitude first, rounded to `DECIMALS`, in the turn of the start."""
+    """Return the geometries in WGS84, longitude first, rounded, in the turn of the start."""
 
     def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
         there = grid.zone.lon_lat(points[:, :2])
@@ -104,7 +100,7 @@ def in_degrees(layer: Layer, grid: Grid, start: LatLon) -> Shapes:
 
 
 def outline_in_degrees(data: MapData) -> Polygon | MultiPolygon:
-    """The outline of a map's region in WGS84, as `in_degrees`."""
+    """Return the outline of a map's region, as `in_degrees`."""
 
     def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
         places = (data.place(GridPoint(east, north)) for east, north in points.tolist())
@@ -115,7 +111,7 @@ def outline_in_degrees(data: MapData) -> Polygon | MultiPolygon:
 
 
 def line_in_degrees(data: MapData, places: Iterable[LatLon]) -> list[tuple[float, float]]:
-    """Longitudes and latitudes of places, as `in_degrees`."""
+    """Return longitudes and latitudes of places, as `in_degrees`."""
     known = list(places)
     lons = turned(np.array([place.lon_deg for place in known]), data.start).tolist()
     return [
@@ -125,13 +121,13 @@ def line_in_degrees(data: MapData, places: Iterable[LatLon]) -> list[tuple[float
 
 
 def turned(lon_deg: NDArray[np.float64], start: LatLon) -> NDArray[np.float64]:
-    """Longitudes in the turn of the start's, so that no polygon spans the globe."""
+    """Return longitudes in the turn of the start's, so that no polygon spans the globe."""
     return lon_deg + 360.0 * np.round((start.lon_deg - lon_deg) / 360.0)
 
 
 # --- what a file is of ---------------------------------------------------------------------------
 def described(flown: Flown) -> dict[str, Any]:
-    """Mission, version, dates, coordinate system and extent, by name."""
+    """Return mission, version, dates, coordinate system and extent of a map, by name."""
     data, found = flown.data, flown.extent
     return {
         "mission": data.mission,

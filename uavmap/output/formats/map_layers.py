@@ -29,7 +29,7 @@ from uavmap.output.formats.layers import Field, Layer, Shapes, Value
 
 
 def layers(flown: Flown, boundary: BoundaryTold | None = None) -> list[Layer]:
-    """Every layer of a map; one without a row is left out, but the region always is there."""
+    """Create every layer of a map that has a row; the region always has one."""
     found = [
         _region(flown),
         *([] if boundary is None else [_boundary(flown, boundary)]),
@@ -46,19 +46,19 @@ def layers(flown: Flown, boundary: BoundaryTold | None = None) -> list[Layer]:
 
 # --- the ground ----------------------------------------------------------------------------------
 def _projected(grid: Grid, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Metres of the projection of points of the fixed frame; a height stays."""
+    """Project points of the fixed frame to metres; a height stays."""
     origin = np.array([grid.origin.east_m, grid.origin.north_m])
     return np.column_stack([(origin + points[:, :2] * grid.scale).round(3), points[:, 2:]])
 
 
 def _drifted(flown: Flown) -> NDArray[np.float64]:
-    """How far the moving frame is from the fixed one at the time of the map."""
+    """Return the drift of the moving frame by the time of the map, m."""
     grid = flown.data.grid
     return np.array([grid.drift_east_m_s, grid.drift_north_m_s]) * flown.data.t_s
 
 
 def _of_region(flown: Flown, shapes: Any) -> Shapes:
-    """Shapes of the moving frame, where they are at the time of the map, as an array."""
+    """Project shapes of the moving frame, at the time of the map."""
     grid, drift = flown.data.grid, _drifted(flown)
     moved = shapely.transform(shapes, lambda points: _projected(grid, points + drift))
     return np.atleast_1d(np.array(moved, dtype=object))
@@ -69,7 +69,7 @@ def _ring(flown: Flown, places: Iterable[LatLon]) -> list[GridPoint]:
 
 
 def _of_ground(flown: Flown, shapes: Sequence[Any], *, heights: bool = False) -> Shapes:
-    """Shapes of the fixed frame, as an array."""
+    """Project shapes of the fixed frame."""
     grid = flown.data.grid
     if not shapes:
         return np.array([], dtype=object)
@@ -165,7 +165,7 @@ def _cells(flown: Flown) -> Layer:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _CellValues(Sequence[tuple[Value, ...]]):
-    """A row of values for each cell, which are made where they are asked for."""
+    """A row of values per cell, made on demand."""
 
     table: CellTable
 
@@ -214,7 +214,7 @@ def _tracks(flown: Flown) -> Layer:
 
 
 def track_parts(flown: Flown) -> list[tuple[int, int, list[Fix]]]:
-    """Vehicle, number of the sortie, and places in the air; of recorded pictures all places."""
+    """Return vehicle, sortie and places in the air; of recorded pictures all places."""
     fixes = flown.log.fixes
     if flown.recorded:
         return [(vehicle, 1, list(found)) for vehicle, found in sorted(fixes.items())]
@@ -245,7 +245,7 @@ def _track_points(flown: Flown) -> Layer:
 
 
 def _frames(flown: Flown) -> Layer:
-    """Where frames were judged: by their own pose where they were kept, else by telemetry."""
+    """Create the judged frames: by their kept pose, or else by telemetry."""
     fields = (
         Field("vehicle", "whole"), Field("t_s", "number"), Field("utc", "time"),
         Field("height_m", "number"), Field("cells", "whole"), Field("positive", "whole"),
@@ -278,9 +278,9 @@ def _frames(flown: Flown) -> Layer:
 
 
 def kept_by_time(flown: Flown) -> dict[tuple[int, float], KeptFrame]:
-    """The frames that a flight has kept, by vehicle and time; none where they cannot be read.
+    """Return a flight's kept frames by vehicle and time; none where they cannot be read.
 
-    One whose place is none, in a file that somebody has changed, is left out.
+    A frame with an impossible place, in a file that was edited, is left out.
     """
     if flown.recorded:
         return {}
@@ -319,7 +319,7 @@ def _fence(flown: Flown) -> Layer:
 
 
 def _places(flown: Flown) -> Layer:
-    """The start of recorded pictures; of a flight the homes, as they were told last."""
+    """Create the start of recorded pictures, or the homes of a flight as last reported."""
     grid, planned = flown.data.grid, homes(flown.setting.mission)
     fields = (Field("name", "text"), Field("vehicle", "whole"))
     if flown.recorded:

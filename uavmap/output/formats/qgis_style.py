@@ -1,4 +1,4 @@
-"""How QGIS draws the layers: QML in the colours of our own picture."""
+"""QGIS styles (QML) of the layers, in the colours of map.png."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _KINDS = {
 
 @dataclass(frozen=True, slots=True)
 class Symbol:
-    """How something is drawn; sizes in millimetres of the screen or the paper."""
+    """How something is drawn; sizes in millimetres."""
 
     line: Colour
     width_mm: float
@@ -49,7 +49,7 @@ class _Category:
 
 
 def qml(layer: Layer) -> str:
-    """The style of a layer, as QGIS 3 reads it."""
+    """Write the style of a layer for QGIS 3."""
     column, categories = _categories(layer)
     kind = "singleSymbol" if column is None else "categorizedSymbol"
     symbols = "".join(_symbol(str(i), layer, c.symbol) for i, c in enumerate(categories))
@@ -74,7 +74,7 @@ def _listed(categories: Sequence[_Category]) -> str:
 
 
 def _categories(layer: Layer) -> tuple[str | None, Sequence[_Category]]:
-    """The column by which a layer is drawn, and its values; no column: one symbol for all."""
+    """Return the column by which a layer is drawn and its values; None: one symbol for all."""
     match layer.name:
         case "cells":
             there = set(layer.column("state"))

@@ -1,7 +1,7 @@
-"""A Shapefile a layer: .shp, .shx, .dbf, .prj and .cpg, in the UTM zone of the grid.
+"""A Shapefile per layer: .shp, .shx, .dbf, .prj and .cpg, in the UTM zone of the grid.
 
-A .dbf has a date, for which the map's is written in place of today's; times are text, for its dates
-have no hours. A text is cut where it has more than 254 bytes.
+The date of a .dbf is the map's; times are text, for its dates have no hours. A text is cut at 254
+bytes.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SHAPES: Final = {
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
-    """The files by name."""
+    """Encode the files by name."""
     prj = pyproj.CRS.from_epsg(flown.data.grid.zone.epsg).to_wkt("WKT1_ESRI").encode()
     when = flown.calendar.date(flown.data.t_s)
     files: dict[str, bytes] = {}
