@@ -160,8 +160,13 @@ class FlightLog:
         if isinstance(event, Connected) and not event.airborne:
             self._on_ground.setdefault(event.vehicle, []).append(event.t_s)
 
+    def fixes_of(self, sortie: Sortie) -> list[Fix]:
+        """Return the places of a sortie."""
+        own = self.fixes[sortie.vehicle]
+        return [fix for fix in own if sortie.start_s <= fix.t_s <= sortie.end_s]
+
     def sorties(self) -> list[Sortie]:
-        """All flights, by vehicle and time."""
+        """Return all flights, by vehicle and time."""
         found: list[Sortie] = []
         for vehicle, fixes in sorted(self.fixes.items()):
             landings = iter(sorted(self._on_ground.get(vehicle, ())))

@@ -64,7 +64,7 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
 
 
 def _layer(flown: Flown, layer: Layer) -> Iterator[str]:
-    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
+    shapes = in_degrees(layer, flown.data)
     head = {"name": layer.name, **described(flown)}
     box = _bbox(shapely.get_coordinates(shapes, include_z=layer.heights))
     written = zip(shapely.to_geojson(shapes), layer.records(), strict=True)
@@ -156,11 +156,11 @@ def _map_bbox(data: MapData, shapes: Sequence[BaseGeometry]) -> list[float]:
     if len(lons):
         corners = [[lons.min(), lats.min()], [lons.max(), lats.max()]]
         places.append(np.array(corners).round(DECIMALS))
-    low, high = _split(_bbox(np.concatenate(places)))
+    box = _bbox(np.concatenate(places))
     heights = shapely.get_coordinates([s for s in shapes if s.has_z], include_z=True)[:, 2]
     if not len(heights):
-        return [*low, *high]
-    return [*low, float(heights.min()), *high, float(heights.max())]
+        return box
+    return [*box[:2], float(heights.min()), *box[2:], float(heights.max())]
 
 
 # --- parts ---------------------------------------------------------------------------------------
@@ -186,8 +186,3 @@ def _feature(identity: str | int, geometry: str, values: dict[str, Any]) -> str:
 def _bbox(points: NDArray[np.float64]) -> list[float]:
     """Return west, south, (lowest,) east, north(, highest); empty without any point (section 5)."""
     return [*points.min(axis=0).tolist(), *points.max(axis=0).tolist()] if len(points) else []
-
-
-def _split(box: list[float]) -> tuple[list[float], list[float]]:
-    half = len(box) // 2
-    return box[:half], box[half:]

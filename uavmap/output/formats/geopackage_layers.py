@@ -102,9 +102,7 @@ def _layer(file: sqlite3.Connection, flown: Flown, layer: Layer) -> None:
         f"geom {shape}, {columns})"
     )
     bounds = [shapely.total_bounds(shapes) for shapes, _ in layer.parts()]
-    west, south = np.fmin.reduce(bounds)[:2].tolist()
-    east, north = np.fmax.reduce(bounds)[2:].tolist()
-    box = [west, south, east, north]
+    box = [*np.fmin.reduce(bounds)[:2].tolist(), *np.fmax.reduce(bounds)[2:].tolist()]
     _content(file, flown, layer.name, "features", layer.title, box, srs)
     file.execute(
         "INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, ?, 0)",

@@ -38,9 +38,10 @@ from uavmap.output.formats.layers import (
     in_degrees,
     line_in_degrees,
     outline_in_degrees,
+    text_of,
     turned,
 )
-from uavmap.output.formats.map_layers import track_parts
+from uavmap.output.formats.map_layers import track_lines, track_parts
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 _EXTENSIONS = "http://www.google.com/kml/ext/2.2"
@@ -85,7 +86,8 @@ def _document(
 # --- styles --------------------------------------------------------------------------------------
 def _styles(vehicles: Iterable[int]) -> Iterator[str]:
     for state, colour in STATES.items():
-        yield _style(_id(state), colour, 1, _abgr(colour, 90 if state in NOT_ROI else 150))
+        fill = _abgr(colour, 90 if state in NOT_ROI else 150)
+        yield _style(state.replace(" ", "-"), colour, 1, fill)
     yield _style("region", OUTLINE, 3)
     yield _style("boundary", BOUNDARY, 2)
     yield _style("unsearched", UNSEARCHED, 3)
@@ -109,41 +111,31 @@ def _abgr(colour: Colour, alpha: int) -> str:
     return f"{alpha:02x}{blue:02x}{green:02x}{red:02x}"
 
 
-def _id(state: str) -> str:
-    return state.replace(" ", "-")
-
-
 # --- map.kml -------------------------------------------------------------------------------------
 def _map(data: MapData) -> Iterator[str]:
     tracks = [track for track in data.tracks if len(track.points) > 1]
-    folders = [_folder("Outline", _outline(data)), _folder("Cells", _cells(data))]
-    lines = (
-        _mark(f"Vehicle {track.vehicle}", f"track-{track.vehicle}", _track_line(data, track.points))
-        for track in tracks
-    )
-    folders.append(_folder("Tracks", lines))
-    if data.unsearched:
-        folders.append(_folder("Not searched", _lanes(data)))
-    yield from _document(data, "", {track.vehicle for track in tracks}, "", folders)
-
-
-def _outline(data: MapData) -> Iterator[str]:
-    shape = outline_in_degrees(data)
+    shape, outline = outline_in_degrees(data), []
     if not shape.is_empty:
         size = f"{len(data.roi_cells)} cells, {data.outline.area:.0f} m2"
-        yield _mark("Region", "region", _geometry(shape), description=size)
-
-
-def _track_line(data: MapData, points: Iterable[tuple[float, Any, float]]) -> str:
-    line = line_in_degrees(data, (place for _, place, _ in points))
-    heights_m = [height_m for _, _, height_m in points]
-    return _line((lon, lat, height_m) for (lon, lat), height_m in zip(line, heights_m, strict=True))
-
-
-def _lanes(data: MapData) -> Iterator[str]:
-    for number, lane in enumerate(data.unsearched, start=1):
-        line = LineString(line_in_degrees(data, lane))
-        yield _mark(f"Lane {number}, without a judged frame", "unsearched", _geometry(line))
+        outline = [_mark("Region", "region", _geometry(shape), description=size)]
+    folders = [_folder("Outline", outline), _folder("Cells", _cells(data))]
+    lines = []
+    for track in tracks:
+        places = line_in_degrees(data, (place for _, place, _ in track.points))
+        points = [(*at, height) for at, (_, _, height) in zip(places, track.points, strict=True)]
+        lines.append(_mark(f"Vehicle {track.vehicle}", f"track-{track.vehicle}", _aloft(points)))
+    folders.append(_folder("Tracks", lines))
+    lanes = [
+        _mark(
+            f"Lane {number}, without a judged frame",
+            "unsearched",
+            _geometry(LineString(line_in_degrees(data, lane))),
+        )
+        for number, lane in enumerate(data.unsearched, start=1)
+    ]
+    if lanes:
+        folders.append(_folder("Not searched", lanes))
+    yield from _document(data, "", {track.vehicle for track in tracks}, "", folders)
 
 
 # --- layers --------------------------------------------------------------------------------------
@@ -166,21 +158,21 @@ def _cells(data: MapData) -> Iterator[str]:
         if not there.any():
             continue
         yield f"<Folder><name>{state}</name>\n"
+        style = state.replace(" ", "-")
         some, corners = data.table.which(there), data.corners.which(there)
         for table, rings in zip(some.parts(), corners.written(places), strict=True):
             for ring, row in zip(rings, table.values(), strict=True):
                 (east, north), _, positive, votes, belief = row
                 frames = f"{positive} of {votes} frames positive"
                 frames += "" if belief is None else f", belief {belief:.3f}"
-                square = (
-                    f"<Polygon>{_ring('outerBoundaryIs', ' '.join([*ring, ring[0]]))}</Polygon>"
-                )
-                yield _mark(f"{east}, {north}", _id(state), square, description=frames)
+                square = _ring("outerBoundaryIs", " ".join([*ring, ring[0]]))
+                square = f"<Polygon>{square}</Polygon>"
+                yield _mark(f"{east}, {north}", style, square, description=frames)
         yield "</Folder>\n"
 
 
 def _marks(flown: Flown, layer: Layer) -> Iterator[str]:
-    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
+    shapes = in_degrees(layer, flown.data)
     stamp = flown.calendar.utc(flown.data.t_s)
     dated = layer.name in ("region", "boundary") and stamp is not None
     when = f"<TimeStamp><when>{stamp}</when></TimeStamp>" if dated else ""
@@ -191,14 +183,12 @@ def _marks(flown: Flown, layer: Layer) -> Iterator[str]:
 
 def _tracks(flown: Flown, layer: Layer) -> Iterator[str]:
     """Write lines in time; without dates plain lines."""
-    fixes = {(vehicle, number): found for vehicle, number, found in track_parts(flown)}
-    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
-    for shape, values in zip(shapes, layer.records(), strict=True):
-        vehicle, sortie = values["vehicle"], values["sortie"]
-        times = [flown.calendar.utc(fix.t_s) for fix in fixes[int(vehicle or 0), int(sortie or 0)]]
+    lines = zip(in_degrees(layer, flown.data), layer.records(), track_lines(flown), strict=True)
+    for shape, values, (vehicle, _, fixes) in lines:
+        times = [flown.calendar.utc(fix.t_s) for fix in fixes]
         points = shapely.get_coordinates(shape, include_z=True).tolist()
         if None in times:
-            geometry = _line(points)
+            geometry = _aloft(points)
         else:
             whens = "".join(f"<when>{time}</when>" for time in times)
             coords = "".join(f"<gx:coord>{x} {y} {z:.2f}</gx:coord>" for x, y, z in points)
@@ -236,9 +226,8 @@ def _geometry(shape: BaseGeometry | None) -> str:
         case shapely.Point():
             return f"<Point>{_coordinates(shape.coords)}</Point>"
         case shapely.LineString():
-            return (
-                f"<LineString><tessellate>1</tessellate>{_coordinates(shape.coords)}</LineString>"
-            )
+            places = _coordinates(shape.coords)
+            return f"<LineString><tessellate>1</tessellate>{places}</LineString>"
         case shapely.Polygon():
             outer = _ring("outerBoundaryIs", _places(shape.exterior.coords))
             holes = (_ring("innerBoundaryIs", _places(hole.coords)) for hole in shape.interiors)
@@ -247,7 +236,7 @@ def _geometry(shape: BaseGeometry | None) -> str:
     return f"<MultiGeometry>{parts}</MultiGeometry>"
 
 
-def _line(points: Iterable[Sequence[float]]) -> str:
+def _aloft(points: Iterable[Sequence[float]]) -> str:
     return f"<LineString>{_ABOVE_GROUND}{_coordinates(points)}</LineString>"
 
 
@@ -278,6 +267,4 @@ def _extended(values: Mapping[str, Any]) -> str:
 
 def _text(value: object) -> str:
     """Escape a value, without the characters that XML cannot hold."""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return escape("".join(c for c in str(value) if c >= " " and c not in "\ufffe\uffff"))
+    return escape("".join(c for c in text_of(value) if c >= " " and c not in "\ufffe\uffff"))

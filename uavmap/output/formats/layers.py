@@ -15,7 +15,6 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
-from missions.geo.grid import Grid
 from missions.units import GridPoint, LatLon
 from uavmap.base.printable import printable
 from uavmap.base.version import __version__
@@ -35,7 +34,8 @@ class Field(NamedTuple):
     """A column; its name has at most ten letters."""
 
     name: str
-    kind: Literal["text", "whole", "number", "yes or no", "time"]
+    kind: str
+    """text, whole, number, yes or no, or time"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,14 +71,10 @@ class Layer:
     def _part(self, part: slice) -> Shapes:
         return self.made(part) if callable(self.made) else self.made[part]
 
-    def column(self, name: str) -> Iterator[Value]:
+    def column(self, name: str) -> list[Value]:
         """Return the values of a column."""
         at = [field.name for field in self.fields].index(name)
-        return (row[at] for row in self.rows)
-
-    def columns(self) -> dict[str, list[Value]]:
-        """Return the values by column."""
-        return {field.name: list(self.column(field.name)) for field in self.fields}
+        return [row[at] for row in self.rows]
 
     def records(self) -> Iterator[dict[str, Value]]:
         """Yield the rows, each value by its column."""
@@ -87,12 +83,12 @@ class Layer:
 
 
 # --- in degrees ----------------------------------------------------------------------------------
-def in_degrees(layer: Layer, grid: Grid, start: LatLon) -> Shapes:
+def in_degrees(layer: Layer, data: MapData) -> Shapes:
     """Return the geometries in WGS84, longitude first, rounded, in the turn of the start."""
 
     def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        there = grid.zone.lon_lat(points[:, :2])
-        there[:, 0] = turned(there[:, 0], start)
+        there = data.grid.zone.lon_lat(points[:, :2])
+        there[:, 0] = turned(there[:, 0], data.start)
         return np.column_stack([there.round(DECIMALS), points[:, 2:]])
 
     shapes: Shapes = shapely.transform(layer.shapes, placed, include_z=layer.heights)
@@ -125,10 +121,21 @@ def turned(lon_deg: NDArray[np.float64], start: LatLon) -> NDArray[np.float64]:
     return lon_deg + 360.0 * np.round((start.lon_deg - lon_deg) / 360.0)
 
 
-# --- what a file is of ---------------------------------------------------------------------------
+# --- texts ---------------------------------------------------------------------------------------
+def text_of(value: object) -> str:
+    """Write a value for readers.
+
+    >>> text_of(True), text_of(2.5)
+    ('yes', '2.5')
+    """
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return str(value)
+
+
 def described(flown: Flown) -> dict[str, Any]:
     """Return mission, version, dates, coordinate system and extent of a map, by name."""
-    data, found = flown.data, flown.extent
+    data = flown.data
     return {
         "mission": data.mission,
         "completed": flown.completed,
@@ -139,8 +146,5 @@ def described(flown: Flown) -> dict[str, Any]:
         "t_s": round(data.t_s, 3),
         "simulated": flown.simulated,
         "computed_in": flown.crs,
-        "area_m2": round(found.area_m2, 1),
-        "area_low_m2": round(found.low_m2, 1),
-        "area_high_m2": round(found.high_m2, 1),
-        "perimeter_m": round(found.perimeter_m, 1),
+        **flown.extent.figures(),
     }

@@ -163,11 +163,11 @@ def test_kept_frames_tell_their_names_and_places(tmp_path: Path) -> None:
     folder = folder_of(tmp_path)
     keep_frames(folder)
     (frames,) = (layer for layer in layers(flown_of(folder)) if layer.name == "frames")
-    assert set(frames.columns()["place_by"]) == {"pose"}
-    assert frames.columns()["picture"][0] == "1-000018.650.jpg"
+    assert set(frames.column("place_by")) == {"pose"}
+    assert frames.column("picture")[0] == "1-000018.650.jpg"
     bare = flown_of(folder_of(tmp_path / "without"))
     (others,) = (layer for layer in layers(bare) if layer.name == "frames")
-    assert set(others.columns()["place_by"]) == {"telemetry"}
+    assert set(others.column("place_by")) == {"telemetry"}
     assert len(others.rows) == len(frames.rows) == 34
 
 
@@ -180,7 +180,7 @@ def test_a_place_that_is_none_is_left_out(tmp_path: Path) -> None:
         poses.write_text(text, "utf-8")
     flown = flown_of(folder)
     (frames,) = (layer for layer in layers(flown) if layer.name == "frames")
-    assert frames.columns()["place_by"].count("telemetry") == 12
+    assert frames.column("place_by").count("telemetry") == 12
     for kind in FORMATS:
         files_of(flown, kind)
     assert encode(flown)
