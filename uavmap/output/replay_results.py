@@ -22,7 +22,7 @@ from uavmap.output.drawing.map_scene import Photograph, map_scene, map_view
 from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts import boundary_file
 from uavmap.output.facts.boundary_file import BoundaryMap
-from uavmap.output.facts.boundary_summary import FILE, boundary_of
+from uavmap.output.facts.boundary_model import FILE, boundary_of
 from uavmap.output.facts.calendar import Calendar
 from uavmap.output.facts.extent import Extent, extent
 from uavmap.output.facts.flight_log import FlightLog

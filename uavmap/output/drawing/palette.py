@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from uavmap.output.facts.cell_table import State
+from uavmap.output.facts.map_model import State
 
 Colour = tuple[int, int, int]
 

@@ -1,7 +1,6 @@
-"""What a journal says of a flight's course: places, frames, sorties, troubles.
+"""The course of a flight from its journal: places, frames, sorties, faults.
 
-It is noted event by event, so that a replay of thousands of pictures need not keep what each of
-them says of each cell.
+It is noted event by event: a replay of thousands of pictures need not keep their votes.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ _GNSS: Final = {
 
 
 class Fix(NamedTuple):
-    """Where a vehicle was: the fixed frame, metres above its home, and its charge."""
+    """A vehicle's place in the fixed frame, its height above home and its charge."""
 
     t_s: float
     place: GridPoint
@@ -62,7 +61,7 @@ class Fix(NamedTuple):
 
 
 class FrameRow(NamedTuple):
-    """A judged frame: of how many cells it said something, and of how many that they are region."""
+    """A judged frame: number of cells it voted on, and of votes for region."""
 
     vehicle: int
     t_s: float
@@ -80,7 +79,7 @@ class Trouble(NamedTuple):
 
 
 class Sortie(NamedTuple):
-    """A flight of a vehicle, from lift-off to touch-down, or to where nothing more is known."""
+    """A flight of a vehicle from lift-off to touch-down, or to its last known place."""
 
     vehicle: int
     number: int
@@ -95,12 +94,10 @@ class FlightLog:
     """The course of a flight; times are mission seconds.
 
     Attributes:
-        fixes: By vehicle.
         frames: In the order in which they were judged.
-        troubles: In their order.
         swaps: Vehicle and time of each fresh battery.
-        homes: Of vehicles, as they told them last.
-        amsl_m: Height above the sea of the first home that was told.
+        homes: By vehicle, as last reported.
+        amsl_m: Height above the sea of the first reported home.
     """
 
     fixes: dict[int, list[Fix]] = field(default_factory=dict)
@@ -114,20 +111,20 @@ class FlightLog:
 
     @classmethod
     def of(cls, events: Iterable[Event]) -> FlightLog:
-        """The log of a journal."""
+        """Note the events of a journal."""
         log = cls()
         for event in events:
             log.note(event)
         return log
 
     def noting(self, events: Iterable[E]) -> Iterator[E]:
-        """The same events, each noted on its way."""
+        """Yield the same events, each noted on its way."""
         for event in events:
             self.note(event)
             yield event
 
     def note(self, event: Event) -> None:
-        """Take an event in."""
+        """Note an event."""
         if isinstance(event, Tracked):
             fix = Fix(event.t_s, event.position, event.height_m, event.remaining_wh)
             self.fixes.setdefault(event.vehicle, []).append(fix)
@@ -146,7 +143,6 @@ class FlightLog:
             self.troubles.append(trouble)
 
     def _navigated(self, event: Navigated) -> None:
-        """A line where it changes what a vehicle goes by."""
         before = self._gnss.get(event.vehicle, "good")
         self._gnss[event.vehicle] = event.gnss
         if event.gnss != before:
@@ -189,7 +185,7 @@ class FlightLog:
 
 
 def _trouble(event: Event) -> Trouble | None:
-    """What an event says went wrong, or what a person did; None for all else."""
+    """Return the fault in an event, or what a person did; None for all else."""
     vehicle, t_s = getattr(event, "vehicle", 0), event.t_s
     match event:
         case FrameLost(reason=reason):
@@ -219,7 +215,6 @@ def _trouble(event: Event) -> Trouble | None:
 
 
 def _operator(event: Event) -> Trouble | None:
-    """What the operator did."""
     vehicle, t_s = getattr(event, "vehicle", 0), event.t_s
     match event:
         case CellSkipped(cell=cell):

@@ -11,7 +11,7 @@ from typing import Any
 from missions.flight.setting import Setting
 from uavmap.base.version import __version__
 from uavmap.journal.flight_plan import FlightPlan
-from uavmap.output.facts.boundary_summary import BoundaryTold, read_boundary
+from uavmap.output.facts.boundary_model import BoundaryTold, read_boundary
 from uavmap.output.facts.calendar import Calendar
 from uavmap.output.facts.extent import Extent, extent
 from uavmap.output.facts.flight_log import FlightLog

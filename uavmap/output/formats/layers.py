@@ -18,9 +18,8 @@ from shapely.geometry import MultiPolygon, Polygon
 from missions.units import GridPoint, LatLon
 from uavmap.base.printable import printable
 from uavmap.base.version import __version__
-from uavmap.output.facts.cell_table import AT_ONCE
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.facts.map_model import MapData
+from uavmap.output.facts.map_model import AT_ONCE, MapData
 
 DECIMALS: Final = 7
 """Of a degree: about a centimetre."""

@@ -21,10 +21,10 @@ from missions.units import GridPoint, LatLon
 from uavmap.base.printable import printable
 from uavmap.base.version import __version__
 from uavmap.journal.kept_frames import KeptFrame, read_kept
-from uavmap.output.facts.boundary_summary import BoundaryTold
-from uavmap.output.facts.cell_table import CellTable
+from uavmap.output.facts.boundary_model import BoundaryTold
 from uavmap.output.facts.flight_log import Fix
 from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.map_model import CellTable
 from uavmap.output.formats.layers import Field, Layer, Shapes, Value
 
 

@@ -10,9 +10,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from uavmap.base.printable import printable
+from uavmap.output.facts.counting import navigation_in_words
 from uavmap.output.facts.flight_log import Sortie
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.facts.navigation_error import in_words
 from uavmap.output.facts.patch_summary import MOST_PATCHES, box_in_words, state_in_words
 from uavmap.output.report.timeline import minutes
 
@@ -214,7 +214,7 @@ def notes(flown: Flown) -> list[str]:
         found += [printable(f"vehicle {number}: {note}") for number, note in said.items()]
     known = values.get("navigation")
     if isinstance(known, Mapping):
-        found += [f"vehicle {number}: {in_words(figures)}" for number, figures in known.items()]
+        found += [f"vehicle {n}: {navigation_in_words(one)}" for n, one in known.items()]
     return found
 
 

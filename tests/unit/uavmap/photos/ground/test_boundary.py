@@ -25,7 +25,7 @@ from missions.units import LatLon
 from tests.support.photographs import dji, write_photo
 from tests.support.small_missions import START, ring, square
 from tests.unit.uavmap.photos.test_replay import FILM_MM, GRID, HEIGHT, UP_M, WIDTH, geotag
-from uavmap.output.facts.boundary_summary import FILE
+from uavmap.output.facts.boundary_model import FILE
 from uavmap.photos.ground import geotiff, rasters
 from uavmap.ui.cli import main
 
