@@ -1,7 +1,7 @@
-"""Robots that watch each other, as a picture and as an animation.
+"""A picture and an animation of robots that watch each other.
 
-Ground over which the line between two robots passed is tinted; pieces of the map are outlined when
-they are whole; a line leads from who moves to who watches it.
+Ground that the line between two robots passed is tinted; pieces of the map are outlined when
+complete; a line leads from the moving robot to its watcher.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _EDGE: Final = 1.0 + 1e-9
 
 
 def write_picture(report: Report, path: Path) -> None:
-    """Write it whole as a PNG, with where robots believe to be. Raises `OutputError`."""
+    """Write a PNG of the whole, with the ellipses of positions. Raises `OutputError`."""
     stage = _Stage(report)
     buffer = io.BytesIO()
     stage.last().quantize(_COLOURS).save(buffer, "PNG", optimize=True)
@@ -68,7 +68,7 @@ def write_animation(report: Report, path: Path) -> None:
 
 
 class _Stage:
-    """Draws an exploration on; time is the way that all robots together have gone, in metres."""
+    """Draws an exploration; time is the path length of all robots together, m."""
 
     def __init__(self, report: Report) -> None:
         self._report = report
@@ -91,7 +91,7 @@ class _Stage:
         self._done = self._pieces = 0
 
     def frames(self, times_m: Sequence[float]) -> Iterator[Image.Image]:
-        """Yield a frame for each time, which only grow."""
+        """Yield a frame for each time, ascending."""
         for time_m in times_m:
             moving = bisect_right(self._ends_m, time_m * (1.0 - 1e-12))
             self._finish(moving)
@@ -129,7 +129,7 @@ class _Stage:
         return canvas.shown()
 
     def _finish(self, moves: int) -> None:
-        """Draw some moves for good, and what was mapped with them."""
+        """Draw moves for good, and the pieces that were mapped with them."""
         for move, standing in self._moves[self._done : moves]:
             self._draw(self._lower, self._swept(move, standing, move.path))
         self._done = max(self._done, moves)
@@ -148,7 +148,7 @@ class _Stage:
     def _swept(
         self, move: Move, standing: Sequence[Point], path: Sequence[Point]
     ) -> Iterator[Shape]:
-        """Yield what the lines from a robot to its partners passed over, and its way."""
+        """Yield the ground that the lines to the partners passed, and the path."""
         colour = STATES["non-roi"]
         if move.why is Why.SWEEP:
             colour = track_colour(move.robot)
@@ -187,13 +187,12 @@ def _ellipse(shape: Ellipse, place: Point, style: Style) -> Line:
 
 
 def _tint(colour: Colour) -> Colour:
-    """A colour, most of it paper."""
     red, green, blue = (round(0.3 * c + 0.7 * p) for c, p in zip(colour, PAPER, strict=True))
     return red, green, blue
 
 
 def _part(path: Sequence[Point], length_m: float) -> list[Point]:
-    """The beginning of a path, so long."""
+    """Return the beginning of a path."""
     found = [path[0]]
     for a, b in pairwise(path):
         leg = distance(a, b)

@@ -1,4 +1,4 @@
-"""An exploration by robots that watch each other: its terms, its run and its figures."""
+"""Exploration by robots that watch each other: terms, run and figures."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Mode(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Cooperation:
-    """The terms of an exploration. `theta_rad` and `cover` count for stripes only."""
+    """The terms of an exploration. `theta_rad` and `cover` are for stripes only."""
 
     mode: Mode
     robots: int
@@ -49,7 +49,7 @@ class Cooperation:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What came of it."""
+    """The result of an exploration."""
 
     terms: Cooperation
     exploration: Exploration
@@ -62,12 +62,12 @@ class Report:
 
     @property
     def complete(self) -> bool:
-        """Whether all of the ground is in the map, and was seen."""
+        """Whether all of the ground is on the map, and was seen."""
         slack_m2 = 1e-6 * self.exploration.space.area_m2
         return self.numbers.missed_m2 <= slack_m2 and not len(self.unseen)
 
     def figures(self) -> dict[str, Any]:
-        """Everything as JSON has it; the same for the same seed."""
+        """Return all figures for JSON; the same for the same seed."""
         terms, space = self.terms, self.exploration.space
         stripes = terms.mode is not Mode.TRIANGULATION
         numbers = {key: _rounded(value) for key, value in asdict(self.numbers).items()}
@@ -111,14 +111,14 @@ def _end(outcome: Outcome, robot: int) -> dict[str, float]:
 
 
 def first_corner(space: Space) -> Point:
-    """Where a team starts that is told nothing: the southernmost corner, of several the western."""
+    """Return the default start: the southernmost corner, of several the western."""
     return min(space.corners, key=lambda corner: (corner[1], corner[0]))
 
 
 def cooperate(
     space: Space, terms: Cooperation, start: Point | None = None, noise: Noise | None = None
 ) -> Report:
-    """Explore, look whether everything was seen, and follow what robots believe of their places.
+    """Explore, check what was seen, and follow the robots' belief of their places.
 
     Raises `AreaError` for a start outside of the ground, `StrategyError` for a range that does not
     fit it.
@@ -157,7 +157,7 @@ _EXPLORE: Final[dict[Mode, Callable[[Space, Point, Cooperation], Exploration]]] 
 
 
 def _points(space: Space, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Points all over the ground, and its corners."""
+    """Draw points all over the ground, after its corners."""
     west, south, east, north = space.polygon.bounds
     found = np.array(space.corners)
     wanted = LOOKED_AT + len(found)

@@ -19,10 +19,10 @@ _FIX_S: Final = 0.2
 def film_of_nonstop(
     run: Flown, roi: Roi, cell_m: float, footprint_m: tuple[float, float], title: str
 ) -> Film:
-    """The film of a run that was recorded.
+    """Create the film of a recorded run.
 
-    A cell with a majority for ROI so far is shown as under exploration, one that is decided as
-    explored or as no region.
+    A cell with a majority for ROI so far is under exploration; a decided one is explored or no
+    region.
     """
     tracks = {k: tuple(_fixes(paths, run.makespan_s, cell_m)) for k, paths in enumerate(run.paths)}
     east_m, north_m = footprint_m
@@ -49,7 +49,7 @@ def _state(verdict: Verdict) -> State:
 
 
 def _fixes(paths: tuple[Trajectory, ...], end_s: float, cell_m: float) -> list[Fix]:
-    """Where a vehicle is, so often that the lines between cannot be told from its path."""
+    """Return places so dense that lines between them follow the path."""
     fixes = []
     for path, following in zip(paths, [*paths[1:], None], strict=True):
         until_s = end_s if following is None else following.begin_s

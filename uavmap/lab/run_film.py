@@ -17,7 +17,7 @@ _SPREAD: Final = 0.36
 
 
 def film_of_run(run: Run, roi: Collection[Cell], title: str) -> Film:
-    """The film of a run on a ROI.
+    """Create the film of a run on a ROI.
 
     The states are those that all robots know together. A vertex that was looked from although no
     move leads to it was known beforehand.
@@ -47,8 +47,7 @@ def film_of_run(run: Run, roi: Collection[Cell], title: str) -> Film:
 
 
 def _beside(cell: Cell, robot: int, robots: int) -> Place:
-    """Where a robot is drawn that is at a vertex: every robot has its own spot, as the seeds of
-    a sunflower, so that nobody hides another."""
+    """Return a robot's own spot at a vertex, as the seeds of a sunflower: none hides another."""
     if robots == 1:
         return Place(*cell)
     away = _SPREAD * math.sqrt((robot + 0.5) / robots)
@@ -57,7 +56,7 @@ def _beside(cell: Cell, robot: int, robots: int) -> Place:
 
 
 def _changes(run: Run) -> list[Change]:
-    """What becomes of each vertex, from the times at which somebody first looked from it."""
+    """Return the changes of each vertex, from the times of the first look from each."""
     tree = run.tree
     looked_t = {tree.root: 0.0}
     for leg in sorted(run.legs, key=lambda leg: leg.end_t):
@@ -80,7 +79,7 @@ def _changes(run: Run) -> list[Change]:
 
 
 def _explored_t(tree: Tree, looked_t: dict[Cell, float]) -> dict[Cell, float]:
-    """When everything below each vertex was looked from; infinity if that never came."""
+    """Return when all below each vertex was looked from; infinity if never."""
     explored_t: dict[Cell, float] = {}
     for cell in sorted(tree.vertices, key=lambda cell: -tree.vertices[cell].depth):
         below = [explored_t[child] for child in tree.children(cell)]

@@ -30,7 +30,7 @@ _KEYS = (
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """Under what terms a team explores."""
+    """The terms of an exploration."""
 
     robots: int
     metric: Metric
@@ -39,7 +39,7 @@ class Terms:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One strategy on one ROI. `moves` counts those of all robots."""
+    """One strategy on one ROI; `moves` are those of all robots."""
 
     roi: str
     strategy: str
@@ -51,7 +51,7 @@ class Trial:
     """Real time that the lower bounds of the ROI took, once for all strategies."""
 
     def figures(self) -> dict[str, Any]:
-        """As in the JSON of `uavmap simulate`."""
+        """Return the figures for the JSON of `uavmap simulate`."""
         known = self.certificate
         values = (
             round(known.makespan, 9),
@@ -67,15 +67,14 @@ class Trial:
 
 
 def explored(roi: Roi, explorer: Explorer, terms: Terms) -> Run:
-    """A run in the arena."""
+    """Explore in the arena."""
     return run(explorer, roi.cells, roi.start, terms.robots, metric=terms.metric, comms=terms.comms)
 
 
 def trials(rois: Sequence[Roi], explorers: Sequence[Explorer], terms: Terms) -> Iterator[Trial]:
-    """Every strategy on every ROI, one ROI after the other.
+    """Yield every strategy on every ROI, one ROI after the other.
 
-    Raises:
-        StrategyError: a strategy that breaks its protocol.
+    Raises `StrategyError` for a strategy that breaks its protocol.
     """
     for roi in rois:
         begin_s = time.perf_counter()
@@ -92,8 +91,8 @@ def trials(rois: Sequence[Roi], explorers: Sequence[Explorer], terms: Terms) -> 
 
 
 def means(done: Sequence[Trial]) -> dict[str, Any]:
-    """The means of the figures; `ratio` is mean makespan over mean lower bound, and `bound_held`
-    says of all trials whether they kept their bound."""
+    """Return the means of the figures; `ratio` is mean makespan over mean lower bound, and
+    `bound_held` whether all trials kept their bound."""
     if not done:
         return {}
     rows = [trial.figures() for trial in done]

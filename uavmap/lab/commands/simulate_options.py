@@ -1,7 +1,7 @@
-"""Options of uavmap simulate, by who takes them.
+"""Options of uavmap simulate for certain strategies.
 
-These are strategies that do not stop over cells, robots that do not know where they are, and robots
-that watch each other.
+These do not stop over cells, localize, or watch each other. The parser has no defaults for them: so
+it is known which were given.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ NONSTOP_DEFAULTS: Final[dict[str, Any]] = {
 
 
 def add_nonstop_options(parser: argparse.ArgumentParser) -> None:
-    """Add what only strategies take that do not stop; see `NONSTOP_DEFAULTS`."""
+    """Add the options of strategies that do not stop."""
     group = parser.add_argument_group(
         f"{' and '.join(NONSTOP)}",
         "flight without stopping, in seconds and metres, from the start cell back to it",
@@ -81,8 +81,7 @@ _REFUSED: Final = {
 
 
 def add_localize_options(parser: argparse.ArgumentParser) -> None:
-    """Add --localize and what belongs to it; none has a default here, so that it is known which
-    were given."""
+    """Add --localize and its options."""
     group = parser.add_argument_group(
         "--localize",
         "a robot that senses the eight neighbours of its cell finds out which cell of the ROI "
@@ -115,10 +114,9 @@ def add_localize_options(parser: argparse.ArgumentParser) -> None:
 
 
 def methods_of(options: argparse.Namespace) -> list[Method]:
-    """The methods that were asked for.
+    """Return the chosen methods.
 
-    Raises:
-        LocalizationError: one that is not known, or that needs the map that --no-map takes away.
+    Raises `LocalizationError` for an unknown one, or one that needs the map that --no-map denies.
     """
     names = [name for part in options.localize for name in part.split(",")]
     for name in names:
@@ -132,11 +130,7 @@ def methods_of(options: argparse.Namespace) -> list[Method]:
 
 
 def terms_of(options: argparse.Namespace) -> Terms:
-    """The terms that were asked for.
-
-    Raises:
-        LocalizationError: options that do not go together, or rates that are none.
-    """
+    """Return the chosen terms. Raises `LocalizationError` for options that exclude each other."""
     _refuse_others(options)
     seed = 1 if options.seed is None else options.seed
     trials = TRIALS if options.trials is None else options.trials
@@ -192,7 +186,7 @@ _OTHERS: Final = (
 
 
 def add_cooperation_options(parser: argparse.ArgumentParser) -> None:
-    """Add what only --polygon takes; none has a default here."""
+    """Add the options of --polygon."""
     group = parser.add_argument_group(
         "robots that watch each other",
         "with --polygon: one moves while others see it; path, exchanges, map, errors of place",
@@ -219,9 +213,9 @@ def add_cooperation_options(parser: argparse.ArgumentParser) -> None:
 
 
 def checked_robots(options: argparse.Namespace) -> int:
-    """How many robots explore a polygon together.
+    """Return the number of robots that explore a polygon together.
 
-    Raises `StrategyError` for what is missing, and for what does not go together.
+    Raises `StrategyError` for missing options, and for options that exclude each other.
     """
     for name, choose in (("cooperate", ", ".join(Mode)), ("range", "metres that a robot sees")):
         if getattr(options, name) is None:

@@ -1,4 +1,4 @@
-"""The studies, by their name on the command line. A new one is a file and a line here."""
+"""The studies by their name on the command line. A new one is a file and a line here."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the study of the Homing Robot shows: tables, a plot and the conclusions."""
+"""The page of the study of the Homing Robot: tables, a plot and the conclusions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PRINTED: Final = {"homing": "at most 4", "depth-first": "at most 2 - 2 / n"}
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What one method did in a job."""
+    """The moves of one method in a job."""
 
     part: str
     grid: str
@@ -57,7 +57,7 @@ def page(rows: Sequence[Found]) -> Page:
 
 
 def _printed(row: Found) -> Value:
-    """What the paper says of this, in moves a cell."""
+    """Return the paper's number, in moves a cell."""
     if row.part == WORST and row.grid.startswith("chevrons"):
         return "towards 3"
     if row.part == WORST and row.grid.startswith("studded"):
@@ -140,7 +140,7 @@ def _methods(rows: Sequence[Found]) -> Table:
 
 
 def _mean(rows: Sequence[Found], grid: str, method: str) -> float:
-    """Mean moves in the comparison with the best of all plans."""
+    """Return mean moves in the comparison with the best of all plans."""
     return next(
         row.moves / row.runs
         for row in rows
@@ -153,7 +153,6 @@ def _grids(rows: Sequence[Found]) -> list[str]:
 
 
 def _best_of_homing(rows: Sequence[Found]) -> str:
-    """What the best of all plans takes of the moves of the Homing Robot."""
     return ", ".join(
         f"{_mean(rows, grid, BEST) / _mean(rows, grid, 'homing'):.2f} ({grid})"
         for grid in _grids(rows)
@@ -161,7 +160,6 @@ def _best_of_homing(rows: Sequence[Found]) -> str:
 
 
 def _above_the_best(rows: Sequence[Found]) -> float:
-    """What the planner takes more than the best of all plans, as a share, at most."""
     return max(_mean(rows, grid, "plan") / _mean(rows, grid, BEST) - 1.0 for grid in _grids(rows))
 
 

@@ -1,4 +1,4 @@
-"""What it is worth to two multicopters that one hovers and tracks the other by a marker.
+"""The gain of two multicopters of which one hovers and tracks the other by a marker.
 
 The mapper flies straight paths and lanes; its place is followed with several draws of the noise,
 tracked and by the same odometer alone.
@@ -41,13 +41,13 @@ Result = tuple[Flying, Comparison]
 
 
 def lanes() -> tuple[Point, ...]:
-    """A lawn-mower pattern."""
+    """Return a lawn-mower pattern."""
     rows = (((0.0, i * APART_M), (LANE_M, i * APART_M)) for i in range(LANES))
     return tuple(place for i, row in enumerate(rows) for place in (row[::-1] if i % 2 else row))
 
 
 def jobs(quick: bool, seed: int) -> list[Flying]:
-    """Every path, from every height, with every gyro."""
+    """Return every path, from every height, with every gyro."""
     lengths = STRAIGHT_M[:2] if quick else STRAIGHT_M
     paths: list[tuple[str, tuple[Point, ...]]] = [
         (f"straight, {m} m", ((0.0, 0.0), (float(m), 0.0))) for m in lengths
@@ -94,7 +94,7 @@ either, and less is won. NEES of the last place is 2 where the filter is honest.
 
 
 def conclude(results: Sequence[Result]) -> Page:
-    """All flights beside dead reckoning."""
+    """Set all flights beside dead reckoning."""
     rows = tuple(
         (
             job.name, round(found.path_m, 1), job.above_m, job.drift_deg, found.hops,

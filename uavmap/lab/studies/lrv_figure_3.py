@@ -1,4 +1,4 @@
-"""Figure 3 of Batalin and Sukhatme: how long it takes to cover a square lattice again and again.
+"""Figure 3 of Batalin and Sukhatme: the time to cover a square lattice again and again.
 
 Beside LRV (Least Recently Visited) run depth-first search, which has a map, 1-LRTA* with ties
 broken by chance and in a fixed order, and a random walk. LRV's cover time is the mean over 50
@@ -56,7 +56,7 @@ class Cover:
 
 
 def formula(m: int) -> float:
-    """2 |E| / V^1.0005: in the steady state LRV goes round all edges, once in each direction.
+    """Return 2 |E| / V^1.0005: in the steady state LRV goes round all edges, once each way.
 
     >>> round(formula(1500), 4)
     3.9682
@@ -65,7 +65,7 @@ def formula(m: int) -> float:
 
 
 def jobs(quick: bool, seed: int) -> list[Job]:
-    """Every walk on every lattice, the longest first."""
+    """Return every walk on every lattice, the longest first."""
     sizes = QUICK if quick else tuple(PAPER)
     found = [
         Job(walk, m, trial_seed(seed, m, i))
@@ -96,7 +96,7 @@ def trial(job: Job) -> Cover:
 
 
 def conclude(covers: Sequence[Cover]) -> Page:
-    """Ours beside the paper's sequence and the other walks."""
+    """Set ours beside the paper's sequence and the other walks."""
     found = {(c.walk, c.m): c.steps for c in covers}
     sizes = sorted(
         {*PAPER, *(c.m for c in covers)} if (LRV, 200) in found else {m for _, m in found}

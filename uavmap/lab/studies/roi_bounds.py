@@ -34,7 +34,7 @@ _ROUNDING: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A run and what should bound it, in moves."""
+    """A run and its bounds, in moves."""
 
     job: Job
     makespan: float
@@ -50,7 +50,7 @@ class Found:
 
 
 def jobs(quick: bool, seed: int) -> list[Job]:
-    """Small ROIs of every kind for both readings, and a few large ones."""
+    """Return small ROIs of every kind for both readings, and a few large ones."""
     large = QUICK_LARGE if quick else LARGE
     small = [
         Job(strategy, kind, cells, robots, trial_seed(seed, cells, number))
@@ -94,7 +94,7 @@ def _broken(found: Sequence[Found], bound: str) -> int:
 
 
 def conclude(found: Sequence[Found]) -> Page:
-    """Who breaks what."""
+    """Count the violations."""
     groups = [
         (key, list(group))
         for key, group in groupby(

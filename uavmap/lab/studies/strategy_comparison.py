@@ -1,4 +1,4 @@
-"""All strategies beside each other: mean makespan over the mean lower bound."""
+"""All strategies compared: mean makespan over the mean lower bound."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ row for each of `ROBOTS`."""
 
 
 def reference(kind: str, cells: int, robots: int, strategy: str) -> float | None:
-    """What a prototype reached, None where there was none.
+    """Return the ratio of a prototype; None where there was none.
 
     >>> reference("eden", 120, 4, "rdfs")
     2.1
@@ -65,7 +65,7 @@ def reference(kind: str, cells: int, robots: int, strategy: str) -> float | None
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What came out."""
+    """The result of a trial."""
 
     job: Job
     makespan: float
@@ -74,7 +74,7 @@ class Found:
 
 
 def jobs(quick: bool, seed: int) -> list[Job]:
-    """All strategies on the same ROIs."""
+    """Return all strategies on the same ROIs."""
     sets = [(kind, QUICK_CELLS, QUICK_TRIALS) for kind in KINDS]
     if not quick:
         sets = [*((kind, CELLS, TRIALS) for kind in KINDS), (LARGE_KIND, LARGE, LARGE_TRIALS)]
@@ -97,7 +97,7 @@ def trial(job: Job) -> Found:
 
 
 def conclude(found: Sequence[Found]) -> Page:
-    """The ratios, beside those of the prototypes."""
+    """Set the ratios beside those of the prototypes."""
     groups = {
         key: list(group)
         for key, group in groupby(
@@ -140,7 +140,7 @@ def _matrix(
     sets: Sequence[tuple[str, int, int]],
     ratios: Mapping[tuple[str, int, int, str], float],
 ) -> Table:
-    """A row for every kind and number of robots, a column for every strategy."""
+    """Create a row per kind and number of robots, a column per strategy."""
     rows = []
     for kind, cells, robots in sets:
         row = []

@@ -1,9 +1,8 @@
-"""Table 1 of Rekleitis, Dudek and Milios, and how well watched robots know their places.
+"""Table 1 of Rekleitis, Dudek and Milios, and the position errors of robots that watch each other.
 
 The table has path, steps and turns of two robots that cover a rectangle by triangles or by
-diamonds. The robots are let explore such rectangles, so many stripes broad and so many moves long
-that nothing is left over. The diamonds' turns are printed without a factor: the turns inside of one
-stripe, not of all.
+diamonds. The rectangles are whole stripes broad and whole moves long, so nothing is left over. The
+diamonds' turns are printed without a factor: the turns inside of one stripe, not of all.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ class Covering:
 
 @dataclass(frozen=True, slots=True)
 class Covered:
-    """What it took, and what Table 1 says."""
+    """The figures of a covering, and those of Table 1."""
 
     job: Covering
     length_m: float
@@ -81,7 +80,7 @@ Result = Covered | Followed
 
 
 def jobs(quick: bool, seed: int) -> list[Job]:
-    """The rectangles, and the squares."""
+    """Return the rectangles and the squares."""
     stripes, moves = (QUICK_STRIPES, QUICK_MOVES) if quick else (STRIPES, MOVES)
     thetas = THETAS_DEG[1::2] if quick else THETAS_DEG
     runs, sides = (QUICK_RUNS, SIDES_M[:2]) if quick else (RUNS, SIDES_M)
@@ -161,7 +160,7 @@ place and heading, which is 3 where a filter is honest.
 
 
 def conclude(results: Sequence[Result]) -> Page:
-    """The table beside the paper's, and the errors of places."""
+    """Set the table beside the paper's, with the errors of places."""
     rows = [row for row in results if isinstance(row, Covered)]
     ends = [row for row in results if isinstance(row, Followed)]
     cells = [
