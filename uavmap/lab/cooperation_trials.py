@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any, Final
@@ -21,9 +20,9 @@ from missions.lab.cooperation.tracking import Noise, Outcome, followed
 from missions.lab.cooperation.trapezoids import Cover, Pattern
 
 LOOKED_AT: Final = 400
-"""Points of the ground of which it is asked whether some robot saw them, beside all corners."""
+"""Number of points that are checked whether a robot saw them, beside all corners."""
 _SPACING: Final = 1.0 / 20.0
-"""Of the range: how densely robots are looked at for that."""
+"""Spacing of robots' places in that check, in ranges."""
 
 
 class Mode(StrEnum):
@@ -126,7 +125,11 @@ def cooperate(
     start = first_corner(space) if start is None else start
     if not space.holds(start):
         raise AreaError(f"the start {start[0]:g},{start[1]:g} m is not in the area")
-    exploration = _EXPLORE[terms.mode](space, start, terms)
+    if terms.mode is Mode.TRIANGULATION:
+        exploration = triangulation.explore(space, start, terms.range_m)
+    else:
+        pattern = Pattern(terms.range_m, terms.theta_rad, terms.robots, terms.cover)
+        exploration = trapezoids.explore(space, start, pattern)
     points = _points(space, np.random.default_rng((terms.seed, 2)))
     watched, alone = followed(exploration, noise or Noise(), terms.seed)
     return Report(
@@ -138,22 +141,6 @@ def cooperate(
         watched,
         alone,
     )
-
-
-def _in_stripes(space: Space, start: Point, terms: Cooperation) -> Exploration:
-    pattern = Pattern(terms.range_m, terms.theta_rad, terms.robots, terms.cover)
-    return trapezoids.explore(space, start, pattern)
-
-
-def _in_triangles(space: Space, start: Point, terms: Cooperation) -> Exploration:
-    return triangulation.explore(space, start, terms.range_m)
-
-
-_EXPLORE: Final[dict[Mode, Callable[[Space, Point, Cooperation], Exploration]]] = {
-    Mode.TRAPEZOID: _in_stripes,
-    Mode.COLUMN: _in_stripes,
-    Mode.TRIANGULATION: _in_triangles,
-}
 
 
 def _points(space: Space, rng: np.random.Generator) -> NDArray[np.float64]:

@@ -80,10 +80,12 @@ def nonstop_trials(
 ) -> Iterator[NonstopTrial]:
     """Yield every strategy on every ROI, one ROI after the other; raises as `flown_under`."""
     for roi in rois:
-        bound_s = _lower_bound_s(roi, terms.team)
+        needed = {near for cell in roi.cells for near in cell.cross()}
+        team = terms.team
+        bound_s = lower_bound_s(needed, roi.start, team.robots, team.cell_m, team.kinematics)
         offline_s = None
         if terms.offline:
-            offline_s = reference(roi, terms.team, seed=terms.seed).makespan_s
+            offline_s = reference(roi, team, seed=terms.seed).makespan_s
         for strategy in strategies:
             begin_s = time.perf_counter()
             done = flown_under(roi, strategy, terms)
@@ -91,11 +93,6 @@ def nonstop_trials(
                 roi.name, strategy.name, done.makespan_s, bound_s, offline_s, done.missed,
                 done.wrong, done.decisions, time.perf_counter() - begin_s,
             )  # fmt: skip
-
-
-def _lower_bound_s(roi: Roi, team: Team) -> float:
-    needed = {near for cell in roi.cells for near in cell.cross()}
-    return lower_bound_s(needed, roi.start, team.robots, team.cell_m, team.kinematics)
 
 
 def nonstop_means(done: Sequence[NonstopTrial]) -> dict[str, Any]:

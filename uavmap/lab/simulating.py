@@ -148,11 +148,12 @@ def simulate(
 
 def known_strategies(names: Sequence[str], what: str) -> list[str]:
     """Return different names of strategies. Raises `StrategyError` for an unknown one."""
-    for name in names:
+    different = list(dict.fromkeys(names))
+    for name in different:
         if name not in EXPLORERS and name not in NONSTOP:
             known = ", ".join([*EXPLORERS, *NONSTOP])
             raise StrategyError(f"{what}{name!r} is not known; choose one of {known}")
-    return list(dict.fromkeys(names))
+    return different
 
 
 def nonstop_among(names: Sequence[str], what: str) -> list[str]:

@@ -16,17 +16,6 @@ from missions.planning.bounds.lower_bounds import LowerBounds
 from missions.planning.stepwise import Explorer
 from missions.planning.stepwise.metric import Metric
 
-_KEYS = (
-    "makespan",
-    "lower_bound",
-    "bound",
-    "bound_held",
-    "moves",
-    "tree_depth",
-    "wall_s",
-    "lower_bound_wall_s",
-)
-
 
 @dataclass(frozen=True, slots=True)
 class Terms:
@@ -53,17 +42,16 @@ class Trial:
     def figures(self) -> dict[str, Any]:
         """Return the figures for the JSON of `uavmap simulate`."""
         known = self.certificate
-        values = (
-            round(known.makespan, 9),
-            round(known.lower_bound, 9),
-            None if known.bound is None else round(known.bound, 9),
-            known.bound_held,
-            self.moves,
-            known.tree_depth,
-            round(self.wall_s, 6),
-            round(self.lower_bound_wall_s, 6),
-        )
-        return dict(zip(_KEYS, values, strict=True))
+        return {
+            "makespan": round(known.makespan, 9),
+            "lower_bound": round(known.lower_bound, 9),
+            "bound": None if known.bound is None else round(known.bound, 9),
+            "bound_held": known.bound_held,
+            "moves": self.moves,
+            "tree_depth": known.tree_depth,
+            "wall_s": round(self.wall_s, 6),
+            "lower_bound_wall_s": round(self.lower_bound_wall_s, 6),
+        }
 
 
 def explored(roi: Roi, explorer: Explorer, terms: Terms) -> Run:
@@ -97,7 +85,7 @@ def means(done: Sequence[Trial]) -> dict[str, Any]:
         return {}
     rows = [trial.figures() for trial in done]
     values: dict[str, Any] = {}
-    for key in _KEYS:
+    for key in rows[0]:
         column = [row[key] for row in rows]
         if None in column:
             values[key] = None

@@ -14,7 +14,6 @@ from missions.planning.sweep.strategies import WithoutStopping
 from uavmap.journal.results_folder import make_folder
 from uavmap.lab.commands.runs import figures_by_name, print_table, run_all, tell
 from uavmap.lab.commands.simulate_options import NONSTOP_DEFAULTS
-from uavmap.lab.nonstop_film import film_of_nonstop
 from uavmap.lab.nonstop_trials import (
     FlightTerms,
     NonstopTrial,
@@ -22,6 +21,7 @@ from uavmap.lab.nonstop_trials import (
     nonstop_means,
     nonstop_trials,
 )
+from uavmap.lab.run_film import film_of_nonstop
 from uavmap.load.planner_setup import tell_if_uncompiled
 from uavmap.ui.cli.common import pair, print_figures
 from uavmap.ui.cli.picture_options import wants_pictures, write_pictures

@@ -14,15 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavmap.lab.studies.study_model import COLOURS, Page, Study, Table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uavmap.lab.studies.study_model import COLOURS, Figure, Page, Study, Table
 
 PAPER: Final = {
     3: (207, 80),

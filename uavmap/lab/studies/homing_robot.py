@@ -82,9 +82,8 @@ def jobs(quick: bool, seed: int) -> list[Job]:
 
 def trial(job: Job) -> list[Found]:
     """Localize robots."""
-    return {WORST: _worst, MANY_GRIDS: _many_grids, NOISE: _noise, OPTIMUM: _optimum}.get(
-        job.part, _methods
-    )(job)
+    parts = {WORST: _worst, MANY_GRIDS: _many_grids, NOISE: _noise, OPTIMUM: _optimum}
+    return parts.get(job.part, _methods)(job)
 
 
 @lru_cache(256)
@@ -240,9 +239,5 @@ def conclude(results: Sequence[Sequence[Found]]) -> Page:
 
 
 STUDY: Final = Study(
-    "homing-robot",
-    "where a robot is on a grid (Wongngamnit and Angluin)",
-    jobs,
-    trial,
-    conclude,
+    "homing-robot", "where a robot is on a grid (Wongngamnit and Angluin)", jobs, trial, conclude
 )

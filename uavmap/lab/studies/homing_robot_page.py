@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from uavmap.lab.studies.study_model import COLOURS, MARKERS, Page, Table, Value
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uavmap.lab.studies.study_model import COLOURS, MARKERS, Figure, Page, Table, Value
 
 WORST, MANY_GRIDS, COMPARED, OPTIMUM, NOISE = "worst", "bounds", "methods", "optimum", "errors"
 BEST: Final = "best of all plans"

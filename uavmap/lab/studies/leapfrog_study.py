@@ -9,15 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from missions.lab.cooperation.leapfrog_errors import Comparison, LeapfrogNoise, compare
 from missions.lab.cooperation.space import Point
 from missions.planning.leapfrog_geometry import TrackerView, plan_leapfrog
-from uavmap.lab.studies.study_model import COLOURS, MARKERS, Page, Study, Table, trial_seed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uavmap.lab.studies.study_model import COLOURS, MARKERS, Figure, Page, Study, Table, trial_seed
 
 STRAIGHT_M: Final = (50, 100, 200, 400)
 LANES, LANE_M, APART_M = 6, 60.0, 6.0
@@ -108,11 +105,8 @@ def conclude(results: Sequence[Result]) -> Page:
         runs=len(results[0][0].seeds), drifts=" or ".join(f"{d:g}" for d in DRIFTS_DEG),
         worst=min(better), best=max(better),
     )  # fmt: skip
-
-    def draw(figure: Figure) -> None:
-        _draw(figure, results)
-
-    return Page("One hovers and tracks the other", text, Table(_COLUMNS, rows), draw)
+    table = Table(_COLUMNS, rows)
+    return Page("One hovers and tracks the other", text, table, lambda f: _draw(f, results))
 
 
 def _draw(figure: Figure, results: Sequence[Result]) -> None:

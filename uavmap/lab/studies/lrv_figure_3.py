@@ -11,12 +11,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import mean
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from uavmap.lab.studies.study_model import COLOURS, MARKERS, Page, Study, Table, trial_seed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uavmap.lab.studies.study_model import COLOURS, MARKERS, Figure, Page, Study, Table, trial_seed
 
 PAPER: Final = dict(
     zip(

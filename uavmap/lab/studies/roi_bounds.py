@@ -13,14 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from statistics import mean
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from missions.planning.stepwise.rdfs import rdfs_bound_moves
 from uavmap.lab.studies.outcomes import PLAIN, Job, eccentricity, explore, roi_of
-from uavmap.lab.studies.study_model import COLOURS, MARKERS, Page, Study, Table, trial_seed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uavmap.lab.studies.study_model import COLOURS, MARKERS, Figure, Page, Study, Table, trial_seed
 
 KINDS: Final = ("eden", "ragged", "rectangle", "thin")
 ROBOTS: Final = (1, 2, 3, 4, 6, 8, 12, 16, 20, 32)

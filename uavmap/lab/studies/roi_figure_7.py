@@ -10,16 +10,13 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from statistics import mean
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from missions.planning.stepwise.metric import Metric
 from missions.planning.stepwise.rdfs import rdfs_bound_moves
 from missions.units import Cell
 from uavmap.lab.studies.outcomes import explore, roi_of
-from uavmap.lab.studies.study_model import COLOURS, Page, Study, Table, trial_seed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uavmap.lab.studies.study_model import COLOURS, Figure, Page, Study, Table, trial_seed
 
 KINDS: Final = ("eden", "ragged", "thin")
 FIXED: Final = {"cells": 120.0, "robots": 20.0, "speed ratio": 2.5}

@@ -6,14 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from statistics import mean
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from missions.lab.strategies import EXPLORERS
 from uavmap.lab.studies.outcomes import Job, explore, roi_of
-from uavmap.lab.studies.study_model import COLOURS, MARKERS, Page, Study, Table, trial_seed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uavmap.lab.studies.study_model import COLOURS, MARKERS, Figure, Page, Study, Table, trial_seed
 
 KINDS: Final = ("eden", "ragged", "rectangle", "thin")
 ROBOTS: Final = (1, 2, 4, 8, 20)
@@ -147,14 +144,10 @@ def _matrix(
         for name in names:
             ours = ratios.get((kind, cells, robots, name))
             theirs = reference(kind, cells, robots, name)
-            row.append(_beside(ours, theirs))
+            own = "" if ours is None else f"{ours:.2f}"
+            row.append(own if theirs is None else f"{own} ({theirs:.2f})")
         rows.append((f"{kind} {cells}", robots, *row, reference(kind, cells, robots, "offline")))
     return Table(("ROI", "robots", *names, "offline"), tuple(rows))
-
-
-def _beside(ours: float | None, theirs: float | None) -> str:
-    own = "" if ours is None else f"{ours:.2f}"
-    return own if theirs is None else f"{own} ({theirs:.2f})"
 
 
 def _draw(

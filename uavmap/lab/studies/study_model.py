@@ -20,6 +20,8 @@ from uavmap.base.atomic_write import write_bytes, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+else:  # matplotlib is an extra
+    Figure = Any
 
 Value = str | int | float | bool | None
 
@@ -89,11 +91,11 @@ class Page:
 
     def write(self, name: str, folder: Path) -> list[Path]:
         """Write NAME.csv, NAME.png and NAME.md into a folder."""
-        from matplotlib.figure import Figure  # noqa: PLC0415, an extra
+        from matplotlib import figure as plots  # noqa: PLC0415, an extra
 
         files = [folder / file for file in self.files(name)]
         write_text(files[0], self.table.csv())
-        figure = Figure(figsize=self.size_in, layout="constrained")
+        figure = plots.Figure(figsize=self.size_in, layout="constrained")
         self.draw(figure)
         drawn, small = io.BytesIO(), io.BytesIO()
         figure.savefig(drawn, dpi=110)

@@ -10,17 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from missions.lab.cooperation.space import GRID_M, Space
 from missions.lab.cooperation.tracking import Noise, followed, legs_of
 from missions.lab.cooperation.trapezoids import Cover, Pattern, Reckoned, explore, reckoned
-from uavmap.lab.studies.study_model import COLOURS, Page, Study, Table, trial_seed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uavmap.lab.studies.study_model import COLOURS, Figure, Page, Study, Table, trial_seed
 
 RANGE_M: Final = 10.0
 THETAS_DEG: Final = (20, 40, 60, 80, 100, 120)
@@ -188,11 +185,8 @@ def conclude(results: Sequence[Result]) -> Page:
         stripes=first.stripes, moves=first.moves, path=path, steps=steps, turns=turns,
         table=places.markdown(),
     )  # fmt: skip
-
-    def draw(figure: Figure) -> None:
-        _draw(figure, rows, ends)
-
-    return Page("Two robots, Table 1", text, Table(_COLUMNS, tuple(cells)), draw, (10.0, 4.0))
+    table = Table(_COLUMNS, tuple(cells))
+    return Page("Two robots, Table 1", text, table, lambda f: _draw(f, rows, ends), (10.0, 4.0))
 
 
 def _draw(figure: Figure, rows: Sequence[Covered], ends: Sequence[Followed]) -> None:

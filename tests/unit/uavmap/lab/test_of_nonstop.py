@@ -6,7 +6,7 @@ from missions.lab.arena.nonstop import Camera, Team
 from missions.lab.arena.roi import Roi
 from missions.lab.arena.survey import surveyed
 from missions.units import Cell
-from uavmap.lab.nonstop_film import film_of_nonstop
+from uavmap.lab.run_film import film_of_nonstop
 from uavmap.output.film.film import Place, Reel, Unit
 from uavmap.output.film.stage import Stage, caption
 
