@@ -19,7 +19,6 @@ from uavmap.output.drawing.palette import (
     track_colour,
 )
 from uavmap.output.drawing.scene import (
-    Bounds,
     Cells,
     Dot,
     Entry,
@@ -72,7 +71,7 @@ def line_layer(name: str, rings: Iterable[NDArray[np.float64]]) -> Layer:
 
 
 def map_view(data: MapData) -> View:
-    """Create the view of cells, tracks, truth, box and home, and of the fence if it is near."""
+    """Create the view of cells, tracks, truth, box and home, and of a fence that is near."""
     points = [data.grid.fixed(data.start), *_fixed(data, data.box)]
     if len(data.squares):
         low, high = data.squares[:, :2].min(axis=0), data.squares[:, 2:].max(axis=0)
@@ -83,12 +82,15 @@ def map_view(data: MapData) -> View:
         corners = GridPoint(west, south), GridPoint(east, north)
         points += [data.grid.to_fixed(corner, data.t_s) for corner in corners]
     near, whole = bounds_of(points), bounds_of([*points, *_fixed(data, data.fence)])
-    shown = whole if _area(whole) <= _FENCE_ROOM * _area(near) else near
+    near_m2, whole_m2 = (
+        (east - west) * (north - south) for west, south, east, north in (near, whole)
+    )
+    shown = whole if whole_m2 <= _FENCE_ROOM * near_m2 else near
     return View.around(shown, data.grid.cell_m)
 
 
 def _cells(data: MapData) -> tuple[Cells, Layer]:
-    """Create the cells and their legend; only states that occur have a line in the legend."""
+    """Create the cells and the legend of the states that occur."""
     table, grid = data.table, data.grid
     names = STATE_NAMES if data.pictures is None else RECORDED_NAMES
     codes = np.zeros(len(table.cells), np.uint8)
@@ -115,7 +117,7 @@ def _tracks(data: MapData) -> Layer:
 
 
 def _track(data: MapData, track: Track) -> Iterator[GridPoint]:
-    """Yield a track as seen from the region, which may drift: over the cells it was flown for."""
+    """Yield a track as seen from the region: over the cells it was flown for."""
     grid = data.grid
     for t_s, place, _ in track.points:
         yield grid.to_fixed(grid.to_moving(grid.fixed(place), t_s), data.t_s)
@@ -140,7 +142,3 @@ def _subtitle(data: MapData) -> str:
     return f"{cells} cells of {data.grid.cell_m:g} m, {area_m2:,.0f} sq m  ·  {after}" + (
         f"  ·  drifting {drift:g} m/s; tracks as seen from the region" if drift else ""
     )
-
-
-def _area(bounds: Bounds) -> float:
-    return (bounds[2] - bounds[0]) * (bounds[3] - bounds[1])

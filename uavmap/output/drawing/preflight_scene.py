@@ -77,16 +77,12 @@ def _heights_m(setting: Setting) -> list[float]:
 
 
 def _lanes(setting: Setting) -> Layer:
-    """Create the layer of lanes, and thinner between them the way from each to the next."""
+    """Create the layer of lanes, with thin transfers between them."""
     lines, entries = [], []
     for i, share in enumerate(setting.shares):
-        colour = track_colour(i)
-        transfers = pairwise(share)
-        lines += [
-            Line.through((before[1], lane[0]), Style(colour, _TRANSFER_PX))
-            for before, lane in transfers
-        ]
-        lines += [Line.through(lane, Style(colour, LANE_PX)) for lane in share]
+        thin, thick = (Style(track_colour(i), width_px) for width_px in (_TRANSFER_PX, LANE_PX))
+        lines += [Line.through((before[1], lane[0]), thin) for before, lane in pairwise(share)]
+        lines += [Line.through(lane, thick) for lane in share]
     heights_m = _heights_m(setting)
     for i, height_m in enumerate(heights_m[:_LISTED]):
         text = f"lanes of vehicle {i + 1}, at {height_m:g} m"
@@ -107,7 +103,6 @@ def _homes(setting: Setting) -> Layer:
 
 
 def _sizes(box: Sequence[GridPoint]) -> Layer:
-    """Create labels of the width and the height of the box, along its sides."""
     west, south, east, north = bounds_of(box)
     middle = (west + east) / 2.0, (south + north) / 2.0
     across, up = f"{east - west:.0f} m", f"{north - south:.0f} m"
@@ -141,7 +136,7 @@ li { display: flex; align-items: center; gap: .6rem; }
 
 
 def plan_page(scene: Scene, facts: Sequence[tuple[str, str]], warnings: Sequence[str]) -> str:
-    """Write the page, in HTML with a drawing in SVG. Names from the mission are escaped."""
+    """Write the page, in HTML with a drawing in SVG. Texts are escaped."""
     title = escape(scene.title)
     rows = Markup("\n").join(
         Markup("<tr><th>{}</th><td>{}</td></tr>").format(name, value) for name, value in facts

@@ -1,7 +1,7 @@
 """The frames of a film: cells, tree, trails and robots under a caption, grid north up.
 
-Cells are a whole number of pixels wide, so their edges stay sharp. Of the ground only what changes
-is drawn anew.
+Cells are a whole number of pixels wide, so their edges stay sharp. Only changes of the ground are
+drawn anew.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Stage:
     """Draws the frames of a film, from the first to the last.
 
     Three pictures: the ground, a copy of it with what moves on top, and the frame as it is shown.
-    Only parts in which something changed are copied and shrunk again.
+    Only changed parts are copied and shrunk again.
     """
 
     def __init__(self, film: Film) -> None:
@@ -81,6 +81,7 @@ class Stage:
             *self.size,
         )
         self._cells = film.cells
+        self._radius_px = max(film.radius * self.cell_px, 4.5)
         self._tail_t = _TRAIL_S * FPS * film.end_t / len(film.times())
         self._ground = Canvas(self.size)
         for cell in film.roi:
@@ -110,7 +111,7 @@ class Stage:
 
     # --- the ground ------------------------------------------------------------------------
     def _forward(self, t: float) -> list[Extent]:
-        """Let the cells become what they are at a time; return where something changed."""
+        """Change the cells to their state at a time; return the changed parts."""
         touched: dict[Cell, None] = {}
         for change in self._reel.forward(t):
             touched[change.cell] = None
@@ -129,7 +130,6 @@ class Stage:
         return Box((west, north), (west + side, north - side), colour)
 
     def _edges(self, cell: Cell) -> Iterator[Line]:
-        """Yield the edges of the tree that end in a cell."""
         if self.cell_px < _SEAM_PX:
             return
         parents, style = self._reel.parents, Style(EDGE, max(0.07 * self.cell_px, 1.0))
@@ -140,7 +140,6 @@ class Stage:
 
     # --- what moves ------------------------------------------------------------------------
     def _moving(self, t: float) -> Iterator[Shape]:
-        """Yield the start, the trails and the robots at a time."""
         film = self._film
         radius = max(0.2 * self.cell_px, 4.0)
         yield Dot(film.start_at(t), ((radius, PAPER), (0.75 * radius, INK), (0.3 * radius, PAPER)))
@@ -153,16 +152,15 @@ class Stage:
             yield self._robot(robot, t)
 
     def _trail(self, robot: int, t: float) -> Iterator[Line]:
-        """Yield the way behind a robot, in parts that grow thicker."""
+        """Yield the path behind a robot, in parts that grow thicker."""
         part_t = self._tail_t / _TRAIL_PARTS
         for part in range(_TRAIL_PARTS):
             since = t - part_t * (_TRAIL_PARTS - part)
-            width_px = self._radius_px() * (0.25 + 0.15 * part)
+            width_px = self._radius_px * (0.25 + 0.15 * part)
             places = self._film.trail(robot, since, since + part_t)
             yield Line.through(places, Style(track_colour(robot), width_px))
 
     def _footprint(self, place: Place, size: Place, robot: int) -> Line:
-        """Return the outline of what a robot sees."""
         east, north = size.east / 2, size.north / 2
         corners = [
             (place.east + a * east, place.north + b * north)
@@ -172,16 +170,13 @@ class Stage:
 
     def _robot(self, robot: int, t: float) -> Dot:
         """Return a disc with a rim; white inside while the robot is on the ground."""
-        fix, radius, colour = self._film.fix(robot, t), self._radius_px(), track_colour(robot)
+        fix, radius, colour = self._film.fix(robot, t), self._radius_px, track_colour(robot)
         rings = ((radius + 4 / 3, PAPER), (radius + 1 / 3, INK), (radius - 2 / 3, colour))
         return Dot(fix.place, (*rings, (radius * 0.55, colour if fix.aloft else PAPER)))
 
-    def _radius_px(self) -> float:
-        return max(self._film.radius * self.cell_px, 4.5)
-
     # --- what is written -------------------------------------------------------------------
     def _caption(self, t: float) -> Iterator[Shape]:
-        """Yield how far it has come, in words and as a bar of the cells by state."""
+        """Yield the progress, in words and as a bar of the cells by state."""
         yield Label((MARGIN_PX, 46.0), caption(self._film, self._reel, t), 14.0, FAINT)
         everything, wide = max(self._cells, 1), self.size[0] - 2 * MARGIN_PX
         yield Box((MARGIN_PX, 60.0), (MARGIN_PX + wide, 64.0), HIDDEN)
@@ -208,7 +203,7 @@ class Stage:
 
 
 def caption(film: Film, reel: Reel, t: float) -> str:
-    """How far it has come, in words."""
+    """Write the progress of a film."""
     visited = reel.count("under exploration", "explored")
     known = visited + reel.count("unexplored")
     if film.footprint is not None:
@@ -219,7 +214,6 @@ def caption(film: Film, reel: Reel, t: float) -> str:
 
 
 def _time(film: Film, t: float) -> str:
-    """The time and the length of the film, as people read it."""
     if film.unit is Unit.STEPS:
         return f"t = {t:.0f} of {film.end_t:g}"
     (m, s), (end_m, end_s) = divmod(round(t), 60), divmod(round(film.end_t), 60)

@@ -58,7 +58,7 @@ def draw_tree(tree: Tree, path: Path, *, title: str) -> None:
 
 
 def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
-    """The size of the picture and what is in it. Raises `OutputError` for a tree too large."""
+    """Return the size of the picture and its shapes. Raises `OutputError` for a large tree."""
     spine = backbone(tree)
     ground, ground_step = _on_ground(tree)
     depths, depth_step = _by_depth(tree)
@@ -101,7 +101,7 @@ def _caption(tree: Tree, spine: tuple[Cell, ...]) -> str:
 
 # --- where the vertices are ------------------------------------------------------------------
 def _on_ground(tree: Tree) -> tuple[dict[Cell, Place], float]:
-    """Every vertex at its cell, and the pixels from cell to cell."""
+    """Return every vertex at its cell, and the pixels from cell to cell."""
     across = max(c.east for c in tree.vertices) - min(c.east for c in tree.vertices) + 1
     up = max(c.north for c in tree.vertices) - min(c.north for c in tree.vertices) + 1
     step = min(max(_PANEL_PX // max(across, up), _NARROWEST_PX), _WIDEST_PX)
@@ -109,7 +109,7 @@ def _on_ground(tree: Tree) -> tuple[dict[Cell, Place], float]:
 
 
 def _by_depth(tree: Tree) -> tuple[dict[Cell, Place], float]:
-    """Every vertex by depth and row, and the pixels from vertex to vertex."""
+    """Return every vertex by depth and row, and the pixels from vertex to vertex."""
     spots = spread(tree)
     rows = [spot.row for spot in spots.values()]
     tall = max(rows) - min(rows) + 1
@@ -120,7 +120,7 @@ def _by_depth(tree: Tree) -> tuple[dict[Cell, Place], float]:
 
 
 def _move(places: dict[Cell, Place], corner: Place, step: float) -> tuple[float, float]:
-    """Move the vertices so that they have half a step of room from a corner; returns the size."""
+    """Move the vertices so that they have half a step of room from a corner; return the size."""
     xs, ys = zip(*places.values(), strict=True)
     left, top = corner[0] + step / 2 - min(xs), corner[1] + step / 2 - min(ys)
     for cell, (x, y) in places.items():
@@ -139,7 +139,7 @@ def _tiles(places: Mapping[Cell, Place], step: float) -> Iterator[Shape]:
 def _edges(
     tree: Tree, spine: tuple[Cell, ...], places: Mapping[Cell, Place], step: float
 ) -> Iterator[Shape]:
-    """The edges of the ribs, and over them the backbone as one line."""
+    """Draw the edges of the ribs, and over them the backbone as one line."""
     on_spine = set(spine)
     for cell, vertex in tree.vertices.items():
         if vertex.parent is not None and cell not in on_spine:
@@ -164,7 +164,7 @@ def _root(radius: float) -> tuple[tuple[float, Colour], ...]:
 
 
 def _ruler(places: Mapping[Cell, Place], spine: tuple[Cell, ...], y: float) -> Iterator[Shape]:
-    """The depth, written above the picture by depth, as often as there is room."""
+    """Draw the depth above the picture by depth, where there is room."""
     last = len(spine) - 1
     room = (places[spine[-1]][0] - places[spine[0]][0]) / max(last, 1)
     every = max(round(step_up(30.0 / room)), 1) if last else 1
@@ -176,7 +176,6 @@ def _ruler(places: Mapping[Cell, Place], spine: tuple[Cell, ...], y: float) -> I
 
 
 def _legend(tree: Tree) -> Iterator[Entry]:
-    """What the colours mean, and how many vertices are in each state."""
     states = [tree.state(cell).value for cell in tree.vertices]
     for state, colour in STATES.items():
         if state in states:
@@ -189,7 +188,7 @@ def _legend(tree: Tree) -> Iterator[Entry]:
 
 # --- backbone and ribs ---------------------------------------------------------------------------
 def backbone(tree: Tree) -> tuple[Cell, ...]:
-    """The longest path from the root down to a leaf; of several, that to the least cell.
+    """Return the longest path from the root to a leaf; of several, that to the least cell.
 
     >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(1, 0), Cell(0, 1)])
     >>> backbone(tree.looked(Cell(1, 0), [Cell(2, 0)]))[-1]
@@ -200,7 +199,7 @@ def backbone(tree: Tree) -> tuple[Cell, ...]:
 
 
 def ribs(tree: Tree, spine: tuple[Cell, ...]) -> tuple[Cell, ...]:
-    """The roots of the ribs, by the depth at which they leave the backbone.
+    """Return the roots of the ribs, by the depth at which they leave the backbone.
 
     >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(1, 0), Cell(0, 1)])
     >>> ribs(tree, (Cell(0, 0), Cell(0, 1)))
@@ -211,18 +210,18 @@ def ribs(tree: Tree, spine: tuple[Cell, ...]) -> tuple[Cell, ...]:
 
 
 class Spot(NamedTuple):
-    """Where a vertex stands in a drawing by depth: its depth, and its row beside the backbone."""
+    """A vertex in a drawing by depth: its depth, and its row beside the backbone."""
 
     depth: int
     row: int
 
 
 def spread(tree: Tree) -> Mapping[Cell, Spot]:
-    """A place for every vertex: the backbone straight along row 0, the ribs on both sides.
+    """Place every vertex: the backbone straight along row 0, the ribs on both sides.
 
-    From the far end towards the root, every rib is laid outside of those already there, on the
-    side where it comes to lie nearer to the backbone. A rib is laid out likewise, to one side of a
-    longest path of its own. So no two edges cross, and no two vertices share a place.
+    From the far end towards the root, every rib is placed outside of the others, on the side where
+    it is nearer to the backbone. A rib is laid out likewise, to one side of its own longest path.
+    So no two edges cross, and no two vertices share a place.
     """
     heights = _heights(tree)
     spine = backbone(tree)
@@ -244,7 +243,7 @@ _Outer = defaultdict[int, int]
 
 
 def _heights(tree: Tree) -> dict[Cell, int]:
-    """How many edges the longest way down from each vertex has."""
+    """Return the number of edges of the longest way down from each vertex."""
     heights: dict[Cell, int] = {}
     for cell in sorted(tree.vertices, key=lambda cell: -tree.vertices[cell].depth):
         heights[cell] = max((heights[child] + 1 for child in tree.children(cell)), default=0)
@@ -252,7 +251,7 @@ def _heights(tree: Tree) -> dict[Cell, int]:
 
 
 def _rows(tree: Tree, top: Cell, heights: Mapping[Cell, int]) -> dict[Cell, int]:
-    """Rows for the subtree below `top`: 0 for a longest path, more for what hangs on it."""
+    """Return rows for the subtree below `top`: 0 for a longest path, more for its ribs."""
     path = [top]
     while tree.children(path[-1]):
         path.append(max(tree.children(path[-1]), key=lambda cell: heights[cell]))
@@ -269,5 +268,5 @@ def _rows(tree: Tree, top: Cell, heights: Mapping[Cell, int]) -> dict[Cell, int]
 
 
 def _clear(tree: Tree, rows: Mapping[Cell, int], outer: _Outer) -> int:
-    """How far a subtree has to be moved to lie outside of what is there."""
+    """Return how far to move a subtree to lie outside of what is there."""
     return max(outer[tree.vertices[cell].depth] + 1 - row for cell, row in rows.items())
