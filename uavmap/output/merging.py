@@ -26,7 +26,7 @@ from uavmap.journal.recovery import read_journal
 from uavmap.output.write_results import flown_flight, write_results
 
 MERGED: Final = "merged"
-"""In the journal's meta: the folders whose journals it was made of."""
+"""Key of the journal's meta: the folders of its sources."""
 NOT_OWN: Final = (Heard, Shared, Allotted, Apart, Asked, Leased)
 
 

@@ -125,7 +125,7 @@ def flown_replay(
     """Create what the results of a replay show; `known` are figures that replace others."""
     data = _replay_map(setting, replayed)
     size = extent(data, setting.mission.detector.share)
-    values = dated(_replay_summary(setting, replayed) | known, data, size, calendar)
+    values = dated({**_replay_summary(setting, replayed), **known}, data, size, calendar)
     return Flown(folder, plan, setting, data, values, log, calendar, recorded=True)
 
 

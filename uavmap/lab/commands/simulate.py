@@ -7,12 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from missions.errors import (
-    LinkError,
-    LocalizationError,
-    RoiError,
-    StrategyError,
-)
+from missions.errors import LinkError, LocalizationError, RoiError, StrategyError
 from missions.lab.arena.arena_run import Comms
 from missions.lab.arena.radio import Links
 from missions.lab.arena.roi import KINDS, MAX_CELLS, Roi, grown

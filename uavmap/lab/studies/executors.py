@@ -17,7 +17,7 @@ from uavmap.base.dask_client import dask_client
 SHARES: Final = 16
 """Batches a worker: few enough to cost little, many enough to end together."""
 MOST_JOBS: Final = 20
-"""A batch should not take long: progress is told by the batch."""
+"""Maximum of a batch: progress is shown by the batch."""
 PATIENCE_S: Final = 2.0
 LINE_S: Final = 3.0
 REDRAW_S: Final = 0.2

@@ -19,7 +19,9 @@ from PIL import Image
 from uavmap.base.atomic_write import write_bytes, write_text
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib import figure
+
+    Figure = figure.Figure
 else:  # matplotlib is an extra
     Figure = Any
 
@@ -91,14 +93,14 @@ class Page:
 
     def write(self, name: str, folder: Path) -> list[Path]:
         """Write NAME.csv, NAME.png and NAME.md into a folder."""
-        from matplotlib import figure as plots  # noqa: PLC0415, an extra
+        from matplotlib import figure  # noqa: PLC0415, an extra
 
         files = [folder / file for file in self.files(name)]
         write_text(files[0], self.table.csv())
-        figure = plots.Figure(figsize=self.size_in, layout="constrained")
-        self.draw(figure)
+        plot = figure.Figure(figsize=self.size_in, layout="constrained")
+        self.draw(plot)
         drawn, small = io.BytesIO(), io.BytesIO()
-        figure.savefig(drawn, dpi=110)
+        plot.savefig(drawn, dpi=110)
         Image.open(drawn).convert("RGB").quantize(PNG_COLOURS).save(small, "png", optimize=True)
         write_bytes(files[1], small.getvalue())
         parts = (

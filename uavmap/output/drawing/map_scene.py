@@ -8,16 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.units import GridPoint, LatLon
-from uavmap.output.drawing.palette import (
-    HOME_DOT,
-    LINES,
-    RECORDED_NAMES,
-    STATE_NAMES,
-    STATES,
-    TRACK_PX,
-    Style,
-    track_colour,
-)
+from uavmap.output.drawing import palette
+from uavmap.output.drawing.palette import Style
 from uavmap.output.drawing.scene import (
     Cells,
     Dot,
@@ -59,14 +51,17 @@ def map_scene(data: MapData) -> Scene:
     layers += [
         line_layer("box", [_closed(data, data.box)]),
         line_layer("fence", fences),
-        Layer((Dot(data.grid.fixed(data.start), HOME_DOT),), (Entry(HOME_DOT, "home"),)),
+        Layer(
+            (Dot(data.grid.fixed(data.start), palette.HOME_DOT),),
+            (Entry(palette.HOME_DOT, "home"),),
+        ),
     ]
     return Scene(data.mission, _subtitle(data), map_view(data), tuple(layers), cells)
 
 
 def line_layer(name: str, rings: Iterable[NDArray[np.float64]]) -> Layer:
     """Create the layer of a named line (`palette.LINES`)."""
-    text, style = LINES[name]
+    text, style = palette.LINES[name]
     return Layer(tuple(Line(ring, style) for ring in rings), (Entry(style, text),))
 
 
@@ -92,24 +87,24 @@ def map_view(data: MapData) -> View:
 def _cells(data: MapData) -> tuple[Cells, Layer]:
     """Create the cells and the legend of the states that occur."""
     table, grid = data.table, data.grid
-    names = STATE_NAMES if data.pictures is None else RECORDED_NAMES
+    names = palette.STATE_NAMES if data.pictures is None else palette.RECORDED_NAMES
     codes = np.zeros(len(table.cells), np.uint8)
     entries = []
-    for code, (state, colour) in enumerate(STATES.items()):
+    for code, (state, colour) in enumerate(palette.STATES.items()):
         there = table.are(state)
         codes[there] = code
         if count := np.count_nonzero(there):
             entries.append(Entry(colour, f"{names[state]} ({count})"))
     origin = grid.to_fixed(GridPoint(0.0, 0.0), data.t_s)
-    opaque = tuple(state not in NOT_ROI for state in STATES)
-    cells = Cells(table.cells, codes, tuple(STATES.values()), grid.cell_m, origin, opaque)
+    opaque = tuple(state not in NOT_ROI for state in palette.STATES)
+    cells = Cells(table.cells, codes, tuple(palette.STATES.values()), grid.cell_m, origin, opaque)
     return cells, Layer((), tuple(entries))
 
 
 def _tracks(data: MapData) -> Layer:
     lines, entries = [], []
     for track in data.tracks:
-        style = Style(track_colour(track.vehicle), TRACK_PX)
+        style = Style(palette.track_colour(track.vehicle), palette.TRACK_PX)
         text = "track" if len(data.tracks) == 1 else f"track of vehicle {track.vehicle}"
         lines.append(Line.through(_track(data, track), style))
         entries.append(Entry(style, text if data.pictures is None else "path of the camera"))

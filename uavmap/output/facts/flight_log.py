@@ -9,31 +9,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple, TypeVar
 
-from missions.events import (
-    Airborne,
-    BatterySwapped,
-    CellSkipped,
-    Connected,
-    Continued,
-    Crashed,
-    Event,
-    FrameLost,
-    FrameSeen,
-    GivenUp,
-    Guarded,
-    Landed,
-    LinkLost,
-    Navigated,
-    OrderFailed,
-    Overridden,
-    Paused,
-    Recalled,
-    Released,
-    Resumed,
-    Told,
-    Tracked,
-    VehicleRecalled,
-)
+from missions import events as ev
+from missions.events import Event
 from missions.units import GridPoint
 from uavmap.base.printable import printable
 from uavmap.output.facts.counting import LIFT_OFF_M
@@ -41,7 +18,7 @@ from uavmap.output.facts.counting import LIFT_OFF_M
 E = TypeVar("E", bound=Event)
 
 WARNING: Final = 4
-"""MAV_SEVERITY: what a vehicle says at this level, or a graver one, is a trouble."""
+"""MAV_SEVERITY from which on a text of a vehicle is a fault."""
 
 
 _GNSS: Final = {
@@ -125,35 +102,35 @@ class FlightLog:
 
     def note(self, event: Event) -> None:
         """Note an event."""
-        if isinstance(event, Tracked):
+        if isinstance(event, ev.Tracked):
             fix = Fix(event.t_s, event.position, event.height_m, event.remaining_wh)
             self.fixes.setdefault(event.vehicle, []).append(fix)
-        elif isinstance(event, FrameSeen):
+        elif isinstance(event, ev.FrameSeen):
             positive = sum(vote.positive for vote in event.votes)
             self.frames.append(FrameRow(event.vehicle, event.t_s, len(event.votes), positive))
-        elif isinstance(event, Landed):
+        elif isinstance(event, ev.Landed):
             self._on_ground.setdefault(event.vehicle, []).append(event.t_s)
-        elif isinstance(event, BatterySwapped):
+        elif isinstance(event, ev.BatterySwapped):
             self.swaps.append((event.vehicle, event.t_s))
-        elif isinstance(event, Connected | Airborne):
+        elif isinstance(event, ev.Connected | ev.Airborne):
             self._home(event)
-        elif isinstance(event, Navigated):
+        elif isinstance(event, ev.Navigated):
             self._navigated(event)
         elif (trouble := _trouble(event)) is not None:
             self.troubles.append(trouble)
 
-    def _navigated(self, event: Navigated) -> None:
+    def _navigated(self, event: ev.Navigated) -> None:
         before = self._gnss.get(event.vehicle, "good")
         self._gnss[event.vehicle] = event.gnss
         if event.gnss != before:
             self.troubles.append(Trouble(event.t_s, event.vehicle, "fault", _GNSS[event.gnss]))
 
-    def _home(self, event: Connected | Airborne) -> None:
+    def _home(self, event: ev.Connected | ev.Airborne) -> None:
         if event.home is not None:
             self.homes[event.vehicle] = event.home
         if self.amsl_m is None:
             self.amsl_m = event.home_amsl_m
-        if isinstance(event, Connected) and not event.airborne:
+        if isinstance(event, ev.Connected) and not event.airborne:
             self._on_ground.setdefault(event.vehicle, []).append(event.t_s)
 
     def fixes_of(self, sortie: Sortie) -> list[Fix]:
@@ -188,27 +165,27 @@ def _trouble(event: Event) -> Trouble | None:
     """Return the fault in an event, or what a person did; None for all else."""
     vehicle, t_s = getattr(event, "vehicle", 0), event.t_s
     match event:
-        case FrameLost(reason=reason):
+        case ev.FrameLost(reason=reason):
             return Trouble(t_s, vehicle, "frame", printable(reason))
-        case OrderFailed(order=order, reason=reason):
+        case ev.OrderFailed(order=order, reason=reason):
             kind: Literal["refusal", "fault"] = "refusal" if "refused" in reason else "fault"
             return Trouble(t_s, vehicle, kind, printable(f"{order} failed: {reason}"))
-        case Guarded(action=action, reason=reason):
+        case ev.Guarded(action=action, reason=reason):
             return Trouble(t_s, vehicle, "fault", printable(f"guardian: {action}, {reason}"))
-        case Crashed(reason=reason):
+        case ev.Crashed(reason=reason):
             return Trouble(t_s, vehicle, "fault", printable(f"down: {reason}"))
-        case GivenUp(reason=reason):
+        case ev.GivenUp(reason=reason):
             return Trouble(t_s, vehicle, "link", printable(f"given up: {reason}"))
-        case LinkLost():
+        case ev.LinkLost():
             return Trouble(t_s, vehicle, "link", "link lost")
-        case Overridden(mode=mode, cause=cause):
+        case ev.Overridden(mode=mode, cause=cause):
             why = f" ({cause})" if cause else ""
             return Trouble(
                 t_s, vehicle, "pilot", printable(f"taken by a pilot or a failsafe: {mode}{why}")
             )
-        case Released():
+        case ev.Released():
             return Trouble(t_s, vehicle, "pilot", "given back")
-        case Told(severity=severity, text=text, times=times) if severity <= WARNING:
+        case ev.Told(severity=severity, text=text, times=times) if severity <= WARNING:
             often = f" ({times} times)" if times > 1 else ""
             return Trouble(t_s, vehicle, "words", printable(f"{text}{often}"))
     return _operator(event)
@@ -217,17 +194,17 @@ def _trouble(event: Event) -> Trouble | None:
 def _operator(event: Event) -> Trouble | None:
     vehicle, t_s = getattr(event, "vehicle", 0), event.t_s
     match event:
-        case CellSkipped(cell=cell):
+        case ev.CellSkipped(cell=cell):
             text = f"cell {cell.east}, {cell.north} skipped"
-        case VehicleRecalled():
+        case ev.VehicleRecalled():
             text = "called home"
-        case Recalled():
+        case ev.Recalled():
             text = "everybody called home"
-        case Paused():
+        case ev.Paused():
             text = "paused"
-        case Continued():
+        case ev.Continued():
             text = "gone on"
-        case Resumed():
+        case ev.Resumed():
             text = "resumed after an interruption"
         case _:
             return None

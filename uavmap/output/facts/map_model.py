@@ -25,17 +25,17 @@ State = Literal[
     "provisional non-roi",
     "skipped",
 ]
-"""Of a cell. Skipped is one of the region from which the operator had nobody look. Provisional is
-what most of its frames say while too few of them make a verdict."""
+"""Skipped: region that the operator excluded from looks. Provisional: the majority of frames, while
+they are too few for a verdict."""
 
 NOT_ROI: frozenset[State] = frozenset(("non-roi", "provisional", "provisional non-roi"))
-"""What a map does not count as region."""
+"""States that are not region."""
 
 _STATES: Final[tuple[State, ...]] = get_args(State)
 _CODES: Final = {state: np.uint8(code) for code, state in enumerate(_STATES)}
 _ROI: Final = np.array([state not in NOT_ROI for state in _STATES])
 AT_ONCE: Final = 4096
-"""So many cells are written at a time."""
+"""Number of cells that are written at a time."""
 
 
 class CellRow(NamedTuple):
@@ -46,7 +46,7 @@ class CellRow(NamedTuple):
     positive: int
     votes: int
     belief: float | None = None
-    """How much of it is believed to be region, 0 to 1, where recorded pictures are weighed."""
+    """Believed share of region, 0 to 1, where recorded pictures are weighed."""
 
     @property
     def is_roi(self) -> bool:

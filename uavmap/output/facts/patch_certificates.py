@@ -32,7 +32,7 @@ from missions.units import Cell, GridPoint
 from vision.look import SEEN_SHARE
 
 FACT_S: Final = 1.0
-"""Members of a fleet tell each other the second in which a cell was decided."""
+"""Resolution of the times of verdicts that members of a fleet share, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class Team:
     speed_m_s: float
     turned: bool
     late_s: float
-    """By so much a cell may have been judged later than is told."""
+    """Maximum delay of a verdict behind its shared time."""
 
     @classmethod
     def of(cls, setting: Setting, state: State, *, overview: bool) -> Team:

@@ -33,22 +33,22 @@ from missions.units import Cell
 from uavmap.output.facts.patch_summary import MOST_PATCHES
 
 LEAST_S: Final = 30.0
-"""Cells count that were seen over at least so long."""
+"""Minimum time between the first and the last sight of a cell that counts, s."""
 WINDOW_S: Final = 5.0
-"""So long after it was seen first, and before it was seen last, a cell's votes are averaged."""
+"""Time after the first and before the last sight in which votes are averaged, s."""
 REACH_CELLS: Final = 5.0
-"""A patch that has moved farther through its cells is not measured: its map is wrong as it is."""
+"""Maximum move of a patch through its cells; beyond, its map is wrong and it is not measured."""
 LEAST_CELLS: Final = 12
-"""So many cells of the outline have to be seen twice."""
+"""Minimum number of cells of the outline that were seen twice."""
 PART: Final = (0.05, 0.95)
-"""The outline leads through a cell of which such a share looks like the region."""
+"""Range of a share that puts a cell on the outline."""
 SECTORS: Final = 8
 POSITION_M: Final = 1.0
-"""Where a vehicle takes itself to be changes by so much within minutes."""
+"""Change of a vehicle's position error within minutes, m."""
 _LEVELS: Final = ((0.5, 10), (0.125, 4), (1.0 / 32.0, 4))
-"""Steps of the search, in cells of the median time, and how many of them to each side."""
+"""Steps of the search in cells of the median time, and their number to each side."""
 _MOST_ERROR: Final = 0.5
-"""A share that is off by more counts as if it were off by so much."""
+"""Maximum difference of shares that counts."""
 
 Floats = NDArray[np.float64]
 

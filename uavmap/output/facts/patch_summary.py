@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 MOST_PATCHES: Final = 20
-"""So many are told one by one."""
+"""Maximum number of patches with a line each."""
 _WHY: Final = {
     "beyond_fence": "beyond the fence",
     "few_frames": "in too few frames",

@@ -29,10 +29,9 @@ from missions.units import Cell
 from uavmap.output.facts.outline import outline
 
 MISSED_SHARE = 0.5
-"""From this share on, a map must hold the cell, and a verdict of no is wrong."""
-
+"""Share from which on a cell belongs on the map, and a verdict of no is wrong."""
 CLEAR_SHARE = 0.1
-"""Below this share, a verdict of yes is wrong."""
+"""Share below which a verdict of yes is wrong."""
 
 
 @dataclass(frozen=True, slots=True)

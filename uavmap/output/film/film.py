@@ -20,10 +20,10 @@ FPS: Final = 20
 """Frames a second: a GIF counts in hundredths of a second, so 20 is exact."""
 LONGEST_S: Final = 20.0
 HOLD_S: Final = 1.5
-"""How long the last frame stands."""
+"""Time that the last frame stands, s."""
 _FRAMES_A_STEP: Final = 5
 _QUICKEST: Final = 30.0
-"""A flight is shown at this many times its speed, or faster where it lasts longer."""
+"""Minimum ratio of a film's speed to that of the flight."""
 
 
 class Unit(StrEnum):

@@ -25,22 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from missions import events as ev
 from missions.errors import OutputError
-from missions.events import (
-    Connected,
-    Crashed,
-    Event,
-    FrameLost,
-    GivenUp,
-    Guarded,
-    LinkLost,
-    OrderFailed,
-    Overridden,
-    Recalled,
-    Released,
-    Resumed,
-    Tracked,
-)
+from missions.events import Event
 from missions.geo.grid import Grid
 from missions.units import Cell, Pose
 from uavmap.base.extras import install_command
@@ -51,10 +38,10 @@ from vision.camera import rotation
 
 SUFFIX: Final = ".rrd"
 SNAPSHOTS: Final = 300
-"""So often at most the whole map is written."""
-_TOLD: Final = (
-    Crashed, FrameLost, GivenUp, Guarded, LinkLost, OrderFailed, Overridden, Recalled, Released,
-    Resumed,
+"""Maximum number of times that the whole map is written."""
+_LOGGED: Final = (
+    ev.Crashed, ev.FrameLost, ev.GivenUp, ev.Guarded, ev.LinkLost, ev.OrderFailed, ev.Overridden,
+    ev.Recalled, ev.Released, ev.Resumed,
 )  # fmt: skip
 _NED_TO_ENU: Final = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
@@ -86,11 +73,11 @@ class _Recording:
     def add_event(self, event: Event) -> None:
         """Add a vehicle's position and charge, or a fault."""
         rr, stream = self._rr, self._stream
-        if isinstance(event, _TOLD):
+        if isinstance(event, _LOGGED):
             stream.set_time("mission", duration=event.t_s)
-            level = "ERROR" if isinstance(event, Crashed) else "WARN"
+            level = "ERROR" if isinstance(event, ev.Crashed) else "WARN"
             stream.log("/log", rr.TextLog(str(event), level=level))
-        if not isinstance(event, Tracked | Connected):
+        if not isinstance(event, ev.Tracked | ev.Connected):
             return
         here = self._grid.to_moving(event.position, event.t_s)
         place, path = (here.east_m, here.north_m, event.height_m), f"/vehicles/{event.vehicle}"

@@ -10,16 +10,8 @@ from typing import Final, NamedTuple
 from missions.errors import OutputError
 from missions.mapping.tree import Tree
 from missions.units import Cell
-from uavmap.output.drawing import legend
-from uavmap.output.drawing.palette import (
-    FAINT,
-    INK,
-    PAPER,
-    STATE_NAMES,
-    STATES,
-    Colour,
-    Style,
-)
+from uavmap.output.drawing import legend, palette
+from uavmap.output.drawing.palette import Colour, Style
 from uavmap.output.drawing.raster import encode_png, picture, text_width
 from uavmap.output.drawing.scale import step_up
 from uavmap.output.drawing.scene import Box, Dot, Entry, Label, Line, Place, Shape, View
@@ -78,8 +70,8 @@ def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
             f"a tree of {len(tree)} vertices and depth {tree.depth} is too large to draw"
         )
     shapes: list[Shape] = [
-        Label((MARGIN_PX, 29), title, 20, INK),
-        Label((MARGIN_PX, 57), caption, 14, FAINT),
+        Label((MARGIN_PX, 29), title, 20, palette.INK),
+        Label((MARGIN_PX, 57), caption, 14, palette.FAINT),
         *_tiles(ground, ground_step),
         *_edges(tree, spine, ground, ground_step),
         *_vertices(tree, ground, ground_step),
@@ -153,13 +145,13 @@ def _edges(
 def _vertices(tree: Tree, places: Mapping[Cell, Place], step: float) -> Iterator[Shape]:
     radius = 0.24 * step
     for cell, place in places.items():
-        disc = (radius, STATES[tree.state(cell).value])
-        yield Dot(place, ((radius + 1.0, PAPER), disc) if step >= 8.0 else (disc,))
+        disc = (radius, palette.STATES[tree.state(cell).value])
+        yield Dot(place, ((radius + 1.0, palette.PAPER), disc) if step >= 8.0 else (disc,))
     yield Dot(places[tree.root], _root(radius))
 
 
 def _root(radius: float) -> tuple[tuple[float, Colour], ...]:
-    discs = ((1.7, INK), (1.3, PAPER), (0.9, INK))
+    discs = ((1.7, palette.INK), (1.3, palette.PAPER), (0.9, palette.INK))
     return tuple((max(r * radius, 4.0 * r / 1.7), colour) for r, colour in discs)
 
 
@@ -172,14 +164,14 @@ def _ruler(places: Mapping[Cell, Place], spine: tuple[Cell, ...], y: float) -> I
         text = "depth 0" if depth == 0 else str(depth)
         x = places[spine[depth]][0]
         if depth == 0 or x - places[spine[0]][0] > 52.0:
-            yield Label((x, y - 4.0), text, 12, FAINT, "middle" if depth else "start")
+            yield Label((x, y - 4.0), text, 12, palette.FAINT, "middle" if depth else "start")
 
 
 def _legend(tree: Tree) -> Iterator[Entry]:
     states = [tree.state(cell).value for cell in tree.vertices]
-    for state, colour in STATES.items():
+    for state, colour in palette.STATES.items():
         if state in states:
-            yield Entry(((5.5, colour),), f"{STATE_NAMES[state]} ({states.count(state)})")
+            yield Entry(((5.5, colour),), f"{palette.STATE_NAMES[state]} ({states.count(state)})")
     yield Entry(Style(BACKBONE, 4.0), "backbone")
     if len(tree) > tree.depth + 1:
         yield Entry(Style(RIB, 2.0), "rib")

@@ -18,17 +18,8 @@ from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
 from uavmap.base.atomic_write import write_parts
-from uavmap.output.drawing.palette import (
-    BOUNDARY,
-    BOX,
-    FENCE,
-    INK,
-    OUTLINE,
-    STATES,
-    UNSEARCHED,
-    Colour,
-    track_colour,
-)
+from uavmap.output.drawing import palette
+from uavmap.output.drawing.palette import Colour
 from uavmap.output.facts.flown_mission import Flown
 from uavmap.output.facts.map_model import NOT_ROI, MapData
 from uavmap.output.formats.layers import (
@@ -85,17 +76,17 @@ def _document(
 
 # --- styles --------------------------------------------------------------------------------------
 def _styles(vehicles: Iterable[int]) -> Iterator[str]:
-    for state, colour in STATES.items():
+    for state, colour in palette.STATES.items():
         fill = _abgr(colour, 90 if state in NOT_ROI else 150)
         yield _style(state.replace(" ", "-"), colour, 1, fill)
-    yield _style("region", OUTLINE, 3)
-    yield _style("boundary", BOUNDARY, 2)
-    yield _style("unsearched", UNSEARCHED, 3)
-    yield _style("fence", FENCE, 2)
-    yield _style("box", BOX, 2)
-    yield _style("places", INK, 2)
+    yield _style("region", palette.OUTLINE, 3)
+    yield _style("boundary", palette.BOUNDARY, 2)
+    yield _style("unsearched", palette.UNSEARCHED, 3)
+    yield _style("fence", palette.FENCE, 2)
+    yield _style("box", palette.BOX, 2)
+    yield _style("places", palette.INK, 2)
     for vehicle in sorted(vehicles):
-        yield _style(f"track-{vehicle}", track_colour(vehicle), 2)
+        yield _style(f"track-{vehicle}", palette.track_colour(vehicle), 2)
 
 
 def _style(name: str, line: Colour, width: int, fill: str | None = None) -> str:
@@ -153,7 +144,7 @@ def _cells(data: MapData) -> Iterator[str]:
         points = zip(turned(lon_deg, data.start).tolist(), lat_deg.tolist(), strict=True)
         return [_place(point) for point in points]
 
-    for state in STATES:
+    for state in palette.STATES:
         there = data.table.are(state)
         if not there.any():
             continue

@@ -6,18 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
-from uavmap.output.drawing.palette import (
-    BOUNDARY,
-    BOX,
-    FENCE,
-    INK,
-    OUTLINE,
-    STATE_NAMES,
-    STATES,
-    UNSEARCHED,
-    Colour,
-    track_colour,
-)
+from uavmap.output.drawing import palette
+from uavmap.output.drawing.palette import Colour
 from uavmap.output.formats.layers import Layer
 
 _KINDS = {
@@ -69,28 +59,30 @@ def _categories(layer: Layer) -> tuple[str | None, Sequence[tuple[str, str, Symb
         case "cells":
             there = set(layer.column("state"))
             return "state", [
-                (state, STATE_NAMES[state], Symbol(_seam(colour), 0.1, colour, 200))
-                for state, colour in STATES.items()
+                (state, palette.STATE_NAMES[state], Symbol(_seam(colour), 0.1, colour, 200))
+                for state, colour in palette.STATES.items()
                 if state in there
             ]
         case "tracks" | "track_points":
             width_mm, size_mm = (0.4, 1.0) if layer.name == "tracks" else (0.0, 0.8)
-            colours = {int(str(n)): track_colour(int(str(n))) for n in layer.column("vehicle")}
+            colours = {
+                int(str(n)): palette.track_colour(int(str(n))) for n in layer.column("vehicle")
+            }
             return "vehicle", [
                 (str(n), f"vehicle {n}", Symbol(colour, width_mm, colour, size_mm=size_mm))
                 for n, colour in sorted(colours.items())
             ]
         case "fence":
             return "kind", [
-                ("fence", "geofence", Symbol(FENCE, 0.4, dashed=True)),
-                ("box", "search box", Symbol(BOX, 0.4, dashed=True)),
+                ("fence", "geofence", Symbol(palette.FENCE, 0.4, dashed=True)),
+                ("box", "search box", Symbol(palette.BOX, 0.4, dashed=True)),
             ]
     single = {
-        "region": Symbol(OUTLINE, 0.7),
-        "boundary": Symbol(BOUNDARY, 0.5),
-        "frames": Symbol(INK, 0.1, (255, 255, 255), size_mm=1.0),
-        "unsearched": Symbol(UNSEARCHED, 0.8),
-        "places": Symbol(INK, 0.6, (255, 255, 255), size_mm=3.0),
+        "region": Symbol(palette.OUTLINE, 0.7),
+        "boundary": Symbol(palette.BOUNDARY, 0.5),
+        "frames": Symbol(palette.INK, 0.1, (255, 255, 255), size_mm=1.0),
+        "unsearched": Symbol(palette.UNSEARCHED, 0.8),
+        "places": Symbol(palette.INK, 0.6, (255, 255, 255), size_mm=3.0),
     }
     return None, [("", layer.title, single[layer.name])]
 
