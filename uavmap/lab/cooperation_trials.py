@@ -109,11 +109,6 @@ def _end(outcome: Outcome, robot: int) -> dict[str, float]:
     }
 
 
-def first_corner(space: Space) -> Point:
-    """Return the default start: the southernmost corner, of several the western."""
-    return min(space.corners, key=lambda corner: (corner[1], corner[0]))
-
-
 def cooperate(
     space: Space, terms: Cooperation, start: Point | None = None, noise: Noise | None = None
 ) -> Report:
@@ -122,7 +117,8 @@ def cooperate(
     Raises `AreaError` for a start outside of the ground, `StrategyError` for a range that does not
     fit it.
     """
-    start = first_corner(space) if start is None else start
+    if start is None:  # the southernmost corner, of several the western
+        start = min(space.corners, key=lambda corner: (corner[1], corner[0]))
     if not space.holds(start):
         raise AreaError(f"the start {start[0]:g},{start[1]:g} m is not in the area")
     if terms.mode is Mode.TRIANGULATION:

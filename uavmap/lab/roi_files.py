@@ -49,7 +49,13 @@ def load_rois(name: str, *, cell_m: float = 4.0, start: LatLon | None = None) ->
         text = read_text(Path(name), _LARGEST_BYTES)
     except (OSError, ValueError) as error:
         if name.partition(":")[0] in KINDS:
-            return [_by_name(name)]
+            kind, *numbers = name.split(":")
+            good = all(n.isascii() and n.isdigit() and len(n) < 19 for n in numbers)
+            if len(numbers) != 2 or not good:
+                raise RoiError(
+                    f"{name}: a growth is named KIND:CELLS:SEED, such as eden:120:7"
+                ) from None
+            return [grown(kind, int(numbers[0]), int(numbers[1]))]
         reason = getattr(error, "strerror", None) or "not a text file in UTF-8"
         raise RoiError(
             f"{name}: cannot be read ({reason}); give a file, or a growth such as eden:120:7 "
@@ -62,26 +68,16 @@ def load_rois(name: str, *, cell_m: float = 4.0, start: LatLon | None = None) ->
     if isinstance(root, dict) and "rois" in root:
         if start is not None:
             raise RoiError(f"{name}: holds cells with starts of their own; leave out --start")
-        return _sets(name, root["rois"])
+        rois = root["rois"]
+        if not isinstance(rois, list) or not rois:
+            raise _fault(name, "rois", rois, "expected a list with at least one ROI")
+        return [_set(name, f"rois[{i}]", values) for i, values in enumerate(rois)]
     if isinstance(root, dict) and isinstance(root.get("type"), str):
         return _regions(name, text, cell_m, start)
     raise RoiError(f'{name}: neither {{"rois": [{{"start", "cells"}}]}} nor GeoJSON')
 
 
-def _by_name(name: str) -> Roi:
-    kind, *numbers = name.split(":")
-    if len(numbers) != 2 or not all(n.isascii() and n.isdigit() and len(n) < 19 for n in numbers):
-        raise RoiError(f"{name}: a growth is named KIND:CELLS:SEED, such as eden:120:7")
-    return grown(kind, int(numbers[0]), int(numbers[1]))
-
-
 # --- sets of cells ---------------------------------------------------------------------------
-def _sets(name: str, rois: object) -> list[Roi]:
-    if not isinstance(rois, list) or not rois:
-        raise _fault(name, "rois", rois, "expected a list with at least one ROI")
-    return [_set(name, f"rois[{i}]", values) for i, values in enumerate(rois)]
-
-
 def _set(name: str, key: str, values: object) -> Roi:
     if not isinstance(values, dict):
         raise _fault(name, key, values, 'expected {"start": [east, north], "cells": [...]}')

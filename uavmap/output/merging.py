@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import blake2s
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, Final
 
@@ -95,15 +96,15 @@ def merged_results(
 
 def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
     """Merge plans and events into those of one flight. Raises `JournalError`."""
-    sources = sorted(sources, key=_place)
+    # in an order that does not depend on the names of folders
+    sources = sorted(sources, key=lambda s: (s.plan.member or 0, s.plan.epoch_utc_s, s.digest))
     first = sources[0]
     _refuse_strangers(sources)
     fleet = first.plan.member is not None
     if fleet:
-        numbers = {id(source): 0 for source in sources}
-        plan = replace(first.plan, member=0, comms=None)
-    else:
-        numbers, count = _renumbered(sources)
+        plan, before = replace(first.plan, member=0, comms=None), [0] * len(sources)
+    else:  # the vehicles of each flight are numbered after those of the ones before
+        *before, count = accumulate((len(s.plan.mission.vehicles) for s in sources), initial=0)
         mission = with_vehicles(first.plan.mission, count)
         plan = replace(first.plan, vehicles=count, mission=mission).as_member(0)
     zero_s = min(source.plan.epoch_utc_s for source in sources)
@@ -113,7 +114,7 @@ def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
         own = [event for event in source.events if not isinstance(event, NOT_OWN)]
         last_s = -math.inf
         for k, event in enumerate(own):  # each stays in its own order: that is what was acted on
-            moved = _moved(event, numbers[id(source)], later_s)
+            moved = _moved(event, before[place], later_s)
             last_s = max(last_s, moved.t_s)
             dated.append((last_s, place, k, moved))
     if fleet:
@@ -121,11 +122,6 @@ def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
         dated.extend((event.t_s, len(sources), k, event) for k, event in enumerate(only_heard))
     dated.sort(key=lambda item: item[:3])
     return replace(plan, epoch_utc_s=zero_s), [event for *_, event in dated]
-
-
-def _place(source: Source) -> tuple[int, float, bytes]:
-    """Return the order of a journal among others, whatever its folder is called."""
-    return source.plan.member or 0, source.plan.epoch_utc_s, source.digest
 
 
 def _only_heard(sources: Sequence[Source]) -> list[Shared]:
@@ -177,26 +173,15 @@ def _refuse_strangers(sources: Sequence[Source]) -> None:
                 "drifts: their cells are not the same ground"
             )
     for place, source in enumerate(sources):
-        number = source.plan.member
+        number, folder = source.plan.member, source.folder
         if number == 0:
-            raise JournalError(
-                f"{source.folder}: it is merged already; give the journals it is made of"
-            )
+            raise JournalError(f"{folder}: it is merged already; give the journals it is made of")
         if number is not None and number in members[:place]:
             other_folder = sources[members.index(number)].folder
             raise JournalError(
-                f"{source.folder}: is of vehicle {number}, as is {other_folder}; give one of them "
+                f"{folder}: is of vehicle {number}, as is {other_folder}; give one of them "
                 "(a flight that was gone on with has one folder)"
             )
-
-
-def _renumbered(sources: Sequence[Source]) -> tuple[dict[int, int], int]:
-    """Return by how much each flight's vehicles are numbered higher, and how many there are."""
-    numbers, count = {}, 0
-    for source in sources:
-        numbers[id(source)] = count
-        count += len(source.plan.mission.vehicles)
-    return numbers, count
 
 
 def _moved(event: Event, higher: int, later_s: float) -> Event:

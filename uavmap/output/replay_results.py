@@ -147,6 +147,7 @@ def _replay_map(setting: Setting, replayed: Replayed) -> MapData:
 
 def _replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:
     cell_m2 = setting.grid.cell_m**2
+    votes = int(replayed.cells.votes.sum(dtype=np.int64))
     used, roi = len(replayed.taken), int(np.count_nonzero(replayed.cells.roi))
     return {
         "mission": setting.mission.name,
@@ -163,16 +164,10 @@ def _replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:
         "cells_roi": roi,
         "cells_roi_m2": round(roi * cell_m2, 1),
         "cells_undecided": len(replayed.undecided),
-        "pictures_per_cell": _pictures_per_cell(replayed),
+        "pictures_per_cell": round(votes / len(replayed.cells), 2) if votes else 0.0,
         "decided_by": "evidence" if setting.mission.by_evidence else "count",
         "iou_cells": None,
     }
-
-
-def _pictures_per_cell(replayed: Replayed) -> float:
-    if not len(replayed.cells):
-        return 0.0
-    return round(int(replayed.cells.votes.sum(dtype=np.int64)) / len(replayed.cells), 2)
 
 
 def _finding(replayed: Replayed, roi: int, area_m2: float) -> str:

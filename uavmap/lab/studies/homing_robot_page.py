@@ -69,6 +69,7 @@ def _text(rows: Sequence[Found]) -> str:
     runs, broken = sum(row.runs for row in grids), sum(row.broken for row in grids)
     wrong = sum(row.broken for row in rows if row.part in (WORST, COMPARED))
     corridors = [row for row in rows if row.part == WORST and row.grid.startswith("corridor")]
+    above = max(_mean(rows, g, "plan") / _mean(rows, g, BEST) - 1.0 for g in _grids(rows))
     short = sum(row.most * row.cells < row.cells - 3 - 1e-9 for row in corridors)
     return f"""\
 Wongngamnit and Angluin, *The Robot, the Grid, and the Algorithm* (1999): a robot senses the eight
@@ -95,7 +96,7 @@ the robot ends when one cell alone fits what it has sensed, which is soon.
 **How good a plan can be.** On regions of up to 120 cells the best of all plans can be found by
 branch and bound. Cells that look like others need one move at least. The best of all plans takes
 {_best_of_homing(rows)} of the moves of the Homing Robot with the same map;
-the planner needs {_above_the_best(rows):.1%} more moves than the best at most.
+the planner needs {above:.1%} more moves than the best at most.
 
 {_optimum(rows).markdown()}
 
@@ -154,10 +155,6 @@ def _best_of_homing(rows: Sequence[Found]) -> str:
         f"{_mean(rows, grid, BEST) / _mean(rows, grid, 'homing'):.2f} ({grid})"
         for grid in _grids(rows)
     )
-
-
-def _above_the_best(rows: Sequence[Found]) -> float:
-    return max(_mean(rows, grid, "plan") / _mean(rows, grid, BEST) - 1.0 for grid in _grids(rows))
 
 
 def _optimum(rows: Sequence[Found]) -> Table:

@@ -72,7 +72,18 @@ class BoundaryMap:
 def write(data: BoundaryMap, path: Path) -> list[Feature]:
     """Write the file; return its features."""
     features = features_of(data)
-    write_text(path, _text(data, features))
+    head = {
+        "mission": data.mission,
+        "t_s": round(data.t_s, 3),
+        "computed_in": f"EPSG:{data.grid.zone.epsg}",
+    }
+    boxes = np.array([f["bbox"] for f in features if "bbox" in f])
+    bbox = []
+    if len(boxes):
+        bbox = [*boxes[:, :2].min(axis=0).tolist(), *boxes[:, 2:].max(axis=0).tolist()]
+    # thousands of coordinates, all finite: json takes seven times as long
+    lines = (to_json(feature).decode() for feature in features)
+    write_text(path, "".join(geojson.collection(head, bbox, lines)))
     return features
 
 
@@ -87,17 +98,6 @@ def features_of(data: BoundaryMap) -> list[Feature]:
         _cells(data, "undecided", runs(data.undecided)),
         _cells(data, "unseen", unseen(data)),
     ]
-
-
-def _text(data: BoundaryMap, features: Sequence[Feature]) -> str:
-    head = {
-        "mission": data.mission,
-        "t_s": round(data.t_s, 3),
-        "computed_in": f"EPSG:{data.grid.zone.epsg}",
-    }
-    # thousands of coordinates, all finite: json takes seven times as long
-    lines = (to_json(feature).decode() for feature in features)
-    return "".join(geojson.collection(head, _bbox(features), lines))
 
 
 # --- the features --------------------------------------------------------------------------------
@@ -170,29 +170,20 @@ def _shape(
     data: BoundaryMap, kind: str, shape: BaseGeometry, told: dict[str, Any], name: str = ""
 ) -> Feature:
     """Create a feature; its geometry is null where there is none."""
+
+    def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        found = on_earth(points, data.grid, data.t_s)
+        found[:, 0] = turned(found[:, 0], data.start)
+        if not np.isfinite(found).all():  # JSON has no word for it
+            raise ValueError("a point of the boundary lies nowhere on Earth")
+        return found.round(DECIMALS)
+
     feature: Feature = {"type": "Feature", "id": name or kind, "geometry": None}
     if not shape.is_empty:
-        there = shapely.transform(shape, lambda points: _lon_lat(data, points))
+        there = shapely.transform(shape, placed)
         feature["bbox"] = list(there.bounds)
         feature["geometry"] = mapping(there)
     return {**feature, "properties": {"kind": kind, **told}}
-
-
-def _lon_lat(data: BoundaryMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return longitudes, in the turn of the start's, and latitudes of points of the moving
-    frame."""
-    found = on_earth(points, data.grid, data.t_s)
-    found[:, 0] = turned(found[:, 0], data.start)
-    if not np.isfinite(found).all():  # JSON has no word for it
-        raise ValueError("a point of the boundary lies nowhere on Earth")
-    return found.round(DECIMALS)
-
-
-def _bbox(features: Sequence[Feature]) -> list[float]:
-    boxes = np.array([f["bbox"] for f in features if "bbox" in f])
-    if not len(boxes):
-        return []
-    return [*boxes[:, :2].min(axis=0).tolist(), *boxes[:, 2:].max(axis=0).tolist()]
 
 
 def _rounded(value: float | None) -> float | None:

@@ -150,7 +150,9 @@ def boundary_of(told: Iterable[Mapping[str, Any]], data: MapData) -> BoundaryTol
         shape = shapely.from_geojson(json.dumps(feature["geometry"]))
         if not isinstance(shape, Polygon | MultiPolygon):
             return None
-        region = shapely.transform(shape, lambda points: _fixed(data, points))
+        grid = data.grid
+        origin = np.array([grid.origin.east_m, grid.origin.north_m])
+        region = shapely.transform(shape, lambda at: (grid.zone.utm(at) - origin) / grid.scale)
     uncertainty = values["uncertainty_m"]
     lines = (one for name, one in features.items() if name.startswith("line "))
     numbers = [
@@ -165,10 +167,3 @@ def boundary_of(told: Iterable[Mapping[str, Any]], data: MapData) -> BoundaryTol
         region, area_m2, low_m2, high_m2, length_m,
         None if uncertainty is None else uncertainty_m, open_m, position_m,
     )  # fmt: skip
-
-
-def _fixed(data: MapData, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    grid = data.grid
-    origin = np.array([grid.origin.east_m, grid.origin.north_m])
-    fixed: NDArray[np.float64] = (grid.zone.utm(points) - origin) / grid.scale
-    return fixed

@@ -115,15 +115,12 @@ class FlightLog:
         elif isinstance(event, ev.Connected | ev.Airborne):
             self._home(event)
         elif isinstance(event, ev.Navigated):
-            self._navigated(event)
+            before = self._gnss.get(event.vehicle, "good")
+            self._gnss[event.vehicle] = event.gnss
+            if event.gnss != before:
+                self.troubles.append(Trouble(event.t_s, event.vehicle, "fault", _GNSS[event.gnss]))
         elif (trouble := _trouble(event)) is not None:
             self.troubles.append(trouble)
-
-    def _navigated(self, event: ev.Navigated) -> None:
-        before = self._gnss.get(event.vehicle, "good")
-        self._gnss[event.vehicle] = event.gnss
-        if event.gnss != before:
-            self.troubles.append(Trouble(event.t_s, event.vehicle, "fault", _GNSS[event.gnss]))
 
     def _home(self, event: ev.Connected | ev.Airborne) -> None:
         if event.home is not None:

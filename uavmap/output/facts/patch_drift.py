@@ -24,6 +24,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -118,7 +119,7 @@ class Shares:
         if not len(self._times_s):
             return [None] * len(patches)
         seen = self._seen()
-        found = [_drift_of(patch, seen, grid) for patch in patches[:MOST_PATCHES]]
+        found = [_measured(_around(patch, seen), grid) for patch in patches[:MOST_PATCHES]]
         return [*found, *[None] * (len(patches) - len(found))]
 
     def _seen(self) -> _Seen:
@@ -146,25 +147,15 @@ class Shares:
         )  # fmt: skip
 
 
-def _drift_of(patch: Collection[Cell], seen: _Seen, grid: Grid) -> Drift | None:
-    near = _around(patch, seen)
-    long = near.end_s - near.begin_s >= LEAST_S
-    outline = long & (_is_part(near.begin_share) | _is_part(near.end_share))
-    if np.count_nonzero(outline) < LEAST_CELLS:
-        return None
-    return _measured(near, long, grid)
-
-
 def _around(patch: Collection[Cell], seen: _Seen) -> _Seen:
     """Return what was seen of a patch and around it, as far as it may have moved."""
     own = np.array(sorted(patch), dtype=np.int64)
     margin = math.ceil(REACH_CELLS) + 1
     low = own.min(axis=0) - margin
     wide, deep = (own.max(axis=0) + margin - low + 1).tolist()
-    near = np.zeros((wide, deep), np.bool_)
-    for east in range(-margin, margin + 1):
-        for north in range(-margin, margin + 1):
-            near[own[:, 0] - low[0] + east, own[:, 1] - low[1] + north] = True
+    near = np.zeros((wide, deep), np.uint8)
+    near[tuple((own - low).T)] = 1
+    near = cv2.dilate(near, np.ones((2 * margin + 1, 2 * margin + 1), np.uint8))
     column, row = seen.east - low[0], seen.north - low[1]
     inside = (column >= 0) & (row >= 0) & (column < wide) & (row < deep)
     inside[inside] = near[column[inside], row[inside]]
@@ -209,7 +200,11 @@ class _Registration:
         return off**2
 
 
-def _measured(seen: _Seen, long: NDArray[np.bool_], grid: Grid) -> Drift | None:
+def _measured(seen: _Seen, grid: Grid) -> Drift | None:
+    long = seen.end_s - seen.begin_s >= LEAST_S
+    outline = long & (_is_part(seen.begin_share) | _is_part(seen.end_share))
+    if np.count_nonzero(outline) < LEAST_CELLS:
+        return None
     made = _Registration(seen, long, grid.cell_m)
     unit_m_s = grid.cell_m / float(np.median(made.dt_s))
     least = max(LEAST_CELLS, len(made.dt_s) // 3)

@@ -142,7 +142,13 @@ class Stage:
             yield from self._trail(robot, t)
         if film.footprint is not None:
             for robot in film.tracks:
-                yield self._footprint(film.fix(robot, t).place, film.footprint, robot)
+                place = film.fix(robot, t).place
+                half = film.footprint.east / 2, film.footprint.north / 2
+                corners = [
+                    (place.east + a * half[0], place.north + b * half[1])
+                    for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+                ]
+                yield Line.through(corners, Style(palette.track_colour(robot), 2.0), closed=True)
         for robot in film.tracks:
             yield self._robot(robot, t)
 
@@ -154,14 +160,6 @@ class Stage:
             width_px = self._radius_px * (0.25 + 0.15 * part)
             places = self._film.trail(robot, since, since + part_t)
             yield Line.through(places, Style(palette.track_colour(robot), width_px))
-
-    def _footprint(self, place: Place, size: Place, robot: int) -> Line:
-        east, north = size.east / 2, size.north / 2
-        corners = [
-            (place.east + a * east, place.north + b * north)
-            for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
-        ]
-        return Line.through(corners, Style(palette.track_colour(robot), 2.0), closed=True)
 
     def _robot(self, robot: int, t: float) -> Dot:
         """Return a disc with a rim; white inside while the robot is on the ground."""

@@ -57,7 +57,12 @@ def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
     ground_size = _move(ground, (MARGIN_PX, HEAD_PX), ground_step)
     right = MARGIN_PX + ground_size[0] + _GAP_PX
     depth_size = _move(depths, (right, HEAD_PX + _LABEL_PX), depth_step)
-    caption = _caption(tree, spine)
+    branches = len(ribs(tree, spine))
+    caption = "   ·   ".join((
+        "1 vertex" if len(tree) == 1 else f"{len(tree)} vertices",
+        f"depth of the tree, depth_T = {tree.depth}",
+        f"backbone of {len(spine)}, {'1 rib' if branches == 1 else f'{branches} ribs'}",
+    ))  # fmt: skip
     width = max(
         right + depth_size[0] + MARGIN_PX,
         2 * MARGIN_PX + text_width(caption, 14),
@@ -69,10 +74,15 @@ def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
         raise OutputError(
             f"a tree of {len(tree)} vertices and depth {tree.depth} is too large to draw"
         )
+    half, side = ground_step / 2, ground_step - (1.0 if ground_step >= 6.0 else 0.0)
+    tiles = (
+        Box((x - half, y - half), (x - half + side, y - half + side), GROUND)
+        for x, y in ground.values()
+    )
     shapes: list[Shape] = [
         Label((MARGIN_PX, 29), title, 20, palette.INK),
         Label((MARGIN_PX, 57), caption, 14, palette.FAINT),
-        *_tiles(ground, ground_step),
+        *tiles,
         *_edges(tree, spine, ground, ground_step),
         *_vertices(tree, ground, ground_step),
         *_ruler(depths, spine, HEAD_PX + _LABEL_PX - 14),
@@ -81,14 +91,6 @@ def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
         *legend.row(_legend(tree), MARGIN_PX, height - 20),
     ]
     return (round(width), round(height)), shapes
-
-
-def _caption(tree: Tree, spine: tuple[Cell, ...]) -> str:
-    branches = len(ribs(tree, spine))
-    of_ribs = "1 rib" if branches == 1 else f"{branches} ribs"
-    of_vertices = "1 vertex" if len(tree) == 1 else f"{len(tree)} vertices"
-    depth = f"depth of the tree, depth_T = {tree.depth}"
-    return f"{of_vertices}   ·   {depth}   ·   backbone of {len(spine)}, {of_ribs}"
 
 
 # --- where the vertices are ------------------------------------------------------------------
@@ -121,13 +123,6 @@ def _move(places: dict[Cell, Place], corner: Place, step: float) -> tuple[float,
 
 
 # --- what is drawn ---------------------------------------------------------------------------
-def _tiles(places: Mapping[Cell, Place], step: float) -> Iterator[Shape]:
-    side = step - (1.0 if step >= 6.0 else 0.0)
-    for x, y in places.values():
-        left, top = x - step / 2, y - step / 2
-        yield Box((left, top), (left + side, top + side), GROUND)
-
-
 def _edges(
     tree: Tree, spine: tuple[Cell, ...], places: Mapping[Cell, Place], step: float
 ) -> Iterator[Shape]:

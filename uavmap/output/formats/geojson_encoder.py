@@ -78,7 +78,18 @@ def _layer(flown: Flown, layer: Layer) -> Iterator[str]:
 # --- map.geojson ---------------------------------------------------------------------------------
 def _map(data: MapData, utc: str | None) -> Iterator[str]:
     date = {} if utc is None else {"utc": utc}
-    marks = [_outline(data, date), *_tracks(data), *_unsearched(data)]
+    outline = {
+        "kind": "outline",
+        "mission": data.mission,
+        "t_s": round(data.t_s, 3),
+        "cells": len(data.roi_cells),
+        "area_m2": round(data.outline.area, 3),
+        **date,
+    }
+    marks: list[_Mark] = [("outline", outline_in_degrees(data), outline), *_tracks(data)]
+    for number, lane in enumerate(data.unsearched, start=1):
+        line = LineString(line_in_degrees(data, lane))
+        marks.append((f"unsearched {number}", line, {"kind": "unsearched"}))
     head = {"mission": data.mission, "t_s": round(data.t_s, 3)} | date
 
     def features() -> Iterator[str]:
@@ -92,18 +103,6 @@ def _map(data: MapData, utc: str | None) -> Iterator[str]:
 
 _Mark = tuple[str, BaseGeometry, dict[str, Any]]
 """Id, geometry in degrees and properties of a feature."""
-
-
-def _outline(data: MapData, date: dict[str, str]) -> _Mark:
-    values = {
-        "kind": "outline",
-        "mission": data.mission,
-        "t_s": round(data.t_s, 3),
-        "cells": len(data.roi_cells),
-        "area_m2": round(data.outline.area, 3),
-        **date,
-    }
-    return "outline", outline_in_degrees(data), values
 
 
 def _tracks(data: MapData) -> Iterator[_Mark]:
@@ -121,12 +120,6 @@ def _tracks(data: MapData) -> Iterator[_Mark]:
             "altitude": "metres above home",
         }
         yield f"track {track.vehicle}", line, values
-
-
-def _unsearched(data: MapData) -> Iterator[_Mark]:
-    for number, lane in enumerate(data.unsearched, start=1):
-        line = LineString(line_in_degrees(data, lane))
-        yield f"unsearched {number}", line, {"kind": "unsearched"}
 
 
 def _cells(data: MapData) -> Iterator[str]:

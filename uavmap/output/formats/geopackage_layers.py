@@ -17,7 +17,7 @@ import shapely
 
 from uavmap.base.version import __version__
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.formats.layers import Layer, Shapes, Value
+from uavmap.output.formats.layers import Layer, Shapes
 from uavmap.output.formats.qgis_style import qml
 
 APPLICATION_ID: Final = 0x47504B47  # GPKG
@@ -111,10 +111,7 @@ def _layer(file: sqlite3.Connection, flown: Flown, layer: Layer) -> None:
     marks = ", ".join("?" * (len(layer.fields) + 1))
     names = ", ".join(f'"{field.name}"' for field in layer.fields)
     for shapes, rows in layer.parts():
-        filled = (
-            (blob, *row)
-            for blob, row in zip(_blobs(layer, shapes, srs), _plain(layer, rows), strict=True)
-        )
+        filled = ((blob, *row) for blob, row in zip(_blobs(layer, shapes, srs), rows, strict=True))
         file.executemany(f'INSERT INTO "{layer.name}" (geom, {names}) VALUES ({marks})', filled)
 
 
@@ -146,17 +143,6 @@ def _styles(file: sqlite3.Connection, flown: Flown, layers: Sequence[Layer]) -> 
         "update_time) VALUES ('', '', ?, 'geom', ?, ?, '', 1, ?, '', NULL, ?)",
         [(one.name, one.name, qml(one), f"{one.title} of uavmap", when) for one in layers],
     )
-
-
-def _plain(layer: Layer, rows: Sequence[tuple[Value, ...]]) -> Iterator[tuple[object, ...]]:
-    """Yield the rows as SQLite holds them."""
-    flags = [at for at, field in enumerate(layer.fields) if field.kind == "yes or no"]
-    for row in rows:
-        values = list[object](row)
-        for at in flags:
-            value = row[at]
-            values[at] = None if value is None else int(value)
-        yield tuple(values)
 
 
 def _blobs(layer: Layer, shapes: Shapes, srs: int) -> Iterator[bytes | None]:

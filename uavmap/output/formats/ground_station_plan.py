@@ -69,6 +69,15 @@ def plan_text(
         speed_m_s: Over ground.
         frame: MAV_FRAME of the mission's heights.
     """
+    circles = [
+        {
+            "version": 1,
+            "inclusion": _CIRCLES[item.command],
+            "circle": {"center": _degrees(item.position), "radius": item.first},
+        }
+        for item in fence
+        if item.command in _CIRCLES
+    ]
     values = {
         "fileType": "Plan",
         "version": 1,
@@ -83,7 +92,7 @@ def plan_text(
             "plannedHomePosition": [*_degrees(home), round(home_amsl_m, 3)],
             "items": [_simple_item(item, number) for number, item in enumerate(items, start=1)],
         },
-        "geoFence": {"version": 2, "circles": _circles(fence), "polygons": _polygons(fence)},
+        "geoFence": {"version": 2, "circles": circles, "polygons": _polygons(fence)},
         "rallyPoints": {
             "version": 2,
             "points": [[*_degrees(point.position), round(point.height_m, 3)] for point in rally],
@@ -134,18 +143,6 @@ def _polygons(fence: Sequence[Item]) -> list[dict[str, Any]]:
             found.append({"version": 1, "inclusion": inside, "polygon": ring})
         at += count
     return found
-
-
-def _circles(fence: Sequence[Item]) -> list[dict[str, Any]]:
-    return [
-        {
-            "version": 1,
-            "inclusion": _CIRCLES[item.command],
-            "circle": {"center": _degrees(item.position), "radius": item.first},
-        }
-        for item in fence
-        if item.command in _CIRCLES
-    ]
 
 
 def _degrees(place: LatLon) -> list[float]:

@@ -56,7 +56,12 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
     known = {layer.name: layer for layer in layers}
     head = f"<description>{_text(flown.values.get('finding', ''))}</description>"
     vehicles = {number for number, _, _ in track_parts(flown)}
-    folders = (_layer(flown, known[name]) for name in _SHOWN if name in known)
+    write = {"cells": lambda f, layer: _cells(f.data), "tracks": _tracks}
+    folders = (
+        _folder(known[name].title, write.get(name, _marks)(flown, known[name]))
+        for name in _SHOWN
+        if name in known
+    )
     parts = _document(flown.data, head, vehicles, _extended(described(flown)), folders)
     return "".join(parts).encode()
 
@@ -130,13 +135,6 @@ def _map(data: MapData) -> Iterator[str]:
 
 
 # --- layers --------------------------------------------------------------------------------------
-def _layer(flown: Flown, layer: Layer) -> Iterator[str]:
-    if layer.name == "cells":
-        return _folder(layer.title, _cells(flown.data))
-    marks = _tracks(flown, layer) if layer.name == "tracks" else _marks(flown, layer)
-    return _folder(layer.title, marks)
-
-
 def _cells(data: MapData) -> Iterator[str]:
     """Write a folder per state, `AT_ONCE` of thousands of cells at a time."""
 

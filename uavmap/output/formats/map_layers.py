@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any, Final, overload
@@ -17,7 +17,6 @@ from shapely.geometry.polygon import orient
 from missions.geo.geodesy import NORTH_LIMIT_DEG, SOUTH_LIMIT_DEG
 from missions.geo.grid import Grid
 from missions.mission.places import homes
-from missions.units import GridPoint, LatLon
 from uavmap.base.printable import printable
 from uavmap.base.version import __version__
 from uavmap.journal.kept_frames import KeptFrame, read_kept
@@ -62,10 +61,6 @@ def _of_region(flown: Flown, shapes: Any) -> Shapes:
     grid, drift = flown.data.grid, _drifted(flown)
     moved = shapely.transform(shapes, lambda points: _projected(grid, points + drift))
     return np.atleast_1d(np.array(moved, dtype=object))
-
-
-def _ring(flown: Flown, places: Iterable[LatLon]) -> list[GridPoint]:
-    return [flown.data.grid.fixed(place) for place in places]
 
 
 def _of_ground(flown: Flown, shapes: Sequence[Any], *, heights: bool = False) -> Shapes:
@@ -271,18 +266,19 @@ def kept_by_time(flown: Flown) -> dict[tuple[int, float], KeptFrame]:
         frames = [kept for kept in read_kept(flown.folder) if not isinstance(kept, str)]
     except (OSError, UnicodeDecodeError):  # without them places come from telemetry
         return {}
-    return {(kept.vehicle, round(kept.t_s, 3)): kept for kept in frames if _is_somewhere(kept)}
-
-
-def _is_somewhere(kept: KeptFrame) -> bool:
-    lat_deg, lon_deg = kept.pose.position.lat_deg, kept.pose.position.lon_deg
-    finite = all(map(math.isfinite, (kept.t_s, kept.pose.height_m)))
-    return finite and SOUTH_LIMIT_DEG <= lat_deg <= NORTH_LIMIT_DEG and abs(lon_deg) <= 360.0
+    return {
+        (kept.vehicle, round(kept.t_s, 3)): kept
+        for kept in frames
+        if SOUTH_LIMIT_DEG <= kept.pose.position.lat_deg <= NORTH_LIMIT_DEG
+        and abs(kept.pose.position.lon_deg) <= 360.0
+        and all(map(math.isfinite, (kept.t_s, kept.pose.height_m)))
+    }
 
 
 # --- what was planned ----------------------------------------------------------------------------
 def _unsearched(flown: Flown) -> Layer:
-    lines = [shapely.linestrings(_ring(flown, lane)) for lane in flown.data.unsearched]
+    fixed = flown.data.grid.fixed
+    lines = [shapely.linestrings(list(map(fixed, lane))) for lane in flown.data.unsearched]
     rows: list[tuple[Value, ...]] = [
         (f"lane {number}, without a judged frame",) for number in range(1, len(lines) + 1)
     ]
@@ -292,9 +288,10 @@ def _unsearched(flown: Flown) -> Layer:
 
 
 def _fence(flown: Flown) -> Layer:
-    data = flown.data
-    fence = orient(Polygon(_ring(flown, data.fence), [_ring(flown, h) for h in data.fence_holes]))
-    box = orient(Polygon(_ring(flown, data.box)))
+    data, fixed = flown.data, flown.data.grid.fixed
+    holes = [list(map(fixed, hole)) for hole in data.fence_holes]
+    fence = orient(Polygon(list(map(fixed, data.fence)), holes))
+    box = orient(Polygon(list(map(fixed, data.box))))
     rows: list[tuple[Value, ...]] = [("geofence", "fence"), ("search box", "box")]
     fields = _fields("name kind")
     shapes = _of_ground(flown, [fence, box])
