@@ -74,12 +74,12 @@ def simulate(
     It is what the command `uavmap simulate` does.
 
     Args:
-        roi: The region, or several: a growth `"KIND:CELLS:SEED"` such as `"eden:120:7"`, a file of
+        roi: One region or several: a growth `"KIND:CELLS:SEED"` such as `"eden:120:7"`, a file of
             cells (JSON) or of polygons (GeoJSON), or a `missions.lab.arena.roi.Roi`.
         strategy: One strategy, or several to compare; `uavmap strategies` lists them. `swath` and
-            `survey`, which do not stop over cells, count in seconds, the others in steps from cell
-            to cell, so they cannot be mixed.
-        robots: How many, 1 to 1000.
+            `survey` do not stop over cells and count in seconds, the others in steps from cell to
+            cell, so they cannot be mixed.
+        robots: 1 to 1000.
         speed: Of strategies that stop, in cells a unit of time (default 1); of `swath` and `survey`
             in m/s (default 6).
         drift: Of the region, for strategies that stop: its speed, as `speed` is, and the bearing
@@ -87,13 +87,13 @@ def simulate(
         comms: `"shared"`; `"meeting"`: robots share what they know only where they meet; or a
             radio, in cells and in the unit of time: `"range:8,loss:0.2,delay:1,rate:5"`.
         cell_m: Edge of a cell in metres, for GeoJSON, `swath` and `survey`.
-        start: Latitude and longitude where everybody starts, for GeoJSON.
-        footprint_m: What a frame shows, east and north, in metres (`swath`, `survey`).
+        start: Latitude and longitude of the start of all robots, for GeoJSON.
+        footprint_m: Ground in a frame, east and north, in metres (`swath`, `survey`).
         accel_m_s2: Acceleration (`swath`, `survey`).
         frame_s: Seconds from frame to frame (`swath`, `survey`).
-        error_rate: The share of votes that are wrong, 0 to 0.4 (`swath`, `survey`).
-        loss_rate: The share of frames that are lost, 0 to 0.4 (`swath`, `survey`).
-        seed: Of these errors, and of what a radio loses.
+        error_rate: Share of wrong votes, 0 to 0.4 (`swath`, `survey`).
+        loss_rate: Share of lost frames, 0 to 0.4 (`swath`, `survey`).
+        seed: Of these errors, and of the losses of a radio.
 
     Raises:
         LinkError: A radio that is none.

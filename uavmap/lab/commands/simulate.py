@@ -26,6 +26,7 @@ from uavmap.lab.commands.simulate_options import (
     add_localize_options,
     add_nonstop_options,
     refuse,
+    value_options,
 )
 from uavmap.lab.roi_files import load_rois
 from uavmap.lab.run_film import film_of_run
@@ -81,59 +82,39 @@ def add_parser(commands: Any) -> None:
         description="Explore ROIs with perfect robots, and hold the makespan against its bounds.",
         epilog=_EXAMPLES,
     )
-    add = parser.add_argument
     where = parser.add_mutually_exclusive_group(required=True)
-    where.add_argument("--roi", metavar="FILE", help="ROIs, or a growth KIND:CELLS:SEED")
-    where.add_argument("--generate", metavar="KIND", help=f"grow ROIs: {', '.join(KINDS)}")
-    where.add_argument(
-        "--polygon",
-        metavar="FILE",
-        help="a polygon with holes, for --cooperate: GeoJSON, KML, or WKT or JSON in metres",
-    )
-    cells = number_type(int, 1, MAX_CELLS)
-    count = number_type(int, 1, 100_000)
-    add("--cells", metavar="N", type=cells, help=f"of a grown ROI (default {_CELLS})")
-    add("--count", metavar="K", type=count, help=f"how many to grow (default {_COUNT})")
-    add(
-        "--seed",
-        metavar="S",
-        type=seed_number,
-        help=f"of the first (default {_SEED}); then S + 1; of swath's errors; of a --comms loss",
-    )
-    cell_m = number_type(float, 0.01, 10_000.0)
-    add(
-        "--cell-m",
-        metavar="M",
-        type=cell_m,
-        help="cell size for GeoJSON, swath and survey (default 4)",
-    )
+    source = value_options(where)
+    source("--roi", "FILE", "ROIs, or a growth KIND:CELLS:SEED")
+    source("--generate", "KIND", f"grow ROIs: {', '.join(KINDS)}")
+    polygon = "a polygon with holes, for --cooperate: GeoJSON, KML, or WKT or JSON in metres"
+    source("--polygon", "FILE", polygon)
+    add = value_options(parser)
+    add("--cells", "N", f"of a grown ROI (default {_CELLS})", number_type(int, 1, MAX_CELLS))
+    add("--count", "K", f"how many to grow (default {_COUNT})", number_type(int, 1, 100_000))
+    seed = f"of the first (default {_SEED}); then S + 1; of swath's errors; of a --comms loss"
+    add("--seed", "S", seed, seed_number)
+    cell_m = "cell size for GeoJSON, swath and survey (default 4)"
+    add("--cell-m", "M", cell_m, number_type(float, 0.01, 10_000.0))
     add(
         "--start",
-        metavar="LAT,LON",
-        help="where to start, for GeoJSON: in the region, or at its rim (default: its west end); "
+        "LAT,LON",
+        "where to start, for GeoJSON: in the region, or at its rim (default: its west end); "
         "for --polygon (default: its southern corner; EAST,NORTH for a file in metres)",
     )
-    add(
-        "--strategy",
-        metavar="NAME",
-        action="append",
-        help="one or, with commas or given again, several (default rdfs); see uavmap strategies",
-    )
-    add("--robots", metavar="R", type=number_type(int, 1, MOST_ROBOTS), help="default 1")
-    speed = number_type(float, 1e-3, 1e3)
-    add("--speed", metavar="V", type=speed, help="default 1; of swath and survey m/s, default 6")
-    add("--drift", metavar="V,DEG", help="of the ROI: speed, and the bearing that it moves towards")
-    add("--comms", metavar="HOW", help=_COMMS_HELP)
+    names = "one or, with commas or given again, several (default rdfs); see uavmap strategies"
+    add("--strategy", "NAME", names, action="append")
+    add("--robots", "R", "default 1", number_type(int, 1, MOST_ROBOTS))
+    speed = "default 1; of swath and survey m/s, default 6"
+    add("--speed", "V", speed, number_type(float, 1e-3, 1e3))
+    add("--drift", "V,DEG", "of the ROI: speed, and the bearing that it moves towards")
+    add("--comms", "HOW", _COMMS_HELP)
     add_nonstop_options(parser)
     add_localize_options(parser)
     add_cooperation_options(parser)
     add_picture_options(parser, several=True)
-    add(
-        "--out",
-        metavar="DIR",
-        help=f"write {_SUMMARY} into this folder, too; of a polygon also moves.csv, map.png",
-    )
-    add("--json", action="store_true", help="print the figures as JSON")
+    out = f"write {_SUMMARY} into this folder, too; of a polygon also moves.csv, map.png"
+    add("--out", "DIR", out)
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
 
 
 def run(options: argparse.Namespace) -> int:
