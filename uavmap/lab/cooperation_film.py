@@ -120,7 +120,6 @@ class _Stage:
         return canvas.shown()
 
     def _finish(self, moves: int) -> None:
-        """Draw moves for good, and the pieces that were mapped with them."""
         for move, standing in self._moves[self._done : moves]:
             self._draw(self._lower, self._swept(move, standing, move.path))
         self._done = max(self._done, moves)
@@ -187,7 +186,6 @@ def _tint(colour: Colour) -> Colour:
 
 
 def _part(path: Sequence[Point], length_m: float) -> list[Point]:
-    """Return the beginning of a path."""
     found = [path[0]]
     for a, b in pairwise(path):
         leg = distance(a, b)

@@ -168,7 +168,6 @@ def _entered_at(
 
 
 def _polygons(name: str, text: str) -> list[Polygon]:
-    """Return the polygons of GeoJSON, at any depth, checked."""
     try:
         geometry = shapely.from_geojson(text)
     except (shapely.errors.ShapelyError, TypeError, ValueError) as error:
@@ -205,8 +204,6 @@ def _grid(name: str, origin: LatLon, cell_m: float) -> Grid:
 
 
 def _on_ground(polygon: Polygon, grid: Grid) -> BaseGeometry:
-    """Project a polygon in degrees to ground metres of a grid."""
-
     def moved(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         return np.array([grid.fixed(LatLon(lat, lon)) for lon, lat in points.tolist()])
 
@@ -214,7 +211,6 @@ def _on_ground(polygon: Polygon, grid: Grid) -> BaseGeometry:
 
 
 def _covered(name: str, region: BaseGeometry, grid: Grid) -> list[Cell]:
-    """Return the cells that a region covers at least half."""
     west, south, east, north = region.bounds
     if ((east - west) / grid.cell_m + 1) * ((north - south) / grid.cell_m + 1) > MAX_CELLS:
         raise RoiError(

@@ -63,7 +63,6 @@ def _beside(cell: Cell, robot: int, robots: int) -> Place:
 
 
 def _changes(run: Run) -> list[Change]:
-    """Return the changes of each vertex, from the times of the first look from each."""
     tree = run.tree
     looked_t = {tree.root: 0.0}
     for leg in sorted(run.legs, key=lambda leg: leg.end_t):

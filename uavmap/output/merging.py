@@ -143,7 +143,6 @@ def _only_heard(sources: Sequence[Source]) -> list[Shared]:
 
 
 def _refuse_strangers(sources: Sequence[Source]) -> None:
-    """Raise `JournalError` for journals that make no map together."""
     first = sources[0]
     members = [source.plan.member for source in sources]
     for source in sources[1:]:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.flight.setting import Setting
-from missions.mission.schema import positions
 from missions.units import LatLon
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.output import summary as summary_file
@@ -27,9 +26,8 @@ from uavmap.output.facts.calendar import Calendar
 from uavmap.output.facts.extent import Extent, extent
 from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.flown_mission import Flown, dated
-from uavmap.output.facts.map_model import CellTable, MapData, Track
-from uavmap.output.formats import geojson_encoder as geojson
-from uavmap.output.formats import kml_encoder as kml
+from uavmap.output.facts.map_model import CellTable, Track
+from uavmap.output.write_results import map_of, write_cells
 
 KIND = "recorded pictures"
 """Stands in the summary in place of a strategy."""
@@ -82,7 +80,7 @@ def write_replay(
     """
     data, values = made.data, dict(made.values)
     with ThreadPoolExecutor(1) as pool:  # short tasks: Ctrl-C waits for a moment only
-        cells = pool.submit(_write_cells, made)
+        cells = pool.submit(write_cells, made)
         photograph = None if beneath is None else beneath(map_view(data))
         found = boundary()
         if found is not None:
@@ -94,12 +92,6 @@ def write_replay(
         for files in (cells, others):
             files.result()
     return values
-
-
-def _write_cells(made: Flown) -> None:
-    data = made.data
-    geojson.write(data, made.folder / "map.geojson", made.calendar.utc(data.t_s))
-    kml.write(data, made.folder / "map.kml")
 
 
 def _write_others(
@@ -123,26 +115,12 @@ def flown_replay(
     known: Mapping[str, Any] = MappingProxyType({}),
 ) -> Flown:
     """Create what the results of a replay show; `known` are figures that replace others."""
-    data = _replay_map(setting, replayed)
+    tracks = (Track(1, tuple(replayed.taken)),) if replayed.taken else ()
+    data = map_of(setting, replayed.end_s, replayed.cells, tracks)
+    data = replace(data, pictures=len(replayed.taken))
     size = extent(data, setting.mission.detector.share)
     values = dated({**_replay_summary(setting, replayed), **known}, data, size, calendar)
     return Flown(folder, plan, setting, data, values, log, calendar, recorded=True)
-
-
-def _replay_map(setting: Setting, replayed: Replayed) -> MapData:
-    mission, grid = setting.mission, setting.grid
-    return MapData(
-        mission=mission.name,
-        grid=grid,
-        t_s=replayed.end_s,
-        cells=replayed.cells,
-        tracks=(Track(1, tuple(replayed.taken)),) if replayed.taken else (),
-        start=mission.home,
-        box=positions(mission.search.box),
-        fence=positions(mission.fence.polygon),
-        fence_holes=tuple(positions(hole) for hole in mission.fence.holes),
-        pictures=len(replayed.taken),
-    )
 
 
 def _replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -55,18 +56,16 @@ def flown_flight(
 
 def write_results(flown: Flown, say: Callable[[str], None]) -> dict[str, Any]:
     """Write the maps, the summary and then the documents of a flight; return the summary."""
-    data, folder = flown.data, flown.folder
-    geojson.write(data, folder / "map.geojson", flown.calendar.utc(data.t_s))
-    kml.write(data, folder / "map.kml")
-    write_sheet(map_scene(data), folder / "map.png")
-    summary_file.write(flown.values, folder / "summary.json")
+    write_cells(flown)
+    write_sheet(map_scene(flown.data), flown.folder / "map.png")
+    summary_file.write(flown.values, flown.folder / "summary.json")
     write_documents(flown, say)
     return dict(flown.values)
 
 
 def map_data(setting: Setting, state: State, found: Figures, truth: BaseGeometry | None) -> MapData:
     """Create the map of a flight."""
-    mission, grid = setting.mission, setting.grid
+    grid = setting.grid
     rows = tuple(
         CellRow(cell, cell_state(cell, state, recorded=False), tally.positive, tally.total)
         for cell, tally in state.belief.cells().items()
@@ -76,19 +75,33 @@ def map_data(setting: Setting, state: State, found: Figures, truth: BaseGeometry
         for number, points in found.tracks.items()
         if points
     )
+    lanes = tuple((grid.position(a), grid.position(b)) for a, b in state.unsearched)
+    return replace(map_of(setting, state.t_s, rows, tracks), truth=truth, unsearched=lanes)
+
+
+def map_of(
+    setting: Setting, t_s: float, cells: Sequence[CellRow], tracks: tuple[Track, ...]
+) -> MapData:
+    """Create the map of some cells and tracks, in what the mission planned."""
+    mission = setting.mission
     return MapData(
         mission=mission.name,
-        grid=grid,
-        t_s=state.t_s,
-        cells=rows,
+        grid=setting.grid,
+        t_s=t_s,
+        cells=cells,
         tracks=tracks,
         start=mission.home,
         box=positions(mission.search.box),
         fence=positions(mission.fence.polygon),
         fence_holes=tuple(positions(hole) for hole in mission.fence.holes),
-        truth=truth,
-        unsearched=tuple((grid.position(a), grid.position(b)) for a, b in state.unsearched),
     )
+
+
+def write_cells(flown: Flown) -> None:
+    """Write map.geojson and map.kml."""
+    data = flown.data
+    geojson.write(data, flown.folder / "map.geojson", flown.calendar.utc(data.t_s))
+    kml.write(data, flown.folder / "map.kml")
 
 
 def cell_state(cell: Cell, state: State, *, recorded: bool) -> CellState:

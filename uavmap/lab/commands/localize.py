@@ -37,7 +37,6 @@ def run_localize(
 
 
 def _print_tables(groups: Mapping[str, Sequence[LocalizationTrial]], terms: Terms) -> None:
-    """Print the figures of a ROI, or the means of several."""
     names = {trial.roi for trials in groups.values() for trial in trials}
     what = next(iter(names)) if len(names) == 1 else f"means of {len(names)} ROIs"
     knowing = "with a map" if terms.with_map else "without a map"

@@ -87,7 +87,6 @@ def _terms(options: argparse.Namespace) -> FlightTerms:
 
 
 def _print_tables(groups: Mapping[str, Sequence[NonstopTrial]], terms: FlightTerms) -> None:
-    """Print the figures of a ROI, or the means of several."""
     done = [trial for trials in groups.values() for trial in trials]
     runs = len(done) // len(groups)
     what = f"means of {runs} ROIs" if runs != 1 else done[0].roi

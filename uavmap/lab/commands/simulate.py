@@ -217,7 +217,6 @@ def _rois(options: argparse.Namespace, *, nonstop: bool = False, seeded: bool = 
 
 
 def _print_tables(groups: Mapping[str, Sequence[Trial]], team: str) -> None:
-    """Print the certificates of a ROI, or the means of several."""
     done = [trial for trials in groups.values() for trial in trials]
     runs = len(done) // len(groups)
     mean_of = ((name, means(trials)) for name, trials in groups.items())

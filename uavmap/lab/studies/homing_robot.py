@@ -210,8 +210,6 @@ def _noise(job: Job) -> list[Found]:
 
 
 def _grouped(found: Sequence[Found]) -> list[list[Found]]:
-    """Group by part, grid, method and map."""
-
     def key(one: Found) -> tuple[str, str, int, int, bool]:
         cells = 0 if one.part == MANY_GRIDS else one.cells
         method = list(METHODS).index(one.method) if one.method in METHODS else -1

@@ -54,7 +54,6 @@ def page(rows: Sequence[Found]) -> Page:
 
 
 def _printed(row: Found) -> Value:
-    """Return the paper's number, in moves a cell."""
     if row.part == WORST and row.grid.startswith("chevrons"):
         return "towards 3"
     if row.part == WORST and row.grid.startswith("studded"):
@@ -138,7 +137,6 @@ def _methods(rows: Sequence[Found]) -> Table:
 
 
 def _mean(rows: Sequence[Found], grid: str, method: str) -> float:
-    """Return mean moves in the comparison with the best of all plans."""
     return next(
         row.moves / row.runs
         for row in rows

@@ -161,7 +161,6 @@ and its ways are not counted: a baseline, not a lower bound.
 
 
 def _statements(cases: Sequence[Case]) -> Table:
-    """Check the paper's statements on its curves."""
     rows: list[tuple[str, ...]] = []
     for statement, varied, holds in (
         ("time grows with the cells", "cells", lambda cs: _rises([c.makespan for c in cs])),

@@ -137,7 +137,6 @@ def _matrix(
     sets: Sequence[tuple[str, int, int]],
     ratios: Mapping[tuple[str, int, int, str], float],
 ) -> Table:
-    """Create a row per kind and number of robots, a column per strategy."""
     rows = []
     for kind, cells, robots in sets:
         row = []

@@ -16,6 +16,7 @@ from uavmap.output.drawing.scene import (
     Entry,
     Layer,
     Line,
+    Place,
     Scene,
     View,
     bounds_of,
@@ -45,12 +46,11 @@ def map_scene(data: MapData) -> Scene:
     if data.truth is not None:
         layers.append(moved("truth", rings_of(data.truth)))
     if data.unsearched:
-        lanes = (np.array(_fixed(data, lane)) for lane in data.unsearched)
-        layers.append(line_layer("unsearched", lanes))
-    fences = [_closed(data, ring) for ring in (data.fence, *data.fence_holes)]
+        layers.append(line_layer("unsearched", (_fixed(data, lane) for lane in data.unsearched)))
+    fences = [_fixed(data, ring) for ring in (data.fence, *data.fence_holes)]
     layers += [
-        line_layer("box", [_closed(data, data.box)]),
-        line_layer("fence", fences),
+        line_layer("box", [_fixed(data, data.box)], closed=True),
+        line_layer("fence", fences, closed=True),
         Layer(
             (Dot(data.grid.fixed(data.start), palette.HOME_DOT),),
             (Entry(palette.HOME_DOT, "home"),),
@@ -59,10 +59,11 @@ def map_scene(data: MapData) -> Scene:
     return Scene(data.mission, _subtitle(data), map_view(data), tuple(layers), cells)
 
 
-def line_layer(name: str, rings: Iterable[NDArray[np.float64]]) -> Layer:
+def line_layer(name: str, lines: Iterable[Iterable[Place]], *, closed: bool = False) -> Layer:
     """Create the layer of a named line (`palette.LINES`)."""
     text, style = palette.LINES[name]
-    return Layer(tuple(Line(ring, style) for ring in rings), (Entry(style, text),))
+    shapes = tuple(Line.through(line, style, closed=closed) for line in lines)
+    return Layer(shapes, (Entry(style, text),))
 
 
 def map_view(data: MapData) -> View:
@@ -85,7 +86,6 @@ def map_view(data: MapData) -> View:
 
 
 def _cells(data: MapData) -> tuple[Cells, Layer]:
-    """Create the cells and the legend of the states that occur."""
     table, grid = data.table, data.grid
     names = palette.STATE_NAMES if data.pictures is None else palette.RECORDED_NAMES
     codes = np.zeros(len(table.cells), np.uint8)
@@ -118,15 +118,6 @@ def _track(data: MapData, track: Track) -> Iterator[GridPoint]:
         yield grid.to_fixed(grid.to_moving(grid.fixed(place), t_s), data.t_s)
 
 
-def _fixed(data: MapData, places: Iterable[LatLon]) -> list[GridPoint]:
-    return [data.grid.fixed(place) for place in places]
-
-
-def _closed(data: MapData, ring: Iterable[LatLon]) -> NDArray[np.float64]:
-    points = _fixed(data, ring)
-    return np.array([*points, points[0]], dtype=np.float64)
-
-
 def _subtitle(data: MapData) -> str:
     cells, minutes = np.count_nonzero(data.table.roi), divmod(round(data.t_s), 60)
     after = f"after {minutes[0]}:{minutes[1]:02d} min"
@@ -137,3 +128,7 @@ def _subtitle(data: MapData) -> str:
     return f"{cells} cells of {data.grid.cell_m:g} m, {area_m2:,.0f} sq m  ·  {after}" + (
         f"  ·  drifting {drift:g} m/s; tracks as seen from the region" if drift else ""
     )
+
+
+def _fixed(data: MapData, places: Iterable[LatLon]) -> list[GridPoint]:
+    return [data.grid.fixed(place) for place in places]

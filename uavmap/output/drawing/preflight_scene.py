@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
-import numpy as np
 from markupsafe import Markup, escape
 
 from missions.flight.setting import Setting
@@ -47,8 +46,8 @@ def preflight_scene(setting: Setting, notes: Sequence[str] = ()) -> Scene:
         layers.append(Layer(areas, (Entry(palette.HOLE, "hole of the fence"),)))
     layers += [
         _lanes(setting),
-        line_layer("box", [_closed(box)]),
-        line_layer("fence", [_closed(ring) for ring in (fence, *holes)]),
+        line_layer("box", [box], closed=True),
+        line_layer("fence", (fence, *holes), closed=True),
         _homes(setting),
         _sizes(box),
     ]
@@ -68,7 +67,6 @@ def _heights_m(setting: Setting) -> list[float]:
 
 
 def _lanes(setting: Setting) -> Layer:
-    """Create the layer of lanes, with thin transfers between them."""
     lines, entries = [], []
     for i, share in enumerate(setting.shares):
         thin, thick = (
@@ -107,10 +105,6 @@ def _sizes(box: Sequence[GridPoint]) -> Layer:
 
 def _ring(setting: Setting, ring: Sequence[tuple[float, float]]) -> tuple[GridPoint, ...]:
     return tuple(setting.grid.fixed(place) for place in positions(tuple(ring)))
-
-
-def _closed(ring: Sequence[GridPoint]) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    return np.array([*ring, ring[0]], dtype=np.float64)
 
 
 # --- the plan as a page --------------------------------------------------------------------------

@@ -205,7 +205,6 @@ def cell_picture(
 
 
 def _rims(index: NDArray[np.int_]) -> NDArray[np.bool_]:
-    """Return which pixels are the first or the last of their cell."""
     change = np.concatenate([[True], np.diff(index) != 0, [True]])
     rims: NDArray[np.bool_] = change[:-1] | change[1:]
     return rims

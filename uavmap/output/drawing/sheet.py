@@ -78,7 +78,6 @@ def _map(scene: Scene, photograph: NDArray[np.uint8] | None) -> Image.Image:
 
 
 def _side(scene: Scene, notes: list[str]) -> Iterator[Shape]:
-    """Draw the column beside the map."""
     left, low = float(MARGIN_PX), len(scene.legend) * legend.ROW_PX
     yield from legend.column(scene.legend, (left, 0.0))
     low += _GAP_PX

@@ -137,7 +137,6 @@ def _lines(data: BoundaryMap) -> Iterator[Feature]:
 
 
 def _cells(data: BoundaryMap, kind: str, found: Runs) -> Feature:
-    """Create the area that rows of cells cover."""
     half_m = data.grid.cell_m / 2.0
     row, first, last = data.grid.cell_m * np.array(found, dtype=np.float64).reshape(-1, 3).T
     boxes = shapely.box(first - half_m, row - half_m, last + half_m, row + half_m)

@@ -185,7 +185,6 @@ def _size(setting: Setting, cells: int) -> dict[str, Any]:
 
 
 def _place(setting: Setting, state: State, east: float, north: float) -> dict[str, float]:
-    """Return a place in the grid at the time of the map."""
     grid = setting.grid
     point = GridPoint(east * grid.cell_m, north * grid.cell_m)
     place = grid.position(grid.to_fixed(point, state.t_s))
@@ -223,7 +222,6 @@ def _reasons(
 
 
 def _by_reason(cells: Iterable[Cell], reasons: Mapping[Cell, str]) -> dict[str, list[list[int]]]:
-    """Group columns and rows of cells by reason, in the order of its name."""
     found: dict[str, list[list[int]]] = {}
     for cell in cells:
         found.setdefault(reasons[cell], []).append([cell.east, cell.north])

@@ -69,7 +69,6 @@ def write_film(film: Film, path: Path, say: Say) -> None:
 
 
 def _patiently(items: Iterable[T], text: str, say: Say) -> Iterator[T]:
-    """Yield the items, and report their number now and then."""
     said_s = time.monotonic()
     for number, item in enumerate(items, start=1):
         if time.monotonic() - said_s >= _SAY_EVERY_S:

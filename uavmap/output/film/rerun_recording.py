@@ -57,8 +57,6 @@ def sdk() -> Any:
 
 
 class _Recording:
-    """A recording in progress."""
-
     def __init__(self, path: Path, title: str, grid: Grid) -> None:
         self._rr = rr = sdk()
         self._grid = grid
@@ -71,7 +69,6 @@ class _Recording:
         self._stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
     def add_event(self, event: Event) -> None:
-        """Add a vehicle's position and charge, or a fault."""
         rr, stream = self._rr, self._stream
         if isinstance(event, _LOGGED):
             stream.set_time("mission", duration=event.t_s)
@@ -117,7 +114,6 @@ class _Recording:
         )
 
     def finish(self, film: Film) -> None:
-        """Add map, tree and tracks, and close the file."""
         rr, stream = self._rr, self._stream
         stream.reset_time()
         for number, track in sorted(self._tracks.items()):

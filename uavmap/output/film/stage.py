@@ -153,7 +153,6 @@ class Stage:
             yield self._robot(robot, t)
 
     def _trail(self, robot: int, t: float) -> Iterator[Line]:
-        """Yield the path behind a robot, in parts that grow thicker."""
         part_t = self._tail_t / _TRAIL_PARTS
         for part in range(_TRAIL_PARTS):
             since = t - part_t * (_TRAIL_PARTS - part)
@@ -173,7 +172,6 @@ class Stage:
 
     # --- what is written -------------------------------------------------------------------
     def _caption(self, t: float) -> Iterator[Shape]:
-        """Yield the progress, in words and as a bar of the cells by state."""
         yield Label((MARGIN_PX, 46.0), caption(self._film, self._reel, t), 14.0, palette.FAINT)
         everything, wide = max(self._cells, 1), self.size[0] - 2 * MARGIN_PX
         yield Box((MARGIN_PX, 60.0), (MARGIN_PX + wide, 64.0), palette.HIDDEN)

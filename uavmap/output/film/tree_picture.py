@@ -95,7 +95,6 @@ def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
 
 # --- where the vertices are ------------------------------------------------------------------
 def _on_ground(tree: Tree) -> tuple[dict[Cell, Place], float]:
-    """Return every vertex at its cell, and the pixels from cell to cell."""
     across = max(c.east for c in tree.vertices) - min(c.east for c in tree.vertices) + 1
     up = max(c.north for c in tree.vertices) - min(c.north for c in tree.vertices) + 1
     step = min(max(_PANEL_PX // max(across, up), _NARROWEST_PX), _WIDEST_PX)
@@ -103,7 +102,6 @@ def _on_ground(tree: Tree) -> tuple[dict[Cell, Place], float]:
 
 
 def _by_depth(tree: Tree) -> tuple[dict[Cell, Place], float]:
-    """Return every vertex by depth and row, and the pixels from vertex to vertex."""
     spots = spread(tree)
     rows = [spot.row for spot in spots.values()]
     tall = max(rows) - min(rows) + 1
@@ -151,7 +149,6 @@ def _root(radius: float) -> tuple[tuple[float, Colour], ...]:
 
 
 def _ruler(places: Mapping[Cell, Place], spine: tuple[Cell, ...], y: float) -> Iterator[Shape]:
-    """Draw the depth above the picture by depth, where there is room."""
     last = len(spine) - 1
     room = (places[spine[-1]][0] - places[spine[0]][0]) / max(last, 1)
     every = max(round(step_up(30.0 / room)), 1) if last else 1

@@ -79,7 +79,6 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
 
 
 def _systems(file: sqlite3.Connection, flown: Flown) -> None:
-    """Write the coordinate systems: the three of every GeoPackage, and that of the grid."""
     epsg = flown.data.grid.zone.epsg
     system = pyproj.CRS.from_epsg(epsg)
     file.executemany(

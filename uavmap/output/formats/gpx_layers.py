@@ -58,7 +58,6 @@ def _homes(flown: Flown, layer: Layer) -> list[gpx.GPXWaypoint]:
 
 
 def _tracks(flown: Flown, layer: Layer) -> list[gpx.GPXTrack]:
-    """Create a track per vehicle, a segment per sortie."""
     tracks: dict[int, gpx.GPXTrack] = {}
     home_m = None if flown.recorded else flown.log.amsl_m
     flights = track_lines(flown)

@@ -171,7 +171,6 @@ def _marks(flown: Flown, layer: Layer) -> Iterator[str]:
 
 
 def _tracks(flown: Flown, layer: Layer) -> Iterator[str]:
-    """Write lines in time; without dates plain lines."""
     lines = zip(in_degrees(layer, flown.data), layer.records(), track_lines(flown), strict=True)
     for shape, values, (vehicle, _, fixes) in lines:
         times = [flown.calendar.utc(fix.t_s) for fix in fixes]

@@ -57,14 +57,12 @@ def _drifted(flown: Flown) -> NDArray[np.float64]:
 
 
 def _of_region(flown: Flown, shapes: Any) -> Shapes:
-    """Project shapes of the moving frame, at the time of the map."""
     grid, drift = flown.data.grid, _drifted(flown)
     moved = shapely.transform(shapes, lambda points: _projected(grid, points + drift))
     return np.atleast_1d(np.array(moved, dtype=object))
 
 
 def _of_ground(flown: Flown, shapes: Sequence[Any], *, heights: bool = False) -> Shapes:
-    """Project shapes of the fixed frame."""
     grid = flown.data.grid
     if not shapes:
         return np.array([], dtype=object)

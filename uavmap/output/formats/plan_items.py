@@ -110,7 +110,6 @@ def _pictures(every_m: float) -> Item:
 
 
 def _new(at: GridPoint, path: Sequence[GridPoint]) -> Iterator[GridPoint]:
-    """Yield the points of a path that are not where the vehicle is already."""
     for point in path:
         if at.distance_to(point) > _SAME_M:
             yield point

@@ -76,7 +76,6 @@ def _nearest(flown: Flown, kept: Sequence[KeptFrame]) -> list[KeptFrame]:
 
 
 def _shown(flown: Flown, frame: KeptFrame) -> Shown | None:
-    """Shrink a frame; None where it is gone, or no picture."""
     name = PurePath(frame.frame).name  # never a path that leads elsewhere
     try:
         data = read_bytes(flown.folder / FRAMES / name, MAX_PICTURE_BYTES)

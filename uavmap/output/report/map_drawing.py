@@ -67,7 +67,6 @@ def draw_map(flown: Flown) -> Drawing:
 def _graticule(
     flown: Flown, view: View, corners: tuple[Corner, ...]
 ) -> tuple[list[Line], list[Label]]:
-    """Draw lines of equal longitude and latitude, with their degrees at the rim."""
     lats, lons = [c.lat_deg for c in corners], [c.lon_deg for c in corners]
     grid = flown.data.grid
     origin = np.array([grid.origin.east_m, grid.origin.north_m])
@@ -89,7 +88,6 @@ def _graticule(
 def _degrees(
     pixels: NDArray[np.float64], view: View, value: float, digits: int, letters: str
 ) -> Iterator[Label]:
-    """Label a line where it meets the lower or the left rim."""
     turned = (value + 180.0) % 360.0 - 180.0 if letters == "EW" else value
     text = f"{abs(turned):.{digits}f}° {letters[turned < 0]}"
     anchor: Literal["middle", "end"]

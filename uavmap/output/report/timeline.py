@@ -45,7 +45,6 @@ def draw_timeline(flown: Flown) -> Markup | None:
 def _row(
     flown: Flown, vehicle: int, sorties: list[Sortie], top: float, scale: float
 ) -> Iterator[str]:
-    """Draw sorties as bars, the charge below them, swaps and faults as marks."""
     colour = css(track_colour(vehicle))
     yield f'<text x="0" y="{top + 20}" font-size="13">vehicle {vehicle}</text>'
     yield f'<text x="0" y="{top + 48}" font-size="11" fill="#5a6066">battery</text>'
@@ -74,7 +73,6 @@ def _row(
 
 
 def _charge(flown: Flown, vehicle: int, top: float, scale: float) -> str:
-    """Draw the charge as a line between empty and full, with the reserve."""
     battery = flown.setting.mission.battery
     fixes = flown.log.fixes.get(vehicle, [])
     low, tall = top + 60.0, 28.0
@@ -96,7 +94,6 @@ def _charge(flown: Flown, vehicle: int, top: float, scale: float) -> str:
 
 
 def _axis(flown: Flown, end_s: float, scale: float, top: float) -> Iterator[str]:
-    """Draw minutes of the mission, and the date at their beginning."""
     step = next((tick for tick in _TICKS if end_s / tick <= 9), _TICKS[-1])
     yield f'<path d="M{LEFT_PX} {top + 2}H{LEFT_PX + end_s * scale:.1f}" stroke="#23272b"/>'
     for k in range(int(end_s // step) + 1):
