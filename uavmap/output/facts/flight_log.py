@@ -16,6 +16,7 @@ from uavmap.base.printable import printable
 from uavmap.output.facts.counting import LIFT_OFF_M
 
 E = TypeVar("E", bound=Event)
+Kind = Literal["fault", "refusal", "link", "pilot", "operator", "frame", "words"]
 
 WARNING: Final = 4
 """MAV_SEVERITY from which on a text of a vehicle is a fault."""
@@ -51,7 +52,7 @@ class Trouble(NamedTuple):
 
     t_s: float
     vehicle: int
-    kind: Literal["fault", "refusal", "link", "pilot", "operator", "frame", "words"]
+    kind: Kind
     text: str
 
 
@@ -160,49 +161,39 @@ class FlightLog:
 
 def _trouble(event: Event) -> Trouble | None:
     """Return the fault in an event, or what a person did; None for all else."""
-    vehicle, t_s = getattr(event, "vehicle", 0), event.t_s
+    kind: Kind
     match event:
-        case ev.FrameLost(reason=reason):
-            return Trouble(t_s, vehicle, "frame", printable(reason))
+        case ev.FrameLost(reason=text):
+            kind = "frame"
         case ev.OrderFailed(order=order, reason=reason):
-            kind: Literal["refusal", "fault"] = "refusal" if "refused" in reason else "fault"
-            return Trouble(t_s, vehicle, kind, printable(f"{order} failed: {reason}"))
+            kind, text = "refusal" if "refused" in reason else "fault", f"{order} failed: {reason}"
         case ev.Guarded(action=action, reason=reason):
-            return Trouble(t_s, vehicle, "fault", printable(f"guardian: {action}, {reason}"))
+            kind, text = "fault", f"guardian: {action}, {reason}"
         case ev.Crashed(reason=reason):
-            return Trouble(t_s, vehicle, "fault", printable(f"down: {reason}"))
+            kind, text = "fault", f"down: {reason}"
         case ev.GivenUp(reason=reason):
-            return Trouble(t_s, vehicle, "link", printable(f"given up: {reason}"))
+            kind, text = "link", f"given up: {reason}"
         case ev.LinkLost():
-            return Trouble(t_s, vehicle, "link", "link lost")
+            kind, text = "link", "link lost"
         case ev.Overridden(mode=mode, cause=cause):
             why = f" ({cause})" if cause else ""
-            return Trouble(
-                t_s, vehicle, "pilot", printable(f"taken by a pilot or a failsafe: {mode}{why}")
-            )
+            kind, text = "pilot", f"taken by a pilot or a failsafe: {mode}{why}"
         case ev.Released():
-            return Trouble(t_s, vehicle, "pilot", "given back")
-        case ev.Told(severity=severity, text=text, times=times) if severity <= WARNING:
-            often = f" ({times} times)" if times > 1 else ""
-            return Trouble(t_s, vehicle, "words", printable(f"{text}{often}"))
-    return _operator(event)
-
-
-def _operator(event: Event) -> Trouble | None:
-    vehicle, t_s = getattr(event, "vehicle", 0), event.t_s
-    match event:
+            kind, text = "pilot", "given back"
+        case ev.Told(severity=severity, text=said, times=times) if severity <= WARNING:
+            kind, text = "words", f"{said} ({times} times)" if times > 1 else said
         case ev.CellSkipped(cell=cell):
-            text = f"cell {cell.east}, {cell.north} skipped"
+            kind, text = "operator", f"cell {cell.east}, {cell.north} skipped"
         case ev.VehicleRecalled():
-            text = "called home"
+            kind, text = "operator", "called home"
         case ev.Recalled():
-            text = "everybody called home"
+            kind, text = "operator", "everybody called home"
         case ev.Paused():
-            text = "paused"
+            kind, text = "operator", "paused"
         case ev.Continued():
-            text = "gone on"
+            kind, text = "operator", "gone on"
         case ev.Resumed():
-            text = "resumed after an interruption"
+            kind, text = "operator", "resumed after an interruption"
         case _:
             return None
-    return Trouble(t_s, vehicle, "operator", text)
+    return Trouble(event.t_s, getattr(event, "vehicle", 0), kind, printable(text))

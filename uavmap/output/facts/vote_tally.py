@@ -24,12 +24,6 @@ Decided = tuple[CellTable, NDArray[np.int32]]
 
 
 @dataclass(slots=True)
-class _Count:
-    votes: int = 0
-    positive: int = 0
-
-
-@dataclass(slots=True)
 class Votes:
     """The votes so far.
 
@@ -44,30 +38,27 @@ class Votes:
     frames: int
     positive: int
     roi: set[Cell] = field(default_factory=set)
-    _ballots: dict[tuple[Cell, Cell], _Count] = field(default_factory=dict)
-    _cells: dict[Cell, _Count] = field(default_factory=dict)
+    _ballots: dict[tuple[Cell, Cell], tuple[int, int]] = field(default_factory=dict)
+    _cells: dict[Cell, tuple[int, int]] = field(default_factory=dict)
+    """Votes, and those of them that say yes."""
 
     def add(self, vantage: Cell, votes: Iterable[Vote]) -> None:
         """Count the votes of the next picture."""
         for vote in votes:
-            everything = self._cells.setdefault(vote.cell, _Count())
-            everything.votes += 1
-            everything.positive += vote.positive
-            ballot = self._ballots.setdefault((vantage, vote.cell), _Count())
-            if ballot.votes >= self.frames:
-                continue
-            ballot.votes += 1
-            ballot.positive += vote.positive
-            if ballot.positive >= self.positive:
-                self.roi.add(vote.cell)
+            votes_in_all, yes = self._cells.get(vote.cell, (0, 0))
+            self._cells[vote.cell] = votes_in_all + 1, yes + vote.positive
+            cast, yes = self._ballots.get((vantage, vote.cell), (0, 0))
+            if cast < self.frames:
+                self._ballots[vantage, vote.cell] = cast + 1, yes + vote.positive
+                if yes + vote.positive >= self.positive:
+                    self.roi.add(vote.cell)
 
     def counted(self) -> Decided:
         """Return every cell with votes, sorted; and those with too few votes to be ROI."""
         found = sorted(self._cells.items())
         cells = np.array([cell for cell, _ in found], np.int32).reshape(-1, 2)
         roi = np.array([cell in self.roi for cell, _ in found], np.bool_)
-        positive = np.array([count.positive for _, count in found], np.int32)
-        votes = np.array([count.votes for _, count in found], np.int32)
+        votes, positive = np.array([n for _, n in found], np.int32).reshape(-1, 2).T
         return CellTable.judged(cells, roi, positive, votes, None), cells[votes < self.positive]
 
 

@@ -207,23 +207,33 @@ def spread(tree: Tree) -> Mapping[Cell, Spot]:
     it is nearer to the backbone. A rib is laid out likewise, to one side of its own longest path.
     So no two edges cross, and no two vertices share a place.
     """
-    heights = _heights(tree)
-    spine = backbone(tree)
-    spots = {cell: Spot(depth, 0) for depth, cell in enumerate(spine)}
-    outer: dict[int, _Outer] = {side: defaultdict(int) for side in (1, -1)}
-    for rib in reversed(ribs(tree, spine)):
-        rows = _rows(tree, rib, heights)
-        away = {side: _clear(tree, rows, outer[side]) for side in (1, -1)}
-        side = 1 if away[1] <= away[-1] else -1
-        for cell, row in rows.items():
-            depth = tree.vertices[cell].depth
-            spots[cell] = Spot(depth, side * (row + away[side]))
+    rows = _layout(tree, backbone(tree), _heights(tree), (1, -1))
+    return {cell: Spot(tree.vertices[cell].depth, row) for cell, row in rows.items()}
+
+
+def _layout(
+    tree: Tree, path: tuple[Cell, ...], heights: Mapping[Cell, int], sides: tuple[int, ...]
+) -> dict[Cell, int]:
+    """Return rows for the tree below `path`: 0 along it, its ribs outside of each other."""
+    rows = dict.fromkeys(path, 0)
+    outer: dict[int, dict[int, int]] = {side: defaultdict(int) for side in sides}
+    for rib in reversed(ribs(tree, path)):
+        longest = [rib]
+        while children := tree.children(longest[-1]):
+            longest.append(max(children, key=lambda cell: heights[cell]))
+        below = {
+            (cell, tree.vertices[cell].depth): row
+            for cell, row in _layout(tree, tuple(longest), heights, (1,)).items()
+        }
+        away = {  # the least row of the rib outside of what is there
+            side: max(outer[side][depth] + 1 - row for (_, depth), row in below.items())
+            for side in sides
+        }
+        side = min(sides, key=lambda side: away[side])
+        for (cell, depth), row in below.items():
+            rows[cell] = side * (row + away[side])
             outer[side][depth] = max(outer[side][depth], row + away[side])
-    return spots
-
-
-_Outer = defaultdict[int, int]
-"""The outermost row in use, by depth."""
+    return rows
 
 
 def _heights(tree: Tree) -> dict[Cell, int]:
@@ -232,25 +242,3 @@ def _heights(tree: Tree) -> dict[Cell, int]:
     for cell in sorted(tree.vertices, key=lambda cell: -tree.vertices[cell].depth):
         heights[cell] = max((heights[child] + 1 for child in tree.children(cell)), default=0)
     return heights
-
-
-def _rows(tree: Tree, top: Cell, heights: Mapping[Cell, int]) -> dict[Cell, int]:
-    """Return rows for the subtree below `top`: 0 for a longest path, more for its ribs."""
-    path = [top]
-    while tree.children(path[-1]):
-        path.append(max(tree.children(path[-1]), key=lambda cell: heights[cell]))
-    rows = dict.fromkeys(path, 0)
-    outer: _Outer = defaultdict(int)
-    for rib in reversed(ribs(tree, tuple(path))):
-        below = _rows(tree, rib, heights)
-        away = _clear(tree, below, outer)
-        for cell, row in below.items():
-            rows[cell] = row + away
-            depth = tree.vertices[cell].depth
-            outer[depth] = max(outer[depth], row + away)
-    return rows
-
-
-def _clear(tree: Tree, rows: Mapping[Cell, int], outer: _Outer) -> int:
-    """Return how far to move a subtree to lie outside of what is there."""
-    return max(outer[tree.vertices[cell].depth] + 1 - row for cell, row in rows.items())
