@@ -114,7 +114,9 @@ def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
         own = [event for event in source.events if not isinstance(event, NOT_OWN)]
         last_s = -math.inf
         for k, event in enumerate(own):  # each stays in its own order: that is what was acted on
-            moved = _moved(event, before[place], later_s)
+            moved = replace(event, t_s=round(event.t_s + later_s, 3)) if later_s else event
+            if before[place] and not isinstance(moved, Recalled | Paused | Continued | Resumed):
+                moved = replace(moved, vehicle=moved.vehicle + before[place])
             last_s = max(last_s, moved.t_s)
             dated.append((last_s, place, k, moved))
     if fleet:
@@ -181,11 +183,3 @@ def _refuse_strangers(sources: Sequence[Source]) -> None:
                 f"{folder}: is of vehicle {number}, as is {other_folder}; give one of them "
                 "(a flight that was gone on with has one folder)"
             )
-
-
-def _moved(event: Event, higher: int, later_s: float) -> Event:
-    if later_s:
-        event = replace(event, t_s=round(event.t_s + later_s, 3))
-    if higher and not isinstance(event, Recalled | Paused | Continued | Resumed):
-        event = replace(event, vehicle=event.vehicle + higher)
-    return event

@@ -119,7 +119,24 @@ class _Recording:
         for number, track in sorted(self._tracks.items()):
             line = rr.LineStrips3D([track], colors=[track_colour(number - 1)])
             stream.log(f"/vehicles/{number}/track", line, static=True)
-        _cells(rr, stream, film, self._grid.cell_m)
+        cell_m = self._grid.cell_m
+        shown: dict[Cell, Change] = {}
+        for part in moments(film.changes):
+            shown.update((change.cell, change) for change in part)
+            stream.set_time("mission", duration=part[-1].t)
+            middles = np.array([(c.east * cell_m, c.north * cell_m, 0.0) for c in shown])
+            sizes = np.tile((0.47 * cell_m, 0.47 * cell_m, 0.02), (len(shown), 1))
+            boxes = rr.Boxes3D(
+                centers=middles, half_sizes=sizes, fill_mode="solid",
+                colors=[STATES[change.state] for change in shown.values()],
+            )  # fmt: skip
+            stream.log("/region/cells", boxes)
+            edges = [
+                [(c.east * cell_m, c.north * cell_m, 0.1) for c in (change.parent, cell)]
+                for cell, change in shown.items()
+                if change.parent is not None
+            ]
+            stream.log("/region/tree", rr.LineStrips3D(edges, colors=[(60, 60, 60)]))
         stream.flush()
         stream.disconnect()
 
@@ -159,26 +176,6 @@ def moments(changes: Sequence[Change], most: int = SNAPSHOTS) -> Iterator[list[C
     size = max(1, math.ceil(len(changes) / most))
     for begin in range(0, len(changes), size):
         yield list(changes[begin : begin + size])
-
-
-def _cells(rr: Any, stream: Any, film: Film, cell_m: float) -> None:
-    shown: dict[Cell, Change] = {}
-    for part in moments(film.changes):
-        shown.update((change.cell, change) for change in part)
-        stream.set_time("mission", duration=part[-1].t)
-        middles = np.array([(c.east * cell_m, c.north * cell_m, 0.0) for c in shown])
-        sizes = np.tile((0.47 * cell_m, 0.47 * cell_m, 0.02), (len(shown), 1))
-        boxes = rr.Boxes3D(
-            centers=middles, half_sizes=sizes, fill_mode="solid",
-            colors=[STATES[change.state] for change in shown.values()],
-        )  # fmt: skip
-        stream.log("/region/cells", boxes)
-        edges = [
-            [(c.east * cell_m, c.north * cell_m, 0.1) for c in (change.parent, cell)]
-            for cell, change in shown.items()
-            if change.parent is not None
-        ]
-        stream.log("/region/tree", rr.LineStrips3D(edges, colors=[(60, 60, 60)]))
 
 
 def turn_enu(pose: Pose) -> NDArray[np.float64]:
