@@ -1,7 +1,7 @@
-"""Robots that watch each other, as a picture and as an animation.
+"""A picture and an animation of robots that watch each other.
 
-Ground over which the line between two robots passed is tinted; pieces of the map are outlined when
-they are whole; a line leads from who moves to who watches it.
+Ground that the line between two robots passed is tinted; pieces of the map are outlined when
+complete; a line leads from the moving robot to its watcher.
 """
 
 from __future__ import annotations
@@ -21,17 +21,8 @@ from missions.lab.cooperation.exploration import Exploration, Move, Why
 from missions.lab.cooperation.space import Point, between
 from missions.lab.cooperation.tracking import Ellipse
 from uavmap.lab.cooperation_trials import Report
-from uavmap.output.drawing.palette import (
-    INK,
-    LAND,
-    OUTLINE,
-    PAPER,
-    STATES,
-    TRUTH,
-    Colour,
-    Style,
-    track_colour,
-)
+from uavmap.output.drawing import palette
+from uavmap.output.drawing.palette import Colour, Style
 from uavmap.output.drawing.raster import Canvas
 from uavmap.output.drawing.scene import Area, Dot, Label, Line, Shape, View
 from uavmap.output.film.film_writers import gif, mp4, save
@@ -48,7 +39,7 @@ _EDGE: Final = 1.0 + 1e-9
 
 
 def write_picture(report: Report, path: Path) -> None:
-    """Write it whole as a PNG, with where robots believe to be. Raises `OutputError`."""
+    """Write a PNG of the whole, with the ellipses of positions. Raises `OutputError`."""
     stage = _Stage(report)
     buffer = io.BytesIO()
     stage.last().quantize(_COLOURS).save(buffer, "PNG", optimize=True)
@@ -68,7 +59,7 @@ def write_animation(report: Report, path: Path) -> None:
 
 
 class _Stage:
-    """Draws an exploration on; time is the way that all robots together have gone, in metres."""
+    """Draws an exploration; time is the path length of all robots together, m."""
 
     def __init__(self, report: Report) -> None:
         self._report = report
@@ -86,12 +77,12 @@ class _Stage:
         self._view, self._page = View(left_m, top_m, scale, *size), View.page(*size)
         self._lower = Canvas(size)
         ring, *holes = log.space.rings
-        self._draw(self._lower, [Area(tuple(ring), LAND)])
-        self._draw(self._lower, [Area(tuple(hole), PAPER) for hole in holes])
+        self._draw(self._lower, [Area(tuple(ring), palette.LAND)])
+        self._draw(self._lower, [Area(tuple(hole), palette.PAPER) for hole in holes])
         self._done = self._pieces = 0
 
     def frames(self, times_m: Sequence[float]) -> Iterator[Image.Image]:
-        """Yield a frame for each time, which only grow."""
+        """Yield a frame for each time, ascending."""
         for time_m in times_m:
             moving = bisect_right(self._ends_m, time_m * (1.0 - 1e-12))
             self._finish(moving)
@@ -108,7 +99,7 @@ class _Stage:
                     (p for i, p in enumerate(standing) if i != move.robot),
                     key=lambda place: math.dist(place, part[-1]),
                 )
-                self._draw(canvas, [Line.through((watcher, part[-1]), Style(TRUTH, 2.0))])
+                self._draw(canvas, [Line.through((watcher, part[-1]), Style(palette.TRUTH, 2.0))])
             self._draw(canvas, self._robots(places))
             number = min(moving + 1, len(self._moves))
             self._words(canvas, f"{time_m:.0f} m of {self.end_m:.0f}, move {number}")
@@ -120,7 +111,7 @@ class _Stage:
         canvas, final = self._lower.copy(), self._final()
         for outcome, width_px in ((self._report.alone, 1.0), (self._report.watched, 2.0)):
             for robot, place in enumerate(final):
-                style = Style(track_colour(robot), width_px)
+                style = Style(palette.track_colour(robot), width_px)
                 self._draw(canvas, [_ellipse(outcome.ellipse(robot), place, style)])
         self._draw(canvas, self._robots(final))
         numbers = self._report.numbers
@@ -129,14 +120,15 @@ class _Stage:
         return canvas.shown()
 
     def _finish(self, moves: int) -> None:
-        """Draw some moves for good, and what was mapped with them."""
         for move, standing in self._moves[self._done : moves]:
             self._draw(self._lower, self._swept(move, standing, move.path))
         self._done = max(self._done, moves)
         pieces = self._report.exploration.pieces
         while self._pieces < len(pieces) and pieces[self._pieces].moves <= moves:
             outline = pieces[self._pieces].outline
-            self._draw(self._lower, [Line.through(outline, Style(OUTLINE, 1.0), closed=True)])
+            self._draw(
+                self._lower, [Line.through(outline, Style(palette.OUTLINE, 1.0), closed=True)]
+            )
             self._pieces += 1
 
     def _final(self) -> list[Point]:
@@ -148,10 +140,10 @@ class _Stage:
     def _swept(
         self, move: Move, standing: Sequence[Point], path: Sequence[Point]
     ) -> Iterator[Shape]:
-        """Yield what the lines from a robot to its partners passed over, and its way."""
-        colour = STATES["non-roi"]
+        """Yield the ground that the lines to the partners passed, and the path."""
+        colour = palette.STATES["non-roi"]
         if move.why is Why.SWEEP:
-            colour = track_colour(move.robot)
+            colour = palette.track_colour(move.robot)
             watchers = sorted(
                 (place for robot, place in enumerate(standing) if robot != move.robot),
                 key=lambda place: math.dist(place, move.path[-1]),
@@ -164,13 +156,13 @@ class _Stage:
 
     def _robots(self, places: Sequence[Point]) -> Iterator[Shape]:
         for robot, place in enumerate(places):
-            yield Dot(place, ((5.5, INK), (4.5, track_colour(robot))))
+            yield Dot(place, ((5.5, palette.INK), (4.5, palette.track_colour(robot))))
 
     def _words(self, canvas: Canvas, *lines: str) -> None:
         terms = self._report.terms
         title = f"{terms.mode}, {terms.robots} robots, range {terms.range_m:g} m"
         for row, text in enumerate((title, "   ·   ".join(lines))):
-            canvas.draw(Label((_MARGIN_PX, 14.0 + 18.0 * row), text, 13.0, INK), self._page)
+            canvas.draw(Label((_MARGIN_PX, 14.0 + 18.0 * row), text, 13.0, palette.INK), self._page)
 
     def _draw(self, canvas: Canvas, shapes: Iterable[Shape]) -> None:
         for shape in shapes:
@@ -187,13 +179,13 @@ def _ellipse(shape: Ellipse, place: Point, style: Style) -> Line:
 
 
 def _tint(colour: Colour) -> Colour:
-    """A colour, most of it paper."""
-    red, green, blue = (round(0.3 * c + 0.7 * p) for c, p in zip(colour, PAPER, strict=True))
+    red, green, blue = (
+        round(0.3 * c + 0.7 * p) for c, p in zip(colour, palette.PAPER, strict=True)
+    )
     return red, green, blue
 
 
 def _part(path: Sequence[Point], length_m: float) -> list[Point]:
-    """The beginning of a path, so long."""
     found = [path[0]]
     for a, b in pairwise(path):
         leg = math.dist(a, b)

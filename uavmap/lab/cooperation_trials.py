@@ -1,9 +1,8 @@
-"""An exploration by robots that watch each other: its terms, its run and its figures."""
+"""Exploration by robots that watch each other: terms, run and figures."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any, Final
@@ -20,9 +19,9 @@ from missions.lab.cooperation.tracking import Noise, Outcome, followed
 from missions.lab.cooperation.trapezoids import Cover, Pattern
 
 LOOKED_AT: Final = 400
-"""Points of the ground of which it is asked whether some robot saw them, beside all corners."""
+"""Number of points that are checked whether a robot saw them, beside all corners."""
 _SPACING: Final = 1.0 / 20.0
-"""Of the range: how densely robots are looked at for that."""
+"""Spacing of robots' places in that check, in ranges."""
 
 
 class Mode(StrEnum):
@@ -35,7 +34,7 @@ class Mode(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Cooperation:
-    """The terms of an exploration. `theta_rad` and `cover` count for stripes only."""
+    """The terms of an exploration. `theta_rad` and `cover` are for stripes only."""
 
     mode: Mode
     robots: int
@@ -48,7 +47,7 @@ class Cooperation:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What came of it."""
+    """The result of an exploration."""
 
     terms: Cooperation
     exploration: Exploration
@@ -61,12 +60,12 @@ class Report:
 
     @property
     def complete(self) -> bool:
-        """Whether all of the ground is in the map, and was seen."""
+        """Whether all of the ground is on the map, and was seen."""
         slack_m2 = 1e-6 * self.exploration.space.area_m2
         return self.numbers.missed_m2 <= slack_m2 and not len(self.unseen)
 
     def figures(self) -> dict[str, Any]:
-        """Everything as JSON has it; the same for the same seed."""
+        """Return all figures for JSON; the same for the same seed."""
         terms, space = self.terms, self.exploration.space
         stripes = terms.mode is not Mode.TRIANGULATION
         numbers = {key: _rounded(value) for key, value in asdict(self.numbers).items()}
@@ -109,23 +108,23 @@ def _end(outcome: Outcome, robot: int) -> dict[str, float]:
     }
 
 
-def first_corner(space: Space) -> Point:
-    """Where a team starts that is told nothing: the southernmost corner, of several the western."""
-    return min(space.corners, key=lambda corner: (corner[1], corner[0]))
-
-
 def cooperate(
     space: Space, terms: Cooperation, start: Point | None = None, noise: Noise | None = None
 ) -> Report:
-    """Explore, look whether everything was seen, and follow what robots believe of their places.
+    """Explore, check what was seen, and follow the robots' belief of their places.
 
     Raises `AreaError` for a start outside of the ground, `StrategyError` for a range that does not
     fit it.
     """
-    start = first_corner(space) if start is None else start
+    if start is None:  # the southernmost corner, of several the western
+        start = min(space.corners, key=lambda corner: (corner[1], corner[0]))
     if not space.holds(start):
         raise AreaError(f"the start {start[0]:g},{start[1]:g} m is not in the area")
-    exploration = _EXPLORE[terms.mode](space, start, terms)
+    if terms.mode is Mode.TRIANGULATION:
+        exploration = triangulation.explore(space, start, terms.range_m)
+    else:
+        pattern = Pattern(terms.range_m, terms.theta_rad, terms.robots, terms.cover)
+        exploration = trapezoids.explore(space, start, pattern)
     points = _points(space, np.random.default_rng((terms.seed, 2)))
     watched, alone = followed(exploration, noise or Noise(), terms.seed)
     return Report(
@@ -139,24 +138,8 @@ def cooperate(
     )
 
 
-def _in_stripes(space: Space, start: Point, terms: Cooperation) -> Exploration:
-    pattern = Pattern(terms.range_m, terms.theta_rad, terms.robots, terms.cover)
-    return trapezoids.explore(space, start, pattern)
-
-
-def _in_triangles(space: Space, start: Point, terms: Cooperation) -> Exploration:
-    return triangulation.explore(space, start, terms.range_m)
-
-
-_EXPLORE: Final[dict[Mode, Callable[[Space, Point, Cooperation], Exploration]]] = {
-    Mode.TRAPEZOID: _in_stripes,
-    Mode.COLUMN: _in_stripes,
-    Mode.TRIANGULATION: _in_triangles,
-}
-
-
 def _points(space: Space, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Points all over the ground, and its corners."""
+    """Draw points all over the ground, after its corners."""
     west, south, east, north = space.polygon.bounds
     found = np.array(space.corners)
     wanted = LOOKED_AT + len(found)

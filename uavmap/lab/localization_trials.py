@@ -21,7 +21,7 @@ _MEANS: Final = ("cells", "moves_mean", "right", "confidence_mean")
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """Under what terms robots localize."""
+    """The terms of localization."""
 
     with_map: bool
     """Whether they have a map of the ROI, or only its width and height."""
@@ -44,7 +44,7 @@ class LocalizationTrial:
     done: tuple[Localized, ...]
 
     def figures(self) -> dict[str, Any]:
-        """As in the JSON of `uavmap simulate --localize`."""
+        """Return the figures for the JSON of `uavmap simulate --localize`."""
         moves = [one.moves for one in self.done]
         return {
             "roi": self.roi,
@@ -64,7 +64,7 @@ class LocalizationTrial:
 def localization_trials(
     rois: Sequence[Roi], methods: Sequence[Method], terms: Terms
 ) -> Iterator[LocalizationTrial]:
-    """Every method on every ROI, from the same starts and with the same random numbers."""
+    """Yield every method on every ROI, from the same starts and with the same random numbers."""
     for number, roi in enumerate(rois):
         known = GridMap.of(roi.cells)
         planner = Planner(known) if terms.with_map else None
@@ -93,7 +93,7 @@ def _localized(
 
 
 def localization_means(done: Sequence[LocalizationTrial]) -> dict[str, Any]:
-    """The means of the figures over ROIs, the most moves of all, and whether all kept their
+    """Return the means of the figures over ROIs, the most moves, and whether all kept their
     bound."""
     if not done:
         return {}

@@ -1,4 +1,4 @@
-"""Trials of the strategies that do not stop over cells: runs in seconds, with their bounds."""
+"""Trials of strategies that do not stop over cells: runs in seconds, with their bounds."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from missions.planning.sweep.strategies import SURVEY, WithoutStopping
 
 @dataclass(frozen=True, slots=True)
 class FlightTerms:
-    """Under what terms a team flies without stopping."""
+    """The terms of flight without stopping."""
 
     team: Team
     box_factor: float | None = None
@@ -44,7 +44,7 @@ class NonstopTrial:
     """Real time of the run."""
 
     def figures(self) -> dict[str, Any]:
-        """As in the JSON of `uavmap simulate`."""
+        """Return the figures for the JSON of `uavmap simulate`."""
         values: dict[str, Any] = {
             "makespan_s": round(self.makespan_s, 6),
             "lower_bound_s": round(self.lower_bound_s, 6),
@@ -67,11 +67,7 @@ def _ratio(value: float, of: float) -> float | None:
 def flown_under(
     roi: Roi, strategy: WithoutStopping, terms: FlightTerms, *, record: bool = False
 ) -> Flown:
-    """A run in the arena.
-
-    Raises:
-        StrategyError: a footprint too small for the cells, or for the speed.
-    """
+    """Fly in the arena. Raises `StrategyError` for a footprint too small for cells or speed."""
     if strategy is SURVEY:
         return surveyed(
             roi, terms.team, box_factor=terms.box_factor, seed=terms.seed, record=record
@@ -82,16 +78,14 @@ def flown_under(
 def nonstop_trials(
     rois: Sequence[Roi], strategies: Sequence[WithoutStopping], terms: FlightTerms
 ) -> Iterator[NonstopTrial]:
-    """Every strategy on every ROI, one ROI after the other.
-
-    Raises:
-        StrategyError: a footprint too small for the cells, or for the speed.
-    """
+    """Yield every strategy on every ROI, one ROI after the other; raises as `flown_under`."""
     for roi in rois:
-        bound_s = _lower_bound_s(roi, terms.team)
+        needed = {near for cell in roi.cells for near in cell.cross()}
+        team = terms.team
+        bound_s = lower_bound_s(needed, roi.start, team.robots, team.cell_m, team.kinematics)
         offline_s = None
         if terms.offline:
-            offline_s = reference(roi, terms.team, seed=terms.seed).makespan_s
+            offline_s = reference(roi, team, seed=terms.seed).makespan_s
         for strategy in strategies:
             begin_s = time.perf_counter()
             done = flown_under(roi, strategy, terms)
@@ -101,13 +95,8 @@ def nonstop_trials(
             )  # fmt: skip
 
 
-def _lower_bound_s(roi: Roi, team: Team) -> float:
-    needed = {near for cell in roi.cells for near in cell.cross()}
-    return lower_bound_s(needed, roi.start, team.robots, team.cell_m, team.kinematics)
-
-
 def nonstop_means(done: Sequence[NonstopTrial]) -> dict[str, Any]:
-    """The means of the figures; a ratio is that of the means."""
+    """Return the means of the figures; a ratio is that of the means."""
     if not done:
         return {}
     rows = [trial.figures() for trial in done]

@@ -2,9 +2,8 @@
 
 * WKT in metres: `POLYGON ((0 0, 40 0, 40 20, 0 0), (20 4, 30 4, 30 8, 20 4))`.
 * JSON in metres: `{"polygon_m": [[0, 0], [40, 0], [40, 20]], "holes_m": [[[5, 2], ...]]}`.
-* GeoJSON, KML and the other kinds of `uavmap.load.areas.reading`: one area, in metres true east and
-  true
-  north of its south-western corner. What is drawn as keep-out is a hole.
+* GeoJSON, KML and the others of `uavmap.load.areas.reading`: one area, in metres true east and true
+north of its south-western corner. A keep-out zone is a hole.
 """
 
 from __future__ import annotations
@@ -40,10 +39,7 @@ class Ground:
 
 
 def read_polygon_file(name: str) -> Ground:
-    """The polygon of a file.
-
-    Raises `AreaError`, which names the file, what is wrong and the remedy.
-    """
+    """Read the polygon of a file. Raises `AreaError` with the file, the fault and the remedy."""
     try:
         text = read_text(Path(name), _MOST_BYTES).lstrip("\ufeff \t\r\n")
     except (OSError, ValueError):

@@ -1,7 +1,7 @@
-"""ROIs from files and from wishes.
+"""ROIs from files, and grown by name.
 
 * Sets of cells, as JSON: `{"rois": [{"start": [east, north], "cells": [[east, north], ...]}]}`;
-  other keys are left alone.
+other keys are ignored.
 * GeoJSON (RFC 7946): a cell is ROI from half covered on, on a grid aligned with UTM.
 * A growth by name, `KIND:CELLS:SEED`, such as `eden:120:7`.
 """
@@ -35,22 +35,27 @@ _WIDEST_DEG: Final = 6.0
 
 
 def load_rois(name: str, *, cell_m: float = 4.0, start: LatLon | None = None) -> list[Roi]:
-    """The ROIs of a file, or the one that `KIND:CELLS:SEED` grows.
+    """Read the ROIs of a file, or grow the one of `KIND:CELLS:SEED`.
 
     Args:
-        name: a path, or the name of a growth.
-        cell_m: size of a cell, for GeoJSON.
-        start: where everybody starts, for GeoJSON: then all polygons together are one ROI. By
-            default each is a ROI, entered at the westernmost cell of its largest part.
+        name: A path, or the name of a growth.
+        cell_m: Size of a cell, for GeoJSON.
+        start: Start of all robots, for GeoJSON: then all polygons together are one ROI. By default
+            each is a ROI, entered at the westernmost cell of its largest part.
 
-    Raises:
-        RoiError: naming the file, the place in it, the value, and what was expected.
+    Raises `RoiError` with the file, the place in it, the value, and what was expected.
     """
     try:
         text = read_text(Path(name), _LARGEST_BYTES)
     except (OSError, ValueError) as error:
         if name.partition(":")[0] in KINDS:
-            return [_by_name(name)]
+            kind, *numbers = name.split(":")
+            good = all(n.isascii() and n.isdigit() and len(n) < 19 for n in numbers)
+            if len(numbers) != 2 or not good:
+                raise RoiError(
+                    f"{name}: a growth is named KIND:CELLS:SEED, such as eden:120:7"
+                ) from None
+            return [grown(kind, int(numbers[0]), int(numbers[1]))]
         reason = getattr(error, "strerror", None) or "not a text file in UTF-8"
         raise RoiError(
             f"{name}: cannot be read ({reason}); give a file, or a growth such as eden:120:7 "
@@ -63,26 +68,16 @@ def load_rois(name: str, *, cell_m: float = 4.0, start: LatLon | None = None) ->
     if isinstance(root, dict) and "rois" in root:
         if start is not None:
             raise RoiError(f"{name}: holds cells with starts of their own; leave out --start")
-        return _sets(name, root["rois"])
+        rois = root["rois"]
+        if not isinstance(rois, list) or not rois:
+            raise _fault(name, "rois", rois, "expected a list with at least one ROI")
+        return [_set(name, f"rois[{i}]", values) for i, values in enumerate(rois)]
     if isinstance(root, dict) and isinstance(root.get("type"), str):
         return _regions(name, text, cell_m, start)
     raise RoiError(f'{name}: neither {{"rois": [{{"start", "cells"}}]}} nor GeoJSON')
 
 
-def _by_name(name: str) -> Roi:
-    kind, *numbers = name.split(":")
-    if len(numbers) != 2 or not all(n.isascii() and n.isdigit() and len(n) < 19 for n in numbers):
-        raise RoiError(f"{name}: a growth is named KIND:CELLS:SEED, such as eden:120:7")
-    return grown(kind, int(numbers[0]), int(numbers[1]))
-
-
 # --- sets of cells ---------------------------------------------------------------------------
-def _sets(name: str, rois: object) -> list[Roi]:
-    if not isinstance(rois, list) or not rois:
-        raise _fault(name, "rois", rois, "expected a list with at least one ROI")
-    return [_set(name, f"rois[{i}]", values) for i, values in enumerate(rois)]
-
-
 def _set(name: str, key: str, values: object) -> Roi:
     if not isinstance(values, dict):
         raise _fault(name, key, values, 'expected {"start": [east, north], "cells": [...]}')
@@ -154,8 +149,8 @@ def _regions(name: str, text: str, cell_m: float, start: LatLon | None) -> list[
 def _entered_at(
     name: str, start: LatLon, cells: set[Cell], regions: Sequence[BaseGeometry], grid: Grid
 ) -> Cell:
-    """The cell of a start in the region; of one at its rim, where cells are less than half
-    covered, the nearest."""
+    """Return the cell of a start in the region; at its rim, where cells are less than half covered,
+    the nearest."""
     if not cells:
         raise RoiError(
             f"{name}: covers half of no cell of {grid.cell_m:g} m; choose a smaller --cell-m"
@@ -173,7 +168,6 @@ def _entered_at(
 
 
 def _polygons(name: str, text: str) -> list[Polygon]:
-    """The polygons of GeoJSON, however deep; checked."""
     try:
         geometry = shapely.from_geojson(text)
     except (shapely.errors.ShapelyError, TypeError, ValueError) as error:
@@ -210,8 +204,6 @@ def _grid(name: str, origin: LatLon, cell_m: float) -> Grid:
 
 
 def _on_ground(polygon: Polygon, grid: Grid) -> BaseGeometry:
-    """A polygon in degrees as ground metres of a grid."""
-
     def moved(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         return np.array([grid.fixed(LatLon(lat, lon)) for lon, lat in points.tolist()])
 
@@ -219,7 +211,6 @@ def _on_ground(polygon: Polygon, grid: Grid) -> BaseGeometry:
 
 
 def _covered(name: str, region: BaseGeometry, grid: Grid) -> list[Cell]:
-    """The cells that a region covers at least half."""
     west, south, east, north = region.bounds
     if ((east - west) / grid.cell_m + 1) * ((north - south) / grid.cell_m + 1) > MAX_CELLS:
         raise RoiError(

@@ -1,23 +1,30 @@
-"""The film of a simulated run, from its moves and the tree that came out."""
+"""The films of simulated runs: from moves and the tree, or from paths and verdicts."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
+from missions.geo.trajectory import Trajectory
 from missions.lab.arena.arena_run import Run
+from missions.lab.arena.roi import Roi
 from missions.mapping.tree import Tree
 from missions.units import Cell
+from uavmap.output.facts.map_model import State
 from uavmap.output.film.film import Change, Film, Fix, Place, Unit
 
+if TYPE_CHECKING:  # loads the compiler
+    from missions.lab.arena.nonstop import Flown, Verdict
+
+_FIX_S: Final = 0.2
 _GOLDEN_RAD: Final = math.pi * (3.0 - math.sqrt(5.0))
 _SPREAD: Final = 0.36
 """Robots at one vertex are shown beside each other, within so much of a cell."""
 
 
 def film_of_run(run: Run, roi: Collection[Cell], title: str) -> Film:
-    """The film of a run on a ROI.
+    """Create the film of a run on a ROI.
 
     The states are those that all robots know together. A vertex that was looked from although no
     move leads to it was known beforehand.
@@ -47,8 +54,7 @@ def film_of_run(run: Run, roi: Collection[Cell], title: str) -> Film:
 
 
 def _beside(cell: Cell, robot: int, robots: int) -> Place:
-    """Where a robot is drawn that is at a vertex: every robot has its own spot, as the seeds of
-    a sunflower, so that nobody hides another."""
+    """Return a robot's own spot at a vertex, as the seeds of a sunflower: none hides another."""
     if robots == 1:
         return Place(*cell)
     away = _SPREAD * math.sqrt((robot + 0.5) / robots)
@@ -57,7 +63,6 @@ def _beside(cell: Cell, robot: int, robots: int) -> Place:
 
 
 def _changes(run: Run) -> list[Change]:
-    """What becomes of each vertex, from the times at which somebody first looked from it."""
     tree = run.tree
     looked_t = {tree.root: 0.0}
     for leg in sorted(run.legs, key=lambda leg: leg.end_t):
@@ -80,9 +85,55 @@ def _changes(run: Run) -> list[Change]:
 
 
 def _explored_t(tree: Tree, looked_t: dict[Cell, float]) -> dict[Cell, float]:
-    """When everything below each vertex was looked from; infinity if that never came."""
+    """Return when all below each vertex was looked from; infinity if never."""
     explored_t: dict[Cell, float] = {}
     for cell in sorted(tree.vertices, key=lambda cell: -tree.vertices[cell].depth):
         below = [explored_t[child] for child in tree.children(cell)]
         explored_t[cell] = max([looked_t.get(cell, math.inf), *below])
     return explored_t
+
+
+# --- without stopping ----------------------------------------------------------------------------
+def film_of_nonstop(
+    run: Flown, roi: Roi, cell_m: float, footprint_m: tuple[float, float], title: str
+) -> Film:
+    """Create the film of a recorded run.
+
+    A cell with a majority for ROI so far is under exploration; a decided one is explored or no
+    region.
+    """
+    tracks = {k: tuple(_fixes(paths, run.makespan_s, cell_m)) for k, paths in enumerate(run.paths)}
+    east_m, north_m = footprint_m
+    return Film(
+        title=title,
+        unit=Unit.SECONDS,
+        end_t=run.makespan_s,
+        roi=roi.cells,
+        changes=tuple(
+            Change(verdict.t_s, verdict.cell, _verdict_state(verdict))
+            for verdict in run.verdicts
+            if verdict.roi or verdict.decided
+        ),
+        tracks=tracks,
+        start=Place(*roi.start),
+        footprint=Place(east_m / cell_m, north_m / cell_m),
+    )
+
+
+def _verdict_state(verdict: Verdict) -> State:
+    if not verdict.decided:
+        return "under exploration"
+    return "explored" if verdict.roi else "non-roi"
+
+
+def _fixes(paths: tuple[Trajectory, ...], end_s: float, cell_m: float) -> list[Fix]:
+    """Return places so dense that lines between them follow the path."""
+    fixes = []
+    for path, following in zip(paths, [*paths[1:], None], strict=True):
+        until_s = end_s if following is None else following.begin_s
+        count = max(1, math.ceil((until_s - path.begin_s) / _FIX_S))
+        for i in range(count + (following is None)):
+            t_s = path.begin_s + (until_s - path.begin_s) * i / count
+            place = path.at(t_s).place
+            fixes.append(Fix(t_s, Place(place.east_m / cell_m, place.north_m / cell_m)))
+    return fixes

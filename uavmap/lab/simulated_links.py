@@ -1,4 +1,4 @@
-"""How robots on the grid hear each other, by the words of `uavmap simulate --comms`."""
+"""The radio between robots on the grid, from the text of `uavmap simulate --comms`."""
 
 from __future__ import annotations
 
@@ -20,11 +20,9 @@ _APART_MEANT: Final = "apart:BEGIN-END, or with groups of robots apart:BEGIN-END
 
 
 def simulated_links(text: str, robots: int, seed: int) -> Comms | Links:
-    """Who tells whom what, from text; lengths in cells, times in steps.
+    """Read links; lengths in cells, times in steps. `free` is another word for `shared`.
 
-    `free` is another word for `shared`. The seed is of the losses.
-
-    Raises ValueError, with what was written and what to write.
+    The seed is of the losses. Raises `ValueError` with the text and the remedy.
 
     >>> simulated_links("meeting", 3, 1)
     <Comms.MEETING: 'meeting'>
@@ -49,7 +47,7 @@ def simulated_links(text: str, robots: int, seed: int) -> Comms | Links:
 
 
 def draws(comms: Comms | Links) -> bool:
-    """Whether anything is drawn, so that a seed makes a difference.
+    """Return whether a seed makes a difference.
 
     >>> draws(Links(loss=0.1)), draws(Links(loss=1.0)), draws(Comms.SHARED)
     (True, False, False)
@@ -58,7 +56,7 @@ def draws(comms: Comms | Links) -> bool:
 
 
 def _apart(text: str, robots: int) -> Partition:
-    """A partition; robots are numbered from 1."""
+    """Read a partition; robots are numbered from 1."""
     found = _APART.fullmatch(text)
     if found is None:
         raise ValueError(f"apart:{text} is no time; write {_APART_MEANT}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -23,10 +23,8 @@ from uavmap.lab.trials import Terms, means, trials
 if TYPE_CHECKING:
     import pandas
 
-    from uavmap.lab.nonstop_trials import FlightTerms
-
 MOST_ROBOTS = 1000
-_SPEED_M_S, _CELL_M = 6.0, 4.0
+_SPEED_M_S = 6.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,12 +74,12 @@ def simulate(
     It is what the command `uavmap simulate` does.
 
     Args:
-        roi: The region, or several: a growth `"KIND:CELLS:SEED"` such as `"eden:120:7"`, a file of
+        roi: One region or several: a growth `"KIND:CELLS:SEED"` such as `"eden:120:7"`, a file of
             cells (JSON) or of polygons (GeoJSON), or a `missions.lab.arena.roi.Roi`.
         strategy: One strategy, or several to compare; `uavmap strategies` lists them. `swath` and
-            `survey`, which do not stop over cells, count in seconds, the others in steps from cell
-            to cell, so they cannot be mixed.
-        robots: How many, 1 to 1000.
+            `survey` do not stop over cells and count in seconds, the others in steps from cell to
+            cell, so they cannot be mixed.
+        robots: 1 to 1000.
         speed: Of strategies that stop, in cells a unit of time (default 1); of `swath` and `survey`
             in m/s (default 6).
         drift: Of the region, for strategies that stop: its speed, as `speed` is, and the bearing
@@ -89,13 +87,13 @@ def simulate(
         comms: `"shared"`; `"meeting"`: robots share what they know only where they meet; or a
             radio, in cells and in the unit of time: `"range:8,loss:0.2,delay:1,rate:5"`.
         cell_m: Edge of a cell in metres, for GeoJSON, `swath` and `survey`.
-        start: Latitude and longitude where everybody starts, for GeoJSON.
-        footprint_m: What a frame shows, east and north, in metres (`swath`, `survey`).
+        start: Latitude and longitude of the start of all robots, for GeoJSON.
+        footprint_m: Ground in a frame, east and north, in metres (`swath`, `survey`).
         accel_m_s2: Acceleration (`swath`, `survey`).
         frame_s: Seconds from frame to frame (`swath`, `survey`).
-        error_rate: The share of votes that are wrong, 0 to 0.4 (`swath`, `survey`).
-        loss_rate: The share of frames that are lost, 0 to 0.4 (`swath`, `survey`).
-        seed: Of these errors, and of what a radio loses.
+        error_rate: Share of wrong votes, 0 to 0.4 (`swath`, `survey`).
+        loss_rate: Share of lost frames, 0 to 0.4 (`swath`, `survey`).
+        seed: Of these errors, and of the losses of a radio.
 
     Raises:
         LinkError: A radio that is none.
@@ -109,64 +107,30 @@ def simulate(
         >>> done.means["rdfs"]["makespan"] >= done.means["rdfs"]["lower_bound"]
         True
     """
-    names = _names(strategy)
+    names = known_strategies([strategy] if isinstance(strategy, str) else strategy, "strategy = ")
+    if not names:
+        raise StrategyError("strategy is empty; name one")
     count = whole("robots", robots, 1, MOST_ROBOTS)
     rois = _rois(roi, number("cell_m", cell_m, 0.01, 10_000.0), start)
-    fast = [name for name in names if name in NONSTOP]
-    if fast and len(fast) < len(names):
-        raise StrategyError(
-            f"strategy = {strategy!r}: {', '.join(NONSTOP)} count in seconds, the others in steps; "
-            "they cannot be compared in one table"
-        )
+    fast = nonstop_among(names, f"strategy = {strategy!r}")
     if not fast:
-        metric = _metric(1.0 if speed is None else speed, drift)
+        steps = number("speed", 1.0 if speed is None else speed, 1e-3, 1e3)
+        metric = metric_of(steps, *drift, f"drift = {drift}")
         try:
             links = simulated_links(str(comms), count, whole("seed", seed, 0, 2**63 - 1))
         except ValueError as error:
             raise LinkError(f"comms = {comms!r}: {error}") from None
-        terms = Terms(count, metric, links)
-        done = list(trials(rois, [EXPLORERS[name] for name in names], terms))
-        by_name = {name: means([t for t in done if t.strategy == name]) for name in names}
-        rows = ({"roi": t.roi, "strategy": t.strategy, **t.figures()} for t in done)
-        return Simulated(tuple(rows), by_name)
+        explorers = [EXPLORERS[name] for name in names]
+        return _simulated(list(trials(rois, explorers, Terms(count, metric, links))), names, means)
     if tuple(drift) != (0.0, 0.0) or comms != "shared":
         raise StrategyError(
             f"{', '.join(fast)}: simulated on resting regions only, and these vehicles always "
             "share what they know; leave out drift and comms"
         )
+    from missions.lab.arena.nonstop import Camera, Team  # noqa: PLC0415 - numba takes a second
+    from uavmap.lab import nonstop_trials as nonstop  # noqa: PLC0415 - as above
+
     speed_m_s = _SPEED_M_S if speed is None else number("speed", speed, 1e-3, 1e3)
-    flight = _flight_terms(
-        count, cell_m, speed_m_s, footprint_m, accel_m_s2, frame_s, error_rate, loss_rate, seed
-    )
-    return _nonstop(rois, fast, flight)
-
-
-def _nonstop(rois: Sequence[Roi], names: Sequence[str], terms: FlightTerms) -> Simulated:
-    from uavmap.lab import nonstop_trials  # noqa: PLC0415 - numba takes a second
-
-    done = list(nonstop_trials.nonstop_trials(rois, [NONSTOP[name] for name in names], terms))
-    by_name = {
-        name: nonstop_trials.nonstop_means([t for t in done if t.strategy == name])
-        for name in names
-    }
-    rows = ({"roi": t.roi, "strategy": t.strategy, **t.figures()} for t in done)
-    return Simulated(tuple(rows), by_name)
-
-
-def _flight_terms(
-    robots: int,
-    cell_m: float,
-    speed_m_s: float,
-    footprint_m: tuple[float, float],
-    accel_m_s2: float,
-    frame_s: float,
-    error_rate: float,
-    loss_rate: float,
-    seed: int,
-) -> FlightTerms:
-    from missions.lab.arena.nonstop import Camera, Team  # noqa: PLC0415, as above
-    from uavmap.lab.nonstop_trials import FlightTerms  # noqa: PLC0415, as above
-
     east_m, north_m = (number("footprint_m", side, 0.01, 1000.0) for side in footprint_m)
     camera = Camera(
         east_m,
@@ -176,19 +140,50 @@ def _flight_terms(
         loss_rate=number("loss_rate", loss_rate, 0.0, 0.4),
     )
     accel = number("accel_m_s2", accel_m_s2, 0.1, 20.0)
-    team = Team(robots, camera, cell_m, speed_m_s, accel)
-    return FlightTerms(team, seed=whole("seed", seed, 0, 2**63 - 1))
+    team = Team(count, camera, cell_m, speed_m_s, accel)
+    terms = nonstop.FlightTerms(team, seed=whole("seed", seed, 0, 2**63 - 1))
+    done = list(nonstop.nonstop_trials(rois, [NONSTOP[name] for name in fast], terms))
+    return _simulated(done, fast, nonstop.nonstop_means)
 
 
-def _names(strategy: str | Sequence[str]) -> list[str]:
-    names = [strategy] if isinstance(strategy, str) else list(dict.fromkeys(strategy))
-    for name in names:
+def known_strategies(names: Sequence[str], what: str) -> list[str]:
+    """Return different names of strategies. Raises `StrategyError` for an unknown one."""
+    different = list(dict.fromkeys(names))
+    for name in different:
         if name not in EXPLORERS and name not in NONSTOP:
             known = ", ".join([*EXPLORERS, *NONSTOP])
-            raise StrategyError(f"strategy = {name!r} is not known; choose one of {known}")
-    if not names:
-        raise StrategyError("strategy is empty; name one")
-    return names
+            raise StrategyError(f"{what}{name!r} is not known; choose one of {known}")
+    return different
+
+
+def nonstop_among(names: Sequence[str], what: str) -> list[str]:
+    """Return the names of strategies that do not stop: none, or all.
+
+    Raises `StrategyError` for a mixture.
+    """
+    found = [name for name in names if name in NONSTOP]
+    if found and len(found) < len(names):
+        raise StrategyError(
+            f"{what}: {', '.join(NONSTOP)} count in seconds, the others in steps; they cannot be "
+            "compared in one table"
+        )
+    return found
+
+
+def metric_of(speed: float, drift_speed: float, toward_deg: float, what: str) -> Metric:
+    """Create the metric of a drifting region. Raises `UavmapError` for one that is too fast."""
+    if not 0.0 <= drift_speed < speed:
+        raise UavmapError(f"{what}: robots of speed {speed:g} do not keep up with it")
+    bearing = math.radians(toward_deg)
+    return Metric(speed, drift_speed * math.sin(bearing), drift_speed * math.cos(bearing))
+
+
+def _simulated(
+    done: Sequence[Any], names: Sequence[str], means_of: Callable[[Sequence[Any]], dict[str, Any]]
+) -> Simulated:
+    rows = ({"roi": t.roi, "strategy": t.strategy, **t.figures()} for t in done)
+    groups = {name: [t for t in done if t.strategy == name] for name in names}
+    return Simulated(tuple(rows), {name: means_of(some) for name, some in groups.items()})
 
 
 def _rois(
@@ -205,11 +200,3 @@ def _rois(
     if not found:
         raise RoiError("roi is empty; name a region")
     return found
-
-
-def _metric(speed: float, drift: tuple[float, float]) -> Metric:
-    drift_speed, toward_deg = drift
-    if not 0.0 <= drift_speed < number("speed", speed, 1e-3, 1e3):
-        raise UavmapError(f"drift = {drift}: robots of speed {speed:g} do not keep up with it")
-    bearing = math.radians(toward_deg)
-    return Metric(speed, drift_speed * math.sin(bearing), drift_speed * math.cos(bearing))

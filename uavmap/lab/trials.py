@@ -16,21 +16,10 @@ from missions.planning.bounds.lower_bounds import LowerBounds
 from missions.planning.stepwise import Explorer
 from missions.planning.stepwise.metric import Metric
 
-_KEYS = (
-    "makespan",
-    "lower_bound",
-    "bound",
-    "bound_held",
-    "moves",
-    "tree_depth",
-    "wall_s",
-    "lower_bound_wall_s",
-)
-
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """Under what terms a team explores."""
+    """The terms of an exploration."""
 
     robots: int
     metric: Metric
@@ -39,7 +28,7 @@ class Terms:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One strategy on one ROI. `moves` counts those of all robots."""
+    """One strategy on one ROI; `moves` are those of all robots."""
 
     roi: str
     strategy: str
@@ -51,31 +40,29 @@ class Trial:
     """Real time that the lower bounds of the ROI took, once for all strategies."""
 
     def figures(self) -> dict[str, Any]:
-        """As in the JSON of `uavmap simulate`."""
+        """Return the figures for the JSON of `uavmap simulate`."""
         known = self.certificate
-        values = (
-            round(known.makespan, 9),
-            round(known.lower_bound, 9),
-            None if known.bound is None else round(known.bound, 9),
-            known.bound_held,
-            self.moves,
-            known.tree_depth,
-            round(self.wall_s, 6),
-            round(self.lower_bound_wall_s, 6),
-        )
-        return dict(zip(_KEYS, values, strict=True))
+        return {
+            "makespan": round(known.makespan, 9),
+            "lower_bound": round(known.lower_bound, 9),
+            "bound": None if known.bound is None else round(known.bound, 9),
+            "bound_held": known.bound_held,
+            "moves": self.moves,
+            "tree_depth": known.tree_depth,
+            "wall_s": round(self.wall_s, 6),
+            "lower_bound_wall_s": round(self.lower_bound_wall_s, 6),
+        }
 
 
 def explored(roi: Roi, explorer: Explorer, terms: Terms) -> Run:
-    """A run in the arena."""
+    """Explore in the arena."""
     return run(explorer, roi.cells, roi.start, terms.robots, metric=terms.metric, comms=terms.comms)
 
 
 def trials(rois: Sequence[Roi], explorers: Sequence[Explorer], terms: Terms) -> Iterator[Trial]:
-    """Every strategy on every ROI, one ROI after the other.
+    """Yield every strategy on every ROI, one ROI after the other.
 
-    Raises:
-        StrategyError: a strategy that breaks its protocol.
+    Raises `StrategyError` for a strategy that breaks its protocol.
     """
     for roi in rois:
         begin_s = time.perf_counter()
@@ -92,13 +79,13 @@ def trials(rois: Sequence[Roi], explorers: Sequence[Explorer], terms: Terms) -> 
 
 
 def means(done: Sequence[Trial]) -> dict[str, Any]:
-    """The means of the figures; `ratio` is mean makespan over mean lower bound, and `bound_held`
-    says of all trials whether they kept their bound."""
+    """Return the means of the figures; `ratio` is mean makespan over mean lower bound, and
+    `bound_held` whether all trials kept their bound."""
     if not done:
         return {}
     rows = [trial.figures() for trial in done]
     values: dict[str, Any] = {}
-    for key in _KEYS:
+    for key in rows[0]:
         column = [row[key] for row in rows]
         if None in column:
             values[key] = None

@@ -1,33 +1,64 @@
-"""What people open: report.html and map.gpkg, once all other results are on the disk.
+"""What other programs open: the files of all formats, and the documents of a flight.
 
-Whatever goes wrong with them is told in a line: without them the results are complete.
+The documents, report.html and map.gpkg, are written once all other results are on the disk. One
+that cannot be written costs a line, and no result.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
-from typing import Any, Final
+from types import MappingProxyType
+from typing import Final, NamedTuple
 
 from PIL import Image
 
 from missions.errors import OutputError
-from missions.events import Event
-from missions.flight.setting import Setting
 from uavmap.base.atomic_write import write_bytes
-from uavmap.journal.flight_plan import FlightPlan
-from uavmap.output.facts.calendar import Calendar
-from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.facts.map_model import MapData
-from uavmap.output.formats.exports import FORMATS, files_of
+from uavmap.output.formats.map_layers import layers
 
-GEOPACKAGE: Final = FORMATS["gpkg"].name
 REPORT: Final = "report.html"
 
 
+class Format(NamedTuple):
+    """A kind of file.
+
+    Attributes:
+        name: Of the file in the results, or of the folder that holds a file per layer.
+        module: Its encoder, imported on demand.
+        several: Whether it is a file per layer.
+    """
+
+    name: str
+    module: str
+    several: bool = False
+
+
+FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
+    {
+        "gpkg": Format("map.gpkg", "geopackage_layers"),
+        "shp": Format("shp", "shapefile_layers", several=True),
+        "geojson": Format("geojson", "geojson_encoder", several=True),
+        "kml": Format("flight.kml", "kml_encoder"),
+        "gpx": Format("flight.gpx", "gpx_layers"),
+        "csv": Format("csv", "csv_layers", several=True),
+    }
+)
+GEOPACKAGE: Final = FORMATS["gpkg"].name
+
+
+def files_of(flown: Flown, kind: str) -> dict[str, bytes]:
+    """Encode the files of a format, by name."""
+    made = FORMATS[kind]
+    encode = import_module(f"uavmap.output.formats.{made.module}").encode
+    data = encode(flown, layers(flown, flown.boundary))
+    return data if isinstance(data, dict) else {made.name: data}
+
+
 def write_documents(flown: Flown, say: Callable[[str], None]) -> None:
-    """Write both into the folder of the results; one that cannot be is told."""
+    """Write both documents into the folder of the results; report one that cannot be written."""
     kinds = (
         (GEOPACKAGE, write_geopackage, f"uavmap export {flown.folder} --to gpkg"),
         (REPORT, write_report, f"uavmap report {flown.folder}"),
@@ -45,40 +76,22 @@ def write_documents(flown: Flown, say: Callable[[str], None]) -> None:
 
 
 def load() -> None:
-    """Load what documents and pictures are written with: a tenth of a second, the first time, which
-    is nobody's while other work is going on."""
+    """Import what documents and pictures need (0.1 s), while other work is going on."""
     from uavmap.output.report.page import load as load_page  # noqa: PLC0415 - see write_report
 
     Image.preinit()
     load_page()
 
 
-def with_documents(
-    folder: Path,
-    plan: FlightPlan,
-    setting: Setting,
-    events: Sequence[Event],
-    say: Callable[[str], None],
-) -> tuple[Calendar, Callable[[MapData, Mapping[str, Any]], None]]:
-    """When a flight was, and what writes the documents of its map and its summary."""
-    calendar = Calendar.of_flight(plan)
-
-    def write(data: MapData, values: Mapping[str, Any]) -> None:
-        log = FlightLog.of(events)
-        write_documents(Flown(folder, plan, setting, data, values, log, calendar), say)
-
-    return calendar, write
-
-
 def write_geopackage(flown: Flown) -> None:
-    """map.gpkg. Raises `OutputError`."""
+    """Write map.gpkg. Raises `OutputError`."""
     path = flown.folder / GEOPACKAGE
     refuse_open(path)
     _write(path, files_of(flown, "gpkg")[GEOPACKAGE])
 
 
 def write_report(flown: Flown, path: Path | None = None) -> None:
-    """report.html, or another file. Raises `OutputError`."""
+    """Write report.html, or another file. Raises `OutputError`."""
     from uavmap.output.report.page import encode  # noqa: PLC0415 - jinja2, where a page is made
 
     _write(path or flown.folder / REPORT, encode(flown))
@@ -87,7 +100,7 @@ def write_report(flown: Flown, path: Path | None = None) -> None:
 def refuse_open(path: Path) -> None:
     """Raise `OutputError` where a GeoPackage is open in another program.
 
-    Its log lies beside it then, and would be taken for that of the file that replaces it.
+    The log of that program lies beside the file, and would be applied to its replacement.
     """
     for suffix in ("-wal", "-journal"):
         log = path.with_name(f"{path.name}{suffix}")

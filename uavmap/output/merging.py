@@ -1,8 +1,7 @@
-"""One map of several journals: of a fleet whose members each kept one, or of several flights.
+"""One map of several journals: of the members of a fleet, or of several flights.
 
-Every event stays what it is, with who it is of. Of a member whose journal is not there, or lacks
-its end, the frames count that others have heard of, so what was confirmed anywhere is on the map.
-The journals may be given in any order.
+The journals may come in any order. Where the journal of a member is missing or lacks its end, its
+frames count as far as other members received them.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import blake2s
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,12 +24,10 @@ from uavmap.fleet.sealing import meaning_of
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.journal.recovery import read_journal
-from uavmap.output.documents import with_documents
-from uavmap.output.facts.score import true_roi
-from uavmap.output.write_results import write_results
+from uavmap.output.write_results import flown_flight, write_results
 
 MERGED: Final = "merged"
-"""In the journal's meta: the folders whose journals it was made of."""
+"""Key of the journal's meta: the folders of its sources."""
 NOT_OWN: Final = (Heard, Shared, Allotted, Apart, Asked, Leased)
 
 
@@ -43,9 +41,10 @@ class Source:
 
     @classmethod
     def read(cls, folder: Path, say: Callable[[str], None] = lambda text: None) -> Source:
-        """That of a folder of results, which is left as it is. Raises `JournalError`.
+        """Read a folder of results, without a change to it. Raises `JournalError`.
 
-        Of a damaged one its good beginning, of one under way what there is by now; says so.
+        Of a damaged journal the good beginning counts, of a flight under way what there is; report
+        it.
         """
         found = read_journal(folder / JOURNAL)
         if "replay" in found.meta:
@@ -61,7 +60,7 @@ class Source:
 
     @property
     def digest(self) -> bytes:
-        """Of all that it holds: no two flights have the same."""
+        """A digest of plan and events: no two flights have the same."""
         told = blake2s(repr(self.plan).encode())
         for event in self.events:
             told.update(to_json(event).encode())
@@ -74,7 +73,7 @@ def merged_results(
     say: Callable[[str], None],
     truth: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Write one map of the journals of some folders into another; returns the summary.
+    """Write one map of the journals of some folders into another; return the summary.
 
     `truth` is what the simulator watched. Raises `JournalError`, naming the folder, for journals
     that make no map together, and where `out` holds a journal already; `OutputError`.
@@ -83,33 +82,29 @@ def merged_results(
         raise JournalError(f"--out {out}: holds a journal already; choose a new folder")
     sources = [Source.read(folder, say) for folder in folders]
     plan, events = merged(sources)
-    setting = plan.known_setting()
     names = sorted(folder.name for folder in folders)
     with Journal.create(out / JOURNAL, {"plan": plan.as_json(), MERGED: names}) as journal:
         journal.append_all(events)
         if truth is not None:
             journal.put_meta("truth", dict(truth))
-    simulated = plan.simulated and bool(setting.mission.sim.roi)
-    roi = true_roi(setting.mission, setting.grid) if simulated else None
-    calendar, also = with_documents(out, plan, setting, events, say)
-    seed = plan.seed if plan.simulated else None
+    flown, _ = flown_flight(out, plan, plan.known_setting(), events, truth)
     try:
-        return write_results(out, setting, events, seed, truth, roi, calendar, also)
+        return write_results(flown, say)
     except OSError as error:
         raise OutputError(f"{out}: the results cannot be written ({error.strerror})") from None
 
 
 def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
-    """The plan and the events of several journals as those of one. Raises `JournalError`."""
-    sources = sorted(sources, key=_place)
+    """Merge plans and events into those of one flight. Raises `JournalError`."""
+    # in an order that does not depend on the names of folders
+    sources = sorted(sources, key=lambda s: (s.plan.member or 0, s.plan.epoch_utc_s, s.digest))
     first = sources[0]
     _refuse_strangers(sources)
     fleet = first.plan.member is not None
     if fleet:
-        numbers = {id(source): 0 for source in sources}
-        plan = replace(first.plan, member=0, comms=None)
-    else:
-        numbers, count = _renumbered(sources)
+        plan, before = replace(first.plan, member=0, comms=None), [0] * len(sources)
+    else:  # the vehicles of each flight are numbered after those of the ones before
+        *before, count = accumulate((len(s.plan.mission.vehicles) for s in sources), initial=0)
         mission = with_vehicles(first.plan.mission, count)
         plan = replace(first.plan, vehicles=count, mission=mission).as_member(0)
     zero_s = min(source.plan.epoch_utc_s for source in sources)
@@ -119,7 +114,9 @@ def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
         own = [event for event in source.events if not isinstance(event, NOT_OWN)]
         last_s = -math.inf
         for k, event in enumerate(own):  # each stays in its own order: that is what was acted on
-            moved = _moved(event, numbers[id(source)], later_s)
+            moved = replace(event, t_s=round(event.t_s + later_s, 3)) if later_s else event
+            if before[place] and not isinstance(moved, Recalled | Paused | Continued | Resumed):
+                moved = replace(moved, vehicle=moved.vehicle + before[place])
             last_s = max(last_s, moved.t_s)
             dated.append((last_s, place, k, moved))
     if fleet:
@@ -129,13 +126,8 @@ def merged(sources: Sequence[Source]) -> tuple[FlightPlan, list[Event]]:
     return replace(plan, epoch_utc_s=zero_s), [event for *_, event in dated]
 
 
-def _place(source: Source) -> tuple[int, float, bytes]:
-    """Where a journal stands among others, whatever its folder is called."""
-    return source.plan.member or 0, source.plan.epoch_utc_s, source.digest
-
-
 def _only_heard(sources: Sequence[Source]) -> list[Shared]:
-    """Facts of members whose journal is not there, or lacks its end, as others have heard them."""
+    """Return the facts that only other members' journals have."""
     known, counted = Knowledge(), dict[int, int]()
     for source in sources:
         own = Facts(source.plan.known_setting())
@@ -153,7 +145,6 @@ def _only_heard(sources: Sequence[Source]) -> list[Shared]:
 
 
 def _refuse_strangers(sources: Sequence[Source]) -> None:
-    """Raise `JournalError` for journals that make no map together."""
     first = sources[0]
     members = [source.plan.member for source in sources]
     for source in sources[1:]:
@@ -183,32 +174,12 @@ def _refuse_strangers(sources: Sequence[Source]) -> None:
                 "drifts: their cells are not the same ground"
             )
     for place, source in enumerate(sources):
-        number = source.plan.member
+        number, folder = source.plan.member, source.folder
         if number == 0:
-            raise JournalError(
-                f"{source.folder}: it is merged already; give the journals it is made of"
-            )
+            raise JournalError(f"{folder}: it is merged already; give the journals it is made of")
         if number is not None and number in members[:place]:
             other_folder = sources[members.index(number)].folder
             raise JournalError(
-                f"{source.folder}: is of vehicle {number}, as is {other_folder}; give one of them "
+                f"{folder}: is of vehicle {number}, as is {other_folder}; give one of them "
                 "(a flight that was gone on with has one folder)"
             )
-
-
-def _renumbered(sources: Sequence[Source]) -> tuple[dict[int, int], int]:
-    """By how much the vehicles of each flight are numbered higher, and how many there are."""
-    numbers, count = {}, 0
-    for source in sources:
-        numbers[id(source)] = count
-        count += len(source.plan.mission.vehicles)
-    return numbers, count
-
-
-def _moved(event: Event, higher: int, later_s: float) -> Event:
-    """An event of a vehicle that is numbered higher, and of a flight that began later."""
-    if later_s:
-        event = replace(event, t_s=round(event.t_s + later_s, 3))
-    if higher and not isinstance(event, Recalled | Paused | Continued | Resumed):
-        event = replace(event, vehicle=event.vehicle + higher)
-    return event

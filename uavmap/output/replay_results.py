@@ -1,34 +1,36 @@
-"""The results of a replay: the same maps as of a flight, and figures that speak of pictures."""
+"""The results of a replay: the maps of a flight, and figures of pictures."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from missions.flight.setting import Setting
-from missions.mission.schema import positions
 from missions.units import LatLon
+from uavmap.journal.flight_plan import FlightPlan
 from uavmap.output import summary as summary_file
+from uavmap.output.documents import write_documents
 from uavmap.output.drawing.map_scene import Photograph, map_scene, map_view
 from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts import boundary_file
 from uavmap.output.facts.boundary_file import BoundaryMap
-from uavmap.output.facts.boundary_summary import FILE, BoundaryTold, boundary_of
+from uavmap.output.facts.boundary_model import FILE, boundary_of
 from uavmap.output.facts.calendar import Calendar
 from uavmap.output.facts.extent import Extent, extent
-from uavmap.output.facts.flown_mission import dated
-from uavmap.output.facts.map_model import CellTable, MapData, Track
-from uavmap.output.formats import geojson_encoder as geojson
-from uavmap.output.formats import kml_encoder as kml
+from uavmap.output.facts.flight_log import FlightLog
+from uavmap.output.facts.flown_mission import Flown, dated
+from uavmap.output.facts.map_model import CellTable, Track
+from uavmap.output.write_results import map_of, write_cells
 
 KIND = "recorded pictures"
-"""In place of a strategy: nobody has flown."""
+"""Stands in the summary in place of a strategy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +39,10 @@ class Replayed:
 
     Attributes:
         cells: Every cell that was seen, sorted.
-        undecided: Those that were seen in too few pictures to be ROI; shape (n, 2).
-        taken: Of each picture that is used: seconds since the first, place, height in metres.
-        refused: How many different pictures are not used.
-        copies: How many files are copies of another one.
+        undecided: Cells in too few pictures to be ROI; shape (n, 2).
+        taken: Of each used picture seconds since the first, place, height in metres.
+        refused: Number of different pictures that are not used.
+        copies: Number of files that are copies of another one.
     """
 
     cells: CellTable
@@ -56,105 +58,74 @@ class Replayed:
 
     @property
     def end_s(self) -> float:
-        """The time of the map: when the last picture was taken, in seconds since the first."""
+        """The time of the map: of the last picture, in seconds since the first."""
         return max((t_s for t_s, _, _ in self.taken), default=0.0)
 
     @property
     def complete(self) -> bool:
-        """Whether that is a map of what was photographed: most pictures are in it."""
+        """Whether most pictures are in the map."""
         return len(self.cells) > 0 and len(self.taken) > self.refused
 
 
-@dataclass(frozen=True, slots=True)
-class Written:
-    """The maps of a replay that are on the disk, for who writes more about them.
-
-    Attributes:
-        data: The map.
-        values: The summary.
-        size: How large the region is.
-        boundary: At pixel level, if there is one.
-    """
-
-    data: MapData
-    values: Mapping[str, Any]
-    size: Extent
-    boundary: BoundaryTold | None
-
-
 def write_replay(
-    folder: Path,
-    setting: Setting,
-    replayed: Replayed,
-    boundary: Callable[[], BoundaryMap | None] = lambda: None,
-    beneath: Photograph | None = None,
-    calendar: Calendar | None = None,
-    also: Callable[[Written], None] | None = None,
+    made: Flown,
+    boundary: Callable[[], BoundaryMap | None],
+    beneath: Photograph | None,
+    say: Callable[[str], None],
 ) -> dict[str, Any]:
-    """Write the maps and the summary of a replay; returns the summary.
+    """Write the results of a replay; return the summary.
 
-    `boundary` waits for that at pixel level, which is reckoned meanwhile. `beneath` is the ground
-    of the map's picture; `calendar` says when it was. `also` is given what was written, in a
-    thread of its own while the picture is drawn, which is the last that is missing then.
+    `boundary` waits for the boundary at pixel level; `beneath` is the ground of the map's picture.
+    Files are written in a second thread while these two, and then the picture, are computed.
     """
-    data = replay_map(setting, replayed)
-    size = extent(data, setting.mission.detector.share)
-    when = calendar or Calendar(None)
-    values = dated(replay_summary(setting, replayed), data, size, when)
-    with ThreadPoolExecutor(1) as pool:  # short: who breaks this off waits for a moment
-        cells = pool.submit(_write_cells, folder, data, when.utc(data.t_s))
+    data, values = made.data, dict(made.values)
+    with ThreadPoolExecutor(1) as pool:  # short tasks: Ctrl-C waits for a moment only
+        cells = pool.submit(write_cells, made)
         photograph = None if beneath is None else beneath(map_view(data))
         found = boundary()
         if found is not None:
             values |= found.figures()
             data = data.with_boundary(found.boundary.region)
-        others = pool.submit(_write_others, folder, data, values, size, found, also)
-        write_sheet(map_scene(data), folder / "map.png", photograph)
+        flown = replace(made, data=data, values=values)
+        others = pool.submit(_write_others, flown, made.extent, found, say)
+        write_sheet(map_scene(data), flown.folder / "map.png", photograph)
         for files in (cells, others):
             files.result()
     return values
 
 
-def _write_cells(folder: Path, data: MapData, utc: str | None) -> None:
-    geojson.write(data, folder / "map.geojson", utc)
-    kml.write(data, folder / "map.kml")
-
-
 def _write_others(
-    folder: Path,
-    data: MapData,
-    values: Mapping[str, Any],
-    size: Extent,
-    found: BoundaryMap | None,
-    also: Callable[[Written], None] | None,
+    flown: Flown, size: Extent, found: BoundaryMap | None, say: Callable[[str], None]
 ) -> None:
-    """What is written of the boundary, the figures, and what others make of all that."""
-    features = () if found is None else boundary_file.write(found, folder / FILE)
-    summary_file.write(values, folder / "summary.json")
-    if also is not None:
-        also(Written(data, values, size, boundary_of(features, data) if features else None))
-
-
-def replay_map(setting: Setting, replayed: Replayed) -> MapData:
-    """What the map writers need."""
-    mission, grid = setting.mission, setting.grid
-    return MapData(
-        mission=mission.name,
-        grid=grid,
-        t_s=replayed.end_s,
-        cells=replayed.cells,
-        tracks=(Track(1, tuple(replayed.taken)),) if replayed.taken else (),
-        start=mission.home,
-        box=positions(mission.search.box),
-        fence=positions(mission.fence.polygon),
-        fence_holes=tuple(positions(hole) for hole in mission.fence.holes),
-        pictures=len(replayed.taken),
+    """Write the boundary, the summary and the documents."""
+    features = () if found is None else boundary_file.write(found, flown.folder / FILE)
+    summary_file.write(flown.values, flown.folder / "summary.json")
+    write_documents(
+        flown.knowing(size, boundary_of(features, flown.data) if features else None), say
     )
 
 
-def replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:
-    """summary.json of a replay."""
+def flown_replay(
+    folder: Path,
+    plan: FlightPlan,
+    setting: Setting,
+    replayed: Replayed,
+    log: FlightLog,
+    calendar: Calendar,
+    known: Mapping[str, Any] = MappingProxyType({}),
+) -> Flown:
+    """Create what the results of a replay show; `known` are figures that replace others."""
+    tracks = (Track(1, tuple(replayed.taken)),) if replayed.taken else ()
+    data = map_of(setting, replayed.end_s, replayed.cells, tracks)
+    data = replace(data, pictures=len(replayed.taken))
+    size = extent(data, setting.mission.detector.share)
+    values = dated({**_replay_summary(setting, replayed), **known}, data, size, calendar)
+    return Flown(folder, plan, setting, data, values, log, calendar, recorded=True)
+
+
+def _replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:
     cell_m2 = setting.grid.cell_m**2
+    votes = int(replayed.cells.votes.sum(dtype=np.int64))
     used, roi = len(replayed.taken), int(np.count_nonzero(replayed.cells.roi))
     return {
         "mission": setting.mission.name,
@@ -171,16 +142,10 @@ def replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:
         "cells_roi": roi,
         "cells_roi_m2": round(roi * cell_m2, 1),
         "cells_undecided": len(replayed.undecided),
-        "pictures_per_cell": _per_cell(replayed),
+        "pictures_per_cell": round(votes / len(replayed.cells), 2) if votes else 0.0,
         "decided_by": "evidence" if setting.mission.by_evidence else "count",
         "iou_cells": None,
     }
-
-
-def _per_cell(replayed: Replayed) -> float:
-    if not len(replayed.cells):
-        return 0.0
-    return round(int(replayed.cells.votes.sum(dtype=np.int64)) / len(replayed.cells), 2)
 
 
 def _finding(replayed: Replayed, roi: int, area_m2: float) -> str:

@@ -11,9 +11,9 @@ from uavmap.base.atomic_write import write_text
 
 
 def encode(figures: Mapping[str, object]) -> str:
-    """The figures as JSON, in the order given; numbers that JSON lacks become null.
+    """Encode figures as JSON, in their order; numbers that JSON lacks become null.
 
-    A name of a file that is no UTF-8 comes in the escapes of JSON, and reads back as it was.
+    Bytes of file names that are not UTF-8 are escaped, and read back as they were.
 
     >>> print(encode({"sorties": 2, "iou_cells": float("nan")}))
     {
@@ -26,12 +26,11 @@ def encode(figures: Mapping[str, object]) -> str:
 
 
 def write(figures: Mapping[str, object], path: Path) -> None:
-    """Write the figures to `path`. Raises `TypeError` for what JSON cannot hold."""
+    """Write figures. Raises `TypeError` for what JSON cannot hold."""
     write_text(path, encode(figures) + "\n")
 
 
 def _plain(value: object) -> object:
-    """The value with null for every NaN and infinity in it."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):

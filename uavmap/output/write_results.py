@@ -1,8 +1,9 @@
-"""The results of a mission in its folder: maps, picture, summary."""
+"""The results of a flight in its folder: maps, picture, summary, documents."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,45 +13,61 @@ from missions.events import Event
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.mapping.evidence import Evidence
-from missions.mapping.tree import Tree
 from missions.mission.schema import positions
 from missions.units import Cell
+from uavmap.journal.flight_plan import FlightPlan
 from uavmap.output import summary as summary_file
+from uavmap.output.documents import write_documents
 from uavmap.output.drawing.map_scene import map_scene
 from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts.calendar import Calendar
 from uavmap.output.facts.extent import extent
 from uavmap.output.facts.figures import Figures, figures, summary
-from uavmap.output.facts.flown_mission import dated
+from uavmap.output.facts.flight_log import FlightLog
+from uavmap.output.facts.flown_mission import Flown, dated
 from uavmap.output.facts.map_model import CellRow, MapData, Track
 from uavmap.output.facts.map_model import State as CellState
-from uavmap.output.facts.score import score
+from uavmap.output.facts.score import score, true_roi
 from uavmap.output.formats import geojson_encoder as geojson
 from uavmap.output.formats import kml_encoder as kml
 
 
-def map_data(
+def flown_flight(
+    folder: Path,
+    plan: FlightPlan,
     setting: Setting,
-    state: State,
-    found: Figures,
-    truth: BaseGeometry | None,
-    *,
-    recorded: bool = False,
-    evidence: Evidence | None = None,
-) -> MapData:
-    """What the map writers need. In `recorded` imagery whatever was judged was also seen whole;
-    `evidence` is what decides there, where votes are not counted."""
-    mission, grid = setting.mission, setting.grid
-    share = mission.detector.share
+    events: Sequence[Event],
+    simulated: Mapping[str, Any] | None = None,
+) -> tuple[Flown, State]:
+    """Fold the journal of a flight; return what its results show, and its last state.
+
+    `simulated` is what the simulator watched.
+    """
+    state, found = figures(setting, events)
+    truth = None
+    if plan.simulated and setting.mission.sim.roi:
+        truth = true_roi(setting.mission, setting.grid)
+    data = map_data(setting, state, found, truth)
+    values = _values(plan, setting, state, found, truth) | dict(simulated or {})
+    calendar = Calendar.of_flight(plan)
+    values = dated(values, data, extent(data, setting.mission.detector.share), calendar)
+    return Flown(folder, plan, setting, data, values, FlightLog.of(events), calendar), state
+
+
+def write_results(flown: Flown, say: Callable[[str], None]) -> dict[str, Any]:
+    """Write the maps, the summary and then the documents of a flight; return the summary."""
+    write_cells(flown)
+    write_sheet(map_scene(flown.data), flown.folder / "map.png")
+    summary_file.write(flown.values, flown.folder / "summary.json")
+    write_documents(flown, say)
+    return dict(flown.values)
+
+
+def map_data(setting: Setting, state: State, found: Figures, truth: BaseGeometry | None) -> MapData:
+    """Create the map of a flight."""
+    grid = setting.grid
     rows = tuple(
-        CellRow(
-            cell,
-            cell_state(cell, state, recorded=recorded)
-            if evidence is None
-            else weighed_state(cell, evidence, share),
-            tally.positive,
-            tally.total,
-        )
+        CellRow(cell, cell_state(cell, state, recorded=False), tally.positive, tally.total)
         for cell, tally in state.belief.cells().items()
     )
     tracks = tuple(
@@ -58,23 +75,37 @@ def map_data(
         for number, points in found.tracks.items()
         if points
     )
+    lanes = tuple((grid.position(a), grid.position(b)) for a, b in state.unsearched)
+    return replace(map_of(setting, state.t_s, rows, tracks), truth=truth, unsearched=lanes)
+
+
+def map_of(
+    setting: Setting, t_s: float, cells: Sequence[CellRow], tracks: tuple[Track, ...]
+) -> MapData:
+    """Create the map of some cells and tracks, in what the mission planned."""
+    mission = setting.mission
     return MapData(
         mission=mission.name,
-        grid=grid,
-        t_s=state.t_s,
-        cells=rows,
+        grid=setting.grid,
+        t_s=t_s,
+        cells=cells,
         tracks=tracks,
         start=mission.home,
         box=positions(mission.search.box),
         fence=positions(mission.fence.polygon),
         fence_holes=tuple(positions(hole) for hole in mission.fence.holes),
-        truth=truth,
-        unsearched=tuple((grid.position(a), grid.position(b)) for a, b in state.unsearched),
     )
 
 
+def write_cells(flown: Flown) -> None:
+    """Write map.geojson and map.kml."""
+    data = flown.data
+    geojson.write(data, flown.folder / "map.geojson", flown.calendar.utc(data.t_s))
+    kml.write(data, flown.folder / "map.kml")
+
+
 def cell_state(cell: Cell, state: State, *, recorded: bool) -> CellState:
-    """What the map says of a cell; in `recorded` imagery every ROI cell counts as explored."""
+    """Return the state of a cell on the map; in recorded imagery every ROI cell is explored."""
     if cell not in state.belief.roi:
         votes = state.belief.tally(cell, None)
         if recorded or not votes.total or state.belief.verdict(cell) is not None:
@@ -84,68 +115,28 @@ def cell_state(cell: Cell, state: State, *, recorded: bool) -> CellState:
         return "explored"
     if cell in state.skipped:
         return "skipped"
-    tree: Tree | None = state.tree
-    if tree is None:  # of a survey, or where every patch is looked for
+    if state.tree is None:  # of a survey, or where every patch is looked for
         known = all(state.belief.verdict(near) is not None for near in cell.neighbours())
         return "explored" if known else "unexplored"
-    if cell not in tree:
-        return "unexplored"
-    return tree.state(cell).value
+    return state.tree.state(cell).value if cell in state.tree else "unexplored"
 
 
 def weighed_state(cell: Cell, evidence: Evidence, share: float) -> CellState:
-    """What the map says of a cell that is decided by evidence."""
+    """Return the state of a cell that is decided by evidence."""
     return "explored" if evidence.is_roi(cell, share) else "non-roi"
 
 
-def flight_values(
-    setting: Setting,
-    state: State,
-    found: Figures,
-    seed: int | None,
-    simulated: Mapping[str, Any] | None = None,
-    roi: BaseGeometry | None = None,
+def _values(
+    plan: FlightPlan, setting: Setting, state: State, found: Figures, truth: BaseGeometry | None
 ) -> dict[str, Any]:
-    """The figures of a flight, with what the truth says of them, where it is known."""
-    values = summary(setting, state, found, seed)
+    values = summary(setting, state, found, plan.seed if plan.simulated else None)
     values |= {"cells_skipped": len(state.skipped)}
-    if roi is not None:
-        marks = score(state.belief.roi, roi, setting.grid, state.belief.detections())
+    if truth is not None:
+        marks = score(state.belief.roi, truth, setting.grid, state.belief.detections())
         values |= {
             "false_positives": marks.false_positives,
             "false_negatives": marks.false_negatives,
             "cells_missed": marks.cells_missed,
             "iou_cells": round(marks.iou_cells, 4),
         }
-    return values | dict(simulated or {})
-
-
-def write_results(
-    folder: Path,
-    setting: Setting,
-    events: list[Event],
-    seed: int | None,
-    simulated: Mapping[str, Any] | None = None,
-    roi: BaseGeometry | None = None,
-    calendar: Calendar | None = None,
-    also: Callable[[MapData, Mapping[str, Any]], None] | None = None,
-) -> dict[str, Any]:
-    """Write the maps and the summary of a journal; returns the summary.
-
-    `roi` is the true ROI in the moving frame, where it is known; `simulated` what the simulator
-    watched; `calendar` when it was. `also` is given the map and the summary once all of it is on
-    the disk.
-    """
-    state, found = figures(setting, events)
-    data = map_data(setting, state, found, roi)
-    when = calendar or Calendar(None)
-    geojson.write(data, folder / "map.geojson", when.utc(data.t_s))
-    kml.write(data, folder / "map.kml")
-    write_sheet(map_scene(data), folder / "map.png")
-    values = flight_values(setting, state, found, seed, simulated, roi)
-    size = extent(data, setting.mission.detector.share)
-    values = dated(values, data, size, when)
-    summary_file.write(values, folder / "summary.json")
-    if also is not None:
-        also(data, values)
     return values

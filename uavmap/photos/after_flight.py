@@ -23,12 +23,8 @@ from uavmap.output.documents import write_documents
 from uavmap.output.drawing.map_scene import map_scene, map_view
 from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts import boundary_file
-from uavmap.output.facts.boundary_summary import FILE
-from uavmap.output.facts.figures import figures
-from uavmap.output.facts.flight_log import FlightLog
-from uavmap.output.facts.flown_mission import flown_from
-from uavmap.output.facts.score import true_roi
-from uavmap.output.write_results import flight_values, map_data
+from uavmap.output.facts.boundary_model import FILE
+from uavmap.output.write_results import flown_flight
 from uavmap.photos.ground.fine_map import FineMap, beneath, scene_of
 from uavmap.photos.ground.rasters import ORTHO, Rasters, Wishes
 from uavmap.photos.ground.surface import Footing
@@ -76,7 +72,7 @@ def _draw(folder: Path, spool: Spool, wishes: Wishes) -> None:
     plan = FlightPlan.read(journal)
     setting = plan.setting(lambda _: None)
     events, simulated = list(journal.events()), journal.meta.get("truth")
-    state, found = figures(setting, events)
+    flown, state = flown_flight(folder, plan, setting, events, simulated)
     gathered = gather(FlightFrames(folder))
     _LOG.info(
         f"drawing the boundary from {len(gathered.pictures)} kept pictures; all other results are "
@@ -90,15 +86,9 @@ def _draw(folder: Path, spool: Spool, wishes: Wishes) -> None:
     fine = FineMap.of(setting, looked.judge, scene, spool, looked.workers)
     told = _told(fine, looked, state)
     boundary_file.write(told, folder / FILE)
-    painted = plan.simulated and setting.mission.sim.roi
-    truth = true_roi(setting.mission, setting.grid) if painted else None
-    cells = map_data(setting, state, found, truth)
-    data = replace(cells, boundary=fine.boundary.region)
+    data = flown.data.with_boundary(fine.boundary.region)
     ground = beneath(scene, spool, setting.grid, looked.workers, state.t_s)
     write_sheet(map_scene(data), folder / "map.png", ground(map_view(data)))
-    seed = plan.seed if plan.simulated else None
-    values = flight_values(setting, state, found, seed, simulated, truth)
-    flown = flown_from(folder, plan, setting, cells, values, FlightLog.of(events))
     write_documents(flown, _LOG.info)
     placed = [shot.placed for shot in looked.shots]
     rasters = Rasters(fine, looked.judge, placed, state.t_s, looked.workers)

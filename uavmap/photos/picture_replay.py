@@ -31,13 +31,11 @@ from uavmap.base.printable import printable
 from uavmap.base.terminal import LINE_LIMIT
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import FlightPlan
-from uavmap.output.documents import write_documents
 from uavmap.output.facts.boundary_file import BoundaryMap
 from uavmap.output.facts.calendar import TAKEN, Calendar, taken_meta
 from uavmap.output.facts.flight_log import FlightLog
-from uavmap.output.facts.flown_mission import Flown
 from uavmap.output.facts.vote_tally import Votes, weighed
-from uavmap.output.replay_results import Replayed, Written, write_replay
+from uavmap.output.replay_results import Replayed, flown_replay, write_replay
 from uavmap.photos.ground.fine_map import FineMap, beneath, scene_of
 from uavmap.photos.ground.judging import Judge, Task
 from uavmap.photos.ground.rasters import Rasters, Wishes
@@ -125,13 +123,7 @@ class Looked:
         )
         calendar = Calendar.of_replay(journal.meta.get(TAKEN))
         plan = FlightPlan.read(journal)
-
-        said: list[str] = []
-
-        def also(done: Written) -> None:
-            made = (folder, plan, self.setting, done.data, done.values, log, calendar)
-            flown = Flown(*made, recorded=True).knowing(done.size, done.boundary)
-            write_documents(flown, said.append)
+        made = flown_replay(folder, plan, self.setting, mapped, log, calendar)
 
         def boundary() -> BoundaryMap | None:
             self.fine = fine.result()
@@ -144,7 +136,8 @@ class Looked:
         if scene is not None:
             grid = self.setting.grid
             ground = beneath(scene, self.spool, grid, self.workers, mapped.end_s)
-        summary = write_replay(folder, self.setting, mapped, boundary, ground, calendar, also)
+        said: list[str] = []
+        summary = write_replay(made, boundary, ground, said.append)
         for line in said:
             _LOG.info(line)
         write_pictures(self._rows(), folder / FILE)

@@ -31,13 +31,14 @@ from uavmap.journal.flight_plan import TLOG, FlightPlan
 from uavmap.journal.kept_frames import FrameKeeper
 from uavmap.journal.mission_time import Clocks, Marks, last_mark, read_clocks, taken_up_at
 from uavmap.journal.telemetry_log import TlogWriter
-from uavmap.output.documents import with_documents
-from uavmap.output.facts.score import true_roi
-from uavmap.output.write_results import write_results
+from uavmap.output.write_results import flown_flight, write_results
 from uavmap.runner.aircraft_process import AircraftProcess, Attachment, Connection
 from uavmap.runner.aircraft_side import in_this_process
 from uavmap.runner.before_flight import Preflight, kept_fence
-from uavmap.runner.flight_links import Link, mavlink_link
+from uavmap.runner.flight_links import (
+    Link,
+    mavlink_link,
+)
 from uavmap.runner.ground_service import GroundService
 from uavmap.runner.operator.caller import Caller
 from uavmap.runner.operator.flight_keys import Keys
@@ -393,16 +394,10 @@ def written_results(
     """Write the results; what the simulator watched is kept for when they are written anew."""
     if truth is not None:
         journal.put_meta("truth", truth.figures())
-    roi = None
-    if plan.simulated and setting.mission.sim.roi:
-        roi = true_roi(setting.mission, setting.grid)
-    seed = plan.seed if plan.simulated else None
     events = list(journal.events())
-    calendar, also = with_documents(folder, plan, setting, events, _LOG.info)
+    flown, _ = flown_flight(folder, plan, setting, events, journal.meta.get("truth"))
     try:
-        return write_results(
-            folder, setting, events, seed, journal.meta.get("truth"), roi, calendar, also
-        )
+        return write_results(flown, _LOG.info)
     except OSError as error:
         raise OutputError(
             f"{folder}: the results cannot be written ({error.strerror}); the journal is whole: "

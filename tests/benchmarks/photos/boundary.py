@@ -35,7 +35,7 @@ from tests.support.plans import named_text, plan_of
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
 from uavmap.load.mission_source import load
-from uavmap.output.facts.boundary_summary import FILE
+from uavmap.output.facts.boundary_model import FILE
 from uavmap.output.facts.score import true_roi
 from uavmap.photos.after_flight import draw_boundary
 from uavmap.photos.ground.rasters import Wishes

@@ -6,19 +6,16 @@ import argparse
 import csv
 import io
 import math
-import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
-
-from rich.console import Console
-from rich.table import Table
 
 from missions.errors import AreaError, StrategyError
 from missions.lab.cooperation.space import Point
 from missions.lab.cooperation.trapezoids import Cover
 from missions.units import LatLon
 from uavmap.journal.results_folder import make_folder
-from uavmap.lab.commands.runs import free_file
+from uavmap.lab.commands.runs import free_file, print_table, tell
 from uavmap.lab.commands.simulate_options import checked_robots
 from uavmap.lab.cooperation_film import write_animation, write_picture
 from uavmap.lab.cooperation_trials import Cooperation, Mode, Report, cooperate
@@ -32,7 +29,7 @@ _THETA_DEG: Final = 60.0
 
 
 def run_cooperation(options: argparse.Namespace) -> int:
-    """Simulate; returns the exit code."""
+    """Simulate; return the exit code."""
     terms = Cooperation(
         mode=Mode(options.cooperate or Mode.TRAPEZOID),
         robots=checked_robots(options),
@@ -54,17 +51,17 @@ def run_cooperation(options: argparse.Namespace) -> int:
     except (AreaError, StrategyError) as error:
         raise type(error)(f"{options.polygon}: {error}") from None
     except KeyboardInterrupt:
-        print("uavmap: interrupted", file=sys.stderr)
+        tell("uavmap: interrupted")
         return INTERRUPTED
     if not print_figures(report.figures(), summary, as_json=options.json):
-        _table(report, Path(options.polygon).name)
+        _print_tables(report, Path(options.polygon).name)
     if out is not None:
         save(out / FILES[1], moves_csv(report).encode())
         write_picture(report, out / FILES[2])
-        print(f"results in {out}", file=sys.stderr)
+        tell(f"results in {out}")
     if options.animate is not None:
         write_animation(report, options.animate)
-        print(f"animation in {options.animate}", file=sys.stderr)
+        tell(f"animation in {options.animate}")
     return 0 if report.complete else INCOMPLETE
 
 
@@ -78,7 +75,7 @@ def _start(text: str | None, ground: Ground) -> Point | None:
 
 
 def moves_csv(report: Report) -> str:
-    """The moves: a line for each end of a leg, and where it began."""
+    """Write the moves: a line for each end of a leg, and for its beginning."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(("move", "robot", "for", "east_m", "north_m"))
@@ -89,14 +86,10 @@ def moves_csv(report: Report) -> str:
     return text.getvalue()
 
 
-def _table(report: Report, name: str) -> None:
-    """For people."""
+def _print_tables(report: Report, name: str) -> None:
     figures, terms = report.figures(), report.terms
-    table = Table(title=f"{name}, {terms.robots} robots, {terms.mode}", title_justify="left")
-    table.add_column("figure")
-    table.add_column("value", justify="right")
     pieces = "triangles" if terms.mode is Mode.TRIANGULATION else "stripes"
-    for label, value in (
+    rows = (
         ("path of all robots, m", f"{figures['path_m']:.1f}"),
         ("of it through known ground, m", f"{figures['known_path_m']:.1f}"),
         ("exchanges (steps)", str(figures["steps"])),
@@ -106,22 +99,17 @@ def _table(report: Report, name: str) -> None:
         ("area mapped, sq m", f"{figures['mapped_m2']:.1f}"),
         ("area missed, sq m", f"{figures['missed_m2']:.1f}"),
         ("points seen by no robot", f"{figures['points_unseen']} of {figures['points_looked_at']}"),
-    ):
-        table.add_row(label, value)
-    Console().print(table)
-    ends = Table(title="where robots are in the end, one sigma", title_justify="left")
-    ends.add_column("robot", justify="right")
-    for title in ("error, m", "ellipse, m", "alone: error, m", "alone: ellipse, m"):
-        ends.add_column(title, justify="right")
-    for end in figures["final_places"]:
-        cells = [
-            text
-            for which in ("watched", "alone")
-            for text in (
-                f"{end[which]['error_m']:.2f}",
-                f"{end[which]['ellipse_major_m']:.2f} x {end[which]['ellipse_minor_m']:.2f}",
-            )
-        ]
-        ends.add_row(str(end["robot"]), *cells)
-    Console().print(ends)
+    )
+    print_table(f"{name}, {terms.robots} robots, {terms.mode}", ("figure", "value"), rows)
+    columns = ("robot", "error, m", "ellipse, m", "alone: error, m", "alone: ellipse, m")
+    ends = [
+        (str(end["robot"]), *_error_texts(end["watched"]), *_error_texts(end["alone"]))
+        for end in figures["final_places"]
+    ]
+    print_table("where robots are in the end, one sigma", columns, ends, left=0)
     print("alone: the same odometers, and nobody watching")
+
+
+def _error_texts(end: Mapping[str, float]) -> tuple[str, str]:
+    size = f"{end['ellipse_major_m']:.2f} x {end['ellipse_minor_m']:.2f}"
+    return f"{end['error_m']:.2f}", size

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
-
-from rich.console import Console
-from rich.table import Table
 
 from missions.errors import StrategyError, UavmapError
 from missions.lab.arena.nonstop import Camera, Team
 from missions.lab.arena.roi import Roi
 from missions.planning.sweep.strategies import WithoutStopping
 from uavmap.journal.results_folder import make_folder
-from uavmap.lab.commands.runs import figures_by_name, run_all
+from uavmap.lab.commands.runs import figures_by_name, print_table, run_all, tell
 from uavmap.lab.commands.simulate_options import NONSTOP_DEFAULTS
-from uavmap.lab.nonstop_film import film_of_nonstop
 from uavmap.lab.nonstop_trials import (
     FlightTerms,
     NonstopTrial,
@@ -26,6 +21,7 @@ from uavmap.lab.nonstop_trials import (
     nonstop_means,
     nonstop_trials,
 )
+from uavmap.lab.run_film import film_of_nonstop
 from uavmap.load.planner_setup import tell_if_uncompiled
 from uavmap.ui.cli.common import pair, print_figures
 from uavmap.ui.cli.picture_options import wants_pictures, write_pictures
@@ -40,27 +36,28 @@ def run_nonstop(
     strategies: Sequence[WithoutStopping],
     out: Path | None,
 ) -> int:
-    """Simulate; returns the exit code."""
+    """Simulate; return the exit code."""
     terms = _terms(options)
     if out is not None:
         make_folder(out.parent)  # before anything is computed
-    tell_if_uncompiled((s.name for s in strategies), lambda text: print(text, file=sys.stderr))
+    tell_if_uncompiled((s.name for s in strategies), tell)
     runs = nonstop_trials(rois, strategies, terms)
     done, code = run_all(runs, len(rois) * len(strategies))
-    figures = figures_by_name({s.name: _of(s, done) for s in strategies}, nonstop_means)
-    if not print_figures(figures, out, as_json=options.json):
-        _table(done, strategies, terms)
+    groups = {s.name: [trial for trial in done if trial.strategy == s.name] for s in strategies}
+    if not print_figures(figures_by_name(groups, nonstop_means), out, as_json=options.json):
+        _print_tables(groups, terms)
     if wants_pictures(options) and code == 0:
-        _pictures(options, rois[options.index], strategies[0], terms)
+        roi, strategy, team = rois[options.index], strategies[0], terms.team
+        shown = flown_under(roi, strategy, terms, record=True)
+        title = f"{roi.name}   ·   {strategy.name}, {_vehicles(terms)}"
+        shows_m = (team.camera.east_m, team.camera.north_m)
+        film = film_of_nonstop(shown, roi, team.cell_m, shows_m, title)
+        write_pictures(options, film, None, tell)
     return code
 
 
 def _terms(options: argparse.Namespace) -> FlightTerms:
-    """The options with their defaults.
-
-    Raises:
-        UavmapError: what these strategies do not take, or a footprint that is none.
-    """
+    """Read the options. Raises `UavmapError` for one that does not apply, or a bad footprint."""
     for name, why in (
         ("drift", "these strategies are simulated on resting regions only"),
         (
@@ -89,37 +86,32 @@ def _terms(options: argparse.Namespace) -> FlightTerms:
     return FlightTerms(team, value["box_factor"], offline=value["offline"], seed=seed)
 
 
-def _of(strategy: WithoutStopping, done: Sequence[NonstopTrial]) -> list[NonstopTrial]:
-    return [trial for trial in done if trial.strategy == strategy.name]
-
-
-def _table(
-    done: Sequence[NonstopTrial], strategies: Sequence[WithoutStopping], terms: FlightTerms
-) -> None:
-    """For people: of a ROI, or the means of several."""
-    runs = len(done) // len(strategies)
+def _print_tables(groups: Mapping[str, Sequence[NonstopTrial]], terms: FlightTerms) -> None:
+    done = [trial for trials in groups.values() for trial in trials]
+    runs = len(done) // len(groups)
     what = f"means of {runs} ROIs" if runs != 1 else done[0].roi
-    title = f"{what}, {_vehicles(terms)}" if done else ""
-    table = Table(title=title, title_justify="left")
-    table.add_column("strategy", no_wrap=True)
     offline = ("offline, s", "T / offline") if terms.offline else ()
-    for title in ("T, s", "LB, s", "T / LB", *offline, "missed", "wrong", "s"):
-        table.add_column(title, justify="right")
-    for strategy in strategies:
-        mean = nonstop_means(_of(strategy, done))
-        if mean:
-            known = (f"{mean[k]:.2f}" for k in ("offline_s", "ratio_offline") if k in mean)
-            table.add_row(
-                strategy.name,
-                f"{mean['makespan_s']:.1f}",
-                f"{mean['lower_bound_s']:.1f}",
-                "" if mean["ratio"] is None else f"{mean['ratio']:.2f}",
-                *known,
-                f"{mean['cells_missed']:g}",
-                f"{mean['cells_wrong']:g}",
-                f"{mean['wall_s']:.3f}",
-            )
-    Console().print(table)
+    means = ((name, nonstop_means(trials)) for name, trials in groups.items())
+    rows = (
+        (
+            name,
+            f"{mean['makespan_s']:.1f}",
+            f"{mean['lower_bound_s']:.1f}",
+            "" if mean["ratio"] is None else f"{mean['ratio']:.2f}",
+            *(f"{mean[k]:.2f}" for k in ("offline_s", "ratio_offline") if k in mean),
+            f"{mean['cells_missed']:g}",
+            f"{mean['cells_wrong']:g}",
+            f"{mean['wall_s']:.3f}",
+        )
+        for name, mean in means
+        if mean
+    )
+    print_table(
+        f"{what}, {_vehicles(terms)}" if done else "",
+        ("strategy", "T, s", "LB, s", "T / LB", *offline, "missed", "wrong", "s"),
+        rows,
+        whole=("strategy",),
+    )
     print("T makespan, LB lower bound for any strategy, s real time of a run; without take-off")
     print("and search: from the start cell until everything is decided and everybody is back")
     if terms.offline:
@@ -128,14 +120,3 @@ def _table(
 
 def _vehicles(terms: FlightTerms) -> str:
     return f"{terms.team.robots} vehicle" + "s" * (terms.team.robots > 1)
-
-
-def _pictures(
-    options: argparse.Namespace, roi: Roi, strategy: WithoutStopping, terms: FlightTerms
-) -> None:
-    """One run again, to be looked at."""
-    shown = flown_under(roi, strategy, terms, record=True)
-    camera, title = terms.team.camera, f"{roi.name}   ·   {strategy.name}, {_vehicles(terms)}"
-    shows_m = (camera.east_m, camera.north_m)
-    film = film_of_nonstop(shown, roi, terms.team.cell_m, shows_m, title)
-    write_pictures(options, film, None, lambda text: print(text, file=sys.stderr))

@@ -3,21 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import math
-import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
-from rich.console import Console
-from rich.table import Table
-
-from missions.errors import (
-    LinkError,
-    LocalizationError,
-    RoiError,
-    StrategyError,
-    UavmapError,
-)
+from missions.errors import LinkError, LocalizationError, RoiError, StrategyError
 from missions.lab.arena.arena_run import Comms
 from missions.lab.arena.radio import Links
 from missions.lab.arena.roi import KINDS, MAX_CELLS, Roi, grown
@@ -27,7 +17,7 @@ from missions.planning.stepwise.metric import Metric
 from missions.planning.sweep.strategies import NONSTOP
 from missions.units import LatLon
 from uavmap.journal.results_folder import make_folder
-from uavmap.lab.commands.runs import figures_by_name, free_file, run_all
+from uavmap.lab.commands.runs import figures_by_name, free_file, print_table, run_all, tell
 from uavmap.lab.commands.simulate_options import (
     COOPERATION_OPTIONS,
     LOCALIZE_OPTIONS,
@@ -36,10 +26,12 @@ from uavmap.lab.commands.simulate_options import (
     add_localize_options,
     add_nonstop_options,
     refuse,
+    value_options,
 )
 from uavmap.lab.roi_files import load_rois
 from uavmap.lab.run_film import film_of_run
 from uavmap.lab.simulated_links import draws, simulated_links
+from uavmap.lab.simulating import MOST_ROBOTS, known_strategies, metric_of, nonstop_among
 from uavmap.lab.trials import Terms, Trial, explored, means, trials
 from uavmap.load.planner_setup import tell_if_uncompiled
 from uavmap.ui.cli.common import number_type, pair, print_figures, seed_number
@@ -50,7 +42,12 @@ from uavmap.ui.cli.picture_options import (
     write_pictures,
 )
 
-MAX_ROBOTS: Final = 1000
+_COMMS_HELP: Final = (
+    "who knows what the others saw: shared (or free), all at once (default); meeting, only who "
+    "stands at one vertex; or a radio, range:CELLS. After range:CELLS or shared, with commas: "
+    "loss:SHARE, delay:TIME, rate:CELLS_A_UNIT_OF_TIME, apart:BEGIN-END (nobody hears "
+    "anybody then; apart:10-30:1+2/3+4: only those in one group do)"
+)
 _SUMMARY: Final = "summary.json"
 _CELLS, _COUNT, _SEED = 120, 1, 1
 
@@ -85,59 +82,39 @@ def add_parser(commands: Any) -> None:
         description="Explore ROIs with perfect robots, and hold the makespan against its bounds.",
         epilog=_EXAMPLES,
     )
-    add = parser.add_argument
     where = parser.add_mutually_exclusive_group(required=True)
-    where.add_argument("--roi", metavar="FILE", help="ROIs, or a growth KIND:CELLS:SEED")
-    where.add_argument("--generate", metavar="KIND", help=f"grow ROIs: {', '.join(KINDS)}")
-    where.add_argument(
-        "--polygon",
-        metavar="FILE",
-        help="a polygon with holes, for --cooperate: GeoJSON, KML, or WKT or JSON in metres",
-    )
-    cells = number_type(int, 1, MAX_CELLS)
-    count = number_type(int, 1, 100_000)
-    add("--cells", metavar="N", type=cells, help=f"of a grown ROI (default {_CELLS})")
-    add("--count", metavar="K", type=count, help=f"how many to grow (default {_COUNT})")
-    add(
-        "--seed",
-        metavar="S",
-        type=seed_number,
-        help=f"of the first (default {_SEED}); then S + 1; of swath's errors; of a --comms loss",
-    )
-    cell_m = number_type(float, 0.01, 10_000.0)
-    add(
-        "--cell-m",
-        metavar="M",
-        type=cell_m,
-        help="cell size for GeoJSON, swath and survey (default 4)",
-    )
+    source = value_options(where)
+    source("--roi", "FILE", "ROIs, or a growth KIND:CELLS:SEED")
+    source("--generate", "KIND", f"grow ROIs: {', '.join(KINDS)}")
+    polygon = "a polygon with holes, for --cooperate: GeoJSON, KML, or WKT or JSON in metres"
+    source("--polygon", "FILE", polygon)
+    add = value_options(parser)
+    add("--cells", "N", f"of a grown ROI (default {_CELLS})", number_type(int, 1, MAX_CELLS))
+    add("--count", "K", f"how many to grow (default {_COUNT})", number_type(int, 1, 100_000))
+    seed = f"of the first (default {_SEED}); then S + 1; of swath's errors; of a --comms loss"
+    add("--seed", "S", seed, seed_number)
+    cell_m = "cell size for GeoJSON, swath and survey (default 4)"
+    add("--cell-m", "M", cell_m, number_type(float, 0.01, 10_000.0))
     add(
         "--start",
-        metavar="LAT,LON",
-        help="where to start, for GeoJSON: in the region, or at its rim (default: its west end); "
+        "LAT,LON",
+        "where to start, for GeoJSON: in the region, or at its rim (default: its west end); "
         "for --polygon (default: its southern corner; EAST,NORTH for a file in metres)",
     )
-    add(
-        "--strategy",
-        metavar="NAME",
-        action="append",
-        help="one or, with commas or given again, several (default rdfs); see uavmap strategies",
-    )
-    add("--robots", metavar="R", type=number_type(int, 1, MAX_ROBOTS), help="default 1")
-    speed = number_type(float, 1e-3, 1e3)
-    add("--speed", metavar="V", type=speed, help="default 1; of swath and survey m/s, default 6")
-    add("--drift", metavar="V,DEG", help="of the ROI: speed, and the bearing that it moves towards")
-    add_comms_option(parser)
+    names = "one or, with commas or given again, several (default rdfs); see uavmap strategies"
+    add("--strategy", "NAME", names, action="append")
+    add("--robots", "R", "default 1", number_type(int, 1, MOST_ROBOTS))
+    speed = "default 1; of swath and survey m/s, default 6"
+    add("--speed", "V", speed, number_type(float, 1e-3, 1e3))
+    add("--drift", "V,DEG", "of the ROI: speed, and the bearing that it moves towards")
+    add("--comms", "HOW", _COMMS_HELP)
     add_nonstop_options(parser)
     add_localize_options(parser)
     add_cooperation_options(parser)
     add_picture_options(parser, several=True)
-    add(
-        "--out",
-        metavar="DIR",
-        help=f"write {_SUMMARY} into this folder, too; of a polygon also moves.csv, map.png",
-    )
-    add("--json", action="store_true", help="print the figures as JSON")
+    out = f"write {_SUMMARY} into this folder, too; of a polygon also moves.csv, map.png"
+    add("--out", "DIR", out)
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -149,181 +126,122 @@ def run(options: argparse.Namespace) -> int:
                 "out the one or the other"
             )
         refuse(options, COOPERATION_OPTIONS, StrategyError, "is for --polygon FILE")
-        return _localize(options)
+        from uavmap.lab.commands.localize import run_localize  # noqa: PLC0415 - not for the others
+
+        out = free_file(options.out, [_SUMMARY])
+        return run_localize(options, lambda: _rois(options, nonstop=True), out)
     refuse(options, LOCALIZE_OPTIONS, LocalizationError, "is for --localize METHOD")
     if options.polygon is not None:
-        # its readers and pictures are nobody else's
-        from uavmap.lab.commands.cooperation import run_cooperation  # noqa: PLC0415
+        from uavmap.lab.commands.cooperation import run_cooperation  # noqa: PLC0415 - as above
 
         return run_cooperation(options)
     refuse(options, COOPERATION_OPTIONS, StrategyError, "is for --polygon FILE")
     options.robots = options.robots or 1
-    names = _names(options.strategy)
-    nonstop = [NONSTOP[name] for name in names if name in NONSTOP]
-    if nonstop and len(nonstop) < len(names):
-        raise StrategyError(
-            f"--strategy: {', '.join(NONSTOP)} count in seconds, the others in steps; they cannot "
-            "be compared in one table"
-        )
+    names = [name for part in options.strategy or ["rdfs"] for name in part.split(",")]
+    names = known_strategies(names, "--strategy ")
+    nonstop = nonstop_among(names, "--strategy")
     out = free_file(options.out, [_SUMMARY])
     check_pictures(options)
     if nonstop:
-        # its kernels take a second to load
-        from uavmap.lab.commands.nonstop import run_nonstop  # noqa: PLC0415
+        from uavmap.lab.commands.nonstop import run_nonstop  # noqa: PLC0415 - loads its kernels
 
         rois = _rois(options, nonstop=True)
-        return run_nonstop(options, rois, nonstop, out)
+        return run_nonstop(options, rois, [NONSTOP[name] for name in nonstop], out)
     others = f"is for --strategy {' or '.join(NONSTOP)}"
     refuse(options, NONSTOP_DEFAULTS, StrategyError, others)
-    explorers = [EXPLORERS[name] for name in names]
-    metric = _metric(options.speed or 1.0, options.drift)
-    comms = comms_of(options, _SEED if options.seed is None else options.seed)
-    radio = options.comms if isinstance(comms, Links) else None
-    terms, team = Terms(options.robots, metric, comms), team_told(options.robots, radio)
+    return _run_stepwise(options, [EXPLORERS[name] for name in names], out)
+
+
+def _run_stepwise(
+    options: argparse.Namespace, explorers: Sequence[Explorer], out: Path | None
+) -> int:
+    metric, comms = _metric(options.speed or 1.0, options.drift), _comms(options)
+    terms, team = Terms(options.robots, metric, comms), f"{options.robots} robot"
+    team += "s" * (options.robots > 1)
+    radio = {"comms": options.comms} if isinstance(comms, Links) else {}
+    team = ", ".join([team, *radio.values()])
     rois = _rois(options, seeded=draws(comms))
     if out is not None:
         make_folder(out.parent)  # before anything is computed
-    tell_if_uncompiled((e.name for e in explorers), lambda text: print(text, file=sys.stderr))
+    tell_if_uncompiled((e.name for e in explorers), tell)
     done, code = run_all(trials(rois, explorers, terms), len(rois) * len(explorers))
-    if not print_figures(_figures(done, explorers, radio), out, as_json=options.json):
-        _table(done, explorers, team)
+    groups = {e.name: [trial for trial in done if trial.strategy == e.name] for e in explorers}
+    if not print_figures(figures_by_name(groups, means, radio), out, as_json=options.json):
+        _print_tables(groups, team)
     if wants_pictures(options) and code == 0:
-        _pictures(options, rois[options.index], explorers[0], terms, team)
+        roi, explorer = rois[options.index], explorers[0]
+        shown = explored(roi, explorer, terms)
+        film = film_of_run(shown, roi.cells, f"{roi.name}   ·   {explorer.name}, {team}")
+        write_pictures(options, film, shown.tree, tell)
     return code
 
 
-def _localize(options: argparse.Namespace) -> int:
-    """Robots that do not know where they are."""
-    from uavmap.lab.commands.localize import run_localize  # noqa: PLC0415 - not for the others
-
-    return run_localize(
-        options, lambda: _rois(options, nonstop=True), free_file(options.out, [_SUMMARY])
-    )
-
-
-def _pictures(
-    options: argparse.Namespace, roi: Roi, explorer: Explorer, terms: Terms, team: str
-) -> None:
-    """One run again, to be looked at."""
-    shown = explored(roi, explorer, terms)
-    film = film_of_run(shown, roi.cells, f"{roi.name}   ·   {explorer.name}, {team}")
-    write_pictures(options, film, shown.tree, lambda text: print(text, file=sys.stderr))
+def _comms(options: argparse.Namespace) -> Comms | Links:
+    if options.comms is None:
+        return Comms.SHARED
+    try:
+        return simulated_links(options.comms, options.robots, _seed(options))
+    except ValueError as error:
+        raise LinkError(f"--comms {options.comms}: {error}") from None
 
 
-def _names(wanted: Sequence[str] | None) -> list[str]:
-    names = [name for part in wanted or ["rdfs"] for name in part.split(",")]
-    for name in names:
-        if name not in EXPLORERS and name not in NONSTOP:
-            known = ", ".join([*EXPLORERS, *NONSTOP])
-            raise StrategyError(f"--strategy {name!r} is not known; choose one of {known}")
-    return list(dict.fromkeys(names))
+def _seed(options: argparse.Namespace) -> int:
+    return _SEED if options.seed is None else int(options.seed)
 
 
 def _metric(speed: float, drift: str | None) -> Metric:
     toward, drift_speed = 0.0, 0.0
     if drift is not None:
         drift_speed, toward = pair(f"--drift {drift}", drift, "V,DEG, such as 0.4,90")
-    if not 0.0 <= drift_speed < speed:
-        raise UavmapError(f"--drift {drift}: robots of speed {speed:g} do not keep up with it")
-    bearing = math.radians(toward)
-    return Metric(speed, drift_speed * math.sin(bearing), drift_speed * math.cos(bearing))
+    return metric_of(speed, drift_speed, toward, f"--drift {drift}")
 
 
 def _rois(options: argparse.Namespace, *, nonstop: bool = False, seeded: bool = False) -> list[Roi]:
-    found = _read_or_grown(options, nonstop=nonstop, seeded=nonstop or seeded)
+    """Read or grow the ROIs; `seeded`: the seed counts for more than growing."""
+    if options.generate is not None:
+        geojson = ("start",) if nonstop else ("cell_m", "start")
+        refuse(options, geojson, RoiError, "is for --roi with GeoJSON")
+        kind, cells, seed = options.generate, options.cells or _CELLS, _seed(options)
+        found = [grown(kind, cells, seed + i) for i in range(options.count or _COUNT)]
+    else:
+        refuse(options, ("cells", "count"), RoiError, "is for --generate")
+        if not (nonstop or seeded):
+            refuse(options, ("seed",), RoiError, "is for --generate, or for --comms with a loss")
+        start = None
+        if options.start is not None:
+            start = LatLon(*pair(f"--start {options.start}", options.start, "LAT,LON in degrees"))
+        found = load_rois(options.roi, cell_m=options.cell_m or 4.0, start=start)
     if options.index >= len(found):
         raise RoiError(f"--index {options.index}: there are {len(found)} ROIs, counted from 0")
     return found
 
 
-def _read_or_grown(options: argparse.Namespace, *, nonstop: bool, seeded: bool) -> list[Roi]:
-    if options.generate is not None:
-        geojson = ("start",) if nonstop else ("cell_m", "start")
-        refuse(options, geojson, RoiError, "is for --roi with GeoJSON")
-        seed = _SEED if options.seed is None else options.seed
-        cells = options.cells or _CELLS
-        return [grown(options.generate, cells, seed + i) for i in range(options.count or _COUNT)]
-    refuse(options, ("cells", "count"), RoiError, "is for --generate")
-    if not seeded:
-        refuse(options, ("seed",), RoiError, "is for --generate, or for --comms with a loss")
-    start = None
-    if options.start is not None:
-        start = LatLon(*pair(f"--start {options.start}", options.start, "LAT,LON in degrees"))
-    return load_rois(options.roi, cell_m=options.cell_m or 4.0, start=start)
-
-
-def _figures(
-    done: Sequence[Trial], explorers: Sequence[Explorer], comms: str | None
-) -> dict[str, Any]:
-    """The figures of one strategy, or of several by name; with the radio where there is one."""
-    told = {} if comms is None else {"comms": comms}
-    return figures_by_name({e.name: _of(e, done) for e in explorers}, means, told)
-
-
-def _of(explorer: Explorer, done: Sequence[Trial]) -> list[Trial]:
-    return [trial for trial in done if trial.strategy == explorer.name]
-
-
-def _table(done: Sequence[Trial], explorers: Sequence[Explorer], team: str) -> None:
-    """The certificates for people: of a ROI, or the means of several."""
-    runs = len(done) // len(explorers)
-    table = Table(
-        title=f"{done[0].roi if runs == 1 else f'means of {runs} ROIs'}, {team}" if done else "",
-        title_justify="left",
+def _print_tables(groups: Mapping[str, Sequence[Trial]], team: str) -> None:
+    done = [trial for trials in groups.values() for trial in trials]
+    runs = len(done) // len(groups)
+    mean_of = ((name, means(trials)) for name, trials in groups.items())
+    rows = (
+        (
+            name,
+            f"{mean['makespan']:.1f}",
+            f"{mean['lower_bound']:.1f}",
+            "" if mean["ratio"] is None else f"{mean['ratio']:.3f}",
+            "none" if mean["bound"] is None else f"{mean['bound']:.1f}",
+            {True: "yes", False: "NO", None: ""}[mean["bound_held"]],
+            f"{mean['tree_depth']:.1f}",
+            f"{mean['moves']:.1f}",
+            f"{mean['wall_s']:.3f}",
+        )
+        for name, mean in mean_of
+        if mean
     )
-    table.add_column("strategy", no_wrap=True)
-    for title in ("T", "LB", "T / LB", "bound", "held", "depth", "moves", "s"):
-        table.add_column(title, justify="right")
-    for explorer in explorers:
-        mean = means(_of(explorer, done))
-        if mean:
-            table.add_row(
-                explorer.name,
-                f"{mean['makespan']:.1f}",
-                f"{mean['lower_bound']:.1f}",
-                "" if mean["ratio"] is None else f"{mean['ratio']:.3f}",
-                "none" if mean["bound"] is None else f"{mean['bound']:.1f}",
-                {True: "yes", False: "NO", None: ""}[mean["bound_held"]],
-                f"{mean['tree_depth']:.1f}",
-                f"{mean['moves']:.1f}",
-                f"{mean['wall_s']:.3f}",
-            )
-    Console().print(table)
+    print_table(
+        f"{done[0].roi if runs == 1 else f'means of {runs} ROIs'}, {team}" if done else "",
+        ("strategy", "T", "LB", "T / LB", "bound", "held", "depth", "moves", "s"),
+        rows,
+        whole=("strategy",),
+    )
     print("T makespan, LB lower bound for any strategy, bound what the strategy promises")
     if done:
         mean_s = means(done)["lower_bound_wall_s"]
         print(f"s real time of a run; the lower bound of a ROI took another {mean_s:.3f} s")
-
-
-# --- the radio -----------------------------------------------------------------------------------
-_HELP: Final = (
-    "who knows what the others saw: shared (or free), all at once (default); meeting, only who "
-    "stands at one vertex; or a radio, range:CELLS. After range:CELLS or shared, with commas: "
-    "loss:SHARE, delay:TIME, rate:CELLS_A_UNIT_OF_TIME, apart:BEGIN-END (nobody hears "
-    "anybody then; apart:10-30:1+2/3+4: only those in one group do)"
-)
-
-
-def add_comms_option(parser: argparse.ArgumentParser) -> None:
-    """Add it; it has no default, so that it is known whether it was given."""
-    parser.add_argument("--comms", metavar="HOW", help=_HELP)
-
-
-def comms_of(options: argparse.Namespace, seed: int) -> Comms | Links:
-    """Who tells whom what; the seed is of what is lost. Raises `LinkError`."""
-    if options.comms is None:
-        return Comms.SHARED
-    try:
-        return simulated_links(options.comms, options.robots, seed)
-    except ValueError as error:
-        raise LinkError(f"--comms {options.comms}: {error}") from None
-
-
-def team_told(robots: int, radio: str | None) -> str:
-    """How many robots, and over what radio they talk, if over one.
-
-    >>> team_told(1, None), team_told(4, "range:8")
-    ('1 robot', '4 robots, range:8')
-    """
-    told = f"{robots} robot" + "s" * (robots > 1)
-    return told if radio is None else f"{told}, {radio}"

@@ -1,13 +1,13 @@
-"""Options of uavmap simulate, by who takes them.
+"""Options of uavmap simulate for certain strategies.
 
-These are strategies that do not stop over cells, robots that do not know where they are, and robots
-that watch each other.
+These do not stop over cells, localize, or watch each other. The parser has no defaults for them: so
+it is known which were given.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, Final
 
 from missions.errors import LocalizationError, StrategyError, UavmapError
@@ -31,29 +31,34 @@ NONSTOP_DEFAULTS: Final[dict[str, Any]] = {
 }
 """By option. The parser has none, so that it is known which were given."""
 
+Add = Callable[..., None]
+
+
+def value_options(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> Add:
+    """Return a function that adds an option with a value: flag, metavar, help, conversion."""
+
+    def add(flag: str, metavar: str | None, text: str, kind: Any = None, **more: Any) -> None:
+        parser.add_argument(flag, metavar=metavar, help=text, type=kind, **more)
+
+    return add
+
 
 def add_nonstop_options(parser: argparse.ArgumentParser) -> None:
-    """Add what only strategies take that do not stop; see `NONSTOP_DEFAULTS`."""
+    """Add the options of strategies that do not stop."""
     group = parser.add_argument_group(
         f"{' and '.join(NONSTOP)}",
         "flight without stopping, in seconds and metres, from the start cell back to it",
     )
-    add = group.add_argument
-    add("--footprint", metavar="M[,M]", help="what a frame shows, m east and north (default 15)")
-    accel = number_type(float, 0.1, 20.0)
-    add("--accel", metavar="A", type=accel, help="acceleration, m/s^2 (default 2.5)")
-    frame_s = number_type(float, 0.02, 10.0)
-    add("--frame-s", metavar="S", type=frame_s, help="from frame to frame (default 0.2)")
-    rate = number_type(float, 0.0, 0.4)
-    add("--error-rate", metavar="P", type=rate, help="of votes that are wrong (default 0)")
-    add("--loss-rate", metavar="P", type=rate, help="of frames that are lost (default 0)")
-    add(
-        "--box-factor",
-        metavar="F",
-        type=number_type(float, 1.0, 20.0),
-        help="box of a survey: F times as wide as the region (default: 2 cells beyond it)",
-    )
-    add("--offline", action="store_true", default=None, help="a reference that knows the region")
+    add, rate = value_options(group), number_type(float, 0.0, 0.4)
+    add("--footprint", "M[,M]", "what a frame shows, m east and north (default 15)")
+    add("--accel", "A", "acceleration, m/s^2 (default 2.5)", number_type(float, 0.1, 20.0))
+    add("--frame-s", "S", "from frame to frame (default 0.2)", number_type(float, 0.02, 10.0))
+    add("--error-rate", "P", "of votes that are wrong (default 0)", rate)
+    add("--loss-rate", "P", "of frames that are lost (default 0)", rate)
+    box = "box of a survey: F times as wide as the region (default: 2 cells beyond it)"
+    add("--box-factor", "F", box, number_type(float, 1.0, 20.0))
+    offline = "a reference that knows the region"
+    group.add_argument("--offline", action="store_true", default=None, help=offline)
 
 
 def refuse(
@@ -81,44 +86,29 @@ _REFUSED: Final = {
 
 
 def add_localize_options(parser: argparse.ArgumentParser) -> None:
-    """Add --localize and what belongs to it; none has a default here, so that it is known which
-    were given."""
+    """Add --localize and its options."""
     group = parser.add_argument_group(
         "--localize",
         "a robot that senses the eight neighbours of its cell finds out which cell of the ROI "
         "that is, in moves from cell to cell",
     )
-    add = group.add_argument
-    add(
-        "--localize",
-        metavar="METHOD",
-        action="append",
-        help=f"one or, with commas or given again, several of {', '.join(METHODS)}",
-    )
-    add(
-        "--map",
-        action=argparse.BooleanOptionalAction,
-        default=None,
-        help="whether the robot has a map (default), or knows the width and height only",
-    )
-    add("--noise", metavar="FP,FN", help="how often an outside cell looks inside, and the reverse")
-    slip = number_type(float, 0.0, 0.9)
-    add("--slip", metavar="P", type=slip, help="how often a move stays, or goes elsewhere")
-    add(
-        "--confidence",
-        metavar="P",
-        type=number_type(float, 0.5, 0.9999),
-        help=f"with --noise or --slip: how sure it has to be (default {CONFIDENCE})",
-    )
+    add = value_options(group)
+    methods = f"one or, with commas or given again, several of {', '.join(METHODS)}"
+    add("--localize", "METHOD", methods, action="append")
+    with_map = "whether the robot has a map (default), or knows the width and height only"
+    group.add_argument("--map", action=argparse.BooleanOptionalAction, default=None, help=with_map)
+    add("--noise", "FP,FN", "how often an outside cell looks inside, and the reverse")
+    add("--slip", "P", "how often a move stays, or goes elsewhere", number_type(float, 0.0, 0.9))
+    sure = f"with --noise or --slip: how sure it has to be (default {CONFIDENCE})"
+    add("--confidence", "P", sure, number_type(float, 0.5, 0.9999))
     trials = number_type(int, 1, 1_000_000)
-    add("--trials", metavar="N", type=trials, help=f"starts on each ROI (default {TRIALS})")
+    add("--trials", "N", f"starts on each ROI (default {TRIALS})", trials)
 
 
 def methods_of(options: argparse.Namespace) -> list[Method]:
-    """The methods that were asked for.
+    """Return the chosen methods.
 
-    Raises:
-        LocalizationError: one that is not known, or that needs the map that --no-map takes away.
+    Raises `LocalizationError` for an unknown one, or one that needs the map that --no-map denies.
     """
     names = [name for part in options.localize for name in part.split(",")]
     for name in names:
@@ -132,11 +122,7 @@ def methods_of(options: argparse.Namespace) -> list[Method]:
 
 
 def terms_of(options: argparse.Namespace) -> Terms:
-    """The terms that were asked for.
-
-    Raises:
-        LocalizationError: options that do not go together, or rates that are none.
-    """
+    """Return the chosen terms. Raises `LocalizationError` for options that exclude each other."""
     _refuse_others(options)
     seed = 1 if options.seed is None else options.seed
     trials = TRIALS if options.trials is None else options.trials
@@ -185,43 +171,30 @@ def _errors(options: argparse.Namespace) -> Errors | None:
 MOST_TOGETHER: Final = 5
 COOPERATION_OPTIONS: Final = ("cooperate", "range", "theta", "cover")
 _OTHERS: Final = (
-    "cells", "count", "cell_m", "strategy", "speed", "drift", "comms", "tree", "footprint", "accel",
-    "frame_s", "error_rate", "loss_rate", "box_factor", "offline",
-)  # fmt: skip
-"""What an exploration of cells takes, and this one does not."""
+    *("cells", "count", "cell_m", "strategy", "speed", "drift", "comms", "tree"),
+    *NONSTOP_DEFAULTS,
+)
+"""Options of an exploration of cells, not of a polygon."""
 
 
 def add_cooperation_options(parser: argparse.ArgumentParser) -> None:
-    """Add what only --polygon takes; none has a default here."""
+    """Add the options of --polygon."""
     group = parser.add_argument_group(
         "robots that watch each other",
         "with --polygon: one moves while others see it; path, exchanges, map, errors of place",
     )
-    add = group.add_argument
-    add("--cooperate", choices=[mode.value for mode in Mode], help="how the polygon is explored")
-    add(
-        "--range",
-        metavar="M",
-        type=number_type(float, 0.01, 1e5),
-        help="how far a robot sees, metres",
-    )
-    add(
-        "--theta",
-        metavar="DEG",
-        type=number_type(float, 1.0, 170.0),
-        help="what a move takes up for who watches it, 1 to 170 degrees (default 60)",
-    )
-    add(
-        "--cover",
-        choices=[cover.value for cover in Cover],
-        help="of trapezoid: what a move covers (default triangles)",
-    )
+    add, modes, covers = value_options(group), [m.value for m in Mode], [c.value for c in Cover]
+    add("--cooperate", None, "how the polygon is explored", choices=modes)
+    add("--range", "M", "how far a robot sees, metres", number_type(float, 0.01, 1e5))
+    theta = "what a move takes up for who watches it, 1 to 170 degrees (default 60)"
+    add("--theta", "DEG", theta, number_type(float, 1.0, 170.0))
+    add("--cover", None, "of trapezoid: what a move covers (default triangles)", choices=covers)
 
 
 def checked_robots(options: argparse.Namespace) -> int:
-    """How many robots explore a polygon together.
+    """Return the number of robots that explore a polygon together.
 
-    Raises `StrategyError` for what is missing, and for what does not go together.
+    Raises `StrategyError` for missing options, and for options that exclude each other.
     """
     for name, choose in (("cooperate", ", ".join(Mode)), ("range", "metres that a robot sees")):
         if getattr(options, name) is None:

@@ -1,4 +1,4 @@
-"""Trials spread over processes, or over a Dask cluster; or one after the other."""
+"""Trials one after the other, spread over processes, or over a Dask cluster."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from uavmap.base.dask_client import dask_client
 SHARES: Final = 16
 """Batches a worker: few enough to cost little, many enough to end together."""
 MOST_JOBS: Final = 20
-"""A batch should not take long: progress is told by the batch."""
+"""Maximum of a batch: progress is shown by the batch."""
 PATIENCE_S: Final = 2.0
 LINE_S: Final = 3.0
 REDRAW_S: Final = 0.2
@@ -36,17 +36,15 @@ def spread(
     scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> list[Any]:
-    """`[trial(job) for job in jobs]`, wherever it is computed.
+    """Compute `[trial(job) for job in jobs]` anywhere.
 
     Args:
-        trial: a pure function that can be pickled.
-        jobs: what it is called with.
-        workers: processes on this machine.
-        scheduler: the address of a Dask scheduler, which is used instead.
-        progress: told how many jobs are done.
+        trial: A pure function that can be pickled.
+        workers: Processes on this machine.
+        scheduler: Address of a Dask scheduler, used instead of processes.
+        progress: Shows the number of finished jobs.
 
-    Raises:
-        StudyError: the scheduler does not answer, or Dask is not installed.
+    Raises `StudyError` where the scheduler does not answer, or Dask is not installed.
     """
     if scheduler is not None:
         found = _dask(trial, jobs, scheduler)
@@ -109,7 +107,7 @@ def _dask(trial: Trial, jobs: Sequence[Any], address: str) -> Generator[Batch]:
 
 
 class Progress:
-    """How many trials are done, on standard error, once it has taken a while."""
+    """The number of finished trials, on standard error, after a while."""
 
     def __init__(self, name: str, jobs: int, stream: TextIO | None = None) -> None:
         self._name, self._jobs = name, jobs
@@ -117,7 +115,7 @@ class Progress:
         self._begin_s = self._said_s = time.monotonic()
 
     def update(self, done: int) -> None:
-        """So many are done."""
+        """Show the number of finished jobs."""
         now_s = time.monotonic()
         redraws = self._stream.isatty()
         if now_s - self._begin_s < PATIENCE_S:
@@ -130,7 +128,7 @@ class Progress:
         self._stream.flush()
 
     def end(self) -> None:
-        """No more to say: the line goes away."""
+        """Clear the line."""
         if self._stream.isatty():
             self._stream.write("\r\033[K")
             self._stream.flush()

@@ -14,15 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavmap.lab.studies.study_model import COLOURS, Page, Study, Table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uavmap.lab.studies.study_model import COLOURS, Figure, Page, Study, Table
 
 PAPER: Final = {
     3: (207, 80),
@@ -44,12 +41,12 @@ _BRANCH, _STEM, _EXTRA = 0, 1, 2
 
 
 def branch_length(n: int, level: int) -> int:
-    """L_i: edges of each of the two paths of a branch."""
+    """Return L_i: edges of each of the two paths of a branch."""
     return int((n**level - n) // (n - 1))
 
 
 def vertices(n: int) -> int:
-    """|V| by formula.
+    """Return |V| by formula.
 
     >>> vertices(3)
     80
@@ -59,8 +56,7 @@ def vertices(n: int) -> int:
 
 
 def travel(n: int) -> int:
-    """The travel up to the last leaf by formula: every level is swept, every branch gone round,
-    and every leaf fetched.
+    """Return the travel to the last leaf by formula: sweeps, rounds of branches, and leaves.
 
     >>> travel(3)
     207
@@ -72,7 +68,7 @@ def travel(n: int) -> int:
 
 
 def graph(n: int) -> tuple[NDArray[np.int32], NDArray[np.int8]]:
-    """The edges, shape (E, 2), and the rank of every vertex; v_0 ... v_{n^n} come first.
+    """Return the edges, shape (E, 2), and the rank of every vertex; v_0 ... v_{n^n} come first.
 
     >>> [len(part) for part in graph(3)]
     [83, 80]
@@ -102,7 +98,7 @@ def graph(n: int) -> tuple[NDArray[np.int32], NDArray[np.int8]]:
 
 
 def simulate(n: int) -> tuple[int, int]:
-    """Travel and vertices, by letting Greedy Mapping walk the graph.
+    """Return travel and vertices of a walk on the graph by Greedy Mapping.
 
     >>> simulate(3)
     (207, 80)
@@ -126,19 +122,19 @@ class Row:
 
 
 def jobs(quick: bool, seed: int) -> list[tuple[int, bool]]:
-    """Every n, and whether it is walked. There is nothing random in it."""
+    """Return every n, and whether it is walked; nothing in it is random."""
     last = QUICK if quick else SIMULATED
     return [(n, n <= last) for n in PAPER if not quick or n <= last]
 
 
 def trial(job: tuple[int, bool]) -> Row:
-    """One row."""
+    """Compute one row."""
     n, walk = job
     return Row(n, *(simulate(n) if walk else (travel(n), vertices(n))), walk)
 
 
 def conclude(rows: Sequence[Row]) -> Page:
-    """The table beside the paper's."""
+    """Set the table beside the paper's."""
     columns = ("n", "travel", "vertices", "ratio", "paper: travel", "paper: vertices",
                "paper: ratio", "equal", "2 sqrt(V) + 4", "by")  # fmt: skip
     table = Table(

@@ -1,5 +1,5 @@
-"""The Homing Robot of Wongngamnit and Angluin: their bounds and worst grids, and beyond them what
-a map, a planner, and errors of sensor and odometry change."""
+"""The Homing Robot of Wongngamnit and Angluin: their bounds and worst grids, and beyond them the
+effect of a map, a planner, and errors of sensor and odometry."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Job:
 
 
 def jobs(quick: bool, seed: int) -> list[Job]:
-    """Everything, the longest first."""
+    """Return all jobs, the longest first."""
     rois = {24: 3} if quick else ROIS
     found = [Job(WORST, "chevrons", *km) for km in (CHEVRONS[:1] if quick else CHEVRONS)]
     found += [Job(WORST, "studded", k) for k in STUDS]
@@ -81,10 +81,9 @@ def jobs(quick: bool, seed: int) -> list[Job]:
 
 
 def trial(job: Job) -> list[Found]:
-    """Let robots localize."""
-    return {WORST: _worst, MANY_GRIDS: _many_grids, NOISE: _noise, OPTIMUM: _optimum}.get(
-        job.part, _methods
-    )(job)
+    """Localize robots."""
+    parts = {WORST: _worst, MANY_GRIDS: _many_grids, NOISE: _noise, OPTIMUM: _optimum}
+    return parts.get(job.part, _methods)(job)
 
 
 @lru_cache(256)
@@ -110,7 +109,7 @@ def _count(
 
 
 def _worst(job: Job) -> list[Found]:
-    """The paper's grids: Figure 6, Lemma 8, Theorem 3."""
+    """Localize on the paper's grids: Figure 6, Lemma 8, Theorem 3."""
     rng = np.random.default_rng(1)
     if job.grid == "studded":
         known = GridMap.of(studded(job.size))
@@ -136,7 +135,7 @@ def _worst(job: Job) -> list[Found]:
 
 
 def _many_grids(job: Job) -> list[Found]:
-    """Bounds on random grids of all kinds, from a random start each."""
+    """Check the bounds on random grids of all kinds, from a random start each."""
     rng = np.random.default_rng(job.seed)
     found = []
     for i in range(job.size):
@@ -160,7 +159,7 @@ def _many_grids(job: Job) -> list[Found]:
 
 
 def _methods(job: Job) -> list[Found]:
-    """All methods from the same starts, without and with a map."""
+    """Compare all methods from the same starts, without and with a map."""
     known = _map_of(job.grid, job.size, job.seed)
     planner = Planner(known)
     starts = np.random.default_rng(job.seed).integers(known.size, size=job.starts)
@@ -178,7 +177,7 @@ def _methods(job: Job) -> list[Found]:
 
 
 def _optimum(job: Job) -> list[Found]:
-    """What the best of all plans needs, over all cells as starts."""
+    """Find the moves of the best of all plans, over all cells as starts."""
     known = _map_of(job.grid, job.size, job.seed)
     rng = np.random.default_rng(1)
     if job.grid == "rectangle":  # alike in thousands of ways: searching them all takes too long
@@ -198,7 +197,6 @@ def _optimum(job: Job) -> list[Found]:
 
 
 def _noise(job: Job) -> list[Found]:
-    """All methods with errors."""
     known = _map_of(job.grid, job.size, job.seed)
     found = []
     for name, method in METHODS.items():
@@ -212,8 +210,6 @@ def _noise(job: Job) -> list[Found]:
 
 
 def _grouped(found: Sequence[Found]) -> list[list[Found]]:
-    """By part, grid, method and map; the cells are those of the first."""
-
     def key(one: Found) -> tuple[str, str, int, int, bool]:
         cells = 0 if one.part == MANY_GRIDS else one.cells
         method = list(METHODS).index(one.method) if one.method in METHODS else -1
@@ -224,7 +220,6 @@ def _grouped(found: Sequence[Found]) -> list[list[Found]]:
 
 
 def _together(own: Sequence[Found]) -> Found:
-    """Several as one."""
     return replace(
         own[0],
         runs=sum(one.runs for one in own),
@@ -237,14 +232,10 @@ def _together(own: Sequence[Found]) -> Found:
 
 
 def conclude(results: Sequence[Sequence[Found]]) -> Page:
-    """The page, beside the paper's numbers."""
+    """Write the page, beside the paper's numbers."""
     return page([_together(own) for own in _grouped([one for some in results for one in some])])
 
 
 STUDY: Final = Study(
-    "homing-robot",
-    "where a robot is on a grid (Wongngamnit and Angluin)",
-    jobs,
-    trial,
-    conclude,
+    "homing-robot", "where a robot is on a grid (Wongngamnit and Angluin)", jobs, trial, conclude
 )

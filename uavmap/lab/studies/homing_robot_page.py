@@ -1,15 +1,12 @@
-"""What the study of the Homing Robot shows: tables, a plot and the conclusions."""
+"""The page of the study of the Homing Robot: tables, a plot and the conclusions."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from uavmap.lab.studies.study_model import COLOURS, MARKERS, Page, Table, Value
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uavmap.lab.studies.study_model import COLOURS, MARKERS, Figure, Page, Table, Value
 
 WORST, MANY_GRIDS, COMPARED, OPTIMUM, NOISE = "worst", "bounds", "methods", "optimum", "errors"
 BEST: Final = "best of all plans"
@@ -18,7 +15,7 @@ PRINTED: Final = {"homing": "at most 4", "depth-first": "at most 2 - 2 / n"}
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What one method did in a job."""
+    """The moves of one method in a job."""
 
     part: str
     grid: str
@@ -57,7 +54,6 @@ def page(rows: Sequence[Found]) -> Page:
 
 
 def _printed(row: Found) -> Value:
-    """What the paper says of this, in moves a cell."""
     if row.part == WORST and row.grid.startswith("chevrons"):
         return "towards 3"
     if row.part == WORST and row.grid.startswith("studded"):
@@ -72,6 +68,7 @@ def _text(rows: Sequence[Found]) -> str:
     runs, broken = sum(row.runs for row in grids), sum(row.broken for row in grids)
     wrong = sum(row.broken for row in rows if row.part in (WORST, COMPARED))
     corridors = [row for row in rows if row.part == WORST and row.grid.startswith("corridor")]
+    above = max(_mean(rows, g, "plan") / _mean(rows, g, BEST) - 1.0 for g in _grids(rows))
     short = sum(row.most * row.cells < row.cells - 3 - 1e-9 for row in corridors)
     return f"""\
 Wongngamnit and Angluin, *The Robot, the Grid, and the Algorithm* (1999): a robot senses the eight
@@ -98,7 +95,7 @@ the robot ends when one cell alone fits what it has sensed, which is soon.
 **How good a plan can be.** On regions of up to 120 cells the best of all plans can be found by
 branch and bound. Cells that look like others need one move at least. The best of all plans takes
 {_best_of_homing(rows)} of the moves of the Homing Robot with the same map;
-the planner needs {_above_the_best(rows):.1%} more moves than the best at most.
+the planner needs {above:.1%} more moves than the best at most.
 
 {_optimum(rows).markdown()}
 
@@ -140,7 +137,6 @@ def _methods(rows: Sequence[Found]) -> Table:
 
 
 def _mean(rows: Sequence[Found], grid: str, method: str) -> float:
-    """Mean moves in the comparison with the best of all plans."""
     return next(
         row.moves / row.runs
         for row in rows
@@ -153,16 +149,10 @@ def _grids(rows: Sequence[Found]) -> list[str]:
 
 
 def _best_of_homing(rows: Sequence[Found]) -> str:
-    """What the best of all plans takes of the moves of the Homing Robot."""
     return ", ".join(
         f"{_mean(rows, grid, BEST) / _mean(rows, grid, 'homing'):.2f} ({grid})"
         for grid in _grids(rows)
     )
-
-
-def _above_the_best(rows: Sequence[Found]) -> float:
-    """What the planner takes more than the best of all plans, as a share, at most."""
-    return max(_mean(rows, grid, "plan") / _mean(rows, grid, BEST) - 1.0 for grid in _grids(rows))
 
 
 def _optimum(rows: Sequence[Found]) -> Table:

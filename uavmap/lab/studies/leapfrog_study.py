@@ -1,4 +1,4 @@
-"""What it is worth to two multicopters that one hovers and tracks the other by a marker.
+"""The gain of two multicopters of which one hovers and tracks the other by a marker.
 
 The mapper flies straight paths and lanes; its place is followed with several draws of the noise,
 tracked and by the same odometer alone.
@@ -9,15 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from missions.lab.cooperation.leapfrog_errors import Comparison, LeapfrogNoise, compare
 from missions.lab.cooperation.space import Point
 from missions.planning.leapfrog_geometry import TrackerView, plan_leapfrog
-from uavmap.lab.studies.study_model import COLOURS, MARKERS, Page, Study, Table, trial_seed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uavmap.lab.studies.study_model import COLOURS, MARKERS, Figure, Page, Study, Table, trial_seed
 
 STRAIGHT_M: Final = (50, 100, 200, 400)
 LANES, LANE_M, APART_M = 6, 60.0, 6.0
@@ -41,13 +38,13 @@ Result = tuple[Flying, Comparison]
 
 
 def lanes() -> tuple[Point, ...]:
-    """A lawn-mower pattern."""
+    """Return a lawn-mower pattern."""
     rows = (((0.0, i * APART_M), (LANE_M, i * APART_M)) for i in range(LANES))
     return tuple(place for i, row in enumerate(rows) for place in (row[::-1] if i % 2 else row))
 
 
 def jobs(quick: bool, seed: int) -> list[Flying]:
-    """Every path, from every height, with every gyro."""
+    """Return every path, from every height, with every gyro."""
     lengths = STRAIGHT_M[:2] if quick else STRAIGHT_M
     paths: list[tuple[str, tuple[Point, ...]]] = [
         (f"straight, {m} m", ((0.0, 0.0), (float(m), 0.0))) for m in lengths
@@ -94,7 +91,7 @@ either, and less is won. NEES of the last place is 2 where the filter is honest.
 
 
 def conclude(results: Sequence[Result]) -> Page:
-    """All flights beside dead reckoning."""
+    """Set all flights beside dead reckoning."""
     rows = tuple(
         (
             job.name, round(found.path_m, 1), job.above_m, job.drift_deg, found.hops,
@@ -108,11 +105,8 @@ def conclude(results: Sequence[Result]) -> Page:
         runs=len(results[0][0].seeds), drifts=" or ".join(f"{d:g}" for d in DRIFTS_DEG),
         worst=min(better), best=max(better),
     )  # fmt: skip
-
-    def draw(figure: Figure) -> None:
-        _draw(figure, results)
-
-    return Page("One hovers and tracks the other", text, Table(_COLUMNS, rows), draw)
+    table = Table(_COLUMNS, rows)
+    return Page("One hovers and tracks the other", text, table, lambda f: _draw(f, results))
 
 
 def _draw(figure: Figure, results: Sequence[Result]) -> None:

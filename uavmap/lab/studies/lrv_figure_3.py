@@ -1,4 +1,4 @@
-"""Figure 3 of Batalin and Sukhatme: how long it takes to cover a square lattice again and again.
+"""Figure 3 of Batalin and Sukhatme: the time to cover a square lattice again and again.
 
 Beside LRV (Least Recently Visited) run depth-first search, which has a map, 1-LRTA* with ties
 broken by chance and in a fixed order, and a random walk. LRV's cover time is the mean over 50
@@ -11,12 +11,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import mean
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from uavmap.lab.studies.study_model import COLOURS, MARKERS, Page, Study, Table, trial_seed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uavmap.lab.studies.study_model import COLOURS, MARKERS, Figure, Page, Study, Table, trial_seed
 
 PAPER: Final = dict(
     zip(
@@ -56,7 +53,7 @@ class Cover:
 
 
 def formula(m: int) -> float:
-    """2 |E| / V^1.0005: in the steady state LRV goes round all edges, once in each direction.
+    """Return 2 |E| / V^1.0005: in the steady state LRV goes round all edges, once each way.
 
     >>> round(formula(1500), 4)
     3.9682
@@ -65,7 +62,7 @@ def formula(m: int) -> float:
 
 
 def jobs(quick: bool, seed: int) -> list[Job]:
-    """Every walk on every lattice, the longest first."""
+    """Return every walk on every lattice, the longest first."""
     sizes = QUICK if quick else tuple(PAPER)
     found = [
         Job(walk, m, trial_seed(seed, m, i))
@@ -96,7 +93,7 @@ def trial(job: Job) -> Cover:
 
 
 def conclude(covers: Sequence[Cover]) -> Page:
-    """Ours beside the paper's sequence and the other walks."""
+    """Set ours beside the paper's sequence and the other walks."""
     found = {(c.walk, c.m): c.steps for c in covers}
     sizes = sorted(
         {*PAPER, *(c.m for c in covers)} if (LRV, 200) in found else {m for _, m in found}

@@ -34,25 +34,25 @@ class Job:
 
 @lru_cache(_SHARED_BY_TRIALS)
 def roi_of(kind: str, cells: int, seed: int) -> Roi:
-    """A generated ROI; of one that several trials share only one is made."""
+    """Grow a ROI, which several trials share."""
     return grown(kind, cells, seed)
 
 
 @lru_cache(_SHARED_BY_TRIALS)
 def bounds_of(roi: Roi) -> LowerBounds:
-    """Its lower bounds on a resting ROI."""
+    """Return its lower bounds on a resting ROI."""
     return LowerBounds.of(roi.cells, roi.start)
 
 
 @lru_cache(_SHARED_BY_TRIALS)
 def eccentricity(roi: Roi) -> int:
-    """Steps from the start to the farthest cell."""
+    """Return the steps from the start to the farthest cell."""
     return max(distances(roi.cells, roi.start).values())
 
 
 @lru_cache(_SHARED_BY_TRIALS)
 def lattice_of(roi: Roi) -> Lattice:
-    """Its arrays."""
+    """Return its arrays."""
     return Lattice.of(roi.cells)
 
 
@@ -75,7 +75,7 @@ def explore(strategy: str, roi: Roi, robots: int, metric: Metric | None = None) 
 
 
 def _lower_bound(roi: Roi, robots: int, metric: Metric) -> float:
-    """The largest that is known; the one for blocks only where it does not take minutes."""
+    """Return the largest known bound; that for blocks only where it takes no minutes."""
     flight = flight_lower_bound(roi.cells, roi.start, robots, metric)
     if len(roi.cells) > MANY_CELLS:
         return max(flight, drift_lower_bound(2 * eccentricity(roi), metric))

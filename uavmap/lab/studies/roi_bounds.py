@@ -13,14 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from statistics import mean
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from missions.planning.stepwise.rdfs import rdfs_bound_moves
 from uavmap.lab.studies.outcomes import PLAIN, Job, eccentricity, explore, roi_of
-from uavmap.lab.studies.study_model import COLOURS, MARKERS, Page, Study, Table, trial_seed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uavmap.lab.studies.study_model import COLOURS, MARKERS, Figure, Page, Study, Table, trial_seed
 
 KINDS: Final = ("eden", "ragged", "rectangle", "thin")
 ROBOTS: Final = (1, 2, 3, 4, 6, 8, 12, 16, 20, 32)
@@ -34,7 +31,7 @@ _ROUNDING: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A run and what should bound it, in moves."""
+    """A run and its bounds, in moves."""
 
     job: Job
     makespan: float
@@ -50,7 +47,7 @@ class Found:
 
 
 def jobs(quick: bool, seed: int) -> list[Job]:
-    """Small ROIs of every kind for both readings, and a few large ones."""
+    """Return small ROIs of every kind for both readings, and a few large ones."""
     large = QUICK_LARGE if quick else LARGE
     small = [
         Job(strategy, kind, cells, robots, trial_seed(seed, cells, number))
@@ -94,7 +91,7 @@ def _broken(found: Sequence[Found], bound: str) -> int:
 
 
 def conclude(found: Sequence[Found]) -> Page:
-    """Who breaks what."""
+    """Count the violations."""
     groups = [
         (key, list(group))
         for key, group in groupby(

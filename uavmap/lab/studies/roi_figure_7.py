@@ -10,16 +10,13 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from statistics import mean
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from missions.planning.stepwise.metric import Metric
 from missions.planning.stepwise.rdfs import rdfs_bound_moves
 from missions.units import Cell
 from uavmap.lab.studies.outcomes import explore, roi_of
-from uavmap.lab.studies.study_model import COLOURS, Page, Study, Table, trial_seed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uavmap.lab.studies.study_model import COLOURS, Figure, Page, Study, Table, trial_seed
 
 KINDS: Final = ("eden", "ragged", "thin")
 FIXED: Final = {"cells": 120.0, "robots": 20.0, "speed ratio": 2.5}
@@ -44,13 +41,13 @@ class Job:
     seed: int
 
     def of(self, name: str) -> float:
-        """A parameter of this trial."""
+        """Return a parameter of this trial."""
         return self.value if name == self.varied else FIXED[name]
 
 
 @dataclass(frozen=True, slots=True)
 class Times:
-    """What came out, in the time in which the ROI drifts by one cell."""
+    """The times of a trial, in units in which the ROI drifts by one cell."""
 
     job: Job
     makespan: float
@@ -64,13 +61,13 @@ class Times:
 
     @property
     def violated(self) -> bool:
-        """Whether a bound that we state does not hold."""
+        """Whether a stated bound does not hold."""
         above = self.makespan > self.upper * (1 + _ROUNDING)
         return above or self.makespan < self.lower * (1 - _ROUNDING)
 
 
 def jobs(quick: bool, seed: int) -> list[Job]:
-    """All trials; those of one number share their ROI where the number of cells allows."""
+    """Return all trials; those of one number share their ROI where their cells are equal."""
     return [
         Job(kind, varied, value, trial_seed(seed, number))
         for kind in KINDS
@@ -109,7 +106,7 @@ class Case:
     times: tuple[Times, ...]
 
     def mean(self, of: Callable[[Times], float]) -> float:
-        """A mean over the trials."""
+        """Return a mean over the trials."""
         return mean(map(of, self.times))
 
     @property
@@ -124,7 +121,7 @@ class Case:
 
 
 def conclude(times: Sequence[Times]) -> Page:
-    """Means, least and most, and what the paper says of them."""
+    """Compare means, least and most with the paper's statements."""
     cases = [
         Case(*key, tuple(group))
         for key, group in groupby(times, lambda t: (t.job.kind, t.job.varied, t.job.value))
@@ -164,12 +161,12 @@ and its ways are not counted: a baseline, not a lower bound.
 
 
 def _statements(cases: Sequence[Case]) -> Table:
-    """What the paper says of its curves, and whether it is so here."""
     rows: list[tuple[str, ...]] = []
     for statement, varied, holds in (
         ("time grows with the cells", "cells", lambda cs: _rises([c.makespan for c in cs])),
         ("max - min grows with the cells", "cells", lambda cs: _spread(cs[-1]) > _spread(cs[0])),
-        ("upper bound - time grows with the cells", "cells", _looser),
+        ("upper bound - time grows with the cells", "cells",
+         lambda cs: _slack(cs[-1]) > _slack(cs[0])),
         ("time is nearer to the lawn mower than to its upper bound", "cells", _near_lawn_mower),
         ("time falls with the robots", "robots", lambda cs: _rises([-c.makespan for c in cs])),
         ("time is below the upper bound", "robots", lambda cs: all(_slack(c) >= 0 for c in cs)),
@@ -184,7 +181,7 @@ def _statements(cases: Sequence[Case]) -> Table:
 
 
 def _rises(values: Sequence[float]) -> bool:
-    """On the whole: the last above the first, and no step back of more than a tenth of the way."""
+    """Return whether values rise on the whole: no step back of more than a tenth of the way."""
     way = values[-1] - values[0]
     return way > 0 and all(b - a > -0.1 * way for a, b in pairwise(values))
 
@@ -195,10 +192,6 @@ def _spread(case: Case) -> float:
 
 def _slack(case: Case) -> float:
     return case.mean(lambda t: t.upper) - case.makespan
-
-
-def _looser(cases: Sequence[Case]) -> bool:
-    return _slack(cases[-1]) > _slack(cases[0])
 
 
 def _near_lawn_mower(cases: Sequence[Case]) -> bool:
@@ -235,10 +228,10 @@ STUDY: Final = Study(
 
 # --- the lawn mower ------------------------------------------------------------------------------
 def lawn_mower(roi: Collection[Cell], robots: int, metric: Metric) -> float:
-    """Time to mow the rectangle around a ROI, which is known beforehand, one strip a robot.
+    """Return the time to mow the known rectangle around a ROI, one strip a robot.
 
-    The rectangle is split along its length or its breadth, whichever is sooner done; the ways to
-    the strips and home are not counted. So it is a baseline, neither a strategy nor a lower bound.
+    The rectangle is split along its length or its breadth, whichever is faster; the paths to the
+    strips and home do not count. It is a baseline, neither a strategy nor a lower bound.
 
     >>> lawn_mower([Cell(0, 0), Cell(3, 1)], 2, Metric())
     3.0
@@ -252,7 +245,7 @@ def lawn_mower(roi: Collection[Cell], robots: int, metric: Metric) -> float:
 
 
 def _mow(wide: int, high: int, metric: Metric) -> float:
-    """A rectangle of cells from the best corner, in lanes along the better axis."""
+    """Return the time for a rectangle from the best corner, in lanes along the better axis."""
     east, north = Cell(1, 0), Cell(0, 1)
     return min(
         _lanes(wide, high, east, north, metric),
@@ -261,7 +254,6 @@ def _mow(wide: int, high: int, metric: Metric) -> float:
 
 
 def _lanes(steps: int, lanes: int, along: Cell, across: Cell, metric: Metric) -> float:
-    """Lanes of so many cells, up and down in turns."""
     origin = Cell(0, 0)
     forth, back = metric.leg(origin, along), metric.leg(along, origin)
     aside = min(metric.leg(origin, across), metric.leg(across, origin))

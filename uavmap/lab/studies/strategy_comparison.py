@@ -1,4 +1,4 @@
-"""All strategies beside each other: mean makespan over the mean lower bound."""
+"""All strategies compared: mean makespan over the mean lower bound."""
 
 from __future__ import annotations
 
@@ -6,14 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from statistics import mean
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from missions.lab.strategies import EXPLORERS
 from uavmap.lab.studies.outcomes import Job, explore, roi_of
-from uavmap.lab.studies.study_model import COLOURS, MARKERS, Page, Study, Table, trial_seed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uavmap.lab.studies.study_model import COLOURS, MARKERS, Figure, Page, Study, Table, trial_seed
 
 KINDS: Final = ("eden", "ragged", "rectangle", "thin")
 ROBOTS: Final = (1, 2, 4, 8, 20)
@@ -52,7 +49,7 @@ row for each of `ROBOTS`."""
 
 
 def reference(kind: str, cells: int, robots: int, strategy: str) -> float | None:
-    """What a prototype reached, None where there was none.
+    """Return the ratio of a prototype; None where there was none.
 
     >>> reference("eden", 120, 4, "rdfs")
     2.1
@@ -65,7 +62,7 @@ def reference(kind: str, cells: int, robots: int, strategy: str) -> float | None
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What came out."""
+    """The result of a trial."""
 
     job: Job
     makespan: float
@@ -74,7 +71,7 @@ class Found:
 
 
 def jobs(quick: bool, seed: int) -> list[Job]:
-    """All strategies on the same ROIs."""
+    """Return all strategies on the same ROIs."""
     sets = [(kind, QUICK_CELLS, QUICK_TRIALS) for kind in KINDS]
     if not quick:
         sets = [*((kind, CELLS, TRIALS) for kind in KINDS), (LARGE_KIND, LARGE, LARGE_TRIALS)]
@@ -97,7 +94,7 @@ def trial(job: Job) -> Found:
 
 
 def conclude(found: Sequence[Found]) -> Page:
-    """The ratios, beside those of the prototypes."""
+    """Set the ratios beside those of the prototypes."""
     groups = {
         key: list(group)
         for key, group in groupby(
@@ -140,21 +137,16 @@ def _matrix(
     sets: Sequence[tuple[str, int, int]],
     ratios: Mapping[tuple[str, int, int, str], float],
 ) -> Table:
-    """A row for every kind and number of robots, a column for every strategy."""
     rows = []
     for kind, cells, robots in sets:
         row = []
         for name in names:
             ours = ratios.get((kind, cells, robots, name))
             theirs = reference(kind, cells, robots, name)
-            row.append(_beside(ours, theirs))
+            own = "" if ours is None else f"{ours:.2f}"
+            row.append(own if theirs is None else f"{own} ({theirs:.2f})")
         rows.append((f"{kind} {cells}", robots, *row, reference(kind, cells, robots, "offline")))
     return Table(("ROI", "robots", *names, "offline"), tuple(rows))
-
-
-def _beside(ours: float | None, theirs: float | None) -> str:
-    own = "" if ours is None else f"{ours:.2f}"
-    return own if theirs is None else f"{own} ({theirs:.2f})"
 
 
 def _draw(

@@ -1,7 +1,7 @@
-"""What a study is: independent trials, and a page that draws the conclusions.
+"""A study: independent trials, and a page with the conclusions.
 
-The trials are pure functions of their job, which holds the parameters and the seed. So they may be
-run anywhere and in any order, and the same seed gives the same files, byte for byte.
+The trials are pure functions of their job, which holds the parameters and the seed. They run
+anywhere and in any order: the same seed gives the same files, byte for byte.
 """
 
 from __future__ import annotations
@@ -19,7 +19,11 @@ from PIL import Image
 from uavmap.base.atomic_write import write_bytes, write_text
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib import figure
+
+    Figure = figure.Figure
+else:  # matplotlib is an extra
+    Figure = Any
 
 Value = str | int | float | bool | None
 
@@ -37,7 +41,7 @@ class Table:
     rows: tuple[tuple[Value, ...], ...]
 
     def csv(self) -> str:
-        """The table as CSV, with a line of column names.
+        """Write CSV, with a line of column names.
 
         >>> Table(("n", "ratio"), ((3, 2.5875),)).csv()
         'n,ratio\\n3,2.5875\\n'
@@ -49,7 +53,7 @@ class Table:
         return text.getvalue()
 
     def markdown(self) -> str:
-        """The table as Markdown, of numbers five digits.
+        """Write Markdown, numbers with five digits.
 
         >>> print(Table(("n", "ratio"), ((3, 2.587537),)).markdown())
         | n | ratio |
@@ -73,7 +77,7 @@ def _short(value: Value) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """What a study found."""
+    """The findings of a study."""
 
     title: str
     text: str
@@ -84,19 +88,19 @@ class Page:
 
     @staticmethod
     def files(name: str) -> list[str]:
-        """What `write` calls its files."""
+        """Return the names of the files that `write` makes."""
         return [f"{name}.{kind}" for kind in ("csv", "png", "md")]
 
     def write(self, name: str, folder: Path) -> list[Path]:
         """Write NAME.csv, NAME.png and NAME.md into a folder."""
-        from matplotlib.figure import Figure  # noqa: PLC0415, an extra
+        from matplotlib import figure  # noqa: PLC0415, an extra
 
         files = [folder / file for file in self.files(name)]
         write_text(files[0], self.table.csv())
-        figure = Figure(figsize=self.size_in, layout="constrained")
-        self.draw(figure)
+        plot = figure.Figure(figsize=self.size_in, layout="constrained")
+        self.draw(plot)
         drawn, small = io.BytesIO(), io.BytesIO()
-        figure.savefig(drawn, dpi=110)
+        plot.savefig(drawn, dpi=110)
         Image.open(drawn).convert("RGB").quantize(PNG_COLOURS).save(small, "png", optimize=True)
         write_bytes(files[1], small.getvalue())
         parts = (
@@ -112,7 +116,7 @@ class Page:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """A study: its jobs, what one trial does, and what follows from all of them."""
+    """A study: its jobs, its trial, and its conclusions."""
 
     name: str
     about: str
@@ -126,7 +130,7 @@ class Study:
 
 
 def trial_seed(seed: int, *numbers: int) -> int:
-    """A seed of its own for every trial.
+    """Return a seed of its own for every trial.
 
     >>> trial_seed(1, 2) != trial_seed(2, 1)
     True

@@ -1,9 +1,8 @@
-"""Table 1 of Rekleitis, Dudek and Milios, and how well watched robots know their places.
+"""Table 1 of Rekleitis, Dudek and Milios, and the position errors of robots that watch each other.
 
 The table has path, steps and turns of two robots that cover a rectangle by triangles or by
-diamonds. The robots are let explore such rectangles, so many stripes broad and so many moves long
-that nothing is left over. The diamonds' turns are printed without a factor: the turns inside of one
-stripe, not of all.
+diamonds. The rectangles are whole stripes broad and whole moves long, so nothing is left over. The
+diamonds' turns are printed without a factor: the turns inside of one stripe, not of all.
 """
 
 from __future__ import annotations
@@ -11,17 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from missions.lab.cooperation.space import GRID_M, Space
 from missions.lab.cooperation.tracking import Noise, followed, legs_of
 from missions.lab.cooperation.trapezoids import Cover, Pattern, Reckoned, explore, reckoned
-from uavmap.lab.studies.study_model import COLOURS, Page, Study, Table, trial_seed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uavmap.lab.studies.study_model import COLOURS, Figure, Page, Study, Table, trial_seed
 
 RANGE_M: Final = 10.0
 THETAS_DEG: Final = (20, 40, 60, 80, 100, 120)
@@ -43,7 +39,7 @@ class Covering:
 
 @dataclass(frozen=True, slots=True)
 class Covered:
-    """What it took, and what Table 1 says."""
+    """The figures of a covering, and those of Table 1."""
 
     job: Covering
     length_m: float
@@ -81,7 +77,7 @@ Result = Covered | Followed
 
 
 def jobs(quick: bool, seed: int) -> list[Job]:
-    """The rectangles, and the squares."""
+    """Return the rectangles and the squares."""
     stripes, moves = (QUICK_STRIPES, QUICK_MOVES) if quick else (STRIPES, MOVES)
     thetas = THETAS_DEG[1::2] if quick else THETAS_DEG
     runs, sides = (QUICK_RUNS, SIDES_M[:2]) if quick else (RUNS, SIDES_M)
@@ -161,7 +157,7 @@ place and heading, which is 3 where a filter is honest.
 
 
 def conclude(results: Sequence[Result]) -> Page:
-    """The table beside the paper's, and the errors of places."""
+    """Set the table beside the paper's, with the errors of places."""
     rows = [row for row in results if isinstance(row, Covered)]
     ends = [row for row in results if isinstance(row, Followed)]
     cells = [
@@ -189,11 +185,8 @@ def conclude(results: Sequence[Result]) -> Page:
         stripes=first.stripes, moves=first.moves, path=path, steps=steps, turns=turns,
         table=places.markdown(),
     )  # fmt: skip
-
-    def draw(figure: Figure) -> None:
-        _draw(figure, rows, ends)
-
-    return Page("Two robots, Table 1", text, Table(_COLUMNS, tuple(cells)), draw, (10.0, 4.0))
+    table = Table(_COLUMNS, tuple(cells))
+    return Page("Two robots, Table 1", text, table, lambda f: _draw(f, rows, ends), (10.0, 4.0))
 
 
 def _draw(figure: Figure, rows: Sequence[Covered], ends: Sequence[Followed]) -> None:

@@ -1,4 +1,4 @@
-"""What the colours and lines of a drawing mean: samples with their texts, on a page."""
+"""Legends on a page: samples of the colours and lines, with their texts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SQUARE_PX: Final = 16.0
 
 
 def sample(entry: Entry, left: float, middle: float, width: float = SAMPLE_PX) -> Iterator[Shape]:
-    """Draw the sample of an entry on a page, between a column and `width` pixels further."""
+    """Draw the sample of an entry, between a column and `width` pixels further."""
     centre = left + width / 2.0
     if isinstance(entry.sample, Style):
         yield Line.through([(left, middle), (left + width, middle)], entry.sample)

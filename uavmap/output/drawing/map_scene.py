@@ -8,23 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.units import GridPoint, LatLon
-from uavmap.output.drawing.palette import (
-    HOME_DOT,
-    LINES,
-    RECORDED_NAMES,
-    STATE_NAMES,
-    STATES,
-    TRACK_PX,
-    Style,
-    track_colour,
-)
+from uavmap.output.drawing import palette
+from uavmap.output.drawing.palette import Style
 from uavmap.output.drawing.scene import (
-    Bounds,
     Cells,
     Dot,
     Entry,
     Layer,
     Line,
+    Place,
     Scene,
     View,
     bounds_of,
@@ -54,25 +46,28 @@ def map_scene(data: MapData) -> Scene:
     if data.truth is not None:
         layers.append(moved("truth", rings_of(data.truth)))
     if data.unsearched:
-        lanes = (np.array(_fixed(data, lane)) for lane in data.unsearched)
-        layers.append(line_layer("unsearched", lanes))
-    fences = [_closed(data, ring) for ring in (data.fence, *data.fence_holes)]
+        layers.append(line_layer("unsearched", (_fixed(data, lane) for lane in data.unsearched)))
+    fences = [_fixed(data, ring) for ring in (data.fence, *data.fence_holes)]
     layers += [
-        line_layer("box", [_closed(data, data.box)]),
-        line_layer("fence", fences),
-        Layer((Dot(data.grid.fixed(data.start), HOME_DOT),), (Entry(HOME_DOT, "home"),)),
+        line_layer("box", [_fixed(data, data.box)], closed=True),
+        line_layer("fence", fences, closed=True),
+        Layer(
+            (Dot(data.grid.fixed(data.start), palette.HOME_DOT),),
+            (Entry(palette.HOME_DOT, "home"),),
+        ),
     ]
     return Scene(data.mission, _subtitle(data), map_view(data), tuple(layers), cells)
 
 
-def line_layer(name: str, rings: Iterable[NDArray[np.float64]]) -> Layer:
+def line_layer(name: str, lines: Iterable[Iterable[Place]], *, closed: bool = False) -> Layer:
     """Create the layer of a named line (`palette.LINES`)."""
-    text, style = LINES[name]
-    return Layer(tuple(Line(ring, style) for ring in rings), (Entry(style, text),))
+    text, style = palette.LINES[name]
+    shapes = tuple(Line.through(line, style, closed=closed) for line in lines)
+    return Layer(shapes, (Entry(style, text),))
 
 
 def map_view(data: MapData) -> View:
-    """Create the view of cells, tracks, truth, box and home, and of the fence if it is near."""
+    """Create the view of cells, tracks, truth, box and home, and of a fence that is near."""
     points = [data.grid.fixed(data.start), *_fixed(data, data.box)]
     if len(data.squares):
         low, high = data.squares[:, :2].min(axis=0), data.squares[:, 2:].max(axis=0)
@@ -83,31 +78,33 @@ def map_view(data: MapData) -> View:
         corners = GridPoint(west, south), GridPoint(east, north)
         points += [data.grid.to_fixed(corner, data.t_s) for corner in corners]
     near, whole = bounds_of(points), bounds_of([*points, *_fixed(data, data.fence)])
-    shown = whole if _area(whole) <= _FENCE_ROOM * _area(near) else near
+    near_m2, whole_m2 = (
+        (east - west) * (north - south) for west, south, east, north in (near, whole)
+    )
+    shown = whole if whole_m2 <= _FENCE_ROOM * near_m2 else near
     return View.around(shown, data.grid.cell_m)
 
 
 def _cells(data: MapData) -> tuple[Cells, Layer]:
-    """Create the cells and their legend; only states that occur have a line in the legend."""
     table, grid = data.table, data.grid
-    names = STATE_NAMES if data.pictures is None else RECORDED_NAMES
+    names = palette.STATE_NAMES if data.pictures is None else palette.RECORDED_NAMES
     codes = np.zeros(len(table.cells), np.uint8)
     entries = []
-    for code, (state, colour) in enumerate(STATES.items()):
+    for code, (state, colour) in enumerate(palette.STATES.items()):
         there = table.are(state)
         codes[there] = code
         if count := np.count_nonzero(there):
             entries.append(Entry(colour, f"{names[state]} ({count})"))
     origin = grid.to_fixed(GridPoint(0.0, 0.0), data.t_s)
-    opaque = tuple(state not in NOT_ROI for state in STATES)
-    cells = Cells(table.cells, codes, tuple(STATES.values()), grid.cell_m, origin, opaque)
+    opaque = tuple(state not in NOT_ROI for state in palette.STATES)
+    cells = Cells(table.cells, codes, tuple(palette.STATES.values()), grid.cell_m, origin, opaque)
     return cells, Layer((), tuple(entries))
 
 
 def _tracks(data: MapData) -> Layer:
     lines, entries = [], []
     for track in data.tracks:
-        style = Style(track_colour(track.vehicle), TRACK_PX)
+        style = Style(palette.track_colour(track.vehicle), palette.TRACK_PX)
         text = "track" if len(data.tracks) == 1 else f"track of vehicle {track.vehicle}"
         lines.append(Line.through(_track(data, track), style))
         entries.append(Entry(style, text if data.pictures is None else "path of the camera"))
@@ -115,19 +112,10 @@ def _tracks(data: MapData) -> Layer:
 
 
 def _track(data: MapData, track: Track) -> Iterator[GridPoint]:
-    """Yield a track as seen from the region, which may drift: over the cells it was flown for."""
+    """Yield a track as seen from the region: over the cells it was flown for."""
     grid = data.grid
     for t_s, place, _ in track.points:
         yield grid.to_fixed(grid.to_moving(grid.fixed(place), t_s), data.t_s)
-
-
-def _fixed(data: MapData, places: Iterable[LatLon]) -> list[GridPoint]:
-    return [data.grid.fixed(place) for place in places]
-
-
-def _closed(data: MapData, ring: Iterable[LatLon]) -> NDArray[np.float64]:
-    points = _fixed(data, ring)
-    return np.array([*points, points[0]], dtype=np.float64)
 
 
 def _subtitle(data: MapData) -> str:
@@ -142,5 +130,5 @@ def _subtitle(data: MapData) -> str:
     )
 
 
-def _area(bounds: Bounds) -> float:
-    return (bounds[2] - bounds[0]) * (bounds[3] - bounds[1])
+def _fixed(data: MapData, places: Iterable[LatLon]) -> list[GridPoint]:
+    return [data.grid.fixed(place) for place in places]

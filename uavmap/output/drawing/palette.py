@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from uavmap.output.facts.cell_table import State
+from uavmap.output.facts.map_model import State
 
 Colour = tuple[int, int, int]
 
@@ -78,21 +78,14 @@ class Style(NamedTuple):
     dash_px: float = 0.0
 
 
-class Named(NamedTuple):
-    """A line that has a name in the legend."""
-
-    name: str
-    style: Style
-
-
-LINES: Final[Mapping[str, Named]] = MappingProxyType(
+LINES: Final[Mapping[str, tuple[str, Style]]] = MappingProxyType(
     {
-        "outline": Named("outline of the cells", Style(OUTLINE, 2.5)),
-        "boundary": Named("boundary by pixels", Style(BOUNDARY, 1.4)),
-        "truth": Named("true region", Style(TRUTH, 2.0)),
-        "unsearched": Named("search lane without a judged frame", Style(UNSEARCHED, 3.0)),
-        "box": Named("search box", Style(BOX, 1.6, 9.0)),
-        "fence": Named("geofence", Style(FENCE, 1.6, 4.0)),
+        "outline": ("outline of the cells", Style(OUTLINE, 2.5)),
+        "boundary": ("boundary by pixels", Style(BOUNDARY, 1.4)),
+        "truth": ("true region", Style(TRUTH, 2.0)),
+        "unsearched": ("search lane without a judged frame", Style(UNSEARCHED, 3.0)),
+        "box": ("search box", Style(BOX, 1.6, 9.0)),
+        "fence": ("geofence", Style(FENCE, 1.6, 4.0)),
     }
 )
 """The lines of a map and of a plan, by the key of their layer."""

@@ -6,25 +6,15 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
-import numpy as np
 from markupsafe import Markup, escape
 
 from missions.flight.setting import Setting
 from missions.mission.places import homes
 from missions.mission.schema import positions
 from missions.units import GridPoint
-from uavmap.output.drawing import svg
+from uavmap.output.drawing import palette, svg
 from uavmap.output.drawing.map_scene import line_layer
-from uavmap.output.drawing.palette import (
-    HOLE,
-    HOME_DOT,
-    INK,
-    LANE_PX,
-    PAPER,
-    SEARCHED,
-    Style,
-    track_colour,
-)
+from uavmap.output.drawing.palette import Style
 from uavmap.output.drawing.scene import (
     Area,
     Dot,
@@ -42,7 +32,7 @@ _LISTED: Final = 6
 """Maximum number of vehicles in the legend."""
 _TRANSFER_PX: Final = 0.6
 _SIZE_PX: Final = 14.0
-_NUMBERED_DOT: Final = ((7.5, PAPER), (6.0, INK))
+_NUMBERED_DOT: Final = ((7.5, palette.PAPER), (6.0, palette.INK))
 
 
 def preflight_scene(setting: Setting, notes: Sequence[str] = ()) -> Scene:
@@ -50,14 +40,14 @@ def preflight_scene(setting: Setting, notes: Sequence[str] = ()) -> Scene:
     mission = setting.mission
     box = _ring(setting, mission.search.box)
     fence, *holes = (_ring(setting, ring) for ring in (mission.fence.polygon, *mission.fence.holes))
-    layers = [Layer((Area(box, SEARCHED),), (Entry(SEARCHED, "area to search"),))]
+    layers = [Layer((Area(box, palette.SEARCHED),), (Entry(palette.SEARCHED, "area to search"),))]
     if holes:
-        areas = tuple(Area(hole, HOLE) for hole in holes)
-        layers.append(Layer(areas, (Entry(HOLE, "hole of the fence"),)))
+        areas = tuple(Area(hole, palette.HOLE) for hole in holes)
+        layers.append(Layer(areas, (Entry(palette.HOLE, "hole of the fence"),)))
     layers += [
         _lanes(setting),
-        line_layer("box", [_closed(box)]),
-        line_layer("fence", [_closed(ring) for ring in (fence, *holes)]),
+        line_layer("box", [box], closed=True),
+        line_layer("fence", (fence, *holes), closed=True),
         _homes(setting),
         _sizes(box),
     ]
@@ -77,50 +67,44 @@ def _heights_m(setting: Setting) -> list[float]:
 
 
 def _lanes(setting: Setting) -> Layer:
-    """Create the layer of lanes, and thinner between them the way from each to the next."""
     lines, entries = [], []
     for i, share in enumerate(setting.shares):
-        colour = track_colour(i)
-        transfers = pairwise(share)
-        lines += [
-            Line.through((before[1], lane[0]), Style(colour, _TRANSFER_PX))
-            for before, lane in transfers
-        ]
-        lines += [Line.through(lane, Style(colour, LANE_PX)) for lane in share]
+        thin, thick = (
+            Style(palette.track_colour(i), width_px) for width_px in (_TRANSFER_PX, palette.LANE_PX)
+        )
+        lines += [Line.through((before[1], lane[0]), thin) for before, lane in pairwise(share)]
+        lines += [Line.through(lane, thick) for lane in share]
     heights_m = _heights_m(setting)
     for i, height_m in enumerate(heights_m[:_LISTED]):
         text = f"lanes of vehicle {i + 1}, at {height_m:g} m"
-        entries.append(Entry(Style(track_colour(i), LANE_PX), text))
+        entries.append(Entry(Style(palette.track_colour(i), palette.LANE_PX), text))
     if more := len(heights_m[_LISTED:]):
-        entries.append(Entry(Style(track_colour(0), LANE_PX), f"... and {more} vehicles more"))
+        entries.append(
+            Entry(Style(palette.track_colour(0), palette.LANE_PX), f"... and {more} vehicles more")
+        )
     return Layer(tuple(lines), tuple(entries))
 
 
 def _homes(setting: Setting) -> Layer:
     pads = [setting.grid.fixed(place) for place in homes(setting.mission)]
     if len(pads) == 1:
-        return Layer((Dot(pads[0], HOME_DOT),), (Entry(HOME_DOT, "home"),))
+        return Layer((Dot(pads[0], palette.HOME_DOT),), (Entry(palette.HOME_DOT, "home"),))
     marks: list[Shape] = []
     for i, pad in enumerate(pads):
-        marks += [Dot(pad, _NUMBERED_DOT), Label(pad, str(i + 1), 10.0, PAPER, "middle")]
+        marks += [Dot(pad, _NUMBERED_DOT), Label(pad, str(i + 1), 10.0, palette.PAPER, "middle")]
     return Layer(tuple(marks), (Entry(_NUMBERED_DOT, "homes, numbered"),))
 
 
 def _sizes(box: Sequence[GridPoint]) -> Layer:
-    """Create labels of the width and the height of the box, along its sides."""
     west, south, east, north = bounds_of(box)
     middle = (west + east) / 2.0, (south + north) / 2.0
     across, up = f"{east - west:.0f} m", f"{north - south:.0f} m"
-    below = Label((middle[0], south), across, _SIZE_PX, INK, "middle", (0.0, 14.0))
-    return Layer((below, Label((west, middle[1]), up, _SIZE_PX, INK, "end", (-10.0, 0.0))))
+    below = Label((middle[0], south), across, _SIZE_PX, palette.INK, "middle", (0.0, 14.0))
+    return Layer((below, Label((west, middle[1]), up, _SIZE_PX, palette.INK, "end", (-10.0, 0.0))))
 
 
 def _ring(setting: Setting, ring: Sequence[tuple[float, float]]) -> tuple[GridPoint, ...]:
     return tuple(setting.grid.fixed(place) for place in positions(tuple(ring)))
-
-
-def _closed(ring: Sequence[GridPoint]) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    return np.array([*ring, ring[0]], dtype=np.float64)
 
 
 # --- the plan as a page --------------------------------------------------------------------------
@@ -141,7 +125,7 @@ li { display: flex; align-items: center; gap: .6rem; }
 
 
 def plan_page(scene: Scene, facts: Sequence[tuple[str, str]], warnings: Sequence[str]) -> str:
-    """Write the page, in HTML with a drawing in SVG. Names from the mission are escaped."""
+    """Write the page, in HTML with a drawing in SVG. Texts are escaped."""
     title = escape(scene.title)
     rows = Markup("\n").join(
         Markup("<tr><th>{}</th><td>{}</td></tr>").format(name, value) for name, value in facts

@@ -1,6 +1,6 @@
 """Shapes as pixels: drawn several times as large and shrunk, which smooths every edge.
 
-The letters are Pillow's own: no picture depends on the fonts of a machine.
+The letters are Pillow's: no picture depends on the fonts of a machine.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 def text_width(text: str, size_px: float) -> float:
-    """Return the width of a line of text in a raster, px; a browser has letters of its own."""
+    """Return the width of a line of text in a raster, px; a browser has its own letters."""
     return float(font(round(size_px * OVERSAMPLING)).getlength(text)) / OVERSAMPLING
 
 
@@ -64,7 +64,7 @@ def picture(view: View, shapes: Iterable[Shape], paper: Colour = PAPER) -> Image
 
 
 class Canvas:
-    """An image to draw on, which is `OVERSAMPLING` times as large as it is shown."""
+    """An image to draw on, `OVERSAMPLING` times as large as it is shown."""
 
     def __init__(
         self, size_px: tuple[int, int], paper: Colour = PAPER, ground: Image.Image | None = None
@@ -131,7 +131,7 @@ class Canvas:
                 return self._extent(np.array([[left, top], [right, low]]), 0.0)
 
     def _line(self, pixels: NDArray[np.float64], colour: Colour, width: int) -> None:
-        """Draw a line; a closed one goes past its seam, which so has a round corner too."""
+        """Draw a line; a closed one goes past its seam, for a round corner there."""
         if len(pixels) < 2:
             return
         closed = len(pixels) > 2 and (pixels[0] == pixels[-1]).all()
@@ -143,7 +143,7 @@ class Canvas:
                 self._pen.ellipse((x - r, y - r, x + r, y + r), fill=colour)
 
     def _extent(self, pixels: NDArray[np.float64], reach: float) -> Extent:
-        """Return the part of the picture around large pixels, some of which may lie outside."""
+        """Return the part of the picture around large pixels, which may lie outside."""
         across, down = self.size_px
         left, top = np.floor((pixels.min(axis=0) - reach) / OVERSAMPLING - 1.0).tolist()
         right, low = np.ceil((pixels.max(axis=0) + reach) / OVERSAMPLING + 1.0).tolist()
@@ -167,10 +167,8 @@ def cell_picture(
     """Draw cells at the size at which they are shown.
 
     `photograph` shows through them: shape (rows, columns, 4), red, green, blue, and 255 where there
-    is any.
-
-    Each pixel asks for the cell at its middle, so a million cells take no longer than ten. Cells
-    that are hardly larger than a pixel are asked for nine times a pixel.
+    is any. Each pixel looks up the cell at its middle, so a million cells take no longer than ten;
+    cells hardly larger than a pixel are looked up nine times a pixel.
     """
     side_px = shape.cell_m * view.px_per_m
     fine = 1 if side_px >= _SEAM_PX else OVERSAMPLING
@@ -207,7 +205,6 @@ def cell_picture(
 
 
 def _rims(index: NDArray[np.int_]) -> NDArray[np.bool_]:
-    """Return which pixels are the first or the last of their cell."""
     change = np.concatenate([[True], np.diff(index) != 0, [True]])
     rims: NDArray[np.bool_] = change[:-1] | change[1:]
     return rims
@@ -215,7 +212,7 @@ def _rims(index: NDArray[np.int_]) -> NDArray[np.bool_]:
 
 # --- dashes --------------------------------------------------------------------------------------
 def _dashed(places: NDArray[np.float64], style: Style, view: View) -> Iterator[NDArray[np.float64]]:
-    """Cut a line into dashes, where it is in view: a fence may be much larger."""
+    """Cut a line into dashes where it is in view: a fence may be much larger."""
     shown = LineString(places).intersection(view.ground)
     for part in shapely.get_parts(shapely.line_merge(shown)):
         for dash in dashes_of(shapely.get_coordinates(part), 2 * style.dash_px / view.px_per_m):
@@ -223,7 +220,7 @@ def _dashed(places: NDArray[np.float64], style: Style, view: View) -> Iterator[N
 
 
 def dashes_of(line: NDArray[np.float64], period_m: float) -> Iterator[Sequence[Sequence[float]]]:
-    """Cut out the first half of each period along a line, with the corners on its way.
+    """Cut out the first half of each period along a line, with its corners.
 
     >>> line = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 2.0]])
     >>> [[(float(x), float(y)) for x, y in dash] for dash in dashes_of(line, 4.0)]

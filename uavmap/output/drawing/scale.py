@@ -51,7 +51,7 @@ def step_near(about: float) -> float:
 
 
 def scale_bar(corner: Place, px_per_m: float) -> Iterator[Shape]:
-    """Draw a bar of a round length on a page, rightwards and downwards from a corner."""
+    """Draw a bar of a round length, rightwards and downwards from a corner."""
     x, y = corner
     length_m = step_down(LONGEST_PX / px_per_m)
     right, low = x + length_m * px_per_m, y + 6.0
@@ -64,7 +64,7 @@ def scale_bar(corner: Place, px_per_m: float) -> Iterator[Shape]:
 
 
 def north_arrow(corner: Place) -> Iterator[Shape]:
-    """Draw an arrow upwards on a page, half dark, with what it stands for on its right."""
+    """Draw an arrow upwards, half dark, with its meaning on its right."""
     x, y = corner
     base, notch = y + ARROW_HEIGHT_PX, y + ARROW_HEIGHT_PX - 9.0
     tip = (x + 12.0, y)

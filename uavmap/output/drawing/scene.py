@@ -28,10 +28,9 @@ Bounds = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """The rectangle that a drawing shows.
+    """The rectangle that a drawing shows, from its upper left corner.
 
-    `left_m` and `top_m` are its upper left corner. On a page `north_up` is False: places are
-    columns and rows of pixels.
+    On a page `north_up` is False: places are columns and rows of pixels.
     """
 
     left_m: float
@@ -48,7 +47,7 @@ class View:
 
     @classmethod
     def around(cls, bounds: Bounds, least_pad_m: float = 0.0) -> Self:
-        """Create the view of a map that shows all within bounds, with a margin around it."""
+        """Create the view of a map that shows all within bounds, with a margin."""
         west, south, east, north = bounds
         pad_m = max(_PAD * max(east - west, north - south), least_pad_m)
         width_m, height_m = east - west + 2 * pad_m, north - south + 2 * pad_m
@@ -92,10 +91,8 @@ class Cells:
     Attributes:
         cells: Columns and rows, shape (n, 2).
         codes: Number of each cell's colour, shape (n,).
-        colours: The colours.
-        cell_m: Side of a cell, m.
         origin: Centre of cell (0, 0).
-        opaque: By colour, whether most of a photograph below is hidden.
+        opaque: By colour, whether it hides most of a photograph below.
     """
 
     cells: NDArray[np.int32]
@@ -123,7 +120,7 @@ class Area(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
-    """A line with round corners; closed where its last place is the first. Shape (n, 2)."""
+    """A line with round corners, shape (n, 2); closed where its last place is the first."""
 
     places: NDArray[np.float64]
     style: Style
@@ -166,7 +163,7 @@ class Entry(NamedTuple):
 
 
 class Layer(NamedTuple):
-    """Shapes of one kind, and what the legend says of them."""
+    """Shapes of one kind, and their legend."""
 
     shapes: tuple[Shape, ...]
     legend: tuple[Entry, ...] = ()

@@ -37,13 +37,17 @@ def write_sheet(scene: Scene, path: Path, photograph: NDArray[np.uint8] | None =
 
 def draw_sheet(scene: Scene, photograph: NDArray[np.uint8] | None = None) -> Image.Image:
     """Draw the picture of a scene."""
-    view, notes = scene.view, list(_wrapped(scene))
+    view = scene.view
+    wrapped = (textwrap.wrap(n, _NOTE_LETTERS, subsequent_indent="   ") for n in scene.notes)
+    notes = [line for lines in wrapped for line in lines]
     wide = max(
         _NARROWEST_PX,
         legend.column_width(scene.legend),
         *(text_width(line, _NOTE_SIZE_PX) for line in notes),
     )
-    beside = View.page(MARGIN_PX + wide + MARGIN_PX, _side_height(scene, len(notes)))
+    fixed = 3 * _GAP_PX + BAR_HEIGHT_PX + ARROW_HEIGHT_PX
+    high = len(scene.legend) * legend.ROW_PX + fixed + len(notes) * _NOTE_PX
+    beside = View.page(MARGIN_PX + wide + MARGIN_PX, high)
     head = [
         Label((MARGIN_PX, 30.0), scene.title, _TITLE_SIZE_PX, INK),
         Label((MARGIN_PX, 54.0), scene.subtitle, _SUBTITLE_SIZE_PX, FAINT),
@@ -74,7 +78,6 @@ def _map(scene: Scene, photograph: NDArray[np.uint8] | None) -> Image.Image:
 
 
 def _side(scene: Scene, notes: list[str]) -> Iterator[Shape]:
-    """Draw the column beside the map."""
     left, low = float(MARGIN_PX), len(scene.legend) * legend.ROW_PX
     yield from legend.column(scene.legend, (left, 0.0))
     low += _GAP_PX
@@ -84,13 +87,3 @@ def _side(scene: Scene, notes: list[str]) -> Iterator[Shape]:
     low += ARROW_HEIGHT_PX + _GAP_PX
     for number, line in enumerate(notes):
         yield Label((left, low + (number + 0.5) * _NOTE_PX), line, _NOTE_SIZE_PX, INK)
-
-
-def _side_height(scene: Scene, notes: int) -> float:
-    fixed = 3 * _GAP_PX + BAR_HEIGHT_PX + ARROW_HEIGHT_PX
-    return len(scene.legend) * legend.ROW_PX + fixed + notes * _NOTE_PX
-
-
-def _wrapped(scene: Scene) -> Iterator[str]:
-    for note in scene.notes:
-        yield from textwrap.wrap(note, _NOTE_LETTERS, subsequent_indent="   ")

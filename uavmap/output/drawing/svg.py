@@ -47,10 +47,8 @@ def document(view: View, shapes: Iterable[Shape], paper: Colour = PAPER) -> Mark
 def map_drawing(scene: Scene, over: Iterable[Shape] = (), around: Iterable[Shape] = ()) -> Markup:
     """Write the map of a scene with its scale and north arrow.
 
-    Args:
-        scene: The map.
-        over: More lines in metres, over the map and cut at its frame.
-        around: More shapes in pixels from the map's upper left corner.
+    `over` are more lines in metres, cut at the map's frame; `around` are more shapes in pixels from
+    the map's upper left corner.
     """
     view = scene.view
     wide, high = view.width_px, view.height_px
@@ -134,7 +132,7 @@ def _elements(shape: Shape, view: View) -> Iterator[str]:
 
 
 def _cells(shape: Cells, view: View) -> Iterator[str]:
-    """Write a path a colour, in which neighbours in a row are one rectangle."""
+    """Write a path per colour, in which neighbours in a row are one rectangle."""
     size = shape.cell_m * view.px_per_m
     for code, colour in enumerate(shape.colours):
         parts = []
@@ -150,7 +148,7 @@ def _cells(shape: Cells, view: View) -> Iterator[str]:
 
 
 def _path(places: ArrayLike, view: View) -> str:
-    """Write places as a path, without those that are too near to the one before to be seen."""
+    """Write places as a path, without those too near to the one before to be seen."""
     pixels = view.pixels(places)
     far = np.hypot(*np.diff(pixels, axis=0).T) >= _LEAST_PX
     pixels = pixels[np.concatenate([[True], far])]

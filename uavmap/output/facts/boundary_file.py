@@ -1,7 +1,7 @@
-"""boundary.geojson: the region's outline at pixel level, as RFC 7946 reads it.
+"""boundary.geojson: the region's outline at pixel level, by RFC 7946; docs/replay.md describes it.
 
 Longitude before latitude, WGS84, eight decimals (a millimetre), rings closed, exterior rings
-counter-clockwise and holes clockwise. The program's own page on replays tells what is in it.
+counter-clockwise and holes clockwise.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from pydantic_core import to_json
-from shapely.geometry import Polygon
-from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
+from shapely.geometry import mapping
+from shapely.geometry.base import BaseGeometry
 
 from missions.geo.grid import Grid
 from missions.units import LatLon
@@ -36,18 +36,15 @@ Feature = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class BoundaryMap:
-    """What the file tells.
+    """The content of the file.
 
     Attributes:
-        mission: Its name.
-        grid: Of the cells.
-        t_s: The mission time that the map is of.
-        start: Longitudes are in the turn of its own.
-        box: The search box, tied to the ground.
-        boundary: The boundary.
-        position_m: Standard deviation of a picture's place: how far all of it may be shifted.
-        seen: Cells on which pictures were asked, sorted; shape (n, 2).
-        undecided: Those among them that too few pictures show.
+        t_s: Mission time of the map.
+        start: Longitudes are in its turn.
+        box: The search box, fixed to the ground.
+        position_m: Standard deviation of a picture's place, by which all of it may be shifted.
+        seen: Cells that pictures show, sorted; shape (n, 2).
+        undecided: Those among them in too few pictures.
     """
 
     mission: str
@@ -61,7 +58,7 @@ class BoundaryMap:
     undecided: NDArray[np.int32]
 
     def figures(self) -> dict[str, float | None]:
-        """What a summary tells of the boundary."""
+        """Return the figures for the summary."""
         found = self.boundary
         return {
             "boundary_m2": round(found.region.area, 1),
@@ -73,14 +70,25 @@ class BoundaryMap:
 
 
 def write(data: BoundaryMap, path: Path) -> list[Feature]:
-    """Write the file; returns the features in it."""
+    """Write the file; return its features."""
     features = features_of(data)
-    write_text(path, _text(data, features))
+    head = {
+        "mission": data.mission,
+        "t_s": round(data.t_s, 3),
+        "computed_in": f"EPSG:{data.grid.zone.epsg}",
+    }
+    boxes = np.array([f["bbox"] for f in features if "bbox" in f])
+    bbox = []
+    if len(boxes):
+        bbox = [*boxes[:, :2].min(axis=0).tolist(), *boxes[:, 2:].max(axis=0).tolist()]
+    # thousands of coordinates, all finite: json takes seven times as long
+    lines = (to_json(feature).decode() for feature in features)
+    write_text(path, "".join(geojson.collection(head, bbox, lines)))
     return features
 
 
 def features_of(data: BoundaryMap) -> list[Feature]:
-    """What is in the file."""
+    """Create the features of the file."""
     open_lines = data.boundary.open_lines
     return [
         _region(data),
@@ -90,17 +98,6 @@ def features_of(data: BoundaryMap) -> list[Feature]:
         _cells(data, "undecided", runs(data.undecided)),
         _cells(data, "unseen", unseen(data)),
     ]
-
-
-def _text(data: BoundaryMap, features: Sequence[Feature]) -> str:
-    head = {
-        "mission": data.mission,
-        "t_s": round(data.t_s, 3),
-        "computed_in": f"EPSG:{data.grid.zone.epsg}",
-    }
-    # thousands of coordinates, all finite: json takes seven times as long
-    lines = (to_json(feature).decode() for feature in features)
-    return "".join(geojson.collection(head, _bbox(features), lines))
 
 
 # --- the features --------------------------------------------------------------------------------
@@ -140,18 +137,15 @@ def _lines(data: BoundaryMap) -> Iterator[Feature]:
 
 
 def _cells(data: BoundaryMap, kind: str, found: Runs) -> Feature:
-    """Cells as rows of them; what they cover is the geometry."""
     half_m = data.grid.cell_m / 2.0
-    bounds = data.grid.cell_m * np.array(found, dtype=np.float64).reshape(-1, 3)
-    boxes = shapely.box(
-        bounds[:, 1] - half_m, bounds[:, 0] - half_m, bounds[:, 2] + half_m, bounds[:, 0] + half_m
-    )
+    row, first, last = data.grid.cell_m * np.array(found, dtype=np.float64).reshape(-1, 3).T
+    boxes = shapely.box(first - half_m, row - half_m, last + half_m, row + half_m)
     told = {"cells": sum(last - first + 1 for _, first, last in found), "runs": found}
     return _shape(data, kind, shapely.orient_polygons(shapely.union_all(boxes)), told)
 
 
 def unseen(data: BoundaryMap) -> Runs:
-    """The cells of the search box on which no picture was asked."""
+    """Return the cells of the search box that no picture shows."""
     grid = data.grid
     box = shapely.Polygon([grid.to_moving(grid.fixed(p), data.t_s) for p in data.box])
     shapely.prepare(box)
@@ -161,15 +155,10 @@ def unseen(data: BoundaryMap) -> Runs:
     columns = np.arange(west, east + 1)
     for row in range(south, north + 1, step := max(1, _ROWS // len(columns))):
         rows = np.arange(row, min(row + step, north + 1))
-        missing = shapely.contains_xy(
-            box, columns[None, :] * grid.cell_m, rows[:, None] * grid.cell_m
-        )
-        near = seen[
-            (seen[:, 1] >= rows[0])
-            & (seen[:, 1] <= rows[-1])
-            & (seen[:, 0] >= west)
-            & (seen[:, 0] <= east)
-        ]
+        at_m = columns[None, :] * grid.cell_m, rows[:, None] * grid.cell_m
+        missing = shapely.contains_xy(box, *at_m)
+        low, high = (west, rows[0]), (east, rows[-1])
+        near = seen[((seen >= low) & (seen <= high)).all(axis=1)]
         missing[near[:, 1] - rows[0], near[:, 0] - west] = False
         found += runs(np.argwhere(missing.T) + np.array([west, rows[0]]))
     return found
@@ -179,44 +168,21 @@ def unseen(data: BoundaryMap) -> Runs:
 def _shape(
     data: BoundaryMap, kind: str, shape: BaseGeometry, told: dict[str, Any], name: str = ""
 ) -> Feature:
-    """A feature; its geometry is null where there is nothing."""
+    """Create a feature; its geometry is null where there is none."""
+
+    def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        found = on_earth(points, data.grid, data.t_s)
+        found[:, 0] = turned(found[:, 0], data.start)
+        if not np.isfinite(found).all():  # JSON has no word for it
+            raise ValueError("a point of the boundary lies nowhere on Earth")
+        return found.round(DECIMALS)
+
     feature: Feature = {"type": "Feature", "id": name or kind, "geometry": None}
     if not shape.is_empty:
-        there = shapely.transform(shape, lambda points: _lon_lat(data, points))
+        there = shapely.transform(shape, placed)
         feature["bbox"] = list(there.bounds)
-        feature["geometry"] = _geometry(there)
+        feature["geometry"] = mapping(there)
     return {**feature, "properties": {"kind": kind, **told}}
-
-
-def _geometry(shape: BaseGeometry) -> dict[str, Any]:
-    """A line, a polygon, or several of a kind, as GeoJSON."""
-    if isinstance(shape, BaseMultipartGeometry):
-        parts = [_geometry(part)["coordinates"] for part in shape.geoms]
-        return {"type": shape.geom_type, "coordinates": parts}
-    rings = [shape]
-    if isinstance(shape, Polygon):
-        rings = [shape.exterior, *shape.interiors]
-    found = [shapely.get_coordinates(ring).tolist() for ring in rings]
-    whole = found if isinstance(shape, Polygon) else found[0]
-    return {"type": shape.geom_type, "coordinates": whole}
-
-
-def _lon_lat(data: BoundaryMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Longitudes, in the turn of the start's, and latitudes of points of the moving frame."""
-    found = on_earth(points, data.grid, data.t_s)
-    found[:, 0] = turned(found[:, 0], data.start)
-    if not np.isfinite(found).all():  # JSON has no word for it
-        raise ValueError("a point of the boundary lies nowhere on Earth")
-    return found.round(DECIMALS)
-
-
-def _bbox(features: Sequence[Feature]) -> list[float]:
-    """West, south, east, north; empty without any geometry."""
-    boxes = np.array([f["bbox"] for f in features if "bbox" in f])
-    if not len(boxes):
-        return []
-    low, high = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
-    return [float(value) for value in (*low, *high)]
 
 
 def _rounded(value: float | None) -> float | None:

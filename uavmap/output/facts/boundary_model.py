@@ -1,17 +1,22 @@
-"""The boundary of a region at pixel level, as the writers of results take it.
-
-Coordinates are ground metres of the grid's moving frame.
-"""
+"""The boundary of a region at pixel level: as computed, and as read back from boundary.geojson."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
-from shapely.geometry import MultiPolygon
+from shapely.errors import ShapelyError
+from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
+
+from uavmap.base.text_files import read_text
+from uavmap.output.facts.map_model import MapData
 
 
 class Line(NamedTuple):
@@ -20,8 +25,8 @@ class Line(NamedTuple):
     Attributes:
         points: Shape (n, 2), its first point again at the end.
         hole: Whether the region lies outside of it.
-        uncertainty_m: Half of the way from P = 0.1 to P = 0.9 across it, at each point but the
-            last; infinite where P comes to 0.9 nowhere.
+        uncertainty_m: Half the distance from P = 0.1 to P = 0.9 across it, at each point but the
+            last; infinite where P reaches 0.9 nowhere.
     """
 
     points: NDArray[np.float64]
@@ -29,24 +34,24 @@ class Line(NamedTuple):
     uncertainty_m: NDArray[np.float64]
 
     def uncertainty(self, share: float) -> float:
-        """What the uncertainty is below along this share of the line, metres."""
+        """Return the uncertainty that this share of the line does not exceed, m."""
         return weighted_quantile(self.uncertainty_m, _lengths(self.points), share)
 
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
-    """The region, and where its edge may be.
+    """The region, and where its edge may be, in ground metres of the grid's moving frame.
 
     Attributes:
         probability: P at the boundary.
-        region: P is at least that in it; valid, maybe empty.
+        region: Where P is at least that; valid, may be empty.
         likely: Where P is at least 0.9.
         possible: Where P is at least 0.1.
-        band: What is possible and not likely.
+        band: Possible and not likely.
         lines: Those of `region`, outer ones first.
-        open_lines: Where the boundary runs along the end of what pictures show.
-        pitch_m: Edge of a pixel of the raster, metres on the ground.
-        tolerance_m: By how much lines were moved at most to have fewer points.
+        open_lines: Where the boundary runs along the end of the pictures.
+        pitch_m: Edge of a pixel of the raster, m on the ground.
+        tolerance_m: Maximum shift of lines when points were left out, m.
     """
 
     probability: float
@@ -60,7 +65,7 @@ class Boundary:
     tolerance_m: float
 
     def uncertainty_m(self, share: float) -> float | None:
-        """What the uncertainty is below for this share of all points of all lines."""
+        """Return the uncertainty that this share of all lines does not exceed, m."""
         if not self.lines:
             return None
         steps = np.concatenate([_lengths(line.points) for line in self.lines])
@@ -71,7 +76,7 @@ class Boundary:
 def weighted_quantile(
     values: NDArray[np.float64], weights: NDArray[np.float64], share: float
 ) -> float:
-    """The value that this share of the weight does not exceed.
+    """Return the value that this share of the weight does not exceed.
 
     >>> weighted_quantile(np.array([3.0, 1.0, 2.0]), np.array([1.0, 8.0, 1.0]), 0.85)
     2.0
@@ -83,7 +88,82 @@ def weighted_quantile(
 
 
 def _lengths(ring: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What each point of a closed line stands for: half of the way to its neighbours."""
+    """Return the weight of each point of a closed line: half the way to its neighbours."""
     steps = np.hypot(*np.diff(ring, axis=0).T)
     lengths: NDArray[np.float64] = (steps + np.roll(steps, 1)) / 2.0
     return lengths
+
+
+FILE: Final = "boundary.geojson"
+_MOST_BYTES: Final = 50_000_000
+_SAME_S: Final = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class BoundaryTold:
+    """The boundary at pixel level, in the fixed frame, m on the ground.
+
+    Attributes:
+        low_m2: Where P is at least 0.9.
+        high_m2: Where P is at least 0.1.
+        length_m: Of all its lines.
+        uncertainty_m: Of half of it: half the distance from P = 0.1 to P = 0.9; None where P
+            reaches 0.9 nowhere.
+        open_m: Where it runs along the end of the pictures.
+        position_m: Standard deviation of a picture's place.
+    """
+
+    region: Polygon | MultiPolygon
+    area_m2: float
+    low_m2: float
+    high_m2: float
+    length_m: float
+    uncertainty_m: float | None
+    open_m: float
+    position_m: float
+
+
+def read_boundary(folder: Path, data: MapData) -> BoundaryTold | None:
+    """Read the boundary in a folder of results; None where there is none of this map.
+
+    A file that was edited, or that is of an earlier part of the flight, does not count.
+    """
+    try:
+        told = json.loads(read_text(folder / FILE, _MOST_BYTES))
+        if abs(float(told["t_s"]) - data.t_s) > _SAME_S:
+            return None
+        return boundary_of(told["features"], data)
+    except (OSError, ValueError, TypeError, KeyError, RecursionError, ShapelyError):
+        return None
+
+
+def boundary_of(told: Iterable[Mapping[str, Any]], data: MapData) -> BoundaryTold | None:
+    """Read the features of the file; None of a geometry that is no boundary.
+
+    Raises `KeyError`, `TypeError` or `ValueError` for missing or other values.
+    """
+    features = {str(one["id"]): one for one in told}
+    feature = features["boundary"]
+    values = feature["properties"]
+    region: Polygon | MultiPolygon = Polygon()
+    if feature["geometry"] is not None:
+        shape = shapely.from_geojson(json.dumps(feature["geometry"]))
+        if not isinstance(shape, Polygon | MultiPolygon):
+            return None
+        grid = data.grid
+        origin = np.array([grid.origin.east_m, grid.origin.north_m])
+        region = shapely.transform(shape, lambda at: (grid.zone.utm(at) - origin) / grid.scale)
+    uncertainty = values["uncertainty_m"]
+    lines = (one for name, one in features.items() if name.startswith("line "))
+    numbers = [
+        float(values["area_m2"]), float(values["area_low_m2"]), float(values["area_high_m2"]),
+        float(sum(line["properties"]["length_m"] for line in lines)), float(values["open_m"]),
+        float(values["position_m"]), 0.0 if uncertainty is None else float(uncertainty),
+    ]  # fmt: skip
+    if not np.isfinite(numbers).all() or not np.isfinite(shapely.get_coordinates(region)).all():
+        return None
+    area_m2, low_m2, high_m2, length_m, open_m, position_m, uncertainty_m = numbers
+    return BoundaryTold(
+        region, area_m2, low_m2, high_m2, length_m,
+        None if uncertainty is None else uncertainty_m, open_m, position_m,
+    )  # fmt: skip

@@ -1,10 +1,9 @@
-"""How large a region is, by its cells, and how far that may be wrong.
+"""The size of a region by its cells, with bounds.
 
-A cell is one of the region where at least `detector.share` of it looks like region, and none where
-less does. So along the outline the cells of the region count from that share on to all of them,
-and the judged ones beside it from nothing to that share; one that nobody judged may be region
-whole. The outline runs along the sides of cells: a smooth line through the same cells is shorter by
-as much as a diagonal is shorter than its two sides, a factor of 1 to the root of 2.
+A cell belongs to the region where at least `detector.share` of it looks like region. So along the
+outline a cell of the region counts from that share on to all of it, a judged one beside it from
+nothing to that share, and one without a verdict may be region whole. The outline runs along the
+sides of cells: a smooth line through them is shorter, by a factor of 1 to the root of 2.
 """
 
 from __future__ import annotations
@@ -17,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
-from uavmap.output.facts.cell_table import packed
-from uavmap.output.facts.map_model import MapData
+from uavmap.output.facts.map_model import MapData, packed
 
 _NEIGHBOURS: Final = np.array([[0, 1], [1, 0], [0, -1], [-1, 0]], np.int32)
 
@@ -29,13 +27,12 @@ class Extent:
 
     Attributes:
         area_m2: Of all its cells.
-        low_m2: At least this much of them is region.
-        high_m2: At most this much is, with what lies in the cells beside.
-        outline: Around its cells, in the moving frame; empty without any.
-        perimeter_m: Of the outline of the cells, holes included.
+        low_m2: Minimum of region in them.
+        high_m2: Maximum of region, with that in the cells beside.
+        outline: Around its cells, in the moving frame; may be empty.
+        perimeter_m: Of the outline, holes included.
         parts: Cells that share only a corner are of different parts.
-        holes: Of all parts.
-        open_cells: Cells of the region beside which nobody has judged: it may go on there.
+        open_cells: Cells of the region beside a cell without a verdict: it may go on there.
     """
 
     area_m2: float
@@ -49,11 +46,11 @@ class Extent:
 
     @property
     def shortest_m(self) -> float:
-        """The perimeter of a smooth outline, where it runs diagonally all along."""
+        """The perimeter of a smooth outline that runs diagonally all along."""
         return self.perimeter_m / math.sqrt(2.0)
 
     def figures(self) -> dict[str, Any]:
-        """What a summary tells."""
+        """Return the figures for the summary."""
         return {
             "area_m2": round(self.area_m2, 1),
             "area_low_m2": round(self.low_m2, 1),
@@ -63,7 +60,7 @@ class Extent:
 
 
 def extent(data: MapData, share: float) -> Extent:
-    """The extent of a map's region; `share` is that of a cell from which on it is region."""
+    """Measure a map's region; a cell belongs to it from `share` on."""
     table = data.table
     roi = table.cells[table.roi]
     rim, beside, beyond, open_cells = _around(roi, table.cells[table.are("non-roi")])
@@ -83,8 +80,7 @@ def extent(data: MapData, share: float) -> Extent:
 
 
 def _around(roi: NDArray[np.int32], judged: NDArray[np.int32]) -> tuple[int, int, int, int]:
-    """Cells of the region at its rim; judged ones beside it; those that nobody judged; and cells
-    of the region beside such.
+    """Count rim cells of the region, judged and unjudged cells beside them, and open cells.
 
     >>> _around(np.array([[0, 0]], np.int32), np.array([[1, 0], [0, 1], [0, -1], [5, 5]], np.int32))
     (1, 3, 1, 1)

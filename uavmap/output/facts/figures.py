@@ -1,10 +1,10 @@
-"""The figures of a mission, from its journal alone: what happened, folded once more."""
+"""The figures of a mission, folded from its journal alone."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import Any
 
 from missions.events import Event, FrameSeen
 from missions.flight.joined_map import Facts, concluded
@@ -26,14 +26,13 @@ from vision.projection import SEEN_SHARE
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What the summary says of a flight, and the tracks of the vehicles.
+    """The figures of a flight, and the tracks of the vehicles.
 
     `flight_time_s` is airborne time of all vehicles together; `makespan_s` runs from the first
-    lift-off to the last touch-down, battery swaps included. `exploration_s` is the longest time
-    that a vehicle spent on the tree: without the search, the ways to and from home, and swaps.
-    That is what a strategy's bound speaks of; `bound_makespan_s` is that bound in seconds, None
-    for a strategy without. `lower_bound_s` is what no team could have beaten on the cells that
-    were explored, of which alone the journal knows.
+    lift-off to the last touch-down, battery swaps included. `exploration_s` is the longest time of
+    a vehicle on the tree: without the search, paths from and to home, and swaps. A strategy's bound
+    is about it: `bound_makespan_s`, None for a strategy without. `lower_bound_s` is a bound for
+    every team on the explored cells, of which alone the journal knows.
     """
 
     flight_time_s: float
@@ -54,22 +53,21 @@ class Figures:
 
     @property
     def ratio(self) -> float | None:
-        """The exploration in lower bounds, None where there was nothing to explore."""
+        """The exploration in lower bounds; None where there was nothing to explore."""
         return round(self.exploration_s / self.lower_bound_s, 3) if self.lower_bound_s else None
 
     @property
     def bound_held(self) -> bool | None:
         """Whether the exploration stayed within its bound."""
-        if self.bound_makespan_s is None:
-            return None
-        return self.exploration_s <= self.bound_makespan_s
+        bound_s = self.bound_makespan_s
+        return None if bound_s is None else self.exploration_s <= bound_s
 
 
 def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
-    """The final state and the figures of a journal."""
+    """Fold a journal; return the final state and the figures."""
     state = State.initial(setting)
-    counter = Counter(state.vehicles)
-    shares, facts = Shares(), None if setting.member is None else Facts(setting)
+    counter, shares = Counter(state.vehicles), Shares()
+    facts = None if setting.member is None else Facts(setting)
     for event in events:
         counter.before(event, state)
         state, _ = step(setting, state, event)
@@ -84,7 +82,7 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
 
 
 def figures_of(setting: Setting, state: State, counter: Counter) -> Figures:
-    """The figures of a flight up to a state, of which the counter has seen every event."""
+    """Return the figures of a flight up to a state; the counter has every event."""
     everybody = counter.vehicles.values()
     return Figures(
         flight_time_s=round(sum(c.flight_s for c in everybody), 1),
@@ -106,11 +104,11 @@ def figures_of(setting: Setting, state: State, counter: Counter) -> Figures:
 
 
 def _lower_bound_s(setting: Setting, state: State, breaks: int) -> float:
-    """What no team could have beaten, between cell centres at the configured speed.
+    """Return a bound for every team, between cell centres at the configured speed.
 
-    It speaks of the time on the tree, so of a way that begins at the root, ends anywhere and is
-    broken off by every way home. Only cells count that were looked from after the root was
-    found, with all of a look's frames; from a skipped one nobody looked.
+    It is about the time on the tree: a path from the root that ends anywhere, and is broken off by
+    every flight home. Cells count that were looked at after the root was found, with all frames of
+    a look; skipped ones do not.
     """
     tree = state.tree
     if tree is None or state.found_s is None:
@@ -134,10 +132,10 @@ def _lower_bound_s(setting: Setting, state: State, breaks: int) -> float:
 
 
 def _passing_bound_s(setting: Setting, state: State, found_s: float, breaks: int) -> float:
-    """The same for vehicles that do not stop: of the ground that was first seen after that.
+    """Return the bound for vehicles that do not stop: for ground first seen after the root.
 
-    Who fell back on stopping flew some of it as fast as the mission file allows, the nose anywhere,
-    and a look judges cells that are nearly whole in the picture.
+    A team that fell back on stopping flew part of it at the speed of the mission file, with any
+    heading, and a look judges cells that are nearly whole in the picture.
     """
     mission = setting.mission
     legs_m_s = mission.flight.speed_m_s + mission.drift.speed_m_s if state.falls_back else 0.0
@@ -161,7 +159,6 @@ def _passing_bound_s(setting: Setting, state: State, found_s: float, breaks: int
 
 
 def _bound_s(setting: Setting, state: State) -> float | None:
-    """What the strategy promises, in seconds."""
     if state.tree is None:
         return None
     tree, robots = state.tree, len(setting.mission.vehicles)
@@ -172,15 +169,15 @@ def _bound_s(setting: Setting, state: State) -> float | None:
 
 
 def frames_judged(state: State) -> int:
-    """How many pictures were judged."""
-    taken: Collection[FrameId] = state.belief.looks.get(None, {})
+    """Return the number of judged pictures."""
+    looks: Collection[FrameId] = state.belief.looks.get(None, {})
     overview: Collection[FrameId] = state.overview.looks.get(None, {})
-    from_above = sum(frame not in taken for frame in overview)
+    from_above = sum(frame not in looks for frame in overview)
     return sum(len(frames) for frames in state.belief.looks.values()) + from_above
 
 
 def finding(setting: Setting, state: State) -> str:
-    """What the mission has found out, in a sentence that claims no more than was judged."""
+    """Write what the mission found, in a sentence that claims no more than was judged."""
     frames = frames_judged(state)
     left_m = sum(a.distance_to(b) for a, b in state.unsearched)
     if setting.finds_all and state.belief.roi:
@@ -200,15 +197,12 @@ def finding(setting: Setting, state: State) -> str:
         if state.skipped:
             text += f"; {len(state.skipped)} suspicions were skipped by the operator"
         return f"{text}; {left_m:.0f} m of search lanes are not judged" if left_m else text
-    gaps = [
-        f"{len(cells)} cells {what}"
-        for cells, what in (
-            (state.abandoned, "could not be looked from"),
-            (state.undecided, "lack votes"),
-            (state.skipped, "were skipped by the operator"),
-        )
-        if cells
-    ]
+    reasons = (
+        (state.abandoned, "could not be looked from"),
+        (state.undecided, "lack votes"),
+        (state.skipped, "were skipped by the operator"),
+    )
+    gaps = [f"{len(cells)} cells {what}" for cells, what in reasons if cells]
     if not state.exploration_finished:
         gaps.append("it is not explored to its end")
     found = f"a region of {len(state.belief.roi)} cells in {frames} judged frames"
@@ -216,7 +210,6 @@ def finding(setting: Setting, state: State) -> str:
 
 
 def _patches_found(state: State, frames: int, left_m: float) -> str:
-    """The finding of a mission that looks for every patch, and has seen one."""
     count = len(patches(state.belief.roi))
     several = "a patch" if count == 1 else f"{count} patches"
     text = f"{several} of the region, {len(state.belief.roi)} cells, in {frames} judged frames"
@@ -230,7 +223,7 @@ def _patches_found(state: State, frames: int, left_m: float) -> str:
 
 
 def aircraft_down(setting: Setting, state: State) -> list[str]:
-    """The aircraft that somebody has to look after, each with its place."""
+    """List the aircraft to be recovered, each with its place."""
     lines = []
     for number, vehicle in sorted(state.vehicles.items()):
         if vehicle.away:
@@ -240,13 +233,8 @@ def aircraft_down(setting: Setting, state: State) -> list[str]:
     return lines
 
 
-_OF_ONE_SERVICE: Final = (
-    *("exploration_s", "lower_bound_s", "ratio", "bound_makespan_s", "bound_held"),
-)
-
-
 def summary(setting: Setting, state: State, found: Figures, seed: int | None) -> dict[str, Any]:
-    """The part of summary.json that needs no truth."""
+    """Create the part of summary.json that needs no truth."""
     mission, tree = setting.mission, state.tree
     of_patches, in_all = certificates(setting, state, found.lift_off_s)
     drifts = found.shares.drifts_of(patches(state.belief.roi), setting.grid)
@@ -291,5 +279,7 @@ def summary(setting: Setting, state: State, found: Figures, seed: int | None) ->
         "notes": {str(number): v.note for number, v in sorted(state.vehicles.items()) if v.note},
     }
     if setting.member == 0:  # of several journals: who was told what, and why, is in none of them
-        told |= dict.fromkeys(_OF_ONE_SERVICE)
+        told |= dict.fromkeys(
+            ("exploration_s", "lower_bound_s", "ratio", "bound_makespan_s", "bound_held")
+        )
     return told

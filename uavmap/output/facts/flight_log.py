@@ -1,7 +1,6 @@
-"""What a journal says of a flight's course: places, frames, sorties, troubles.
+"""The course of a flight from its journal: places, frames, sorties, faults.
 
-It is noted event by event, so that a replay of thousands of pictures need not keep what each of
-them says of each cell.
+It is noted event by event: a replay of thousands of pictures need not keep their votes.
 """
 
 from __future__ import annotations
@@ -10,39 +9,17 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple, TypeVar
 
-from missions.events import (
-    Airborne,
-    BatterySwapped,
-    CellSkipped,
-    Connected,
-    Continued,
-    Crashed,
-    Event,
-    FrameLost,
-    FrameSeen,
-    GivenUp,
-    Guarded,
-    Landed,
-    LinkLost,
-    Navigated,
-    OrderFailed,
-    Overridden,
-    Paused,
-    Recalled,
-    Released,
-    Resumed,
-    Told,
-    Tracked,
-    VehicleRecalled,
-)
+from missions import events as ev
+from missions.events import Event
 from missions.units import GridPoint
 from uavmap.base.printable import printable
 from uavmap.output.facts.counting import LIFT_OFF_M
 
 E = TypeVar("E", bound=Event)
+Kind = Literal["fault", "refusal", "link", "pilot", "operator", "frame", "words"]
 
 WARNING: Final = 4
-"""MAV_SEVERITY: what a vehicle says at this level, or a graver one, is a trouble."""
+"""MAV_SEVERITY from which on a text of a vehicle is a fault."""
 
 
 _GNSS: Final = {
@@ -53,7 +30,7 @@ _GNSS: Final = {
 
 
 class Fix(NamedTuple):
-    """Where a vehicle was: the fixed frame, metres above its home, and its charge."""
+    """A vehicle's place in the fixed frame, its height above home and its charge."""
 
     t_s: float
     place: GridPoint
@@ -62,7 +39,7 @@ class Fix(NamedTuple):
 
 
 class FrameRow(NamedTuple):
-    """A judged frame: of how many cells it said something, and of how many that they are region."""
+    """A judged frame: number of cells it voted on, and of votes for region."""
 
     vehicle: int
     t_s: float
@@ -75,12 +52,12 @@ class Trouble(NamedTuple):
 
     t_s: float
     vehicle: int
-    kind: Literal["fault", "refusal", "link", "pilot", "operator", "frame", "words"]
+    kind: Kind
     text: str
 
 
 class Sortie(NamedTuple):
-    """A flight of a vehicle, from lift-off to touch-down, or to where nothing more is known."""
+    """A flight of a vehicle from lift-off to touch-down, or to its last known place."""
 
     vehicle: int
     number: int
@@ -95,12 +72,10 @@ class FlightLog:
     """The course of a flight; times are mission seconds.
 
     Attributes:
-        fixes: By vehicle.
         frames: In the order in which they were judged.
-        troubles: In their order.
         swaps: Vehicle and time of each fresh battery.
-        homes: Of vehicles, as they told them last.
-        amsl_m: Height above the sea of the first home that was told.
+        homes: By vehicle, as last reported.
+        amsl_m: Height above the sea of the first reported home.
     """
 
     fixes: dict[int, list[Fix]] = field(default_factory=dict)
@@ -114,54 +89,55 @@ class FlightLog:
 
     @classmethod
     def of(cls, events: Iterable[Event]) -> FlightLog:
-        """The log of a journal."""
+        """Note the events of a journal."""
         log = cls()
         for event in events:
             log.note(event)
         return log
 
     def noting(self, events: Iterable[E]) -> Iterator[E]:
-        """The same events, each noted on its way."""
+        """Yield the same events, each noted on its way."""
         for event in events:
             self.note(event)
             yield event
 
     def note(self, event: Event) -> None:
-        """Take an event in."""
-        if isinstance(event, Tracked):
+        """Note an event."""
+        if isinstance(event, ev.Tracked):
             fix = Fix(event.t_s, event.position, event.height_m, event.remaining_wh)
             self.fixes.setdefault(event.vehicle, []).append(fix)
-        elif isinstance(event, FrameSeen):
+        elif isinstance(event, ev.FrameSeen):
             positive = sum(vote.positive for vote in event.votes)
             self.frames.append(FrameRow(event.vehicle, event.t_s, len(event.votes), positive))
-        elif isinstance(event, Landed):
+        elif isinstance(event, ev.Landed):
             self._on_ground.setdefault(event.vehicle, []).append(event.t_s)
-        elif isinstance(event, BatterySwapped):
+        elif isinstance(event, ev.BatterySwapped):
             self.swaps.append((event.vehicle, event.t_s))
-        elif isinstance(event, Connected | Airborne):
+        elif isinstance(event, ev.Connected | ev.Airborne):
             self._home(event)
-        elif isinstance(event, Navigated):
-            self._navigated(event)
+        elif isinstance(event, ev.Navigated):
+            before = self._gnss.get(event.vehicle, "good")
+            self._gnss[event.vehicle] = event.gnss
+            if event.gnss != before:
+                self.troubles.append(Trouble(event.t_s, event.vehicle, "fault", _GNSS[event.gnss]))
         elif (trouble := _trouble(event)) is not None:
             self.troubles.append(trouble)
 
-    def _navigated(self, event: Navigated) -> None:
-        """A line where it changes what a vehicle goes by."""
-        before = self._gnss.get(event.vehicle, "good")
-        self._gnss[event.vehicle] = event.gnss
-        if event.gnss != before:
-            self.troubles.append(Trouble(event.t_s, event.vehicle, "fault", _GNSS[event.gnss]))
-
-    def _home(self, event: Connected | Airborne) -> None:
+    def _home(self, event: ev.Connected | ev.Airborne) -> None:
         if event.home is not None:
             self.homes[event.vehicle] = event.home
         if self.amsl_m is None:
             self.amsl_m = event.home_amsl_m
-        if isinstance(event, Connected) and not event.airborne:
+        if isinstance(event, ev.Connected) and not event.airborne:
             self._on_ground.setdefault(event.vehicle, []).append(event.t_s)
 
+    def fixes_of(self, sortie: Sortie) -> list[Fix]:
+        """Return the places of a sortie."""
+        own = self.fixes[sortie.vehicle]
+        return [fix for fix in own if sortie.start_s <= fix.t_s <= sortie.end_s]
+
     def sorties(self) -> list[Sortie]:
-        """All flights, by vehicle and time."""
+        """Return all flights, by vehicle and time."""
         found: list[Sortie] = []
         for vehicle, fixes in sorted(self.fixes.items()):
             landings = iter(sorted(self._on_ground.get(vehicle, ())))
@@ -184,51 +160,40 @@ class FlightLog:
 
 
 def _trouble(event: Event) -> Trouble | None:
-    """What an event says went wrong, or what a person did; None for all else."""
-    vehicle, t_s = getattr(event, "vehicle", 0), event.t_s
+    """Return the fault in an event, or what a person did; None for all else."""
+    kind: Kind
     match event:
-        case FrameLost(reason=reason):
-            return Trouble(t_s, vehicle, "frame", printable(reason))
-        case OrderFailed(order=order, reason=reason):
-            kind: Literal["refusal", "fault"] = "refusal" if "refused" in reason else "fault"
-            return Trouble(t_s, vehicle, kind, printable(f"{order} failed: {reason}"))
-        case Guarded(action=action, reason=reason):
-            return Trouble(t_s, vehicle, "fault", printable(f"guardian: {action}, {reason}"))
-        case Crashed(reason=reason):
-            return Trouble(t_s, vehicle, "fault", printable(f"down: {reason}"))
-        case GivenUp(reason=reason):
-            return Trouble(t_s, vehicle, "link", printable(f"given up: {reason}"))
-        case LinkLost():
-            return Trouble(t_s, vehicle, "link", "link lost")
-        case Overridden(mode=mode, cause=cause):
+        case ev.FrameLost(reason=text):
+            kind = "frame"
+        case ev.OrderFailed(order=order, reason=reason):
+            kind, text = "refusal" if "refused" in reason else "fault", f"{order} failed: {reason}"
+        case ev.Guarded(action=action, reason=reason):
+            kind, text = "fault", f"guardian: {action}, {reason}"
+        case ev.Crashed(reason=reason):
+            kind, text = "fault", f"down: {reason}"
+        case ev.GivenUp(reason=reason):
+            kind, text = "link", f"given up: {reason}"
+        case ev.LinkLost():
+            kind, text = "link", "link lost"
+        case ev.Overridden(mode=mode, cause=cause):
             why = f" ({cause})" if cause else ""
-            return Trouble(
-                t_s, vehicle, "pilot", printable(f"taken by a pilot or a failsafe: {mode}{why}")
-            )
-        case Released():
-            return Trouble(t_s, vehicle, "pilot", "given back")
-        case Told(severity=severity, text=text, times=times) if severity <= WARNING:
-            often = f" ({times} times)" if times > 1 else ""
-            return Trouble(t_s, vehicle, "words", printable(f"{text}{often}"))
-    return _operator(event)
-
-
-def _operator(event: Event) -> Trouble | None:
-    """What the operator did."""
-    vehicle, t_s = getattr(event, "vehicle", 0), event.t_s
-    match event:
-        case CellSkipped(cell=cell):
-            text = f"cell {cell.east}, {cell.north} skipped"
-        case VehicleRecalled():
-            text = "called home"
-        case Recalled():
-            text = "everybody called home"
-        case Paused():
-            text = "paused"
-        case Continued():
-            text = "gone on"
-        case Resumed():
-            text = "resumed after an interruption"
+            kind, text = "pilot", f"taken by a pilot or a failsafe: {mode}{why}"
+        case ev.Released():
+            kind, text = "pilot", "given back"
+        case ev.Told(severity=severity, text=said, times=times) if severity <= WARNING:
+            kind, text = "words", f"{said} ({times} times)" if times > 1 else said
+        case ev.CellSkipped(cell=cell):
+            kind, text = "operator", f"cell {cell.east}, {cell.north} skipped"
+        case ev.VehicleRecalled():
+            kind, text = "operator", "called home"
+        case ev.Recalled():
+            kind, text = "operator", "everybody called home"
+        case ev.Paused():
+            kind, text = "operator", "paused"
+        case ev.Continued():
+            kind, text = "operator", "gone on"
+        case ev.Resumed():
+            kind, text = "operator", "resumed after an interruption"
         case _:
             return None
-    return Trouble(t_s, vehicle, "operator", text)
+    return Trouble(event.t_s, getattr(event, "vehicle", 0), kind, printable(text))

@@ -1,11 +1,11 @@
-"""What a finished or running mission has to show: the input of every writer in this package."""
+"""A map with all that its writers show."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final, TypeVar
+from typing import Final, Literal, NamedTuple, Self, TypeVar, get_args, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,158 @@ from shapely.geometry.base import BaseGeometry
 
 from missions.geo.grid import Grid
 from missions.units import Cell, GridPoint, LatLon
-from uavmap.output.facts.cell_table import AT_ONCE, NOT_ROI, CellRow, CellTable, State
 from uavmap.output.facts.outline import outline
 
-__all__ = ["NOT_ROI", "CellRow", "CellTable", "MapData", "State", "Track"]
+State = Literal[
+    "non-roi",
+    "unexplored",
+    "under exploration",
+    "explored",
+    "provisional",
+    "provisional non-roi",
+    "skipped",
+]
+"""Skipped: region that the operator excluded from looks. Provisional: the majority of frames, while
+they are too few for a verdict."""
+
+NOT_ROI: frozenset[State] = frozenset(("non-roi", "provisional", "provisional non-roi"))
+"""States that are not region."""
+
+_STATES: Final[tuple[State, ...]] = get_args(State)
+_CODES: Final = {state: np.uint8(code) for code, state in enumerate(_STATES)}
+_ROI: Final = np.array([state not in NOT_ROI for state in _STATES])
+AT_ONCE: Final = 4096
+"""Number of cells that are written at a time."""
+
+
+class CellRow(NamedTuple):
+    """One cell of the map: its state and the frames that voted for it."""
+
+    cell: Cell
+    state: State
+    positive: int
+    votes: int
+    belief: float | None = None
+    """Believed share of region, 0 to 1, where recorded pictures are weighed."""
+
+    @property
+    def is_roi(self) -> bool:
+        """Whether the cell is part of the region."""
+        return self.state not in NOT_ROI
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CellTable(Sequence[CellRow]):
+    """Cells, column by column (tens of bytes a cell); as a sequence, a row each.
+
+    Attributes:
+        cells: Columns and rows, shape (n, 2).
+        codes: Of the states, shape (n,).
+        positive: Number of frames that say the cell is region.
+        votes: Number of frames that voted.
+        belief: Believed share of region, 0 to 1; None where nothing is weighed.
+
+    >>> rows = [CellRow(Cell(3, 4), "explored", 2, 3), CellRow(Cell(3, 5), "non-roi", 0, 3)]
+    >>> table = CellTable.of(rows)
+    >>> table[1].cell, table.cells.tolist(), table.roi.tolist(), list(table) == rows
+    (Cell(east=3, north=5), [[3, 4], [3, 5]], [True, False], True)
+    """
+
+    cells: NDArray[np.int32]
+    codes: NDArray[np.uint8]
+    positive: NDArray[np.int32]
+    votes: NDArray[np.int32]
+    belief: NDArray[np.float64] | None = None
+
+    @classmethod
+    def of(cls, rows: Iterable[CellRow]) -> Self:
+        """Create the table of rows; beliefs are those of all, or of none."""
+        found = list(rows)
+        beliefs = [row.belief for row in found if row.belief is not None]
+        return cls(
+            np.array([row.cell for row in found], np.int32).reshape(-1, 2),
+            np.array([_CODES[row.state] for row in found], np.uint8),
+            np.array([row.positive for row in found], np.int32),
+            np.array([row.votes for row in found], np.int32),
+            np.array(beliefs) if beliefs else None,
+        )
+
+    @classmethod
+    def judged(
+        cls,
+        cells: NDArray[np.int32],
+        roi: NDArray[np.bool_],
+        positive: NDArray[np.int32],
+        votes: NDArray[np.int32],
+        belief: NDArray[np.float64] | None,
+    ) -> Self:
+        """Create the table of recorded pictures, where a cell is region or not."""
+        codes = np.where(roi, _CODES["explored"], _CODES["non-roi"])
+        return cls(cells, codes, positive, votes, belief)
+
+    def __len__(self) -> int:
+        """How many cells."""
+        return len(self.cells)
+
+    @overload
+    def __getitem__(self, at: int) -> CellRow: ...
+    @overload
+    def __getitem__(self, at: slice) -> CellTable: ...
+    def __getitem__(self, at: int | slice) -> CellRow | CellTable:
+        """A row, or the table of some."""
+        if isinstance(at, slice):
+            return self.which(at)
+        return next(iter(self.which([range(len(self))[at]])))
+
+    def which(self, some: slice | Sequence[int] | NDArray[np.bool_]) -> CellTable:
+        """Return the table of some of the cells."""
+        belief = None if self.belief is None else self.belief[some]
+        counts = self.positive[some], self.votes[some]
+        return CellTable(self.cells[some], self.codes[some], *counts, belief)
+
+    def __iter__(self) -> Iterator[CellRow]:
+        """Row by row."""
+        for part in self.parts():
+            for (east, north), state, positive, votes, belief in part.values():
+                yield CellRow(Cell(east, north), state, positive, votes, belief)
+
+    def parts(self) -> Iterator[CellTable]:
+        """Yield the table in parts of at most `AT_ONCE` cells."""
+        for first in range(0, len(self), AT_ONCE):
+            yield self[first : first + AT_ONCE]
+
+    def values(self) -> Iterator[tuple[list[int], State, int, int, float | None]]:
+        """Yield the fields of each row."""
+        beliefs = [None] * len(self) if self.belief is None else self.belief.tolist()
+        states = [_STATES[code] for code in self.codes.tolist()]
+        columns = self.cells.tolist(), states, self.positive.tolist(), self.votes.tolist()
+        return zip(*columns, beliefs, strict=True)
+
+    @property
+    def roi(self) -> NDArray[np.bool_]:
+        """Which cells are part of the region."""
+        found: NDArray[np.bool_] = _ROI[self.codes]
+        return found
+
+    def are(self, state: State) -> NDArray[np.bool_]:
+        """Return which cells are in a state."""
+        found: NDArray[np.bool_] = self.codes == _CODES[state]
+        return found
+
+    def counts(self) -> dict[State, int]:
+        """Return the number of cells in each state that occurs."""
+        many = np.bincount(self.codes, minlength=len(_STATES)).tolist()
+        return {state: count for state, count in zip(_STATES, many, strict=True) if count}
+
+
+def packed(cells: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Pack each cell into a whole number, in the order of the cells.
+
+    >>> packed(np.array([[0, -1], [0, 1], [1, 0]], np.int32)).argsort().tolist()
+    [0, 1, 2]
+    """
+    found: NDArray[np.int64] = (cells[:, 0].astype(np.int64) << 32) + cells[:, 1]
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,11 +178,10 @@ class Track:
 
 @dataclass(frozen=True)
 class MapData:
-    """A map at the mission time `t_s`, and what belongs into its picture.
+    """A map at the mission time `t_s`.
 
-    `truth` is the real region in ground metres of the grid's moving frame; None where nobody
-    knows it, which is everywhere but in simulation. `box`, `fence` and `fence_holes` are rings,
-    open or closed, fixed to the ground.
+    `truth` is the real region in ground metres of the grid's moving frame; None outside of
+    simulation. `box`, `fence` and `fence_holes` are rings, open or closed, fixed to the ground.
     """
 
     mission: str
@@ -55,11 +202,11 @@ class MapData:
     """The region's boundary at pixel level, in the moving frame, where pictures told it."""
 
     def place(self, point: GridPoint) -> LatLon:
-        """Where a point of the region is at the time of the map."""
+        """Return the place of a point of the region at the time of the map."""
         return self.grid.position(self.grid.to_fixed(point, self.t_s))
 
     def with_boundary(self, boundary: BaseGeometry) -> MapData:
-        """The same map with a boundary; what was reckoned of its cells is not reckoned again."""
+        """Return the same map with a boundary, and keep what was computed of its cells."""
         other = replace(self, boundary=boundary)
         kept = ("corners", "outline", "squares", "table")
         other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
@@ -72,19 +219,22 @@ class MapData:
 
     @cached_property
     def corners(self) -> CellCorners:
-        """The corners of `cells`, in their order, at the time of the map."""
+        """The corners of the cells at the time of the map."""
         return CellCorners.of(self.table.cells, self.grid, self.t_s)
 
     @cached_property
     def outline(self) -> Polygon | MultiPolygon:
-        """Around the cells of the region, in the moving frame (`uavmap.output.facts.outline`)."""
+        """Around the cells of the region, in the moving frame."""
         return outline(self.roi_cells, self.grid)
 
     @cached_property
     def squares(self) -> NDArray[np.float64]:
-        """West, south, east and north of each cell over ground at the time of the map, metres in
-        the fixed frame; shape (n, 4)."""
-        return squares_of(self.table.cells, self.grid, self.t_s)
+        """West, south, east and north of each cell in the fixed frame at the time of the map, m;
+        shape (n, 4)."""
+        grid, cells = self.grid, self.table.cells.astype(np.float64)
+        half_m, middle_m = grid.cell_m / 2, cells * grid.cell_m
+        drift_m = np.array([grid.drift_east_m_s * self.t_s, grid.drift_north_m_s * self.t_s])
+        return np.hstack([middle_m - half_m + drift_m, middle_m + half_m + drift_m])
 
     @property
     def roi_cells(self) -> tuple[Cell, ...]:
@@ -101,9 +251,9 @@ class CellCorners:
     """The corners of cells.
 
     Attributes:
-        lon_deg: Of each corner that a cell has.
-        lat_deg: The same.
-        rings: Of each cell its corners by number, shape (n, 4): south-west, south-east, north-east,
+        lon_deg: Of each corner.
+        lat_deg: Of each corner.
+        rings: Numbers of each cell's corners, shape (n, 4): south-west, south-east, north-east,
             north-west.
 
     >>> from missions.units import LatLon
@@ -119,7 +269,7 @@ class CellCorners:
 
     @classmethod
     def of(cls, cells: NDArray[np.int32], grid: Grid, t_s: float) -> CellCorners:
-        """The corners of cells, where they are over ground at a mission time."""
+        """Compute the corners of cells over ground at a mission time."""
         if not len(cells):
             return cls(np.empty(0), np.empty(0), np.empty((0, 4), np.int32))
         # on the lattice of half cells, corners are whole numbers
@@ -133,16 +283,14 @@ class CellCorners:
         return cls(lon_deg, lat_deg, which.reshape(-1, 4).astype(np.int32))
 
     def which(self, some: NDArray[np.bool_]) -> CellCorners:
-        """Those of some of the cells."""
+        """Return those of some of the cells."""
         return CellCorners(self.lon_deg, self.lat_deg, self.rings[some])
 
     def written(
         self, write: Callable[[NDArray[np.float64], NDArray[np.float64]], list[Text]]
     ) -> Iterator[list[list[Text]]]:
-        """The four corners of each cell as they are written, `AT_ONCE` cells at a time.
-
-        `write` makes texts of longitudes and latitudes.
-        """
+        """Yield the four corners of each cell as `write` makes them texts, `AT_ONCE` cells at a
+        time."""
         for first in range(0, len(self.rings), AT_ONCE):
             rings = self.rings[first : first + AT_ONCE]
             numbers, which = np.unique(rings, return_inverse=True)
@@ -154,15 +302,7 @@ class CellCorners:
 
 
 def on_earth(points: NDArray[np.float64], grid: Grid, t_s: float) -> NDArray[np.float64]:
-    """Longitudes and latitudes, shape (n, 2), of points of the moving frame at a mission time."""
+    """Return longitudes and latitudes, shape (n, 2), of points of the moving frame."""
     drift_m = np.array([grid.drift_east_m_s * t_s, grid.drift_north_m_s * t_s])
     origin = np.array([grid.origin.east_m, grid.origin.north_m])
     return grid.zone.lon_lat(origin + (points + drift_m) * grid.scale)
-
-
-def squares_of(cells: NDArray[np.int32], grid: Grid, t_s: float) -> NDArray[np.float64]:
-    """West, south, east and north of cells over ground at a mission time, metres in the fixed
-    frame; shape (n, 4)."""
-    half_m, middle_m = grid.cell_m / 2, cells.astype(np.float64) * grid.cell_m
-    drift_m = np.array([grid.drift_east_m_s * t_s, grid.drift_north_m_s * t_s])
-    return np.hstack([middle_m - half_m + drift_m, middle_m + half_m + drift_m])

@@ -19,7 +19,7 @@ Runs = list[tuple[int, int, int]]
 
 
 def outline(cells: Collection[Cell], grid: Grid) -> Polygon | MultiPolygon:
-    """The union of cells in ground metres of the grid's moving frame.
+    """Unite cells in ground metres of the grid's moving frame.
 
     Exterior rings run counter-clockwise, holes clockwise. Cells that share only a corner are
     separate parts. No cells give an empty polygon.
@@ -36,12 +36,15 @@ def outline(cells: Collection[Cell], grid: Grid) -> Polygon | MultiPolygon:
     united = shapely.union_all(shapely.box(first - 1, row - 1, last + 1, row + 1))
     half_m = grid.cell_m / 2
     scaled = affinity.scale(united, half_m, half_m, origin=(0.0, 0.0))
-    parts = [_tidy(part) for part in getattr(scaled, "geoms", [scaled])]
+    parts = []
+    for part in getattr(scaled, "geoms", [scaled]):
+        outer, *holes = (_corners(ring) for ring in (part.exterior, *part.interiors))
+        parts.append(orient(Polygon(outer, holes)))
     return parts[0] if len(parts) == 1 else MultiPolygon(parts)
 
 
 def runs(cells: NDArray[np.integer]) -> Runs:
-    """Row, first and last column of each run of neighbours, of columns and rows of cells.
+    """Return row, first and last column of each run of neighbours.
 
     >>> runs(np.array([[4, 1], [5, 1], [7, 1], [5, 2]]))
     [(1, 4, 5), (1, 7, 7), (2, 5, 5)]
@@ -57,14 +60,8 @@ def runs(cells: NDArray[np.integer]) -> Runs:
     )
 
 
-def _tidy(part: Polygon) -> Polygon:
-    """A polygon without the corners that lie on straight edges."""
-    rings = [_corners(ring) for ring in (part.exterior, *part.interiors)]
-    return orient(Polygon(rings[0], rings[1:]))
-
-
 def _corners(ring: shapely.LinearRing) -> NDArray[np.float64]:
-    """The vertices at which an axis-parallel ring turns."""
+    """Return the vertices at which an axis-parallel ring turns."""
     points = shapely.get_coordinates(ring)[:-1]
     before, after = (np.roll(points, by, axis=0) for by in (1, -1))
     straight = ((before == points) & (points == after)).any(axis=1)

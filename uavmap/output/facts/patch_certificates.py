@@ -1,15 +1,14 @@
-"""The certificate of each patch of the region, and of all: what is proven of it, and how fast.
+"""The certificate of each patch of the region, and of all: what is proven, and how fast.
 
 A patch is complete when each of its cells and each cell beside these is judged: then it goes on
-nowhere. Several vehicles work on several patches by turns, so no second belongs to one of them
-alone. What a patch *took* is the time from its first judged cell to the last one of it or beside
-it, whatever else was flown meanwhile: ways, swaps of batteries, other patches, interruptions.
+nowhere. Several vehicles work on several patches by turns, so no second belongs to one patch alone.
+What a patch *took* is the time from its first judged cell to the last one of it or beside it,
+whatever else was flown meanwhile: paths, swaps of batteries, other patches, interruptions.
 
-Every cell that was judged after the first one was shown by a frame that was taken after it. What R
-vehicles show at that moment, and sweep from then on, is no more than
-`missions.planning.bounds.lower_bounds` says, so what these cells cover gives the least time that
-any team as large and as fast needed from what was known then. Whatever vehicles do meanwhile, none
-breaks off: all of the time counts.
+Every cell judged after the first one was shown by a later frame. What R vehicles show at that
+moment, and sweep from then on, is bounded by `missions.planning.bounds.lower_bounds`; so what these
+cells cover gives the least time of any team as large and as fast. All of the time counts: none
+breaks off.
 
 All of it follows from the ballots, so from the same facts in whatever order they became known.
 """
@@ -33,12 +32,12 @@ from missions.units import Cell, GridPoint
 from vision.projection import SEEN_SHARE
 
 FACT_S: Final = 1.0
-"""Members of a fleet tell each other the second in which a cell was decided."""
+"""Resolution of the times of verdicts that members of a fleet share, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Team:
-    """What a team can show of the ground: the arguments of `passing_bound_s`."""
+    """The ground that a team can show: the arguments of `passing_bound_s`."""
 
     robots: int
     footprint_m: tuple[float, float]
@@ -46,12 +45,15 @@ class Team:
     speed_m_s: float
     turned: bool
     late_s: float
-    """By so much a cell may have been judged later than is told."""
+    """Maximum delay of a verdict behind its shared time."""
 
     @classmethod
     def of(cls, setting: Setting, state: State, *, overview: bool) -> Team:
-        """That of a mission, as fast as anybody may fly, by frames of the map or of a search's
-        height from the highest place where one may be taken."""
+        """Create that of a mission at the greatest speed, by frames from the highest possible
+        place.
+
+        `overview`: frames from a search's height, not those of the map.
+        """
         mission = setting.mission
         vehicles, above_m = state.vehicles, mission.overview_above_m
         low_m = [mission.altitude_m(number - 1) for number in vehicles]
@@ -76,7 +78,7 @@ class Team:
         )
 
     def least_s(self, ground_m2: float) -> float:
-        """The least time to show so much ground, from anywhere, in seconds."""
+        """Return the least time to show so much ground, from anywhere, s."""
         share = SEEN_SHARE if self.turned else 1.0  # looks judge cells that are nearly whole
         bound_s = passing_bound_s(
             share * ground_m2, self.robots, 0, self.footprint_m, self.lean_m,
@@ -87,7 +89,7 @@ class Team:
 
 @dataclass(frozen=True, slots=True)
 class _Judged:
-    """When cells were judged, by frames of which height, and what both take at least."""
+    """The frames by which cells were judged, and the teams at both heights."""
 
     frames: Mapping[Cell, FrameId]
     above: Collection[FrameId]
@@ -109,7 +111,7 @@ class _Judged:
         )
 
     def times(self, region: Collection[Cell], beside: Collection[Cell]) -> dict[str, float | None]:
-        """From when to when cells were judged, and the least time for those after the first one."""
+        """Return when cells were judged, and the least time for those after the first one."""
         if not region:
             return dict.fromkeys(("found_s", "decided_s", "took_s", "lower_bound_s", "ratio"))
         begin_s = min(self.frames[cell].t_s for cell in region)
@@ -134,7 +136,7 @@ class _Judged:
 def certificates(
     setting: Setting, state: State, lift_off_s: float
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Of each patch, the largest first, and of all of them; places are those at `state.t_s`.
+    """Return those of each patch, the largest first, and of all; places are those at `state.t_s`.
 
     `lift_off_s`: the mission time from which seconds are counted.
     """
@@ -175,7 +177,6 @@ def certificates(
 
 
 def _beside(patch: frozenset[Cell]) -> frozenset[Cell]:
-    """The cells beside a patch, which are of no other one."""
     return frozenset(near for cell in patch for near in cell.neighbours()) - patch
 
 
@@ -184,7 +185,6 @@ def _size(setting: Setting, cells: int) -> dict[str, Any]:
 
 
 def _place(setting: Setting, state: State, east: float, north: float) -> dict[str, float]:
-    """Where a place in the grid is at the time of the map."""
     grid = setting.grid
     point = GridPoint(east * grid.cell_m, north * grid.cell_m)
     place = grid.position(grid.to_fixed(point, state.t_s))
@@ -192,7 +192,7 @@ def _place(setting: Setting, state: State, east: float, north: float) -> dict[st
 
 
 def _first_seen_s(state: State) -> dict[Cell, float]:
-    """When each cell was seen first, from whichever height, of frames whose votes count."""
+    """Return when each cell was seen first, from either height, by frames that count."""
     first = state.overview.first_seen_s()
     for cell, t_s in state.belief.first_seen_s().items():
         first[cell] = min(t_s, first.get(cell, t_s))
@@ -203,7 +203,7 @@ def _first_seen_s(state: State) -> dict[Cell, float]:
 def _reasons(
     setting: Setting, state: State, cells: Collection[Cell], seen: Collection[Cell]
 ) -> dict[Cell, str]:
-    """Why cells beside the region are not judged; the first reason that holds."""
+    """Return why cells beside the region are not judged: the first reason that holds."""
     beyond = beyond_fence(setting, cells, state.t_s)
     reasons = {}
     for cell in cells:
@@ -222,7 +222,6 @@ def _reasons(
 
 
 def _by_reason(cells: Iterable[Cell], reasons: Mapping[Cell, str]) -> dict[str, list[list[int]]]:
-    """Columns and rows of cells by the reason, in the order of its name."""
     found: dict[str, list[list[int]]] = {}
     for cell in cells:
         found.setdefault(reasons[cell], []).append([cell.east, cell.north])
@@ -230,10 +229,10 @@ def _by_reason(cells: Iterable[Cell], reasons: Mapping[Cell, str]) -> dict[str, 
 
 
 def beyond_fence(setting: Setting, cells: Collection[Cell], t_s: float) -> frozenset[Cell]:
-    """The cells that no frame can show at a time because nobody may fly where it would.
+    """Return the cells that no frame can show at a time: the vehicle would be beyond the fence.
 
-    Who does not stop keeps half a cell inside the margin, and sees as far as a level picture; who
-    looks is over the cell or one beside it.
+    A vehicle that does not stop keeps half a cell inside the margin, and sees as far as a level
+    picture; one that looks is over the cell or one beside it.
     """
     if not cells:
         return frozenset()
@@ -258,7 +257,8 @@ def beyond_fence(setting: Setting, cells: Collection[Cell], t_s: float) -> froze
 def _box(
     setting: Setting, state: State, judged: Collection[Cell], seen_s: Collection[Cell]
 ) -> dict[str, Any]:
-    """How much of the search box is judged; only where all of it is no patch can be missing."""
+    """Return how much of the search box is judged; only if all of it is, no patch can be
+    missing."""
     cells = setting.box_cells
     left = [cell for cell in cells if cell not in judged]
     beyond = beyond_fence(setting, [cell for cell in left if cell not in seen_s], 0.0)

@@ -1,19 +1,19 @@
-"""How each patch of a region drifts, measured by the frames that show it.
+"""The drift of each patch of a region, measured by the frames that show it.
 
-The cells move with the drift that the mission file gives (`drift.speed_m_s`), the same for all. A
-patch that drifts otherwise moves through them: its outline, seen early from the height of a search
-and again when the map is made, lies elsewhere. Each vote says which share of a cell looked like the
+The cells move with the drift of the mission file (`drift.speed_m_s`), the same for all. A patch
+that drifts otherwise moves through them: its outline, seen early from the height of a search and
+again when the map is made, lies elsewhere. Each vote has the share of a cell that looked like
 region, so an outline is known to a small part of a cell.
 
-For a patch the cells in and around it are taken that were seen over at least `LEAST_S`: the mean
-share in the first `WINDOW_S` in which each was seen, and in the last. What moves by (u, v) metres a
-second has in the last at x what it had in the first at x - (u, v) dt, dt being the time between;
-the measured drift is the (u, v) for which the squares of the differences are the least, in between
-cells by bilinear interpolation. What makes a patch look wider or narrower all around, as another
-height does or the spreading of oil, does not shift it.
+The cells in and around a patch count that were seen over at least `LEAST_S`: the mean share in the
+first `WINDOW_S` in which each was seen, and in the last. A patch that moves by (u, v) m/s has in
+the last at x what it had in the first at x - (u, v) dt, dt being the time between; the measured
+drift is the (u, v) with the least squares of differences, by bilinear interpolation between cells.
+A patch that looks wider or narrower all around, as from another height or when oil spreads, does
+not shift.
 
-The error is that of a jackknife over sectors of the outline, with a metre for where the vehicles
-took themselves to be.
+The error is that of a jackknife over sectors of the outline, with a metre for the vehicles'
+position.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,29 +34,29 @@ from missions.units import Cell
 from uavmap.output.facts.patch_summary import MOST_PATCHES
 
 LEAST_S: Final = 30.0
-"""Cells count that were seen over at least so long."""
+"""Minimum time between the first and the last sight of a cell that counts, s."""
 WINDOW_S: Final = 5.0
-"""So long after it was seen first, and before it was seen last, a cell's votes are averaged."""
+"""Time after the first and before the last sight in which votes are averaged, s."""
 REACH_CELLS: Final = 5.0
-"""A patch that has moved farther through its cells is not measured: its map is wrong as it is."""
+"""Maximum move of a patch through its cells; beyond, its map is wrong and it is not measured."""
 LEAST_CELLS: Final = 12
-"""So many cells of the outline have to be seen twice."""
+"""Minimum number of cells of the outline that were seen twice."""
 PART: Final = (0.05, 0.95)
-"""The outline leads through a cell of which such a share looks like the region."""
+"""Range of a share that puts a cell on the outline."""
 SECTORS: Final = 8
 POSITION_M: Final = 1.0
-"""Where a vehicle takes itself to be changes by so much within minutes."""
+"""Change of a vehicle's position error within minutes, m."""
 _LEVELS: Final = ((0.5, 10), (0.125, 4), (1.0 / 32.0, 4))
-"""Steps of the search, in cells of the median time, and how many of them to each side."""
+"""Steps of the search in cells of the median time, and their number to each side."""
 _MOST_ERROR: Final = 0.5
-"""A share that is off by more counts as if it were off by so much."""
+"""Maximum difference of shares that counts."""
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """The drift of a patch over ground, along the axes of the grid, metres a second."""
+    """The drift of a patch over ground, along the axes of the grid, m/s."""
 
     east_m_s: float
     north_m_s: float
@@ -66,11 +67,11 @@ class Drift:
 
     @property
     def differs(self) -> bool:
-        """Whether it is surely not the drift that the mission file gives."""
+        """Whether it is surely not the drift of the mission file."""
         return self.off_m_s > 3.0 * self.error_m_s
 
     def told(self, grid: Grid) -> dict[str, float | bool]:
-        """As the summary has it: with a true bearing."""
+        """Return it for the summary, with a true bearing."""
         bearing = math.degrees(math.atan2(self.east_m_s, self.north_m_s) + grid.convergence_rad)
         return {
             "speed_m_s": round(math.hypot(self.east_m_s, self.north_m_s), 3),
@@ -83,7 +84,7 @@ class Drift:
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """What was seen of cells first and last; all of shape (N,)."""
+    """Times and shares of cells, first and last; all of shape (N,)."""
 
     east: NDArray[np.int64]
     north: NDArray[np.int64]
@@ -94,7 +95,7 @@ class _Seen:
 
 
 class Shares:
-    """All votes of a flight: which share of a cell looked like the region, and when."""
+    """All votes of a flight: the share of a cell that looked like region, and when."""
 
     def __init__(self) -> None:
         self._cells = array("q")
@@ -102,7 +103,7 @@ class Shares:
         self._shares = array("d")
 
     def take(self, event: FrameSeen) -> None:
-        """Take in what a frame says of cells."""
+        """Note the votes of a frame."""
         for cell, _, share in event.votes:
             self._cells.append(cell.east)
             self._cells.append(cell.north)
@@ -110,16 +111,19 @@ class Shares:
             self._shares.append(share)
 
     def drifts_of(self, patches: Sequence[Collection[Cell]], grid: Grid) -> list[Drift | None]:
-        """The drift of each patch, the largest first; None where too little of its outline was seen
-        twice, or it has moved by more than `REACH_CELLS`, and beyond `MOST_PATCHES`."""
+        """Measure the drift of each patch, the largest first.
+
+        None where too little of its outline was seen twice, where it moved by more than
+        `REACH_CELLS`, and beyond `MOST_PATCHES`.
+        """
         if not len(self._times_s):
             return [None] * len(patches)
         seen = self._seen()
-        found = [_drift_of(patch, seen, grid) for patch in patches[:MOST_PATCHES]]
+        found = [_measured(_around(patch, seen), grid) for patch in patches[:MOST_PATCHES]]
         return [*found, *[None] * (len(patches) - len(found))]
 
     def _seen(self) -> _Seen:
-        """By cell, in an order that does not hang on that in which frames came."""
+        """Return them by cell, in an order that does not depend on that of the frames."""
         cells = np.array(self._cells, np.int64).reshape(-1, 2)
         times_s, shares = np.array(self._times_s), np.array(self._shares)
         order = np.lexsort((shares, times_s, cells[:, 1], cells[:, 0]))
@@ -143,25 +147,15 @@ class Shares:
         )  # fmt: skip
 
 
-def _drift_of(patch: Collection[Cell], seen: _Seen, grid: Grid) -> Drift | None:
-    near = _around(patch, seen)
-    long = near.end_s - near.begin_s >= LEAST_S
-    outline = long & (_is_part(near.begin_share) | _is_part(near.end_share))
-    if np.count_nonzero(outline) < LEAST_CELLS:
-        return None
-    return _measured(near, long, grid)
-
-
 def _around(patch: Collection[Cell], seen: _Seen) -> _Seen:
-    """What was seen of a patch, and of the cells around it as far as it may have moved."""
+    """Return what was seen of a patch and around it, as far as it may have moved."""
     own = np.array(sorted(patch), dtype=np.int64)
     margin = math.ceil(REACH_CELLS) + 1
     low = own.min(axis=0) - margin
     wide, deep = (own.max(axis=0) + margin - low + 1).tolist()
-    near = np.zeros((wide, deep), np.bool_)
-    for east in range(-margin, margin + 1):
-        for north in range(-margin, margin + 1):
-            near[own[:, 0] - low[0] + east, own[:, 1] - low[1] + north] = True
+    near = np.zeros((wide, deep), np.uint8)
+    near[tuple((own - low).T)] = 1
+    near = cv2.dilate(near, np.ones((2 * margin + 1, 2 * margin + 1), np.uint8))
     column, row = seen.east - low[0], seen.north - low[1]
     inside = (column >= 0) & (row >= 0) & (column < wide) & (row < deep)
     inside[inside] = near[column[inside], row[inside]]
@@ -176,7 +170,7 @@ def _is_part(share: Floats) -> NDArray[np.bool_]:
 
 
 class _Registration:
-    """The shares of the first sight against those of the last."""
+    """The shares when seen first against those when seen last."""
 
     def __init__(self, seen: _Seen, long: NDArray[np.bool_], cell_m: float) -> None:
         shape = int(seen.east.max()) + 2, int(seen.north.max()) + 2
@@ -191,7 +185,7 @@ class _Registration:
         self.sector = ((turn + np.pi) / (2.0 * np.pi) * SECTORS).astype(np.int64) % SECTORS
 
     def squares(self, east_m_s: float, north_m_s: float) -> Floats:
-        """The square of each cell's difference, NaN where there is nothing to compare with."""
+        """Return the square of each cell's difference, NaN where there is none."""
         shape = self._first.shape
         x = self._at[0] - east_m_s * self.dt_s / self._cell_m
         y = self._at[1] - north_m_s * self.dt_s / self._cell_m
@@ -206,7 +200,11 @@ class _Registration:
         return off**2
 
 
-def _measured(seen: _Seen, long: NDArray[np.bool_], grid: Grid) -> Drift | None:
+def _measured(seen: _Seen, grid: Grid) -> Drift | None:
+    long = seen.end_s - seen.begin_s >= LEAST_S
+    outline = long & (_is_part(seen.begin_share) | _is_part(seen.end_share))
+    if np.count_nonzero(outline) < LEAST_CELLS:
+        return None
     made = _Registration(seen, long, grid.cell_m)
     unit_m_s = grid.cell_m / float(np.median(made.dt_s))
     least = max(LEAST_CELLS, len(made.dt_s) // 3)
@@ -242,7 +240,7 @@ def _least(
     half: int,
     least: int,
 ) -> tuple[float, float]:
-    """The drift of the least mean square, of a lattice around one; NaN where none can be told."""
+    """Return the drift of least mean square in a lattice around one; NaN where there is none."""
     found = (math.inf, math.nan, math.nan)
     for i in range(-half, half + 1):
         for j in range(-half, half + 1):

@@ -1,4 +1,4 @@
-"""The certificates of patches in words, for a terminal and for the report."""
+"""The certificates of patches in words, for the terminal and the report."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 MOST_PATCHES: Final = 20
-"""So many are told one by one."""
+"""Maximum number of patches with a line each."""
 _WHY: Final = {
     "beyond_fence": "beyond the fence",
     "few_frames": "in too few frames",
@@ -18,7 +18,7 @@ _WHY: Final = {
 
 
 def state_in_words(one: Mapping[str, Any]) -> str:
-    """Whether a patch, or all of them, are complete, or how many cells are open, and why.
+    """Write whether a patch, or all, are complete, or how many cells are open, and why.
 
     >>> state_in_words({"complete": True, "open": {}})
     'complete'
@@ -36,7 +36,7 @@ def state_in_words(one: Mapping[str, Any]) -> str:
 
 
 def time_in_words(one: Mapping[str, Any]) -> str:
-    """How long it took, and how long it takes at least.
+    """Write the time taken, and the least time.
 
     >>> time_in_words({"took_s": 73.04, "lower_bound_s": 7.3, "ratio": 10.0})
     '73.0 s, at least 7.3 s, ratio 10.00'
@@ -75,7 +75,7 @@ def drift_in_words(one: Mapping[str, Any]) -> str:
 
 
 def box_in_words(box: Mapping[str, Any]) -> str:
-    """How much of the search box is decided.
+    """Write how much of the search box is decided.
 
     >>> told = {"cells": 9, "decided": 6, "few_frames": 0, "no_frames": 2, "beyond_fence": 1}
     >>> box_in_words({**told, "whole": False})
@@ -87,7 +87,7 @@ def box_in_words(box: Mapping[str, Any]) -> str:
 
 
 def lines(found: Sequence[Mapping[str, Any]], in_all: Mapping[str, Any]) -> Iterator[str]:
-    """A line a patch, one for all where there are several, and one for the box."""
+    """Yield a line per patch, one for all where there are several, and one for the box."""
     for number, one in enumerate(found[:MOST_PATCHES], start=1):
         root, drift = one["root"], drift_in_words(one)
         yield (

@@ -1,14 +1,14 @@
-"""How good a map is, held against the truth that only a simulation knows.
+"""The score of a map against the truth, which only a simulation knows.
 
 Definitions, for cells of the grid and the true region in the grid's moving frame:
 
-* A cell is *truly ROI* when the region covers at least half of it; it is *missed* when it is
-  truly ROI and the map leaves it out.
-* `iou_cells` is area(map and truth) / area(map or truth), the map being its ROI cells. Of a
-  runway rotated against the grid a perfect cell map reaches 0.89 at best.
-* A detection is one verdict of the detector for one cell. It is a *false positive* when it says
-  yes while less than a tenth of the cell is region, a *false negative* when it says no while at
-  least half is. In between, at the rim, either verdict is right: the cell is both.
+* A cell is *truly ROI* when the region covers at least half of it; it is *missed* when it is truly
+ROI and not on the map.
+* `iou_cells` is area(map and truth) / area(map or truth), the map being its ROI cells. Of a runway
+rotated against the grid a perfect cell map reaches 0.89 at best.
+* A detection is one verdict of the detector for one cell. It is a *false positive* when it says yes
+while less than a tenth of the cell is region, a *false negative* when it says no while at least
+half is. In between, at the rim, either verdict is right.
 """
 
 from __future__ import annotations
@@ -29,10 +29,9 @@ from missions.units import Cell
 from uavmap.output.facts.outline import outline
 
 MISSED_SHARE = 0.5
-"""From this share on, a map must hold the cell, and a verdict of no is wrong."""
-
+"""Share from which on a cell belongs on the map, and a verdict of no is wrong."""
 CLEAR_SHARE = 0.1
-"""Below this share, a verdict of yes is wrong."""
+"""Share below which a verdict of yes is wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +55,10 @@ def score(
     """Score a map.
 
     Args:
-        roi_cells: the cells that the map calls ROI.
-        truth: the region, in ground metres of the grid's moving frame; valid, maybe empty.
-        grid: the grid of the cells.
-        detections: (the vantage: cell that the camera was over, None where it was taken anywhere;
-            the cell judged; the verdict).
+        roi_cells: The ROI cells of the map.
+        truth: The region in ground metres of the grid's moving frame; valid, may be empty.
+        grid: The grid of the cells.
+        detections: Vantage (None: anywhere), judged cell and verdict of each.
     """
     verdicts = [(target, positive) for _, target, positive in detections]
     near = cells_near(truth, grid)
@@ -82,7 +80,7 @@ def score(
 
 
 def cells_near(truth: BaseGeometry, grid: Grid) -> list[Cell]:
-    """Every cell of the rectangle around the region: columns from the west, each northwards."""
+    """Return every cell of the rectangle around the region: columns from the west, northwards."""
     if truth.is_empty:
         return []
     first_east, first_north, last_east, last_north = (
@@ -96,7 +94,7 @@ def cells_near(truth: BaseGeometry, grid: Grid) -> list[Cell]:
 
 
 def shares_of(cells: Collection[Cell], truth: BaseGeometry, grid: Grid) -> dict[Cell, float]:
-    """The part of each cell that the region covers, 0 to 1, in the order given.
+    """Return the part of each cell that the region covers, 0 to 1, in the given order.
 
     >>> from missions.units import LatLon
     >>> grid = Grid.at(LatLon(48.0, 11.0), cell_m=4.0)
@@ -118,7 +116,7 @@ def shares_of(cells: Collection[Cell], truth: BaseGeometry, grid: Grid) -> dict[
 
 
 def true_roi(mission: Mission, grid: Grid) -> BaseGeometry:
-    """The true ROI of a mission's simulated world, in the grid's moving frame."""
+    """Return the true ROI of a mission's simulated world, in the grid's moving frame."""
     return unary_union(
         [
             Polygon(

@@ -1,9 +1,9 @@
-"""Votes of pictures that come in the order of their exposure, at the cost of a cell each.
+"""Votes of recorded pictures, counted in the order of exposure with a fixed cost per cell.
 
-The rule is `missions.mapping.belief.Belief`'s: the first `frames` votes on a cell from one vantage
-count, and `positive` of them make it ROI. A belief remembers every frame, because frames of a
-flight come late, twice, and from several vehicles. Here none do, so that sums are enough: what is
-kept grows with the ground, and not with the pictures.
+The rule is that of `missions.mapping.belief.Belief`: the first `frames` votes on a cell from one
+vantage count, and `positive` of them make it ROI. A belief remembers every frame, because frames of
+a flight come late, twice, and from several vehicles. Here none do, so sums are enough: memory grows
+with the ground, not with the pictures.
 """
 
 from __future__ import annotations
@@ -17,18 +17,10 @@ from numpy.typing import NDArray
 from missions.events import Vote
 from missions.mapping.evidence import Evidence
 from missions.units import Cell
-from uavmap.output.facts.cell_table import CellTable
+from uavmap.output.facts.map_model import CellTable
 
 Decided = tuple[CellTable, NDArray[np.int32]]
 """All cells, and the undecided ones of them, shape (n, 2)."""
-
-
-@dataclass(slots=True)
-class _Count:
-    """Of a ballot, or of a cell: how many votes, and how many of them yes."""
-
-    votes: int = 0
-    positive: int = 0
 
 
 @dataclass(slots=True)
@@ -46,37 +38,32 @@ class Votes:
     frames: int
     positive: int
     roi: set[Cell] = field(default_factory=set)
-    _ballots: dict[tuple[Cell, Cell], _Count] = field(default_factory=dict)
-    _cells: dict[Cell, _Count] = field(default_factory=dict)
+    _ballots: dict[tuple[Cell, Cell], tuple[int, int]] = field(default_factory=dict)
+    _cells: dict[Cell, tuple[int, int]] = field(default_factory=dict)
+    """Votes, and those of them that say yes."""
 
     def add(self, vantage: Cell, votes: Iterable[Vote]) -> None:
-        """The votes of the next picture."""
+        """Count the votes of the next picture."""
         for vote in votes:
-            everything = self._cells.setdefault(vote.cell, _Count())
-            everything.votes += 1
-            everything.positive += vote.positive
-            ballot = self._ballots.setdefault((vantage, vote.cell), _Count())
-            if ballot.votes >= self.frames:
-                continue
-            ballot.votes += 1
-            ballot.positive += vote.positive
-            if ballot.positive >= self.positive:
-                self.roi.add(vote.cell)
+            votes_in_all, yes = self._cells.get(vote.cell, (0, 0))
+            self._cells[vote.cell] = votes_in_all + 1, yes + vote.positive
+            cast, yes = self._ballots.get((vantage, vote.cell), (0, 0))
+            if cast < self.frames:
+                self._ballots[vantage, vote.cell] = cast + 1, yes + vote.positive
+                if yes + vote.positive >= self.positive:
+                    self.roi.add(vote.cell)
 
     def counted(self) -> Decided:
-        """Every cell that was voted on, sorted; and those with too few votes to be ROI, whatever
-        all of them say."""
+        """Return every cell with votes, sorted; and those with too few votes to be ROI."""
         found = sorted(self._cells.items())
         cells = np.array([cell for cell, _ in found], np.int32).reshape(-1, 2)
         roi = np.array([cell in self.roi for cell, _ in found], np.bool_)
-        positive = np.array([count.positive for _, count in found], np.int32)
-        votes = np.array([count.votes for _, count in found], np.int32)
+        votes, positive = np.array([n for _, n in found], np.int32).reshape(-1, 2).T
         return CellTable.judged(cells, roi, positive, votes, None), cells[votes < self.positive]
 
 
 def weighed(evidence: Evidence, share: float) -> Decided:
-    """Every cell that was seen, sorted; and those of which pictures say too little. A cell is
-    region that is believed to be in at least that share (`detector.share`)."""
+    """Return every seen cell, sorted, and the undecided; region is believed in at least `share`."""
     found = evidence.weighings()
     positive, pictures = (count.astype(np.int32) for count in (found.positive, found.pictures))
     table = CellTable.judged(found.cells, found.roi(share), positive, pictures, found.belief)

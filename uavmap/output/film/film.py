@@ -1,7 +1,7 @@
-"""What an animation shows: which cell was in which state when, and where everybody was.
+"""The model of an animation: the states of cells and the places of robots over time.
 
-A simulated run and a flown mission become the same `Film`; what draws it knows neither. Places are
-in cells from the grid's origin, in the frame of the ROI; times in `unit`.
+A simulated run and a flown mission become the same `Film`. Places are in cells from the grid's
+origin, in the frame of the ROI; times in `unit`.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ FPS: Final = 20
 """Frames a second: a GIF counts in hundredths of a second, so 20 is exact."""
 LONGEST_S: Final = 20.0
 HOLD_S: Final = 1.5
-"""How long the last frame stands."""
+"""Time that the last frame stands, s."""
 _FRAMES_A_STEP: Final = 5
 _QUICKEST: Final = 30.0
-"""A flight is shown at this many times its speed, or faster where it lasts longer."""
+"""Minimum ratio of a film's speed to that of the flight."""
 
 
 class Unit(StrEnum):
-    """What the times of a film are."""
+    """The unit of the times of a film."""
 
     STEPS = "steps"
     SECONDS = "seconds"
@@ -41,7 +41,7 @@ class Place(NamedTuple):
 
 
 class Fix(NamedTuple):
-    """Where a robot is at a time, and whether it is in the air."""
+    """The place of a robot at a time, and whether it is in the air."""
 
     t: float
     place: Place
@@ -49,7 +49,7 @@ class Fix(NamedTuple):
 
 
 class Change(NamedTuple):
-    """From `t` on a cell is in a state; a vertex of the tree hangs under `parent`."""
+    """A change of a cell's state at `t`; a vertex of the tree hangs under `parent`."""
 
     t: float
     cell: Cell
@@ -64,11 +64,13 @@ _AT_REST: Final = Place(0.0, 0.0)
 class Film:
     """A film of an exploration.
 
-    `roi` are the true cells, shown faintly until they are known; empty where nobody knows them.
-    `changes` are in the order of time, and so are the fixes of each robot, of which there is at
-    least one. `radius` is that of a robot's disc, in cells. `start` is where all begin, moving with
-    `start_drift` cells per unit of time. `footprint` is what a frame of a robot shows that flies
-    without stopping, in cells east and north.
+    Attributes:
+        roi: The true cells, shown faintly until they are known; empty where unknown.
+        changes: In the order of time.
+        tracks: Of each robot at least one fix, in the order of time.
+        start: Start of all robots, moving with `start_drift` cells per unit of time.
+        radius: Of a robot's disc, in cells.
+        footprint: View of a robot that flies without stopping, in cells east and north.
     """
 
     title: str
@@ -83,7 +85,7 @@ class Film:
     footprint: Place | None = None
 
     def fix(self, robot: int, t: float) -> Fix:
-        """Where a robot is at a time: on the straight line between two fixes."""
+        """Return the place of a robot at a time, on the straight line between two fixes."""
         track = self.tracks[robot]
         after = bisect_right(track, t, key=lambda fix: fix.t)
         if after == 0:
@@ -99,7 +101,7 @@ class Film:
         )
 
     def trail(self, robot: int, since_t: float, t: float) -> list[Place]:
-        """Where a robot went between two times, both ends included."""
+        """Return the path of a robot between two times, both ends included."""
         track = self.tracks[robot]
         first = bisect_right(track, since_t, key=lambda fix: fix.t)
         last = bisect_right(track, t, key=lambda fix: fix.t)
@@ -107,14 +109,14 @@ class Film:
         return [self.fix(robot, since_t).place, *between, self.fix(robot, t).place]
 
     def start_at(self, t: float) -> Place:
-        """Where the start is at a time, as seen from the ROI."""
+        """Return the start at a time, as seen from the ROI."""
         return Place(
             self.start.east + t * self.start_drift.east,
             self.start.north + t * self.start_drift.north,
         )
 
     def bounds(self) -> tuple[int, int, int, int]:
-        """The cells to show: least east and north, greatest east and north."""
+        """Return the cells to show: least east and north, greatest east and north."""
         places: list[tuple[float, float]] = [*self.roi, self.start, self.start_at(self.end_t)]
         places += [change.cell for change in self.changes]
         places += [fix.place for track in self.tracks.values() for fix in track]
@@ -128,14 +130,14 @@ class Film:
 
     @property
     def cells(self) -> int:
-        """How many ROI cells there are in the end, known or not."""
+        """Number of ROI cells in the end, known or not."""
         last = {change.cell: change.state for change in self.changes}
         return len(self.roi | {cell for cell, state in last.items() if state not in NOT_ROI})
 
     def times(self) -> list[float]:
-        """The times of the frames, evenly spaced from 0 to the end.
+        """Return the times of the frames, evenly spaced from 0 to the end.
 
-        So many that with the hold at the end the film takes at most `LONGEST_S`.
+        With the hold at the end the film takes at most `LONGEST_S`.
         """
         pace = _FRAMES_A_STEP if self.unit is Unit.STEPS else FPS / _QUICKEST
         most = round((LONGEST_S - HOLD_S) * FPS) - 1
@@ -144,7 +146,7 @@ class Film:
 
 
 class Reel:
-    """The states of the cells as a film goes on.
+    """The states of the cells over the time of a film.
 
     >>> film = Film("", Unit.STEPS, 2.0, frozenset(), (Change(1.0, Cell(0, 0), "explored"),), {},
     ...             Place(0.0, 0.0))
@@ -159,7 +161,7 @@ class Reel:
         self.parents: dict[Cell, Cell] = {}
 
     def forward(self, t: float) -> Iterator[Change]:
-        """Go on to `t`, change by change."""
+        """Yield the changes up to `t`, and apply them."""
         while self._left and self._left[-1].t <= t:
             change = self._left.pop()
             self.states[change.cell] = change.state
@@ -168,5 +170,5 @@ class Reel:
             yield change
 
     def count(self, *states: State) -> int:
-        """How many cells are in one of these states now."""
+        """Return the number of cells in one of these states."""
         return sum(state in states for state in self.states.values())

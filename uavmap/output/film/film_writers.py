@@ -1,4 +1,4 @@
-"""Films and drawings into files: GIF, MP4, PNG, SVG; whole or not at all."""
+"""Films and drawings as files: GIF, MP4, PNG, SVG."""
 
 from __future__ import annotations
 
@@ -31,10 +31,9 @@ T = TypeVar("T")
 
 
 def check_path(path: Path, suffixes: tuple[str, ...]) -> None:
-    """Say what is wrong with the name of a file before work is put into it.
+    """Check the name of a file before work is put into it.
 
-    Raises `OutputError` for a kind that is not written, a folder that is not there, or one that
-    may not be written to.
+    Raises `OutputError` for another kind, or a folder that does not exist or is read-only.
     """
     if path.suffix.lower() not in suffixes:
         raise OutputError(f"{path}: the name must end in {' or '.join(suffixes)}")
@@ -55,30 +54,27 @@ def save(path: Path, data: bytes) -> None:
 
 
 def write_film(film: Film, path: Path, say: Say) -> None:
-    """Write a film as GIF or MP4, by the end of the name; says how far it is every two seconds.
+    """Write a film as GIF or MP4, by the end of the name; report progress every two seconds.
 
     The same film gives the same GIF, byte for byte. Raises `OutputError`.
     """
     check_path(path, FILMS)
     stage, times = Stage(film), film.times()
     frames = _patiently(stage.frames(times), f"{path.name}: frame {{}} of {len(times)}", say)
-    save(path, _gif(film, frames) if path.suffix.lower() == ".gif" else mp4(stage.size, frames))
+    if path.suffix.lower() == ".gif":
+        few = _FewColours(film)
+        save(path, gif([few.of(frame) for frame in frames]))
+    else:
+        save(path, mp4(stage.size, frames))
 
 
 def _patiently(items: Iterable[T], text: str, say: Say) -> Iterator[T]:
-    """The items, with a word now and then about how many there were."""
     said_s = time.monotonic()
     for number, item in enumerate(items, start=1):
         if time.monotonic() - said_s >= _SAY_EVERY_S:
             said_s = time.monotonic()
             say(text.format(number))
         yield item
-
-
-def _gif(film: Film, frames: Iterable[Image.Image]) -> bytes:
-    """Encode a film as GIF; all frames share one palette."""
-    few = _FewColours(film)
-    return gif([few.of(frame) for frame in frames])
 
 
 def gif(frames: Sequence[Image.Image]) -> bytes:
@@ -98,9 +94,9 @@ def gif(frames: Sequence[Image.Image]) -> bytes:
 
 
 class _FewColours:
-    """Frames in a palette: colours that have a meaning exactly, blends by the nearest colour.
+    """Frames in a palette: colours with a meaning exactly, blends by the nearest colour.
 
-    Pillow's own search for the nearest rounds every colour first, and paper would turn grey.
+    Pillow's own search for the nearest rounds every colour first: paper would turn grey.
     """
 
     def __init__(self, film: Film) -> None:
@@ -116,7 +112,6 @@ class _FewColours:
         self._indices = np.full(1 << 24, _UNKNOWN, np.uint8)
 
     def of(self, frame: Image.Image) -> Image.Image:
-        """A frame in the palette."""
         # red is the lowest byte
         codes = np.asarray(frame.convert("RGBX")).view("<u4")[..., 0] & 0xFFFFFF
         indices = self._indices[codes]
@@ -129,9 +124,9 @@ class _FewColours:
 
 
 def mp4(size: tuple[int, int], frames: Iterable[Image.Image]) -> bytes:
-    """An MP4 (MPEG-4 part 2) of frames of a size; OpenCV writes to a file only.
+    """Encode frames as MP4 (MPEG-4 part 2), through a file, as OpenCV needs one.
 
-    Raises `OutputError` where this OpenCV has no such codec.
+    Raises `OutputError` where this OpenCV lacks the codec.
     """
     with tempfile.TemporaryDirectory() as folder:
         name = str(Path(folder) / "film.mp4")

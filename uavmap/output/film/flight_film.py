@@ -1,4 +1,4 @@
-"""The film of a flown mission, from its journal: the fold that the flight was, looked at again."""
+"""The film of a flown mission, from its journal."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from missions.events import Connected, Event, FrameSeen, Tracked, Weighed
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.step import step
-from missions.geo.grid import Grid
 from missions.mapping.evidence import Evidence, evidence_of
 from missions.mission.schema import Mission
 from missions.units import Cell
@@ -23,7 +22,7 @@ from uavmap.output.write_results import cell_state, weighed_state
 
 
 def title_of(mission: Mission, *, recorded: bool = False) -> str:
-    """What to write above a film: the mission, its strategy and its crew, or photographs."""
+    """Write the title of a film: the mission, its strategy and its crew, or photographs."""
     crew = "1 vehicle" if len(mission.vehicles) == 1 else f"{len(mission.vehicles)} vehicles"
     what = "photographs" if recorded else f"{mission.strategy}, {crew}"
     return f"{mission.name}   ·   {what}"
@@ -37,14 +36,10 @@ def film_of_flight(
     truth: BaseGeometry | None = None,
     recorded: bool = False,
 ) -> tuple[Film, State]:
-    """The film of a journal, and the state in which the mission ended.
+    """Fold a journal into a film; return also the state in which the mission ended.
 
-    Args:
-        setting: of the mission.
-        events: the journal.
-        title: what to write above.
-        truth: the true ROI in ground metres of the grid's moving frame, where it is known.
-        recorded: whether the journal is of photographs, of which no vehicle is known.
+    `truth` is the true ROI in ground metres of the grid's moving frame; `recorded`: the journal is
+    of photographs, without a vehicle.
     """
     grid = setting.grid
     events = list(events)
@@ -52,7 +47,8 @@ def film_of_flight(
     log = _Log(setting, State.initial(setting), recorded, evidence=weighed)
     for event in events:
         log.take_in(event)
-    log.end()
+    for cell in [] if weighed is None else weighed.cells():
+        log.note(cell)  # a belief depends on the whole set, known with its last picture
     roi: frozenset[Cell] = frozenset()
     if truth is not None:
         shares = shares_of(cells_near(truth, grid), truth, grid)
@@ -72,7 +68,7 @@ def film_of_flight(
 
 @dataclass(slots=True)
 class _Log:
-    """What is noted while the journal is folded."""
+    """The changes and tracks of a journal that is folded."""
 
     setting: Setting
     state: State
@@ -86,11 +82,12 @@ class _Log:
     seen: FrameSeen | None = None
 
     def take_in(self, event: Event) -> None:
-        """Note what an event changes."""
         before, self.t_s = self.state, max(self.t_s, event.t_s)
         self.state, _ = step(self.setting, before, event)
         if isinstance(event, Tracked | Connected):
-            place = _place(self.setting.grid, event, self.t_s)
+            grid = self.setting.grid
+            east_m, north_m = grid.to_moving(event.position, self.t_s)
+            place = Place(east_m / grid.cell_m, north_m / grid.cell_m)
             fix = Fix(self.t_s, place, event.height_m >= LIFT_OFF_M)
             self.tracks.setdefault(event.vehicle, []).append(fix)
         if isinstance(event, FrameSeen):
@@ -104,15 +101,9 @@ class _Log:
         if self.state.tree is not None and self.state.tree is not before.tree:
             cells |= self.state.tree.vertices.keys()
         for cell in sorted(cells):
-            self._note(cell)
+            self.note(cell)
 
-    def end(self) -> None:
-        """Beliefs begin with what is usual in the whole set, which its last picture tells."""
-        if self.evidence is not None:
-            for cell in self.evidence.cells():
-                self._note(cell)
-
-    def _note(self, cell: Cell) -> None:
+    def note(self, cell: Cell) -> None:
         if self.evidence is None:
             now = cell_state(cell, self.state, recorded=self.recorded)
         else:
@@ -122,9 +113,3 @@ class _Log:
             self.shown[cell] = now
             parent = tree.parent(cell) if tree is not None and cell in tree else None
             self.changes.append(Change(self.t_s, cell, now, parent))
-
-
-def _place(grid: Grid, event: Tracked | Connected, t_s: float) -> Place:
-    """Where a vehicle is as seen from the ROI, in cells."""
-    east_m, north_m = grid.to_moving(event.position, t_s)
-    return Place(east_m / grid.cell_m, north_m / grid.cell_m)

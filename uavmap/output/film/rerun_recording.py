@@ -1,11 +1,11 @@
 """A flight as a Rerun recording (.rrd): everything on one timeline, for engineers.
 
-    /region/cells, /region/tree            what is known of each cell, and the exploration tree
-    /vehicles/N, /vehicles/N/track         where a vehicle is, and was
+    /region/cells, /region/tree            the state of each cell, and the exploration tree
+    /vehicles/N, /vehicles/N/track         place and track of a vehicle
     /vehicles/N/battery_wh                 its charge
     /vehicles/N/frame, .../picture         frames: pose, camera and picture
-    /vehicles/N/footprint                  what the frame shows of the ground
-    /log                                   what went wrong, and who took over
+    /vehicles/N/footprint                  the ground in the frame
+    /log                                   faults, and changes by the pilot or a failsafe
 
 Lengths are metres east, north and up from the start, in the frame of the region (which may drift);
 times are seconds of the mission. Needs rerun-sdk, the extra `rerun`.
@@ -25,22 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from missions import events as ev
 from missions.errors import OutputError
-from missions.events import (
-    Connected,
-    Crashed,
-    Event,
-    FrameLost,
-    GivenUp,
-    Guarded,
-    LinkLost,
-    OrderFailed,
-    Overridden,
-    Recalled,
-    Released,
-    Resumed,
-    Tracked,
-)
+from missions.events import Event
 from missions.geo.grid import Grid
 from missions.units import Cell, Pose
 from uavmap.base.extras import install_command
@@ -51,16 +38,16 @@ from vision.camera import rotation
 
 SUFFIX: Final = ".rrd"
 SNAPSHOTS: Final = 300
-"""So often at most the whole map is written."""
-_TOLD: Final = (
-    Crashed, FrameLost, GivenUp, Guarded, LinkLost, OrderFailed, Overridden, Recalled, Released,
-    Resumed,
+"""Maximum number of times that the whole map is written."""
+_LOGGED: Final = (
+    ev.Crashed, ev.FrameLost, ev.GivenUp, ev.Guarded, ev.LinkLost, ev.OrderFailed, ev.Overridden,
+    ev.Recalled, ev.Released, ev.Resumed,
 )  # fmt: skip
 _NED_TO_ENU: Final = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 def sdk() -> Any:
-    """The module `rerun`. Raises `OutputError` where it is not installed."""
+    """Import `rerun`. Raises `OutputError` where it is not installed."""
     try:
         return importlib.import_module("rerun")
     except ImportError:
@@ -70,8 +57,6 @@ def sdk() -> Any:
 
 
 class _Recording:
-    """A recording that is being written."""
-
     def __init__(self, path: Path, title: str, grid: Grid) -> None:
         self._rr = rr = sdk()
         self._grid = grid
@@ -84,13 +69,12 @@ class _Recording:
         self._stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
     def add_event(self, event: Event) -> None:
-        """Add a vehicle's position and charge, or what went wrong."""
         rr, stream = self._rr, self._stream
-        if isinstance(event, _TOLD):
+        if isinstance(event, _LOGGED):
             stream.set_time("mission", duration=event.t_s)
-            level = "ERROR" if isinstance(event, Crashed) else "WARN"
+            level = "ERROR" if isinstance(event, ev.Crashed) else "WARN"
             stream.log("/log", rr.TextLog(str(event), level=level))
-        if not isinstance(event, Tracked | Connected):
+        if not isinstance(event, ev.Tracked | ev.Connected):
             return
         here = self._grid.to_moving(event.position, event.t_s)
         place, path = (here.east_m, here.north_m, event.height_m), f"/vehicles/{event.vehicle}"
@@ -101,7 +85,7 @@ class _Recording:
         stream.log(f"{path}/battery_wh", rr.Scalars(event.remaining_wh))
 
     def add_frame(self, frame: KeptFrame, picture: bytes) -> None:
-        """Add a picture, the file as it is, with its camera and footprint, unless it is damaged."""
+        """Add a picture with its camera and footprint, unless it is damaged."""
         rr, stream = self._rr, self._stream
         try:
             with Image.open(io.BytesIO(picture)) as opened:
@@ -130,13 +114,29 @@ class _Recording:
         )
 
     def finish(self, film: Film) -> None:
-        """Add the map as it grew, the tree and the tracks, and close the file."""
         rr, stream = self._rr, self._stream
         stream.reset_time()
         for number, track in sorted(self._tracks.items()):
             line = rr.LineStrips3D([track], colors=[track_colour(number - 1)])
             stream.log(f"/vehicles/{number}/track", line, static=True)
-        _cells(rr, stream, film, self._grid.cell_m)
+        cell_m = self._grid.cell_m
+        shown: dict[Cell, Change] = {}
+        for part in moments(film.changes):
+            shown.update((change.cell, change) for change in part)
+            stream.set_time("mission", duration=part[-1].t)
+            middles = np.array([(c.east * cell_m, c.north * cell_m, 0.0) for c in shown])
+            sizes = np.tile((0.47 * cell_m, 0.47 * cell_m, 0.02), (len(shown), 1))
+            boxes = rr.Boxes3D(
+                centers=middles, half_sizes=sizes, fill_mode="solid",
+                colors=[STATES[change.state] for change in shown.values()],
+            )  # fmt: skip
+            stream.log("/region/cells", boxes)
+            edges = [
+                [(c.east * cell_m, c.north * cell_m, 0.1) for c in (change.parent, cell)]
+                for cell, change in shown.items()
+                if change.parent is not None
+            ]
+            stream.log("/region/tree", rr.LineStrips3D(edges, colors=[(60, 60, 60)]))
         stream.flush()
         stream.disconnect()
 
@@ -144,14 +144,7 @@ class _Recording:
 def write_recording(
     path: Path, film: Film, events: Iterable[Event], grid: Grid, folder: Path
 ) -> None:
-    """Write a flight as an .rrd file.
-
-    Args:
-        path: of the file, which is replaced.
-        film: of the flight.
-        events: its journal.
-        grid: of the mission.
-        folder: its results, in which kept frames lie, if any.
+    """Write a flight as an .rrd file, with the kept frames in the folder of its results.
 
     Raises `OutputError` where rerun-sdk is missing or the file cannot be written.
     """
@@ -164,7 +157,6 @@ def write_recording(
 
 
 def _kept_frames(folder: Path) -> Iterator[tuple[KeptFrame, bytes]]:
-    """The frames that were kept, in the order of their times."""
     try:
         kept = [frame for frame in read_kept(folder) if isinstance(frame, KeptFrame)]
     except (OSError, UnicodeDecodeError):
@@ -175,7 +167,7 @@ def _kept_frames(folder: Path) -> Iterator[tuple[KeptFrame, bytes]]:
 
 
 def moments(changes: Sequence[Change], most: int = SNAPSHOTS) -> Iterator[list[Change]]:
-    """The changes of a film in order, in at most so many parts.
+    """Split the changes of a film, in order, into at most `most` parts.
 
     >>> [len(part) for part in moments([Change(float(t), Cell(t, 0), "non-roi", None)
     ...                                 for t in range(7)], most=3)]
@@ -186,29 +178,8 @@ def moments(changes: Sequence[Change], most: int = SNAPSHOTS) -> Iterator[list[C
         yield list(changes[begin : begin + size])
 
 
-def _cells(rr: Any, stream: Any, film: Film, cell_m: float) -> None:
-    """The map as it grew, and the tree of it."""
-    shown: dict[Cell, Change] = {}
-    for part in moments(film.changes):
-        shown.update((change.cell, change) for change in part)
-        stream.set_time("mission", duration=part[-1].t)
-        middles = np.array([(c.east * cell_m, c.north * cell_m, 0.0) for c in shown])
-        sizes = np.tile((0.47 * cell_m, 0.47 * cell_m, 0.02), (len(shown), 1))
-        boxes = rr.Boxes3D(
-            centers=middles, half_sizes=sizes, fill_mode="solid",
-            colors=[STATES[change.state] for change in shown.values()],
-        )  # fmt: skip
-        stream.log("/region/cells", boxes)
-        edges = [
-            [(c.east * cell_m, c.north * cell_m, 0.1) for c in (change.parent, cell)]
-            for cell, change in shown.items()
-            if change.parent is not None
-        ]
-        stream.log("/region/tree", rr.LineStrips3D(edges, colors=[(60, 60, 60)]))
-
-
 def turn_enu(pose: Pose) -> NDArray[np.float64]:
-    """The rotation (3 x 3) from camera axes, forward-right-down, to east, north and up.
+    """Return the rotation (3 x 3) from camera axes, forward-right-down, to east, north and up.
 
     >>> from missions.units import LatLon, Quaternion
     >>> down = Quaternion.from_euler(0.0, -math.pi / 2, 0.0)
@@ -222,7 +193,7 @@ def turn_enu(pose: Pose) -> NDArray[np.float64]:
 def footprint_m(
     place: NDArray[np.float64], turn: NDArray[np.float64], spread: tuple[float, float]
 ) -> NDArray[np.float64] | None:
-    """Where the corners of a frame meet the ground, (4, 3) in metres; None if one looks above it.
+    """Return where the corners of a frame meet the ground, (4, 3) in m; None above the horizon.
 
     `spread` is width and height of the picture over the focal length.
 

@@ -1,7 +1,7 @@
 """The frames of a film: cells, tree, trails and robots under a caption, grid north up.
 
-Cells are a whole number of pixels wide, so their edges stay sharp. Of the ground only what changes
-is drawn anew.
+Cells are a whole number of pixels wide, so their edges stay sharp. Only changes of the ground are
+drawn anew.
 """
 
 from __future__ import annotations
@@ -14,19 +14,8 @@ from PIL import Image
 
 from missions.errors import OutputError
 from missions.units import Cell
-from uavmap.output.drawing import legend
-from uavmap.output.drawing.palette import (
-    FAINT,
-    HIDDEN,
-    INK,
-    NONSTOP_NAMES,
-    PAPER,
-    STATE_NAMES,
-    STATES,
-    Colour,
-    Style,
-    track_colour,
-)
+from uavmap.output.drawing import legend, palette
+from uavmap.output.drawing.palette import Colour, Style
 from uavmap.output.drawing.raster import Canvas, Extent
 from uavmap.output.drawing.scene import Box, Dot, Entry, Label, Line, Shape, View
 from uavmap.output.facts.map_model import NOT_ROI
@@ -46,7 +35,10 @@ _TRAIL_S: Final = 0.8
 _TRAIL_PARTS: Final = 4
 
 EDGE: Colour = (88, 98, 92)
-KEY_COLOURS: tuple[Colour, ...] = (PAPER, INK, FAINT, HIDDEN, EDGE, *STATES.values())
+KEY_COLOURS: tuple[Colour, ...] = (
+    *(palette.PAPER, palette.INK, palette.FAINT, palette.HIDDEN, EDGE),
+    *palette.STATES.values(),
+)
 """Colours that a picture with few colours must hold exactly."""
 
 
@@ -54,7 +46,7 @@ class Stage:
     """Draws the frames of a film, from the first to the last.
 
     Three pictures: the ground, a copy of it with what moves on top, and the frame as it is shown.
-    Only parts in which something changed are copied and shrunk again.
+    Only changed parts are copied and shrunk again.
     """
 
     def __init__(self, film: Film) -> None:
@@ -81,11 +73,12 @@ class Stage:
             *self.size,
         )
         self._cells = film.cells
+        self._radius_px = max(film.radius * self.cell_px, 4.5)
         self._tail_t = _TRAIL_S * FPS * film.end_t / len(film.times())
         self._ground = Canvas(self.size)
         for cell in film.roi:
-            self._ground.draw(self._tile(cell, HIDDEN), self._view)
-        words = Label((MARGIN_PX, 21.0), film.title, 18.0, INK)
+            self._ground.draw(self._tile(cell, palette.HIDDEN), self._view)
+        words = Label((MARGIN_PX, 21.0), film.title, 18.0, palette.INK)
         names = legend.row(entries, MARGIN_PX, self.size[1] - LEGEND_PX / 2)
         for shape in (words, *names):
             self._ground.draw(shape, self._page)
@@ -110,7 +103,7 @@ class Stage:
 
     # --- the ground ------------------------------------------------------------------------
     def _forward(self, t: float) -> list[Extent]:
-        """Let the cells become what they are at a time; return where something changed."""
+        """Change the cells to their state at a time; return the changed parts."""
         touched: dict[Cell, None] = {}
         for change in self._reel.forward(t):
             touched[change.cell] = None
@@ -118,7 +111,7 @@ class Stage:
                 touched[change.parent] = None
         states = self._reel.states
         known = [cell for cell in touched if cell in states]
-        tiles = [self._tile(cell, STATES[states[cell]]) for cell in known]
+        tiles = [self._tile(cell, palette.STATES[states[cell]]) for cell in known]
         edges = [edge for cell in known for edge in self._edges(cell)]
         shapes: list[Shape] = [*tiles, *edges]
         return [self._ground.draw(shape, self._view) for shape in shapes]
@@ -129,7 +122,6 @@ class Stage:
         return Box((west, north), (west + side, north - side), colour)
 
     def _edges(self, cell: Cell) -> Iterator[Line]:
-        """Yield the edges of the tree that end in a cell."""
         if self.cell_px < _SEAM_PX:
             return
         parents, style = self._reel.parents, Style(EDGE, max(0.07 * self.cell_px, 1.0))
@@ -140,75 +132,73 @@ class Stage:
 
     # --- what moves ------------------------------------------------------------------------
     def _moving(self, t: float) -> Iterator[Shape]:
-        """Yield the start, the trails and the robots at a time."""
         film = self._film
         radius = max(0.2 * self.cell_px, 4.0)
-        yield Dot(film.start_at(t), ((radius, PAPER), (0.75 * radius, INK), (0.3 * radius, PAPER)))
+        yield Dot(
+            film.start_at(t),
+            ((radius, palette.PAPER), (0.75 * radius, palette.INK), (0.3 * radius, palette.PAPER)),
+        )
         for robot in film.tracks:
             yield from self._trail(robot, t)
         if film.footprint is not None:
             for robot in film.tracks:
-                yield self._footprint(film.fix(robot, t).place, film.footprint, robot)
+                place = film.fix(robot, t).place
+                half = film.footprint.east / 2, film.footprint.north / 2
+                corners = [
+                    (place.east + a * half[0], place.north + b * half[1])
+                    for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+                ]
+                yield Line.through(corners, Style(palette.track_colour(robot), 2.0), closed=True)
         for robot in film.tracks:
             yield self._robot(robot, t)
 
     def _trail(self, robot: int, t: float) -> Iterator[Line]:
-        """Yield the way behind a robot, in parts that grow thicker."""
         part_t = self._tail_t / _TRAIL_PARTS
         for part in range(_TRAIL_PARTS):
             since = t - part_t * (_TRAIL_PARTS - part)
-            width_px = self._radius_px() * (0.25 + 0.15 * part)
+            width_px = self._radius_px * (0.25 + 0.15 * part)
             places = self._film.trail(robot, since, since + part_t)
-            yield Line.through(places, Style(track_colour(robot), width_px))
-
-    def _footprint(self, place: Place, size: Place, robot: int) -> Line:
-        """Return the outline of what a robot sees."""
-        east, north = size.east / 2, size.north / 2
-        corners = [
-            (place.east + a * east, place.north + b * north)
-            for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
-        ]
-        return Line.through(corners, Style(track_colour(robot), 2.0), closed=True)
+            yield Line.through(places, Style(palette.track_colour(robot), width_px))
 
     def _robot(self, robot: int, t: float) -> Dot:
         """Return a disc with a rim; white inside while the robot is on the ground."""
-        fix, radius, colour = self._film.fix(robot, t), self._radius_px(), track_colour(robot)
-        rings = ((radius + 4 / 3, PAPER), (radius + 1 / 3, INK), (radius - 2 / 3, colour))
-        return Dot(fix.place, (*rings, (radius * 0.55, colour if fix.aloft else PAPER)))
-
-    def _radius_px(self) -> float:
-        return max(self._film.radius * self.cell_px, 4.5)
+        fix, radius, colour = self._film.fix(robot, t), self._radius_px, palette.track_colour(robot)
+        rings = (
+            (radius + 4 / 3, palette.PAPER),
+            (radius + 1 / 3, palette.INK),
+            (radius - 2 / 3, colour),
+        )
+        return Dot(fix.place, (*rings, (radius * 0.55, colour if fix.aloft else palette.PAPER)))
 
     # --- what is written -------------------------------------------------------------------
     def _caption(self, t: float) -> Iterator[Shape]:
-        """Yield how far it has come, in words and as a bar of the cells by state."""
-        yield Label((MARGIN_PX, 46.0), caption(self._film, self._reel, t), 14.0, FAINT)
+        yield Label((MARGIN_PX, 46.0), caption(self._film, self._reel, t), 14.0, palette.FAINT)
         everything, wide = max(self._cells, 1), self.size[0] - 2 * MARGIN_PX
-        yield Box((MARGIN_PX, 60.0), (MARGIN_PX + wide, 64.0), HIDDEN)
+        yield Box((MARGIN_PX, 60.0), (MARGIN_PX + wide, 64.0), palette.HIDDEN)
         at = 0
         for state in ("explored", "under exploration", "unexplored"):
             if count := self._reel.count(state):
                 left, right = (MARGIN_PX + wide * n / everything for n in (at, at + count))
-                yield Box((left, 60.0), (right, 64.0), STATES[state])
+                yield Box((left, 60.0), (right, 64.0), palette.STATES[state])
                 at += count
 
     def _legend(self) -> Iterator[Entry]:
         film = self._film
         seen = {change.state for change in film.changes}
         nonstop = film.footprint is not None
-        names = NONSTOP_NAMES if nonstop else STATE_NAMES
-        always = (
-            {"explored", "under exploration"} if nonstop else STATES.keys() - {"skipped"} - NOT_ROI
-        )
-        for state, colour in STATES.items():
+        names = palette.NONSTOP_NAMES if nonstop else palette.STATE_NAMES
+        always = palette.STATES.keys() - {"skipped"} - NOT_ROI
+        if nonstop:
+            always = always - {"unexplored"}
+        for state, colour in palette.STATES.items():
             if state in always or state in seen:
                 yield Entry(colour, names[state])
         if film.roi:
-            yield Entry(HIDDEN, "not seen yet")
+            yield Entry(palette.HIDDEN, "not seen yet")
 
 
 def caption(film: Film, reel: Reel, t: float) -> str:
-    """How far it has come, in words."""
+    """Write the progress of a film."""
     visited = reel.count("under exploration", "explored")
     known = visited + reel.count("unexplored")
     if film.footprint is not None:
@@ -219,7 +209,6 @@ def caption(film: Film, reel: Reel, t: float) -> str:
 
 
 def _time(film: Film, t: float) -> str:
-    """The time and the length of the film, as people read it."""
     if film.unit is Unit.STEPS:
         return f"t = {t:.0f} of {film.end_t:g}"
     (m, s), (end_m, end_s) = divmod(round(t), 60), divmod(round(film.end_t), 60)

@@ -10,16 +10,8 @@ from typing import Final, NamedTuple
 from missions.errors import OutputError
 from missions.mapping.tree import Tree
 from missions.units import Cell
-from uavmap.output.drawing import legend
-from uavmap.output.drawing.palette import (
-    FAINT,
-    INK,
-    PAPER,
-    STATE_NAMES,
-    STATES,
-    Colour,
-    Style,
-)
+from uavmap.output.drawing import legend, palette
+from uavmap.output.drawing.palette import Colour, Style
 from uavmap.output.drawing.raster import encode_png, picture, text_width
 from uavmap.output.drawing.scale import step_up
 from uavmap.output.drawing.scene import Box, Dot, Entry, Label, Line, Place, Shape, View
@@ -58,14 +50,19 @@ def draw_tree(tree: Tree, path: Path, *, title: str) -> None:
 
 
 def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
-    """The size of the picture and what is in it. Raises `OutputError` for a tree too large."""
+    """Return the size of the picture and its shapes. Raises `OutputError` for a large tree."""
     spine = backbone(tree)
     ground, ground_step = _on_ground(tree)
     depths, depth_step = _by_depth(tree)
     ground_size = _move(ground, (MARGIN_PX, HEAD_PX), ground_step)
     right = MARGIN_PX + ground_size[0] + _GAP_PX
     depth_size = _move(depths, (right, HEAD_PX + _LABEL_PX), depth_step)
-    caption = _caption(tree, spine)
+    branches = len(ribs(tree, spine))
+    caption = "   ·   ".join((
+        "1 vertex" if len(tree) == 1 else f"{len(tree)} vertices",
+        f"depth of the tree, depth_T = {tree.depth}",
+        f"backbone of {len(spine)}, {'1 rib' if branches == 1 else f'{branches} ribs'}",
+    ))  # fmt: skip
     width = max(
         right + depth_size[0] + MARGIN_PX,
         2 * MARGIN_PX + text_width(caption, 14),
@@ -77,10 +74,15 @@ def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
         raise OutputError(
             f"a tree of {len(tree)} vertices and depth {tree.depth} is too large to draw"
         )
+    half, side = ground_step / 2, ground_step - (1.0 if ground_step >= 6.0 else 0.0)
+    tiles = (
+        Box((x - half, y - half), (x - half + side, y - half + side), GROUND)
+        for x, y in ground.values()
+    )
     shapes: list[Shape] = [
-        Label((MARGIN_PX, 29), title, 20, INK),
-        Label((MARGIN_PX, 57), caption, 14, FAINT),
-        *_tiles(ground, ground_step),
+        Label((MARGIN_PX, 29), title, 20, palette.INK),
+        Label((MARGIN_PX, 57), caption, 14, palette.FAINT),
+        *tiles,
         *_edges(tree, spine, ground, ground_step),
         *_vertices(tree, ground, ground_step),
         *_ruler(depths, spine, HEAD_PX + _LABEL_PX - 14),
@@ -91,17 +93,8 @@ def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
     return (round(width), round(height)), shapes
 
 
-def _caption(tree: Tree, spine: tuple[Cell, ...]) -> str:
-    branches = len(ribs(tree, spine))
-    of_ribs = "1 rib" if branches == 1 else f"{branches} ribs"
-    of_vertices = "1 vertex" if len(tree) == 1 else f"{len(tree)} vertices"
-    depth = f"depth of the tree, depth_T = {tree.depth}"
-    return f"{of_vertices}   ·   {depth}   ·   backbone of {len(spine)}, {of_ribs}"
-
-
 # --- where the vertices are ------------------------------------------------------------------
 def _on_ground(tree: Tree) -> tuple[dict[Cell, Place], float]:
-    """Every vertex at its cell, and the pixels from cell to cell."""
     across = max(c.east for c in tree.vertices) - min(c.east for c in tree.vertices) + 1
     up = max(c.north for c in tree.vertices) - min(c.north for c in tree.vertices) + 1
     step = min(max(_PANEL_PX // max(across, up), _NARROWEST_PX), _WIDEST_PX)
@@ -109,7 +102,6 @@ def _on_ground(tree: Tree) -> tuple[dict[Cell, Place], float]:
 
 
 def _by_depth(tree: Tree) -> tuple[dict[Cell, Place], float]:
-    """Every vertex by depth and row, and the pixels from vertex to vertex."""
     spots = spread(tree)
     rows = [spot.row for spot in spots.values()]
     tall = max(rows) - min(rows) + 1
@@ -120,7 +112,7 @@ def _by_depth(tree: Tree) -> tuple[dict[Cell, Place], float]:
 
 
 def _move(places: dict[Cell, Place], corner: Place, step: float) -> tuple[float, float]:
-    """Move the vertices so that they have half a step of room from a corner; returns the size."""
+    """Move the vertices so that they have half a step of room from a corner; return the size."""
     xs, ys = zip(*places.values(), strict=True)
     left, top = corner[0] + step / 2 - min(xs), corner[1] + step / 2 - min(ys)
     for cell, (x, y) in places.items():
@@ -129,17 +121,10 @@ def _move(places: dict[Cell, Place], corner: Place, step: float) -> tuple[float,
 
 
 # --- what is drawn ---------------------------------------------------------------------------
-def _tiles(places: Mapping[Cell, Place], step: float) -> Iterator[Shape]:
-    side = step - (1.0 if step >= 6.0 else 0.0)
-    for x, y in places.values():
-        left, top = x - step / 2, y - step / 2
-        yield Box((left, top), (left + side, top + side), GROUND)
-
-
 def _edges(
     tree: Tree, spine: tuple[Cell, ...], places: Mapping[Cell, Place], step: float
 ) -> Iterator[Shape]:
-    """The edges of the ribs, and over them the backbone as one line."""
+    """Draw the edges of the ribs, and over them the backbone as one line."""
     on_spine = set(spine)
     for cell, vertex in tree.vertices.items():
         if vertex.parent is not None and cell not in on_spine:
@@ -153,18 +138,17 @@ def _edges(
 def _vertices(tree: Tree, places: Mapping[Cell, Place], step: float) -> Iterator[Shape]:
     radius = 0.24 * step
     for cell, place in places.items():
-        disc = (radius, STATES[tree.state(cell).value])
-        yield Dot(place, ((radius + 1.0, PAPER), disc) if step >= 8.0 else (disc,))
+        disc = (radius, palette.STATES[tree.state(cell).value])
+        yield Dot(place, ((radius + 1.0, palette.PAPER), disc) if step >= 8.0 else (disc,))
     yield Dot(places[tree.root], _root(radius))
 
 
 def _root(radius: float) -> tuple[tuple[float, Colour], ...]:
-    discs = ((1.7, INK), (1.3, PAPER), (0.9, INK))
+    discs = ((1.7, palette.INK), (1.3, palette.PAPER), (0.9, palette.INK))
     return tuple((max(r * radius, 4.0 * r / 1.7), colour) for r, colour in discs)
 
 
 def _ruler(places: Mapping[Cell, Place], spine: tuple[Cell, ...], y: float) -> Iterator[Shape]:
-    """The depth, written above the picture by depth, as often as there is room."""
     last = len(spine) - 1
     room = (places[spine[-1]][0] - places[spine[0]][0]) / max(last, 1)
     every = max(round(step_up(30.0 / room)), 1) if last else 1
@@ -172,15 +156,14 @@ def _ruler(places: Mapping[Cell, Place], spine: tuple[Cell, ...], y: float) -> I
         text = "depth 0" if depth == 0 else str(depth)
         x = places[spine[depth]][0]
         if depth == 0 or x - places[spine[0]][0] > 52.0:
-            yield Label((x, y - 4.0), text, 12, FAINT, "middle" if depth else "start")
+            yield Label((x, y - 4.0), text, 12, palette.FAINT, "middle" if depth else "start")
 
 
 def _legend(tree: Tree) -> Iterator[Entry]:
-    """What the colours mean, and how many vertices are in each state."""
     states = [tree.state(cell).value for cell in tree.vertices]
-    for state, colour in STATES.items():
+    for state, colour in palette.STATES.items():
         if state in states:
-            yield Entry(((5.5, colour),), f"{STATE_NAMES[state]} ({states.count(state)})")
+            yield Entry(((5.5, colour),), f"{palette.STATE_NAMES[state]} ({states.count(state)})")
     yield Entry(Style(BACKBONE, 4.0), "backbone")
     if len(tree) > tree.depth + 1:
         yield Entry(Style(RIB, 2.0), "rib")
@@ -189,7 +172,7 @@ def _legend(tree: Tree) -> Iterator[Entry]:
 
 # --- backbone and ribs ---------------------------------------------------------------------------
 def backbone(tree: Tree) -> tuple[Cell, ...]:
-    """The longest path from the root down to a leaf; of several, that to the least cell.
+    """Return the longest path from the root to a leaf; of several, that to the least cell.
 
     >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(1, 0), Cell(0, 1)])
     >>> backbone(tree.looked(Cell(1, 0), [Cell(2, 0)]))[-1]
@@ -200,7 +183,7 @@ def backbone(tree: Tree) -> tuple[Cell, ...]:
 
 
 def ribs(tree: Tree, spine: tuple[Cell, ...]) -> tuple[Cell, ...]:
-    """The roots of the ribs, by the depth at which they leave the backbone.
+    """Return the roots of the ribs, by the depth at which they leave the backbone.
 
     >>> tree = Tree.rooted(Cell(0, 0)).looked(Cell(0, 0), [Cell(1, 0), Cell(0, 1)])
     >>> ribs(tree, (Cell(0, 0), Cell(0, 1)))
@@ -211,63 +194,51 @@ def ribs(tree: Tree, spine: tuple[Cell, ...]) -> tuple[Cell, ...]:
 
 
 class Spot(NamedTuple):
-    """Where a vertex stands in a drawing by depth: its depth, and its row beside the backbone."""
+    """A vertex in a drawing by depth: its depth, and its row beside the backbone."""
 
     depth: int
     row: int
 
 
 def spread(tree: Tree) -> Mapping[Cell, Spot]:
-    """A place for every vertex: the backbone straight along row 0, the ribs on both sides.
+    """Place every vertex: the backbone straight along row 0, the ribs on both sides.
 
-    From the far end towards the root, every rib is laid outside of those already there, on the
-    side where it comes to lie nearer to the backbone. A rib is laid out likewise, to one side of a
-    longest path of its own. So no two edges cross, and no two vertices share a place.
+    From the far end towards the root, every rib is placed outside of the others, on the side where
+    it is nearer to the backbone. A rib is laid out likewise, to one side of its own longest path.
+    So no two edges cross, and no two vertices share a place.
     """
-    heights = _heights(tree)
-    spine = backbone(tree)
-    spots = {cell: Spot(depth, 0) for depth, cell in enumerate(spine)}
-    outer: dict[int, _Outer] = {side: defaultdict(int) for side in (1, -1)}
-    for rib in reversed(ribs(tree, spine)):
-        rows = _rows(tree, rib, heights)
-        away = {side: _clear(tree, rows, outer[side]) for side in (1, -1)}
-        side = 1 if away[1] <= away[-1] else -1
-        for cell, row in rows.items():
-            depth = tree.vertices[cell].depth
-            spots[cell] = Spot(depth, side * (row + away[side]))
+    rows = _layout(tree, backbone(tree), _heights(tree), (1, -1))
+    return {cell: Spot(tree.vertices[cell].depth, row) for cell, row in rows.items()}
+
+
+def _layout(
+    tree: Tree, path: tuple[Cell, ...], heights: Mapping[Cell, int], sides: tuple[int, ...]
+) -> dict[Cell, int]:
+    """Return rows for the tree below `path`: 0 along it, its ribs outside of each other."""
+    rows = dict.fromkeys(path, 0)
+    outer: dict[int, dict[int, int]] = {side: defaultdict(int) for side in sides}
+    for rib in reversed(ribs(tree, path)):
+        longest = [rib]
+        while children := tree.children(longest[-1]):
+            longest.append(max(children, key=lambda cell: heights[cell]))
+        below = {
+            (cell, tree.vertices[cell].depth): row
+            for cell, row in _layout(tree, tuple(longest), heights, (1,)).items()
+        }
+        away = {  # the least row of the rib outside of what is there
+            side: max(outer[side][depth] + 1 - row for (_, depth), row in below.items())
+            for side in sides
+        }
+        side = min(sides, key=lambda side: away[side])
+        for (cell, depth), row in below.items():
+            rows[cell] = side * (row + away[side])
             outer[side][depth] = max(outer[side][depth], row + away[side])
-    return spots
-
-
-_Outer = defaultdict[int, int]
-"""The outermost row in use, by depth."""
+    return rows
 
 
 def _heights(tree: Tree) -> dict[Cell, int]:
-    """How many edges the longest way down from each vertex has."""
+    """Return the number of edges of the longest way down from each vertex."""
     heights: dict[Cell, int] = {}
     for cell in sorted(tree.vertices, key=lambda cell: -tree.vertices[cell].depth):
         heights[cell] = max((heights[child] + 1 for child in tree.children(cell)), default=0)
     return heights
-
-
-def _rows(tree: Tree, top: Cell, heights: Mapping[Cell, int]) -> dict[Cell, int]:
-    """Rows for the subtree below `top`: 0 for a longest path, more for what hangs on it."""
-    path = [top]
-    while tree.children(path[-1]):
-        path.append(max(tree.children(path[-1]), key=lambda cell: heights[cell]))
-    rows = dict.fromkeys(path, 0)
-    outer: _Outer = defaultdict(int)
-    for rib in reversed(ribs(tree, tuple(path))):
-        below = _rows(tree, rib, heights)
-        away = _clear(tree, below, outer)
-        for cell, row in below.items():
-            rows[cell] = row + away
-            depth = tree.vertices[cell].depth
-            outer[depth] = max(outer[depth], row + away)
-    return rows
-
-
-def _clear(tree: Tree, rows: Mapping[Cell, int], outer: _Outer) -> int:
-    """How far a subtree has to be moved to lie outside of what is there."""
-    return max(outer[tree.vertices[cell].depth] + 1 - row for cell, row in rows.items())

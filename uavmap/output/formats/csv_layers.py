@@ -1,7 +1,7 @@
-"""A CSV file a layer: its columns, longitude and latitude, and of lines and areas the WKT.
+"""A CSV file per layer: its columns, longitude and latitude, and WKT of lines and areas.
 
-Decimal points, commas between, UTF-8, CRLF at the end of a line (RFC 4180). A text that a
-spreadsheet would take for a formula gets an apostrophe in front.
+Decimal points, commas, UTF-8, CRLF (RFC 4180). A text that a spreadsheet would take for a formula
+gets an apostrophe in front.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from collections.abc import Sequence
 import shapely
 
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.formats.layers import DECIMALS, Layer, described, in_degrees
+from uavmap.output.formats.layers import DECIMALS, Layer, described, in_degrees, text_of
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
-    """The files by name; `about.csv` says what they are of."""
+    """Encode the files by name; `about.csv` describes the map."""
     about = [("name", "value"), *((name, _cell(v)) for name, v in described(flown).items())]
     return {
         "about.csv": _lines(about),
@@ -28,7 +28,7 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
 
 
 def _table(flown: Flown, layer: Layer) -> bytes:
-    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
+    shapes = in_degrees(layer, flown.data)
     points = shapes if layer.geometry == "Point" else shapely.centroid(shapes)
     lons, lats = shapely.get_x(points).round(DECIMALS), shapely.get_y(points).round(DECIMALS)
     places: list[tuple[object, ...]] = list(zip(lons.tolist(), lats.tolist(), strict=True))
@@ -47,11 +47,8 @@ def _table(flown: Flown, layer: Layer) -> bytes:
 def _cell(value: object) -> str:
     if value is None or value != value:  # not a number: a row without a place
         return ""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, str):
-        return f"'{value}" if value.startswith(_FORMULA) else value
-    return str(value)
+    text = text_of(value)
+    return f"'{text}" if isinstance(value, str) and text.startswith(_FORMULA) else text
 
 
 def _lines(rows: Sequence[Sequence[str]]) -> bytes:

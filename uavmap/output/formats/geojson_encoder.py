@@ -1,11 +1,10 @@
-"""GeoJSON by RFC 7946: map.geojson of each flight, and the export with a file a layer.
+"""GeoJSON by RFC 7946: map.geojson of each flight, and the export with a file per layer.
 
-Longitude before latitude, WGS84, seven decimals (about a centimetre), rings closed, exterior
-rings counter-clockwise and holes clockwise (section 3.1.6), a bounding box (section 5). A third
+Longitude before latitude, WGS84, seven decimals (about a centimetre), rings closed, exterior rings
+counter-clockwise and holes clockwise (section 3.1.6), a bounding box (section 5). A third
 coordinate, of tracks only, is the height above home in metres.
 
-Longitudes run on past 180 degrees where a map crosses the antimeridian, so that no polygon spans
-the globe.
+Longitudes run past 180 degrees where a map crosses the antimeridian: no polygon spans the globe.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ from uavmap.output.formats.layers import (
 
 
 def write(data: MapData, path: Path, utc: str | None = None) -> None:
-    """Write map.geojson to `path`; `utc` is its date, ISO 8601, if it is known."""
+    """Write map.geojson; `utc` is its date, ISO 8601, if it is known."""
     write_parts(path, (part.encode() for part in _map(data, utc)))
 
 
@@ -56,16 +55,16 @@ def encode_map(data: MapData, utc: str | None = None) -> str:
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
-    """Encode a file a layer, by name.
+    """Encode a file per layer, by name.
 
-    Mission, version, dates, and the coordinate system of the grid, which the coordinates are not
-    in, are members beside the features.
+    Mission, version, dates and the coordinate system of the grid (not that of the coordinates) are
+    members beside the features.
     """
     return {f"{layer.name}.geojson": "".join(_layer(flown, layer)).encode() for layer in layers}
 
 
 def _layer(flown: Flown, layer: Layer) -> Iterator[str]:
-    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
+    shapes = in_degrees(layer, flown.data)
     head = {"name": layer.name, **described(flown)}
     box = _bbox(shapely.get_coordinates(shapes, include_z=layer.heights))
     written = zip(shapely.to_geojson(shapes), layer.records(), strict=True)
@@ -79,7 +78,18 @@ def _layer(flown: Flown, layer: Layer) -> Iterator[str]:
 # --- map.geojson ---------------------------------------------------------------------------------
 def _map(data: MapData, utc: str | None) -> Iterator[str]:
     date = {} if utc is None else {"utc": utc}
-    marks = [_outline(data, date), *_tracks(data), *_unsearched(data)]
+    outline = {
+        "kind": "outline",
+        "mission": data.mission,
+        "t_s": round(data.t_s, 3),
+        "cells": len(data.roi_cells),
+        "area_m2": round(data.outline.area, 3),
+        **date,
+    }
+    marks: list[_Mark] = [("outline", outline_in_degrees(data), outline), *_tracks(data)]
+    for number, lane in enumerate(data.unsearched, start=1):
+        line = LineString(line_in_degrees(data, lane))
+        marks.append((f"unsearched {number}", line, {"kind": "unsearched"}))
     head = {"mission": data.mission, "t_s": round(data.t_s, 3)} | date
 
     def features() -> Iterator[str]:
@@ -93,18 +103,6 @@ def _map(data: MapData, utc: str | None) -> Iterator[str]:
 
 _Mark = tuple[str, BaseGeometry, dict[str, Any]]
 """Id, geometry in degrees and properties of a feature."""
-
-
-def _outline(data: MapData, date: dict[str, str]) -> _Mark:
-    values = {
-        "kind": "outline",
-        "mission": data.mission,
-        "t_s": round(data.t_s, 3),
-        "cells": len(data.roi_cells),
-        "area_m2": round(data.outline.area, 3),
-        **date,
-    }
-    return "outline", outline_in_degrees(data), values
 
 
 def _tracks(data: MapData) -> Iterator[_Mark]:
@@ -124,15 +122,9 @@ def _tracks(data: MapData) -> Iterator[_Mark]:
         yield f"track {track.vehicle}", line, values
 
 
-def _unsearched(data: MapData) -> Iterator[_Mark]:
-    for number, lane in enumerate(data.unsearched, start=1):
-        line = LineString(line_in_degrees(data, lane))
-        yield f"unsearched {number}", line, {"kind": "unsearched"}
-
-
 def _cells(data: MapData) -> Iterator[str]:
-    """A line for each cell. There are thousands, so they are written without a tree of their
-    parts: numbers, and names of states that need no quoting."""
+    """Write a line per cell. Thousands of them, so without a tree of parts: no text needs
+    quoting."""
 
     def places(lon_deg: NDArray[np.float64], lat_deg: NDArray[np.float64]) -> list[str]:
         both = zip(turned(lon_deg, data.start).tolist(), lat_deg.tolist(), strict=True)
@@ -152,17 +144,16 @@ def _cells(data: MapData) -> Iterator[str]:
 
 
 def _map_bbox(data: MapData, shapes: Sequence[BaseGeometry]) -> list[float]:
-    """The box of all features; the heights are those of tracks."""
     lons, lats = turned(data.corners.lon_deg, data.start), data.corners.lat_deg
     places = [shapely.get_coordinates(shape) for shape in shapes]
     if len(lons):
         corners = [[lons.min(), lats.min()], [lons.max(), lats.max()]]
         places.append(np.array(corners).round(DECIMALS))
-    low, high = _split(_bbox(np.concatenate(places)))
+    box = _bbox(np.concatenate(places))
     heights = shapely.get_coordinates([s for s in shapes if s.has_z], include_z=True)[:, 2]
     if not len(heights):
-        return [*low, *high]
-    return [*low, float(heights.min()), *high, float(heights.max())]
+        return box
+    return [*box[:2], float(heights.min()), *box[2:], float(heights.max())]
 
 
 # --- parts ---------------------------------------------------------------------------------------
@@ -186,10 +177,5 @@ def _feature(identity: str | int, geometry: str, values: dict[str, Any]) -> str:
 
 
 def _bbox(points: NDArray[np.float64]) -> list[float]:
-    """West, south, (lowest,) east, north(, highest); empty without any point (section 5)."""
+    """Return west, south, (lowest,) east, north(, highest); empty without any point (section 5)."""
     return [*points.min(axis=0).tolist(), *points.max(axis=0).tolist()] if len(points) else []
-
-
-def _split(box: list[float]) -> tuple[list[float], list[float]]:
-    half = len(box) // 2
-    return box[:half], box[half:]

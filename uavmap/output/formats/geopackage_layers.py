@@ -1,7 +1,7 @@
 """map.gpkg: all layers in the UTM zone of the grid, with the styles of QGIS (OGC 12-128r17).
 
-It is built in memory with settings that are fixed, and with the dates of the mission in place of
-those of the computer: the same flight gives the same bytes.
+It is built in memory with fixed settings and the dates of the mission: the same flight gives the
+same bytes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import shapely
 
 from uavmap.base.version import __version__
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.formats.layers import Layer, Shapes, Value
+from uavmap.output.formats.layers import Layer, Shapes
 from uavmap.output.formats.qgis_style import qml
 
 APPLICATION_ID: Final = 0x47504B47  # GPKG
@@ -60,7 +60,7 @@ _GEOGRAPHIC: Final = (
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
-    """The file."""
+    """Encode the file."""
     file = sqlite3.connect(":memory:")
     try:
         file.execute("PRAGMA page_size = 4096")
@@ -79,7 +79,6 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
 
 
 def _systems(file: sqlite3.Connection, flown: Flown) -> None:
-    """The coordinate systems: the three that every GeoPackage has, and that of the grid."""
     epsg = flown.data.grid.zone.epsg
     system = pyproj.CRS.from_epsg(epsg)
     file.executemany(
@@ -94,7 +93,6 @@ def _systems(file: sqlite3.Connection, flown: Flown) -> None:
 
 
 def _layer(file: sqlite3.Connection, flown: Flown, layer: Layer) -> None:
-    """A table with its geometries, and what has to be said of it elsewhere."""
     srs = flown.data.grid.zone.epsg
     columns = ", ".join(f'"{field.name}" {_TYPES[field.kind]}' for field in layer.fields)
     shape = layer.geometry.upper()
@@ -103,9 +101,7 @@ def _layer(file: sqlite3.Connection, flown: Flown, layer: Layer) -> None:
         f"geom {shape}, {columns})"
     )
     bounds = [shapely.total_bounds(shapes) for shapes, _ in layer.parts()]
-    west, south = np.fmin.reduce(bounds)[:2].tolist()
-    east, north = np.fmax.reduce(bounds)[2:].tolist()
-    box = [west, south, east, north]
+    box = [*np.fmin.reduce(bounds)[:2].tolist(), *np.fmax.reduce(bounds)[2:].tolist()]
     _content(file, flown, layer.name, "features", layer.title, box, srs)
     file.execute(
         "INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, ?, 0)",
@@ -114,10 +110,7 @@ def _layer(file: sqlite3.Connection, flown: Flown, layer: Layer) -> None:
     marks = ", ".join("?" * (len(layer.fields) + 1))
     names = ", ".join(f'"{field.name}"' for field in layer.fields)
     for shapes, rows in layer.parts():
-        filled = (
-            (blob, *row)
-            for blob, row in zip(_blobs(layer, shapes, srs), _plain(layer, rows), strict=True)
-        )
+        filled = ((blob, *row) for blob, row in zip(_blobs(layer, shapes, srs), rows, strict=True))
         file.executemany(f'INSERT INTO "{layer.name}" (geom, {names}) VALUES ({marks})', filled)
 
 
@@ -140,7 +133,7 @@ def _content(
 
 
 def _styles(file: sqlite3.Connection, flown: Flown, layers: Sequence[Layer]) -> None:
-    """What QGIS looks for when a layer is opened."""
+    """Write the table in which QGIS looks for styles."""
     when = flown.calendar.utc(flown.data.t_s) or _NO_DATE
     _content(file, flown, "layer_styles", "attributes", "layer_styles", [None] * 4, 0)
     file.executemany(
@@ -151,19 +144,8 @@ def _styles(file: sqlite3.Connection, flown: Flown, layers: Sequence[Layer]) -> 
     )
 
 
-def _plain(layer: Layer, rows: Sequence[tuple[Value, ...]]) -> Iterator[tuple[object, ...]]:
-    """The rows as SQLite holds them."""
-    flags = [at for at, field in enumerate(layer.fields) if field.kind == "yes or no"]
-    for row in rows:
-        values = list[object](row)
-        for at in flags:
-            value = row[at]
-            values[at] = None if value is None else int(value)
-        yield tuple(values)
-
-
 def _blobs(layer: Layer, shapes: Shapes, srs: int) -> Iterator[bytes | None]:
-    """The geometries: a header, the bounds of all but points, and well-known binary."""
+    """Yield geometries: header, bounds of all but points, well-known binary."""
     binary = shapely.to_wkb(
         shapes, output_dimension=3 if layer.heights else 2, byte_order=1, flavor="iso"
     )

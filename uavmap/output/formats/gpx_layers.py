@@ -1,7 +1,6 @@
-"""flight.gpx: tracks of all sorties with their times, the outline of the region, homes (GPX 1.1).
+"""flight.gpx: tracks of all sorties with their times, outline of the region, homes (GPX 1.1).
 
-Elevations are above the sea, as GPX has them, where the height of home above the sea is known;
-otherwise there are none.
+Elevations are above the sea; without the height of home above the sea there are none.
 """
 
 from __future__ import annotations
@@ -14,17 +13,18 @@ import shapely
 
 from uavmap.base.version import __version__
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.formats.layers import Layer, described, in_degrees
-from uavmap.output.formats.map_layers import track_parts
+from uavmap.output.formats.layers import Layer, described, in_degrees, text_of
+from uavmap.output.formats.map_layers import track_lines
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
-    """The file."""
+    """Encode the file."""
     known = {layer.name: layer for layer in layers}
     file = gpx.GPX()
     file.creator = f"uavmap {__version__}"
     file.name = flown.data.mission
-    file.description = _in_words(flown)
+    about = ((name, value) for name, value in described(flown).items() if value not in (None, ""))
+    file.description = "; ".join(f"{name} {text_of(value)}" for name, value in about)
     file.time = _date(flown, flown.data.t_s)
     if "places" in known:
         file.waypoints.extend(_homes(flown, known["places"]))
@@ -35,24 +35,13 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
     return f"{file.to_xml('1.1')}\n".encode()
 
 
-def _in_words(flown: Flown) -> str:
-    known = {name: value for name, value in described(flown).items() if value not in (None, "")}
-    return "; ".join(f"{name} {_word(value)}" for name, value in known.items())
-
-
-def _word(value: object) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return str(value)
-
-
 def _date(flown: Flown, t_s: float) -> Any:
-    """UTC; None where nobody knows it."""
+    """UTC; None where it is not known."""
     return None if flown.calendar.utc(t_s) is None else flown.calendar.date(t_s)
 
 
 def _turned(lon_deg: float) -> float:
-    """A longitude from -180 to 180 degrees, the latter excluded: GPX knows no others.
+    """Return a longitude from -180 to 180 degrees, the latter excluded, as GPX has them.
 
     >>> _turned(180.0), _turned(-12.5), _turned(180.25)
     (-180.0, -12.5, -179.75)
@@ -61,27 +50,23 @@ def _turned(lon_deg: float) -> float:
 
 
 def _homes(flown: Flown, layer: Layer) -> list[gpx.GPXWaypoint]:
-    names = layer.columns()["name"]
-    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
+    shapes = in_degrees(layer, flown.data)
     return [
         gpx.GPXWaypoint(latitude=shape.y, longitude=_turned(shape.x), name=str(name))
-        for shape, name in zip(shapes, names, strict=True)
+        for shape, name in zip(shapes, layer.column("name"), strict=True)
     ]
 
 
 def _tracks(flown: Flown, layer: Layer) -> list[gpx.GPXTrack]:
-    """A track a vehicle, a segment a sortie."""
-    fixes = {(vehicle, number): found for vehicle, number, found in track_parts(flown)}
-    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
-    columns, tracks = layer.columns(), dict[object, gpx.GPXTrack]()
+    tracks: dict[int, gpx.GPXTrack] = {}
     home_m = None if flown.recorded else flown.log.amsl_m
-    for shape, vehicle, sortie in zip(shapes, columns["vehicle"], columns["sortie"], strict=True):
+    flights = track_lines(flown)
+    for shape, (vehicle, _, fixes) in zip(in_degrees(layer, flown.data), flights, strict=True):
         if vehicle not in tracks:
             tracks[vehicle] = gpx.GPXTrack(name=f"vehicle {vehicle}")
         segment = gpx.GPXTrackSegment()
         points = shapely.get_coordinates(shape, include_z=True).tolist()
-        known = fixes[int(vehicle or 0), int(sortie or 0)]
-        for (lon, lat, height_m), fix in zip(points, known, strict=True):
+        for (lon, lat, height_m), fix in zip(points, fixes, strict=True):
             above_m = None if home_m is None else round(home_m + height_m, 2)
             segment.points.append(
                 gpx.GPXTrackPoint(lat, _turned(lon), elevation=above_m, time=_date(flown, fix.t_s))
@@ -91,8 +76,8 @@ def _tracks(flown: Flown, layer: Layer) -> list[gpx.GPXTrack]:
 
 
 def _outline(flown: Flown, layer: Layer) -> list[gpx.GPXTrack]:
-    """A segment a ring: GPX knows no areas."""
-    (shape,) = in_degrees(layer, flown.data.grid, flown.data.start)
+    """Create a segment per ring: GPX has no areas."""
+    (shape,) = in_degrees(layer, flown.data)
     if shape is None:
         return []
     track = gpx.GPXTrack(name="outline of the region")

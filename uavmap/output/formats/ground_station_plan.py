@@ -62,15 +62,22 @@ def plan_text(
     """Encode a QGroundControl plan of one vehicle.
 
     Args:
-        firmware: Of the vehicle.
-        home: The planned home.
         fence: Vertices of polygons and circles, as they are uploaded.
         rally: Rally points, heights above the home.
         items: Of the mission.
-        home_amsl_m: Height of the home above the sea, m.
+        home_amsl_m: Height of the planned home above the sea, m.
         speed_m_s: Over ground.
         frame: MAV_FRAME of the mission's heights.
     """
+    circles = [
+        {
+            "version": 1,
+            "inclusion": _CIRCLES[item.command],
+            "circle": {"center": _degrees(item.position), "radius": item.first},
+        }
+        for item in fence
+        if item.command in _CIRCLES
+    ]
     values = {
         "fileType": "Plan",
         "version": 1,
@@ -85,7 +92,7 @@ def plan_text(
             "plannedHomePosition": [*_degrees(home), round(home_amsl_m, 3)],
             "items": [_simple_item(item, number) for number, item in enumerate(items, start=1)],
         },
-        "geoFence": {"version": 2, "circles": _circles(fence), "polygons": _polygons(fence)},
+        "geoFence": {"version": 2, "circles": circles, "polygons": _polygons(fence)},
         "rallyPoints": {
             "version": 2,
             "points": [[*_degrees(point.position), round(point.height_m, 3)] for point in rally],
@@ -97,7 +104,7 @@ def plan_text(
 def waypoints_text(home: LatLon, home_amsl_m: float, items: Sequence[Item]) -> str:
     """Encode a mission as QGC WPL 110, for Mission Planner and others; row 0 is the home.
 
-    Where the autopilot chooses a parameter, 0 is written: the format has no other value for it.
+    A parameter that the autopilot chooses is 0: the format has no other value for it.
     """
     first = Item(mav.MAV_CMD_NAV_WAYPOINT, home, height_m=round(home_amsl_m, 3))
     rows = ["QGC WPL 110"]
@@ -136,18 +143,6 @@ def _polygons(fence: Sequence[Item]) -> list[dict[str, Any]]:
             found.append({"version": 1, "inclusion": inside, "polygon": ring})
         at += count
     return found
-
-
-def _circles(fence: Sequence[Item]) -> list[dict[str, Any]]:
-    return [
-        {
-            "version": 1,
-            "inclusion": _CIRCLES[item.command],
-            "circle": {"center": _degrees(item.position), "radius": item.first},
-        }
-        for item in fence
-        if item.command in _CIRCLES
-    ]
 
 
 def _degrees(place: LatLon) -> list[float]:

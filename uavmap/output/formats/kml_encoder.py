@@ -1,8 +1,7 @@
 """KML 2.2 for Google Earth: map.kml of each flight, and the export with times and all layers.
 
-Coordinates are longitude, latitude and, of tracks, the height above the ground, which is taken to
-be level with home. Colours are written alpha, blue, green, red. The elements of a placemark come in
-the order of the schema.
+Coordinates are longitude, latitude and, of tracks, the height above the ground, taken as level with
+home. Colours are alpha, blue, green, red. A placemark's elements have the order of the schema.
 """
 
 from __future__ import annotations
@@ -19,17 +18,8 @@ from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
 from uavmap.base.atomic_write import write_parts
-from uavmap.output.drawing.palette import (
-    BOUNDARY,
-    BOX,
-    FENCE,
-    INK,
-    OUTLINE,
-    STATES,
-    UNSEARCHED,
-    Colour,
-    track_colour,
-)
+from uavmap.output.drawing import palette
+from uavmap.output.drawing.palette import Colour
 from uavmap.output.facts.flown_mission import Flown
 from uavmap.output.facts.map_model import NOT_ROI, MapData
 from uavmap.output.formats.layers import (
@@ -39,9 +29,10 @@ from uavmap.output.formats.layers import (
     in_degrees,
     line_in_degrees,
     outline_in_degrees,
+    text_of,
     turned,
 )
-from uavmap.output.formats.map_layers import track_parts
+from uavmap.output.formats.map_layers import track_lines, track_parts
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 _EXTENSIONS = "http://www.google.com/kml/ext/2.2"
@@ -55,17 +46,22 @@ def write(data: MapData, path: Path) -> None:
 
 
 def encode_map(data: MapData) -> bytes:
-    """Encode map.kml: folders Outline, Cells (a folder a state), Tracks, and Not searched where
-    ground was left out."""
+    """Encode map.kml: folders Outline, Cells (a folder per state), Tracks, Not searched (if
+    any)."""
     return "".join(_map(data)).encode()
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
-    """Encode a flight with its times: tracks as gx:Track, a folder a layer."""
+    """Encode a flight with its times: tracks as gx:Track, a folder per layer."""
     known = {layer.name: layer for layer in layers}
     head = f"<description>{_text(flown.values.get('finding', ''))}</description>"
     vehicles = {number for number, _, _ in track_parts(flown)}
-    folders = (_layer(flown, known[name]) for name in _SHOWN if name in known)
+    write = {"cells": lambda f, layer: _cells(f.data), "tracks": _tracks}
+    folders = (
+        _folder(known[name].title, write.get(name, _marks)(flown, known[name]))
+        for name in _SHOWN
+        if name in known
+    )
     parts = _document(flown.data, head, vehicles, _extended(described(flown)), folders)
     return "".join(parts).encode()
 
@@ -85,16 +81,17 @@ def _document(
 
 # --- styles --------------------------------------------------------------------------------------
 def _styles(vehicles: Iterable[int]) -> Iterator[str]:
-    for state, colour in STATES.items():
-        yield _style(_id(state), colour, 1, _abgr(colour, 90 if state in NOT_ROI else 150))
-    yield _style("region", OUTLINE, 3)
-    yield _style("boundary", BOUNDARY, 2)
-    yield _style("unsearched", UNSEARCHED, 3)
-    yield _style("fence", FENCE, 2)
-    yield _style("box", BOX, 2)
-    yield _style("places", INK, 2)
+    for state, colour in palette.STATES.items():
+        fill = _abgr(colour, 90 if state in NOT_ROI else 150)
+        yield _style(state.replace(" ", "-"), colour, 1, fill)
+    yield _style("region", palette.OUTLINE, 3)
+    yield _style("boundary", palette.BOUNDARY, 2)
+    yield _style("unsearched", palette.UNSEARCHED, 3)
+    yield _style("fence", palette.FENCE, 2)
+    yield _style("box", palette.BOX, 2)
+    yield _style("places", palette.INK, 2)
     for vehicle in sorted(vehicles):
-        yield _style(f"track-{vehicle}", track_colour(vehicle), 2)
+        yield _style(f"track-{vehicle}", palette.track_colour(vehicle), 2)
 
 
 def _style(name: str, line: Colour, width: int, fill: str | None = None) -> str:
@@ -110,78 +107,61 @@ def _abgr(colour: Colour, alpha: int) -> str:
     return f"{alpha:02x}{blue:02x}{green:02x}{red:02x}"
 
 
-def _id(state: str) -> str:
-    return state.replace(" ", "-")
-
-
 # --- map.kml -------------------------------------------------------------------------------------
 def _map(data: MapData) -> Iterator[str]:
     tracks = [track for track in data.tracks if len(track.points) > 1]
-    folders = [_folder("Outline", _outline(data)), _folder("Cells", _cells(data))]
-    lines = (
-        _mark(f"Vehicle {track.vehicle}", f"track-{track.vehicle}", _track_line(data, track.points))
-        for track in tracks
-    )
+    shape, outline = outline_in_degrees(data), []
+    if not shape.is_empty:
+        size = f"{len(data.roi_cells)} cells, {data.outline.area:.0f} m2"
+        outline = [_mark("Region", "region", _geometry(shape), description=size)]
+    folders = [_folder("Outline", outline), _folder("Cells", _cells(data))]
+    lines = []
+    for track in tracks:
+        places = line_in_degrees(data, (place for _, place, _ in track.points))
+        points = [(*at, height) for at, (_, _, height) in zip(places, track.points, strict=True)]
+        lines.append(_mark(f"Vehicle {track.vehicle}", f"track-{track.vehicle}", _aloft(points)))
     folders.append(_folder("Tracks", lines))
-    if data.unsearched:
-        folders.append(_folder("Not searched", _lanes(data)))
+    lanes = [
+        _mark(
+            f"Lane {number}, without a judged frame",
+            "unsearched",
+            _geometry(LineString(line_in_degrees(data, lane))),
+        )
+        for number, lane in enumerate(data.unsearched, start=1)
+    ]
+    if lanes:
+        folders.append(_folder("Not searched", lanes))
     yield from _document(data, "", {track.vehicle for track in tracks}, "", folders)
 
 
-def _outline(data: MapData) -> Iterator[str]:
-    shape = outline_in_degrees(data)
-    if not shape.is_empty:
-        size = f"{len(data.roi_cells)} cells, {data.outline.area:.0f} m2"
-        yield _mark("Region", "region", _geometry(shape), description=size)
-
-
-def _track_line(data: MapData, points: Iterable[tuple[float, Any, float]]) -> str:
-    line = line_in_degrees(data, (place for _, place, _ in points))
-    heights_m = [height_m for _, _, height_m in points]
-    return _line((lon, lat, height_m) for (lon, lat), height_m in zip(line, heights_m, strict=True))
-
-
-def _lanes(data: MapData) -> Iterator[str]:
-    for number, lane in enumerate(data.unsearched, start=1):
-        line = LineString(line_in_degrees(data, lane))
-        yield _mark(f"Lane {number}, without a judged frame", "unsearched", _geometry(line))
-
-
 # --- layers --------------------------------------------------------------------------------------
-def _layer(flown: Flown, layer: Layer) -> Iterator[str]:
-    if layer.name == "cells":
-        return _folder(layer.title, _cells(flown.data))
-    marks = _tracks(flown, layer) if layer.name == "tracks" else _marks(flown, layer)
-    return _folder(layer.title, marks)
-
-
 def _cells(data: MapData) -> Iterator[str]:
-    """A folder a state. There are thousands of cells: `AT_ONCE` of them are text at a time."""
+    """Write a folder per state, `AT_ONCE` of thousands of cells at a time."""
 
     def places(lon_deg: NDArray[np.float64], lat_deg: NDArray[np.float64]) -> list[str]:
         points = zip(turned(lon_deg, data.start).tolist(), lat_deg.tolist(), strict=True)
         return [_place(point) for point in points]
 
-    for state in STATES:
+    for state in palette.STATES:
         there = data.table.are(state)
         if not there.any():
             continue
         yield f"<Folder><name>{state}</name>\n"
+        style = state.replace(" ", "-")
         some, corners = data.table.which(there), data.corners.which(there)
         for table, rings in zip(some.parts(), corners.written(places), strict=True):
             for ring, row in zip(rings, table.values(), strict=True):
                 (east, north), _, positive, votes, belief = row
                 frames = f"{positive} of {votes} frames positive"
                 frames += "" if belief is None else f", belief {belief:.3f}"
-                square = (
-                    f"<Polygon>{_ring('outerBoundaryIs', ' '.join([*ring, ring[0]]))}</Polygon>"
-                )
-                yield _mark(f"{east}, {north}", _id(state), square, description=frames)
+                square = _ring("outerBoundaryIs", " ".join([*ring, ring[0]]))
+                square = f"<Polygon>{square}</Polygon>"
+                yield _mark(f"{east}, {north}", style, square, description=frames)
         yield "</Folder>\n"
 
 
 def _marks(flown: Flown, layer: Layer) -> Iterator[str]:
-    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
+    shapes = in_degrees(layer, flown.data)
     stamp = flown.calendar.utc(flown.data.t_s)
     dated = layer.name in ("region", "boundary") and stamp is not None
     when = f"<TimeStamp><when>{stamp}</when></TimeStamp>" if dated else ""
@@ -191,15 +171,12 @@ def _marks(flown: Flown, layer: Layer) -> Iterator[str]:
 
 
 def _tracks(flown: Flown, layer: Layer) -> Iterator[str]:
-    """Lines in time; without dates plain lines."""
-    fixes = {(vehicle, number): found for vehicle, number, found in track_parts(flown)}
-    shapes = in_degrees(layer, flown.data.grid, flown.data.start)
-    for shape, values in zip(shapes, layer.records(), strict=True):
-        vehicle, sortie = values["vehicle"], values["sortie"]
-        times = [flown.calendar.utc(fix.t_s) for fix in fixes[int(vehicle or 0), int(sortie or 0)]]
+    lines = zip(in_degrees(layer, flown.data), layer.records(), track_lines(flown), strict=True)
+    for shape, values, (vehicle, _, fixes) in lines:
+        times = [flown.calendar.utc(fix.t_s) for fix in fixes]
         points = shapely.get_coordinates(shape, include_z=True).tolist()
         if None in times:
-            geometry = _line(points)
+            geometry = _aloft(points)
         else:
             whens = "".join(f"<when>{time}</when>" for time in times)
             coords = "".join(f"<gx:coord>{x} {y} {z:.2f}</gx:coord>" for x, y, z in points)
@@ -237,9 +214,8 @@ def _geometry(shape: BaseGeometry | None) -> str:
         case shapely.Point():
             return f"<Point>{_coordinates(shape.coords)}</Point>"
         case shapely.LineString():
-            return (
-                f"<LineString><tessellate>1</tessellate>{_coordinates(shape.coords)}</LineString>"
-            )
+            places = _coordinates(shape.coords)
+            return f"<LineString><tessellate>1</tessellate>{places}</LineString>"
         case shapely.Polygon():
             outer = _ring("outerBoundaryIs", _places(shape.exterior.coords))
             holes = (_ring("innerBoundaryIs", _places(hole.coords)) for hole in shape.interiors)
@@ -248,8 +224,7 @@ def _geometry(shape: BaseGeometry | None) -> str:
     return f"<MultiGeometry>{parts}</MultiGeometry>"
 
 
-def _line(points: Iterable[Sequence[float]]) -> str:
-    """A line above the ground."""
+def _aloft(points: Iterable[Sequence[float]]) -> str:
     return f"<LineString>{_ABOVE_GROUND}{_coordinates(points)}</LineString>"
 
 
@@ -279,7 +254,5 @@ def _extended(values: Mapping[str, Any]) -> str:
 
 
 def _text(value: object) -> str:
-    """A value without the characters that XML cannot hold at all."""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return escape("".join(c for c in str(value) if c >= " " and c not in "\ufffe\uffff"))
+    """Escape a value, without the characters that XML cannot hold."""
+    return escape("".join(c for c in text_of(value) if c >= " " and c not in "\ufffe\uffff"))

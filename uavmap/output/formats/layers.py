@@ -1,7 +1,7 @@
-"""A map as layers of geometries with columns: what every file for a GIS is written from.
+"""A map as layers of geometries with columns: the source of every file for a GIS.
 
-Geometries are in the UTM zone of the grid, in metres of the projection; `in_degrees` turns them
-into WGS84. Names of columns have at most ten letters, for a Shapefile holds no more.
+Geometries are in the UTM zone of the grid, in metres of the projection; `in_degrees` projects them
+to WGS84. Column names have at most ten letters, the limit of a Shapefile.
 """
 
 from __future__ import annotations
@@ -15,13 +15,11 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
-from missions.geo.grid import Grid
 from missions.units import GridPoint, LatLon
 from uavmap.base.printable import printable
 from uavmap.base.version import __version__
-from uavmap.output.facts.cell_table import AT_ONCE
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.facts.map_model import MapData
+from uavmap.output.facts.map_model import AT_ONCE, MapData
 
 DECIMALS: Final = 7
 """Of a degree: about a centimetre."""
@@ -35,7 +33,8 @@ class Field(NamedTuple):
     """A column; its name has at most ten letters."""
 
     name: str
-    kind: Literal["text", "whole", "number", "yes or no", "time"]
+    kind: str
+    """text, whole, number, yes or no, or time"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,12 +44,8 @@ class Layer:
     Attributes:
         name: Of a table, or a file.
         title: For people.
-        geometry: Of all of them.
         heights: Whether points have a third coordinate: metres above home.
-        fields: The columns.
-        made: The geometries, in metres of the projection; None for a row without a place. Where
-            there are many, what makes those of a part.
-        rows: As many values as fields.
+        made: The geometries; None for a row without a place. Of many, a function makes a part.
     """
 
     name: str
@@ -67,7 +62,7 @@ class Layer:
         return self._part(slice(0, len(self.rows)))
 
     def parts(self) -> Iterator[tuple[Shapes, Sequence[tuple[Value, ...]]]]:
-        """Geometries and rows, at most `AT_ONCE` at a time."""
+        """Yield geometries and rows, at most `AT_ONCE` at a time."""
         for first in range(0, len(self.rows), AT_ONCE):
             part = slice(first, min(first + AT_ONCE, len(self.rows)))
             yield self._part(part), self.rows[part]
@@ -75,28 +70,24 @@ class Layer:
     def _part(self, part: slice) -> Shapes:
         return self.made(part) if callable(self.made) else self.made[part]
 
-    def column(self, name: str) -> Iterator[Value]:
-        """The values of a column."""
+    def column(self, name: str) -> list[Value]:
+        """Return the values of a column."""
         at = [field.name for field in self.fields].index(name)
-        return (row[at] for row in self.rows)
-
-    def columns(self) -> dict[str, list[Value]]:
-        """The values by column."""
-        return {field.name: list(self.column(field.name)) for field in self.fields}
+        return [row[at] for row in self.rows]
 
     def records(self) -> Iterator[dict[str, Value]]:
-        """The rows, each value by its column."""
+        """Yield the rows, each value by its column."""
         names = [field.name for field in self.fields]
         return (dict(zip(names, row, strict=True)) for row in self.rows)
 
 
 # --- in degrees ----------------------------------------------------------------------------------
-def in_degrees(layer: Layer, grid: Grid, start: LatLon) -> Shapes:
-    """The geometries in WGS84, longitude first, rounded to `DECIMALS`, in the turn of the start."""
+def in_degrees(layer: Layer, data: MapData) -> Shapes:
+    """Return the geometries in WGS84, longitude first, rounded, in the turn of the start."""
 
     def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        there = grid.zone.lon_lat(points[:, :2])
-        there[:, 0] = turned(there[:, 0], start)
+        there = data.grid.zone.lon_lat(points[:, :2])
+        there[:, 0] = turned(there[:, 0], data.start)
         return np.column_stack([there.round(DECIMALS), points[:, 2:]])
 
     shapes: Shapes = shapely.transform(layer.shapes, placed, include_z=layer.heights)
@@ -104,7 +95,7 @@ def in_degrees(layer: Layer, grid: Grid, start: LatLon) -> Shapes:
 
 
 def outline_in_degrees(data: MapData) -> Polygon | MultiPolygon:
-    """The outline of a map's region in WGS84, as `in_degrees`."""
+    """Return the outline of a map's region, as `in_degrees`."""
 
     def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
         places = (data.place(GridPoint(east, north)) for east, north in points.tolist())
@@ -115,7 +106,7 @@ def outline_in_degrees(data: MapData) -> Polygon | MultiPolygon:
 
 
 def line_in_degrees(data: MapData, places: Iterable[LatLon]) -> list[tuple[float, float]]:
-    """Longitudes and latitudes of places, as `in_degrees`."""
+    """Return longitudes and latitudes of places, as `in_degrees`."""
     known = list(places)
     lons = turned(np.array([place.lon_deg for place in known]), data.start).tolist()
     return [
@@ -125,14 +116,25 @@ def line_in_degrees(data: MapData, places: Iterable[LatLon]) -> list[tuple[float
 
 
 def turned(lon_deg: NDArray[np.float64], start: LatLon) -> NDArray[np.float64]:
-    """Longitudes in the turn of the start's, so that no polygon spans the globe."""
+    """Return longitudes in the turn of the start's, so that no polygon spans the globe."""
     return lon_deg + 360.0 * np.round((start.lon_deg - lon_deg) / 360.0)
 
 
-# --- what a file is of ---------------------------------------------------------------------------
+# --- texts ---------------------------------------------------------------------------------------
+def text_of(value: object) -> str:
+    """Write a value for readers.
+
+    >>> text_of(True), text_of(2.5)
+    ('yes', '2.5')
+    """
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return str(value)
+
+
 def described(flown: Flown) -> dict[str, Any]:
-    """Mission, version, dates, coordinate system and extent, by name."""
-    data, found = flown.data, flown.extent
+    """Return mission, version, dates, coordinate system and extent of a map, by name."""
+    data = flown.data
     return {
         "mission": data.mission,
         "completed": flown.completed,
@@ -143,8 +145,5 @@ def described(flown: Flown) -> dict[str, Any]:
         "t_s": round(data.t_s, 3),
         "simulated": flown.simulated,
         "computed_in": flown.crs,
-        "area_m2": round(found.area_m2, 1),
-        "area_low_m2": round(found.low_m2, 1),
-        "area_high_m2": round(found.high_m2, 1),
-        "perimeter_m": round(found.perimeter_m, 1),
+        **flown.extent.figures(),
     }

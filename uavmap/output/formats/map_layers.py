@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any, Final, overload
@@ -17,19 +17,18 @@ from shapely.geometry.polygon import orient
 from missions.geo.geodesy import NORTH_LIMIT_DEG, SOUTH_LIMIT_DEG
 from missions.geo.grid import Grid
 from missions.mission.places import homes
-from missions.units import GridPoint, LatLon
 from uavmap.base.printable import printable
 from uavmap.base.version import __version__
 from uavmap.journal.kept_frames import KeptFrame, read_kept
-from uavmap.output.facts.boundary_summary import BoundaryTold
-from uavmap.output.facts.cell_table import CellTable
+from uavmap.output.facts.boundary_model import BoundaryTold
 from uavmap.output.facts.flight_log import Fix
 from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.map_model import CellTable
 from uavmap.output.formats.layers import Field, Layer, Shapes, Value
 
 
 def layers(flown: Flown, boundary: BoundaryTold | None = None) -> list[Layer]:
-    """Every layer of a map; one without a row is left out, but the region always is there."""
+    """Create every layer of a map that has a row; the region always has one."""
     found = [
         _region(flown),
         *([] if boundary is None else [_boundary(flown, boundary)]),
@@ -46,30 +45,24 @@ def layers(flown: Flown, boundary: BoundaryTold | None = None) -> list[Layer]:
 
 # --- the ground ----------------------------------------------------------------------------------
 def _projected(grid: Grid, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Metres of the projection of points of the fixed frame; a height stays."""
+    """Project points of the fixed frame to metres; a height stays."""
     origin = np.array([grid.origin.east_m, grid.origin.north_m])
     return np.column_stack([(origin + points[:, :2] * grid.scale).round(3), points[:, 2:]])
 
 
 def _drifted(flown: Flown) -> NDArray[np.float64]:
-    """How far the moving frame is from the fixed one at the time of the map."""
+    """Return the drift of the moving frame by the time of the map, m."""
     grid = flown.data.grid
     return np.array([grid.drift_east_m_s, grid.drift_north_m_s]) * flown.data.t_s
 
 
 def _of_region(flown: Flown, shapes: Any) -> Shapes:
-    """Shapes of the moving frame, where they are at the time of the map, as an array."""
     grid, drift = flown.data.grid, _drifted(flown)
     moved = shapely.transform(shapes, lambda points: _projected(grid, points + drift))
     return np.atleast_1d(np.array(moved, dtype=object))
 
 
-def _ring(flown: Flown, places: Iterable[LatLon]) -> list[GridPoint]:
-    return [flown.data.grid.fixed(place) for place in places]
-
-
 def _of_ground(flown: Flown, shapes: Sequence[Any], *, heights: bool = False) -> Shapes:
-    """Shapes of the fixed frame, as an array."""
     grid = flown.data.grid
     if not shapes:
         return np.array([], dtype=object)
@@ -93,9 +86,21 @@ def _whole(shape: Polygon | MultiPolygon) -> MultiPolygon:
 
 
 # --- what was found ------------------------------------------------------------------------------
-_ABOUT: Final = (
-    Field("t_s", "number"), Field("utc", "time"), Field("crs", "text"), Field("version", "text"),
-)  # fmt: skip
+_KINDS: Final = {
+    "text": "name mission finding crs version state picture place_by kind",
+    "whole": "cells parts holes open_cells column row positive votes vehicle sortie",
+    "number": "area_m2 area_low area_high perim_m uncert_m open_m belief start_s end_s length_m "
+    "t_s height_m charge_wh",
+    "yes or no": "completed simulated region",
+    "time": "begun_utc utc start_utc end_utc",
+}
+"""Names of columns by their kind."""
+_KIND_OF: Final = {name: kind for kind, names in _KINDS.items() for name in names.split()}
+_ABOUT: Final = "t_s utc crs version"
+
+
+def _fields(names: str) -> tuple[Field, ...]:
+    return tuple(Field(name, _KIND_OF[name]) for name in names.split())
 
 
 def _about(flown: Flown) -> tuple[Value, ...]:
@@ -115,42 +120,28 @@ def _region(flown: Flown) -> Layer:
         round(found.high_m2, 1), round(found.perimeter_m, 1), found.parts, found.holes,
         found.open_cells, flown.calendar.utc(0.0), flown.simulated,
     )  # fmt: skip
-    fields = (
-        Field("name", "text"), Field("mission", "text"), Field("completed", "yes or no"),
-        Field("finding", "text"), Field("cells", "whole"), Field("area_m2", "number"),
-        Field("area_low", "number"), Field("area_high", "number"), Field("perim_m", "number"),
-        Field("parts", "whole"), Field("holes", "whole"), Field("open_cells", "whole"),
-        Field("begun_utc", "time"), Field("simulated", "yes or no"),
-    )  # fmt: skip
+    fields = _fields(
+        "name mission completed finding cells area_m2 area_low area_high perim_m parts holes "
+        f"open_cells begun_utc simulated {_ABOUT}"
+    )
     rows = [(*row, *_about(flown))]
-    return Layer("region", "Region", "MultiPolygon", False, (*fields, *_ABOUT), shapes, rows)
+    return Layer("region", "Region", "MultiPolygon", False, fields, shapes, rows)
 
 
 def _boundary(flown: Flown, told: BoundaryTold) -> Layer:
     shapes = np.array([None], dtype=object)
     if not told.region.is_empty:
         shapes = _of_ground(flown, [_whole(told.region)])
-    fields = (
-        Field("name", "text"), Field("area_m2", "number"), Field("area_low", "number"),
-        Field("area_high", "number"), Field("perim_m", "number"), Field("uncert_m", "number"),
-        Field("open_m", "number"),
-    )  # fmt: skip
-    row: tuple[Value, ...] = (
+    fields = _fields(f"name area_m2 area_low area_high perim_m uncert_m open_m {_ABOUT}")
+    rows: list[tuple[Value, ...]] = [(
         "boundary", told.area_m2, told.low_m2, told.high_m2, told.length_m, told.uncertainty_m,
-        told.open_m,
-    )  # fmt: skip
-    title = "Boundary by pixels"
-    rows = [(*row, *_about(flown))]
-    return Layer("boundary", title, "MultiPolygon", False, (*fields, *_ABOUT), shapes, rows)
+        told.open_m, *_about(flown),
+    )]  # fmt: skip
+    return Layer("boundary", "Boundary by pixels", "MultiPolygon", False, fields, shapes, rows)
 
 
 def _cells(flown: Flown) -> Layer:
-    data = flown.data
-    fields = (
-        Field("column", "whole"), Field("row", "whole"), Field("state", "text"),
-        Field("region", "yes or no"), Field("positive", "whole"), Field("votes", "whole"),
-        Field("belief", "number"),
-    )  # fmt: skip
+    data, fields = flown.data, _fields("column row state region positive votes belief")
     half_m = data.grid.cell_m / 2.0
 
     def squares(part: slice) -> Shapes:
@@ -165,7 +156,7 @@ def _cells(flown: Flown) -> Layer:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _CellValues(Sequence[tuple[Value, ...]]):
-    """A row of values for each cell, which are made where they are asked for."""
+    """A row of values per cell, made on demand."""
 
     table: CellTable
 
@@ -191,15 +182,9 @@ class _CellValues(Sequence[tuple[Value, ...]]):
 
 # --- who was where -------------------------------------------------------------------------------
 def _tracks(flown: Flown) -> Layer:
-    fields = (
-        Field("name", "text"), Field("vehicle", "whole"), Field("sortie", "whole"),
-        Field("start_s", "number"), Field("end_s", "number"), Field("start_utc", "time"),
-        Field("end_utc", "time"), Field("length_m", "number"),
-    )  # fmt: skip
+    fields = _fields("name vehicle sortie start_s end_s start_utc end_utc length_m")
     lines, rows = [], list[tuple[Value, ...]]()
-    for vehicle, sortie, points in track_parts(flown):
-        if len(points) < 2:
-            continue
+    for vehicle, sortie, points in track_lines(flown):
         there = np.array([(*fix.place, fix.height_m) for fix in points])
         length_m = float(np.hypot(*np.diff(there[:, :2], axis=0).T).sum())
         start_s, end_s = points[0].t_s, points[-1].t_s
@@ -214,25 +199,20 @@ def _tracks(flown: Flown) -> Layer:
 
 
 def track_parts(flown: Flown) -> list[tuple[int, int, list[Fix]]]:
-    """Vehicle, number of the sortie, and places in the air; of recorded pictures all places."""
+    """Return vehicle, sortie and places in the air; of recorded pictures all places."""
     fixes = flown.log.fixes
     if flown.recorded:
         return [(vehicle, 1, list(found)) for vehicle, found in sorted(fixes.items())]
-    return [
-        (
-            sortie.vehicle,
-            sortie.number,
-            [f for f in fixes[sortie.vehicle] if sortie.start_s <= f.t_s <= sortie.end_s],
-        )
-        for sortie in flown.log.sorties()
-    ]
+    return [(s.vehicle, s.number, flown.log.fixes_of(s)) for s in flown.log.sorties()]
+
+
+def track_lines(flown: Flown) -> list[tuple[int, int, list[Fix]]]:
+    """Return those of `track_parts` that make a line: the rows of the layer of tracks."""
+    return [part for part in track_parts(flown) if len(part[2]) > 1]
 
 
 def _track_points(flown: Flown) -> Layer:
-    fields = (
-        Field("vehicle", "whole"), Field("sortie", "whole"), Field("t_s", "number"),
-        Field("utc", "time"), Field("height_m", "number"), Field("charge_wh", "number"),
-    )  # fmt: skip
+    fields = _fields("vehicle sortie t_s utc height_m charge_wh")
     points, rows = list[tuple[float, ...]](), list[tuple[Value, ...]]()
     for vehicle, sortie, fixes in track_parts(flown):
         for fix in fixes:
@@ -245,12 +225,8 @@ def _track_points(flown: Flown) -> Layer:
 
 
 def _frames(flown: Flown) -> Layer:
-    """Where frames were judged: by their own pose where they were kept, else by telemetry."""
-    fields = (
-        Field("vehicle", "whole"), Field("t_s", "number"), Field("utc", "time"),
-        Field("height_m", "number"), Field("cells", "whole"), Field("positive", "whole"),
-        Field("picture", "text"), Field("place_by", "text"),
-    )  # fmt: skip
+    """Create the judged frames: by their kept pose, or else by telemetry."""
+    fields = _fields("vehicle t_s utc height_m cells positive picture place_by")
     kept = kept_by_time(flown)
     by_telemetry = "picture" if flown.recorded else "telemetry"
     courses = {
@@ -278,9 +254,9 @@ def _frames(flown: Flown) -> Layer:
 
 
 def kept_by_time(flown: Flown) -> dict[tuple[int, float], KeptFrame]:
-    """The frames that a flight has kept, by vehicle and time; none where they cannot be read.
+    """Return a flight's kept frames by vehicle and time; none where they cannot be read.
 
-    One whose place is none, in a file that somebody has changed, is left out.
+    A frame with an impossible place, in a file that was edited, is left out.
     """
     if flown.recorded:
         return {}
@@ -288,45 +264,45 @@ def kept_by_time(flown: Flown) -> dict[tuple[int, float], KeptFrame]:
         frames = [kept for kept in read_kept(flown.folder) if not isinstance(kept, str)]
     except (OSError, UnicodeDecodeError):  # without them places come from telemetry
         return {}
-    return {(kept.vehicle, round(kept.t_s, 3)): kept for kept in frames if _is_somewhere(kept)}
-
-
-def _is_somewhere(kept: KeptFrame) -> bool:
-    lat_deg, lon_deg = kept.pose.position.lat_deg, kept.pose.position.lon_deg
-    finite = all(map(math.isfinite, (kept.t_s, kept.pose.height_m)))
-    return finite and SOUTH_LIMIT_DEG <= lat_deg <= NORTH_LIMIT_DEG and abs(lon_deg) <= 360.0
+    return {
+        (kept.vehicle, round(kept.t_s, 3)): kept
+        for kept in frames
+        if SOUTH_LIMIT_DEG <= kept.pose.position.lat_deg <= NORTH_LIMIT_DEG
+        and abs(kept.pose.position.lon_deg) <= 360.0
+        and all(map(math.isfinite, (kept.t_s, kept.pose.height_m)))
+    }
 
 
 # --- what was planned ----------------------------------------------------------------------------
 def _unsearched(flown: Flown) -> Layer:
-    lines = [shapely.linestrings(_ring(flown, lane)) for lane in flown.data.unsearched]
+    fixed = flown.data.grid.fixed
+    lines = [shapely.linestrings(list(map(fixed, lane))) for lane in flown.data.unsearched]
     rows: list[tuple[Value, ...]] = [
         (f"lane {number}, without a judged frame",) for number in range(1, len(lines) + 1)
     ]
     shapes = _of_ground(flown, lines)
-    fields = (Field("name", "text"),)
+    fields = _fields("name")
     return Layer("unsearched", "Not searched", "LineString", False, fields, shapes, rows)
 
 
 def _fence(flown: Flown) -> Layer:
-    data = flown.data
-    fence = orient(Polygon(_ring(flown, data.fence), [_ring(flown, h) for h in data.fence_holes]))
-    box = orient(Polygon(_ring(flown, data.box)))
+    data, fixed = flown.data, flown.data.grid.fixed
+    holes = [list(map(fixed, hole)) for hole in data.fence_holes]
+    fence = orient(Polygon(list(map(fixed, data.fence)), holes))
+    box = orient(Polygon(list(map(fixed, data.box))))
     rows: list[tuple[Value, ...]] = [("geofence", "fence"), ("search box", "box")]
-    fields = (Field("name", "text"), Field("kind", "text"))
+    fields = _fields("name kind")
     shapes = _of_ground(flown, [fence, box])
     return Layer("fence", "Geofence and search box", "Polygon", False, fields, shapes, rows)
 
 
 def _places(flown: Flown) -> Layer:
-    """The start of recorded pictures; of a flight the homes, as they were told last."""
+    """Create the start of recorded pictures, or the homes of a flight as last reported."""
     grid, planned = flown.data.grid, homes(flown.setting.mission)
-    fields = (Field("name", "text"), Field("vehicle", "whole"))
+    fields = _fields("name vehicle")
     if flown.recorded:
-        start = Point(grid.fixed(flown.data.start))
-        return Layer(
-            "places", "Start", "Point", False, fields, _of_ground(flown, [start]), [("start", None)]
-        )
+        shapes = _of_ground(flown, [Point(grid.fixed(flown.data.start))])
+        return Layer("places", "Start", "Point", False, fields, shapes, [("start", None)])
     shown = {number: grid.fixed(place) for number, place in enumerate(planned, start=1)}
     shown |= flown.log.homes
     points = [Point(place) for place in shown.values()]

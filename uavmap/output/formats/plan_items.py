@@ -1,8 +1,8 @@
 """The search of a mission as items that an autopilot flies by itself.
 
-A vehicle climbs over its pad, flies its lanes one after the other with pictures along them, comes
-back over its pad by a path inside the fence, and returns there (RTL): RTL alone would fly straight
-home, over ground that the fence excludes. The pictures are not judged.
+A vehicle climbs over its pad, flies its lanes with pictures along them, comes back over its pad by
+a path inside the fence, and returns there (RTL): RTL alone would fly straight home, over ground
+that the fence excludes. The pictures are not judged.
 """
 
 from __future__ import annotations
@@ -35,13 +35,11 @@ class SearchFlight:
 
     Attributes:
         vehicle: From 0.
-        home: Of the vehicle.
         speed_m_s: Over ground.
-        items: The mission.
         fence: Of the mission, as vertices of polygons.
         rally: The vehicle's home alone: an autopilot returns to the nearest rally point, which
             might be the pad of another vehicle.
-        left_out: Lanes that no path inside the fence leads to.
+        left_out: Lanes to which no path inside the fence leads.
     """
 
     vehicle: int
@@ -58,10 +56,8 @@ def search_flight(
 ) -> SearchFlight:
     """Plan the share of a vehicle (from 0) of the search lanes, in the order of flight.
 
-    `frame` is the MAV_FRAME of the heights: above home, or above the sea.
-
-    Raises:
-        GeodesyError: No path inside the fence leads back to the home.
+    `frame` is the MAV_FRAME of the heights: above home, or above the sea. Raises `GeodesyError`
+    where no path inside the fence leads back to the home.
     """
     mission, grid, fence = setting.mission, setting.grid, setting.fence
     home = homes(mission)[vehicle]
@@ -102,20 +98,18 @@ def search_flight(
 
 
 def _order(command: int, first: float = 0.0, second: float = 0.0, third: float = 0.0) -> Item:
-    """An item without a place."""
     frame = mav.MAV_FRAME_MISSION
     return Item(command, LatLon(0.0, 0.0), first, frame, others=(second, third, 0.0))
 
 
 def _pictures(every_m: float) -> Item:
-    """Take a picture at once and each so many metres; 0: no more."""
+    """Take a picture at once and then every `every_m` metres; 0 stops it."""
     return _order(
         mav.MAV_CMD_DO_SET_CAM_TRIGG_DIST, round(every_m, 3), 0.0, 1.0 if every_m else 0.0
     )
 
 
 def _new(at: GridPoint, path: Sequence[GridPoint]) -> Iterator[GridPoint]:
-    """The points of a path, without those where the vehicle is already."""
     for point in path:
         if at.distance_to(point) > _SAME_M:
             yield point

@@ -1,23 +1,13 @@
-"""How QGIS draws the layers: QML in the colours of our own picture."""
+"""QGIS styles (QML) of the layers, in the colours of map.png."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
-from uavmap.output.drawing.palette import (
-    BOUNDARY,
-    BOX,
-    FENCE,
-    INK,
-    OUTLINE,
-    STATE_NAMES,
-    STATES,
-    UNSEARCHED,
-    Colour,
-    track_colour,
-)
+from uavmap.output.drawing import palette
+from uavmap.output.drawing.palette import Colour
 from uavmap.output.formats.layers import Layer
 
 _KINDS = {
@@ -30,7 +20,7 @@ _KINDS = {
 
 @dataclass(frozen=True, slots=True)
 class Symbol:
-    """How something is drawn; sizes in millimetres of the screen or the paper."""
+    """How something is drawn; sizes in millimetres."""
 
     line: Colour
     width_mm: float
@@ -41,20 +31,19 @@ class Symbol:
     size_mm: float = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class _Category:
-    value: str
-    label: str
-    symbol: Symbol
-
-
 def qml(layer: Layer) -> str:
-    """The style of a layer, as QGIS 3 reads it."""
+    """Write the style of a layer for QGIS 3."""
     column, categories = _categories(layer)
-    kind = "singleSymbol" if column is None else "categorizedSymbol"
-    symbols = "".join(_symbol(str(i), layer, c.symbol) for i, c in enumerate(categories))
-    listed = "" if column is None else _listed(categories)
-    attribute = "" if column is None else f" attr={quoteattr(column)}"
+    symbols = "".join(_symbol(i, layer, symbol) for i, (*_, symbol) in enumerate(categories))
+    kind, attribute, listed = "singleSymbol", "", ""
+    if column is not None:
+        kind, attribute = "categorizedSymbol", f" attr={quoteattr(column)}"
+        listed = "".join(
+            f'<category value={quoteattr(value)} label={quoteattr(label)} symbol="{i}" '
+            'render="true"/>'
+            for i, (value, label, _) in enumerate(categories)
+        )
+        listed = f"<categories>{listed}</categories>"
     return (
         "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
         '<qgis version="3.22" styleCategories="Symbology">'
@@ -64,51 +53,38 @@ def qml(layer: Layer) -> str:
     )
 
 
-def _listed(categories: Sequence[_Category]) -> str:
-    lines = (
-        f'<category value={quoteattr(c.value)} label={quoteattr(c.label)} symbol="{i}" '
-        'render="true"/>'
-        for i, c in enumerate(categories)
-    )
-    return f"<categories>{''.join(lines)}</categories>"
-
-
-def _categories(layer: Layer) -> tuple[str | None, Sequence[_Category]]:
-    """The column by which a layer is drawn, and its values; no column: one symbol for all."""
+def _categories(layer: Layer) -> tuple[str | None, Sequence[tuple[str, str, Symbol]]]:
+    """Return the column by which a layer is drawn (None: one symbol for all), values and labels."""
     match layer.name:
         case "cells":
             there = set(layer.column("state"))
             return "state", [
-                _Category(state, STATE_NAMES[state], Symbol(_seam(colour), 0.1, colour, 200))
-                for state, colour in STATES.items()
+                (state, palette.STATE_NAMES[state], Symbol(_seam(colour), 0.1, colour, 200))
+                for state, colour in palette.STATES.items()
                 if state in there
             ]
-        case "tracks":
-            return "vehicle", list(_by_vehicle(layer.column("vehicle"), Symbol(INK, 0.4)))
-        case "track_points":
-            return "vehicle", list(
-                _by_vehicle(layer.column("vehicle"), Symbol(INK, 0.0, size_mm=0.8))
-            )
+        case "tracks" | "track_points":
+            width_mm, size_mm = (0.4, 1.0) if layer.name == "tracks" else (0.0, 0.8)
+            colours = {
+                int(str(n)): palette.track_colour(int(str(n))) for n in layer.column("vehicle")
+            }
+            return "vehicle", [
+                (str(n), f"vehicle {n}", Symbol(colour, width_mm, colour, size_mm=size_mm))
+                for n, colour in sorted(colours.items())
+            ]
         case "fence":
             return "kind", [
-                _Category("fence", "geofence", Symbol(FENCE, 0.4, dashed=True)),
-                _Category("box", "search box", Symbol(BOX, 0.4, dashed=True)),
+                ("fence", "geofence", Symbol(palette.FENCE, 0.4, dashed=True)),
+                ("box", "search box", Symbol(palette.BOX, 0.4, dashed=True)),
             ]
     single = {
-        "region": Symbol(OUTLINE, 0.7),
-        "boundary": Symbol(BOUNDARY, 0.5),
-        "frames": Symbol(INK, 0.1, (255, 255, 255), size_mm=1.0),
-        "unsearched": Symbol(UNSEARCHED, 0.8),
-        "places": Symbol(INK, 0.6, (255, 255, 255), size_mm=3.0),
+        "region": Symbol(palette.OUTLINE, 0.7),
+        "boundary": Symbol(palette.BOUNDARY, 0.5),
+        "frames": Symbol(palette.INK, 0.1, (255, 255, 255), size_mm=1.0),
+        "unsearched": Symbol(palette.UNSEARCHED, 0.8),
+        "places": Symbol(palette.INK, 0.6, (255, 255, 255), size_mm=3.0),
     }
-    return None, [_Category("", layer.title, single[layer.name])]
-
-
-def _by_vehicle(numbers: Iterable[object], like: Symbol) -> Iterable[_Category]:
-    for number in sorted({int(str(n)) for n in numbers}):
-        colour = track_colour(number)
-        symbol = Symbol(colour, like.width_mm, colour, 255, like.dashed, like.size_mm)
-        yield _Category(str(number), f"vehicle {number}", symbol)
+    return None, [("", layer.title, single[layer.name])]
 
 
 def _seam(colour: Colour) -> Colour:
@@ -116,14 +92,14 @@ def _seam(colour: Colour) -> Colour:
     return red, green, blue
 
 
-def _symbol(name: str, layer: Layer, symbol: Symbol) -> str:
+def _symbol(number: int, layer: Layer, symbol: Symbol) -> str:
     kind, drawn = _KINDS[layer.geometry]
     options = "".join(
         f'<Option name="{key}" value={quoteattr(value)} type="QString"/>'
         for key, value in _options(drawn, symbol).items()
     )
     return (
-        f'<symbol type="{kind}" name="{name}" alpha="1" clip_to_extent="1" force_rhr="0">'
+        f'<symbol type="{kind}" name="{number}" alpha="1" clip_to_extent="1" force_rhr="0">'
         f'<layer class="{drawn}" enabled="1" locked="0" pass="0"><Option type="Map">{options}'
         "</Option></layer></symbol>"
     )

@@ -1,7 +1,7 @@
-"""A Shapefile a layer: .shp, .shx, .dbf, .prj and .cpg, in the UTM zone of the grid.
+"""A Shapefile per layer: .shp, .shx, .dbf, .prj and .cpg, in the UTM zone of the grid.
 
-A .dbf has a date, for which the map's is written in place of today's; times are text, for its dates
-have no hours. A text is cut where it has more than 254 bytes.
+The date of a .dbf is the map's; times are text, for its dates have no hours. A text is cut at 254
+bytes.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SHAPES: Final = {
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
-    """The files by name."""
+    """Encode the files by name."""
     prj = pyproj.CRS.from_epsg(flown.data.grid.zone.epsg).to_wkt("WKT1_ESRI").encode()
     when = flown.calendar.date(flown.data.t_s)
     files: dict[str, bytes] = {}
@@ -50,7 +50,12 @@ def _family(layer: Layer, when: date) -> dict[str, bytes]:
             writer.field(field.name, *_TYPES[field.kind])
         for shape, row in zip(layer.shapes, layer.rows, strict=True):
             _put(writer, layer, shape)
-            writer.record(*map(_value, row))
+            writer.record(*(
+                value.encode()[:_MOST_BYTES].decode(errors="ignore")
+                if isinstance(value, str)
+                else value
+                for value in row
+            ))  # fmt: skip
     files = {f"{layer.name}.{suffix}": part.getvalue() for suffix, part in parts.items()}
     table = bytearray(files[f"{layer.name}.dbf"])
     table[1:4] = bytes((max(when.year - 1900, 0) % 256, when.month, when.day))
@@ -71,9 +76,3 @@ def _put(writer: Any, layer: Layer, shape: Any) -> None:
         areas = shapely.orient_polygons(shapely.get_parts(shape), exterior_cw=True)
         rings = [ring for area in areas for ring in (area.exterior, *area.interiors)]
         writer.poly([shapely.get_coordinates(ring).tolist() for ring in rings])
-
-
-def _value(value: object) -> object:
-    if isinstance(value, str):
-        return value.encode()[:_MOST_BYTES].decode(errors="ignore")
-    return value

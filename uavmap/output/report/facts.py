@@ -1,4 +1,4 @@
-"""What a report says in words and numbers."""
+"""The words and numbers of a report; a row of a table is a tuple of its cells."""
 
 from __future__ import annotations
 
@@ -10,39 +10,19 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from uavmap.base.printable import printable
-from uavmap.output.facts.boundary_summary import BoundaryTold
+from uavmap.output.facts.counting import navigation_in_words
 from uavmap.output.facts.flight_log import Sortie
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.facts.navigation_error import in_words
 from uavmap.output.facts.patch_summary import MOST_PATCHES, box_in_words, state_in_words
 from uavmap.output.report.timeline import minutes
 
 Facts = list[tuple[str, str]]
+Row = tuple[object, ...]
 
 _MOST_TROUBLES: Final = 200
 _MOST_LETTERS: Final = 300
 _PASSWORD: Final = re.compile(r"//[^/@\s]*@")
-"""Of an address, which a page that is handed on does not tell."""
-
-
-class SortieRow(NamedTuple):
-    """A sortie, as the page tells it."""
-
-    vehicle: int
-    number: int
-    begun: str
-    ended: str
-    lasted: str
-    distance: str
-    charge: str
-
-
-class TroubleRow(NamedTuple):
-    """A trouble, as the page tells it."""
-
-    when: str
-    who: str
-    what: str
+"""Of an address: a page is handed on, and must not contain it."""
 
 
 class Setting(NamedTuple):
@@ -54,9 +34,9 @@ class Setting(NamedTuple):
 
 
 # --- what was found ------------------------------------------------------------------------------
-def extent_facts(flown: Flown, boundary: BoundaryTold | None) -> Facts:
-    """Area and perimeter, and how far they may be wrong."""
-    found, data = flown.extent, flown.data
+def extent_facts(flown: Flown) -> Facts:
+    """Return area and perimeter with their bounds."""
+    found, data, boundary = flown.extent, flown.data, flown.boundary
     cells = f"{np.count_nonzero(data.table.roi):,} cells of {data.grid.cell_m:g} m"
     share = flown.setting.mission.detector.share
     facts = [
@@ -73,9 +53,8 @@ def extent_facts(flown: Flown, boundary: BoundaryTold | None) -> Facts:
         ("Parts, holes", f"{found.parts}, {found.holes}"),
     ]
     if boundary is not None:
-        how = ""
-        if boundary.uncertainty_m is not None:
-            how = f"; half of it is known to ±{boundary.uncertainty_m:.2f} m"
+        known_m = boundary.uncertainty_m
+        how = "" if known_m is None else f"; half of it is known to ±{known_m:.2f} m"
         facts[:0] = [
             (
                 "Area by pixels",
@@ -86,26 +65,25 @@ def extent_facts(flown: Flown, boundary: BoundaryTold | None) -> Facts:
         ]
         if boundary.open_m:
             facts.append(("Open boundary", f"{boundary.open_m:,.1f} m at the end of the pictures"))
-    facts.append(("Position", _position(flown, boundary)))
+    facts.append(("Position", _position(flown)))
     return facts
 
 
-def _position(flown: Flown, boundary: BoundaryTold | None) -> str:
-    """How well the places of pictures are known, and what follows."""
+def _position(flown: Flown) -> str:
     shared = "an error that all pictures share shifts the whole map"
-    if boundary is not None:
-        return f"standard deviation of a picture's place {boundary.position_m:.2g} m; {shared}"
-    error_m = flown.setting.mission.camera.pose_error_m
-    return (
-        f"a picture's place is taken to be right to {error_m:g} m (camera.pose_error_m); {shared}"
-    )
+    if flown.boundary is not None:
+        sigma_m = flown.boundary.position_m
+        return f"standard deviation of a picture's place {sigma_m:.2g} m; {shared}"
+    known_m = f"{flown.setting.mission.camera.pose_error_m:g} m (camera.pose_error_m)"
+    return f"a picture's place is taken to be right to {known_m}; {shared}"
 
 
-def certificate(flown: Flown, boundary: BoundaryTold | None) -> tuple[Facts, Facts]:
-    """What was judged, and what was not."""
+def certificate(flown: Flown) -> tuple[Facts, Facts]:
+    """Return what was judged, and what was not."""
     values, cells = flown.values, Counter(flown.data.table.counts())
     region = np.count_nonzero(flown.data.table.roi)
     lost = sum(trouble.kind == "frame" for trouble in flown.log.troubles)
+    unreached = _number(values, "cells_abandoned")
     judged = [
         ("Frames judged", f"{int(_number(values, 'frames_judged') or 0):,}"),
         ("Cells decided", f"{region:,} region, {cells['non-roi']:,} not region"),
@@ -117,11 +95,7 @@ def certificate(flown: Flown, boundary: BoundaryTold | None) -> tuple[Facts, Fac
         ("Frames lost", lost, "frames lost, or no evidence"),
         ("Cells without a verdict", provisional, "cells that frames show, and too few of them"),
         ("Open cells", open_cells, "cells of the region beside which nobody has judged"),
-        (
-            "Cells not looked from",
-            _number(values, "cells_abandoned"),
-            "out of reach, or fenced off",
-        ),
+        ("Cells not looked from", unreached, "out of reach, or fenced off"),
         ("Cells that lack votes", _number(values, "cells_undecided"), "looked at, undecided"),
         ("Cells skipped", _number(values, "cells_skipped"), "by the operator"),
         ("Pictures refused", _number(values, "photographs_refused"), "pictures.csv says why"),
@@ -130,8 +104,8 @@ def certificate(flown: Flown, boundary: BoundaryTold | None) -> tuple[Facts, Fac
     lanes_m = _number(values, "unsearched_m")
     if lanes_m:
         missing.append(("Search lanes", f"{lanes_m:,.0f} m without a judged frame"))
-    if boundary is not None and boundary.open_m:
-        missing.append(("Boundary", f"{boundary.open_m:,.1f} m end with the pictures"))
+    if flown.boundary is not None and flown.boundary.open_m:
+        missing.append(("Boundary", f"{flown.boundary.open_m:,.1f} m end with the pictures"))
     return judged, missing
 
 
@@ -150,7 +124,7 @@ def _bounds(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def truth_facts(flown: Flown) -> Facts:
-    """The map against the truth, where it is known: in simulation."""
+    """Compare the map with the truth, which is known in simulation only."""
     values = flown.values
     named = (
         ("iou_cells", "IoU of the map with the truth", "{:.4f}"),
@@ -169,7 +143,7 @@ def truth_facts(flown: Flown) -> Facts:
 
 
 def flight_facts(flown: Flown) -> Facts:
-    """How long it took, and how far it was."""
+    """Return times, distance, sorties and battery swaps."""
     values = flown.values
     named = (
         ("flight_time_s", "Flight time of all vehicles"),
@@ -189,20 +163,18 @@ def flight_facts(flown: Flown) -> Facts:
 
 
 # --- the flight ----------------------------------------------------------------------------------
-def sortie_rows(flown: Flown) -> list[SortieRow]:
-    """A row a sortie; none of a replay."""
-    return [] if flown.recorded else [_row(flown, sortie) for sortie in flown.log.sorties()]
+def sortie_rows(flown: Flown) -> list[Row]:
+    """Return a row per sortie; none of a replay."""
+    return [] if flown.recorded else [_sortie_row(flown, sortie) for sortie in flown.log.sorties()]
 
 
-def _row(flown: Flown, sortie: Sortie) -> SortieRow:
-    fixes = [
-        fix for fix in flown.log.fixes[sortie.vehicle] if sortie.start_s <= fix.t_s <= sortie.end_s
-    ]
+def _sortie_row(flown: Flown, sortie: Sortie) -> Row:
+    fixes = flown.log.fixes_of(sortie)
     places = np.array([fix.place for fix in fixes], dtype=np.float64).reshape(-1, 2)
     distance_m = float(np.hypot(*np.diff(places, axis=0).T).sum())
     first, last = fixes[0].remaining_wh, fixes[-1].remaining_wh
     full = flown.setting.mission.battery.capacity_wh
-    return SortieRow(
+    return (
         sortie.vehicle,
         sortie.number,
         flown.calendar.told(sortie.start_s),
@@ -213,32 +185,26 @@ def _row(flown: Flown, sortie: Sortie) -> SortieRow:
     )
 
 
-def trouble_rows(flown: Flown) -> tuple[list[TroubleRow], int]:
-    """What went wrong, and how much of it is left out; frames that were lost for one reason are a
-    row."""
+def trouble_rows(flown: Flown) -> tuple[list[Row], int]:
+    """Return a row per fault, one for all frames lost for one reason; and how many are left out."""
     lost: dict[tuple[int, str], list[float]] = {}
     for trouble in flown.log.troubles:
         if trouble.kind == "frame":
             lost.setdefault((trouble.vehicle, trouble.text), []).append(trouble.t_s)
     told = [(t.t_s, t.vehicle, t.text) for t in flown.log.troubles if t.kind != "frame"]
-    told += [
-        (
-            times[0],
-            vehicle,
-            f"{len(times)} frames lost: {reason}" if len(times) > 1 else f"frame lost: {reason}",
-        )
-        for (vehicle, reason), times in lost.items()
-    ]
+    for (vehicle, reason), times in lost.items():
+        frames = f"{len(times)} frames" if len(times) > 1 else "frame"
+        told.append((times[0], vehicle, f"{frames} lost: {reason}"))
     told.sort()
-    rows = [
-        TroubleRow(minutes(t_s), f"vehicle {who}" if who and not flown.recorded else "", what)
+    rows: list[Row] = [
+        (minutes(t_s), f"vehicle {who}" if who and not flown.recorded else "", what)
         for t_s, who, what in told[:_MOST_TROUBLES]
     ]
     return rows, max(0, len(told) - _MOST_TROUBLES)
 
 
 def notes(flown: Flown) -> list[str]:
-    """What the summary says of aircraft: those that are down, and why others came home."""
+    """Return what the summary says of aircraft that are down, came home, or lost satellites."""
     values, found = flown.values, list[str]()
     down = values.get("aircraft_down")
     if isinstance(down, Sequence) and not isinstance(down, str):
@@ -248,13 +214,13 @@ def notes(flown: Flown) -> list[str]:
         found += [printable(f"vehicle {number}: {note}") for number, note in said.items()]
     known = values.get("navigation")
     if isinstance(known, Mapping):
-        found += [f"vehicle {number}: {in_words(figures)}" for number, figures in known.items()]
+        found += [f"vehicle {n}: {navigation_in_words(one)}" for n, one in known.items()]
     return found
 
 
 # --- how it was set up ---------------------------------------------------------------------------
 def settings(flown: Flown) -> list[Setting]:
-    """Every key of the mission with its value, those of its sections as `section.key`."""
+    """Return every key of the mission with its value, in sections as `section.key`."""
     return list(_settings("", flown.setting.mission))
 
 
@@ -271,7 +237,7 @@ def _settings(above: str, section: Any) -> Iterator[Setting]:
 
 
 def _shown(value: object) -> str:
-    """A value as the mission file would have it, cut where it is long, without passwords.
+    """Write a value as in the mission file, cut where it is long, without passwords.
 
     >>> _shown("rtsp://me:secret@10.0.0.5/main"), _shown((True, None))
     ('rtsp://***@10.0.0.5/main', '[true, -]')
@@ -286,7 +252,7 @@ def _shown(value: object) -> str:
 
 
 def _number(values: Mapping[str, Any], key: str) -> float | None:
-    """A figure of a summary, which may come from a file that anybody can have changed."""
+    """Read a figure of a summary, which may come from a file that was edited."""
     value = values.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
@@ -298,26 +264,8 @@ def _m2(area_m2: float) -> str:
 
 
 # --- patches -------------------------------------------------------------------------------------
-class PatchRow(NamedTuple):
-    """A patch, or all of them, as the page tells it; seconds are those after lift-off."""
-
-    name: str
-    area: str
-    first_cell: str
-    first_s: str
-    last_s: str
-    took_s: str
-    least_s: str
-    ratio: str
-    drift: str
-    state: str
-
-
-def patch_rows(flown: Flown) -> tuple[list[PatchRow], int]:
-    """A row a patch, one for all where there are several; and how many patches have none.
-
-    None of a replay, whose pictures nobody has flown for.
-    """
+def patch_rows(flown: Flown) -> tuple[list[Row], int]:
+    """Return a row per patch and one for several, none of a replay; and how many are left out."""
     if flown.recorded:
         return [], 0
     found, in_all = flown.values["patches"], flown.values["patches_in_all"]
@@ -330,7 +278,7 @@ def patch_rows(flown: Flown) -> tuple[list[PatchRow], int]:
 
 
 def box_told(flown: Flown) -> str:
-    """How much of the search box is decided, and what follows; empty of a replay."""
+    """Return how much of the search box is decided, and what follows; empty of a replay."""
     if flown.recorded:
         return ""
     box = flown.values["patches_in_all"]["box"]
@@ -338,9 +286,9 @@ def box_told(flown: Flown) -> str:
     return f"{box_in_words(box)}: {proof if box['whole'] else 'a patch may be missing there'}"
 
 
-def _patch_row(name: str, one: Mapping[str, Any]) -> PatchRow:
+def _patch_row(name: str, one: Mapping[str, Any]) -> Row:
     root = one.get("root")
-    return PatchRow(
+    return (
         name,
         f"{one['area_m2']:,.0f}",
         "" if root is None else f"{root['lat_deg']:.6f}, {root['lon_deg']:.6f}",
@@ -355,7 +303,6 @@ def _patch_row(name: str, one: Mapping[str, Any]) -> PatchRow:
 
 
 def _drift(drift: Mapping[str, Any] | None) -> str:
-    """As it was measured, marked where the mission says otherwise."""
     if drift is None:
         return ""
     told = f"{drift['speed_m_s']:.2f} toward {drift['toward_deg']:.0f}°"

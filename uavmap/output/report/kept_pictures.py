@@ -16,7 +16,6 @@ from uavmap.base.image_files import MAX_PICTURE_BYTES, opened
 from uavmap.base.printable import printable
 from uavmap.base.text_files import read_bytes
 from uavmap.journal.kept_frames import FRAMES, KeptFrame
-from uavmap.output.facts.boundary_summary import BoundaryTold
 from uavmap.output.facts.flown_mission import Flown
 from uavmap.output.formats.map_layers import kept_by_time
 
@@ -38,39 +37,34 @@ class Shown(NamedTuple):
     """With the picture in it: `data:image/jpeg;base64,...`."""
 
 
-def boundary_frames(flown: Flown, boundary: BoundaryTold | None) -> list[Shown]:
-    """At most `MOST` frames, in their order along the boundary; one that cannot be read is left
-    out."""
+def boundary_frames(flown: Flown) -> list[Shown]:
+    """Return at most `MOST` readable frames, in their order along the boundary."""
     kept = list(kept_by_time(flown).values())
-    if not kept:
-        return []
-    shown = (_shown(flown, frame) for frame in _nearest(flown, kept, boundary))
+    shown = (_shown(flown, frame) for frame in _nearest(flown, kept))
     return [frame for frame in shown if frame is not None]
 
 
-def _nearest(
-    flown: Flown, kept: Sequence[KeptFrame], boundary: BoundaryTold | None
-) -> list[KeptFrame]:
-    """The frame over each of some points at equal distances along the boundary."""
-    grid, t_s = flown.data.grid, flown.data.t_s
+def _nearest(flown: Flown, kept: Sequence[KeptFrame]) -> list[KeptFrame]:
+    """Return the frame over each of some points at equal distances along the boundary."""
+    grid, boundary = flown.data.grid, flown.boundary
+    drift_m_s = np.array([grid.drift_east_m_s, grid.drift_north_m_s])
+    if not kept:
+        return []
     if boundary is not None and not boundary.region.is_empty:
-        line = boundary.region.boundary
-        drift = np.array([grid.drift_east_m_s, grid.drift_north_m_s]) * t_s
-        line = shapely.transform(line, lambda points: points - drift)
+        drift_m = drift_m_s * flown.data.t_s
+        line = shapely.transform(boundary.region.boundary, lambda points: points - drift_m)
     else:
         line = flown.extent.outline.boundary
     if line.is_empty:
         return []
-    rings = list(shapely.get_parts(line))
-    longest = max(rings, key=lambda ring: ring.length)
+    longest = max(shapely.get_parts(line), key=lambda ring: ring.length)
     points = shapely.get_coordinates(
         [longest.interpolate((i + 0.5) / MOST, normalized=True) for i in range(MOST)]
     )
-    places = np.array([frame.pose.position for frame in kept], dtype=object)
+    places = [frame.pose.position for frame in kept]
     degrees = np.array([(place.lon_deg, place.lat_deg) for place in places], dtype=np.float64)
     origin = np.array([grid.origin.east_m, grid.origin.north_m])
-    times = np.array([frame.t_s for frame in kept])[:, None]
-    drifts = np.array([[grid.drift_east_m_s, grid.drift_north_m_s]]) * times
+    drifts = drift_m_s * np.array([frame.t_s for frame in kept])[:, None]
     taken = (grid.zone.utm(degrees) - origin) / grid.scale - drifts
     found: list[int] = []
     for point in points:
@@ -82,7 +76,6 @@ def _nearest(
 
 
 def _shown(flown: Flown, frame: KeptFrame) -> Shown | None:
-    """A frame made small; None where it is gone, or no picture."""
     name = PurePath(frame.frame).name  # never a path that leads elsewhere
     try:
         data = read_bytes(flown.folder / FRAMES / name, MAX_PICTURE_BYTES)

@@ -18,7 +18,6 @@ from uavmap.output.drawing.map_scene import map_scene
 from uavmap.output.drawing.palette import FAINT, INK, Style
 from uavmap.output.drawing.scale import step_up
 from uavmap.output.drawing.scene import Label, Line, View
-from uavmap.output.facts.boundary_summary import BoundaryTold
 from uavmap.output.facts.flown_mission import Flown
 
 _LINES: Final = 4
@@ -26,13 +25,6 @@ _LINES: Final = 4
 _LEAST_DEG: Final = 1e-9
 _LABEL_PX: Final = 12.0
 _STYLE: Final = Style(FAINT, 0.6)
-
-
-class Sample(NamedTuple):
-    """A line of the legend: a sample, and what it stands for."""
-
-    sample: Markup
-    text: str
 
 
 class Corner(NamedTuple):
@@ -50,15 +42,16 @@ class Drawing:
     """The map and what belongs beside it."""
 
     svg: Markup
-    legend: tuple[Sample, ...]
+    legend: tuple[tuple[Markup, str], ...]
+    """Samples with their texts."""
     corners: tuple[Corner, ...]
     true_north_deg: float
-    """From the map's upward direction to true north, clockwise."""
+    """From the map's upward direction, clockwise."""
 
 
-def draw_map(flown: Flown, boundary: BoundaryTold | None) -> Drawing:
+def draw_map(flown: Flown) -> Drawing:
     """Draw the map, with the boundary at pixel level if there is one."""
-    data = flown.data
+    data, boundary = flown.data, flown.boundary
     if boundary is not None:
         drift_m = np.array(data.grid.to_fixed(GridPoint(0.0, 0.0), data.t_s))
         region = shapely.transform(boundary.region, lambda points: points - drift_m)
@@ -67,14 +60,13 @@ def draw_map(flown: Flown, boundary: BoundaryTold | None) -> Drawing:
     corners = tuple(_corners(flown, scene.view))
     lines, labels = _graticule(flown, scene.view, corners)
     drawing = svg.map_drawing(scene, lines, labels)
-    legend = tuple(Sample(svg.sample(entry), entry.text) for entry in scene.legend)
+    legend = tuple((svg.sample(entry), entry.text) for entry in scene.legend)
     return Drawing(drawing, legend, corners, -math.degrees(data.grid.convergence_rad))
 
 
 def _graticule(
     flown: Flown, view: View, corners: tuple[Corner, ...]
 ) -> tuple[list[Line], list[Label]]:
-    """Draw lines of equal longitude and latitude, with their degrees at the rim."""
     lats, lons = [c.lat_deg for c in corners], [c.lon_deg for c in corners]
     grid = flown.data.grid
     origin = np.array([grid.origin.east_m, grid.origin.north_m])
@@ -96,7 +88,6 @@ def _graticule(
 def _degrees(
     pixels: NDArray[np.float64], view: View, value: float, digits: int, letters: str
 ) -> Iterator[Label]:
-    """Label a line where it meets the lower or the left rim."""
     turned = (value + 180.0) % 360.0 - 180.0 if letters == "EW" else value
     text = f"{abs(turned):.{digits}f}° {letters[turned < 0]}"
     anchor: Literal["middle", "end"]

@@ -9,10 +9,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template, select
 
 from uavmap.base.printable import printable
 from uavmap.base.version import __version__
-from uavmap.output.facts.boundary_summary import BoundaryTold
 from uavmap.output.facts.flown_mission import Flown
 from uavmap.output.report import facts
-from uavmap.output.report.facts import box_told, patch_rows
 from uavmap.output.report.kept_pictures import boundary_frames
 from uavmap.output.report.map_drawing import draw_map
 from uavmap.output.report.timeline import draw_timeline, minutes
@@ -21,18 +19,18 @@ _TEMPLATE: Final = "page.html"
 
 
 def encode(flown: Flown) -> bytes:
-    """The page."""
-    return _template().render(_told(flown, flown.boundary)).encode(errors="xmlcharrefreplace")
+    """Write the page."""
+    return _template().render(_context(flown)).encode(errors="xmlcharrefreplace")
 
 
 def load() -> None:
-    """Make the template ready, which takes a while the first time."""
+    """Compile the template, which takes a while."""
     _template()
 
 
 @lru_cache(maxsize=1)
 def _template() -> Template:
-    # names of templates do not end in .html where somebody renames one: escape in every case
+    # escape in every case, also where a template does not end in .html
     environment = Environment(
         loader=PackageLoader("uavmap.output.report", ""),
         autoescape=select_autoescape(default=True, default_for_string=True),
@@ -43,10 +41,9 @@ def _template() -> Template:
     return environment.get_template(_TEMPLATE)
 
 
-def _told(flown: Flown, boundary: BoundaryTold | None) -> dict[str, Any]:
-    """What the template shows."""
-    judged, missing = facts.certificate(flown, boundary)
-    patches, more_patches = patch_rows(flown)
+def _context(flown: Flown) -> dict[str, Any]:
+    judged, missing = facts.certificate(flown)
+    patches, more_patches = facts.patch_rows(flown)
     troubles, more = facts.trouble_rows(flown)
     calendar, data = flown.calendar, flown.data
     mission = flown.setting.mission
@@ -62,13 +59,13 @@ def _told(flown: Flown, boundary: BoundaryTold | None) -> dict[str, Any]:
         "crs": flown.crs,
         "zone": f"{data.grid.zone.number}{'S' if data.grid.zone.south else 'N'}",
         "drift_m_s": data.grid.drift_speed_m_s,
-        "map": draw_map(flown, boundary),
-        "extent": facts.extent_facts(flown, boundary),
+        "map": draw_map(flown),
+        "extent": facts.extent_facts(flown),
         "judged": judged,
         "missing": missing,
         "patches": patches,
         "more_patches": more_patches,
-        "box": box_told(flown),
+        "box": facts.box_told(flown),
         "truth": facts.truth_facts(flown),
         "flight": facts.flight_facts(flown),
         "timeline": draw_timeline(flown),
@@ -76,7 +73,7 @@ def _told(flown: Flown, boundary: BoundaryTold | None) -> dict[str, Any]:
         "troubles": troubles,
         "more_troubles": more,
         "notes": facts.notes(flown),
-        "frames": boundary_frames(flown, boundary),
+        "frames": boundary_frames(flown),
         "calendar": calendar,
         "settings": facts.settings(flown),
         "strategy": mission.strategy,

@@ -1,4 +1,4 @@
-"""Who flew when, with which charge, and what went wrong: a drawing in SVG."""
+"""Sorties, charge and faults of each vehicle over time: a drawing in SVG."""
 
 from __future__ import annotations
 
@@ -18,14 +18,12 @@ ROW_PX: Final = 74
 _AXIS_PX: Final = 40
 _RIGHT_PX: Final = 20
 _POINTS: Final = 300
-_TICKS: Final = (
-    10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400,
-)  # fmt: skip
+_TICKS: Final = (10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400)
 _MARKS: Final = 200
 
 
 def draw_timeline(flown: Flown) -> Markup | None:
-    """The drawing; None of a replay, in which nobody has flown."""
+    """Draw the timeline; None of a replay, or without a sortie."""
     sorties = flown.log.sorties()
     if flown.recorded or not sorties:
         return None
@@ -36,19 +34,17 @@ def draw_timeline(flown: Flown) -> Markup | None:
     for number, vehicle in enumerate(vehicles):
         own = [sortie for sortie in sorties if sortie.vehicle == vehicle]
         rows.extend(_row(flown, vehicle, own, number * ROW_PX, scale))
-    height = len(vehicles) * ROW_PX + _AXIS_PX
-    axis = "".join(_axis(flown, end_s, scale, len(vehicles) * ROW_PX))
-    drawn = "\n".join(rows)
+    low = len(vehicles) * ROW_PX
+    axis, drawn = "".join(_axis(flown, end_s, scale, low)), "\n".join(rows)
     return Markup(
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH_PX} {height}" role="img" '
-        f'aria-label="timeline">\n{drawn}\n{axis}</svg>'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH_PX} {low + _AXIS_PX}" '
+        f'role="img" aria-label="timeline">\n{drawn}\n{axis}</svg>'
     )
 
 
 def _row(
     flown: Flown, vehicle: int, sorties: list[Sortie], top: float, scale: float
 ) -> Iterator[str]:
-    """A vehicle: its sorties as bars, its charge below them, swaps and troubles as marks."""
     colour = css(track_colour(vehicle))
     yield f'<text x="0" y="{top + 20}" font-size="13">vehicle {vehicle}</text>'
     yield f'<text x="0" y="{top + 48}" font-size="11" fill="#5a6066">battery</text>'
@@ -72,13 +68,11 @@ def _row(
             )
     troubles = [t for t in flown.log.troubles if t.vehicle in (vehicle, 0) and t.kind != "words"]
     for trouble in troubles[:_MARKS]:
-        x, y = LEFT_PX + trouble.t_s * scale, top + 2
-        mark = css(UNSEARCHED)
-        yield f'<path d="M{x:.1f} {y + 5}l-4 -7h8z" fill="{mark}"/>'
+        x, mark = LEFT_PX + trouble.t_s * scale, css(UNSEARCHED)
+        yield f'<path d="M{x:.1f} {top + 7}l-4 -7h8z" fill="{mark}"/>'
 
 
 def _charge(flown: Flown, vehicle: int, top: float, scale: float) -> str:
-    """The charge as a line between empty and full, with the reserve."""
     battery = flown.setting.mission.battery
     fixes = flown.log.fixes.get(vehicle, [])
     low, tall = top + 60.0, 28.0
@@ -100,7 +94,6 @@ def _charge(flown: Flown, vehicle: int, top: float, scale: float) -> str:
 
 
 def _axis(flown: Flown, end_s: float, scale: float, top: float) -> Iterator[str]:
-    """Minutes of the mission, and the date at both ends."""
     step = next((tick for tick in _TICKS if end_s / tick <= 9), _TICKS[-1])
     yield f'<path d="M{LEFT_PX} {top + 2}H{LEFT_PX + end_s * scale:.1f}" stroke="#23272b"/>'
     for k in range(int(end_s // step) + 1):
@@ -117,7 +110,7 @@ def _axis(flown: Flown, end_s: float, scale: float, top: float) -> Iterator[str]
 
 
 def minutes(t_s: float) -> str:
-    """Seconds as whole minutes and seconds, as a clock shows them.
+    """Write seconds as whole minutes and seconds.
 
     >>> minutes(125.9), minutes(0.0)
     ('2:05', '0:00')

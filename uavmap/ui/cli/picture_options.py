@@ -7,7 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from missions.mapping.tree import Tree
-from uavmap.output.film import DRAWINGS, FILMS, Film, check_path, draw_tree, write_film
+from uavmap.output.film.film import Film
+from uavmap.output.film.film_writers import DRAWINGS, FILMS, check_path, write_film
+from uavmap.output.film.tree_picture import draw_tree
 from uavmap.ui.cli.common import index_number
 
 

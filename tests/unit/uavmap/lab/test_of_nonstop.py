@@ -6,7 +6,7 @@ from missions.lab.arena.nonstop import Camera, Team
 from missions.lab.arena.roi import Roi
 from missions.lab.arena.survey import surveyed
 from missions.units import Cell
-from uavmap.lab.nonstop_film import film_of_nonstop
+from uavmap.lab.run_film import film_of_nonstop
 from uavmap.output.film.film import Place, Reel, Unit
 from uavmap.output.film.stage import Stage, caption
 
@@ -29,24 +29,15 @@ def test_cells_are_seen_before_they_are_decided() -> None:
     assert "3 of 3 cells seen, 3 decided" in caption(film, reel, film.end_t)
 
 
-def test_the_track_is_the_path() -> None:
+def test_the_track_is_the_path_and_the_footprint_is_drawn_around_the_vehicle() -> None:
     run = surveyed(ROI, Team(2, Camera(15.0, 15.0)), record=True)
-    film = film_of_nonstop(run, ROI, 4.0, (15.0, 15.0), "three")
-    assert set(film.tracks) == {0, 1}
+    large, small = (film_of_nonstop(run, ROI, 4.0, (m, m), "three") for m in (15.0, 7.0))
+    assert set(large.tracks) == {0, 1}
     (path,) = run.paths[0]
     for t in (0.0, 1.3, run.makespan_s / 2, run.makespan_s):
-        there = path.at(t).place
-        place = film.fix(0, t).place
+        there, place = path.at(t).place, large.fix(0, t).place
         assert abs(4.0 * place.east - there.east_m) < 0.1
         assert abs(4.0 * place.north - there.north_m) < 0.1
-
-
-def test_the_footprint_is_drawn_around_the_vehicle() -> None:
-    run = surveyed(ROI, Team(1, Camera(15.0, 15.0)), record=True)
-    frames = []
-    for footprint in ((15.0, 15.0), (7.0, 7.0)):
-        film = film_of_nonstop(run, ROI, 4.0, footprint, "three")
-        (frame,) = Stage(film).frames([run.makespan_s / 2])
-        frames.append(frame)
-    assert frames[0].size == frames[1].size
-    assert frames[0].tobytes() != frames[1].tobytes()
+    (one,), (other,) = (Stage(film).frames([run.makespan_s / 2]) for film in (large, small))
+    assert one.size == other.size
+    assert one.tobytes() != other.tobytes()

@@ -13,7 +13,7 @@ import numpy as np
 from missions.flight.setting import Setting
 from missions.mapping.evidence import Evidence
 from tests.benchmarks.photos.many_pictures import write_survey
-from tests.unit.uavmap.output.conftest import build
+from tests.unit.uavmap.output.maps import make_map
 from uavmap.load.mission_source import mission_of_text
 from uavmap.output.facts.extent import extent
 from uavmap.output.facts.map_model import CellTable
@@ -85,7 +85,7 @@ def test_who_writes_cells_takes_some_at_a_time(tmp_path: Path) -> None:
     table, _ = weighed(full(SIDE), 0.5)
     sparse = np.arange(len(table)) % 97 == 0  # a large region has a long outline: no matter here
     some = CellTable.judged(table.cells, sparse, table.positive, table.votes, table.belief)
-    data = build()
+    data = make_map()
     geojson.write(data, tmp_path / "warm")
     with traced() as memory:
         data = replace(data, cells=some)

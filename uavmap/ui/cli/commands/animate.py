@@ -11,7 +11,8 @@ from uavmap.base.terminal import Terminal
 from uavmap.journal.event_log import JournalReader
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.output.facts.score import true_roi
-from uavmap.output.film import check_path, film_of_flight, title_of
+from uavmap.output.film.film_writers import check_path
+from uavmap.output.film.flight_film import film_of_flight, title_of
 from uavmap.output.film.rerun_recording import SUFFIX, sdk, write_recording
 from uavmap.ui.cli.picture_options import (
     add_picture_options,

@@ -18,9 +18,8 @@ from uavmap.base.atomic_write import write_bytes, write_text
 from uavmap.base.terminal import Terminal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load
-from uavmap.output.documents import refuse_open
+from uavmap.output.documents import FORMATS, Format, files_of, refuse_open
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.formats.exports import FORMATS, Format, files_of
 from uavmap.output.formats.ground_station_plan import Firmware, plan_text, waypoints_text
 from uavmap.output.formats.plan_items import SearchFlight, search_flight
 from uavmap.output.results_reading import flown_of

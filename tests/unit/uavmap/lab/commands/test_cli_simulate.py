@@ -81,7 +81,9 @@ def test_several_strategies_on_grown_rois(capsys: pytest.CaptureFixture[str], co
     assert once == again
 
 
-def test_a_radio_is_stated_and_bounds_are_not(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_radio_is_stated_and_filmed_and_bounds_are_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     arguments = ["simulate", "--roi", "eden:40:3", "--robots", 3, "--comms", "range:3,loss:0.5"]
     once, again, other = (
         printed(capsys, *arguments, "--json", "--strategy", "rdfs,greedy", "--seed", seed)
@@ -94,14 +96,9 @@ def test_a_radio_is_stated_and_bounds_are_not(capsys: pytest.CaptureFixture[str]
         [values[name]["rois"][0]["moves"] for name in values] for values in (once, again, other)
     ]
     assert moves[0] == moves[1] != moves[2]
-    assert main([str(a) for a in arguments]) == 0
-    assert "eden:40:3, 3 robots, range:3,loss:0.5" in capsys.readouterr().out
-
-
-def test_a_film_of_robots_with_a_radio(tmp_path: Path) -> None:
     film = tmp_path / "film.gif"
-    arguments = ["simulate", "--roi", "eden:12:3", "--robots", "2", "--comms", "range:1,delay:2"]
-    assert main([*arguments, "--animate", str(film)]) == 0
+    assert main([str(a) for a in (*arguments, "--animate", film)]) == 0
+    assert "eden:40:3, 3 robots, range:3,loss:0.5" in capsys.readouterr().out
     assert film.read_bytes().startswith(b"GIF8")
 
 

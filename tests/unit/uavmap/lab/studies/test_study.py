@@ -38,10 +38,14 @@ def study(name: str, folder: Path, *options: str) -> list[dict[str, str]]:
 
 
 # --- what is found ---------------------------------------------------------------------------
-def test_greedy_table_1_is_the_papers_to_the_digit(tmp_path):
-    rows = study("greedy-table-1", tmp_path)
+def test_greedy_table_1_is_the_papers_to_the_digit_also_as_json(tmp_path, capsys):
+    (tmp_path / "roi-bounds.md").write_text("another study")
+    rows = study("greedy-table-1", tmp_path, "--json")
     assert [int(row["n"]) for row in rows] == [3, 4, 5]
     assert all(row["equal"] == "yes" and row["by"] == "simulation" for row in rows)
+    found = json.loads(capsys.readouterr().out)
+    assert found["study"] == "greedy-table-1"
+    assert [row["travel"] for row in found["rows"]] == [int(row["travel"]) for row in rows]
 
 
 @pytest.mark.parametrize("n", sorted(greedy_table_1.PAPER))
@@ -79,14 +83,11 @@ def test_roi_figure_7_breaks_no_bound_and_shows_the_papers_trends(tmp_path):
 
 
 def test_a_broken_bound_is_counted():
+    assert len(roi_figure_7.jobs(False, 1)) >= 10_000  # the full study
     done = roi_figure_7.trial(roi_figure_7.jobs(True, 1)[0])
     assert not done.violated
     assert replace(done, makespan=done.upper * 1.01).violated
     assert replace(done, makespan=done.lower * 0.99).violated
-
-
-def test_the_full_study_of_figure_7_makes_ten_thousand_runs():
-    assert len(roi_figure_7.jobs(False, 1)) >= 10_000
 
 
 def test_roi_bounds_tells_the_readings_of_algorithm_1_apart(tmp_path):
@@ -177,13 +178,6 @@ def test_results_keep_the_order_of_the_jobs():
 
 
 # --- what is said ----------------------------------------------------------------------------
-def test_json_is_the_table(tmp_path, capsys):
-    rows = study("greedy-table-1", tmp_path, "--json")
-    found = json.loads(capsys.readouterr().out)
-    assert found["study"] == "greedy-table-1"
-    assert [row["travel"] for row in found["rows"]] == [int(row["travel"]) for row in rows]
-
-
 def test_a_missing_extra_is_named_with_the_remedy(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(command, "find_spec", lambda name: None)
     assert main(["study", "strategies", "--out", str(tmp_path / "new")]) == 2
@@ -193,18 +187,18 @@ def test_a_missing_extra_is_named_with_the_remedy(tmp_path, capsys, monkeypatch)
     assert not (tmp_path / "new").exists()
 
 
-def test_a_scheduler_that_is_not_there_is_named(tmp_path, capsys, monkeypatch):
+@pytest.mark.parametrize(
+    ("address", "said"),
+    [
+        ("tcp://127.0.0.1:1", "uavmap: --scheduler tcp://127.0.0.1:1: no Dask scheduler"),
+        *((a, "expected tcp://HOST:PORT") for a in ("", "here", "tcp://h", ":8786")),
+        *((a, "expected tcp://HOST:PORT") for a in ("http://h:1", "tcp://h:70000")),
+    ],
+)
+def test_a_scheduler_that_is_none_is_named(address, said, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(spread, "ANSWER_S", 0.3)
-    address = "tcp://127.0.0.1:1"
-    code = main(["study", "strategies", "--out", str(tmp_path), "--scheduler", address])
-    assert code == 2
-    assert capsys.readouterr().err.startswith(f"uavmap: --scheduler {address}: no Dask scheduler")
-
-
-@pytest.mark.parametrize("address", ["", "here", "tcp://h", ":8786", "http://h:1", "tcp://h:70000"])
-def test_an_address_that_is_none_is_named(address, tmp_path, capsys):
     assert main(["study", "strategies", "--out", str(tmp_path), "--scheduler", address]) == 2
-    assert "expected tcp://HOST:PORT" in capsys.readouterr().err
+    assert said in capsys.readouterr().err
 
 
 def test_a_cluster_without_dask_is_named(tmp_path, capsys, monkeypatch):
@@ -231,11 +225,6 @@ def test_nothing_is_overwritten(kind, tmp_path, capsys):
         f"uavmap: --out {tmp_path}: holds a {kept.name} already; choose another folder\n"
     )
     assert [path.read_text() for path in tmp_path.iterdir()] == ["ours"]
-
-
-def test_studies_may_share_a_folder(tmp_path):
-    (tmp_path / "roi-bounds.md").write_text("another study")
-    study("greedy-table-1", tmp_path)
 
 
 def test_ctrl_c_ends_it_in_a_line(tmp_path, capsys, monkeypatch):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from PIL import Image
 from shapely.geometry import Polygon
 
 from missions.units import Cell, GridPoint
+from tests.unit.uavmap.output.maps import empty_map, make_map
 from uavmap.output.drawing import svg
 from uavmap.output.drawing.map_scene import map_scene, map_view
 from uavmap.output.drawing.palette import STATES, TRUTH, Colour, Style, css, track_colour
@@ -20,8 +20,6 @@ from uavmap.output.drawing.scale import step_down
 from uavmap.output.drawing.scene import Cells, View
 from uavmap.output.drawing.sheet import MARGIN_PX, TITLE_PX, draw_sheet, write_sheet
 from uavmap.output.facts.map_model import MapData
-
-MapMaker = Callable[..., MapData]
 
 
 def at(image: Image.Image, data: MapData, east_m: float, north_m: float) -> Colour:
@@ -39,7 +37,8 @@ def near(colour: Colour, other: Colour, tolerance: int = 12) -> bool:
 @pytest.mark.parametrize("cell", [Cell(1, 3), Cell(4, 4), Cell(5, 5), Cell(2, -1)])
 @pytest.mark.parametrize("drift_m_s", [0.0, 0.4])
 def test_cells_have_the_colour_of_their_state(
-    cell: Cell, drift_m_s: float, make_map: MapMaker
+    cell: Cell,
+    drift_m_s: float,
 ) -> None:
     data = make_map(drift_m_s=drift_m_s)
     image = draw_sheet(map_scene(data))
@@ -49,33 +48,24 @@ def test_cells_have_the_colour_of_their_state(
     assert near(at(image, data, east_m + 1, north_m - 0.7), STATES[state])
 
 
-def test_north_is_up_and_east_is_right(make_map: MapMaker) -> None:
-    view = map_view(make_map())
-    x0, y0 = view.pixel(GridPoint(0, 0))
-    assert view.pixel(GridPoint(0, 10))[1] < y0
-    assert view.pixel(GridPoint(10, 0))[0] > x0
-
-
-def test_a_metre_is_as_long_both_ways(make_map: MapMaker) -> None:
+def test_north_is_up_and_east_is_right_at_one_scale() -> None:
     view = map_view(make_map())
     (x0, y0), (x1, y1) = view.pixel(GridPoint(0, 0)), view.pixel(GridPoint(10, -10))
     assert x1 - x0 == pytest.approx(y1 - y0)
+    assert x1 > x0
 
 
-def test_the_truth_is_drawn(make_map: MapMaker) -> None:
-    data = make_map()
-    assert near(at(draw_sheet(map_scene(data)), data, 7.0, 8.0), TRUTH, 60)  # an edge of its hole
-
-
-def test_the_track_is_drawn(make_map: MapMaker) -> None:
+def test_truth_and_track_are_drawn() -> None:
     data = make_map()
     image = draw_sheet(map_scene(data))
+    assert near(at(image, data, 7.0, 8.0), TRUTH, 60)  # an edge of its hole
     ground, track = STATES["explored"], track_colour(0)
-    colour = at(image, data, 9.0, 4.0)
-    assert abs(colour[0] - track[0]) < abs(colour[0] - ground[0])
+    red = at(image, data, 9.0, 4.0)[0]
+    assert abs(red - track[0]) < abs(red - ground[0])
 
 
-def test_cells_and_box_are_in_view(make_map: MapMaker) -> None:
+def test_cells_and_box_are_in_view() -> None:
+    assert draw_sheet(map_scene(empty_map())).size[0] > 500
     data = make_map(drift_m_s=0.4, t_s=600.0)
     view = map_view(data)
     places = [data.grid.fixed(place) for place in data.box]
@@ -85,7 +75,7 @@ def test_cells_and_box_are_in_view(make_map: MapMaker) -> None:
         assert 0 < y < view.height_px
 
 
-def test_the_same_map_gives_the_same_bytes(tmp_path: Path, make_map: MapMaker) -> None:
+def test_the_same_map_gives_the_same_bytes(tmp_path: Path) -> None:
     for name in ("a.png", "b.png"):
         write_sheet(map_scene(make_map()), tmp_path / name)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
@@ -94,16 +84,14 @@ def test_the_same_map_gives_the_same_bytes(tmp_path: Path, make_map: MapMaker) -
         assert image.size == draw_sheet(map_scene(make_map())).size
 
 
-def test_a_photograph_shows_through_cells_and_less_through_the_region(make_map: MapMaker) -> None:
+def test_a_photograph_shows_through_cells_and_less_through_the_region() -> None:
     scene = map_scene(make_map())
     view = scene.view
     photograph = np.zeros((view.height_px, view.width_px, 4), np.uint8)
     photograph[..., 3] = 255
-    image = np.asarray(draw_sheet(scene, photograph))
-    plain = np.asarray(draw_sheet(scene))
-    left, top = MARGIN_PX, TITLE_PX
-    dark = image[top : top + view.height_px, left : left + view.width_px].astype(int)
-    light = plain[top : top + view.height_px, left : left + view.width_px].astype(int)
+    box = (MARGIN_PX, TITLE_PX, MARGIN_PX + view.width_px, TITLE_PX + view.height_px)
+    sheets = (draw_sheet(scene, over) for over in (photograph, None))
+    dark, light = (np.asarray(sheet.crop(box)).astype(int) for sheet in sheets)
     for state, through in (("explored", THROUGH_OPAQUE), ("non-roi", THROUGH)):
         there = (light == STATES[state]).all(axis=2)
         assert there.any()
@@ -121,10 +109,6 @@ def test_small_cells_keep_their_share_of_a_pixel() -> None:
     assert np.abs(image[1:-1, 1:-1].astype(int) - 127).max() < 20
 
 
-def test_a_map_of_nothing_still_shows_the_box(empty_map: MapData) -> None:
-    assert draw_sheet(map_scene(empty_map)).size[0] > 500
-
-
 @pytest.mark.parametrize("longest_m", [0.03, 1.0, 7.9, 99.0, 4000.0])
 def test_scale_bars_are_round_and_fit(longest_m: float) -> None:
     length_m = step_down(longest_m)
@@ -132,7 +116,7 @@ def test_scale_bars_are_round_and_fit(longest_m: float) -> None:
     assert f"{length_m:e}"[0] in "125"
 
 
-def test_both_backends_draw_every_line_of_the_legend(make_map: MapMaker) -> None:
+def test_both_backends_draw_every_line_of_the_legend() -> None:
     data = make_map()
     data = replace(data, boundary=Polygon([(-3.1, -2.2), (14.3, 1.7), (9.9, 17.6)]))
     scene = map_scene(data)

@@ -58,67 +58,56 @@ SORTIE = [
 ]
 
 
-def test_one_sortie() -> None:
-    found = of(SORTIE)
-    assert found.distance_m == 42.0
-    assert found.flight_time_s == 40.0
-    assert found.makespan_s == 40.0
-    assert (found.sorties, found.battery_swaps) == (1, 0)
-    assert len(found.tracks[1]) == 5
-    assert found.bound_makespan_s is None
-    assert found.bound_held is None
+SWAP = [
+    BatterySwapped(1, 110.0, 25.0),
+    track(1, 120.0, 0, 0, 0.0),
+    track(1, 122.0, 0, 0, 4.0),
+    track(1, 130.0, 0, 10, 12.0),  # 10 m
+    Landed(1, 150.0, 20.0),
+]
+SECOND = [
+    connected(2, 0.5),
+    track(2, 30.0, 6, 0, 0.0),
+    track(2, 32.0, 6, 0, 6.0),
+    track(2, 60.0, 6, 30, 18.0),  # 30 m
+    Landed(2, 80.0, 10.0),
+]
+TAKEN_UP = [  # killed in flight, taken up in the air somewhere else
+    Resumed(100.0),
+    connected(1, 101.0, airborne=True, north_m=60.0),
+    track(1, 102.0, 0, 60, 12.0),
+    track(1, 110.0, 0, 50, 12.0),  # 10 m
+    Landed(1, 120.0, 10.0),
+]
+NIGHT = [Resumed(80_000.0), connected(1, 80_001.0)]  # a failsafe landed the vehicle meanwhile
 
 
-def test_a_swap_between_two_sorties_counts_into_the_makespan_only() -> None:
-    again = [
-        BatterySwapped(1, 110.0, 25.0),
-        track(1, 120.0, 0, 0, 0.0),
-        track(1, 122.0, 0, 0, 4.0),
-        track(1, 130.0, 0, 10, 12.0),  # 10 m
-        Landed(1, 150.0, 20.0),
-    ]
-    found = of([*SORTIE, *again])
-    assert found.distance_m == 52.0
-    assert found.flight_time_s == 40.0 + 30.0
-    assert found.makespan_s == 140.0
-    assert (found.sorties, found.battery_swaps) == (2, 1)
-
-
-def test_vehicles_add_up_and_the_makespan_spans_them_all() -> None:
-    second = [
-        connected(2, 0.5),
-        track(2, 30.0, 6, 0, 0.0),
-        track(2, 32.0, 6, 0, 6.0),
-        track(2, 60.0, 6, 30, 18.0),  # 30 m
-        Landed(2, 80.0, 10.0),
-    ]
-    found = of(sorted([*SORTIE, *second], key=lambda e: e.t_s), vehicles=2)
-    assert found.distance_m == 72.0
-    assert found.flight_time_s == 40.0 + 50.0
-    assert found.makespan_s == 70.0
-    assert (found.sorties, found.battery_swaps) == (2, 0)
-
-
-def test_a_way_that_nobody_saw_is_not_counted() -> None:
-    """Killed in flight, taken up in the air somewhere else."""
-    resumed = [
-        Resumed(100.0),
-        connected(1, 101.0, airborne=True, north_m=60.0),
-        track(1, 102.0, 0, 60, 12.0),
-        track(1, 110.0, 0, 50, 12.0),  # 10 m
-        Landed(1, 120.0, 10.0),
-    ]
-    found = of([*SORTIE[:-1], *resumed])
-    assert found.distance_m == 42.0 + 10.0
-    assert found.sorties == 1
-    assert found.flight_time_s == 110.0
-
-
-def test_a_night_on_the_ground_is_no_flight() -> None:
-    """Killed in flight; a failsafe landed the vehicle, and next day the mission goes on."""
-    found = of([*SORTIE[:-1], Resumed(80_000.0), connected(1, 80_001.0)])
-    assert found.flight_time_s == 30.0  # until it was last seen
-    assert found.makespan_s == 30.0
+@pytest.mark.parametrize(
+    ("events", "distance_m", "flight_s", "makespan_s", "sorties", "swaps"),
+    [
+        (SORTIE, 42.0, 40.0, 40.0, 1, 0),
+        ([*SORTIE, *SWAP], 52.0, 70.0, 140.0, 2, 1),
+        (sorted([*SORTIE, *SECOND], key=lambda e: e.t_s), 72.0, 90.0, 70.0, 2, 0),
+        ([*SORTIE[:-1], *TAKEN_UP], 52.0, 110.0, 110.0, 1, 0),
+        ([*SORTIE[:-1], *NIGHT], 42.0, 30.0, 30.0, 1, 0),  # until it was last seen
+    ],
+    ids=["one sortie", "a swap", "two vehicles", "a way that nobody saw", "a night on the ground"],
+)
+def test_a_flight_has_its_figures(
+    events: list[Event],
+    distance_m: float,
+    flight_s: float,
+    makespan_s: float,
+    sorties: int,
+    swaps: int,
+) -> None:
+    found = of(events, vehicles=max(event.vehicle for event in events if event.kind == "tracked"))
+    assert (found.distance_m, found.flight_time_s) == (distance_m, flight_s)
+    assert found.makespan_s == makespan_s
+    assert (found.sorties, found.battery_swaps) == (sorties, swaps)
+    assert (found.bound_makespan_s, found.bound_held) == (None, None)
+    assert (found.lower_bound_s, found.ratio) == (0.0, None)
+    assert len(of(SORTIE).tracks[1]) == 5
 
 
 def test_a_search_that_finds_the_region_has_a_bound() -> None:
@@ -174,11 +163,6 @@ def test_a_promise_that_is_none_in_flight_is_no_bound(strategy: str, seed: int) 
 
 def test_one_vehicle_goes_in_rounds_of_its_own() -> None:
     assert flown(5, "bfdn")[0]["bound_held"] is True
-
-
-def test_nothing_explored_has_no_ratio() -> None:
-    found = of(SORTIE)
-    assert (found.lower_bound_s, found.ratio) == (0.0, None)
 
 
 def test_who_falls_back_on_stopping_has_a_lower_bound_too(monkeypatch: pytest.MonkeyPatch) -> None:

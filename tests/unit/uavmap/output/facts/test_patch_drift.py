@@ -118,18 +118,14 @@ def test_the_drift_of_a_patch_is_found_within_its_error(
         assert not found.differs
 
 
-def test_two_patches_each_have_their_own() -> None:
+def test_two_patches_each_have_their_own_and_oil_that_spreads_does_not_drift() -> None:
     blobs = [Blob(0.0, 0.0, 70.0, 0.06, 0.02), Blob(260.0, 40.0, 50.0, -0.05, 0.03)]
-    found = measured(blobs, frames_of(blobs, [0.0, 260.0]))
-    for drift, blob in zip(found, blobs, strict=True):
+    for drift, blob in zip(measured(blobs, frames_of(blobs, [0.0, 260.0])), blobs, strict=True):
         assert drift is not None
         assert off_m_s(drift, blob) < 2.0 * drift.error_m_s
         assert drift.differs
-
-
-def test_oil_that_spreads_all_around_does_not_drift() -> None:
-    blob = Blob(0.0, 0.0, 70.0, grows_m_s=0.04)
-    (found,) = measured([blob], frames_of([blob], [0.0, 240.0]))
+    oil = Blob(0.0, 0.0, 70.0, grows_m_s=0.04)
+    (found,) = measured([oil], frames_of([oil], [0.0, 240.0]))
     assert found is not None
     assert not found.differs
 

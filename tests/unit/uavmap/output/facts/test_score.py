@@ -19,22 +19,19 @@ TRUTH = box(-2.0, -2.0, 19.0, 6.0)
 WHOLE = {Cell(column, row) for column in range(5) for row in range(2)}
 
 
-def test_a_map_without_faults() -> None:
-    result = score(WHOLE, TRUTH, GRID, [])
-    assert result.iou_cells == pytest.approx(160 / 168)
-    assert (result.cells_missed, result.roi_cells_true, result.detections) == (0, 10, 0)
-
-
-def test_cells_that_the_map_leaves_out_are_missed() -> None:
-    result = score(WHOLE - {Cell(0, 0), Cell(4, 1)}, TRUTH, GRID, [])
-    assert result.cells_missed == 2
-    assert result.iou_cells == pytest.approx(128 / 168)
-
-
-def test_cells_too_many_cost_iou_but_are_not_missed() -> None:
-    result = score(WHOLE | {Cell(9, 9)}, TRUTH, GRID, [])
-    assert result.cells_missed == 0
-    assert result.iou_cells == pytest.approx(160 / 184)
+@pytest.mark.parametrize(
+    ("cells", "missed", "iou"),
+    [
+        (WHOLE, 0, 160 / 168),
+        (WHOLE - {Cell(0, 0), Cell(4, 1)}, 2, 128 / 168),
+        (WHOLE | {Cell(9, 9)}, 0, 160 / 184),
+    ],
+    ids=["without faults", "cells left out are missed", "cells too many cost IoU"],
+)
+def test_a_map_against_the_truth(cells: set[Cell], missed: int, iou: float) -> None:
+    result = score(cells, TRUTH, GRID, [])
+    assert result.iou_cells == pytest.approx(iou)
+    assert (result.cells_missed, result.roi_cells_true, result.detections) == (missed, 10, 0)
 
 
 def test_half_a_cell_counts_as_region() -> None:

@@ -11,7 +11,7 @@ from missions.mapping.tree import Tree
 from missions.planning.stepwise import EXPLORERS
 from missions.units import Cell
 from uavmap.lab.run_film import film_of_run
-from uavmap.output.film import Film
+from uavmap.output.film.film import Film
 
 START = Cell(0, 0)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import cv2
 import numpy as np
@@ -14,8 +15,8 @@ from missions.units import Cell
 from tests.unit.uavmap.output.film.runs import small_film
 from uavmap.output.drawing.palette import HIDDEN, PAPER, STATES, track_colour
 from uavmap.output.film import film_writers as writers
-from uavmap.output.film import write_film
 from uavmap.output.film.film import FPS, HOLD_S, Change, Film, Fix, Place, Reel, Unit
+from uavmap.output.film.film_writers import write_film
 from uavmap.output.film.stage import Stage
 
 
@@ -115,16 +116,8 @@ def test_on_the_ground_a_disc_is_hollow():
 
 
 def test_the_start_drifts_away_from_the_cells():
-    film = Film(
-        "",
-        Unit.SECONDS,
-        3.0,
-        frozenset({Cell(0, 0)}),
-        (),
-        {},
-        Place(0.0, 0.0),
-        Place(2.0, 0.0),
-    )
+    start, drift = Place(0.0, 0.0), Place(2.0, 0.0)
+    film = Film("", Unit.SECONDS, 3.0, frozenset({Cell(0, 0)}), (), {}, start, drift)
     stage = Stage(film)
     first, last = stage.frames([0.0, 3.0])
     assert at(stage, last, Place(0.0, 0.0)) == HIDDEN
@@ -175,16 +168,8 @@ def test_a_disk_that_does_not_take_it_is_said(tmp_path, monkeypatch):
 
 
 def test_a_missing_codec_is_said(tmp_path, monkeypatch):
-    class Mute:
-        fourcc = staticmethod(cv2.VideoWriter.fourcc)
-
-        def __init__(self, *_: object) -> None:
-            pass
-
-        def isOpened(self) -> bool:  # noqa: N802
-            return False
-
-    monkeypatch.setattr(writers.cv2, "VideoWriter", Mute)
+    monkeypatch.setattr(writers.cv2, "VideoWriter", MagicMock())
+    writers.cv2.VideoWriter.return_value.isOpened.return_value = False
     with pytest.raises(OutputError, match=r"mp4v is missing.*\.gif"):
         write_film(small_film(cells=4), tmp_path / "film.mp4", silent)
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 import io
 import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -18,57 +18,30 @@ from missions.events import Crashed, Event, from_json
 from missions.units import GridPoint, LatLon, Pose, Quaternion
 from tests.golden.recording import STOPS
 from uavmap.journal.kept_frames import FrameKeeper, KeptFrame
-from uavmap.output.film import film_of_flight
+from uavmap.output.film.flight_film import film_of_flight
 from uavmap.output.film.rerun_recording import write_recording
 
 DOWN = Quaternion.from_euler(0.0, -np.pi / 2, 0.0)
 UP = Quaternion.from_euler(0.0, np.pi / 2, 0.0)
 
 
-class Stream:
-    """Notes a pair for what is logged: the mission time, or None, and the path."""
-
-    def __init__(self, name: str, recording_id: str) -> None:
-        self.time_s: float | None = None
-        self.logged: list[tuple[float | None, str]] = []
-        self.closed = False
-
-    def save(self, path: str) -> None:
-        if not Path(path).parent.is_dir():
-            raise RuntimeError("no such folder")
-
-    def set_time(self, timeline: str, duration: float) -> None:
-        self.time_s = duration
-
-    def reset_time(self) -> None:
-        self.time_s = None
-
-    def log(self, path: str, what: object, static: bool = False) -> None:
-        self.logged.append((self.time_s, path))
-
-    def flush(self) -> None: ...
-
-    def disconnect(self) -> None:
-        self.closed = True
-
-
 @pytest.fixture
-def streams(monkeypatch: pytest.MonkeyPatch) -> list[Stream]:
-    """The streams that the SDK's stand-in has opened."""
-    opened: list[Stream] = []
+def stream(monkeypatch: pytest.MonkeyPatch) -> MagicMock:
+    """The stream of a stand-in for the SDK."""
+    sdk = MagicMock()
+    monkeypatch.setitem(sys.modules, "rerun", sdk)
+    return sdk.RecordingStream.return_value  # type: ignore[no-any-return]
 
-    class Sdk(ModuleType):
-        ViewCoordinates = type("ViewCoordinates", (), {"RIGHT_HAND_Z_UP": None, "FRD": None})
 
-        def RecordingStream(self, *some: Any, **more: Any) -> Stream:  # noqa: N802 - the SDK's
-            opened.append(Stream(*some, **more))
-            return opened[-1]
-
-        def __getattr__(self, name: str) -> Any:
-            return lambda *some, **more: None
-
-    monkeypatch.setitem(sys.modules, "rerun", Sdk("rerun"))
-    return opened
+def logged(stream: MagicMock) -> list[tuple[float | None, str]]:
+    """Mission time, or None, and path of all that was logged."""
+    found, time_s = list[tuple[float | None, str]](), None
+    for name, args, options in stream.method_calls:
+        if name in ("set_time", "reset_time"):
+            time_s = options.get("duration")
+        elif name == "log":
+            found.append((time_s, args[0]))
+    return found
 
 
 def flight() -> tuple[list[Event], Any]:
@@ -78,7 +51,7 @@ def flight() -> tuple[list[Event], Any]:
 
 
 def test_write_recording_flight_with_frames_logs_each_on_the_timeline(
-    streams: list[Stream], tmp_path: Path
+    stream: MagicMock, tmp_path: Path
 ) -> None:
     events, film = flight()
     png = io.BytesIO()
@@ -90,24 +63,24 @@ def test_write_recording_flight_with_frames_logs_each_on_the_timeline(
         keeper.keep(KeptFrame("", 1, t_s, Pose(LatLon(47.3, 8.5), 12.0, attitude), 80.0), picture)
     crash = Crashed(1, events[-1].t_s, GridPoint(0.0, 0.0), "tilted")
     write_recording(tmp_path / "f.rrd", film, [*events, crash], STOPS.setting().grid, tmp_path)
-    (stream,) = streams
-    assert stream.closed
-    paths = {path for _, path in stream.logged}
+    stream.disconnect.assert_called_once()
+    paths = {path for _, path in logged(stream)}
     assert paths == {
         "/", "/log", "/vehicles/1", "/vehicles/1/battery_wh", "/vehicles/1/frame",
         "/vehicles/1/frame/picture", "/vehicles/1/footprint", "/vehicles/1/track",
         "/region/cells", "/region/tree",
     }  # fmt: skip
-    frames = [t_s for t_s, path in stream.logged if path == "/vehicles/1/frame"]
+    frames = [t_s for t_s, path in logged(stream) if path == "/vehicles/1/frame"]
     assert frames == [5.0, 6.0]
-    assert (None, "/vehicles/1/track") in stream.logged
-    cells = [t_s or 0.0 for t_s, path in stream.logged if path == "/region/cells"]
+    assert (None, "/vehicles/1/track") in logged(stream)
+    cells = [t_s or 0.0 for t_s, path in logged(stream) if path == "/region/cells"]
     assert cells == sorted(cells)
 
 
 def test_write_recording_folder_is_missing_raises_output_error(
-    streams: list[Stream], tmp_path: Path
+    stream: MagicMock, tmp_path: Path
 ) -> None:
     events, film = flight()
+    stream.save.side_effect = RuntimeError("no such folder")
     with pytest.raises(OutputError, match="no such folder"):
         write_recording(tmp_path / "no" / "f.rrd", film, events, STOPS.setting().grid, tmp_path)

@@ -17,12 +17,12 @@ from missions.mapping.tree import Tree, Vertex
 from missions.units import Cell
 from tests.unit.uavmap.output.film.runs import START, explored, small_roi, tree_until
 from uavmap.output.drawing.palette import STATES
-from uavmap.output.film import draw_tree
 from uavmap.output.film.tree_picture import (
     BACKBONE,
     HEAD_PX,
     MARGIN_PX,
     backbone,
+    draw_tree,
     ribs,
     spread,
     tree_shapes,

@@ -8,7 +8,7 @@ import io
 import json
 import sqlite3
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +25,10 @@ from shapely.geometry.base import BaseGeometry
 from missions.units import LatLon
 from tests.golden.recording import STOPS
 from tests.unit.uavmap.output.flown_folders import EVENTS, PLAN, folder_of, keep_frames, named
+from tests.unit.uavmap.output.maps import empty_map, make_map
 from uavmap.base.version import __version__
 from uavmap.load.areas.reading import read_area_file
+from uavmap.output.documents import FORMATS, files_of
 from uavmap.output.drawing.palette import STATES
 from uavmap.output.facts.calendar import Calendar
 from uavmap.output.facts.flight_log import FlightLog
@@ -35,14 +37,13 @@ from uavmap.output.facts.map_model import MapData
 from uavmap.output.formats import geojson_encoder as geojson
 from uavmap.output.formats import kml_encoder as kml
 from uavmap.output.formats import qgis_style
-from uavmap.output.formats.exports import FORMATS, files_of
 from uavmap.output.formats.geopackage_layers import APPLICATION_ID
+from uavmap.output.formats.layers import Layer
 from uavmap.output.formats.map_layers import layers
 from uavmap.output.report.page import encode
 from uavmap.output.results_reading import flown_of
 from uavmap.ui.cli import main
 
-MapMaker = Callable[..., MapData]
 AREA_M2 = 96.0
 SCALE = 0.9996
 LAYERS = ["region", "cells", "tracks", "track_points", "frames", "fence", "places"]
@@ -159,28 +160,24 @@ def test_the_same_flight_gives_the_same_bytes(kind: str, folder: Path, flown: Fl
     assert files_of(flown, kind) == files_of(flown_of(folder), kind)
 
 
-def test_kept_frames_tell_their_names_and_places(tmp_path: Path) -> None:
-    folder = folder_of(tmp_path)
-    keep_frames(folder)
-    (frames,) = (layer for layer in layers(flown_of(folder)) if layer.name == "frames")
-    assert set(frames.columns()["place_by"]) == {"pose"}
-    assert frames.columns()["picture"][0] == "1-000018.650.jpg"
-    bare = flown_of(folder_of(tmp_path / "without"))
-    (others,) = (layer for layer in layers(bare) if layer.name == "frames")
-    assert set(others.columns()["place_by"]) == {"telemetry"}
-    assert len(others.rows) == len(frames.rows) == 34
+def frames_in(flown: Flown) -> Layer:
+    (frames,) = (layer for layer in layers(flown) if layer.name == "frames")
+    return frames
 
 
-def test_a_place_that_is_none_is_left_out(tmp_path: Path) -> None:
+def test_kept_frames_have_names_and_places_but_for_places_that_are_none(tmp_path: Path) -> None:
     folder = folder_of(tmp_path)
     keep_frames(folder)
+    frames, bare = frames_in(flown_of(folder)), frames_in(flown_of(folder_of(tmp_path / "without")))
+    assert set(frames.column("place_by")) == {"pose"}
+    assert frames.column("picture")[0] == "1-000018.650.jpg"
+    assert set(bare.column("place_by")) == {"telemetry"}
+    assert len(bare.rows) == len(frames.rows) == 34
     poses = folder / "frames" / "poses.csv"
     for bad in ("nan", "inf", "-1e300", "91"):
-        text = poses.read_text("utf-8").replace("47.30011000", bad, 3)
-        poses.write_text(text, "utf-8")
+        poses.write_text(poses.read_text("utf-8").replace("47.30011000", bad, 3), "utf-8")
     flown = flown_of(folder)
-    (frames,) = (layer for layer in layers(flown) if layer.name == "frames")
-    assert frames.columns()["place_by"].count("telemetry") == 12
+    assert frames_in(flown).column("place_by").count("telemetry") == 12
     for kind in FORMATS:
         files_of(flown, kind)
     assert encode(flown)
@@ -201,9 +198,7 @@ def test_kml_is_valid_against_the_schema_of_the_ogc(
     assert fastkml.KML.parse(file).features
 
 
-def test_the_map_of_a_flight_is_valid_kml_too(
-    make_map: MapMaker, schema: lxml.etree.XMLSchema
-) -> None:
+def test_the_map_of_a_flight_is_valid_kml_too(schema: lxml.etree.XMLSchema) -> None:
     schema.assertValid(lxml.etree.fromstring(kml.encode_map(make_map())))
 
 
@@ -276,7 +271,7 @@ def test_geojson_has_a_file_a_layer_by_the_rfc(folder: Path, tmp_path: Path) -> 
 
 
 def test_holes_the_south_and_the_date_line_keep_the_rules(
-    make_map: MapMaker, tmp_path: Path, schema: lxml.etree.XMLSchema
+    tmp_path: Path, schema: lxml.etree.XMLSchema
 ) -> None:
     data = make_map(start=LatLon(-17.0, 179.9994), drift_m_s=0.5)
     there = flown_at(data, tmp_path)
@@ -305,8 +300,8 @@ def test_holes_the_south_and_the_date_line_keep_the_rules(
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-def test_a_map_of_nothing_has_files_too(kind: str, empty_map: MapData, tmp_path: Path) -> None:
-    files = files_of(flown_at(empty_map, tmp_path), kind)
+def test_a_map_of_nothing_has_files_too(kind: str, tmp_path: Path) -> None:
+    files = files_of(flown_at(empty_map(), tmp_path), kind)
     assert all(files.values())
     if kind == "gpkg":
         (tmp_path / "nothing.gpkg").write_bytes(files["map.gpkg"])

@@ -25,11 +25,11 @@ from tests.unit.uavmap.output.flown_folders import (
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.output import documents
-from uavmap.output.documents import REPORT, with_documents, write_documents
+from uavmap.output.documents import REPORT, write_documents
 from uavmap.output.facts.score import true_roi
 from uavmap.output.report.page import encode
 from uavmap.output.results_reading import flown_of
-from uavmap.output.write_results import write_results
+from uavmap.output.write_results import flown_flight, write_results
 from uavmap.ui.cli import main
 
 VOID = {"meta", "img"}
@@ -68,7 +68,9 @@ class Page(HTMLParser):
         return " ".join(" ".join(self.words).split())
 
 
-def page_of(folder: Path) -> Page:
+def report_of(folder: Path) -> Page:
+    """The page that the command writes."""
+    assert main(["report", str(folder)]) == 0
     page = Page((folder / REPORT).read_text("utf-8"))
     assert not page.open
     return page
@@ -76,8 +78,7 @@ def page_of(folder: Path) -> Page:
 
 def test_the_report_of_a_flight_has_what_a_customer_asks_for(tmp_path: Path) -> None:
     folder = folder_of(tmp_path)
-    assert main(["report", str(folder)]) == 0
-    text = page_of(folder).text
+    text = report_of(folder).text
     for said in (
         "golden",
         "Complete: a region of 6 cells",
@@ -110,7 +111,7 @@ def test_the_timeline_has_each_sortie_with_its_charge_and_the_fresh_battery(tmp_
     assert (first.number, second.number, vehicle) == (1, 2, 1)
     assert first.end_s < swapped_s < second.start_s
     assert first.ended
-    assert main(["report", str(folder)]) == 0
+    report_of(folder)
     page = (folder / REPORT).read_text("utf-8")
     (drawing,) = re.findall(r'<svg[^>]*aria-label="timeline">.*?</svg>', page, re.DOTALL)
     assert drawing.count("fill-opacity") == 2
@@ -123,8 +124,7 @@ def test_the_timeline_has_each_sortie_with_its_charge_and_the_fresh_battery(tmp_
 def test_the_page_loads_nothing_and_runs_nothing(tmp_path: Path) -> None:
     folder = folder_of(tmp_path)
     keep_frames(folder)
-    assert main(["report", str(folder)]) == 0
-    page = page_of(folder)
+    page = report_of(folder)
     assert not {"script", "link", "iframe", "object", "base", "form"} & set(page.tags)
     for name, value in page.attributes:
         assert not name.startswith("on")
@@ -141,8 +141,7 @@ def test_words_from_outside_are_words(tmp_path: Path) -> None:
     keep_frames(folder)
     poses = folder / "frames" / "poses.csv"
     poses.write_text(poses.read_text("utf-8").replace(".jpg,", '"">.jpg,'), "utf-8")
-    assert main(["report", str(folder)]) == 0
-    page = page_of(folder)
+    page = report_of(folder)
     assert "script" not in page.tags
     assert "img" not in page.tags  # none of the frames has such a name
     assert EVIL.replace("  ", " ") in page.text
@@ -161,8 +160,7 @@ def test_frames_that_are_gone_or_none_are_left_out(tmp_path: Path) -> None:
         path.rename(outside) if number % 3 == 0 else path.write_bytes(b"\xff\xd8 cut short")
     poses = folder / "frames" / "poses.csv"
     poses.write_text(re.sub(r"^1-[^,]*", "../../secret.jpg", poses.read_text("utf-8"), flags=re.M))
-    assert main(["report", str(folder)]) == 0
-    assert "img" not in page_of(folder).tags
+    assert "img" not in report_of(folder).tags
 
 
 def test_an_interrupted_flight_has_a_report_that_says_so(
@@ -170,17 +168,15 @@ def test_an_interrupted_flight_has_a_report_that_says_so(
 ) -> None:
     middle = next(i for i, event in enumerate(EVENTS) if event.t_s > 50.0)
     folder = folder_of(tmp_path, EVENTS[:middle])
-    assert main(["report", str(folder)]) == 0
+    text = report_of(folder).text
     assert "the mission is not complete; this is its map so far" in capsys.readouterr().err
-    text = page_of(folder).text
     assert "Not complete: a region of" in text
     assert "no landing known" in text
 
 
 def test_a_journal_without_an_event_has_a_report(tmp_path: Path) -> None:
     folder = folder_of(tmp_path, [])
-    assert main(["report", str(folder)]) == 0
-    assert "Not complete: no region found in 0 judged frames" in page_of(folder).text
+    assert "Not complete: no region found in 0 judged frames" in report_of(folder).text
 
 
 def test_journal_that_cannot_be_locked_or_written_is_exported(tmp_path: Path) -> None:
@@ -229,15 +225,12 @@ def test_a_report_elsewhere_overwrites_nothing(
 
 def test_the_report_made_anew_is_that_of_the_flight(tmp_path: Path) -> None:
     """Byte for byte, and the GeoPackage, too."""
-    folder = folder_of(tmp_path, truth={"min_separation_m": None, "fence_breaches": 0})
+    truth = {"min_separation_m": None, "fence_breaches": 0}
+    folder = folder_of(tmp_path, truth=truth)
     setting = STOPS.setting()
     told: list[str] = []
-    calendar, also = with_documents(folder, PLAN, setting, EVENTS, told.append)
-    truth, roi = (
-        {"min_separation_m": None, "fence_breaches": 0},
-        true_roi(setting.mission, setting.grid),
-    )
-    values = write_results(folder, setting, EVENTS, STOPS.seed, truth, roi, calendar, also)
+    flown, _ = flown_flight(folder, PLAN, setting, EVENTS, truth)
+    values = write_results(flown, told.append)
     assert not told
     report, package = (folder / REPORT).read_bytes(), (folder / "map.gpkg").read_bytes()
     assert encode(flown_of(folder)) == report
@@ -247,7 +240,8 @@ def test_the_report_made_anew_is_that_of_the_flight(tmp_path: Path) -> None:
     assert kept == json.loads(json.dumps(values))
     assert (kept["area_m2"], kept["perimeter_m"], kept["crs"]) == (96.0, 40.0, "EPSG:32632")
     assert kept["begun_utc"] == "2020-01-01T00:00:00.000Z"
-    assert kept["ended_utc"] == calendar.utc(EVENTS[-1].t_s)
+    assert kept["ended_utc"] == flown.calendar.utc(EVENTS[-1].t_s)
+    roi = true_roi(setting.mission, setting.grid)
     assert kept["area_low_m2"] <= roi.area <= kept["area_high_m2"]
 
 
@@ -256,13 +250,13 @@ def test_a_full_disk_costs_the_page_and_never_the_map(
 ) -> None:
     folder = folder_of(tmp_path)
     told: list[str] = []
-    _, also = with_documents(folder, PLAN, STOPS.setting(), EVENTS, told.append)
+    flown, _ = flown_flight(folder, PLAN, STOPS.setting(), EVENTS)
 
     def full(path: Path, data: bytes) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(documents, "write_bytes", full)
-    write_results(folder, STOPS.setting(), EVENTS, STOPS.seed, also=also)
+    write_results(flown, told.append)
     assert [line.partition(": ")[0] for line in told] == [
         str(folder / "map.gpkg"),
         str(folder / "report.html"),

@@ -21,7 +21,7 @@ from missions.units import LatLon, Pose, Quaternion
 from tests.support.photographs import write_photo
 from tests.unit.uavmap.photos.sources.test_replay_robust import MISSION, shot
 from uavmap.journal.kept_frames import WAITING, FrameKeeper, KeptFrame, read_kept
-from uavmap.output.facts.boundary_summary import FILE
+from uavmap.output.facts.boundary_model import FILE
 from uavmap.photos.registration.calibration import read_calibration
 from uavmap.photos.sources.geo_txt import read_geo_file
 from uavmap.photos.sources.inventory import gather, open_source

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-import pytest
 from shapely.geometry import Polygon, box
 
 from missions.geo.grid import Grid
@@ -32,7 +29,7 @@ def _state(cell: Cell) -> State:
     return "under exploration" if cell == Cell(4, 4) else "explored"
 
 
-def build(
+def make_map(
     *, start: LatLon = START, drift_m_s: float = 0.0, toward_deg: float = 90.0, t_s: float = 100.0
 ) -> MapData:
     grid = Grid.at(start, 4.0, drift_m_s, toward_deg)
@@ -66,14 +63,7 @@ def build(
     )
 
 
-@pytest.fixture
-def make_map() -> Callable[..., MapData]:
-    """Builds the map; keywords as of `build`."""
-    return build
-
-
-@pytest.fixture
 def empty_map() -> MapData:
     """A map without cells, tracks or truth."""
-    full = build()
+    full = make_map()
     return MapData("empty", full.grid, 0.0, (), (), full.start, full.box, full.fence)

@@ -1,0 +1,172 @@
+"""map.geojson and map.kml, read back with json, shapely and an XML parser."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import shapely
+from pyproj import Geod
+from shapely.geometry import MultiPolygon, shape
+
+from missions.units import Cell, GridPoint
+from tests.unit.uavmap.output.maps import empty_map, make_map
+from uavmap.output.drawing.map_scene import map_scene
+from uavmap.output.drawing.palette import STATES
+from uavmap.output.drawing.sheet import draw_sheet
+from uavmap.output.facts.map_model import MapData
+from uavmap.output.formats import geojson_encoder as geojson
+from uavmap.output.formats import kml_encoder as kml
+
+GEOD = Geod(ellps="WGS84")
+NS = {"k": kml.NAMESPACE}
+DATE = "2024-05-01T10:11:12.000Z"
+
+
+def read(data: MapData, utc: str | None = None) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(geojson.encode_map(data, utc))
+    return found
+
+
+def of_kind(found: dict[str, Any], kind: str) -> list[dict[str, Any]]:
+    return [f for f in found["features"] if f["properties"]["kind"] == kind]
+
+
+def read_kml(data: MapData) -> ET.Element:
+    return ET.fromstring(kml.encode_map(data))
+
+
+def folder(root: ET.Element, name: str) -> ET.Element:
+    (found,) = [f for f in root.iter(f"{{{kml.NAMESPACE}}}Folder") if f[0].text == name]
+    return found
+
+
+def places(element: ET.Element) -> list[tuple[float, ...]]:
+    text = element.findtext(".//k:coordinates", namespaces=NS) or ""
+    return [tuple(map(float, place.split(","))) for place in text.split()]
+
+
+# --- GeoJSON -------------------------------------------------------------------------------------
+def test_every_geometry_is_valid_with_longitudes_first_and_seven_decimals() -> None:
+    found = read(make_map())
+    assert found["type"] == "FeatureCollection"
+    assert len(found["features"]) == len(make_map().cells) + 2
+    for feature in found["features"]:
+        assert feature["type"] == "Feature"
+        geometry = shape(feature["geometry"])
+        assert geometry.is_valid
+        assert geometry.bounds == pytest.approx((9.53, 47.6, 9.53, 47.6), abs=0.001)
+        for lon, *_ in shapely.get_coordinates(geometry).tolist():
+            assert lon == round(lon, 7)
+
+
+def test_the_outline_is_the_union_with_its_hole() -> None:
+    (outline,) = of_kind(read(make_map()), "outline")
+    region = shape(outline["geometry"])
+    assert isinstance(region, MultiPolygon)
+    assert sorted(len(part.interiors) for part in region.geoms) == [0, 1]
+    cells = 24
+    assert outline["properties"]["area_m2"] == cells * 16.0
+    area_m2, _ = GEOD.geometry_area_perimeter(region)
+    assert area_m2 == pytest.approx(cells * 16.0, rel=1e-3)
+
+
+def test_a_cell_has_its_votes_and_lies_where_the_grid_says() -> None:
+    data = make_map()
+    cells = {f["id"]: f for f in of_kind(read(data), "cell")}
+    assert cells["cell 5 5"]["properties"] == {
+        "kind": "cell", "column": 5, "row": 5, "state": "unexplored", "positive": 4, "votes": 5,
+    }  # fmt: skip
+    centre = shape(cells["cell 3 1"]["geometry"]).centroid
+    place = data.grid.centre(Cell(3, 1), data.t_s)
+    assert (centre.x, centre.y) == pytest.approx((place.lon_deg, place.lat_deg), abs=1e-7)
+
+
+def test_a_drifting_map_is_drawn_where_the_region_is() -> None:
+    still, drifting = (read(make_map(drift_m_s=v))["features"][0] for v in (0.0, 0.4))
+    a, b = (shape(f["geometry"]).centroid for f in (still, drifting))
+    bearing_deg, _, distance_m = GEOD.inv(a.x, a.y, b.x, b.y)
+    assert distance_m == pytest.approx(40.0, abs=0.05)
+    assert bearing_deg == pytest.approx(90.0, abs=0.1)
+
+
+def test_tracks_have_heights_and_times() -> None:
+    found = read(make_map())
+    (track,) = of_kind(found, "track")
+    assert found["bbox"][2::3] == [12.0, 16.0]
+    assert [place[2] for place in track["geometry"]["coordinates"]] == [12, 13, 14, 15, 16]
+    assert (track["properties"]["start_s"], track["properties"]["end_s"]) == (0.0, 100.0)
+
+
+def test_written_whole_and_dated_where_the_date_is_known(tmp_path: Path) -> None:
+    path = tmp_path / "map.geojson"
+    path.write_text("old")
+    geojson.write(make_map(), path)
+    assert path.read_text() == geojson.encode_map(make_map())
+    assert [p.name for p in tmp_path.iterdir()] == ["map.geojson"]
+    assert "utc" not in path.read_text()
+    found = read(make_map(), DATE)  # a region that drifts is somewhere else by now
+    assert found["utc"] == of_kind(found, "outline")[0]["properties"]["utc"] == DATE
+
+
+# --- KML -----------------------------------------------------------------------------------------
+def test_a_folder_for_every_state_that_occurs() -> None:
+    root = read_kml(make_map())
+    assert root.findtext("k:Document/k:name", namespaces=NS) == "test <map> & more"
+    states = folder(root, "Cells").findall("k:Folder", NS)
+    counts = {f[0].text: len(f.findall("k:Placemark", NS)) for f in states}
+    assert counts == {"explored": 22, "under exploration": 1, "unexplored": 1, "non-roi": 5}
+
+
+def test_every_style_is_defined_with_colours_backwards() -> None:
+    root = read_kml(make_map())
+    used = {e.text for e in root.iter(f"{{{kml.NAMESPACE}}}styleUrl")}
+    assert used <= {"#" + e.attrib["id"] for e in root.iter(f"{{{kml.NAMESPACE}}}Style")}
+    (style,) = root.findall(".//k:Style[@id='explored']", NS)
+    red, green, blue = STATES["explored"]
+    colour = style.findtext("k:LineStyle/k:color", namespaces=NS)
+    assert colour == f"ff{blue:02x}{green:02x}{red:02x}"
+
+
+def test_the_outline_has_a_hole_and_closed_rings_and_tracks_fly_above_ground() -> None:
+    root = read_kml(make_map())
+    outline, tracks = folder(root, "Outline"), folder(root, "Tracks")
+    assert len(outline.findall(".//k:Polygon", NS)) == 2
+    assert len(outline.findall(".//k:innerBoundaryIs", NS)) == 1
+    for ring in outline.iter(f"{{{kml.NAMESPACE}}}LinearRing"):
+        corners = places(ring)
+        assert corners[0] == corners[-1]
+        assert all(lon == pytest.approx(9.53, abs=0.001) for lon, _ in corners)
+    assert tracks.findtext(".//k:altitudeMode", namespaces=NS) == "relativeToGround"
+    assert [height_m for _, _, height_m in places(tracks)] == [12, 13, 14, 15, 16]
+
+
+# --- both ----------------------------------------------------------------------------------------
+def test_a_map_of_nothing() -> None:
+    found = read(empty_map())
+    (outline,) = found["features"]
+    assert outline["geometry"] is None
+    assert outline["properties"]["area_m2"] == 0
+    assert "bbox" not in found
+    root = read_kml(empty_map())
+    assert len(root.findall(".//k:Folder", NS)) == 3
+    assert not root.findall(".//k:Placemark", NS)
+
+
+def test_ground_that_nobody_judged_is_in_every_map_and_in_none_without_any() -> None:
+    full = make_map()
+    start, end = (full.grid.position(GridPoint(east_m, 4.0)) for east_m in (0.0, 20.0))
+    gap = replace(full, unsearched=((start, end),))
+    assert not of_kind(read(full), "unsearched")
+    (line,) = of_kind(read(gap), "unsearched")
+    assert (line["id"], line["geometry"]["type"]) == ("unsearched 1", "LineString")
+    assert line["geometry"]["coordinates"][0] == [round(start.lon_deg, 7), round(start.lat_deg, 7)]
+    assert b"Not searched" not in kml.encode_map(full)
+    assert kml.encode_map(gap).count(b"without a judged frame") == 1
+    texts = [entry.text for entry in map_scene(gap).legend]
+    assert "search lane without a judged frame" in texts
+    assert draw_sheet(map_scene(full)) != draw_sheet(map_scene(gap))
