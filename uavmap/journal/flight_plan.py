@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
-from typing import Any, Final, Protocol, Self
+from typing import Any, Final, Self
 
 from pydantic import TypeAdapter
 
@@ -17,7 +16,7 @@ from missions.mission.checks import FLOWN, STRATEGIES, check
 from missions.mission.fleet_checks import check_fleet, with_own_air, with_vehicles
 from missions.mission.schema import Mission
 from uavmap.base.version import __version__
-from uavmap.journal.event_log import PLAN
+from uavmap.journal.event_log import PLAN, JournalReader
 from uavmap.journal.flight_options import FlightOptions
 from uavmap.load.kept_detector import with_kept_detector
 from uavmap.load.planner_setup import ready_planner, tell_if_uncompiled
@@ -28,20 +27,6 @@ REHOMED: Final = "rehomed"
 """In the journal's meta: whether the simulated aircraft were put at home after the start."""
 SIM_EPOCH_UTC_S: Final = 1577836800.0
 """Simulated flights begin on 2020-01-01, so that equal flights have equal logs."""
-
-
-class HasMeta(Protocol):
-    """What is needed of a journal to read its plan."""
-
-    @property
-    def path(self) -> Path:
-        """Where it lies."""
-        ...
-
-    @property
-    def meta(self) -> Mapping[str, Any]:
-        """What the mission was started with."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,7 +133,7 @@ class FlightPlan(FlightOptions):
         return values
 
     @classmethod
-    def read(cls, journal: HasMeta) -> FlightPlan:
+    def read(cls, journal: JournalReader) -> FlightPlan:
         """The plan that a journal was begun with. Raises `JournalError`."""
         meta, path = journal.meta, journal.path
         try:
