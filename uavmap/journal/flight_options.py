@@ -16,6 +16,8 @@ PYMAVLINK: Final = "pymavlink"
 MAVSDK: Final = "mavsdk"
 DRIVERS: Final[tuple[Driver, ...]] = (PYMAVLINK, MAVSDK)
 """Drivers that speak MAVLink: this program with pymavlink's codec, or MAVSDK."""
+KEY_VARIABLE: Final = "UAVMAP_KEY_FILE"
+"""Environment variable with the file of the signing key, where none is given."""
 RANGES: Final[Mapping[str, tuple[float, float]]] = MappingProxyType(
     {"vehicles": (1, MAX_VEHICLES), "seed": (0, 2**63 - 1), "speedup": (0.001, 1000.0)}
 )

@@ -15,7 +15,13 @@ from missions.errors import UavmapError
 from uavmap.base.arguments import Paths, choice, path_text, texts
 from uavmap.base.messages import muted, shown_on
 from uavmap.base.terminal import Terminal
-from uavmap.journal.flight_options import DRIVERS, PYMAVLINK, Driver, FlightOptions
+from uavmap.journal.flight_options import (
+    DRIVERS,
+    KEY_VARIABLE,
+    PYMAVLINK,
+    Driver,
+    FlightOptions,
+)
 from uavmap.journal.results_folder import results_folder
 from uavmap.photos.after_flight import draw_boundary, kept_frames
 from uavmap.runner import flight
@@ -32,7 +38,6 @@ from uavmap.ui.api.results import Results, open_results
 
 P = ParamSpec("P")
 _LOG: Final = logging.getLogger("uavmap.flight")
-KEY_VARIABLE: Final = "UAVMAP_KEY_FILE"
 _AS_GIVEN: Final = (
     *("vehicles", "strategy", "all_strategies", "seed", "speedup", "auto_swap", "driver"),
     "onboard",

@@ -1,7 +1,8 @@
 """Every option of the commands that fly, declared once; also of those that share options with them.
 
-It makes the parsers' options, `FlightOptions` (`field`), the parameters of `uavmap.fly` (`python`),
-which a test holds equal, and the page of reference: `python -m uavmap.ui.cli.option_table`.
+It makes the parsers' options, `FlightOptions` (`field`), the parameters of `uavmap.fly` and
+`uavmap.resume` (`python`), which a test holds equal, and the page of reference:
+`python -m uavmap.ui.cli.option_table`.
 """
 
 from __future__ import annotations
@@ -14,16 +15,17 @@ from typing import Any, Final
 from missions.mission import fleet_checks
 from missions.mission.checks import FLOWN
 from uavmap.aircraft.cameras.spec import HELP as CAMERAS
-from uavmap.journal.flight_options import DRIVERS, PYMAVLINK, RANGES
+from uavmap.journal.flight_options import DRIVERS, KEY_VARIABLE, PYMAVLINK, RANGES
 from uavmap.load.mission_source import shipped_missions
 from uavmap.ui.cli.common import number_type
 from uavmap.ui.page.address import LOOPBACK, PORT
 
-KEY_VARIABLE: Final = "UAVMAP_KEY_FILE"
 FLEET_KEY_VARIABLE: Final = "UAVMAP_FLEET_KEY_FILE"
 _PORTS: Final = (0, 65535)
 _FLIES: Final = ("fly", "onboard")
 _LINKED: Final = ("fly", "onboard", "resume")
+IN_PYTHON: Final = ("fly", "resume")
+"""Commands that Python has as functions of their names."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +46,7 @@ class Option:
         required: Whether it has to be given.
         group: Options of one group exclude each other.
         field: What it is in `FlightOptions`.
-        python: Whether `uavmap.fly` has a parameter of its name.
+        python: Whether `uavmap.fly` or `uavmap.resume` has a parameter of its name.
     """
 
     name: str
@@ -209,7 +211,7 @@ TABLE: Final = (
         },
     ),
     Option(
-        name="--driver", choices=DRIVERS, commands=("resume",),
+        name="--driver", choices=DRIVERS, commands=("resume",), python=True,
         help="what speaks MAVLink from now on (default: as before)",
     ),
     Option(
@@ -255,11 +257,11 @@ TABLE: Final = (
         help="keep every picture with its pose in the results, for `uavmap replay`",
     ),
     Option(
-        name="--from-home", commands=("resume",),
+        name="--from-home", commands=("resume",), python=True,
         help="simulation: put the aircraft at home with full batteries instead of where they were",
     ),
     Option(
-        name="--recall", commands=("resume",),
+        name="--recall", commands=("resume",), python=True,
         help="only bring home the vehicles in the air; no vehicle takes off, so none needs a "
         "person beside it",
     ),
@@ -336,14 +338,14 @@ def _page() -> Iterator[str]:
     yield ""
     yield "<!-- made by: python -m uavmap.ui.cli.option_table > docs/options.md -->"
     yield ""
-    yield "The options of the commands that fly. `uavmap.fly` has those marked with * as"
-    yield "parameters, with underscores for dashes; see [Python](python.md)."
+    yield "The options of the commands that fly. `uavmap.fly` and `uavmap.resume` have those marked"
+    yield "with * as parameters, with underscores for dashes; see [Python](python.md)."
     for command in _LINKED:
         yield ""
         yield f"## `uavmap {command}`"
         yield ""
         for option in options_of(command):
-            star = "*" if option.python and command == "fly" else ""
+            star = "*" if option.python and command in IN_PYTHON else ""
             value = option.metavar or "|".join(option.choices or ())
             shown = f"[{value}]" if option.const is not None else value
             written = f"{option.name} {shown}".strip() if option.name.startswith("--") else shown
