@@ -54,7 +54,7 @@ MAX_ROBOTS: Final = 1000
 _SUMMARY: Final = "summary.json"
 _CELLS, _COUNT, _SEED = 120, 1, 1
 
-_EXAMPLES = """\
+EXAMPLES: Final = """\
 examples:
   uavmap simulate --generate eden --cells 120 --count 10 --robots 4
   uavmap simulate --roi rois.json --strategy rdfs,rdfs-paper --robots 8 --json
@@ -76,15 +76,11 @@ which V cells are flown. swath and survey do not stop over cells: their times ar
 their speed and cells are in metres. wall_s (what the run took) and lower_bound_wall_s (what the
 lower bound took, once for all strategies) alone are not the same from run to run.
 """
+DESCRIPTION: Final = "Explore ROIs with perfect robots, and hold the makespan against its bounds."
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "simulate",
-        description="Explore ROIs with perfect robots, and hold the makespan against its bounds.",
-        epilog=_EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     add = parser.add_argument
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--roi", metavar="FILE", help="ROIs, or a growth KIND:CELLS:SEED")

@@ -7,7 +7,7 @@ import errno
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -26,7 +26,7 @@ from uavmap.output.formats.plan_items import SearchFlight, search_flight
 from uavmap.output.results_reading import flown_of
 from uavmap.ui.cli.common import vehicle_count
 
-_EXAMPLES = """\
+EXAMPLES: Final = """\
 examples:
   uavmap export field.toml --plan field.plan              the search lanes, for QGroundControl
   uavmap export field.toml --plan field.plan --firmware px4
@@ -41,16 +41,14 @@ A plan has the fence, the vehicle's home as rally point, and a flight that takes
 lines with pictures, comes back over its home and returns. An autopilot flies these lines and no
 more: nothing judges the pictures, and only their different heights keep vehicles apart.
 """
+DESCRIPTION: Final = (
+    "Write the search of a mission as a file for QGroundControl or Mission "
+    "Planner; or a map and its flight, also of one that was interrupted, as files for a GIS."
+)
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "export",
-        description="Write the search of a mission as a file for QGroundControl or Mission "
-        "Planner; or a map and its flight, also of one that was interrupted, as files for a GIS.",
-        epilog=_EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     add = parser.add_argument
     add(
         "source",

@@ -6,7 +6,7 @@ import argparse
 import re
 import sys
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from missions.errors import AreaError, MissionFileError, OutputError
 from missions.flight.setting import Setting
@@ -27,7 +27,7 @@ from uavmap.ui.cli.common import epsg_code, number_type, pair, vehicle_count
 from uavmap.ui.cli.endings import complain
 from uavmap.ui.cli.plan_map import box_line, check_kind, search_line, write_map, zone_name
 
-_EXAMPLES = """\
+EXAMPLES: Final = """\
 examples:
   uavmap new field.kml --drone x500 --out field.toml      a polygon of Google Earth
   uavmap new field.kml --drone sim                        for the bundled simulator: field.toml
@@ -44,15 +44,11 @@ then:
 A polygon whose name has "fence" in it is the geofence, one with "no-fly" or "keep-out" a hole of
 it, a point named "home", "start" or "take-off" the home. At a terminal what is missing is asked.
 """
+DESCRIPTION: Final = f"Make a mission file from an area that was drawn elsewhere: {KINDS}."
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "new",
-        description=f"Make a mission file from an area that was drawn elsewhere: {KINDS}.",
-        epilog=_EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     # --at -33.8,151.2 is a place, not an option
     parser._negative_number_matcher = re.compile(r"^-\.?\d[\d.,eE+-]*$")
     add = parser.add_argument
@@ -271,7 +267,7 @@ def two_numbers(option: str, text: str) -> tuple[float, float]:
 
 
 def figures_of(options: argparse.Namespace) -> Figures:
-    """The figures of the aircraft: from the table, and over them what is given as options.
+    """Return the aircraft's figures: from the table, overridden by options.
 
     Raises `AreaError` for a name that is not known, or where figures are missing.
     """

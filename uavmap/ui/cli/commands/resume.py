@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Final
 
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
@@ -22,7 +22,7 @@ from uavmap.ui.cli.endings import AIRCRAFT_DOWN, complain
 from uavmap.ui.cli.flight_options import beside, gives_network, key_file, network_of
 from uavmap.ui.cli.option_table import add_options
 
-_EXAMPLES = """\
+EXAMPLES: Final = f"""\
 examples:
   uavmap resume results/runway-1
   uavmap resume results/field-3 --connect udpin://0.0.0.0:14560
@@ -35,16 +35,13 @@ A simulated flight is repeated up to its last event, each event checked against 
 goes on from there. A real flight goes on from what the journal knows, with the aircraft wherever
 they are: who stands on the ground takes off. With --recall nothing takes off: who is in the air
 comes home and lands, and the map of what is known is written.
-"""
+
+{EXIT_CODES}"""
+DESCRIPTION: Final = "Go on with the mission of a results folder from its last committed event."
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "resume",
-        description="Go on with the mission of a results folder from its last committed event.",
-        epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
     add_options(parser, "resume")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 from rich.console import Console
 from rich.padding import Padding
@@ -15,7 +15,7 @@ from rich.text import Text
 from missions.planning.stepwise import EXPLORERS
 from missions.planning.sweep.strategies import ON_PATHS
 
-_EXAMPLES = """\
+EXAMPLES: Final = """\
 examples:
   uavmap strategies
   uavmap fly runway --sim --strategy rdfs
@@ -29,8 +29,6 @@ TABLE_WIDTH: Final = 76
 
 
 class _Shown(Protocol):
-    """What is shown of a strategy."""
-
     @property
     def name(self) -> str: ...
     @property
@@ -44,13 +42,11 @@ class _Shown(Protocol):
 _EVERY: Sequence[_Shown] = (*EXPLORERS.values(), *ON_PATHS.values())
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "strategies",
-        description="The strategies that --strategy takes.",
-        epilog=_EXAMPLES,
-    )
+DESCRIPTION: Final = "The strategies that --strategy takes."
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("--json", action="store_true", help="print the list as JSON")
 
 
