@@ -1,9 +1,8 @@
-"""Time as the event loop tells it: real, faster than real, or virtual.
+"""Time as the event loop reports it: real, faster than real, or virtual.
 
-Nothing in the service knows which. A loop asks its selector to wait until the next timer; the
-virtual clock does not wait but moves on to that instant, so a 73-minute mission runs as fast as
-it can be computed, in an order that depends on nothing but the program. A scaled clock waits a
-fraction of the time.
+Nothing in the service knows which. A loop asks its selector to wait until the next timer. The
+virtual clock does not wait but moves on to that instant, so a mission of 73 minutes runs as fast
+as it can be computed, always in the same order. A scaled clock waits a fraction of the time.
 """
 
 from __future__ import annotations
@@ -84,8 +83,6 @@ class VirtualClock:
 
 
 class _ClockSelector(selectors.BaseSelector):
-    """A selector that waits by a clock."""
-
     def __init__(self, clock: Clock) -> None:
         self._inner = selectors.DefaultSelector()
         self._clock = clock
@@ -198,8 +195,7 @@ async def wall_timeout(seconds: float) -> AsyncIterator[None]:
 class ClockRate:
     """A vehicle's clock beside the loop's, over windows in seconds of the loop.
 
-    A wrong `--speedup` is noticed by it: all that follows from time, the power drawn first of all,
-    is wrong by the same factor.
+    It shows a wrong `--speedup`, by which all that follows from time is wrong, power first of all.
 
     >>> rate = ClockRate(window_s=10.0, speedup=1.0)
     >>> [said for t in range(40) if (said := rate.take(float(t), 3.0 * t))]

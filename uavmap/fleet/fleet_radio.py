@@ -48,10 +48,9 @@ class HoldsMeta(Protocol):
 async def joined_fleet(
     plan: FlightPlan, mission: Mission, journal: HoldsMeta
 ) -> AsyncIterator[SealedRadio | None]:
-    """The radio of a member and its seal, until the end of the context.
+    """Yield the radio of a member and its seal; None without a fleet, or without reach.
 
-    None for a flight that is of no fleet, or whose member reaches nobody. Raises `LinkError`,
-    `JournalError`.
+    Raises `LinkError`, `JournalError`.
     """
     network = plan.network
     if plan.member is None or network is None or network.alone:
@@ -95,10 +94,10 @@ def member_seal(
     journal: HoldsMeta,
     now_utc_s: Callable[[], float] = time.time,
 ) -> Seal:
-    """The seal of a member at a new start, which is higher than any before.
+    """Return the seal of a member at a new start, which is higher than any before.
 
-    It is in the journal before anything is sealed with it; a computer whose clock was set back
-    counts on from there. Raises `LinkError` for the key, `JournalError`.
+    The journal holds it before it is used, and a clock that was set back counts on from there.
+    Raises `LinkError` for the key, `JournalError`.
     """
     start = max(int(journal.meta.get(START, 0)) + 1, int(now_utc_s()))
     journal.put_meta(START, start)
@@ -126,7 +125,7 @@ async def opened_radio(network: FleetNetwork, mission: Mission) -> AsyncIterator
 
 
 def key_expression(name: str) -> str:
-    """Under which key the members of a mission publish, and subscribe.
+    """Return the key under which the members of a mission publish and subscribe.
 
     >>> key_expression("north field #2")
     'uavmap/north-field--2'

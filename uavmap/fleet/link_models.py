@@ -28,17 +28,17 @@ class LinkWords:
 def link_words(
     text: str, kinds: Sequence[str], unit: str, keys: Sequence[str], others: Sequence[str] = ()
 ) -> LinkWords:
-    """Take apart `KIND[,KEY:VALUE...]`, where the kind is a name or `range:NUMBER`.
+    """Parse `KIND[,KEY:VALUE...]`, where the kind is a name or `range:NUMBER`.
 
     Args:
-        text: as on the command line.
-        kinds: the names that stand for themselves.
-        unit: of the range, for messages.
-        keys: those with a number, each at most once: not negative, a loss not above 1, a rate
-            above 0. A range and a rate may be infinite.
-        others: those whose values are taken as they are.
+        text: As on the command line.
+        kinds: Names without a number.
+        unit: Of the range, for messages.
+        keys: Those with a number, each at most once: not negative, a loss at most 1, a rate above
+            0. A range and a rate may be infinite.
+        others: Those whose values are any text.
 
-    Raises ValueError, with what was written and what to write, for anything else.
+    Raises ValueError for anything else, with what to write.
 
     >>> link_words("range:200,loss:0.1", ["free"], "METRES", ["loss"]).numbers
     {'range': 200.0, 'loss': 0.1}

@@ -36,9 +36,7 @@ MEETING_M: Final = 20.0
 
 
 def link_model(text: str) -> LinkModel:
-    """A model by its name and values, as on the command line.
-
-    Raises ValueError for anything else, with what to write.
+    """Return a model by its name and values of the command line. Raises ValueError with the remedy.
 
     >>> link_model("range:200,loss:0.1").range_m
     200.0

@@ -36,11 +36,10 @@ class FlightPlan(FlightOptions):
     The journal keeps it, so a flight goes on without the files that its mission named.
 
     Attributes:
-        mission: As it is flown: checked, and changed as the options say.
-        epoch_utc_s: When mission time 0 is.
+        mission: Checked, with the options applied.
+        epoch_utc_s: Wall clock at mission time 0.
         version: Of the program that began the flight.
-        rehomed: Whether the simulated aircraft were put at home once: the flight cannot be
-            repeated.
+        rehomed: Whether the simulated aircraft were put at home once: the flight cannot repeat.
     """
 
     mission: Mission

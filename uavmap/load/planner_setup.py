@@ -24,9 +24,8 @@ def tell_if_uncompiled(strategies: Iterable[str], say: Callable[[str], None]) ->
 
 
 def ready_planner(strategy: str, say: Callable[[str], None]) -> None:
-    """Have the planner of a strategy that does not stop compiled before anybody is in the air.
-
-    The compiled code is kept; `say` is told if that is still to be made.
+    """Compile the planner of a strategy that does not stop, before take-off; `say` if not
+    cached.
     """
     if strategy not in NONSTOP:
         return

@@ -1,7 +1,6 @@
-"""Every key of a mission file as a page: key, type, unit, limits, default, what it is.
+"""Every key of a mission file as a page, from the schema: type, unit, limits, default, meaning.
 
-Made from the schema, so that no key can be missing: `python -m uavmap.load.areas.mission_reference`
-prints the page that lies in the documentation.
+`python -m uavmap.load.areas.mission_reference` prints the page of the documentation.
 """
 
 from __future__ import annotations
@@ -146,7 +145,6 @@ def described() -> Iterator[tuple[str, str]]:
 
 
 def _tables(name: str, schema: Schema, root: Schema) -> Iterator[tuple[str, Schema]]:
-    """A table, and those in it."""
     yield name, schema
     for key, value in schema["properties"].items():
         full = _full(name, key)
@@ -215,7 +213,6 @@ def _resolved(value: Schema, root: Schema) -> Schema:
 
 
 def _table_of(value: Schema, root: Schema) -> Schema | None:
-    """The schema of the table that a key holds, one or several; None for other values."""
     for option in _options(value):
         entry = option.get("items", option) if option.get("type") == "array" else option
         found = _resolved(entry, root)
@@ -246,7 +243,6 @@ def _one_type(value: Schema, root: Schema) -> str:
 
 
 def _limits(value: Schema) -> str:
-    """Of numbers: from, above, up to, below."""
     words = (
         ("minimum", "from"), ("exclusiveMinimum", "above"), ("maximum", "up to"),
         ("exclusiveMaximum", "below"),

@@ -1,7 +1,7 @@
 """What the operator sees while a mission is flown: phase, cells, batteries, places, time.
 
 On a terminal a table that is redrawn in place; elsewhere a line every few seconds of real time.
-All of it goes to standard error, so that standard output holds only the result.
+It goes to standard error: standard output holds only the result.
 """
 
 from __future__ import annotations
@@ -64,9 +64,8 @@ _DOING: Final = {
 
 
 class ProgressTable(Onlooker):
-    """Shows the flight on a terminal: a table, or a line every few seconds where none can be drawn.
-
-    Lines of events that the operator has to know at once go to the same terminal.
+    """Shows the flight as a table, or, without a terminal, by lines; urgent events get lines,
+    too.
     """
 
     def __init__(self, terminal: Terminal) -> None:

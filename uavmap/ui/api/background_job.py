@@ -1,9 +1,8 @@
-"""A flight in a thread of its own, and how whoever waits for it interrupts it.
+"""A flight in a thread of its own, and how its caller interrupts it.
 
-A flight has an event loop with a clock of its own. A notebook and an asyncio program have a loop
-that runs already, and a thread can have but one. So every flight that is asked for in Python gets
-a thread. Whoever waits hears Ctrl-C and cancellation, and passes them on (`Caller`): aircraft are
-brought home as they are by the command, and nobody stops waiting before that is over.
+A flight has an event loop with a clock of its own; a notebook and an asyncio program run another
+loop, and a thread can have but one. The caller hears Ctrl-C and cancellation, and passes them on
+(`Caller`): aircraft are brought home as by the command, and the caller waits for that.
 """
 
 from __future__ import annotations
@@ -25,11 +24,11 @@ Job = Callable[[Caller], T]
 
 
 def waited_for(job: Job[T]) -> T:
-    """Run a job in a thread of its own; returns what it returns, raises what it raises.
+    """Run a job in a thread of its own; return its result, raise its exception.
 
-    SIGINT, SIGTERM and SIGHUP press on the job's caller meanwhile, where this is the program's main
-    thread. `KeyboardInterrupt` when the job was interrupted, also where it came to a good end: the
-    aircraft are at home then, and a program that goes on would send out the next.
+    In the main thread SIGINT, SIGTERM and SIGHUP press on the job's caller. An interrupted job
+    raises `KeyboardInterrupt` even after a good end: a program that went on would send out the next
+    flight.
     """
     work = _Work(job)
     with _pressed_by(SIGNALS, work.caller):
@@ -39,10 +38,10 @@ def waited_for(job: Job[T]) -> T:
 
 
 async def awaited(job: Job[T]) -> T:
-    """The same for a program whose event loop runs: the loop goes on meanwhile.
+    """Do as `waited_for` while the program's event loop goes on.
 
-    A cancellation presses on the job's caller, and is let through when the job is over. SIGTERM
-    and SIGHUP press as well, where the loop is in the main thread; Ctrl-C cancels by itself.
+    A cancellation presses on the job's caller, and is let through when the job is over. In the main
+    thread SIGTERM and SIGHUP press as well; Ctrl-C cancels by itself.
     """
     work, loop = _Work(job), asyncio.get_running_loop()
     over = asyncio.Event()
@@ -81,7 +80,7 @@ class _Work(Generic[T]):
     def start(self, tell: Callable[[], None] = lambda: None) -> None:
         """Begin; `tell` is called in the job's thread when it is over.
 
-        The thread is no daemon: a program that ends waits until the aircraft are looked after.
+        The thread is no daemon: a program that ends waits until the aircraft are down.
         """
 
         def run() -> None:
@@ -96,9 +95,9 @@ class _Work(Generic[T]):
         threading.Thread(target=run, name="uavmap flight").start()
 
     def result(self) -> T:
-        """What the job returned; raises what it raised, without the groups of its tasks.
+        """Return the job's result, or raise its exception, without the groups of its tasks.
 
-        Raises `KeyboardInterrupt` where it was interrupted and came to a good end all the same.
+        Raises `KeyboardInterrupt` after an interrupt, even if the job came to a good end.
         """
         if self._failure is not None:
             failure, self._failure = self._failure, None
@@ -109,10 +108,9 @@ class _Work(Generic[T]):
 
 
 def single(failure: BaseException) -> BaseException:
-    """What to raise for a failure: an error of a group where all of it are errors of ours.
+    """Return what to raise for a failure: of a group of our errors the gravest, others as notes.
 
-    The gravest is raised, an aircraft that is down before all else; the others are its notes. A
-    group with a defect of the program stays as it is.
+    An aircraft that is down comes first. A group with a defect of the program stays as it is.
 
     >>> from missions.errors import LinkError
     >>> single(ExceptionGroup("tasks", [LinkError("silent"), AircraftError("vehicle 1 is down")]))

@@ -98,7 +98,7 @@ def overwrite_nothing(folder: Path, names: Iterable[str]) -> None:
 
 
 def print_figures(figures: Mapping[str, Any], out: Path | None, *, as_json: bool) -> bool:
-    """Figures as JSON into a file, where there is one, and on standard output, where asked for.
+    """Write figures as JSON into a file, if given, and to standard output, if asked for.
 
     Returns whether they were printed. Raises `OutputError` when the disk refuses.
     """

@@ -42,17 +42,7 @@ def beside(
 ) -> Iterator[tuple[Onlooker, ...]]:
     """Show progress on the terminal, and open the live page where it is asked for.
 
-    Args:
-        options: Of the command.
-        plan: Of the flight, or what reads it; read only for a page.
-        folder: Of the results.
-        terminal: Of the command.
-
-    Returns:
-        What looks on: the progress on the terminal, and the page.
-
-    Raises:
-        UavmapError: The page cannot be opened.
+    `plan` is read only for a page. Yields the onlookers. Raises `UavmapError`.
     """
     table = ProgressTable(terminal)
     if options.page is None:
@@ -78,7 +68,7 @@ def beside(
 def flight_options(options: argparse.Namespace, **more: Any) -> FlightOptions:
     """Make the options of a flight from those of its command; `more` are other fields.
 
-    Raises `UavmapError` as `FlightOptions`, and `LinkError` for a key without a name.
+    Raises `UavmapError` as `FlightOptions`, and `LinkError` for an empty key.
     """
     given: dict[str, Any] = {}
     for option in TABLE:

@@ -1,6 +1,6 @@
-"""Every option of the commands that fly, declared once; also of those that share options with them.
+"""All options of the commands that fly, and of those that share options with them.
 
-It makes the parsers' options, `FlightOptions` (`field`), the parameters of `uavmap.fly` and
+The table makes the parsers' options, `FlightOptions` (`field`), the parameters of `uavmap.fly` and
 `uavmap.resume` (`python`), which a test holds equal, and the page of reference:
 `python -m uavmap.ui.cli.option_table`.
 """
@@ -30,22 +30,16 @@ IN_PYTHON: Final = ("fly", "resume")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Option:
-    """One option, or one positional argument.
+    """One option, or one positional argument (a `name` without dashes).
 
     Attributes:
-        name: As it is written: `--seed`; without dashes an argument.
-        help: What it does, for its user.
-        also: That help where a command needs another, by command.
-        commands: Which commands have it.
-        metavar: What its value is called; None: it has none.
-        type: What makes the value of its text.
-        default: Its value where it is not given.
+        also: The help of a command that differs from `help`, by command.
+        metavar: The name of its value; without it and `choices` a switch.
+        type: Makes the value of its text.
         several: Whether it may be repeated.
-        choices: All its values.
         const: Its value where it is given without one.
-        required: Whether it has to be given.
         group: Options of one group exclude each other.
-        field: What it is in `FlightOptions`.
+        field: Its name in `FlightOptions`.
         python: Whether `uavmap.fly` or `uavmap.resume` has a parameter of its name.
     """
 

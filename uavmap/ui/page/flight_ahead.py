@@ -1,8 +1,7 @@
 """Where a vehicle is going: its present path as points for the map. Pure.
 
-Points are in the grid's moving frame, where the vehicle will be over the region. They are told once
-for each order, with the times at which they are passed, so the page drops what lies behind by
-itself and hardly anything has to be sent.
+Points are in the grid's moving frame, where the vehicle will be over the region. They are sent
+once for each order, with their times, so the page itself drops what lies behind.
 """
 
 from __future__ import annotations
@@ -34,10 +33,10 @@ class Ahead:
         self._orders: dict[int, tuple[Order | None, int]] = {}
 
     def news(self, vehicle: VehicleState, t_s: float) -> list[float] | None:
-        """The path of a vehicle at mission time `t_s`, where it is another than before; else None.
+        """Return the path of a vehicle at mission time `t_s`, if it has changed; else None.
 
-        Flat: time (mission seconds), east and north (m) of a point, of the next, and so on. Empty
-        for who is not under way, or not by our orders.
+        Flat: time (mission seconds), east and north (m) of each point. Empty for a vehicle that is
+        not under way by our orders.
         """
         order = vehicle.order if vehicle.phase is Phase.AIRBORNE and not vehicle.landed else None
         route = _route(vehicle, order, self._setting, t_s)

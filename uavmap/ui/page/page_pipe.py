@@ -1,13 +1,12 @@
-"""What goes between a flight and the process of its page: words in JSON, and bytes behind them.
+"""Messages between a flight and the process of its page: words in JSON, and bytes behind them.
 
     4 bytes  length of the words, big-endian
     4 bytes  length of what follows them
     words    an object
     bytes    a picture, mostly nothing
 
-Back come lines of JSON: orders, which mean the same as the keys. Everything above the service stays
-above it: the gate for what pilots fly, the guardians, and the rules by which who is on its way home
-goes on.
+Back come lines of JSON: orders, which mean the same as the keys, and pass the same gate, guardians
+and rules.
 """
 
 from __future__ import annotations
@@ -45,8 +44,9 @@ def packed(words: Words, data: bytes = b"") -> bytes:
 
 
 async def read(reader: Reader) -> tuple[Words, bytes]:
-    """The next message. Raises `asyncio.IncompleteReadError` at the end of the stream, and
-    `ValueError` for what is none."""
+    """Return the next message. Raises `asyncio.IncompleteReadError` at the end, else
+    `ValueError`.
+    """
     words_bytes, data_bytes = _HEAD.unpack(await reader.readexactly(_HEAD.size))
     if words_bytes > MOST_WORDS_BYTES or data_bytes > MOST_BYTES:
         raise ValueError("no message of a flight")
