@@ -10,9 +10,7 @@ from pathlib import Path
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file so that a reader, or a crash, meets the old content or the new. Raises
-    `OSError`.
-    """
+    """Write a file; a reader, or a crash, meets its old content or the new. Raises `OSError`."""
     write_parts(path, (data,))
 
 

@@ -30,11 +30,9 @@ class Clock(Protocol):
 
     def now_s(self) -> float:
         """Seconds since the clock was made."""
-        ...
 
     def wait(self, selector: selectors.BaseSelector, timeout_s: float | None) -> _Ready:
         """Wait for a file or for the time to pass, whichever comes first."""
-        ...
 
 
 _Ready = list[tuple[selectors.SelectorKey, int]]

@@ -29,7 +29,6 @@ class Display(Protocol):
 
     def show(self, text: str) -> None:
         """Show a line, or several. Never raises."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

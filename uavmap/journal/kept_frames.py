@@ -61,7 +61,6 @@ class Keeper(Protocol):
 
     def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
         """Take a picture: the file that came, or pixels, blue-green-red."""
-        ...
 
 
 class FrameKeeper:

@@ -43,9 +43,7 @@ def known_detectors() -> tuple[str, ...]:
 
 
 def check_detector(section: DetectorSection) -> None:
-    """Raise `MissionFileError` for what the detectors refuse of their parameters; reads no
-    model.
-    """
+    """Raise `MissionFileError` for parameters that the detectors refuse; reads no model."""
     for name in section.tables:
         if name not in known_detectors():
             raise MissionFileError(

@@ -88,9 +88,7 @@ def metres_a_unit(model: Any, where: str) -> float:
 
 
 def spacing_m(model: Any, start: LatLon) -> float:
-    """Return about how far apart two heights are near the start, m; infinite for a start
-    outside.
-    """
+    """Return the distance of two heights near the start, m; infinite for one outside."""
     crs = _crs(model)
     to_model = pyproj.Transformer.from_crs(_WGS84, crs, always_xy=True)
     back = pyproj.Transformer.from_crs(crs, _WGS84, always_xy=True)

@@ -58,9 +58,7 @@ def drop_detector(folder: Path) -> None:
 
 
 def with_kept_detector(mission: Mission, folder: Path) -> Mission:
-    """Return the mission with its model read from the unchanged copy in a results folder, if
-    any.
-    """
+    """Return the mission with its model read from the unchanged copy in a folder, if any."""
     section = mission.detector
     if section.model is None:
         return mission

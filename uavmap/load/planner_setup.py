@@ -24,9 +24,7 @@ def tell_if_uncompiled(strategies: Iterable[str], say: Callable[[str], None]) ->
 
 
 def ready_planner(strategy: str, say: Callable[[str], None]) -> None:
-    """Compile the planner of a strategy that does not stop, before take-off; `say` if not
-    cached.
-    """
+    """Compile the planner of a strategy that does not stop; `say` if that is still to do."""
     if strategy not in NONSTOP:
         return
     from missions.planning.kernels import swath as kernels  # noqa: PLC0415 - numba takes a second

@@ -21,36 +21,28 @@ class Steered(Protocol):
     @property
     def state(self) -> Any:
         """What the mission knows: `vehicles` by their numbers."""
-        ...
 
     @property
     def flying(self) -> bool:
         """Whether the flight has begun, and is not over."""
-        ...
 
     def pause(self) -> bool:
         """Have all vehicles hold."""
-        ...
 
     def go_on(self) -> bool:
         """End a pause."""
-        ...
 
     def recall(self) -> None:
         """Call all vehicles home."""
-        ...
 
     def recall_vehicle(self, number: int) -> bool:
         """Call one vehicle home."""
-        ...
 
     def skip_cell(self, number: int) -> bool:
         """Leave out the cell that a vehicle observes, or is to observe."""
-        ...
 
     def land_here(self, number: int) -> bool:
         """Have a vehicle land where it is."""
-        ...
 
 
 class Caller:
@@ -83,9 +75,7 @@ class Caller:
 
     @contextlib.contextmanager
     def heard(self, act: Callable[[], object]) -> Iterator[None]:
-        """Call `act` for each press, earlier ones included; of nested contexts the inner one
-        hears.
-        """
+        """Call `act` for each press, earlier ones included; the innermost context hears."""
         loop = asyncio.get_running_loop()
         with self._lock:
             self._listening.append((loop, act))

@@ -73,9 +73,7 @@ class Operator:
 
 
 class Crew:
-    """Asks for battery swaps, one at a time; `enter` is pressed by a keyboard, else a line is
-    read.
-    """
+    """Asks for battery swaps, one at a time, answered by `enter` or a line of `stream`."""
 
     def __init__(
         self, *, automatic: bool, enter: EnterKey | None = None, stream: TextIO | None = None

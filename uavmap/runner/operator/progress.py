@@ -64,9 +64,7 @@ _DOING: Final = {
 
 
 class ProgressTable(Onlooker):
-    """Shows the flight as a table, or, without a terminal, by lines; urgent events get lines,
-    too.
-    """
+    """Shows the flight as a table or, without a terminal, as lines; urgent events as lines."""
 
     def __init__(self, terminal: Terminal) -> None:
         self._terminal = terminal

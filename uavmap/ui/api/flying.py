@@ -119,14 +119,7 @@ def fly(
         Traceback (most recent call last):
         missions.errors.MissionFileError: runwya: cannot be read (No such file or directory); ...
     """
-    return waited_for(
-        _flight(
-            mission, sim=sim, connect=connect, camera=camera, vehicles=vehicles, strategy=strategy,
-            all_strategies=all_strategies, detector=detector, seed=seed, speedup=speedup,
-            auto_swap=auto_swap, driver=driver, onboard=onboard, key=key, forward=forward, yes=yes,
-            dry_run=dry_run, keep_fence=keep_fence, keep_frames=keep_frames, out=out, quiet=quiet,
-        )
-    )  # fmt: skip
+    return waited_for(_flight(**locals()))
 
 
 def resume(
@@ -163,12 +156,7 @@ def resume(
         JournalError: There is no mission in the folder, or its journal is damaged.
         UavmapError: As `fly`.
     """
-    return waited_for(
-        _resumption(
-            folder, connect=connect, camera=camera, driver=driver, key=key, forward=forward,
-            from_home=from_home, recall=recall, quiet=quiet,
-        )
-    )  # fmt: skip
+    return waited_for(_resumption(**locals()))
 
 
 def _like(

@@ -120,9 +120,7 @@ class Results:
 
     @cached_property
     def boundary(self) -> BaseGeometry | None:
-        """The region at pixel level, in longitude and latitude; None without kept or recorded
-        pictures.
-        """
+        """The region at pixel level, longitude and latitude; None without kept pictures."""
         path = self.folder / _BOUNDARY
         if not path.exists():
             return None
@@ -165,9 +163,7 @@ class Results:
 
     # --- tables ----------------------------------------------------------------------------------
     def features(self, kind: str) -> list[dict[str, Any]]:
-        """Return features of `map.geojson`; `kind`: `"cell"`, `"outline"`, `"track"`,
-        `"unsearched"`.
-        """
+        """Return features of the map: `"cell"`, `"outline"`, `"track"` or `"unsearched"`."""
         return [f for f in self._features if f["properties"].get("kind") == kind]
 
     @cached_property

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from typing import Final, Protocol
+from typing import Final
 
 from rich.console import Console
 from rich.padding import Padding
@@ -13,7 +13,8 @@ from rich.table import Table
 from rich.text import Text
 
 from missions.planning.stepwise import EXPLORERS
-from missions.planning.sweep.strategies import ON_PATHS
+from missions.planning.stepwise.interface import Explorer
+from missions.planning.sweep.strategies import ON_PATHS, WithoutStopping
 
 EXAMPLES: Final = """\
 examples:
@@ -28,18 +29,7 @@ TABLE_WIDTH: Final = 76
 """In fewer columns a table of four columns has words that do not fit."""
 
 
-class _Shown(Protocol):
-    @property
-    def name(self) -> str: ...
-    @property
-    def guarantee(self) -> str: ...
-    @property
-    def source(self) -> str: ...
-    @property
-    def when(self) -> str: ...
-
-
-_EVERY: Sequence[_Shown] = (*EXPLORERS.values(), *ON_PATHS.values())
+_EVERY: Sequence[Explorer | WithoutStopping] = (*EXPLORERS.values(), *ON_PATHS.values())
 
 
 DESCRIPTION: Final = "The strategies that --strategy takes."
