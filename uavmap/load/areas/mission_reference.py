@@ -135,15 +135,6 @@ _LISTED: Final = frozenset({"vehicles", "search.prior", "sim.roi", "sim.faults"}
 """Tables of which there may be several."""
 
 
-def described() -> Iterator[tuple[str, str]]:
-    """Every key with its dots, and what is said of it."""
-    root = Mission.model_json_schema()
-    for name, schema in _tables("", root, root):
-        for key, _ in _keys(name, schema, root):
-            full = _full(name, key)
-            yield full, _said(full)
-
-
 def _tables(name: str, schema: Schema, root: Schema) -> Iterator[tuple[str, Schema]]:
     yield name, schema
     for key, value in schema["properties"].items():

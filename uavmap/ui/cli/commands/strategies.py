@@ -23,15 +23,9 @@ examples:
   uavmap simulate --generate eden --strategy rdfs,rdfs-paper --robots 4
   uavmap simulate --generate eden --strategy swath,survey --robots 3
 """
-
-
 TABLE_WIDTH: Final = 76
 """In fewer columns a table of four columns has words that do not fit."""
-
-
 _EVERY: Sequence[Explorer | WithoutStopping] = (*EXPLORERS.values(), *ON_PATHS.values())
-
-
 DESCRIPTION: Final = "The strategies that --strategy takes."
 
 
