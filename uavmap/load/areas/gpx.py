@@ -86,13 +86,7 @@ def _place(point: Element, source: str) -> Point:
 
 
 def _comes_back(points: list[Point]) -> bool:
-    """Whether a way ends near its beginning, for its length.
-
-    >>> _comes_back([(13.0, 52.0), (13.01, 52.0), (13.01, 52.01), (13.0, 52.0005)])
-    True
-    >>> _comes_back([(13.0, 52.0), (13.01, 52.0), (13.01, 52.01)])
-    False
-    """
+    """Whether the ends of a way are near each other, for its length."""
     lons, lats = zip(*points, strict=True)
     gap_m = _GEOD.inv(*points[-1], *points[0])[2]
     return bool(gap_m <= _CLOSED * _GEOD.line_length(lons, lats))

@@ -168,22 +168,13 @@ def _said(full: str) -> str:
 
 
 def _unit(key: str) -> str:
-    """The unit by the name of the key.
-
-    >>> _unit("cell_m"), _unit("m_s"), _unit("from_deg"), _unit("name")
-    ('m', 'm/s', 'degrees', '')
-    """
     if key in _WORDS:
         return _WORDS[key]
     return next((unit for suffix, unit in UNITS if f"_{key}".endswith(suffix)), "")
 
 
 def _linked(text: str) -> str:
-    """A page of the documentation that is named is linked to.
-
-    >>> _linked("ground that is not level (docs/terrain.md)")
-    'ground that is not level ([more](terrain.md))'
-    """
+    """Link to a page of the documentation that is named."""
     return re.sub(r"\(docs/([\w-]+\.md)\)", r"([more](\1))", text)
 
 

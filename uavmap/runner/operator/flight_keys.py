@@ -137,10 +137,5 @@ _QUESTIONS: Final = {"r": "home", "k": "skip a cell", "q": "land where it is"}
 
 
 def _named(numbers: tuple[int, ...]) -> str:
-    """Who is meant.
-
-    >>> _named((2,)), _named((1, 2))
-    ('vehicle 2', 'vehicles 1, 2')
-    """
     plural = "s" if len(numbers) > 1 else ""
     return f"vehicle{plural} {', '.join(map(str, numbers))}"

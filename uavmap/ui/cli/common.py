@@ -113,6 +113,12 @@ def print_figures(figures: Mapping[str, Any], out: Path | None, *, as_json: bool
     return as_json
 
 
+def agreed(question: str) -> bool:
+    """Ask at the terminal; whether the answer is a yes."""
+    print(f"{question} [y/N] ", end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip().lower() in ("y", "yes")
+
+
 def report(
     summary: Mapping[str, Any], folder: Path, *, as_json: bool, verbose: bool = False
 ) -> int:

@@ -96,11 +96,7 @@ def _begun(route: Sequence[GridPoint], here: GridPoint) -> int:
 
 
 def _off_m(here: GridPoint, a: GridPoint, b: GridPoint) -> float:
-    """How far a place is from a leg.
-
-    >>> _off_m(GridPoint(5.0, 3.0), GridPoint(0.0, 0.0), GridPoint(10.0, 0.0))
-    3.0
-    """
+    """Distance of a place from a leg, m."""
     east_m, north_m = b.east_m - a.east_m, b.north_m - a.north_m
     length2 = east_m * east_m + north_m * north_m or 1.0
     along = ((here.east_m - a.east_m) * east_m + (here.north_m - a.north_m) * north_m) / length2

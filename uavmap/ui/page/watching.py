@@ -273,11 +273,7 @@ class Watcher:
 
 
 def _ordered(event: Event) -> str:
-    """What the operator, or a vehicle, did that the terminal tells elsewhere.
-
-    >>> _ordered(Paused(1.0))
-    'paused: everybody holds'
-    """
+    """What the operator, or a vehicle, did that the terminal shows elsewhere."""
     match event:
         case Paused():
             return "paused: everybody holds"

@@ -24,7 +24,7 @@ from uavmap.output.formats.exports import FORMATS, Format, files_of
 from uavmap.output.formats.ground_station_plan import Firmware, plan_text, waypoints_text
 from uavmap.output.formats.plan_items import SearchFlight, search_flight
 from uavmap.output.results_reading import flown_of
-from uavmap.ui.cli.common import vehicle_count
+from uavmap.ui.cli.common import overwrite_nothing, vehicle_count
 
 EXAMPLES: Final = """\
 examples:
@@ -267,9 +267,7 @@ def _overwrite_nothing(out: Path, files: Mapping[str, bytes], made: Format) -> N
         return
     if out.exists() and not out.is_dir():
         raise OutputError(f"--out {out}: is a file; give a folder")
-    for name in files:
-        if (out / name).exists():
-            raise OutputError(f"--out {out}: holds a {name} already; choose another folder")
+    overwrite_nothing(out, files)
 
 
 def _write_map(target: Path, files: Mapping[str, bytes], made: Format) -> None:

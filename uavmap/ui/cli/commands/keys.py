@@ -18,6 +18,7 @@ from uavmap.mavlink.links.signing import KEY_BYTES, Signing
 from uavmap.mavlink.links.transports import Transport, open_transport
 from uavmap.mavlink.links.urls import parse_url
 from uavmap.mavlink.session import Session
+from uavmap.ui.cli.common import agreed
 
 ANSWER_S: Final = 10.0
 PROOF_S: Final = 6.0
@@ -154,5 +155,4 @@ def _say(text: str) -> None:
 def _asked(question: str) -> bool:
     if not sys.stdin.isatty():
         raise LinkError("nobody is there to be asked; give --yes")
-    print(f"{question} [y/N] ", end="", file=sys.stderr, flush=True)
-    return sys.stdin.readline().strip().lower() in ("y", "yes")
+    return agreed(question)

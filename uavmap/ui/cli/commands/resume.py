@@ -17,7 +17,7 @@ from uavmap.journal.recovery import recover
 from uavmap.photos.after_flight import draw_boundary, kept_frames
 from uavmap.runner.flight import plan_of, resume
 from uavmap.runner.one_flight import Company
-from uavmap.ui.cli.common import EXIT_CODES, report
+from uavmap.ui.cli.common import EXIT_CODES, agreed, report
 from uavmap.ui.cli.endings import AIRCRAFT_DOWN, complain
 from uavmap.ui.cli.flight_options import beside, gives_network, key_file, network_of
 from uavmap.ui.cli.option_table import add_options
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace, folder: Path, terminal: Terminal) -> int:
     if options.recover:
         _recover(folder, terminal.show)
-    ask = _ask if sys.stdin.isatty() and sys.stderr.isatty() else None
+    ask = agreed if sys.stdin.isatty() and sys.stderr.isatty() else None
     with beside(options, lambda: _plan(folder), folder, terminal) as onlookers:
         summary = resume(
             folder,
@@ -90,8 +90,3 @@ def _recover(folder: Path, say: Callable[[str], None]) -> None:
         f"{folder / JOURNAL}: {done.kept} events kept, {lost}; the damaged journal is "
         f"{done.aside.name}"
     )
-
-
-def _ask(question: str) -> bool:
-    print(f"{question} [y/N] ", end="", file=sys.stderr, flush=True)
-    return sys.stdin.readline().strip().lower() in ("y", "yes")
