@@ -12,8 +12,9 @@ import contextlib
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, wait
 from types import FrameType
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final, TypeVar
 
 from missions.errors import AircraftError, UavmapError, leaves
 from uavmap.runner.operator.caller import Caller
@@ -30,11 +31,10 @@ def waited_for(job: Job[T]) -> T:
     raises `KeyboardInterrupt` even after a good end: a program that went on would send out the next
     flight.
     """
-    work = _Work(job)
-    with _pressed_by(SIGNALS, work.caller):
-        work.start()
-        work.done.wait()
-    return work.result()
+    caller = Caller()
+    with _pressed_by(SIGNALS, caller):
+        wait([work := _begun(job, caller)])
+    return _result(work, caller)
 
 
 async def awaited(job: Job[T]) -> T:
@@ -43,68 +43,54 @@ async def awaited(job: Job[T]) -> T:
     A cancellation presses on the job's caller, and is let through when the job is over. In the main
     thread SIGTERM and SIGHUP press as well; Ctrl-C cancels by itself.
     """
-    work, loop = _Work(job), asyncio.get_running_loop()
-    over = asyncio.Event()
+    caller, loop, over = Caller(), asyncio.get_running_loop(), asyncio.Event()
 
-    def tell() -> None:
+    def tell(_: Future[T]) -> None:
         with contextlib.suppress(RuntimeError):  # the loop was closed: nobody waits any more
             loop.call_soon_threadsafe(over.set)
 
     cancelled: asyncio.CancelledError | None = None
-    with _pressed_by(SIGNALS[1:], work.caller):
-        work.start(tell)
+    with _pressed_by(SIGNALS[1:], caller):
+        work = _begun(job, caller)
+        work.add_done_callback(tell)
         while not over.is_set():
             try:
                 await over.wait()
             except asyncio.CancelledError as error:
                 cancelled = error
-                work.caller.press()
+                caller.press()
     if cancelled is not None:
         # what became of the aircraft is told with it
         with contextlib.suppress(KeyboardInterrupt):
-            work.result()
+            _result(work, caller)
         raise cancelled
+    return _result(work, caller)
+
+
+def _begun(job: Job[T], caller: Caller) -> Future[T]:
+    """Begin a job in a thread, which is no daemon: a program that ends waits for the aircraft."""
+    work: Future[T] = Future()
+
+    def run() -> None:
+        try:
+            work.set_result(job(caller))
+        except BaseException as failure:
+            work.set_exception(failure)
+
+    threading.Thread(target=run, name="uavmap flight").start()
+    return work
+
+
+def _result(work: Future[T], caller: Caller) -> T:
+    """Return the job's result, or raise its exception, without the groups of its tasks.
+
+    Raises `KeyboardInterrupt` after an interrupt, even if the job came to a good end.
+    """
+    if (failure := work.exception()) is not None:
+        raise single(failure)
+    if caller.presses:
+        raise KeyboardInterrupt("the flight was interrupted; its results are in its folder")
     return work.result()
-
-
-class _Work(Generic[T]):
-    """A job and its thread."""
-
-    def __init__(self, job: Job[T]) -> None:
-        self._job = job
-        self._result: list[T] = []
-        self._failure: BaseException | None = None
-        self.caller = Caller()
-        self.done = threading.Event()
-
-    def start(self, tell: Callable[[], None] = lambda: None) -> None:
-        """Begin; `tell` is called in the job's thread when it is over.
-
-        The thread is no daemon: a program that ends waits until the aircraft are down.
-        """
-
-        def run() -> None:
-            try:
-                self._result.append(self._job(self.caller))
-            except BaseException as failure:
-                self._failure = failure
-            finally:
-                self.done.set()
-                tell()
-
-        threading.Thread(target=run, name="uavmap flight").start()
-
-    def result(self) -> T:
-        """Return the job's result, or raise its exception, without the groups of its tasks.
-
-        Raises `KeyboardInterrupt` after an interrupt, even if the job came to a good end.
-        """
-        if self._failure is not None:
-            failure, self._failure = self._failure, None
-            raise single(failure)
-        if self.caller.presses:
-            raise KeyboardInterrupt("the flight was interrupted; its results are in its folder")
-        return self._result[0]
 
 
 def single(failure: BaseException) -> BaseException:

@@ -10,6 +10,8 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
+from shapely.geometry import LineString, Point
+
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, VehicleState
 from missions.geo.trajectory import Piece, Trajectory
@@ -90,20 +92,9 @@ def _route(
 def _begun(route: Sequence[GridPoint], here: GridPoint) -> int:
     """The point of a route that is flown to: the end of the last leg that the vehicle is on."""
     for end in range(len(route) - 1, 0, -1):
-        if _off_m(here, route[end - 1], route[end]) < _NEAR_M:
+        if LineString(route[end - 1 : end + 1]).distance(Point(here)) < _NEAR_M:
             return end
     return 0
-
-
-def _off_m(here: GridPoint, a: GridPoint, b: GridPoint) -> float:
-    """Distance of a place from a leg, m."""
-    east_m, north_m = b.east_m - a.east_m, b.north_m - a.north_m
-    length2 = east_m * east_m + north_m * north_m or 1.0
-    along = ((here.east_m - a.east_m) * east_m + (here.north_m - a.north_m) * north_m) / length2
-    part = min(max(along, 0.0), 1.0)
-    return math.hypot(
-        here.east_m - a.east_m - part * east_m, here.north_m - a.north_m - part * north_m
-    )
 
 
 def _times(pieces: Sequence[Piece]) -> list[float]:
