@@ -27,18 +27,8 @@ from missions.units import LatLon, Pose, Quaternion
 FRAMES: Final = "frames"
 POSES: Final = "poses.csv"
 COLUMNS: Final = (
-    "frame",
-    "vehicle",
-    "t_s",
-    "lat_deg",
-    "lon_deg",
-    "height_m",
-    "qw",
-    "qx",
-    "qy",
-    "qz",
-    "hfov_deg",
-)
+    "frame", "vehicle", "t_s", "lat_deg", "lon_deg", "height_m", "qw", "qx", "qy", "qz", "hfov_deg",
+)  # fmt: skip
 WAITING: Final = 64
 """So many pictures may wait to be written."""
 _PNG: Final = b"\x89PNG"

@@ -41,14 +41,7 @@ REDRAW_S: Final = 0.25
 LINE_S: Final = 3.0
 LEFT_S: Final = 1.0
 """What is left is reckoned no more often, real seconds."""
-_NOTED: Final = (
-    Phase.YIELDED,
-    Phase.FAILED,
-    Phase.OFFLINE,
-    Phase.GUARDED,
-    Phase.DOWN,
-    Phase.LOST,
-)
+_NOTED: Final = (Phase.YIELDED, Phase.FAILED, Phase.OFFLINE, Phase.GUARDED, Phase.DOWN, Phase.LOST)
 _OURS: Final = "GUIDED (a PX4: HOLD)"
 
 _DOING: Final = {

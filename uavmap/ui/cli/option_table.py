@@ -8,6 +8,7 @@ The table makes the parsers' options, `FlightOptions` (`field`), the parameters 
 from __future__ import annotations
 
 import argparse
+import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -343,15 +344,10 @@ def _page() -> Iterator[str]:
             value = option.metavar or "|".join(option.choices or ())
             shown = f"[{value}]" if option.const is not None else value
             written = f"{option.name} {shown}".strip() if option.name.startswith("--") else shown
-            yield from _wrapped(f"- `{written}`{star}: {option.help_of(command)}")
-
-
-def _wrapped(text: str) -> Iterator[str]:
-    import textwrap  # noqa: PLC0415 - only for the page
-
-    yield from textwrap.wrap(
-        text, 110, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
-    )
+            yield from textwrap.wrap(
+                f"- `{written}`{star}: {option.help_of(command)}", 110, subsequent_indent="  ",
+                break_long_words=False, break_on_hyphens=False,
+            )  # fmt: skip
 
 
 if __name__ == "__main__":

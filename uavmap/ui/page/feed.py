@@ -39,7 +39,7 @@ class Feed:
     def __init__(self, config: Words, listening: socket.socket) -> None:
         self._messages: queue.Queue[bytes | None] = queue.Queue(WAITING)
         self._lines = Lines()
-        self._dead = self._told = False
+        self.dead = self._told = False
         self._child = Child("uavmap.ui.page.page_child", "page", (listening.fileno(),))
         os.set_blocking(self.orders_file, False)
         self.put({"kind": "start", "socket": listening.fileno(), **config})
@@ -65,11 +65,11 @@ class Feed:
     @property
     def idle(self) -> bool:
         """Whether it has taken nearly everything that it was told."""
-        return not self._dead and self._messages.qsize() <= 1
+        return not self.dead and self._messages.qsize() <= 1
 
     def put(self, words: Words, data: bytes = b"", *, wait_s: float = 0.0) -> bool:
         """Queue a message; return whether there was room within `wait_s` real seconds."""
-        if self._dead:
+        if self.dead:
             self._tell()
             return False
         try:
@@ -85,7 +85,7 @@ class Feed:
                 pipe.write(message)
                 pipe.flush()
         except (OSError, ValueError):
-            self._dead = True
+            self.dead = True
         finally:
             with contextlib.suppress(OSError, ValueError):
                 pipe.close()
@@ -111,13 +111,8 @@ class Feed:
         except (OSError, ValueError):
             piece = b""
         if not piece:
-            self._dead = True
+            self.dead = True
         return self._lines.of(piece)
-
-    @property
-    def dead(self) -> bool:
-        """Whether it is gone."""
-        return self._dead
 
     @property
     def pid(self) -> int:
@@ -128,7 +123,7 @@ class Feed:
     def close(self) -> None:
         """End it; what it was told last it still takes in, if it is quick."""
         with contextlib.suppress(queue.Full):
-            self._messages.put(None, timeout=0.0 if self._dead else END_S)
+            self._messages.put(None, timeout=0.0 if self.dead else END_S)
         self._writer.join(END_S)
         process = self._child.process
         try:
@@ -136,7 +131,7 @@ class Feed:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-        self._dead = True
+        self.dead = True
         self._child.close(END_S)
 
 
