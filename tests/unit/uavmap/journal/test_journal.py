@@ -113,7 +113,9 @@ def test_there_is_no_journal(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("data", [b"", b"x", b"some notes\n" * 50, b"{}\n", bytes(4096)])
+@pytest.mark.parametrize(
+    "data", [b"", b"x", b"notes\n" * 50, b"{}\n", bytes(4096), b"SQLite format 3\0" + bytes(99)]
+)
 def test_foreign_file(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "journal.jsonl"
     path.write_bytes(data)
@@ -134,6 +136,7 @@ def test_second_writer_is_refused_and_reader_is_not(path: Path) -> None:
         journal.append(Recalled(99.0))
         assert reader.new_events() == [Recalled(99.0)]
         assert reader.new_events() == []
+        assert os.listdir(path.parent) == [path.name]
 
 
 def test_whole_journal_that_cannot_be_written_is_said(
