@@ -25,7 +25,11 @@ from tests.support.journals import META, contents, read, some_events, write
 from uavmap.journal import event_log
 from uavmap.journal.event_log import Journal, JournalReader, planner
 
-ROOT = Path(__file__).resolve().parents[4]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[4])}
+
+
+def program(text: str, *arguments: object) -> list[str]:
+    return [sys.executable, "-c", textwrap.dedent(text), *map(str, arguments)]
 
 
 @pytest.fixture(scope="module")
@@ -213,10 +217,7 @@ def test_killed_process_loses_nothing_that_it_acknowledged(tmp_path: Path) -> No
     acknowledged = -1
     for after in (1, 40, 7, 150):
         process = subprocess.Popen(
-            [sys.executable, "-c", textwrap.dedent(PROGRAM), str(path)],
-            stdout=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            program(PROGRAM, path), stdout=subprocess.PIPE, text=True, env=ENVIRONMENT
         )
         assert process.stdout is not None
         with process.stdout:
@@ -267,13 +268,8 @@ KILLED_AT_EACH_LINE = """
 
 
 def test_killed_at_each_line_of_its_creation(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(KILLED_AT_EACH_LINE), str(tmp_path)],
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = program(KILLED_AT_EACH_LINE, tmp_path)
+    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert lines[-1].endswith(" 0")
@@ -369,10 +365,8 @@ Fill = Callable[[Path, int], list[str]]
 @pytest.fixture(scope="module")
 def fill() -> Iterator[Fill]:
     """Has a process of its own write a journal while no file may grow beyond so many bytes."""
-    command = [sys.executable, "-c", textwrap.dedent(LIMITED)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    pipe = subprocess.PIPE
-    with subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, text=True) as process:
+    command, pipe = program(LIMITED), subprocess.PIPE
+    with subprocess.Popen(command, env=ENVIRONMENT, stdin=pipe, stdout=pipe, text=True) as process:
         asked, told = process.stdin, process.stdout
         assert asked is not None
         assert told is not None
