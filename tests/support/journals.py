@@ -12,19 +12,9 @@ from missions.events import Event, FrameSeen, Tracked, Vote
 from missions.units import Cell, GridPoint
 from tests.support.plans import named_text, plan_of
 from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
 
 SOURCE = named_text("runway")
-PLAN = plan_of(
-    SOURCE.source,
-    SOURCE.text + "# é\n",
-    strategy=None,
-    vehicles=None,
-    seed=7,
-    urls=(),
-    speedup=None,
-    epoch_utc_s=SIM_EPOCH_UTC_S,
-)
+PLAN = plan_of(SOURCE.source, SOURCE.text + "# é\n", seed=7)
 META: dict[str, Any] = {"plan": json.loads(json.dumps(PLAN.as_json()))}
 """As it is read back: a tuple is a list in JSON."""
 

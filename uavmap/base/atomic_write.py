@@ -10,11 +10,7 @@ from pathlib import Path
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file so that a reader, or a crash, meets the old content or the new.
-
-    The data go into a temporary file of the same folder, to the disk, and then take the name.
-    Raises `OSError` as the disk does; the temporary file is removed then.
-    """
+    """Write a file; a reader, or a crash, meets its old content or the new. Raises `OSError`."""
     write_parts(path, (data,))
 
 

@@ -23,10 +23,9 @@ def environment() -> dict[str, str]:
 
 
 class Child:
-    """A module of this program, run as a process of its own, and told by `stdin`.
+    """A module of this program in a process of its own, fed through `stdin`.
 
-    What it writes to its standard error is taken by a thread, so that it never waits for a reader.
-    `pass_fds`: open files that it inherits.
+    A thread reads its standard error. `pass_fds` are open files that it inherits.
     """
 
     def __init__(self, module: str, name: str, pass_fds: Collection[int] = ()) -> None:
@@ -55,10 +54,7 @@ class Child:
                 self._complaint = (self._complaint + piece)[-_REMEMBERED:]
 
     def last_words(self, wait_s: float = 0.0) -> str:
-        """The last line that it has complained of, empty for none.
-
-        `wait_s`: for who knows that it has ended, how long to wait for all of it, real seconds.
-        """
+        """Return its last line on standard error, or ; wait up to `wait_s` real seconds."""
         self._listener.join(wait_s)
         lines = self._complaint.decode(errors="replace").strip().splitlines()
         return lines[-1].strip() if lines else ""

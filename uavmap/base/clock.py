@@ -1,9 +1,8 @@
-"""Time as the event loop tells it: real, faster than real, or virtual.
+"""Time as the event loop reports it: real, faster than real, or virtual.
 
-Nothing in the service knows which. A loop asks its selector to wait until the next timer; the
-virtual clock does not wait but moves on to that instant, so a 73-minute mission runs as fast as
-it can be computed, in an order that depends on nothing but the program. A scaled clock waits a
-fraction of the time.
+Nothing in the service knows which. A loop asks its selector to wait until the next timer. The
+virtual clock does not wait but moves on to that instant, so a mission of 73 minutes runs as fast
+as it can be computed, always in the same order. A scaled clock waits a fraction of the time.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ import asyncio
 import contextlib
 import selectors
 import time
-from collections.abc import AsyncIterator, Coroutine, Mapping
+from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Any, Final, Protocol, TypeVar
 
 T = TypeVar("T")
@@ -31,14 +30,13 @@ class Clock(Protocol):
 
     def now_s(self) -> float:
         """Seconds since the clock was made."""
-        ...
 
-    def wait(self, selector: selectors.BaseSelector, timeout_s: float | None) -> _Ready:
+    def wait(self, select: _Select, timeout_s: float | None) -> _Ready:
         """Wait for a file or for the time to pass, whichever comes first."""
-        ...
 
 
 _Ready = list[tuple[selectors.SelectorKey, int]]
+_Select = Callable[[float | None], _Ready]
 
 
 class ScaledClock:
@@ -55,9 +53,9 @@ class ScaledClock:
         """Seconds since `start_s`."""
         return (time.monotonic() - self.start_s) * self._speedup
 
-    def wait(self, selector: selectors.BaseSelector, timeout_s: float | None) -> _Ready:
+    def wait(self, select: _Select, timeout_s: float | None) -> _Ready:
         """Wait as long as that takes on this clock."""
-        return selector.select(None if timeout_s is None else timeout_s / self._speedup)
+        return select(None if timeout_s is None else timeout_s / self._speedup)
 
 
 class VirtualClock:
@@ -72,44 +70,27 @@ class VirtualClock:
         """Virtual seconds since the clock was made."""
         return self._now_s
 
-    def wait(self, selector: selectors.BaseSelector, timeout_s: float | None) -> _Ready:
+    def wait(self, select: _Select, timeout_s: float | None) -> _Ready:
         """Move on by the time-out unless a file is ready (a signal, mostly)."""
         if timeout_s is None or timeout_s <= 0:
-            return selector.select(timeout_s)
+            return select(timeout_s)
         real_s = 0.0
         if self._pace is not None:
             due_s = self._start_s + (self._now_s + timeout_s) / self._pace
             real_s = max(due_s - time.monotonic(), 0.0)
-        if ready := selector.select(real_s):
+        if ready := select(real_s):
             return ready
         self._now_s += timeout_s
         return []
 
 
-class _ClockSelector(selectors.BaseSelector):
-    """A selector that waits by a clock."""
-
+class _ClockSelector(selectors.DefaultSelector):
     def __init__(self, clock: Clock) -> None:
-        self._inner = selectors.DefaultSelector()
+        super().__init__()
         self._clock = clock
 
-    def register(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
-        return self._inner.register(fileobj, events, data)
-
-    def unregister(self, fileobj: Any) -> selectors.SelectorKey:
-        return self._inner.unregister(fileobj)
-
-    def modify(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
-        return self._inner.modify(fileobj, events, data)
-
     def select(self, timeout: float | None = None) -> _Ready:
-        return self._clock.wait(self._inner, timeout)
-
-    def close(self) -> None:
-        self._inner.close()
-
-    def get_map(self) -> Mapping[Any, selectors.SelectorKey]:
-        return self._inner.get_map()
+        return self._clock.wait(super().select, timeout)
 
 
 _MAIN = "uavmap's main task"
@@ -210,8 +191,7 @@ async def wall_timeout(seconds: float) -> AsyncIterator[None]:
 class ClockRate:
     """A vehicle's clock beside the loop's, over windows in seconds of the loop.
 
-    A wrong `--speedup` is noticed by it: all that follows from time, the power drawn first of all,
-    is wrong by the same factor.
+    It shows a wrong `--speedup`, by which all that follows from time is wrong, power first of all.
 
     >>> rate = ClockRate(window_s=10.0, speedup=1.0)
     >>> [said for t in range(40) if (said := rate.take(float(t), 3.0 * t))]

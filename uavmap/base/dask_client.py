@@ -17,10 +17,9 @@ def dask_client(
     answer_s: float | None = None,
     load: Callable[[str], Any] = import_module,
 ) -> Any:
-    """A client of the scheduler at `tcp://HOST:PORT`, to be used in a `with`.
+    """Yield a client of the scheduler at `tcp://HOST:PORT`.
 
-    Raises `StudyError` in a line: without Dask, for what is no address, and where nobody answers
-    within `answer_s` (`ANSWER_S`) seconds.
+    Raises `StudyError` without Dask, for no address, and without an answer within `answer_s`.
     """
     try:
         distributed: Any = load("distributed")

@@ -1,5 +1,4 @@
-"""Pictures from outside, decoded with care: JPEG or PNG, whole, of a size that was looked at
-first."""
+"""Pictures from outside, JPEG or PNG: their size is checked before they are decoded whole."""
 
 from __future__ import annotations
 
@@ -26,21 +25,18 @@ _FORMATS = ("JPEG", "PNG")  # JPEG takes in MPO: with a preview behind it, as ca
 
 
 def read_image(data: bytes, name: str, size_px: tuple[int, int] | None = None) -> NDArray[np.uint8]:
-    """Decode a picture, all of it.
+    """Decode a whole picture to (rows, columns, 3) uint8, blue-green-red; EXIF orientation is
+    ignored.
 
-    Pillow decodes, not OpenCV: that fills what is missing of a truncated JPEG with gray and says
-    nothing. EXIF orientation is not applied.
+    Pillow decodes: OpenCV silently fills the missing part of a truncated JPEG with gray.
 
     Args:
         data: A JPEG or PNG file.
-        name: What to call it in an error.
-        size_px: The columns and rows that it has to have; another size is not decoded.
-
-    Returns:
-        Shape (rows, columns, 3), uint8, blue-green-red.
+        name: Its name in an error.
+        size_px: The columns and rows that it must have; another size is not decoded.
 
     Raises:
-        ImageError: not a picture, or corrupt, or cut short, or too large, or of another size.
+        ImageError: No picture, corrupt, cut short, too large, or of another size.
     """
     if len(data) > MAX_PICTURE_BYTES:
         raise ImageError(
@@ -58,10 +54,7 @@ def read_image(data: bytes, name: str, size_px: tuple[int, int] | None = None) -
 
 @contextmanager
 def opened(source: Path | BinaryIO, name: str) -> Iterator[Image.Image]:
-    """Open a picture; what goes wrong with it, here or in the block, is an `ImageError`.
-
-    Its size is looked at before the block may decode it.
-    """
+    """Open a picture, its size checked; a failure here or in the block is an `ImageError`."""
     try:
         with warnings.catch_warnings():
             # Pillow warns of a damaged tag and leaves it out; if it matters, it is missed by name

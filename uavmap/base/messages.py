@@ -3,10 +3,10 @@
     logging.getLogger("uavmap.fleet").info("the radio is silent")
 
     with shown_on(Terminal()):
-        ...  # whatever is logged here, or in a task that is started here, is shown
+        ...  # shows what is logged here, or in a task that is started here
 
 A program may run several flights at once, in threads or tasks. A line is shown on the displays of
-the context (`contextvars`) in which it is logged. An object that others call from their contexts
+the context (`contextvars`) in which it is logged. An object that is called from other contexts
 logs by a logger that was `bound` where the object was made.
 """
 
@@ -29,7 +29,6 @@ class Display(Protocol):
 
     def show(self, text: str) -> None:
         """Show a line, or several. Never raises."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,6 @@
 """Text from outside, made safe to show: no control characters, one line, of bounded length.
 
-A status text, a URL or a reason phrase of a server may hold escape sequences that move a
-terminal's cursor or change its title, and marks that turn the order of what is read.
+A status text, a URL or a reason phrase may hold escape sequences for a terminal, and bidi marks.
 """
 
 from __future__ import annotations
@@ -21,9 +20,9 @@ _BREAK: Final = re.compile(r"[\t\n\v\f\r\x85\u2028\u2029]+")
 
 
 def printable(text: str, limit: int = TEXT_LIMIT) -> str:
-    r"""The text in one line, without escape sequences, control, format and bidi characters.
+    r"""Return the text in one line, without escape sequences, control, format and bidi characters.
 
-    What is longer than `limit` characters is cut and ends in "...".
+    Text longer than `limit` characters is cut and ends in "...".
 
     >>> printable("\x1b]0;owned\x07PreArm: \x1b[31mBattery\x1b[0m\r\n low")
     'PreArm: Battery  low'

@@ -28,8 +28,7 @@ class PipeConsole(Console):
 class Terminal:
     """Standard error, or another stream, as a `Display`.
 
-    Nothing is written any more to a terminal that is gone (a closed window, a broken pipe): nothing
-    of a flight depends on being read.
+    It writes no more once its terminal is gone: no flight depends on being read.
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:
@@ -56,7 +55,6 @@ class Terminal:
 
 
 def _is_terminal(stream: TextIO) -> bool:
-    """Return whether what is written can be redrawn."""
     try:
         return stream.isatty()
     except ValueError:  # closed on our side

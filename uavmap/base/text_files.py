@@ -9,20 +9,15 @@ from pathlib import Path
 
 
 def read_text(path: Path, most_bytes: int) -> str:
-    """The text of a file in UTF-8, with or without a mark at its beginning.
-
-    Raises `OSError` as `read_bytes` does; `UnicodeDecodeError` for what is no text.
-    """
+    """Return a text in UTF-8, without a byte order mark. Raises `OSError`, `UnicodeDecodeError`."""
     return read_bytes(path, most_bytes).decode("utf-8-sig")
 
 
 def read_bytes(path: Path, most_bytes: int) -> bytes:
-    """What is in a file.
+    """Return the bytes of an ordinary file; a device or a pipe, which may be endless, is not
+    opened.
 
-    A device is not even opened: `/dev/zero` has no end, and a pipe may have none.
-
-    Raises `OSError`, with a `strerror` for people, for what cannot be read, is no ordinary file or
-    is too large.
+    Raises `OSError` with a readable `strerror` for another kind of file, or one too large.
     """
     try:
         found = path.stat()

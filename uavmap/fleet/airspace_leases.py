@@ -1,7 +1,7 @@
-"""Air that members ask each other for: questions, promises, and when it is ours.
+"""Airspace that members reserve among each other: questions, promises, reservations.
 
-A vehicle that changes its height where others fly asks for the column in which it does. The others
-close it to themselves, leave it, and promise; once all have that are not done, it goes.
+A vehicle that changes height where others fly asks for the column in which it does. The others
+close it to themselves, leave it, and promise; the vehicle goes once all active ones have.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MOST_ASK_S: Final = 600.0
 class Airspace:
     """What one member asks for, and what it has promised the others, which are in `peers`.
 
-    Services act on what is posted. `hurry` has the next message said soon: somebody waits for it.
+    `hurry` sends the next message soon.
     """
 
     def __init__(
@@ -88,11 +88,10 @@ class Airspace:
         self._hurry()
 
     def promises(self, state: State | None) -> dict[int, int]:
-        """Whose air we keep out of: of those who have asked, and whom our own wish does not meet.
+        """Return whose airspace we keep out of: of those who ask, and do not meet our own wish.
 
-        The reducer has closed it to us when the question came; the promise is given once we are
-        out of it. Of two who want the same air the lower number has it first, unless the other has
-        it already.
+        The reducer closed it when the question came; the promise follows once we are out of it. If
+        two want the same airspace, the lower number has it first, unless the other has it already.
         """
         found: dict[int, int] = {}
         if state is None:
@@ -109,9 +108,9 @@ class Airspace:
         return found
 
     def hear_promise(self, sender: int, question: int) -> None:
-        """Another has promised this question of ours, -1 for none.
+        """Note that another promised this question of ours, -1 for none.
 
-        Our service is told once everybody who could be in that air has promised.
+        Our service gets the reservation once all that could be in that airspace have promised.
         """
         self._peers[sender].promised = question
         column = self._column

@@ -1,7 +1,6 @@
 """Where members of a fleet reach each other: `tcp/HOST:PORT`, `udp/HOST:PORT`, a multicast group.
 
-As Zenoh writes them. A multicast group names the interface that it is sent on, so that nothing goes
-out by another one.
+The notation is Zenoh's. A multicast group names its interface, so nothing is sent by another one.
 """
 
 from __future__ import annotations
@@ -47,12 +46,10 @@ class FleetEndpoint:
 
 
 def parse_endpoint(option: str, text: str) -> FleetEndpoint:
-    """The endpoint that is given with an option. Raises `LinkError` with the remedy.
+    """Parse the endpoint of an option. Raises `LinkError` with the remedy.
 
     >>> parse_endpoint("--listen", "udp/224.0.0.224:7447#iface=wlan0").multicast
     True
-    >>> parse_endpoint("--peer", "tcp/drone-2.local:7447").host
-    'drone-2.local'
     >>> parse_endpoint("--peer", "drone-2:7447")
     Traceback (most recent call last):
     missions.errors.LinkError: --peer drone-2:7447: write ...

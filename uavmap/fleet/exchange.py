@@ -19,9 +19,9 @@ LINGER_APART_S: Final = 120.0
 
 @contextlib.asynccontextmanager
 async def talking(member: Member | None, *, may_leave: bool = False) -> AsyncIterator[None]:
-    """Have a member talk while the context lasts, and after it until the others know all of it.
+    """Let a member talk in the context, and after it until the others know all of it.
 
-    `may_leave`: an operator may end that wait: to cancel it is no failure then.
+    `may_leave`: an operator may end that wait; its cancellation is no failure then.
     """
     if member is None:
         yield
@@ -50,9 +50,9 @@ async def talking(member: Member | None, *, may_leave: bool = False) -> AsyncIte
 
 
 async def _settle(member: Member) -> None:
-    """Wait until everybody in contact is done and knows what is known here, or long enough.
+    """Wait, within bounds, until all in contact are done and know what is known here.
 
-    Who is out of contact, and was not done when it was, will come home, where it hears us.
+    A member out of contact that was not done comes home, where it hears us.
     """
     waited_s = 0.0
     while waited_s < LINGER_S:

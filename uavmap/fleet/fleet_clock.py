@@ -38,9 +38,9 @@ class FleetClock:
         """Whether our clock is that of the fleet."""
 
     async def agree(self, wait_s: float) -> float:
-        """Listen until all are heard, or for so long; returns by how much our clock has to go on.
+        """Listen until all are heard, at most `wait_s`; return by how much our clock moves on, s.
 
-        The clock of whoever has taken off is followed, else that of the lowest number.
+        It follows the clock of a member that has taken off, else that of the lowest number.
         """
         everybody = set(range(1, len(self._setting.mission.vehicles) + 1)) - {self._number}
         waited_s = 0.0

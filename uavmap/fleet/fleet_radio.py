@@ -6,9 +6,9 @@ import contextlib
 import logging
 import re
 import time
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Final
 
 from missions.errors import LinkError
 from missions.mission.schema import Mission
@@ -17,6 +17,7 @@ from uavmap.fleet.multicast_radio import MulticastRadio
 from uavmap.fleet.radio import Radio, Radios, SealedRadio
 from uavmap.fleet.sealing import Seal, fleet_key
 from uavmap.fleet.zenoh_radio import ZenohLinks, ZenohRadio, imported_zenoh
+from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_options import FleetNetwork
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.mavlink.links.key_file import read_key
@@ -31,27 +32,13 @@ START: Final = "fleet_start"
 """In the journal's meta: the number of the member's latest start."""
 
 
-class HoldsMeta(Protocol):
-    """What is needed of a journal."""
-
-    @property
-    def meta(self) -> Mapping[str, Any]:
-        """What is said of the mission as a whole."""
-        ...
-
-    def put_meta(self, key: str, value: Any) -> None:
-        """Change it."""
-        ...
-
-
 @contextlib.asynccontextmanager
 async def joined_fleet(
-    plan: FlightPlan, mission: Mission, journal: HoldsMeta
+    plan: FlightPlan, mission: Mission, journal: Journal
 ) -> AsyncIterator[SealedRadio | None]:
-    """The radio of a member and its seal, until the end of the context.
+    """Yield the radio of a member and its seal; None without a fleet, or without reach.
 
-    None for a flight that is of no fleet, or whose member reaches nobody. Raises `LinkError`,
-    `JournalError`.
+    Raises `LinkError`, `JournalError`.
     """
     network = plan.network
     if plan.member is None or network is None or network.alone:
@@ -92,13 +79,13 @@ def member_seal(
     network: FleetNetwork,
     mission: Mission,
     number: int,
-    journal: HoldsMeta,
+    journal: Journal,
     now_utc_s: Callable[[], float] = time.time,
 ) -> Seal:
-    """The seal of a member at a new start, which is higher than any before.
+    """Return the seal of a member at a new start, which is higher than any before.
 
-    It is in the journal before anything is sealed with it; a computer whose clock was set back
-    counts on from there. Raises `LinkError` for the key, `JournalError`.
+    The journal holds it before it is used, and a clock that was set back counts on from there.
+    Raises `LinkError` for the key, `JournalError`.
     """
     start = max(int(journal.meta.get(START, 0)) + 1, int(now_utc_s()))
     journal.put_meta(START, start)
@@ -126,7 +113,7 @@ async def opened_radio(network: FleetNetwork, mission: Mission) -> AsyncIterator
 
 
 def key_expression(name: str) -> str:
-    """Under which key the members of a mission publish, and subscribe.
+    """Return the key under which the members of a mission publish and subscribe.
 
     >>> key_expression("north field #2")
     'uavmap/north-field--2'

@@ -1,10 +1,10 @@
-"""A member of a fleet: tells the others what it knows and does, and takes in what they tell.
+"""A member of a fleet: sends what it knows and does, and receives the same of the others.
 
-Every `BEAT_S` or so it says who it is and where, what it holds, and how many facts of each member
-it knows; then facts that were not told yet, then those that somebody lacks, as many as the budget
-of bytes allows. What it hears becomes events for its service: `Shared`, `Heard`, `Apart`. So a
-member is as a vehicle to the service, and the journal holds what others have seen, with its origin.
-What it knows of others is in `peers`, which all parts of it share.
+About every `BEAT_S` it sends its number, place, reservations, and how many facts of each member it
+knows; then facts not sent yet, then those that others lack, within its budget of bytes. What it
+receives becomes events for its service (`Shared`, `Heard`, `Apart`): the service sees a member as
+a vehicle, and the journal holds what others have seen, with its origin. `peers` is shared by all
+parts.
 """
 
 from __future__ import annotations
@@ -126,9 +126,9 @@ class Member:
 
     # --- the clock -----------------------------------------------------------------------------
     async def agree(self, wait_s: float) -> float:
-        """Listen until all are heard, or for so long; returns by how much our clock has to go on.
+        """Listen until all are heard, at most `wait_s`; return by how much our clock moves on, s.
 
-        What others tell of cells is taken once `clock_moved` was called.
+        Facts of others on cells count once `clock_moved` was called.
         """
         return await self._clock.agree(wait_s)
 
@@ -215,7 +215,6 @@ class Member:
             self.beat_soon()  # there is more to tell, and enough was saved
 
     def _message(self, now_s: float) -> Message:
-        """What is said besides facts."""
         return Message(
             now_s,
             self._presence(),

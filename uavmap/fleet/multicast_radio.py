@@ -1,8 +1,7 @@
 """A radio of plain datagrams to a multicast group: every member in reach hears each one once.
 
-Zenoh can join a group, too, but its members answer each other's declarations without end from three
-on (its releases up to 1.10 do), which is 40 MB a minute and more. Members of a group need no
-declarations, so this is a socket, and what a datagram takes is its headers.
+Zenoh can join a group, but from three members on (releases up to 1.10) they answer each other's
+declarations without end, 40 MB a minute and more. A socket needs none.
 """
 
 from __future__ import annotations

@@ -15,15 +15,12 @@ class Radio(Protocol):
     @property
     def overhead_bytes(self) -> int:
         """What a datagram takes on the way besides itself."""
-        ...
 
     def send(self, datagram: bytes) -> None:
         """Send to all. Never raises, never waits."""
-        ...
 
     def listen(self, heard: Callable[[bytes], None]) -> None:
         """Have what comes in passed on, in the event loop's thread."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,7 @@
-"""Which facts are told next: what a lost datagram held, new ones of ours, what somebody lacks.
+"""Order of facts to send: those of a lost datagram, new ones of ours, those that others lack.
 
-A fact that was told is told again to nobody who has not spoken since: only what somebody says that
-it holds, later than that, shows that it was lost. Facts of a third one are told by whoever has them
-where nothing of that one has got through for a while.
+A fact is sent again only to a member that has reported since, without it, what it holds. Facts of
+a third member are relayed where nothing of that one has got through for a while.
 """
 
 from __future__ import annotations
@@ -16,8 +15,7 @@ from missions.flight.team.knowledge import NOTHING, Knowledge, runs_of
 from uavmap.fleet.peer import Peer
 
 RELAY_S: Final = 8.0
-"""What somebody lacks of a third one, of whom it has heard nothing new for so long, is told by
-whoever has it."""
+"""Time without news of a third member, after which others relay its facts, s."""
 UNDERWAY_S: Final = 1.0
 """So long a datagram, and what says that it has come, are on the way at most."""
 
@@ -38,10 +36,10 @@ class Telling:
                 told_s[number] += by_s
 
     def batches(self, knowledge: Knowledge, now_s: float, room: int) -> tuple[Batch, ...]:
-        """Facts to tell, in at most so many bytes.
+        """Return facts to send, in at most so many bytes.
 
-        What was lost comes first, in half of the room: whoever hears nothing of us would have us
-        tell it for ever.
+        Lost ones come first, in half of the room: to a member that hears nothing they are lost for
+        ever.
         """
         new = self._new(knowledge, now_s)
         found: list[Batch] = []

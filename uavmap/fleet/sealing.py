@@ -1,13 +1,11 @@
-"""Datagrams that only holders of the mission's key can have made, and each is taken once.
+"""Datagrams that only holders of the mission's key can make, each accepted once.
 
 A datagram carries its sender's number, the number of its start, a counter, and a code of all of
-that under the key (keyed BLAKE2s, RFC 7693). A higher start replaces a lower one; of one start
-each counter is taken once, in a window for datagrams that overtake each other. Clocks have no part
-in this: one that is off by an hour changes nothing.
+that under the key (keyed BLAKE2s, RFC 7693). A higher start replaces a lower one. Each counter of
+a start is accepted once, in a window for datagrams that overtake each other. Clocks have no part.
 
-Somebody who recorded an earlier flight with the same key could play it to a member that has heard
-nobody yet. So a start is believed only when it was proven to be alive: whoever hears an unknown one
-asks with a number of its own, never used before, and the answer holds that number.
+An attacker could replay an earlier flight with the same key to a member that has heard nobody yet.
+So an unknown start is believed only after it answers a fresh random number.
 """
 
 from __future__ import annotations
@@ -147,7 +145,6 @@ def _parts(body: bytes) -> list[bytes]:
 
 
 def _is_new(heard: _Heard, counter: int) -> bool:
-    """Whether a counter was not taken before; takes it."""
     ahead = counter - heard.last
     if ahead > 0:
         heard.window = (
@@ -170,12 +167,11 @@ _MEANING: Final = (
 
 
 def fleet_key(key: bytes, mission: Mission) -> bytes:
-    """What the datagrams of a fleet are sealed with: 32 bytes, of the key of a file.
+    """Derive the 32 bytes that seal a fleet's datagrams from a file of `uavmap keys new`.
 
-    The file is one of `uavmap keys new`. It may be the one that signs MAVLink: what comes out here
-    reveals nothing of it. Members whose missions differ in what facts mean (grid, box, votes), or
-    in which air is whose (pads, heights, layers), have different keys: none takes another's for its
-    own.
+    The file may be the one that signs MAVLink: the derived key reveals nothing of it. Members whose
+    missions differ in what facts mean (grid, box, votes) or whose airspace is whose (pads, heights,
+    layers) get different keys, and refuse each other's datagrams.
     """
     return blake2s(LABEL + meaning_of(mission), key=key).digest()
 

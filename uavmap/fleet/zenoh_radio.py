@@ -1,9 +1,8 @@
 """A radio over Zenoh: from peer to peer, or by a router.
 
 Nothing goes to a host that was not named: no scouting, no gossip. A datagram is sent once to each
-neighbour, and dropped where a link is stuck. Zenoh's threads never touch the flight: what comes in
-is handed to the event loop. A thread of ours keeps the session: it opens it however often that
-takes, and anew where Zenoh has given it up or nobody was heard for long.
+neighbour, and dropped where a link is stuck. Zenoh's threads hand what comes in to the event loop.
+An own thread opens the session, and anew where Zenoh gave it up or all were silent for long.
 """
 
 from __future__ import annotations
@@ -24,8 +23,7 @@ from uavmap.base.extras import install_command
 from uavmap.fleet.endpoints import FleetEndpoint
 
 TCP_BYTES: Final = 156
-"""On the wire for a datagram besides itself: Ethernet, IPv4, TCP, Zenoh's frame and key, and the
-acknowledgement of one that came in."""
+"""Bytes beside a datagram: Ethernet, IPv4, TCP, Zenoh's frame and key, one acknowledgement."""
 UDP_BYTES: Final = 64
 """The same of UDP, without acknowledgements."""
 LARGEST_BYTES: Final = 1_400
@@ -158,7 +156,6 @@ class ZenohRadio:
 
     # --- in the thread that keeps the session ----------------------------------------------------
     def _keep(self) -> None:
-        """Have a session, again and again."""
         silent_s, retry_s = SILENT_S[0], RETRY_S[0]
         while not self._stop.is_set():
             try:
@@ -225,7 +222,6 @@ class ZenohRadio:
         self._in_loop(self._log.line, text)
 
     def _in_loop(self, call: Callable[..., None], *arguments: Any) -> bool:
-        """Whether the event loop still takes it."""
         loop = self._loop
         if loop is None:
             return False
@@ -237,7 +233,6 @@ class ZenohRadio:
 
     # --- in Zenoh's threads ----------------------------------------------------------------------
     def _came_in(self, sample: Any) -> None:
-        """A datagram has come in."""
         with contextlib.suppress(Exception):  # what is raised here would go nowhere
             datagram = bytes(sample.payload)
             self._heard_s = time.monotonic()

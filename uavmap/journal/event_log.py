@@ -14,7 +14,7 @@ import os
 import zlib
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -22,6 +22,7 @@ from typing import Any, Final, Self
 
 from missions.errors import JournalError
 from missions.events import Event, from_json, to_json
+from uavmap.base.atomic_write import write_bytes
 from uavmap.base.version import __version__
 
 FORMAT: Final = 1
@@ -88,95 +89,95 @@ class JournalReader:
                 "the version of uavmap that wrote it"
             )
         self.planner: str = values["planner"]
-        """How that installation planned: `COMPILED` or `PLAIN`."""
+        """`COMPILED` or `PLAIN`."""
         self.meta: dict[str, Any] = values["meta"]
-        """What the mission was started with, as of what was read."""
+        """The flight plan and what was put since, up to the last line read."""
         self.torn = False
-        """Whether the last line was cut short when it was read last."""
+        """Whether the last line is cut short; the next one that is written takes its place."""
 
     def new_events(self) -> list[Event]:
-        """Return the events after those that were read before, in order.
+        """Return the events after those read before, in order.
 
         Raises `JournalError` at damage, after the events before it were returned.
         """
         return [event for _, event in self._new()]
 
     def events(self) -> Iterator[Event]:
-        """Return all events that were not read before. Raises as `new_events` does."""
+        """Return all events not read before. Raises as `new_events` does."""
         while piece := self.new_events():
             yield from piece
 
     def bodies(self) -> list[str]:
-        """Return the texts of all events that were not read before. Raises `JournalError`."""
+        """Return the JSON of all events not read before. Raises `JournalError`."""
         found: list[str] = []
         while piece := self._new():
             found.extend(body for body, _ in piece)
         return found
 
     def _new(self) -> list[tuple[str, Event]]:
-        rest = self._rest()
-        lines, found = rest.split(b"\n"), list[tuple[str, Event]]()
-        for number, line in enumerate(lines[:-1]):
+        rest, found = self._rest(), list[tuple[str, Event]]()
+        lines, end = rest.split(b"\n"), self.position.offset + len(rest)
+        for number, line in enumerate(lines[:-1], 1):
             if (meta := self.position.unsealed(line, "meta")) is not None:
                 self.meta.update(json.loads(meta[0]))
                 self.position = meta[1]
                 continue
             event = self.position.unsealed(line, "event")
-            try:
-                if event is not None:
+            if event is None and not any(lines[number:]):
+                break  # a kill or a power cut took it before it was confirmed
+            damage = f"line {self.position.lines + 1} is not as it was written"
+            if event is not None:
+                try:
                     found.append((event[0], from_json(event[0])))
                     self.position = event[1]
                     continue
-                damage = f"line {self.position.lines + 1} is not as it was written"
-            except ValueError:
-                damage = f"event {self.position.events + 1} cannot be read"
-            if event is None and not any(lines[number + 1 :]):
-                break  # a kill or a power cut took it before it was confirmed
+                except ValueError:
+                    damage = f"event {self.position.events + 1} cannot be read"
             if found:
                 return found
-            raise JournalError(self._described(damage))
-        self.torn = self.position.offset < self._size
+            good = self.position.events
+            raise JournalError(
+                f"{self.path} is damaged: {damage}; left as it is: "
+                f"{'1 event is' if good == 1 else f'{good} events are'} good, and "
+                f"`uavmap resume {self.path.parent} --recover` goes on from there in a copy"
+            )
+        self.torn = self.position.offset < end
         return found
 
     def _rest(self) -> bytes:
         try:
             with self.path.open("rb") as file:
-                self._size = os.fstat(file.fileno()).st_size
-                if self._size < self.position.offset:
+                size = os.fstat(file.fileno()).st_size
+                if size < self.position.offset:
                     raise JournalError(f"{self.path} was exchanged for another; read it anew")
                 file.seek(self.position.offset)
-                return file.read(self._size - self.position.offset)
+                return file.read(size - self.position.offset)
         except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
             raise JournalError(
                 f"{self.path}: there is no journal here; give the folder that a flight wrote to"
             ) from None
         except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise JournalError(f"{self.path} cannot be read: {reason}") from None
-
-    def _described(self, damage: str) -> str:
-        good = self.position.events
-        return (
-            f"{self.path} is damaged: {damage}; left as it is: "
-            f"{'1 event is' if good == 1 else f'{good} events are'} good, and "
-            f"`uavmap resume {self.path.parent} --recover` goes on from there in a copy"
-        )
+            raise JournalError(f"{self.path} cannot be read: {_reason(error)}") from None
 
 
-class Journal:
-    """An open journal. Use `create` or `open`; close it, or use it as a context manager."""
+class Journal(JournalReader):
+    """An open journal, written by this process alone. Use `create` or `open`, and close it."""
 
-    def __init__(self, path: Path, file: int, held: int, reader: JournalReader) -> None:
-        self.path = path
-        self.meta = reader.meta
-        """What the mission was started with, and what was put since."""
-        self.planner = reader.planner
-        self.torn = reader.torn
-        """Whether the file ends in a line that was cut short; the next one takes its place."""
-        self._file = file
-        self._lock = held
-        self._end = reader.position
-        self._closed = False
+    def __init__(self, path: Path, opening: bytes | None = None) -> None:
+        with ExitStack() as held:
+            held.callback(os.close, lock(path))
+            if opening is not None:
+                _begin(path, opening)
+            super().__init__(path)
+            deque(super().events(), maxlen=0)
+            try:
+                self._file = os.open(path, os.O_RDWR)
+            except OSError as error:
+                raise JournalError(
+                    f"{path} is whole, but cannot be opened for writing: {error.strerror}"
+                ) from None
+            held.callback(os.close, self._file)
+            self._held = held.pop_all()
         self._expected: deque[str] = deque()
 
     @classmethod
@@ -188,50 +189,18 @@ class Journal:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise JournalError(f"{path.parent} cannot be made: {reason}") from None
+            raise JournalError(f"{path.parent} cannot be made: {_reason(error)}") from None
         opening = {
             "format": FORMAT, "version": __version__, "planner": planner(), "meta": dict(meta)
         }  # fmt: skip
-        held = lock(path)
-        try:
-            if path.exists():
-                raise JournalError(
-                    f"{path} exists already; go on with `uavmap resume {path.parent}`, "
-                    "or choose another --out"
-                )
-            install(path, Position().sealed("journal", _json(opening).encode())[0])
-            to_disk(path.parent.absolute().parent)
-            return cls._opened(path, held)
-        except OSError as error:
-            os.close(held)
-            raise JournalError(f"{path} cannot be written: {error.strerror}") from None
-        except BaseException:
-            os.close(held)
-            raise
+        return cls(path, Position().sealed("journal", _json(opening).encode())[0])
 
     @classmethod
     def open(cls, path: Path) -> Journal:
         """Open an existing journal. Raises `JournalError` for anything that is not a whole one,
         and leaves that as it is."""
-        JournalReader(path)  # before the lock: where there is no journal that is what is said
-        held = lock(path)
-        try:
-            return cls._opened(path, held)
-        except BaseException:
-            os.close(held)
-            raise
-
-    @classmethod
-    def _opened(cls, path: Path, held: int) -> Journal:
-        reader = JournalReader(path)
-        deque(reader.events(), maxlen=0)
-        try:
-            return cls(path, os.open(path, os.O_RDWR), held, reader)
-        except OSError as error:
-            raise JournalError(
-                f"{path} is whole, but cannot be opened for writing: {error.strerror}"
-            ) from None
+        JournalReader(path)  # before the lock: a missing journal is reported first
+        return cls(path)
 
     def __enter__(self) -> Self:
         return self
@@ -241,24 +210,21 @@ class Journal:
 
     def close(self) -> None:
         """Close the file; everything in it was safe before."""
-        if not self._closed:
-            self._closed = True
-            os.close(self._file)
-            os.close(self._lock)
+        self._held.close()
 
     def discard(self) -> None:
-        """Close and remove a journal in which nothing has happened. Raises `JournalError`."""
+        """Close and remove a journal without events. Raises `JournalError`."""
         if len(self):
             raise JournalError(f"{self.path} holds events and is not removed")
         self.close()
         self.path.unlink(missing_ok=True)
 
     def __len__(self) -> int:
-        """Return how many events it holds."""
-        return self._end.events
+        """Return the number of events."""
+        return self.position.events
 
     def bodies(self) -> list[str]:
-        """Return the texts of the events, in order."""
+        """Return the JSON of the events, in order."""
         return JournalReader(self.path).bodies()
 
     def events(self) -> Iterator[Event]:
@@ -266,7 +232,7 @@ class Journal:
         return JournalReader(self.path).events()
 
     def put_meta(self, key: str, value: Any) -> None:
-        """Change what is said of the mission as a whole, not its plan. Raises `JournalError`."""
+        """Set a value of the mission as a whole, except its plan. Raises `JournalError`."""
         if key == PLAN:
             raise ValueError("the flight plan of a journal does not change")
         text = _json({key: value})
@@ -280,65 +246,61 @@ class Journal:
         goes on), `JournalError` when the disk refuses.
         """
         body = to_json(event)
-        if self._expected:
-            self._verify(body)
-        else:
+        if not self._expected:
             self._write("event", [body])
-
-    def append_all(self, events: Iterable[Event]) -> None:
-        """Commit events at once, for what did not happen just now; raises as `append` does, and
-        none of them is kept then."""
-        self._write("event", map(to_json, events))
-
-    def _write(self, kind: str, texts: Iterable[str]) -> None:
-        lines, end = [], self._end
-        for text in texts:
-            line, end = end.sealed(kind, text.encode())
-            lines.append(line)
-        try:
-            if self.torn:
-                os.ftruncate(self._file, self._end.offset)
-            self.torn = True
-            write_at(self._file, self._end.offset, b"".join(lines))
-            os.fsync(self._file)
-        except OSError as error:  # a full disk, mostly
-            with suppress(OSError):  # else before the next one
-                os.ftruncate(self._file, self._end.offset)
-            raise JournalError(f"{self.path} cannot be written: {error.strerror}") from None
-        self.torn, self._end = False, end
-
-    def start_verification(self) -> int:
-        """Let the events that are in the file be appended again, and check each.
-
-        This is how a simulated flight is resumed: its world died with the process and is made
-        again from the seed, so every event must come out as it was recorded. Returns how many
-        events are expected; from then on `append` writes.
-        """
-        self._expected = deque(self.bodies())
-        return len(self._expected)
-
-    @property
-    def expected(self) -> int:
-        """How many recorded events are still to come again."""
-        return len(self._expected)
-
-    def _verify(self, body: str) -> None:
-        recorded = self._expected.popleft()
-        if body != recorded:
+        elif body != (recorded := self._expected.popleft()):
             raise JournalError(
                 f"{self.path}: the simulated flight does not repeat itself (recorded: {recorded}; "
                 f"now: {body}); was it flown with another version? "
                 f"`uavmap resume {self.path.parent} --from-home` goes on without repeating it"
             )
 
+    def append_all(self, events: Iterable[Event]) -> None:
+        """Commit several events by one write; raises as `append` does, and keeps none then."""
+        self._write("event", map(to_json, events))
+
+    def _write(self, kind: str, texts: Iterable[str]) -> None:
+        lines, end = [], self.position
+        for text in texts:
+            line, end = end.sealed(kind, text.encode())
+            lines.append(line)
+        try:
+            if self.torn:
+                os.ftruncate(self._file, self.position.offset)
+            self.torn = True
+            write_at(self._file, self.position.offset, b"".join(lines))
+            os.fsync(self._file)
+        except OSError as error:  # a full disk, mostly
+            with suppress(OSError):  # else before the next one
+                os.ftruncate(self._file, self.position.offset)
+            raise JournalError(f"{self.path} cannot be written: {error.strerror}") from None
+        self.torn, self.position = False, end
+
+    def start_verification(self) -> None:
+        """From now on `append` compares events with those in the file, until all came again.
+
+        A simulated flight is resumed so: its world died with the process and is made again from
+        the seed, so every event must come out as it was recorded.
+        """
+        self._expected = deque(self.bodies())
+
+    @property
+    def expected(self) -> int:
+        """The number of recorded events still to come again."""
+        return len(self._expected)
+
 
 def _json(value: object) -> str:
     return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
 
 
+def _reason(error: OSError | ValueError) -> object:
+    return getattr(error, "strerror", None) or error
+
+
 # --- the file --------------------------------------------------------------------------------
 def lock(path: Path) -> int:
-    """Hold the folder for one process: two would fly the same aircraft. The kernel lets go."""
+    """Lock the folder for this process: two would fly the same aircraft. The kernel unlocks."""
     try:
         folder = os.open(path.parent, os.O_RDONLY)
     except OSError as error:
@@ -352,9 +314,17 @@ def lock(path: Path) -> int:
     return folder
 
 
-def unfinished(path: Path) -> Path:
-    """Return the name under which a file is written until it is whole."""
-    return path.with_name(path.name + ".unfinished")
+def _begin(path: Path, line: bytes) -> None:
+    try:
+        if path.exists():
+            raise JournalError(
+                f"{path} exists already; go on with `uavmap resume {path.parent}`, "
+                "or choose another --out"
+            )
+        install(path, line)
+        to_disk(path.parent.absolute().parent)
+    except OSError as error:
+        raise JournalError(f"{path} cannot be written: {error.strerror}") from None
 
 
 def install(path: Path, data: bytes) -> None:
@@ -362,19 +332,9 @@ def install(path: Path, data: bytes) -> None:
 
     Raises `OSError`.
     """
-    temporary = unfinished(path)
-    try:
-        file = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o666)
-        try:
-            write_at(file, 0, data)
-            os.fsync(file)
-        finally:
-            os.close(file)
-        os.replace(temporary, path)
-    except OSError:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise
+    for left in path.parent.glob(f".{path.name}.*"):  # a process was killed in here
+        left.unlink()
+    write_bytes(path, data)
     to_disk(path.parent)
 
 

@@ -16,6 +16,8 @@ PYMAVLINK: Final = "pymavlink"
 MAVSDK: Final = "mavsdk"
 DRIVERS: Final[tuple[Driver, ...]] = (PYMAVLINK, MAVSDK)
 """Drivers that speak MAVLink: this program with pymavlink's codec, or MAVSDK."""
+KEY_VARIABLE: Final = "UAVMAP_KEY_FILE"
+"""Environment variable with the file of the signing key, where none is given."""
 RANGES: Final[Mapping[str, tuple[float, float]]] = MappingProxyType(
     {"vehicles": (1, MAX_VEHICLES), "seed": (0, 2**63 - 1), "speedup": (0.001, 1000.0)}
 )
@@ -42,28 +44,26 @@ class FleetNetwork:
 class FlightOptions:
     """The options of one flight; `uavmap.ui.cli.option_table` describes each for its user.
 
-    Raises `UavmapError` for a value out of its range, and `LinkError` for options that exclude
-    each other.
+    None, or an empty tuple, leaves the mission file's value. Raises `UavmapError` for a value out
+    of its range, and `LinkError` for options that exclude each other.
 
     Attributes:
         mission_source: The path of a mission file, or the name of a shipped mission.
         simulated: Whether the aircraft are simulated in this process.
-        urls: The URL of each vehicle; empty: those of the mission file.
-        cameras: The camera of each vehicle; empty: those of the mission file.
-        vehicles: How many; None: as many as the mission file, or the URLs, say.
-        strategy: Instead of the mission file's.
-        detector: A folder of `uavmap tune`, instead of the mission file's detector.
+        urls: One for each vehicle.
+        cameras: One for each vehicle.
+        vehicles: Their number; None: that of the mission file, or of the URLs.
+        detector: A folder of `uavmap tune`.
         seed: Of the simulation.
         speedup: Times real time; None: as fast as possible in simulation, else 1.
         auto_swap: Whether a fresh battery alone allows take-off: only for simulators.
-        driver: What speaks MAVLink with the aircraft.
         onboard: Whether the service flies with the vehicle, and is no ground station to it.
-        member: Of a fleet whose vehicles each have a service of their own: the vehicle that this
-            one flies; 0: a service on the ground, or a map merged of several journals.
-        network: How this member of a fleet of real vehicles reaches the others.
-        comms: How the members of a simulated fleet hear each other
-        (`uavmap.fleet.simulated_radio`). key_file: The file of the signing key; the key itself is
-        never stored. forward: URLs of ground stations to which all frames are passed on.
+        member: The vehicle of this service in a fleet with a service for each; 0: a service on the
+            ground, or a map merged of several journals.
+        network: How this member reaches the others, with real vehicles.
+        comms: How the members of a simulated fleet reach each other.
+        key_file: The file of the signing key; the key itself is never stored.
+        forward: URLs of ground stations to which all frames are passed on.
         all_strategies: Whether strategies of papers may fly, in simulation.
     """
 
@@ -87,7 +87,6 @@ class FlightOptions:
     all_strategies: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse what no flight can have."""
         whole("seed", self.seed, *map(int, RANGES["seed"]))
         if self.vehicles is not None:
             whole("vehicles", self.vehicles, *map(int, RANGES["vehicles"]))

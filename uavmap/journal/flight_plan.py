@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Final, Protocol, Self
+from typing import Any, Final, Self
 
 from pydantic import TypeAdapter
 
@@ -17,7 +17,7 @@ from missions.mission.checks import FLOWN, STRATEGIES, check
 from missions.mission.fleet_checks import check_fleet, with_own_air, with_vehicles
 from missions.mission.schema import Mission
 from uavmap.base.version import __version__
-from uavmap.journal.event_log import PLAN
+from uavmap.journal.event_log import PLAN, JournalReader
 from uavmap.journal.flight_options import FlightOptions
 from uavmap.load.kept_detector import with_kept_detector
 from uavmap.load.planner_setup import ready_planner, tell_if_uncompiled
@@ -30,20 +30,6 @@ SIM_EPOCH_UTC_S: Final = 1577836800.0
 """Simulated flights begin on 2020-01-01, so that equal flights have equal logs."""
 
 
-class HasMeta(Protocol):
-    """What is needed of a journal to read its plan."""
-
-    @property
-    def path(self) -> Path:
-        """Where it lies."""
-        ...
-
-    @property
-    def meta(self) -> Mapping[str, Any]:
-        """What the mission was started with."""
-        ...
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightPlan(FlightOptions):
     """The options of a flight, and the mission that they make of its file.
@@ -51,11 +37,10 @@ class FlightPlan(FlightOptions):
     The journal keeps it, so a flight goes on without the files that its mission named.
 
     Attributes:
-        mission: As it is flown: checked, and changed as the options say.
-        epoch_utc_s: When mission time 0 is.
+        mission: Checked, with the options applied.
+        epoch_utc_s: Wall clock at mission time 0.
         version: Of the program that began the flight.
-        rehomed: Whether the simulated aircraft were put at home once: the flight cannot be
-            repeated.
+        rehomed: Whether the simulated aircraft were put at home once: the flight cannot repeat.
     """
 
     mission: Mission
@@ -154,7 +139,7 @@ class FlightPlan(FlightOptions):
         return replace(plan, mission=with_kept_detector(plan.mission, folder))
 
     @classmethod
-    def read(cls, journal: HasMeta) -> FlightPlan:
+    def read(cls, journal: JournalReader) -> FlightPlan:
         """The plan that a journal was begun with. Raises `JournalError`."""
         meta, path = journal.meta, journal.path
         try:

@@ -27,18 +27,8 @@ from missions.units import LatLon, Pose, Quaternion
 FRAMES: Final = "frames"
 POSES: Final = "poses.csv"
 COLUMNS: Final = (
-    "frame",
-    "vehicle",
-    "t_s",
-    "lat_deg",
-    "lon_deg",
-    "height_m",
-    "qw",
-    "qx",
-    "qy",
-    "qz",
-    "hfov_deg",
-)
+    "frame", "vehicle", "t_s", "lat_deg", "lon_deg", "height_m", "qw", "qx", "qy", "qz", "hfov_deg",
+)  # fmt: skip
 WAITING: Final = 64
 """So many pictures may wait to be written."""
 _PNG: Final = b"\x89PNG"
@@ -61,17 +51,16 @@ class Keeper(Protocol):
 
     def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
         """Take a picture: the file that came, or pixels, blue-green-red."""
-        ...
 
 
 class FrameKeeper:
-    """Writes pictures and their poses; what the disk refuses is told once, and ends the keeping.
+    """Writes pictures and their poses; the first refusal of the disk is reported and ends the
+    keeping.
 
-    So does a disk that is nearly full (`ROOM_MIB`), and a list of poses that cannot be read. A
-    flight that is repeated or gone on with keeps each picture once. `aside` writes in a thread of
-    its own, so that a slow disk never holds up what steers an aircraft; where it is slower than the
-    camera, pictures are left out, and how many is told at the end. It is a context, whose end waits
-    for what is still to be written.
+    So does a disk with less than `ROOM_MIB` free, and a list of poses that cannot be read. A flight
+    that is repeated or resumed keeps each picture once. `aside` writes in a thread of its own, so
+    that a slow disk never delays steering; pictures that it cannot keep up with are left out, and
+    counted at the end. As a context, its end waits for what is still to be written.
     """
 
     def __init__(self, folder: Path, say: Callable[[str], None], *, aside: bool = False) -> None:
@@ -170,7 +159,7 @@ class FrameKeeper:
 
 
 def read_kept(folder: Path) -> Iterator[KeptFrame | str]:
-    """The frames of a flight's folder; a line that is damaged comes as a text that says so.
+    """Return the frames of a flight's folder; a damaged line becomes a text that says so.
 
     Raises `OSError` and `UnicodeDecodeError` where the file cannot be read.
     """

@@ -1,11 +1,10 @@
-"""What time it is in a mission that is taken up again.
+"""Mission time of a flight that is resumed.
 
-While a flight lasts, mission time is the event loop's. When the process is gone, it has to come
-from elsewhere: from the computer's time since its start (if it has not been started anew), from
-the vehicle's time since boot (if that has not), and only else from the wall clock, which people
-and time servers set, and which a computer without a battery for its clock does not have at all.
-So marks of all of them are kept in the journal, now and then. With a drifting region a wrong
-mission time puts every cell elsewhere.
+While a flight lasts, mission time is the event loop's. For a new process it comes from the
+computer's time since its start (in the same boot), else from the vehicle's time since boot (in its
+same boot), and only else from the wall clock, which people and time servers set, and which some
+computers lack. Marks of all three are kept in the journal. With a drifting region a wrong mission
+time puts every cell elsewhere.
 """
 
 from __future__ import annotations
@@ -85,12 +84,12 @@ def mission_time(
     """Decide on the mission time with which a mission goes on. It never runs backwards.
 
     Args:
-        last_event_s: mission time of the last event in the journal.
-        mark: the last that was kept; None in a journal of a very short flight.
-        now: what the clocks say now.
-        epoch_utc_s: wall clock at mission time zero.
-        speedup: mission seconds in a second of this computer.
-        drift_m_s: speed of a drifting region.
+        last_event_s: Mission time of the last event in the journal.
+        mark: The last that was kept; None in a journal of a very short flight.
+        now: The clocks' present values.
+        epoch_utc_s: Wall clock at mission time 0.
+        speedup: Mission seconds in a second of this computer.
+        drift_m_s: Speed of a drifting region.
     """
     if mark is None:
         wall_s = (now.wall_utc_s - epoch_utc_s) * speedup
@@ -238,10 +237,10 @@ def taken_up_at(
     say: Callable[[str], None],
     ask: Callable[[str], bool] | None,
 ) -> float:
-    """Mission time of a flight with real clocks that goes on now.
+    """Return the mission time with which a flight with real clocks goes on.
 
-    What is remarkable about it is said; what is doubtful is asked where there is a terminal to ask
-    at, and the safe assumption is taken where there is none.
+    It reports what is remarkable, and asks at a terminal about what is doubtful; without a terminal
+    it takes the safe assumption.
     """
     found = mission_time(
         last_event_s,

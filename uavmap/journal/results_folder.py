@@ -13,9 +13,9 @@ RESULTS: Final = "results"
 
 
 def results_folder(out: str | None, name: str) -> Path:
-    """The folder for a run: the one asked for, or a new one under `results`.
+    """Return the folder for a run: the one asked for, or a new one under `results`.
 
-    Raises `JournalError` when a mission lies in it already: nothing is ever overwritten.
+    Raises `JournalError` when it holds a mission already: nothing is ever overwritten.
     """
     if out is not None:
         if not out:
@@ -37,9 +37,7 @@ def results_folder(out: str | None, name: str) -> Path:
 
 
 def folder_name(name: str) -> str:
-    """The name of a mission as the name of a folder: never one that leads elsewhere.
-
-    The mission file refuses such names; here it does not depend on that.
+    """Return the name of a mission as that of a folder: never one that leads elsewhere.
 
     >>> folder_name("../../up"), folder_name("field 7"), folder_name("")
     ('______up', 'field 7', 'mission')
@@ -49,10 +47,7 @@ def folder_name(name: str) -> str:
 
 
 def make_folder(folder: Path) -> None:
-    """Make the folder of --out, and those above it, unless it is there.
-
-    Raises `OutputError` when the disk refuses.
-    """
+    """Make the folder of --out, and those above it, unless it exists. Raises `OutputError`."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -1,8 +1,7 @@
 """flight.tlog: every MAVLink frame of a flight with its time, as ground stations record it.
 
-A record is the time in microseconds since 1970 (big-endian, 8 bytes) and the frame. The log is a
-by-product: nothing goes on from it, so a disk that refuses it never stops a flight. That is said
-once, the frames are counted, and it is tried again later.
+A record is the time in microseconds since 1970 (big-endian, 8 bytes) and the frame. A disk that
+refuses the log never stops a flight: that is reported once, and the log tries again later.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from typing import Final
 from missions.lab.arena.arena_run import Comms
 from missions.lab.arena.radio import Links
 from missions.partition import Partition
-from uavmap.fleet.link_models import RANGE, link_words
+from uavmap.fleet.simulated_radio import RANGE, link_words
 
 KINDS: Final = ("shared", "free", "meeting")
 _KEYS: Final = ("loss", "delay", "rate")

@@ -1,8 +1,7 @@
 """The ground from the GeoTIFF that `terrain.dem` names, as a lattice that a mission holds.
 
-A digital elevation model may have any coordinate system and any level of the sea: what a flight
-needs is how much higher the ground is than at the start. So heights are taken at the points of a
-lattice along the mission's grid, relative to the height at the start, and kept with the mission.
+A model may have any coordinate system and any sea level; a flight needs heights relative to its
+start. So heights are sampled on a lattice along the mission's grid, and kept with the mission.
 """
 
 from __future__ import annotations
@@ -47,8 +46,6 @@ LEVEL: Final = {
 
 @dataclass(frozen=True, slots=True)
 class _Lattice:
-    """Where heights are wanted, along the mission's grid."""
-
     grid: Grid
     fence: Polygon
     west_m: float
@@ -95,8 +92,8 @@ class _Lattice:
 def with_ground(mission: Mission, path: Path, where: str) -> Mission:
     """Return the mission with the ground of a GeoTIFF, in and around its fence.
 
-    A mission whose places are refused by a check comes back as it is. Raises `MissionFileError`,
-    which begins with `where`: the mission file, the key and the value.
+    A mission with misplaced positions comes back as it is: its check reports them. Raises
+    `MissionFileError`, which begins with `where`: the mission file, the key and the value.
     """
     if any(positions_near(mission)):
         return mission
@@ -110,7 +107,6 @@ def with_lattice(mission: Mission, table: Mapping[str, Any]) -> Mission:
 
 
 def _table(path: Path, mission: Mission, where: str) -> dict[str, Any]:
-    """The ground in and around the fence of a mission, as the table of a lattice."""
     with opened(path, where) as model:
         metres, fine_m = metres_a_unit(model, where), spacing_m(model, mission.home)
         if not math.isfinite(fine_m):

@@ -1,7 +1,6 @@
 """Detectors as missions name them: their parameters, their files, and those of plug-ins.
 
-A mission holds the path and the checksum of the file of a model, so that a resumed flight is judged
-by the same model or not at all.
+A mission holds path and checksum of its model, so a resumed flight is judged by the same model.
 """
 
 from __future__ import annotations
@@ -44,10 +43,7 @@ def known_detectors() -> tuple[str, ...]:
 
 
 def check_detector(section: DetectorSection) -> None:
-    """Raise `MissionFileError` for what the detectors refuse of their parameters.
-
-    The file of a model is not needed for this.
-    """
+    """Raise `MissionFileError` for parameters that the detectors refuse; reads no model."""
     for name in section.tables:
         if name not in known_detectors():
             raise MissionFileError(
@@ -70,12 +66,11 @@ def check_detector(section: DetectorSection) -> None:
 
 
 def detector_of_section(section: DetectorSection, height_ratio: float = 1.0) -> Detector:
-    """The detector that a mission names.
+    """Return the detector of a mission. Raises `MissionFileError` for a model unreadable or
+    changed.
 
     Dilations are counted in pixels at the lowest layer. From `height_ratio` times that height a
     pixel shows so much more ground, and fewer dilations bridge the same gap.
-
-    Raises `MissionFileError` for a model that cannot be read, or has changed.
     """
     parameters = section.parameters
     if "dilations" in parameters:
@@ -104,8 +99,8 @@ def resolved_section(
 ) -> dict[str, Any] | None:
     """Return the table `[detector]` with its model by whole path and checksum.
 
-    A `detector` (a folder of `uavmap tune`) takes the place of the table; only `view` stays as it
-    is there, if the folder does not say it. Raises `MissionFileError`.
+    A `detector` (a folder of `uavmap tune`) replaces the table, except for a `view` that it does
+    not set. Raises `MissionFileError`.
     """
     found = None if section is None else dict(section)
     if detector is not None:
@@ -118,10 +113,9 @@ def resolved_section(
 
 
 def detector_text(detector: Path) -> str:
-    """The table `[detector]` of a folder (`--detector`), for a mission made of recorded pictures.
+    """Return the table `[detector]` of a folder (`--detector`), for recorded pictures.
 
-    Its model is read once, so that a fault is reported before any picture is read. Raises
-    `MissionFileError`.
+    Its model is read once, so that a fault is reported first. Raises `MissionFileError`.
     """
     what = f"--detector {detector}"
     try:
@@ -139,7 +133,6 @@ def detector_text(detector: Path) -> str:
 
 
 def _given(detector: Path) -> dict[str, Any]:
-    """The section that a folder gives, its model by its whole path."""
     path = detector / DETECTOR_TOML if detector.is_dir() else detector
     try:
         given = tomllib.loads(read_text(path, _LARGEST_TOML))
@@ -165,7 +158,6 @@ def _given(detector: Path) -> dict[str, Any]:
 
 # --- files and plug-ins ------------------------------------------------------------------------
 def _whole(folder: Path, model: str) -> Path:
-    """The whole path of a model that is named from a folder."""
     try:
         return (folder / model).resolve()
     except (OSError, ValueError, RuntimeError) as error:  # no name of a file; links in a circle

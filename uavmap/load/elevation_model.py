@@ -68,7 +68,6 @@ def opened(path: Path, where: str) -> Iterator[Any]:
 
 
 def _crs(model: Any) -> pyproj.CRS:
-    """The coordinate system of the model."""
     return pyproj.CRS.from_user_input(model.crs.to_wkt())
 
 
@@ -89,10 +88,7 @@ def metres_a_unit(model: Any, where: str) -> float:
 
 
 def spacing_m(model: Any, start: LatLon) -> float:
-    """About how far apart two heights of the model are on the ground, near the start.
-
-    Infinite where the start has no place in the model's coordinate system.
-    """
+    """Return the distance of two heights near the start, m; infinite for one outside."""
     crs = _crs(model)
     to_model = pyproj.Transformer.from_crs(_WGS84, crs, always_xy=True)
     back = pyproj.Transformer.from_crs(crs, _WGS84, always_xy=True)
@@ -119,10 +115,10 @@ def _pixels_and_places(model: Any) -> tuple[Floats, Floats]:
 def heights_at(
     model: Any, epsg: int, places: tuple[Floats, Floats], step: int, where: str
 ) -> Floats:
-    """The model's heights at places in a system, east and north; NaN where it has none.
+    """Return the model's heights at places in a system, east and north; NaN where it has none.
 
-    Bilinear between the middles of its pixels, or, with a `step` above 1, between the means of
-    so many by so many: a model of centimetres holds stones, and more pixels than memory.
+    Bilinear between pixels, or, with a `step` above 1, between means of `step` x `step` pixels: a
+    model of centimetres holds stones, and more pixels than memory.
     """
     system = pyproj.CRS.from_epsg(epsg)
     to_model = pyproj.Transformer.from_crs(system, _crs(model), always_xy=True)

@@ -1,8 +1,7 @@
 """The detector's files, kept beside the journal of a flight or a replay.
 
-A journal holds the mission, which names a model by its path. Results are moved to another
-computer, and models are tidied away. So a copy lies in the results, as a folder that `--detector`
-takes; what is read later is compared with the checksum in the mission.
+Results are moved to other computers, and models are tidied away. So the results hold a copy of
+the model, as a folder that `--detector` takes, checked by the checksum in the mission.
 """
 
 from __future__ import annotations
@@ -27,10 +26,9 @@ _BESIDE: Final = ".toml"  # settings of a segmentation model, under its name
 
 
 def keep_detector(section: DetectorSection, folder: Path) -> None:
-    """Copy the model of a mission into the folder of its results, if its detector has one.
+    """Copy the model of a mission, if it has one, into the folder of its results.
 
-    Raises `OutputError` where the disk refuses, or the model is no longer that of the mission;
-    nothing is left behind then.
+    Raises `OutputError`, and leaves nothing, where the disk refuses, or the model has changed.
     """
     if section.model is None:
         return
@@ -60,10 +58,7 @@ def drop_detector(folder: Path) -> None:
 
 
 def with_kept_detector(mission: Mission, folder: Path) -> Mission:
-    """Return the mission with its model read from the copy in a folder of results.
-
-    A mission without a model, or without an unchanged copy of it there, comes back as it is.
-    """
+    """Return the mission with its model read from the unchanged copy in a folder, if any."""
     section = mission.detector
     if section.model is None:
         return mission

@@ -39,10 +39,9 @@ def shipped_missions() -> list[str]:
 def load(name: str, detector: str | None = None) -> Mission:
     """Load a mission by its path, or by the name of a shipped one. Raises `MissionFileError`.
 
-    What the file names is read with it and becomes a part of the mission: the places of the
-    GeoJSON file at `search.prior`, the ground of the GeoTIFF at `terrain.dem`, and the checksum of
-    the model at `detector.model`. A `detector` (a folder of `uavmap tune`) takes the place of the
-    mission's own. A message names the file, the line, the key, the value and the remedy.
+    What the file names becomes a part of the mission: the places of `search.prior` (GeoJSON), the
+    ground of `terrain.dem` (GeoTIFF), the checksum of `detector.model`. A `detector` (a folder of
+    `uavmap tune`) replaces its own. A message has file, line, key, value and remedy.
     """
     text, folder = _read(name)
     try:
@@ -139,9 +138,9 @@ _QUOTES: Final = re.compile(r"""[\s"']""")
 
 
 def with_lines(message: str, source: str, text: str) -> str:
-    """Return the message with the line of the text behind the source's name, where a key has one.
+    """Return the message with the key's line behind the source's name, where the text has one.
 
-    A key within a value on several lines takes the line on which that value begins.
+    A key within a value on several lines has the line on which that value begins.
 
     >>> with_lines("a.toml: grid.cell_m = 0: must be above 0", "a.toml", "[grid]\\ncell_m = 0")
     'a.toml:2: grid.cell_m = 0: must be above 0'

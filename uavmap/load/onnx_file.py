@@ -22,9 +22,9 @@ _LARGEST_TOML: Final = 100_000
 
 
 def onnx_detector(path: Path, data: bytes, parameters: Mapping[str, Any]) -> Detector:
-    """The detector of an ONNX file and the TOML of the same name beside it.
+    """Return the detector of an ONNX file and the TOML of the same name beside it.
 
-    Raises `MissionFileError` without the extra, and for what is wrong with the files.
+    Raises `MissionFileError` without the extra, and for faults of the files.
     """
     settings = _settings(path.with_suffix(".toml"))
     run: Run = _Session(data)

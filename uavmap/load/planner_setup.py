@@ -24,10 +24,7 @@ def tell_if_uncompiled(strategies: Iterable[str], say: Callable[[str], None]) ->
 
 
 def ready_planner(strategy: str, say: Callable[[str], None]) -> None:
-    """Have the planner of a strategy that does not stop compiled before anybody is in the air.
-
-    The compiled code is kept; `say` is told if that is still to be made.
-    """
+    """Compile the planner of a strategy that does not stop; `say` if that is still to do."""
     if strategy not in NONSTOP:
         return
     from missions.planning.kernels import swath as kernels  # noqa: PLC0415 - numba takes a second

@@ -21,7 +21,7 @@ _NUMBERS = ("weight", "spread_m")
 def prior_places(path: Path, where: str) -> list[dict[str, Any]]:
     """Read the places of a file, as `search.prior` holds them.
 
-    Raises `MissionFileError`, which begins with `where`: the mission file, the key and the value.
+    Raises `MissionFileError`, which begins with `where`: mission file, key and value.
     """
     try:
         content = read_text(path, LARGEST_BYTES)

@@ -21,9 +21,9 @@ from missions.flight.joined_map import Facts
 from missions.flight.team.knowledge import Knowledge
 from missions.mission.fleet_checks import with_vehicles
 from uavmap.fleet.sealing import meaning_of
-from uavmap.journal.event_log import Journal
+from uavmap.journal.event_log import Journal, JournalReader
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
-from uavmap.journal.recovery import read_journal
+from uavmap.journal.recovery import good_events
 from uavmap.output.write_results import flown_flight, write_results
 
 MERGED: Final = "merged"
@@ -46,17 +46,14 @@ class Source:
         Of a damaged journal the good beginning counts, of a flight under way what there is; report
         it.
         """
-        found = read_journal(folder / JOURNAL)
-        if "replay" in found.meta:
+        reader = JournalReader(folder / JOURNAL)
+        events, trouble = good_events(reader)
+        if "replay" in reader.meta:
             raise JournalError(f"{folder}: is a replay of pictures; only flights are merged")
-        if found.trouble is not None:
-            last_s = found.events[-1].t_s if found.events else 0.0
-            say(
-                f"{folder}: {found.trouble}; {len(found.events)} events are merged, the last of "
-                f"{last_s:.0f} s"
-            )
-        plan = FlightPlan.read(found)
-        return cls(folder, plan, found.events)
+        if trouble is not None:
+            last_s = events[-1].t_s if events else 0.0
+            say(f"{folder}: {trouble}; {len(events)} events are merged, the last of {last_s:.0f} s")
+        return cls(folder, FlightPlan.read(reader), tuple(events))
 
     @property
     def digest(self) -> bytes:

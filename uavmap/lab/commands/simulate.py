@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from missions.errors import LinkError, LocalizationError, RoiError, StrategyError
 from missions.lab.arena.arena_run import Comms
@@ -51,7 +51,7 @@ _COMMS_HELP: Final = (
 _SUMMARY: Final = "summary.json"
 _CELLS, _COUNT, _SEED = 120, 1, 1
 
-_EXAMPLES = """\
+EXAMPLES: Final = """\
 examples:
   uavmap simulate --generate eden --cells 120 --count 10 --robots 4
   uavmap simulate --roi rois.json --strategy rdfs,rdfs-paper --robots 8 --json
@@ -73,15 +73,11 @@ which V cells are flown. swath and survey do not stop over cells: their times ar
 their speed and cells are in metres. wall_s (what the run took) and lower_bound_wall_s (what the
 lower bound took, once for all strategies) alone are not the same from run to run.
 """
+DESCRIPTION: Final = "Explore ROIs with perfect robots, and hold the makespan against its bounds."
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "simulate",
-        description="Explore ROIs with perfect robots, and hold the makespan against its bounds.",
-        epilog=_EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     where = parser.add_mutually_exclusive_group(required=True)
     source = value_options(where)
     source("--roi", "FILE", "ROIs, or a growth KIND:CELLS:SEED")

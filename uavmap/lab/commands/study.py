@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from importlib.util import find_spec
-from typing import Any, Final
+from typing import Final
 
 from missions.errors import StudyError
 from uavmap.base.extras import install_command
@@ -18,7 +18,7 @@ from uavmap.ui.cli.common import overwrite_nothing, seed_number, worker_count
 SHOWN_ROWS: Final = 20
 """Longer tables are not printed, only written."""
 
-_EXAMPLES = """\
+EXAMPLES: Final = """\
 examples:
   uavmap study greedy-table-1 --quick               a few seconds' worth of it
   uavmap study roi-figure-7 --workers 2             over the processors of this machine
@@ -29,15 +29,12 @@ are computed. Needs the extra study; for --scheduler also the extra cluster, and
 worker.
 """
 
+_NAMES = "\n".join(f"  {study.name:16}{study.about}" for study in STUDIES.values())
+DESCRIPTION: Final = f"Repeat a study and set the paper's numbers beside ours:\n{_NAMES}"
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    names = "\n".join(f"  {study.name:16}{study.about}" for study in STUDIES.values())
-    parser = commands.add_parser(
-        "study",
-        description=f"Repeat a study and set the paper's numbers beside ours:\n{names}",
-        epilog=_EXAMPLES,
-    )
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument(
         "name", metavar="NAME", choices=STUDIES, help=f"one of: {', '.join(STUDIES)}"
     )

@@ -65,7 +65,6 @@ def compose(name: str, origin: str, layout: Layout, figures: Figures, flying: Fl
 
 
 def _values(name: str, layout: Layout, figures: Figures, flying: Flying) -> dict[str, Any]:
-    """What the mission says besides the defaults."""
     values: dict[str, Any] = {
         "name": name,
         "strategy": flying.strategy,
@@ -95,10 +94,10 @@ def _values(name: str, layout: Layout, figures: Figures, flying: Flying) -> dict
 
 
 def _seeing_enough(mission: Mission) -> dict[str, Any]:
-    """The height for a mission that says "auto", and what it asks of the camera's pixels.
+    """Return the height for `altitude_m = "auto"`, and what it requires of the camera's pixels.
 
-    That is "auto", unless it is higher than anybody wants to fly unasked, or the lowest of several
-    vehicles would see too little: then they all fly higher, and a cell has fewer pixels.
+    It stays "auto" unless that is above `HIGHEST_M`, or the lowest of several vehicles would see
+    too little: then all fly higher, and a cell has fewer pixels.
     """
     above_m = (len(mission.vehicles) - 1) * mission.team.layer_m
     top_m = mission.altitude_m(0) + above_m
@@ -122,7 +121,7 @@ def _seeing_enough(mission: Mission) -> dict[str, Any]:
 
 
 def largest_cell_m(figures: Figures, flying: Flying) -> float:
-    """The largest cell of which a picture shows 3 x 3, from as high as anybody flies unasked.
+    """Return the largest cell of which a picture shows 3 x 3, from at most `HIGHEST_M`, m.
 
     A fixed camera looks aside while the vehicle leans into the wind.
     """

@@ -40,10 +40,9 @@ def crs_of_wkt(text: str, where: str) -> pyproj.CRS:
 
 
 def in_wgs84(layers: list[Layer], source: str, *, given: int | None, swap: bool) -> Drawing:
-    """The drawing of a file in WGS84.
+    """Return the drawing of a file in WGS84. Raises `AreaError`.
 
-    `given` is the EPSG number that the user names for a file that names none; `swap` turns
-    coordinates round that were written as latitude, longitude. Raises `AreaError`.
+    `given` is the EPSG number for a file that names none; `swap` turns latitude, longitude round.
     """
     found: dict[Role, list[Area]] = {role: [] for role in Role}
     notices: list[str] = []

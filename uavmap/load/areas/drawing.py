@@ -139,7 +139,7 @@ def number(value: object, where: str) -> float:
 
 
 def opened(points: Iterable[Point], where: str) -> Points:
-    """A ring without its last point where that repeats the first, and without repetitions.
+    """Return a ring without repeated points, and without its last where that repeats the first.
 
     Raises `AreaError` for fewer than three corners.
 
@@ -184,20 +184,10 @@ def shapes_of(
     lines: Sequence[Sequence[Point]] = (),
     points: Iterable[Point] = (),
 ) -> Iterator[Shape]:
-    """Make shapes of what a file draws under one name.
+    """Make shapes of what a file draws under one name. Raises `AreaError` for a bad polygon.
 
-    A line that ends where it begins is a polygon; a point is a home if its name says so.
-
-    Args:
-        name: Of the shapes; several polygons are numbered.
-        where: For errors: the file and the feature.
-        notices: Takes a line if open lines are left out.
-        polygons: The outer ring of each and its holes.
-        lines: Paths.
-        points: Places.
-
-    Raises:
-        AreaError: A polygon is none.
+    Several polygons are numbered. A line that ends where it begins is a polygon; a point is a home
+    if its name says so; `notices` gets a line if open lines are left out.
     """
     closed = [[line] for line in lines if len(line) > 3 and line[0] == line[-1]]
     if len(closed) < len(lines):
@@ -228,11 +218,7 @@ def _points(geometry: BaseGeometry) -> list[Point]:
 def layer_of(
     shapes: Iterable[Shape], crs: pyproj.CRS | None, source: str, notices: Sequence[str] = ()
 ) -> Layer:
-    """A layer of shapes that are made one after the other, each notice once.
-
-    Raises:
-        AreaError: There are more shapes, or corners, than anybody draws.
-    """
+    """Make a layer of shapes, each notice once. Raises `AreaError` where they are too many."""
     return Layer(bounded(shapes, source), crs, tuple(dict.fromkeys(notices)))
 
 

@@ -1,8 +1,7 @@
 """Common multicopters that speak MAVLink, and cameras for them: the makers' published figures.
 
-Where they come from is in docs/new.md. None of them was measured here: a battery ages, and a camera
-weighs something. Hover power is the energy of the battery over the hovering time that the maker
-states, to empty.
+Sources are in docs/new.md; none was measured here. Hover power is the battery's energy over the
+hovering time that the maker states, to empty.
 """
 
 from __future__ import annotations

@@ -107,7 +107,6 @@ _Polygons = list[_Lines]
 def _collect(
     value: object, where: str, depth: int, polygons: _Polygons, lines: _Lines, points: list[Point]
 ) -> None:
-    """Add the parts of a geometry to those of its kind."""
     if not isinstance(value, Mapping):
         raise AreaError(f"{where}: its geometry is no table")
     kind, inside = value.get("type"), value.get("coordinates")

@@ -1,7 +1,4 @@
-"""GPX: the way around a field, as a GPS receiver or an app on a phone has recorded it.
-
-GPX has no polygons. A track or a route that comes back to where it began is taken for an outline.
-"""
+"""GPX: a track or route around a field. One that comes back to where it began is an outline."""
 
 from __future__ import annotations
 
@@ -89,22 +86,16 @@ def _place(point: Element, source: str) -> Point:
 
 
 def _comes_back(points: list[Point]) -> bool:
-    """Whether a way ends near its beginning, for its length.
-
-    >>> _comes_back([(13.0, 52.0), (13.01, 52.0), (13.01, 52.01), (13.0, 52.0005)])
-    True
-    >>> _comes_back([(13.0, 52.0), (13.01, 52.0), (13.01, 52.01)])
-    False
-    """
+    """Whether the ends of a way are near each other, for its length."""
     lons, lats = zip(*points, strict=True)
     gap_m = _GEOD.inv(*points[-1], *points[0])[2]
     return bool(gap_m <= _CLOSED * _GEOD.line_length(lons, lats))
 
 
 def _without_loops(points: list[Point], name: str, notices: list[str]) -> list[Point]:
-    """The outline without the small loops that a walker makes, mostly where the way ends.
+    """Return the outline without small loops, as walkers make them, mostly at the end.
 
-    One that crosses itself in earnest, as a figure of eight, is left as it is; it is refused later.
+    One that crosses itself in earnest, as a figure of eight, stays; it is refused later.
     """
     ring = LinearRing(points).simplify(_FINE_DEG)
     if ring.is_simple or _crossings(ring) > _MOST_CROSSINGS:
@@ -118,7 +109,6 @@ def _without_loops(points: list[Point], name: str, notices: list[str]) -> list[P
 
 
 def _crossings(ring: BaseGeometry) -> int:
-    """How many pairs of lines of a ring cross."""
     corners = shapely.get_coordinates(ring)
     lines = [LineString(ends) for ends in pairwise(corners)]
     return int(STRtree(lines).query(lines, predicate="crosses").shape[1]) // 2

@@ -247,10 +247,10 @@ def is_pairs(text: str) -> bool:
 
 
 def read_polygon(text: str, source: str, *, fence: bool | None) -> Layer:
-    """A polygon of Mission Planner or MAVProxy: latitude and longitude a line (.poly, .fen).
+    """Read a polygon of Mission Planner or MAVProxy: latitude and longitude a line (.poly, .fen).
 
-    A fence file (.fen) begins with its return point, which is taken for the home. With None it is
-    taken for one where its second point comes again at the end. Raises `AreaError`.
+    A fence (.fen) begins with its return point, taken for the home. With None the file is a fence
+    if its second point comes again at the end. Raises `AreaError`.
     """
     points: list[Point] = []
     for i, line in enumerate(text.splitlines()):

@@ -35,9 +35,9 @@ def home_of(
     grid: Grid,
     notices: list[str],
 ) -> GridPoint:
-    """Where the first vehicle stands: as given, as drawn, or beside the area.
+    """Return where the first vehicle stands: as given, as drawn, or beside the area.
 
-    Raises `AreaError` for a place that makes no sense, or where there is no room.
+    Raises `AreaError` for a home far away or outside of the fence, or without room for one.
     """
     place = given or drawing.home
     if place is not None:

@@ -38,7 +38,7 @@ def read_kml(root: Element, source: str) -> Layer:
 
 
 def read_kmz(data: bytes, source: str) -> list[Layer]:
-    """The first KML file of a KMZ, as Google Earth takes it, and those in it that it links to.
+    """Read the first KML file of a KMZ, as Google Earth does, and those in it that it links to.
 
     GDAL writes a file a layer, and one that links to them. Nothing outside of the archive is read.
     Raises `AreaError`.
@@ -81,7 +81,6 @@ def _areas(layer: Layer) -> bool:
 
 
 def _links(root: Element) -> Iterator[str]:
-    """What network links lead to."""
     for link in root.iter():
         if local(link) == "NetworkLink":
             inside = (text_of(part, "href") for part in link if local(part) in ("Link", "Url"))

@@ -101,7 +101,7 @@ def lay_out(drawing: Drawing, wishes: Wishes) -> Layout:
 
 
 def cell_for(area_m2: float, largest_m: float = math.inf) -> float:
-    """The size of a cell with which an area has at most some 10,000 cells, metres.
+    """Return a cell size with which an area has at most some 10,000 cells, m.
 
     Never more than `largest_m`, but at least the 4 m that every mission has by default.
 
@@ -172,7 +172,6 @@ def _on_ground(area: Area, grid: Grid, source: str) -> Polygon:
 
 
 def _hull(areas: Iterable[Polygon]) -> Polygon:
-    """The convex hull: areas with an inside have one with an inside."""
     hull = shapely.convex_hull(unary_union(list(areas)))
     return hull if isinstance(hull, Polygon) else Polygon()
 

@@ -1,7 +1,6 @@
-"""Every key of a mission file as a page: key, type, unit, limits, default, what it is.
+"""Every key of a mission file as a page, from the schema: type, unit, limits, default, meaning.
 
-Made from the schema, so that no key can be missing: `python -m uavmap.load.areas.mission_reference`
-prints the page that lies in the documentation.
+`python -m uavmap.load.areas.mission_reference` prints the page of the documentation.
 """
 
 from __future__ import annotations
@@ -136,17 +135,7 @@ _LISTED: Final = frozenset({"vehicles", "search.prior", "sim.roi", "sim.faults"}
 """Tables of which there may be several."""
 
 
-def described() -> Iterator[tuple[str, str]]:
-    """Every key with its dots, and what is said of it."""
-    root = Mission.model_json_schema()
-    for name, schema in _tables("", root, root):
-        for key, _ in _keys(name, schema, root):
-            full = _full(name, key)
-            yield full, _said(full)
-
-
 def _tables(name: str, schema: Schema, root: Schema) -> Iterator[tuple[str, Schema]]:
-    """A table, and those in it."""
     yield name, schema
     for key, value in schema["properties"].items():
         full = _full(name, key)
@@ -179,22 +168,13 @@ def _said(full: str) -> str:
 
 
 def _unit(key: str) -> str:
-    """The unit by the name of the key.
-
-    >>> _unit("cell_m"), _unit("m_s"), _unit("from_deg"), _unit("name")
-    ('m', 'm/s', 'degrees', '')
-    """
     if key in _WORDS:
         return _WORDS[key]
     return next((unit for suffix, unit in UNITS if f"_{key}".endswith(suffix)), "")
 
 
 def _linked(text: str) -> str:
-    """A page of the documentation that is named is linked to.
-
-    >>> _linked("ground that is not level (docs/terrain.md)")
-    'ground that is not level ([more](terrain.md))'
-    """
+    """Link to a page of the documentation that is named."""
     return re.sub(r"\(docs/([\w-]+\.md)\)", r"([more](\1))", text)
 
 
@@ -215,7 +195,6 @@ def _resolved(value: Schema, root: Schema) -> Schema:
 
 
 def _table_of(value: Schema, root: Schema) -> Schema | None:
-    """The schema of the table that a key holds, one or several; None for other values."""
     for option in _options(value):
         entry = option.get("items", option) if option.get("type") == "array" else option
         found = _resolved(entry, root)
@@ -246,7 +225,6 @@ def _one_type(value: Schema, root: Schema) -> str:
 
 
 def _limits(value: Schema) -> str:
-    """Of numbers: from, above, up to, below."""
     words = (
         ("minimum", "from"), ("exclusiveMinimum", "above"), ("maximum", "up to"),
         ("exclusiveMaximum", "below"),

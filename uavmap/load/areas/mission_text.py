@@ -1,7 +1,6 @@
 """A mission file with all its keys and a comment on each, made from the schema.
 
-A test holds the comments against the schema, that no key goes without one; a key that does is
-written all the same.
+A test requires a comment for every key.
 """
 
 from __future__ import annotations
@@ -150,9 +149,9 @@ _UNSAID: Final = frozenset({"start.amsl_m"})
 
 
 def mission_text(values: Values, header: Sequence[str], vehicles: int = 1) -> str:
-    """The text of a mission file: a header, and every key with its value and a comment.
+    """Return the text of a mission file: a header, and every key with its value and a comment.
 
-    Keys that are not in `values` have their defaults; keys without one stand there as comments.
+    Keys that are not in `values` have their defaults; keys without one are comments.
     """
     lines = [f"# {line}".rstrip() for line in header]
     lines += [

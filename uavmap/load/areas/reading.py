@@ -34,11 +34,10 @@ _BESIDE: Final = ("dbf", "prj", "cpg")
 
 
 def read_area_file(name: str, *, epsg: int | None = None, swap: bool = False) -> Drawing:
-    """What was drawn in a file, in WGS84.
+    """Read what was drawn in a file, in WGS84. Raises `AreaError` with file, fault and remedy.
 
-    The kind is told by what is in the file; its suffix decides between kinds that look alike.
-    `epsg` is the coordinate system of a file that names none, `swap` exchanges latitude and
-    longitude. Raises `AreaError`, which names the file, what is wrong and the remedy.
+    The content decides on the kind; the suffix only between kinds that look alike. `epsg` is the
+    coordinate system of a file that names none, `swap` exchanges latitude and longitude.
     """
     path = Path(name)
     try:

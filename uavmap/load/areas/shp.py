@@ -107,8 +107,7 @@ def _rows(parts: Mapping[str, bytes]) -> Iterator[tuple[list[Rings], list[Point]
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Nothing is said of lengths in a header that are not those of the file, or of rings that turn
-    the other way: what the records hold is taken, and it is held against what an area may be."""
+    """Silence pyshp on wrong lengths in headers and on rings that turn the other way."""
     logger = logging.getLogger(shapefile.__name__)
     before = logger.level
     logger.setLevel(logging.CRITICAL)

@@ -60,7 +60,6 @@ def _head(text: str) -> str:
 
 
 def _names(text: str) -> list[str]:
-    """The columns by their first line, in small letters."""
     return [name.strip().strip('"').lower() for name in _head(text).split(_between(text))]
 
 

@@ -1,7 +1,7 @@
-"""A flight as an operator steers it, and as another thread interrupts it that has asked for it.
+"""A flight as another thread interrupts it.
 
-Signals are heard by a program's main thread alone. Where a flight runs in a thread of its own,
-whoever waits for it says `press` instead, and the flight does what it does on Ctrl-C.
+Only a program's main thread receives signals. A flight in another thread is interrupted by
+`press`, which does what Ctrl-C does.
 """
 
 from __future__ import annotations
@@ -21,36 +21,28 @@ class Steered(Protocol):
     @property
     def state(self) -> Any:
         """What the mission knows: `vehicles` by their numbers."""
-        ...
 
     @property
     def flying(self) -> bool:
         """Whether the flight has begun, and is not over."""
-        ...
 
     def pause(self) -> bool:
         """Have all vehicles hold."""
-        ...
 
     def go_on(self) -> bool:
         """End a pause."""
-        ...
 
     def recall(self) -> None:
         """Call all vehicles home."""
-        ...
 
     def recall_vehicle(self, number: int) -> bool:
         """Call one vehicle home."""
-        ...
 
     def skip_cell(self, number: int) -> bool:
         """Leave out the cell that a vehicle observes, or is to observe."""
-        ...
 
     def land_here(self, number: int) -> bool:
         """Have a vehicle land where it is."""
-        ...
 
 
 class Caller:
@@ -65,9 +57,9 @@ class Caller:
         """How often the caller has interrupted."""
 
     def press(self) -> None:
-        """What Ctrl-C says: a first time come home, a second time leave at once.
+        """Do as Ctrl-C: a first time recall, a second time leave at once.
 
-        Before there is a flight it is kept for it; after its end it says nothing any more.
+        Before the flight it is kept for it; after its end it does nothing.
         """
         with self._lock:
             self.presses += 1
@@ -83,10 +75,7 @@ class Caller:
 
     @contextlib.contextmanager
     def heard(self, act: Callable[[], object]) -> Iterator[None]:
-        """Within the loop of the flight: each press from now on, and those before, is `act`.
-
-        Contexts nest: the inner one hears.
-        """
+        """Call `act` for each press, earlier ones included; the innermost context hears."""
         loop = asyncio.get_running_loop()
         with self._lock:
             self._listening.append((loop, act))
@@ -100,10 +89,7 @@ class Caller:
                 self._listening.pop()
 
     async def until_done(self, flight: Awaitable[T]) -> T:
-        """A whole flight: where nobody inside of it hears a press, it ends the flight.
-
-        Raises `KeyboardInterrupt` then.
-        """
+        """Run a flight; a press that nothing in it hears ends it with `KeyboardInterrupt`."""
         task = asyncio.current_task()
         assert task is not None
         with self.heard(task.cancel):

@@ -1,7 +1,6 @@
-"""What the operator's keys mean in flight: pause, go on, home, skip, land.
+"""The operator's keys in flight: pause, go on, home, skip, land.
 
-A key that concerns one vehicle is followed by its number: `r2`, or `r`, then `2`. Nothing here
-knows of a terminal: `uavmap.runner.operator.keyboard` reads one.
+A key for one vehicle is followed by its number: `r2`, or `r`, then `2`.
 """
 
 from __future__ import annotations
@@ -25,10 +24,7 @@ _LOG: Final = logging.getLogger("uavmap.flight")
 
 
 class Keys:
-    """Turns keys into what the service is asked for, and answers each by a line.
-
-    `now_s` is real time, in seconds.
-    """
+    """Turns keys into requests to the service, each answered by a line; `now_s` is real time, s."""
 
     def __init__(self, service: Steered, now_s: Callable[[], float] = time.monotonic) -> None:
         self._service = service
@@ -141,10 +137,5 @@ _QUESTIONS: Final = {"r": "home", "k": "skip a cell", "q": "land where it is"}
 
 
 def _named(numbers: tuple[int, ...]) -> str:
-    """Who is meant.
-
-    >>> _named((2,)), _named((1, 2))
-    ('vehicle 2', 'vehicles 1, 2')
-    """
     plural = "s" if len(numbers) > 1 else ""
     return f"vehicle{plural} {', '.join(map(str, numbers))}"

@@ -1,7 +1,7 @@
-"""The people on the ground: a battery is swapped, everybody stands clear, take-off is allowed.
+"""The people on the ground: they swap batteries, stand clear, and allow take-off.
 
-At a terminal the service asks and waits for Enter. Elsewhere nobody can answer: the vehicles that
-wait stay on the ground, and `uavmap resume` is the word to go on.
+At a terminal the service asks and waits for Enter. Elsewhere waiting vehicles stay on the ground,
+until `uavmap resume` gives the word.
 """
 
 from __future__ import annotations
@@ -73,10 +73,7 @@ class Operator:
 
 
 class Crew:
-    """Asks for battery swaps, one at a time.
-
-    `enter` is pressed where a keyboard reads the terminal; else the crew reads a line from it.
-    """
+    """Asks for battery swaps, one at a time, answered by `enter` or a line of `stream`."""
 
     def __init__(
         self, *, automatic: bool, enter: EnterKey | None = None, stream: TextIO | None = None

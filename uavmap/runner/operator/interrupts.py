@@ -1,4 +1,4 @@
-"""An operator who interrupts: everybody comes home; a second time the autopilots see to that.
+"""Interrupts of the operator: first all come home, then the autopilots see to that.
 
 What is known by then becomes a map, before the process ends.
 """
@@ -26,13 +26,11 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 @contextlib.contextmanager
 def interrupts(service: Steered, caller: Caller | None = None) -> Iterator[None]:
-    """While real aircraft are flown: Ctrl-C, SIGTERM or SIGHUP once recalls, a second time cancels.
+    """Recall real aircraft at the first Ctrl-C, SIGTERM or SIGHUP, and cancel at the second.
 
-    SIGUSR1 pauses the mission, SIGUSR2 lets it go on. A flight in a thread of its own hears its
-    `caller` instead of signals, which are the main thread's.
-
-    Cancels the task that entered the context, out of which comes `KeyboardInterrupt` then. Before
-    the service has begun the first time counts as the second.
+    SIGUSR1 pauses the mission, SIGUSR2 continues it. A flight in a thread of its own hears its
+    `caller`: signals are the main thread's. Before the service has begun the first counts as the
+    second. Cancels the task that entered the context, which raises `KeyboardInterrupt` then.
     """
     loop = asyncio.get_running_loop()
     task = asyncio.current_task()
@@ -60,8 +58,7 @@ def interrupts(service: Steered, caller: Caller | None = None) -> Iterator[None]
 
 @contextlib.contextmanager
 def like_control_c() -> Iterator[None]:
-    """SIGTERM and SIGHUP do what Ctrl-C does, where nothing else hears them: no signal ends the
-    process without a word. Only in the main thread, whose signals are."""
+    """Let SIGTERM and SIGHUP act as Ctrl-C where nothing hears them. Only in the main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -125,10 +122,9 @@ def _signals(
 
 # --- the map of a flight that was left before its end ---------------------------------------
 def leave_map(write: Callable[[], object], failure: BaseException, folder: Path) -> None:
-    """Write what is known; call it `patiently`, when nobody depends on this process any more.
+    """Write the map of what is known; call it `patiently`, when nothing depends on this process.
 
-    `failure` is why the flight has ended. Raises nothing: where the map cannot be written, or the
-    operator does not wait for it, a line has the command that makes it.
+    `failure` ended the flight. Raises nothing: where there is no map, a line has its command.
     """
     found = leaves(failure) if isinstance(failure, BaseExceptionGroup) else [failure]
     if any(isinstance(error, JournalError) for error in found):
@@ -146,9 +142,9 @@ def leave_map(write: Callable[[], object], failure: BaseException, folder: Path)
 
 @contextlib.contextmanager
 def patiently() -> Iterator[None]:
-    """The first signal that would end the process is answered, the second does end what it does.
+    """Answer the first signal that would end the process; the second ends what it does.
 
-    From before anything is said of how it goes on: whoever reads that may press again at once.
+    Enter it before any line that asks the operator: a reader may press again at once.
     """
     if threading.current_thread() is not threading.main_thread():
         yield  # signals are the main thread's, who waits for this one

@@ -1,9 +1,9 @@
 """The terminal while a mission is flown: keys are heard as they are pressed, and not shown.
 
-Enter goes to the crew that is asked for it (`uavmap.runner.operator.ground_crew`), every other key
-to `uavmap.runner.operator.flight_keys`. Ctrl-C stays the signal that it is. The terminal's settings
-are put back however the flight ends; it is touched and read only while the program is in its
-foreground, since a program in the background is stopped for that, with aircraft in the air.
+Enter goes to the crew (`uavmap.runner.operator.ground_crew`), every other key to
+`uavmap.runner.operator.flight_keys`; Ctrl-C stays a signal. The terminal's settings are restored
+however the flight ends. It is touched only while the program is in its foreground: a background
+program is stopped for that, with aircraft in the air.
 """
 
 from __future__ import annotations
@@ -34,10 +34,7 @@ _LOCAL, _CONTROL = 3, 6
 
 @contextlib.contextmanager
 def keyboard(keys: Keys, enter: EnterKey, stream: TextIO | None = None) -> Iterator[None]:
-    """Hear the operator's keys until the end of the context, where there is a terminal.
-
-    The keys are named at the beginning. From a pipe or a file nothing is read.
-    """
+    """Hear the operator's keys in the context, if there is a terminal; names the keys first."""
     source = stream or sys.stdin
     if source is None or source.closed or not source.isatty():
         yield

@@ -18,7 +18,7 @@ from uavmap.runner.operator.caller import Steered
 
 
 class Onlooker:
-    """Looks on, and does nothing unless a method is overridden.
+    """Sees all of a flight, and does nothing unless a method is overridden.
 
     No method may raise, or take long: it is called while aircraft are steered.
     """

@@ -1,7 +1,7 @@
 """What the operator sees while a mission is flown: phase, cells, batteries, places, time.
 
 On a terminal a table that is redrawn in place; elsewhere a line every few seconds of real time.
-All of it goes to standard error, so that standard output holds only the result.
+It goes to standard error: standard output holds only the result.
 """
 
 from __future__ import annotations
@@ -41,14 +41,7 @@ REDRAW_S: Final = 0.25
 LINE_S: Final = 3.0
 LEFT_S: Final = 1.0
 """What is left is reckoned no more often, real seconds."""
-_NOTED: Final = (
-    Phase.YIELDED,
-    Phase.FAILED,
-    Phase.OFFLINE,
-    Phase.GUARDED,
-    Phase.DOWN,
-    Phase.LOST,
-)
+_NOTED: Final = (Phase.YIELDED, Phase.FAILED, Phase.OFFLINE, Phase.GUARDED, Phase.DOWN, Phase.LOST)
 _OURS: Final = "GUIDED (a PX4: HOLD)"
 
 _DOING: Final = {
@@ -64,10 +57,7 @@ _DOING: Final = {
 
 
 class ProgressTable(Onlooker):
-    """Shows the flight on a terminal: a table, or a line every few seconds where none can be drawn.
-
-    Lines of events that the operator has to know at once go to the same terminal.
-    """
+    """Shows the flight as a table or, without a terminal, as lines; urgent events as lines."""
 
     def __init__(self, terminal: Terminal) -> None:
         self._terminal = terminal

@@ -1,7 +1,7 @@
-"""How much of a mission is done and left, as far as anybody knows.
+"""How much of a mission is done and left, as far as is known.
 
-Nobody knows how large the region is before it is explored. So the share is that of what is known,
-it may sink when more of the region is found, and it is 100 % only when everybody is at home.
+The region's size is unknown before it is explored. So the share is of what is known, it may sink
+when more of the region is found, and it is 100 % only when all are at home.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ _OUT = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.LOST)
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """What is known of the rest of a mission; empty where nothing is.
+    """What is known of the rest of a mission.
 
     Attributes:
         what: What is left, in words.
         of: What `share` is a share of, in words.
-        share: How much of that is done, 0 to 1; None where nobody can say.
-        about_s: About how long what is left takes, seconds of mission time; None where nobody can
-            say. The way home is that from where vehicles are now; battery swaps are not counted.
+        share: How much of that is done, 0 to 1.
+        about_s: Mission time for what is left, s. The way home is that from where vehicles are now;
+            battery swaps are not counted.
 
     >>> Left("40 m of search lanes", "the search lanes", 0.756, 130.0).told
     'about 75 % of the search lanes done, about 2 min of mission time left for 40 m of search lanes'
@@ -70,10 +70,7 @@ def duration(seconds: float) -> str:
 
 
 def time_left(setting: Setting, state: State) -> Left:
-    """What is known to be left, shared out among those who fly.
-
-    A region may go on behind what is known of it.
-    """
+    """Return what is known to be left, shared among all that fly."""
     if state.over:
         done = Left("nothing more to explore", "the mission", 1.0)
         return done if state.exploration_finished else Left()
@@ -95,7 +92,6 @@ def time_left(setting: Setting, state: State) -> Left:
 
 
 def _is_out(vehicle: VehicleState) -> bool:
-    """Whether it takes no further part."""
     return vehicle.phase in _OUT or vehicle.called_home
 
 

@@ -1,7 +1,4 @@
-"""uavmap from Python: fly, replay, simulate, and look at results.
-
-These names are also those of `uavmap` itself: `uavmap.fly`, `uavmap.Results` and so on.
-"""
+"""uavmap from Python; these names are also those of `uavmap` itself: `uavmap.fly` and so on."""
 
 from __future__ import annotations
 

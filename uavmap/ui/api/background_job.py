@@ -1,9 +1,8 @@
-"""A flight in a thread of its own, and how whoever waits for it interrupts it.
+"""A flight in a thread of its own, and how its caller interrupts it.
 
-A flight has an event loop with a clock of its own. A notebook and an asyncio program have a loop
-that runs already, and a thread can have but one. So every flight that is asked for in Python gets
-a thread. Whoever waits hears Ctrl-C and cancellation, and passes them on (`Caller`): aircraft are
-brought home as they are by the command, and nobody stops waiting before that is over.
+A flight has an event loop with a clock of its own; a notebook and an asyncio program run another
+loop, and a thread can have but one. The caller hears Ctrl-C and cancellation, and passes them on
+(`Caller`): aircraft are brought home as by the command, and the caller waits for that.
 """
 
 from __future__ import annotations
@@ -13,8 +12,9 @@ import contextlib
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, wait
 from types import FrameType
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final, TypeVar
 
 from missions.errors import AircraftError, UavmapError, leaves
 from uavmap.runner.operator.caller import Caller
@@ -25,94 +25,78 @@ Job = Callable[[Caller], T]
 
 
 def waited_for(job: Job[T]) -> T:
-    """Run a job in a thread of its own; returns what it returns, raises what it raises.
+    """Run a job in a thread of its own; return its result, raise its exception.
 
-    SIGINT, SIGTERM and SIGHUP press on the job's caller meanwhile, where this is the program's main
-    thread. `KeyboardInterrupt` when the job was interrupted, also where it came to a good end: the
-    aircraft are at home then, and a program that goes on would send out the next.
+    In the main thread SIGINT, SIGTERM and SIGHUP press on the job's caller. An interrupted job
+    raises `KeyboardInterrupt` even after a good end: a program that went on would send out the next
+    flight.
     """
-    work = _Work(job)
-    with _pressed_by(SIGNALS, work.caller):
-        work.start()
-        work.done.wait()
-    return work.result()
+    caller = Caller()
+    with _pressed_by(SIGNALS, caller):
+        wait([work := _begun(job, caller)])
+    return _result(work, caller)
 
 
 async def awaited(job: Job[T]) -> T:
-    """The same for a program whose event loop runs: the loop goes on meanwhile.
+    """Do as `waited_for` while the program's event loop goes on.
 
-    A cancellation presses on the job's caller, and is let through when the job is over. SIGTERM
-    and SIGHUP press as well, where the loop is in the main thread; Ctrl-C cancels by itself.
+    A cancellation presses on the job's caller, and is let through when the job is over. In the main
+    thread SIGTERM and SIGHUP press as well; Ctrl-C cancels by itself.
     """
-    work, loop = _Work(job), asyncio.get_running_loop()
-    over = asyncio.Event()
+    caller, loop, over = Caller(), asyncio.get_running_loop(), asyncio.Event()
 
-    def tell() -> None:
+    def tell(_: Future[T]) -> None:
         with contextlib.suppress(RuntimeError):  # the loop was closed: nobody waits any more
             loop.call_soon_threadsafe(over.set)
 
     cancelled: asyncio.CancelledError | None = None
-    with _pressed_by(SIGNALS[1:], work.caller):
-        work.start(tell)
+    with _pressed_by(SIGNALS[1:], caller):
+        work = _begun(job, caller)
+        work.add_done_callback(tell)
         while not over.is_set():
             try:
                 await over.wait()
             except asyncio.CancelledError as error:
                 cancelled = error
-                work.caller.press()
+                caller.press()
     if cancelled is not None:
         # what became of the aircraft is told with it
         with contextlib.suppress(KeyboardInterrupt):
-            work.result()
+            _result(work, caller)
         raise cancelled
+    return _result(work, caller)
+
+
+def _begun(job: Job[T], caller: Caller) -> Future[T]:
+    """Begin a job in a thread, which is no daemon: a program that ends waits for the aircraft."""
+    work: Future[T] = Future()
+
+    def run() -> None:
+        try:
+            work.set_result(job(caller))
+        except BaseException as failure:
+            work.set_exception(failure)
+
+    threading.Thread(target=run, name="uavmap flight").start()
+    return work
+
+
+def _result(work: Future[T], caller: Caller) -> T:
+    """Return the job's result, or raise its exception, without the groups of its tasks.
+
+    Raises `KeyboardInterrupt` after an interrupt, even if the job came to a good end.
+    """
+    if (failure := work.exception()) is not None:
+        raise single(failure)
+    if caller.presses:
+        raise KeyboardInterrupt("the flight was interrupted; its results are in its folder")
     return work.result()
 
 
-class _Work(Generic[T]):
-    """A job and its thread."""
-
-    def __init__(self, job: Job[T]) -> None:
-        self._job = job
-        self._result: list[T] = []
-        self._failure: BaseException | None = None
-        self.caller = Caller()
-        self.done = threading.Event()
-
-    def start(self, tell: Callable[[], None] = lambda: None) -> None:
-        """Begin; `tell` is called in the job's thread when it is over.
-
-        The thread is no daemon: a program that ends waits until the aircraft are looked after.
-        """
-
-        def run() -> None:
-            try:
-                self._result.append(self._job(self.caller))
-            except BaseException as failure:
-                self._failure = failure
-            finally:
-                self.done.set()
-                tell()
-
-        threading.Thread(target=run, name="uavmap flight").start()
-
-    def result(self) -> T:
-        """What the job returned; raises what it raised, without the groups of its tasks.
-
-        Raises `KeyboardInterrupt` where it was interrupted and came to a good end all the same.
-        """
-        if self._failure is not None:
-            failure, self._failure = self._failure, None
-            raise single(failure)
-        if self.caller.presses:
-            raise KeyboardInterrupt("the flight was interrupted; its results are in its folder")
-        return self._result[0]
-
-
 def single(failure: BaseException) -> BaseException:
-    """What to raise for a failure: an error of a group where all of it are errors of ours.
+    """Return what to raise for a failure: of a group of our errors the gravest, others as notes.
 
-    The gravest is raised, an aircraft that is down before all else; the others are its notes. A
-    group with a defect of the program stays as it is.
+    An aircraft that is down comes first. A group with a defect of the program stays as it is.
 
     >>> from missions.errors import LinkError
     >>> single(ExceptionGroup("tasks", [LinkError("silent"), AircraftError("vehicle 1 is down")]))

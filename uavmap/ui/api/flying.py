@@ -15,7 +15,13 @@ from missions.errors import UavmapError
 from uavmap.base.arguments import Paths, choice, path_text, texts
 from uavmap.base.messages import muted, shown_on
 from uavmap.base.terminal import Terminal
-from uavmap.journal.flight_options import DRIVERS, PYMAVLINK, Driver, FlightOptions
+from uavmap.journal.flight_options import (
+    DRIVERS,
+    KEY_VARIABLE,
+    PYMAVLINK,
+    Driver,
+    FlightOptions,
+)
 from uavmap.journal.results_folder import results_folder
 from uavmap.photos.after_flight import draw_boundary, kept_frames
 from uavmap.runner import flight
@@ -32,7 +38,6 @@ from uavmap.ui.api.results import Results, open_results
 
 P = ParamSpec("P")
 _LOG: Final = logging.getLogger("uavmap.flight")
-KEY_VARIABLE: Final = "UAVMAP_KEY_FILE"
 _AS_GIVEN: Final = (
     *("vehicles", "strategy", "all_strategies", "seed", "speedup", "auto_swap", "driver"),
     "onboard",
@@ -66,48 +71,46 @@ def fly(
 ) -> Results:
     """Fly a mission: search the box, explore the region, come home, write the results.
 
-    It is what the command `uavmap fly` does, and returns when the flight is over. It may be called
-    where an event loop runs, as in a notebook; such a loop stands still meanwhile (`fly_async`
-    lets it go on).
+    It does what `uavmap fly` does, and returns when the flight is over. An event loop that runs
+    already, as in a notebook, stands still meanwhile; `fly_async` lets it go on.
 
     Ctrl-C, and "interrupt" in a notebook, calls real aircraft home; a second time leaves that to
-    their autopilots. Either way `KeyboardInterrupt` is raised, when they are at home or are seen to
-    return. The results are in the folder, and `resume` goes on.
+    their autopilots. `KeyboardInterrupt` is raised when they are at home or are seen to return. The
+    results are in the folder, and `resume` goes on.
 
     Args:
         mission: A mission file, or the name of a shipped mission such as `"runway"`.
         sim: Simulate the aircraft in this process, on virtual time.
-        connect: Where the vehicles are reached: a URL, or one each, such as
-            `"udpin://0.0.0.0:14550"`. By default the URLs of the mission file.
-        camera: The camera of each vehicle, as for `--camera`. By default those of the mission file.
-        vehicles: How many, 1 to 50. By default as many as the mission file or the URLs say.
-        strategy: Which strategy flies, instead of the mission file's.
+        connect: The URL of each vehicle, such as `"udpin://0.0.0.0:14550"`. By default the mission
+            file's.
+        camera: The camera of each vehicle, as for `--camera`. By default the mission file's.
+        vehicles: Their number, 1 to 50. By default that of the mission file, or of the URLs.
+        strategy: Instead of the mission file's.
         all_strategies: With `sim`: strategies that serve comparisons in papers may fly, too.
         detector: A folder that `uavmap tune` has written, instead of the mission file's detector.
         seed: Of the simulation: the same seed gives the same flight. 0 or more.
-        speedup: Times real time, 0.001 to 1000. By default as fast as it can be computed with
-            `sim`, else 1.
+        speedup: Times real time, 0.001 to 1000. By default as fast as possible with `sim`, else 1.
         auto_swap: Take off again as soon as a battery is fresh, unasked; for simulators only.
-        driver: Who speaks MAVLink: `"pymavlink"` or `"mavsdk"`.
+        driver: What speaks MAVLink: `"pymavlink"` or `"mavsdk"`.
         onboard: Whether this computer flies with the vehicle.
         key: The file of a signing key. By default the one that `UAVMAP_KEY_FILE` names.
         forward: URLs of ground stations, to which all frames are passed on.
-        yes: Take off without a question. Without it somebody has to answer at a terminal; a
-            notebook has none. The bundled simulator takes off unasked.
+        yes: Take off without a question. Without it a person answers at a terminal, which a
+            notebook lacks. The bundled simulator takes off unasked.
         dry_run: Do all but arm; ends in `NotFlownError`, whose `could_fly` is the answer.
         keep_fence: Leave fences and return heights of the autopilots as they are.
         keep_frames: Keep every picture with its pose in the results.
         out: The folder of the results; by default a new one in `results`.
-        quiet: Say nothing on standard error.
+        quiet: Write nothing to standard error.
 
     Returns:
-        The results. `completed` is False where something is left to be done, and `aircraft_down`
-        names aircraft that somebody has to look after.
+        The results. `completed` is False where something is left to be done; `aircraft_down` names
+        aircraft that a person has to look after.
 
     Raises:
         MissionFileError: The mission file, by file, key, value and remedy.
         LinkError: A URL, or a vehicle that does not answer.
-        PreflightError: Something keeps the mission on the ground, or nobody said yes.
+        PreflightError: Something keeps the mission on the ground, or the question had no yes.
         AircraftError: The flight failed with an aircraft that is not at home.
         UavmapError: Any other cause outside of the program; all above are of this class.
 
@@ -116,14 +119,7 @@ def fly(
         Traceback (most recent call last):
         missions.errors.MissionFileError: runwya: cannot be read (No such file or directory); ...
     """
-    return waited_for(
-        _flight(
-            mission, sim=sim, connect=connect, camera=camera, vehicles=vehicles, strategy=strategy,
-            all_strategies=all_strategies, detector=detector, seed=seed, speedup=speedup,
-            auto_swap=auto_swap, driver=driver, onboard=onboard, key=key, forward=forward, yes=yes,
-            dry_run=dry_run, keep_fence=keep_fence, keep_frames=keep_frames, out=out, quiet=quiet,
-        )
-    )  # fmt: skip
+    return waited_for(_flight(**locals()))
 
 
 def resume(
@@ -140,18 +136,18 @@ def resume(
 ) -> Results:
     """Go on with the mission of a folder, as `uavmap resume` does.
 
-    To call it is your word that real aircraft may take off, unless `recall` is given.
+    This call allows real aircraft to take off, unless `recall` is given.
 
     Args:
         folder: The folder of the results.
-        connect: Where the vehicles are reached now, if that has changed.
+        connect: The URL of each vehicle, if it has changed.
         camera: Their cameras, if these have changed.
-        driver: Who speaks MAVLink from now on, if that shall change.
+        driver: What speaks MAVLink from now on, if that changes.
         key: As for `fly`.
-        forward: As for `fly`, if that has changed.
+        forward: As for `fly`, if it has changed.
         from_home: In the simulator: begin again at home with full batteries.
-        recall: Only bring home who is in the air; nothing takes off.
-        quiet: Say nothing on standard error.
+        recall: Only bring home the vehicles in the air; nothing takes off.
+        quiet: Write nothing to standard error.
 
     Returns:
         The results, as of `fly`.
@@ -160,12 +156,7 @@ def resume(
         JournalError: There is no mission in the folder, or its journal is damaged.
         UavmapError: As `fly`.
     """
-    return waited_for(
-        _resumption(
-            folder, connect=connect, camera=camera, driver=driver, key=key, forward=forward,
-            from_home=from_home, recall=recall, quiet=quiet,
-        )
-    )  # fmt: skip
+    return waited_for(_resumption(**locals()))
 
 
 def _like(
@@ -191,12 +182,11 @@ def _like(
 
 @_like(fly)
 async def fly_async(**options: Any) -> Results:
-    """Fly as `fly` does, while the program's event loop goes on; takes the same arguments.
+    """Fly as `fly` does, with the same arguments, while the program's event loop goes on.
 
     Cancelling it is Ctrl-C: a first time calls real aircraft home, a second time leaves that to
-    their autopilots. `asyncio.CancelledError` is raised when they are at home, or are seen to
-    return (`AircraftError` where one is not), and not before: `asyncio.timeout` and
-    `asyncio.wait_for` wait for them, too.
+    their autopilots. `asyncio.CancelledError` is raised when they are at home or are seen to return
+    (`AircraftError` where one is not), and not before: `asyncio.timeout` waits for them.
 
     Examples:
         >>> import asyncio
@@ -216,7 +206,6 @@ async def resume_async(**options: Any) -> Results:
 
 # --- the jobs ------------------------------------------------------------------------------------
 def _flight(mission: Paths, **given: Any) -> Job[Results]:
-    """The work of `fly`, its arguments checked."""
     sim, quiet, yes, dry_run = (given[key] for key in ("sim", "quiet", "yes", "dry_run"))
     if sim and given["connect"]:
         raise UavmapError("sim=True and connect=... exclude each other: give one of them")
@@ -253,7 +242,6 @@ def _flight(mission: Paths, **given: Any) -> Job[Results]:
 
 
 def _resumption(folder: Paths, **given: Any) -> Job[Results]:
-    """The work of `resume`, its arguments checked."""
     where = Path(path_text("folder", folder))
     driver, forward = given["driver"], given["forward"]
     options = {

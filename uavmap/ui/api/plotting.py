@@ -29,16 +29,7 @@ _POINTS_A_PIXEL = 0.65
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """What is drawn, in metres of a UTM zone.
-
-    Attributes:
-        squares: The cells of each state.
-        region: The outline of the region's cells.
-        boundary: The region at pixel level, where it is known.
-        tracks: Each vehicle's, by its number.
-        utm_crs: The zone.
-        title: What was found.
-    """
+    """What is drawn, in metres of the UTM zone `utm_crs`; `squares` by the cells' state."""
 
     squares: Mapping[str, Sequence[BaseGeometry]]
     region: BaseGeometry
@@ -49,7 +40,7 @@ class Plot:
 
 
 def draw(plot: Plot, ax: Axes | None) -> Axes:
-    """Cells by state, the outline, the boundary and the tracks, in metres of the UTM zone.
+    """Draw cells by state, the outline, the boundary and the tracks, in metres of the UTM zone.
 
     Raises `UavmapError` where matplotlib is not installed.
     """

@@ -35,13 +35,10 @@ def replay(
     gsd_m: float | None = None,
     quiet: bool = False,
 ) -> Results:
-    """Map what recorded pictures show, by the same detector and votes as a flight.
-
-    It is what the command `uavmap replay` does.
+    """Map what recorded pictures show, as `uavmap replay`: same detector and votes as a flight.
 
     Args:
-        path: A folder of pictures with its subfolders, or one file. A folder of a flight that kept
-            its frames is one, too.
+        path: A folder of pictures with its subfolders, or one file; or a flight with kept frames.
         mission: A mission file, or the name of a shipped one: grid, camera, detector and votes. By
             default they come from the pictures.
         detector: A folder that `uavmap tune` has written, instead of the mission's detector.
@@ -49,13 +46,13 @@ def replay(
         calibration: The camera's calibration by OpenCV, instead of the tags' focal length.
         any_day: Use pictures of other days than most, too.
         video_start: When a video with a .tlog beside it begins; with its time zone.
-        workers: How many pictures are looked at at once, 1 to 256. By default one a core.
-        scheduler: The address of a Dask cluster that looks at the pictures (the extra `cluster`).
+        workers: How many pictures are judged at once, 1 to 256. By default one a core.
+        scheduler: The address of a Dask cluster that judges the pictures (the extra `cluster`).
         refine: Refine the poses where pictures overlap.
         ortho: Write the mosaic `ortho.tif`. By default if rasterio is installed.
-        gsd_m: Metres of ground a pixel of it, 0.005 to 10. By default as fine as the pictures, at
-            the finest 0.05.
-        quiet: Say nothing on standard error.
+        gsd_m: Size of its pixels on the ground, 0.005 to 10 m. By default as fine as the pictures,
+            but at least 0.05.
+        quiet: Write nothing to standard error.
 
     Returns:
         The results. `completed` is False where half of the pictures or more could not be used.

@@ -33,11 +33,10 @@ _COLUMNS: Final = ("column", "row", "state", "positive", "votes", "belief")
 
 
 def open_results(folder: Paths) -> Results:
-    """The results that lie in a folder, of a flight or of a replay.
+    """Open the results of a flight or a replay.
 
     Raises:
-        ResultsError: There is no map in it, as after a flight that was interrupted, or its files
-            are damaged.
+        ResultsError: The folder holds no map, as after an interrupt, or damaged files.
 
     Examples:
         >>> open_results("no-such-folder")
@@ -54,13 +53,11 @@ def open_results(folder: Paths) -> Results:
 
 
 class Results:
-    """A folder of results: `map.geojson`, `summary.json` and what lies beside them.
+    """A folder of results, as it was when opened: `map.geojson`, `summary.json` and the rest.
 
-    Made by `uavmap.fly`, `uavmap.replay` and `uavmap.open_results`. It holds what was in the files
-    when it was made.
-
-    Geometries are shapely's. Without a suffix they are in longitude and latitude (WGS84,
-    EPSG:4326), with `_utm` in metres of the UTM zone `utm_crs`, in which the grid is aligned.
+    Made by `uavmap.fly`, `uavmap.replay` and `uavmap.open_results`. Geometries are shapely's, in
+    longitude and latitude (WGS84, EPSG:4326); with `_utm` in metres of the UTM zone `utm_crs`,
+    along which the grid is aligned.
 
     Attributes:
         folder: Where they lie.
@@ -75,7 +72,6 @@ class Results:
         self._features = features
 
     def __repr__(self) -> str:
-        """The folder, and what was found in a sentence."""
         return f"<Results in {self.folder}: {self.summary.get('finding', '')}>"
 
     def _repr_png_(self) -> bytes | None:
@@ -110,8 +106,8 @@ class Results:
     def region(self) -> BaseGeometry:
         """The outline of the region's cells with its holes, in longitude and latitude.
 
-        A `Polygon` or a `MultiPolygon`; an empty `Polygon` where no region was found. Of a
-        drifting region it is where that was at the end of the map.
+        A `Polygon` or `MultiPolygon`, empty without a region. A drifting region is at the map's
+        end.
         """
         (outline,) = self.features("outline")
         region: BaseGeometry = _shape(outline)
@@ -124,10 +120,7 @@ class Results:
 
     @cached_property
     def boundary(self) -> BaseGeometry | None:
-        """The region at pixel level, in longitude and latitude.
-
-        None where no pictures told it: they do in a replay, and in a flight that kept its frames.
-        """
+        """The region at pixel level, longitude and latitude; None without kept pictures."""
         path = self.folder / _BOUNDARY
         if not path.exists():
             return None
@@ -155,7 +148,7 @@ class Results:
         raise ResultsError(f"{self.folder / _MAP}: nothing in it has a place")
 
     def to_utm(self, geometry: BaseGeometry) -> BaseGeometry:
-        """A geometry of longitudes and latitudes in metres of `utm_crs`; heights are dropped.
+        """Turn longitudes and latitudes into metres of `utm_crs`; heights are dropped.
 
         Metres of the projection are up to 0.04 % shorter than those on the ground.
         """
@@ -170,22 +163,17 @@ class Results:
 
     # --- tables ----------------------------------------------------------------------------------
     def features(self, kind: str) -> list[dict[str, Any]]:
-        """The features of `map.geojson` of a kind, as they are in the file.
-
-        Args:
-            kind: `"cell"`, `"outline"`, `"track"` or `"unsearched"`.
-        """
+        """Return features of the map: `"cell"`, `"outline"`, `"track"` or `"unsearched"`."""
         return [f for f in self._features if f["properties"].get("kind") == kind]
 
     @cached_property
     def cells(self) -> geopandas.GeoDataFrame:
         """Every cell that was judged, as a GeoDataFrame in EPSG:4326 (needs the extra `frames`).
 
-        Columns: `column` and `row` of the grid, `state`, `positive` of `votes` frames that say
-        region, `belief` (0 to 1, of recorded pictures; else NaN), and `geometry`. `cells.to_crs(
-        results.utm_crs)` has metres.
-
-        Raises `UavmapError` where geopandas is not installed.
+        Columns: `column` and `row` of the grid, `state`, `positive` of `votes` frames that see
+        region, `belief` (0 to 1, of recorded pictures; else NaN), and `geometry`.
+        `cells.to_crs(results.utm_crs)` has metres. Raises `UavmapError` where geopandas is not
+        installed.
         """
         try:
             import geopandas  # noqa: PLC0415 - an extra, and heavy
@@ -200,10 +188,7 @@ class Results:
 
     # --- pictures --------------------------------------------------------------------------------
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw cells, outline and tracks in metres of `utm_crs`; returns the axes of matplotlib.
-
-        Args:
-            ax: Axes to draw into; by default those of a new figure.
+        """Draw cells, outline and tracks in metres of `utm_crs`, into `ax` or a new figure.
 
         Raises `UavmapError` where matplotlib is not installed (the extra `study`).
         """

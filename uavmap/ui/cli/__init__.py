@@ -1,9 +1,8 @@
 """The command `uavmap`.
 
-Exit codes: 0 done and complete; 2 something is wrong with the input or the link, said in a line;
-3 the flight is over, but the mission incomplete; 4 an aircraft is down, or was left to its
-autopilot, whether the mission is complete or not; 130 interrupted; 141 nobody reads the output any
-more (where no aircraft depends on it).
+Exit codes: 0 complete; 2 wrong input or link, with a line; 3 the flight is over, the mission
+incomplete; 4 an aircraft is down, or was left to its autopilot, even if the map is complete; 130
+interrupted; 141 the output has no reader any more, and no aircraft depends on it.
 """
 
 from __future__ import annotations
@@ -46,24 +45,10 @@ COMMANDS: Final = {
     "completion": "print what a shell needs to complete commands and options",
     "study": "repeat a study of the papers: table, plot, page",
 }
-"""Each has a module of its name, which is imported when it is asked for: all take a second."""
+"""Each has a module of its name with `DESCRIPTION`, `EXAMPLES`, `add_arguments` and `run`, imported
+when it is asked for: all together take a second."""
 OF_THE_LAB: Final = ("simulate", "study")
 """The commands whose modules are in `uavmap.lab.commands`."""
-
-
-class _Named:
-    """Where the module of a command puts its parser: under its name and with its line of help."""
-
-    def __init__(self, commands: Any) -> None:
-        self._commands = commands
-
-    def add_parser(self, name: str, **more: Any) -> Any:
-        return self._commands.add_parser(
-            name,
-            help=COMMANDS[name],
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-            **more,
-        )
 
 
 def _module_of(command: str) -> Any:
@@ -82,10 +67,13 @@ def parser(wanted: str | None = None) -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"uavmap {__version__}")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, line in COMMANDS.items():
+        command = commands.add_parser(
+            name, help=line, formatter_class=argparse.RawDescriptionHelpFormatter
+        )
         if wanted in (None, name):
-            _module_of(name).add_parser(_Named(commands))
-        else:
-            commands.add_parser(name, help=line)
+            module = _module_of(name)
+            command.description, command.epilog = module.DESCRIPTION, module.EXAMPLES
+            module.add_arguments(command)
     return top
 
 

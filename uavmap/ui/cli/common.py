@@ -98,7 +98,7 @@ def overwrite_nothing(folder: Path, names: Iterable[str]) -> None:
 
 
 def print_figures(figures: Mapping[str, Any], out: Path | None, *, as_json: bool) -> bool:
-    """Figures as JSON into a file, where there is one, and on standard output, where asked for.
+    """Write figures as JSON into a file, if given, and to standard output, if asked for.
 
     Returns whether they were printed. Raises `OutputError` when the disk refuses.
     """
@@ -111,6 +111,12 @@ def print_figures(figures: Mapping[str, Any], out: Path | None, *, as_json: bool
     if as_json:
         sys.stdout.write(text)
     return as_json
+
+
+def agreed(question: str) -> bool:
+    """Ask at the terminal; whether the answer is a yes."""
+    print(f"{question} [y/N] ", end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip().lower() in ("y", "yes")
 
 
 def report(

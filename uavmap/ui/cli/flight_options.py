@@ -13,7 +13,7 @@ from missions.errors import LinkError, NotFlownError, UavmapError, leaves
 from missions.flight.setting import Setting
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
-from uavmap.journal.flight_options import FleetNetwork, FlightOptions
+from uavmap.journal.flight_options import KEY_VARIABLE, FleetNetwork, FlightOptions
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.journal.results_folder import results_folder
 from uavmap.photos.after_flight import draw_boundary, kept_frames
@@ -26,7 +26,7 @@ from uavmap.runner.operator.progress import ProgressTable
 from uavmap.runner.preflight.plan_figures import plan_lines
 from uavmap.ui.cli.common import report
 from uavmap.ui.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
-from uavmap.ui.cli.option_table import FLEET_KEY_VARIABLE, KEY_VARIABLE, TABLE
+from uavmap.ui.cli.option_table import FLEET_KEY_VARIABLE, TABLE
 from uavmap.ui.page.address import LOOPBACK
 from uavmap.ui.page.background import of_tiles
 from uavmap.ui.page.feed import Wishes, opened
@@ -42,17 +42,7 @@ def beside(
 ) -> Iterator[tuple[Onlooker, ...]]:
     """Show progress on the terminal, and open the live page where it is asked for.
 
-    Args:
-        options: Of the command.
-        plan: Of the flight, or what reads it; read only for a page.
-        folder: Of the results.
-        terminal: Of the command.
-
-    Returns:
-        What looks on: the progress on the terminal, and the page.
-
-    Raises:
-        UavmapError: The page cannot be opened.
+    `plan` is read only for a page. Yields the onlookers. Raises `UavmapError`.
     """
     table = ProgressTable(terminal)
     if options.page is None:
@@ -78,7 +68,7 @@ def beside(
 def flight_options(options: argparse.Namespace, **more: Any) -> FlightOptions:
     """Make the options of a flight from those of its command; `more` are other fields.
 
-    Raises `UavmapError` as `FlightOptions`, and `LinkError` for a key without a name.
+    Raises `UavmapError` as `FlightOptions`, and `LinkError` for an empty key.
     """
     given: dict[str, Any] = {}
     for option in TABLE:

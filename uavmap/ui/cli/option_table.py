@@ -1,12 +1,14 @@
-"""Every option of the commands that fly, declared once; also of those that share options with them.
+"""All options of the commands that fly, and of those that share options with them.
 
-It makes the parsers' options, `FlightOptions` (`field`), the parameters of `uavmap.fly` (`python`),
-which a test holds equal, and the page of reference: `python -m uavmap.ui.cli.option_table`.
+The table makes the parsers' options, `FlightOptions` (`field`), the parameters of `uavmap.fly` and
+`uavmap.resume` (`python`), which a test holds equal, and the page of reference:
+`python -m uavmap.ui.cli.option_table`.
 """
 
 from __future__ import annotations
 
 import argparse
+import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -14,37 +16,32 @@ from typing import Any, Final
 from missions.mission import fleet_checks
 from missions.mission.checks import FLOWN
 from uavmap.aircraft.cameras.spec import HELP as CAMERAS
-from uavmap.journal.flight_options import DRIVERS, PYMAVLINK, RANGES
+from uavmap.journal.flight_options import DRIVERS, KEY_VARIABLE, PYMAVLINK, RANGES
 from uavmap.load.mission_source import shipped_missions
 from uavmap.ui.cli.common import number_type
 from uavmap.ui.page.address import LOOPBACK, PORT
 
-KEY_VARIABLE: Final = "UAVMAP_KEY_FILE"
 FLEET_KEY_VARIABLE: Final = "UAVMAP_FLEET_KEY_FILE"
 _PORTS: Final = (0, 65535)
 _FLIES: Final = ("fly", "onboard")
 _LINKED: Final = ("fly", "onboard", "resume")
+IN_PYTHON: Final = ("fly", "resume")
+"""Commands that Python has as functions of their names."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Option:
-    """One option, or one positional argument.
+    """One option, or one positional argument (a `name` without dashes).
 
     Attributes:
-        name: As it is written: `--seed`; without dashes an argument.
-        help: What it does, for its user.
-        also: That help where a command needs another, by command.
-        commands: Which commands have it.
-        metavar: What its value is called; None: it has none.
-        type: What makes the value of its text.
-        default: Its value where it is not given.
+        also: The help of a command that differs from `help`, by command.
+        metavar: The name of its value; without it and `choices` a switch.
+        type: Makes the value of its text.
         several: Whether it may be repeated.
-        choices: All its values.
         const: Its value where it is given without one.
-        required: Whether it has to be given.
         group: Options of one group exclude each other.
-        field: What it is in `FlightOptions`.
-        python: Whether `uavmap.fly` has a parameter of its name.
+        field: Its name in `FlightOptions`.
+        python: Whether `uavmap.fly` or `uavmap.resume` has a parameter of its name.
     """
 
     name: str
@@ -209,7 +206,7 @@ TABLE: Final = (
         },
     ),
     Option(
-        name="--driver", choices=DRIVERS, commands=("resume",),
+        name="--driver", choices=DRIVERS, commands=("resume",), python=True,
         help="what speaks MAVLink from now on (default: as before)",
     ),
     Option(
@@ -255,11 +252,11 @@ TABLE: Final = (
         help="keep every picture with its pose in the results, for `uavmap replay`",
     ),
     Option(
-        name="--from-home", commands=("resume",),
+        name="--from-home", commands=("resume",), python=True,
         help="simulation: put the aircraft at home with full batteries instead of where they were",
     ),
     Option(
-        name="--recall", commands=("resume",),
+        name="--recall", commands=("resume",), python=True,
         help="only bring home the vehicles in the air; no vehicle takes off, so none needs a "
         "person beside it",
     ),
@@ -336,26 +333,21 @@ def _page() -> Iterator[str]:
     yield ""
     yield "<!-- made by: python -m uavmap.ui.cli.option_table > docs/options.md -->"
     yield ""
-    yield "The options of the commands that fly. `uavmap.fly` has those marked with * as"
-    yield "parameters, with underscores for dashes; see [Python](python.md)."
+    yield "The options of the commands that fly. `uavmap.fly` and `uavmap.resume` have those marked"
+    yield "with * as parameters, with underscores for dashes; see [Python](python.md)."
     for command in _LINKED:
         yield ""
         yield f"## `uavmap {command}`"
         yield ""
         for option in options_of(command):
-            star = "*" if option.python and command == "fly" else ""
+            star = "*" if option.python and command in IN_PYTHON else ""
             value = option.metavar or "|".join(option.choices or ())
             shown = f"[{value}]" if option.const is not None else value
             written = f"{option.name} {shown}".strip() if option.name.startswith("--") else shown
-            yield from _wrapped(f"- `{written}`{star}: {option.help_of(command)}")
-
-
-def _wrapped(text: str) -> Iterator[str]:
-    import textwrap  # noqa: PLC0415 - only for the page
-
-    yield from textwrap.wrap(
-        text, 110, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
-    )
+            yield from textwrap.wrap(
+                f"- `{written}`{star}: {option.help_of(command)}", 110, subsequent_indent="  ",
+                break_long_words=False, break_on_hyphens=False,
+            )  # fmt: skip
 
 
 if __name__ == "__main__":

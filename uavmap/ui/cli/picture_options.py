@@ -38,10 +38,7 @@ def add_picture_options(parser: argparse.ArgumentParser, *, several: bool = Fals
 
 
 def check_pictures(options: argparse.Namespace) -> None:
-    """Say what is wrong with the names of files before anything is computed.
-
-    Raises `OutputError`.
-    """
+    """Refuse bad file names before anything is computed. Raises `OutputError`."""
     if options.animate is not None:
         check_path(options.animate, FILMS)
     if options.tree is not None:
@@ -56,10 +53,7 @@ def wants_pictures(options: argparse.Namespace) -> bool:
 def write_pictures(
     options: argparse.Namespace, film: Film, tree: Tree | None, say: Callable[[str], None]
 ) -> None:
-    """Write what was asked for; `say` tells progress and which files were written.
-
-    Raises `OutputError`.
-    """
+    """Write what was asked for; `say` reports progress and files. Raises `OutputError`."""
     if options.animate is not None:
         write_film(film, options.animate, say)
         say(f"animation in {options.animate}")

@@ -46,7 +46,7 @@ def need_nicegui() -> None:
 def bound(host: str, port: int, option: str) -> Address:
     """Bind a port; 0 for any that is free. `option` is how the port is given.
 
-    Raises `OutputError` where another program has it, or the host is none of this computer.
+    Raises `OutputError` where the port is taken, or the host is none of this computer.
     """
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listening = socket.socket(family, socket.SOCK_STREAM)

@@ -1,6 +1,6 @@
-"""What lies under the map: tiles from an MBTiles file, or the mosaic of the flight's own pictures.
+"""The picture under the map: tiles from an MBTiles file, or the mosaic of the flight's pictures.
 
-Either becomes one picture along the grid's axes, made once: the browser only lays it down.
+Either becomes one picture along the grid's axes, made once: the browser only places it.
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ class Background:
 
 
 def of_tiles(path: Path, setting: Setting) -> Background:
-    """The part of an MBTiles file that lies under a mission.
+    """Return the part of an MBTiles file that lies under a mission.
 
-    Raises `OutputError` for a file that is none, holds no pictures (vector tiles), or none here.
+    Raises `OutputError` for another file, one of vector tiles, or one without tiles here.
     """
     west_m, south_m, east_m, north_m = _bounds(setting)
     m_per_px = max(east_m - west_m, north_m - south_m) / SIDE_PX
@@ -85,7 +85,7 @@ def of_tiles(path: Path, setting: Setting) -> Background:
 
 
 def of_mosaic(path: Path, setting: Setting) -> Background | None:
-    """The mosaic in a results folder; None where there is none, or nothing to read it with.
+    """Return the mosaic in a results folder; None without one, or without rasterio to read it.
 
     None also where the region drifts: then it shows the ground of another time.
     """

@@ -1,10 +1,9 @@
-"""What the page shows at an instant, and what of it has changed since an earlier one. Pure.
+"""What the page shows at an instant, and what has changed since an earlier one. Pure.
 
-A board is one picture of a flight, in values that JSON can hold: cells by the number of their
-state, a record for each vehicle, lines of a log, and fields of the flight as a whole. Whatever is
-set gets a stamp, and `since` tells all that was stamped after a version. So a browser that is slow
-is told less often, and never a change twice: what it has missed is in the next delta, and what was
-overwritten meanwhile is in none.
+A board is a picture of a flight in JSON values: cells by the number of their state, a record for
+each vehicle, lines of a log, and fields of the flight. Each value has a stamp, and `since` returns
+all that was stamped after a version. So a slow browser is updated less often, and never twice: the
+next delta holds what it has missed, without what was overwritten meanwhile.
 """
 
 from __future__ import annotations
@@ -14,11 +13,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 Delta = dict[str, Any]
-"""What has changed between two versions of a board, for `json.dumps`.
+"""The change between two versions of a board, for `json.dumps`.
 
-`v` is the version that it leads to, `since` the one that it begins with; 0: it is a snapshot, that
-holds everything. `cells` is flat: column, row, state, column, ... `tracks` has east, north, ... by
-vehicle, `log` lines of number, mission seconds, level and text.
+`v` is its end, `since` its begin (0: a snapshot of everything). `cells` is flat: column, row,
+state, column, ... `tracks` has east, north, ... by vehicle, `log` lines of number, mission
+seconds, level and text.
 """
 
 MOST_LINES: Final = 300
@@ -143,10 +142,7 @@ class Board:
         }
 
     def apply(self, delta: Delta) -> None:
-        """Take in a delta: a snapshot, or one that begins with this version.
-
-        Raises `ValueError` for any other: something in between is missing.
-        """
+        """Apply a delta: a snapshot, or one that begins with this version; else `ValueError`."""
         since, stamp = delta["since"], delta["v"]
         if since not in (0, self.version):
             raise ValueError(f"a delta since {since} does not follow version {self.version}")

@@ -1,7 +1,7 @@
-"""The process of a page, from the side of the flight: fed by a thread, listened to, ended.
+"""The process of a page, from the side of the flight, which never waits for it.
 
-The flight never waits for it. What it is told goes into a short queue that a thread writes to the
-process; while that is full nothing more is put in, and the next delta holds what was left out.
+Messages go into a short queue that a thread writes to the process. While that is full nothing more
+is put in, and the next delta holds what was left out.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Feed:
     def __init__(self, config: Words, listening: socket.socket) -> None:
         self._messages: queue.Queue[bytes | None] = queue.Queue(WAITING)
         self._lines = Lines()
-        self._dead = self._told = False
+        self.dead = self._told = False
         self._child = Child("uavmap.ui.page.page_child", "page", (listening.fileno(),))
         os.set_blocking(self.orders_file, False)
         self.put({"kind": "start", "socket": listening.fileno(), **config})
@@ -65,14 +65,11 @@ class Feed:
     @property
     def idle(self) -> bool:
         """Whether it has taken nearly everything that it was told."""
-        return not self._dead and self._messages.qsize() <= 1
+        return not self.dead and self._messages.qsize() <= 1
 
     def put(self, words: Words, data: bytes = b"", *, wait_s: float = 0.0) -> bool:
-        """Tell it something, unless too much waits; whether it is told.
-
-        `wait_s`: for who has nothing else to do, how long to wait for room, real seconds.
-        """
-        if self._dead:
+        """Queue a message; return whether there was room within `wait_s` real seconds."""
+        if self.dead:
             self._tell()
             return False
         try:
@@ -88,7 +85,7 @@ class Feed:
                 pipe.write(message)
                 pipe.flush()
         except (OSError, ValueError):
-            self._dead = True
+            self.dead = True
         finally:
             with contextlib.suppress(OSError, ValueError):
                 pipe.close()
@@ -114,13 +111,8 @@ class Feed:
         except (OSError, ValueError):
             piece = b""
         if not piece:
-            self._dead = True
+            self.dead = True
         return self._lines.of(piece)
-
-    @property
-    def dead(self) -> bool:
-        """Whether it is gone."""
-        return self._dead
 
     @property
     def pid(self) -> int:
@@ -131,7 +123,7 @@ class Feed:
     def close(self) -> None:
         """End it; what it was told last it still takes in, if it is quick."""
         with contextlib.suppress(queue.Full):
-            self._messages.put(None, timeout=0.0 if self._dead else END_S)
+            self._messages.put(None, timeout=0.0 if self.dead else END_S)
         self._writer.join(END_S)
         process = self._child.process
         try:
@@ -139,20 +131,14 @@ class Feed:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-        self._dead = True
+        self.dead = True
         self._child.close(END_S)
 
 
 # --- opened before a flight begins: what is wrong is reported while nothing flies ---------------
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """How a page is served.
-
-    Attributes:
-        port: 0 for any that is free.
-        option: How the port is given on the command line.
-        host: The address that it is served on.
-    """
+    """How a page is served: on `port` (0 for any that is free), given by `option`, on `host`."""
 
     port: int
     option: str
@@ -161,16 +147,11 @@ class Wishes:
 
 @contextlib.contextmanager
 def opened(wishes: Wishes, config: Words) -> Iterator[Feed]:
-    """A page, ready to be looked at, for as long as the context lasts; a line says where.
+    """Serve a page in the context; a line reports its URL.
 
-    Args:
-        wishes: How it is served.
-        config: What it shows: `title`; `steers`, whether there are buttons; `why` there are none;
-            `timeline`, whether earlier times can be looked at; `frames`, the folder of the
-            pictures; `pictures`, why there are none.
-
-    Raises:
-        UavmapError: NiceGUI is missing, or the port is taken.
+    `config` has its `title`; `steers`, whether there are buttons; `why` there are none; `timeline`,
+    whether earlier times can be shown; `frames`, the folder of the pictures; `pictures`, why there
+    are none. Raises `UavmapError` without NiceGUI, or where the port is taken.
     """
     need_nicegui()
     address = bound(wishes.host, wishes.port, wishes.option)

@@ -1,8 +1,7 @@
 """Where a vehicle is going: its present path as points for the map. Pure.
 
-Points are in the grid's moving frame, where the vehicle will be over the region. They are told once
-for each order, with the times at which they are passed, so the page drops what lies behind by
-itself and hardly anything has to be sent.
+Points are in the grid's moving frame, where the vehicle will be over the region. They are sent
+once for each order, with their times, so the page itself drops what lies behind.
 """
 
 from __future__ import annotations
@@ -10,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from typing import Final
+
+from shapely.geometry import LineString, Point
 
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, VehicleState
@@ -34,10 +35,10 @@ class Ahead:
         self._orders: dict[int, tuple[Order | None, int]] = {}
 
     def news(self, vehicle: VehicleState, t_s: float) -> list[float] | None:
-        """The path of a vehicle at mission time `t_s`, where it is another than before; else None.
+        """Return the path of a vehicle at mission time `t_s`, if it has changed; else None.
 
-        Flat: time (mission seconds), east and north (m) of a point, of the next, and so on. Empty
-        for who is not under way, or not by our orders.
+        Flat: time (mission seconds), east and north (m) of each point. Empty for a vehicle that is
+        not under way by our orders.
         """
         order = vehicle.order if vehicle.phase is Phase.AIRBORNE and not vehicle.landed else None
         route = _route(vehicle, order, self._setting, t_s)
@@ -91,24 +92,9 @@ def _route(
 def _begun(route: Sequence[GridPoint], here: GridPoint) -> int:
     """The point of a route that is flown to: the end of the last leg that the vehicle is on."""
     for end in range(len(route) - 1, 0, -1):
-        if _off_m(here, route[end - 1], route[end]) < _NEAR_M:
+        if LineString(route[end - 1 : end + 1]).distance(Point(here)) < _NEAR_M:
             return end
     return 0
-
-
-def _off_m(here: GridPoint, a: GridPoint, b: GridPoint) -> float:
-    """How far a place is from a leg.
-
-    >>> _off_m(GridPoint(5.0, 3.0), GridPoint(0.0, 0.0), GridPoint(10.0, 0.0))
-    3.0
-    """
-    east_m, north_m = b.east_m - a.east_m, b.north_m - a.north_m
-    length2 = east_m * east_m + north_m * north_m or 1.0
-    along = ((here.east_m - a.east_m) * east_m + (here.north_m - a.north_m) * north_m) / length2
-    part = min(max(along, 0.0), 1.0)
-    return math.hypot(
-        here.east_m - a.east_m - part * east_m, here.north_m - a.north_m - part * north_m
-    )
 
 
 def _times(pieces: Sequence[Piece]) -> list[float]:

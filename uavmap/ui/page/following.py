@@ -42,10 +42,10 @@ _UNMATCHED: Final = 64
 
 
 class Follower:
-    """Tells a page what a journal holds, and what is added to it.
+    """Sends a page what a journal holds, and what is added to it.
 
-    `tiles`: an MBTiles file to lie under the map; else the mosaic in the folder does. Raises
-    `MissionFileError` for a mission that this program does not fly, `OutputError` for the tiles.
+    `tiles`: an MBTiles file under the map, else the folder's mosaic. Raises `MissionFileError` for
+    a mission that this program does not fly, `OutputError` for the tiles.
     """
 
     def __init__(self, reader: JournalReader, tiles: Path | None = None) -> None:
@@ -116,10 +116,7 @@ class Follower:
 
 
 class Pictures:
-    """The kept pictures of a flight, found by their events; they may be written later than these.
-
-    `setting` says where cells lie in them.
-    """
+    """The kept pictures of a flight, found by their events, before which they may be missing."""
 
     def __init__(self, folder: Path, setting: Setting) -> None:
         self._folder = folder
@@ -148,7 +145,6 @@ class Pictures:
         return None
 
     def _read(self) -> None:
-        """Read the list again if it has grown."""
         poses = self._folder / FRAMES / POSES
         try:
             size = poses.stat().st_size

@@ -1,6 +1,6 @@
-"""A flight's page, from the side of the flight: what happens goes out, orders come in.
+"""A flight's page, from the side of the flight: events go out, orders come in.
 
-Whatever goes wrong with it is told in a line, and the flight goes on without a page.
+A failure of the page is reported in a line, and the flight goes on without it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ LANDED: Final = "the flight is over"
 class FlightPage(Onlooker):
     """Shows a flight on a page, and its lines (`uavmap.base.messages.Display`).
 
-    `simulated`: the flight takes no orders. `now_s` is real time, seconds.
+    A `simulated` flight takes no orders. `now_s` is real time, s.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """The process of a page: `python -m uavmap.ui.page.page_child`, started by `uavmap.ui.page.feed`.
 
-What the flight tells comes in at standard input, orders go out at standard output. When the flight
-ends, or dies, this process ends too.
+Messages of the flight come by standard input, orders go by standard output. It ends with the
+flight.
 """
 
 from __future__ import annotations

@@ -1,20 +1,20 @@
-"""What goes between a flight and the process of its page: words in JSON, and bytes behind them.
+"""Messages between a flight and the process of its page: words in JSON, and bytes behind them.
 
     4 bytes  length of the words, big-endian
     4 bytes  length of what follows them
     words    an object
     bytes    a picture, mostly nothing
 
-Back come lines of JSON: orders, which mean the same as the keys. Everything above the service stays
-above it: the gate for what pilots fly, the guardians, and the rules by which who is on its way home
-goes on.
+Back come lines of JSON: orders, which mean the same as the keys, and pass the same gate, guardians
+and rules.
 """
 
 from __future__ import annotations
 
+import asyncio
 import json
 import struct
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from uavmap.runner.operator.caller import Steered
 
@@ -24,14 +24,6 @@ MOST_WORDS_BYTES: Final = 1 << 26
 MOST_BYTES: Final = 1 << 28
 MOST_LINE_BYTES: Final = 1 << 12
 """A line back is no longer: an order, or why the page does not begin."""
-
-
-class Reader(Protocol):
-    """What is needed of `asyncio.StreamReader`."""
-
-    async def readexactly(self, n: int) -> bytes:
-        """So many bytes; raises `asyncio.IncompleteReadError` at the end."""
-        ...
 
 
 def packed(words: Words, data: bytes = b"") -> bytes:
@@ -44,9 +36,8 @@ def packed(words: Words, data: bytes = b"") -> bytes:
     return _HEAD.pack(len(text), len(data)) + text + data
 
 
-async def read(reader: Reader) -> tuple[Words, bytes]:
-    """The next message. Raises `asyncio.IncompleteReadError` at the end of the stream, and
-    `ValueError` for what is none."""
+async def read(reader: asyncio.StreamReader) -> tuple[Words, bytes]:
+    """Return the next message. Raises `asyncio.IncompleteReadError`, `ValueError`."""
     words_bytes, data_bytes = _HEAD.unpack(await reader.readexactly(_HEAD.size))
     if words_bytes > MOST_WORDS_BYTES or data_bytes > MOST_BYTES:
         raise ValueError("no message of a flight")

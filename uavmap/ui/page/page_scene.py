@@ -27,10 +27,10 @@ STATES: Final[tuple[State, ...]] = tuple(COLOURS)
 def scene_of(
     setting: Setting, background: Background | None = None, *, recorded: bool = False
 ) -> dict[str, Any]:
-    """The scene of a mission, for JSON, with what lies under its map.
+    """Return the scene of a mission, for JSON, with the picture under its map.
 
     Points are metres east and north in the grid's fixed frame; cells are in the moving one, which
-    drifts with `drift_m_s`. The two are the same at mission time 0.
+    drifts with `drift_m_s` from mission time 0.
     """
     mission, grid = setting.mission, setting.grid
 
@@ -64,11 +64,10 @@ def scene_of(
 
 
 def marks_of(setting: Setting, frame: KeptFrame, votes: Sequence[Vote]) -> dict[str, Any]:
-    """The verdicts of a picture, for JSON.
+    """Return the verdicts of a picture, for JSON.
 
-    `cells` holds for each cell that lies before the camera eight numbers, the pixels of its corners
-    in parts of the picture's width and height, then 1 for region, else 0, and the share of it that
-    looks so.
+    `cells` holds, for each cell before the camera, its corners as eight shares of the picture's
+    width and height, then 1 for region, else 0, and the share of it that looks so.
     """
     optics = setting.mission.camera.optics
     camera = Camera(math.radians(frame.hfov_deg), optics.width_px, optics.height_px)

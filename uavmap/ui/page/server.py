@@ -1,7 +1,7 @@
 """The page itself, by NiceGUI: the frame around the map, the buttons, and a loop for each browser.
 
-Each browser is told what is new since what it has confirmed, and nothing more before it has
-confirmed that: a slow one gets fewer and larger deltas, and nothing piles up for it.
+A browser gets the changes since the version that it has confirmed, and nothing more before it
+confirms again: a slow one gets fewer and larger deltas, and nothing piles up.
 """
 
 from __future__ import annotations
@@ -255,7 +255,6 @@ class Visitor:
             await self._rest(board, version)
 
     def _board(self) -> Board:
-        """What is looked at: the flight as it is, or as it was."""
         self._show_time()
         if self._at_s is None or self._hub.timeline is None:
             return self._hub.board

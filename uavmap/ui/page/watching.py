@@ -1,8 +1,7 @@
 """A flight as its events come, on a board. Pure but for the clock that it is given.
 
-It is called from the loop that steers aircraft, so what it does at once is bounded: an event marks
-what it changes, and `refresh` looks at so many cells at most. Figures that cost more are asked for
-so seldom that they take a small share of the time.
+It runs in the loop that steers aircraft, so its work is bounded: an event marks what it changes,
+and `refresh` visits a limited number of cells. Costly figures are computed seldom.
 """
 
 from __future__ import annotations
@@ -48,8 +47,7 @@ from uavmap.ui.page.flight_ahead import Ahead
 from uavmap.ui.page.page_scene import STATES
 
 MOST_CELLS: Final = 100
-"""A refresh looks at no more cells of the tree, and the next one goes on from there: what the
-pictures changed is looked at at once, and this finds what else has."""
+"""Most cells of the tree that a refresh visits, beside those that pictures changed."""
 FIGURES_S: Final = 5.0
 """The certificate and the time left are reckoned no more often, seconds of the clock."""
 FIGURES_SHARE: Final = 0.005
@@ -68,11 +66,11 @@ class Watcher:
 
     Args:
         setting: Of the mission.
-        state: Before the first event that will be told.
-        recorded: Whether the pictures were recorded, and nobody flies.
+        state: Before the first event.
+        recorded: Whether the pictures were recorded, and nothing flies.
         evidence: Where recorded pictures are weighed.
-        words: Whether what vehicles say goes into the log: not where somebody tells it anyway.
-        dear_s: How long a certificate may take, seconds of the clock, to be reckoned again.
+        words: Whether vehicles' messages go into the log here.
+        dear_s: Longest computation of a certificate that is repeated, seconds of the clock.
         now_s: A clock, seconds.
     """
 
@@ -125,7 +123,6 @@ class Watcher:
         self._tell(event, state)
 
     def _mark(self, voted: Iterable[Cell]) -> None:
-        """Note the cells that a frame may have changed."""
         if not self.setting.sees_box:
             self._marked.update(dict.fromkeys(voted))
             return
@@ -249,7 +246,6 @@ class Watcher:
         return begin_s + max(FIGURES_S, cost_s / FIGURES_SHARE)
 
     def _show_left(self) -> None:
-        """What is known, and the time that is left."""
         state, board = self.state, self.board
         board.set_field("finding", finding(self.setting, state))
         if not self._recorded:
@@ -277,11 +273,7 @@ class Watcher:
 
 
 def _ordered(event: Event) -> str:
-    """What the operator, or a vehicle, did that the terminal tells elsewhere.
-
-    >>> _ordered(Paused(1.0))
-    'paused: everybody holds'
-    """
+    """What the operator, or a vehicle, did that the terminal shows elsewhere."""
     match event:
         case Paused():
             return "paused: everybody holds"

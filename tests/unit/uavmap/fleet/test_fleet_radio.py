@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,26 +12,13 @@ from missions.errors import LinkError
 from tests.support.small_missions import mission, square
 from uavmap.fleet.fleet_radio import START, check_network, member_seal
 from uavmap.fleet.sealing import fleet_key
+from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_options import FleetNetwork
 from uavmap.load.mission_source import load
 from uavmap.mavlink.links.key_file import new_key
 
 PEER = "tcp/127.0.0.1:7447"
 GROUP = "udp/224.0.0.224:7447#iface=lo"
-
-
-class Meta:
-    """What a journal says of its mission."""
-
-    def __init__(self) -> None:
-        self.values: dict[str, Any] = {}
-
-    @property
-    def meta(self) -> Mapping[str, Any]:
-        return self.values
-
-    def put_meta(self, key: str, value: Any) -> None:
-        self.values[key] = value
 
 
 def flown(**how: Any) -> Any:
@@ -58,12 +44,12 @@ def test_what_facts_mean_is_in_the_key_and_what_they_do_not_is_not() -> None:
 
 
 def test_every_start_is_higher_than_those_before(tmp_path: Path) -> None:
-    journal, where = Meta(), network(tmp_path, peers=(PEER,))
-    starts = []
-    for now_utc_s in (1000.0, 1000.5, 10.0, 5000.0):  # twice in a second; a clock set back
-        seal = member_seal(where, flown(), 2, journal, lambda now_s=now_utc_s: now_s)
-        assert journal.values[START] == seal.start
-        starts.append(seal.start)
+    where, starts = network(tmp_path, peers=(PEER,)), []
+    with Journal.create(tmp_path / "journal.jsonl", {}) as journal:
+        for now_utc_s in (1000.0, 1000.5, 10.0, 5000.0):  # twice in a second; a clock set back
+            seal = member_seal(where, flown(), 2, journal, lambda now_s=now_utc_s: now_s)
+            assert journal.meta[START] == seal.start
+            starts.append(seal.start)
     assert starts == [1000, 1001, 1002, 5000]
     assert seal.member == 2
 

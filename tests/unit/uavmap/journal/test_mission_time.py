@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -21,7 +22,6 @@ from uavmap.journal.mission_time import (
     Clocks,
     Mark,
     Marks,
-    MissionTime,
     last_mark,
     mission_time,
     read_clocks,
@@ -43,89 +43,83 @@ def later(seconds: float, **other: object) -> Clocks:
     return replace(now, **other)  # type: ignore[arg-type]
 
 
-def decided(now: Clocks, mark: Mark | None = MARK, **more: float) -> MissionTime:
-    return mission_time(LAST_EVENT_S, mark, now, epoch_utc_s=EPOCH_S, **more)
+def wall(seconds: float, **other: object) -> Clocks:
+    """100 s later, with a wall clock that was set by some seconds."""
+    return later(100.0, wall_utc_s=THEN.wall_utc_s + 100.0 + seconds, **other)
 
 
-def test_the_same_boot_and_a_clock_that_nobody_touched() -> None:
-    assert decided(later(100.0)) == MissionTime(600.0, Basis.COMPUTER)
+ANEW = {"boot_id": "boot-2", "since_boot_s": 20.0}
+OTHER_BOOT = {**ANEW, "vehicle_since_boot_s": None}
+THREE_S = 3 * DAY_S
+DRIFT = {"drift_m_s": 0.4}
+NO_MARK = {"mark": None}
+FAST = {"speedup": 10.0}
+EARLY = Clocks(EPOCH_S + 600.0, "boot-1", 1.0)
+COMPUTER, VEHICLE, WALL, LAST = Basis
+Case = tuple[Clocks, dict[str, Any], float, Basis, float | None, str]
+"""Clocks, more arguments; the time and its basis, that of a yes to the question, words of the
+note."""
+CASES: dict[str, Case] = {
+    "same boot": (later(100.0), {}, 600.0, COMPUTER, None, ""),
+    "same boot, a night": (later(36e3), {}, 36_500.0, COMPUTER, None, "9 h 59 min have passed"),
+    "same boot, clock ahead": (wall(THREE_S), {}, 600.0, COMPUTER, None, "set forward by"),
+    "same boot, years ahead": (wall(3650 * DAY_S), {}, 600.0, COMPUTER, None, "set forward by"),
+    "same boot, clock back": (wall(-THREE_S), {}, 600.0, COMPUTER, None, "set back by"),
+    "same boot, 1970": (wall(-THEN.wall_utc_s), {}, 600.0, COMPUTER, None, "set back by"),
+    "new boot": (later(100.0, **ANEW), {}, 600.0, VEHICLE, None, ""),
+    # the vehicle might have been started anew itself, and be up for longer than it was then
+    "new boot, clock ahead": (
+        wall(THREE_S, **ANEW), {}, 600.0, VEHICLE, 600.0 + THREE_S, "set forward by",
+    ),
+    "new boot, clock back": (wall(-THREE_S, **ANEW), {}, 600.0, VEHICLE, None, "set back by"),
+    "new boot of both": (
+        later(100.0, **ANEW, vehicle_since_boot_s=30.0), {}, 600.0, WALL, None, "",
+    ),
+    "silent vehicle": (later(100.0, **OTHER_BOOT), {}, 600.0, WALL, None, ""),
+    "silent, a minute back": (later(-60.0, **OTHER_BOOT), {}, LAST_EVENT_S, WALL, None, ""),
+    "silent, three days": (
+        later(THREE_S, **OTHER_BOOT), {}, LAST_EVENT_S, LAST, 500.0 + THREE_S,
+        "2 d 23 h have passed",
+    ),
+    "drift": (
+        later(3612.0, **OTHER_BOOT), DRIFT, LAST_EVENT_S, LAST, 4112.0, "displaced by 1,440 m",
+    ),
+    "drift, clock back": (
+        later(-THREE_S, **OTHER_BOOT), DRIFT, LAST_EVENT_S, LAST, None,
+        "displaced by 0.4 m for each second",
+    ),
+    # a Raspberry Pi without a battery for its clock thinks that it is 1970, or days ago
+    **{
+        f"silent, wall clock {wall_s:g}": (
+            later(0.0, **OTHER_BOOT, wall_utc_s=wall_s), {}, LAST_EVENT_S, LAST, None,
+            "before the last event",
+        )
+        for wall_s in (0.0, 40.0, EPOCH_S - THREE_S)
+    },
+    "no mark": (EARLY, NO_MARK, 600.0, WALL, None, ""),
+    "no mark, twelve days": (
+        replace(EARLY, wall_utc_s=EPOCH_S + 12 * DAY_S), NO_MARK, LAST_EVENT_S, LAST, 12 * DAY_S,
+        "nothing confirms it",
+    ),
+    "fast clock": (later(100.0, vehicle_since_boot_s=None), FAST, 1500.0, COMPUTER, None, ""),
+    "fast clock, new boot": (
+        later(1000.0, boot_id="boot-2", wall_utc_s=THEN.wall_utc_s + 100.0), FAST, 1500.0,
+        VEHICLE, None, "",
+    ),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("jump_s", [3 * DAY_S, -3 * DAY_S, 10 * 365 * DAY_S, -THEN.wall_utc_s])
-def test_in_the_same_boot_the_wall_clock_can_do_what_it_likes(jump_s: float) -> None:
-    now = later(100.0)
-    found = decided(replace(now, wall_utc_s=now.wall_utc_s + jump_s))
-    assert (found.start_s, found.basis, found.question) == (600.0, Basis.COMPUTER, "")
-    assert f"set {'forward' if jump_s > 0 else 'back'} by" in found.note
-
-
-def test_the_vehicle_tells_when_the_computer_was_started_anew() -> None:
-    now = later(100.0, boot_id="boot-2", since_boot_s=20.0)
-    assert decided(now) == MissionTime(600.0, Basis.VEHICLE)
-    ahead = decided(replace(now, wall_utc_s=now.wall_utc_s + 3 * DAY_S))
-    assert (ahead.start_s, ahead.basis) == (600.0, Basis.VEHICLE)
-    # it might have been started anew itself, and be up for longer than it was then
-    assert ahead.question
-    assert ahead.if_yes_s == 600.0 + 3 * DAY_S
-    behind = decided(replace(now, wall_utc_s=now.wall_utc_s - 3 * DAY_S))
-    assert (behind.start_s, behind.question) == (600.0, "")
-
-
-def test_a_vehicle_that_was_started_anew_tells_nothing() -> None:
-    now = later(100.0, boot_id="boot-2", since_boot_s=20.0, vehicle_since_boot_s=30.0)
-    assert decided(now) == MissionTime(600.0, Basis.WALL_CLOCK)
-
-
-OTHER_BOOT = {"boot_id": "boot-2", "since_boot_s": 20.0, "vehicle_since_boot_s": None}
-
-
-def test_another_boot_and_a_few_minutes() -> None:
-    assert decided(later(100.0, **OTHER_BOOT)) == MissionTime(600.0, Basis.WALL_CLOCK)
-    assert decided(later(-60.0, **OTHER_BOOT)).start_s == LAST_EVENT_S
-
-
-def test_another_boot_and_a_clock_three_days_ahead() -> None:
-    found = decided(later(3 * DAY_S, **OTHER_BOOT))
-    assert (found.start_s, found.basis) == (LAST_EVENT_S, Basis.LAST_EVENT)
-    assert "2 d 23 h have passed" in found.note
-    assert found.question
-    assert found.if_yes_s == 500.0 + 3 * DAY_S
-    assert "displaced" not in found.note
-
-
-def test_with_drift_it_is_said_how_far_the_cells_may_be_off() -> None:
-    found = decided(later(12.0 + 3600.0, **OTHER_BOOT), drift_m_s=0.4)
-    assert found.start_s == LAST_EVENT_S
-    assert "displaced by 1,440 m" in found.note
-    back = decided(later(-3 * DAY_S, **OTHER_BOOT), drift_m_s=0.4)
-    assert "displaced by 0.4 m for each second" in back.note
-
-
-@pytest.mark.parametrize("wall_utc_s", [0.0, 40.0, EPOCH_S - 3 * DAY_S])
-def test_no_battery_behind_the_clock(wall_utc_s: float) -> None:
-    """After another boot a Raspberry Pi thinks that it is 1970, or what it was days ago."""
-    found = decided(later(0.0, **OTHER_BOOT, wall_utc_s=wall_utc_s))
-    assert (found.start_s, found.basis, found.question) == (LAST_EVENT_S, Basis.LAST_EVENT, "")
-    assert "before the last event" in found.note
-
-
-def test_a_journal_without_a_mark_has_the_wall_clock_only() -> None:
-    now = Clocks(EPOCH_S + 600.0, "boot-1", 1.0)
-    assert decided(now, None) == MissionTime(600.0, Basis.WALL_CLOCK)
-    found = decided(replace(now, wall_utc_s=EPOCH_S + 12 * DAY_S), None)
-    assert (found.start_s, found.if_yes_s) == (LAST_EVENT_S, 12 * DAY_S)
-
-
-def test_a_night_in_the_same_boot_is_said() -> None:
-    found = decided(later(10 * 3600.0))
-    assert found.start_s == 500.0 + 10 * 3600.0
-    assert "9 h 59 min have passed" in found.note
-
-
-def test_on_a_fast_clock_a_second_is_more() -> None:
-    assert decided(later(100.0, vehicle_since_boot_s=None), speedup=10.0).start_s == 1500.0
-    now = later(1000.0, boot_id="boot-2", wall_utc_s=THEN.wall_utc_s + 100.0)
-    assert decided(now, speedup=10.0) == MissionTime(1500.0, Basis.VEHICLE)
+@pytest.mark.parametrize("case", CASES)
+def test_mission_time_by_clocks_follows_the_best_of_them(case: str) -> None:
+    now, more, start_s, basis, yes_s, words = CASES[case]
+    mark = more.get("mark", MARK)
+    options = {key: value for key, value in more.items() if key != "mark"}
+    found = mission_time(LAST_EVENT_S, mark, now, epoch_utc_s=EPOCH_S, **options)
+    assert (found.start_s, found.basis) == (start_s, basis)
+    assert (bool(found.question), found.if_yes_s) == (yes_s is not None, yes_s or 0.0)
+    assert words in found.note
+    assert bool(words) == bool(found.note)
+    assert ("displaced" in found.note) == (more is DRIFT)
 
 
 clocks = st.builds(

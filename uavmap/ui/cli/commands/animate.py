@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from missions.errors import OutputError
 from uavmap.base.terminal import Terminal
@@ -24,7 +24,7 @@ from uavmap.ui.cli.picture_options import (
 ANIMATION: Final = "flight.gif"
 TREE: Final = "tree.png"
 
-_EXAMPLES = """\
+EXAMPLES: Final = """\
 examples:
   uavmap animate results/runway-1                       flight.gif and tree.png in that folder
   uavmap animate results/spill-1 --animate spill.mp4    spill.mp4 where you are
@@ -35,15 +35,11 @@ examples:
 The animation takes at most 20 seconds, however long the flight. Where the region drifts, the
 tracks are as seen from the region.
 """
+DESCRIPTION: Final = "Make an animation and a picture of the tree from the journal of a mission."
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "animate",
-        description="Make an animation and a picture of the tree from the journal of a mission.",
-        epilog=_EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
     add_picture_options(parser)
     parser.add_argument(

@@ -6,7 +6,7 @@ import argparse
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from missions.flight.setting import Setting
 from missions.mission import flyable
@@ -14,15 +14,15 @@ from uavmap.load.mission_source import load
 from uavmap.runner.preflight.plan_figures import estimate, ground_figures, ground_lines, taken_lines
 from uavmap.ui.cli.plan_map import box_line, check_kind, write_map, zone_name
 
+DESCRIPTION: Final = "Say what is wrong with a mission file, by key, or what it would fly."
+EXAMPLES: Final = (
+    "examples:\n  uavmap check runway\n  uavmap check field.toml --json\n"
+    "  uavmap check field.toml --map field.html      the plan as a page to look at"
+)
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "check",
-        description="Say what is wrong with a mission file, by key, or what it would fly.",
-        epilog="examples:\n  uavmap check runway\n  uavmap check field.toml --json\n"
-        "  uavmap check field.toml --map field.html      the plan as a page to look at",
-    )
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("mission", metavar="MISSION", help="a mission file, or a shipped mission")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     parser.add_argument(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any, Final
+from typing import Final
 
 import shtab
 
@@ -13,7 +13,7 @@ from uavmap.load.mission_source import shipped_missions
 
 SHELLS: Final = ("bash", "zsh", "fish")
 
-_EXAMPLES = """\
+EXAMPLES: Final = """\
 examples:
   uavmap completion bash > ~/.local/share/bash-completion/completions/uavmap
   uavmap completion zsh > ~/.zfunc/_uavmap      # with fpath+=~/.zfunc before compinit
@@ -23,13 +23,11 @@ _FOLDERS: Final = ("DIR", "IMAGES")
 _FILES: Final = ("AREA", "FILE", "IMAGE", "PATH", "MISSION|DIR")
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "completion",
-        description="Print the script by which a shell completes uavmap's commands.",
-        epilog=_EXAMPLES,
-    )
+DESCRIPTION: Final = "Print the script by which a shell completes uavmap's commands."
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("shell", choices=SHELLS, help="the shell that reads it")
 
 
@@ -74,7 +72,6 @@ def _missions() -> dict[str, str]:
 
 
 def _preamble() -> dict[str, str]:
-    """The functions for that."""
     names = " ".join(shipped_missions())
     bash = f'_uavmap_missions() {{ compgen -W "{names}" -- "$1"; compgen -f -- "$1"; }}'
     zsh = f"_uavmap_missions() {{ _alternative 'm:mission:({names})' 'f:file:_files' }}"

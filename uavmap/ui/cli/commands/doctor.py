@@ -10,7 +10,7 @@ import logging
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from missions.errors import MissionFileError
 from missions.flight.setting import Setting
@@ -38,7 +38,7 @@ PICTURES: Final = "doctor"
 """The folder for test pictures, where none is named."""
 HEARTBEAT_S: Final = 1.0
 
-_EXAMPLES: Final = """\
+EXAMPLES: Final = """\
 examples:
   uavmap doctor                                                the installation
   uavmap doctor --connect udpin://0.0.0.0:14550                and a vehicle
@@ -54,15 +54,11 @@ exit codes:
   3    something is bad; its line says what to do
   130  interrupted
 """
+DESCRIPTION: Final = "Say what is right, doubtful or wrong, and what to do about it."
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "doctor",
-        description="Say what is right, doubtful or wrong, and what to do about it.",
-        epilog=_EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument(
         "mission",
         metavar="MISSION",

@@ -7,7 +7,7 @@ import errno
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -23,9 +23,9 @@ from uavmap.output.facts.flown_mission import Flown
 from uavmap.output.formats.ground_station_plan import Firmware, plan_text, waypoints_text
 from uavmap.output.formats.plan_items import SearchFlight, search_flight
 from uavmap.output.results_reading import flown_of
-from uavmap.ui.cli.common import vehicle_count
+from uavmap.ui.cli.common import overwrite_nothing, vehicle_count
 
-_EXAMPLES = """\
+EXAMPLES: Final = """\
 examples:
   uavmap export field.toml --plan field.plan              the search lanes, for QGroundControl
   uavmap export field.toml --plan field.plan --firmware px4
@@ -40,16 +40,14 @@ A plan has the fence, the vehicle's home as rally point, and a flight that takes
 lines with pictures, comes back over its home and returns. An autopilot flies these lines and no
 more: nothing judges the pictures, and only their different heights keep vehicles apart.
 """
+DESCRIPTION: Final = (
+    "Write the search of a mission as a file for QGroundControl or Mission "
+    "Planner; or a map and its flight, also of one that was interrupted, as files for a GIS."
+)
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "export",
-        description="Write the search of a mission as a file for QGroundControl or Mission "
-        "Planner; or a map and its flight, also of one that was interrupted, as files for a GIS.",
-        epilog=_EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     add = parser.add_argument
     add(
         "source",
@@ -268,9 +266,7 @@ def _overwrite_nothing(out: Path, files: Mapping[str, bytes], made: Format) -> N
         return
     if out.exists() and not out.is_dir():
         raise OutputError(f"--out {out}: is a file; give a folder")
-    for name in files:
-        if (out / name).exists():
-            raise OutputError(f"--out {out}: holds a {name} already; choose another folder")
+    overwrite_nothing(out, files)
 
 
 def _write_map(target: Path, files: Mapping[str, bytes], made: Format) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import Final
 
 from missions.errors import LinkError
 from uavmap.base.messages import shown_on
@@ -25,7 +25,7 @@ from uavmap.ui.cli.flight_options import (
 )
 from uavmap.ui.cli.option_table import add_options
 
-_EXAMPLES = """\
+EXAMPLES: Final = f"""\
 examples:
   uavmap fly runway --sim                           the shipped mission, simulated
   uavmap fly spill --sim --seed 7 --out spill-7     another seed, into a folder of your choice
@@ -49,16 +49,13 @@ examples:
 In flight the keys p, c, r, k, q and ? pause, go on, call home, skip a cell, land, and help.
 Ctrl-C brings real aircraft home; a second Ctrl-C has their autopilots do it (RTL) and ends as soon
 as that is seen. Either way `uavmap resume DIR` goes on later.
-"""
+
+{EXIT_CODES}"""
+DESCRIPTION: Final = "Fly a mission: search the box, explore the region, come home, write the map."
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "fly",
-        description="Fly a mission: search the box, explore the region, come home, write the map.",
-        epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     add_options(parser, "fly")
 
 

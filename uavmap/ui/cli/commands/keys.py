@@ -18,13 +18,14 @@ from uavmap.mavlink.links.signing import Signing
 from uavmap.mavlink.links.transports import Transport, open_transport
 from uavmap.mavlink.links.urls import parse_url
 from uavmap.mavlink.session import Session
+from uavmap.ui.cli.common import agreed
 
 ANSWER_S: Final = 10.0
 PROOF_S: Final = 6.0
 """A vehicle that has the key says something signed within this time."""
 _TIMES: Final = 3
 """The key is sent so often: it is not acknowledged."""
-_EXAMPLES: Final = """\
+EXAMPLES: Final = """\
 examples:
   uavmap keys new ~/.uavmap.key
   uavmap keys install ~/.uavmap.key --connect serial:///dev/ttyACM0:115200
@@ -36,15 +37,11 @@ keeps it, signs all that it sends from then on, and hears only what is signed wi
 serial port (USB) it hears everything still, so a lost key can be replaced there. A ground station
 needs the key, too. exit codes: 0 done; 2 refused, or no proof that it was done.
 """
+DESCRIPTION: Final = "MAVLink 2 signing: only who has the key is heard."
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "keys",
-        description="MAVLink 2 signing: only who has the key is heard.",
-        epilog=_EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     acts = parser.add_subparsers(dest="act", required=True, metavar="ACT")
     made = acts.add_parser("new", help="make a key in a new file that only you may read")
     made.add_argument("file", metavar="FILE")
@@ -160,5 +157,4 @@ def _say(text: str) -> None:
 def _asked(question: str) -> bool:
     if not sys.stdin.isatty():
         raise LinkError("nobody is there to be asked; give --yes")
-    print(f"{question} [y/N] ", end="", file=sys.stderr, flush=True)
-    return sys.stdin.readline().strip().lower() in ("y", "yes")
+    return agreed(question)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Final
 
 import cv2
 from rich.table import Table
@@ -25,7 +25,7 @@ from uavmap.ui.cli.option_table import add_options
 
 _ROWS = 40
 
-_EXAMPLES = """\
+EXAMPLES: Final = """\
 examples:
   uavmap look photos/DJI_0018.JPG --mission road
   uavmap look photos/DJI_0018.JPG --mission field.toml --json --out seen.png
@@ -39,15 +39,11 @@ exit codes:
   0    the picture was looked at
   2    it cannot be, or something else is wrong with the input; a line says what
 """
+DESCRIPTION: Final = "One recorded picture through the eyes of a mission."
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "look",
-        description="One recorded picture through the eyes of a mission.",
-        epilog=_EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("image", metavar="IMAGE", help="a picture")
     parser.add_argument("--mission", metavar="MISSION", help="grid, camera and detector")
     add_options(parser, "look")

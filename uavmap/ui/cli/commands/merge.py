@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import Final
 
 from uavmap.base.terminal import Terminal
 from uavmap.output.merging import merged_results
 from uavmap.ui.cli.common import EXIT_CODES, report
 from uavmap.ui.cli.summary_table import add_summary_options
 
-_EXAMPLES = """\
+EXAMPLES: Final = f"""\
 examples:
   uavmap merge results/bay-1 results/bay-2 results/bay-3 --out results/bay
   uavmap merge monday tuesday --out both --json
@@ -20,16 +20,13 @@ examples:
 The folders are those of `uavmap onboard`, one a vehicle, or of several flights over the same grid,
 in any order. Of a vehicle whose folder is lost, the frames count that others have heard of. The
 folders are only read, also while a flight is still under way in them.
-"""
+
+{EXIT_CODES}"""
+DESCRIPTION: Final = "Make one map of the journals of a fleet, or of several flights."
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "merge",
-        description="Make one map of the journals of a fleet, or of several flights.",
-        epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument(
         "folders", metavar="DIR", nargs="+", help="folders of results, each with its journal"
     )

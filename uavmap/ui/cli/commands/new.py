@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from missions.errors import AreaError, MissionFileError, OutputError
 from missions.flight.setting import Setting
@@ -18,7 +19,7 @@ from uavmap.base.atomic_write import write_text
 from uavmap.journal.results_folder import folder_name
 from uavmap.load.areas.composing import STRATEGY, WIND_M_S, Figures, Flying, compose, largest_cell_m
 from uavmap.load.areas.drawing import Area, Drawing
-from uavmap.load.areas.drones import Camera, Drone, camera_named, drone_named, table_lines
+from uavmap.load.areas.drones import camera_named, drone_named, table_lines
 from uavmap.load.areas.layout import Layout, Wishes, lay_out
 from uavmap.load.areas.reading import KINDS, read_area_file
 from uavmap.load.mission_source import mission_of_text
@@ -27,7 +28,7 @@ from uavmap.ui.cli.common import epsg_code, number_type, pair, vehicle_count
 from uavmap.ui.cli.endings import complain
 from uavmap.ui.cli.plan_map import box_line, check_kind, search_line, write_map, zone_name
 
-_EXAMPLES = """\
+EXAMPLES: Final = """\
 examples:
   uavmap new field.kml --drone x500 --out field.toml      a polygon of Google Earth
   uavmap new field.kml --drone sim                        for the bundled simulator: field.toml
@@ -44,15 +45,11 @@ then:
 A polygon whose name has "fence" in it is the geofence, one with "no-fly" or "keep-out" a hole of
 it, a point named "home", "start" or "take-off" the home. At a terminal what is missing is asked.
 """
+DESCRIPTION: Final = f"Make a mission file from an area that was drawn elsewhere: {KINDS}."
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "new",
-        description=f"Make a mission file from an area that was drawn elsewhere: {KINDS}.",
-        epilog=_EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     # --at -33.8,151.2 is a place, not an option
     parser._negative_number_matcher = re.compile(r"^-\.?\d[\d.,eE+-]*$")
     add = parser.add_argument
@@ -271,7 +268,7 @@ def two_numbers(option: str, text: str) -> tuple[float, float]:
 
 
 def figures_of(options: argparse.Namespace) -> Figures:
-    """The figures of the aircraft: from the table, and over them what is given as options.
+    """Return the aircraft's figures: from the table, overridden by options.
 
     Raises `AreaError` for a name that is not known, or where figures are missing.
     """
@@ -279,37 +276,27 @@ def figures_of(options: argparse.Namespace) -> Figures:
     drone = None if options.drone is None else drone_named(options.drone)
     named = options.camera or (None if drone is None else drone.camera)
     camera = None if named is None else camera_named(named)
-    pixels = None if options.pixels is None else two_numbers("--pixels", options.pixels)
     title = (
         "; ".join(part.title for part in (drone, camera) if part is not None)
         or "figures given by hand"
     )
-    if _overridden(options) and drone is not None:
+    given = {
+        "capacity_wh": options.battery, "hover_power_w": options.hover,
+        "max_airspeed_m_s": options.airspeed, "speed_m_s": options.speed,
+        "hfov_deg": options.hfov, "interval_s": options.interval, "mounting": options.mounting,
+    }  # fmt: skip
+    if options.pixels is not None:
+        sides = two_numbers("--pixels", options.pixels)
+        given |= dict(zip(("width_px", "height_px"), map(round, sides), strict=True))
+    given = {key: value for key, value in given.items() if value is not None}
+    if given and drone is not None:
         title += "; some figures given by hand"
-    speed_m_s = options.speed or (drone.speed_m_s if drone else 5.0)
-    return Figures(
-        title,
-        _given(options.battery, drone, "capacity_wh"),
-        _given(options.hover, drone, "hover_power_w"),
-        options.airspeed or (drone.max_airspeed_m_s if drone else max(12.0, speed_m_s)),
-        speed_m_s,
-        _given(options.hfov, camera, "hfov_deg"),
-        round(pixels[0]) if pixels else int(_given(None, camera, "width_px")),
-        round(pixels[1]) if pixels else int(_given(None, camera, "height_px")),
-        options.interval or (camera.interval_s if camera else 1.0),
-        options.mounting or (camera.mounting if camera else "fixed"),
-    )
-
-
-def _given(option: float | None, table: Drone | Camera | None, key: str) -> float:
-    if option is not None:
-        return float(option)
-    return float(getattr(table, key))
-
-
-def _overridden(options: argparse.Namespace) -> bool:
-    keys = ("battery", "hover", "airspeed", "speed", "hfov", "pixels", "interval", "mounting")
-    return any(getattr(options, key) is not None for key in keys)
+    speed_m_s = given.get("speed_m_s", drone.speed_m_s if drone else 5.0)
+    values = {"max_airspeed_m_s": max(12.0, speed_m_s), "interval_s": 1.0, "mounting": "fixed"}
+    for part in (drone, camera):
+        values |= {} if part is None else asdict(part)
+    values |= {"speed_m_s": speed_m_s, **given, "title": title}
+    return Figures(**{field.name: values[field.name] for field in fields(Figures)})
 
 
 def _ask_for_drone(options: argparse.Namespace) -> None:

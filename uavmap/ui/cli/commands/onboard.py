@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import Final
 
 from uavmap.fleet.fleet_radio import check_network
 from uavmap.runner.flight import planned
@@ -11,7 +11,7 @@ from uavmap.ui.cli.common import EXIT_CODES
 from uavmap.ui.cli.flight_options import begin, flight_options, network_of, preflight_of
 from uavmap.ui.cli.option_table import add_options
 
-_EXAMPLES = """\
+EXAMPLES: Final = f"""\
 examples:
   uavmap onboard bay.toml --vehicle 2 --connect serial:///dev/ttyAMA0:921600 --camera libcamera \\
          --listen 'udp/224.0.0.224:7447#iface=wlan0' --fleet-key ~/.uavmap.fleet --yes
@@ -28,16 +28,13 @@ commands its own aircraft only: who is out of reach goes on alone. Afterwards `u
 one map of all journals. Without --listen, --peer and --router it flies alone.
 
 Ctrl-C brings this aircraft home; `uavmap resume DIR` goes on later.
-"""
+
+{EXIT_CODES}"""
+DESCRIPTION: Final = "Fly one vehicle of a fleet, each having a service of its own on board."
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "onboard",
-        description="Fly one vehicle of a fleet, each having a service of its own on board.",
-        epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     add_options(parser, "onboard")
 
 

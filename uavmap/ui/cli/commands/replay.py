@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import Final
 
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
@@ -15,7 +15,7 @@ from uavmap.ui.cli.common import number_type, report, utc_seconds, worker_count
 from uavmap.ui.cli.endings import INTERRUPTED, complain
 from uavmap.ui.cli.option_table import add_options
 
-_EXAMPLES = """\
+EXAMPLES: Final = """\
 examples:
   uavmap replay photos/
   uavmap replay photos/ --detector my-field
@@ -44,15 +44,11 @@ exit codes:
   2    something is wrong with the input; a line says what
   3    half of the pictures or more could not be used, or they show no cell
 """
+DESCRIPTION: Final = "Recorded pictures through the same detector and the same votes as a flight."
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "replay",
-        description="Recorded pictures through the same detector and the same votes as a flight.",
-        epilog=_EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("path", metavar="PATH", help="a folder of pictures, or one picture")
     parser.add_argument("--mission", metavar="MISSION", help="grid, camera, detector and votes")
     add_options(parser, "replay")

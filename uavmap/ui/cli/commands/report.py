@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import Final
 
 from missions.errors import OutputError
 from uavmap.base.terminal import Terminal
@@ -13,7 +13,7 @@ from uavmap.output.results_reading import flown_of
 from uavmap.ui.cli.commands.export import tell_incomplete
 from uavmap.ui.cli.summary_table import add_summary_options, print_summary
 
-_EXAMPLES = """\
+EXAMPLES: Final = """\
 examples:
   uavmap report results/field-1                     writes results/field-1/report.html anew
   uavmap report results/field-1 --out field.html    the same elsewhere
@@ -22,16 +22,14 @@ Every flight and every replay has a report. This makes it from the folder alone,
 that was interrupted. The page loads nothing and runs nothing: it can be sent, and a browser prints
 it, or saves it as PDF.
 """
+DESCRIPTION: Final = (
+    "Write the report of a flight or a replay: map, area, certificate, timeline, "
+    "faults and settings on one page."
+)
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "report",
-        description="Write the report of a flight or a replay: map, area, certificate, timeline, "
-        "faults and settings on one page.",
-        epilog=_EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
     parser.add_argument(
         "--out", metavar="FILE.html", type=Path, help="the page (default: report.html in DIR)"

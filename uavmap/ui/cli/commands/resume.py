@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Final
 
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
@@ -17,12 +17,12 @@ from uavmap.journal.recovery import recover
 from uavmap.photos.after_flight import draw_boundary, kept_frames
 from uavmap.runner.flight import plan_of, resume
 from uavmap.runner.one_flight import Company
-from uavmap.ui.cli.common import EXIT_CODES, report
+from uavmap.ui.cli.common import EXIT_CODES, agreed, report
 from uavmap.ui.cli.endings import AIRCRAFT_DOWN, complain
 from uavmap.ui.cli.flight_options import beside, gives_network, key_file, network_of
 from uavmap.ui.cli.option_table import add_options
 
-_EXAMPLES = """\
+EXAMPLES: Final = f"""\
 examples:
   uavmap resume results/runway-1
   uavmap resume results/field-3 --connect udpin://0.0.0.0:14560
@@ -35,16 +35,13 @@ A simulated flight is repeated up to its last event, each event checked against 
 goes on from there. A real flight goes on from what the journal knows, with the aircraft wherever
 they are: who stands on the ground takes off. With --recall nothing takes off: who is in the air
 comes home and lands, and the map of what is known is written.
-"""
+
+{EXIT_CODES}"""
+DESCRIPTION: Final = "Go on with the mission of a results folder from its last committed event."
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "resume",
-        description="Go on with the mission of a results folder from its last committed event.",
-        epilog=f"{_EXAMPLES}\n{EXIT_CODES}",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
     add_options(parser, "resume")
 
@@ -59,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace, folder: Path, terminal: Terminal) -> int:
     if options.recover:
         _recover(folder, terminal.show)
-    ask = _ask if sys.stdin.isatty() and sys.stderr.isatty() else None
+    ask = agreed if sys.stdin.isatty() and sys.stderr.isatty() else None
     with beside(options, lambda: _plan(folder), folder, terminal) as onlookers:
         summary = resume(
             folder,
@@ -93,8 +90,3 @@ def _recover(folder: Path, say: Callable[[str], None]) -> None:
         f"{folder / JOURNAL}: {done.kept} events kept, {lost}; the damaged journal is "
         f"{done.aside.name}"
     )
-
-
-def _ask(question: str) -> bool:
-    print(f"{question} [y/N] ", end="", file=sys.stderr, flush=True)
-    return sys.stdin.readline().strip().lower() in ("y", "yes")

@@ -9,7 +9,7 @@ import shlex
 import signal
 import sys
 from collections.abc import Callable, Coroutine, Sequence
-from typing import Any
+from typing import Any, Final
 
 from missions.errors import LinkError, UavmapError
 from missions.mission.checks import check
@@ -17,7 +17,7 @@ from missions.mission.fleet_checks import with_vehicles
 from uavmap.load.mission_source import load
 from uavmap.ui.cli.common import epsg_code, pair, port_number, seed_number, speedup, vehicle_count
 
-_EXAMPLES = """\
+EXAMPLES: Final = """\
 examples:
   uavmap sitl                                   one vehicle over the shipped runway
   uavmap sitl --mission spill --vehicles 3 --speedup 5
@@ -33,14 +33,14 @@ is said on standard error. Ctrl-C ends it.
 _WITHOUT_MISSION = ("home", "world", "world_crs", "wind", "optical_flow")
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "sitl",
-        description="Simulated vehicles and cameras on loopback sockets, over a mission's world "
-        "or without a mission.",
-        epilog=_EXAMPLES,
-    )
+DESCRIPTION: Final = (
+    "Simulated vehicles and cameras on loopback sockets, over a mission's world "
+    "or without a mission."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     add = parser.add_argument
     add("--mission", metavar="MISSION", help="whose world to fly (default: runway, or --home)")
     add("--home", metavar="LAT,LON,AMSL,YAW", help="where to start, without a mission")
@@ -108,7 +108,6 @@ _Serving = Callable[[Callable[[list[str]], None]], Coroutine[Any, Any, None]]
 
 
 def _by_mission(options: argparse.Namespace) -> _Serving:
-    """The vehicles and the world of a mission."""
     from uavmap.runner import simulation  # noqa: PLC0415 - real flights need none of it
 
     if options.autopilot is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from typing import Any, Final, Protocol
+from typing import Final
 
 from rich.console import Console
 from rich.padding import Padding
@@ -13,44 +13,24 @@ from rich.table import Table
 from rich.text import Text
 
 from missions.planning.stepwise import EXPLORERS
-from missions.planning.sweep.strategies import ON_PATHS
+from missions.planning.stepwise.interface import Explorer
+from missions.planning.sweep.strategies import ON_PATHS, WithoutStopping
 
-_EXAMPLES = """\
+EXAMPLES: Final = """\
 examples:
   uavmap strategies
   uavmap fly runway --sim --strategy rdfs
   uavmap simulate --generate eden --strategy rdfs,rdfs-paper --robots 4
   uavmap simulate --generate eden --strategy swath,survey --robots 3
 """
-
-
 TABLE_WIDTH: Final = 76
 """In fewer columns a table of four columns has words that do not fit."""
+_EVERY: Sequence[Explorer | WithoutStopping] = (*EXPLORERS.values(), *ON_PATHS.values())
+DESCRIPTION: Final = "The strategies that --strategy takes."
 
 
-class _Shown(Protocol):
-    """What is shown of a strategy."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def guarantee(self) -> str: ...
-    @property
-    def source(self) -> str: ...
-    @property
-    def when(self) -> str: ...
-
-
-_EVERY: Sequence[_Shown] = (*EXPLORERS.values(), *ON_PATHS.values())
-
-
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "strategies",
-        description="The strategies that --strategy takes.",
-        epilog=_EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("--json", action="store_true", help="print the list as JSON")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from rich.markup import escape
 from rich.table import Table
@@ -19,7 +19,7 @@ from uavmap.photos.tune.tune_job import FILES, Wishes, tune
 from uavmap.ui.cli.common import number_type, overwrite_nothing
 from uavmap.ui.cli.option_table import add_options
 
-_EXAMPLES = """\
+EXAMPLES: Final = """\
 examples:
   uavmap tune photos/ --paint --examples painted/ --out my-field      paint, then learn
   uavmap tune photos/ --examples painted/ --out my-field
@@ -32,16 +32,14 @@ painted/DJI_0021.png of the same shape, white where the region is, black where i
 where you cannot tell. Polygons in GeoJSON (longitude, latitude) are projected into the pictures
 through the poses in their tags. Training needs scikit-learn, the extra `tune`.
 """
+DESCRIPTION: Final = (
+    "Learn what the region looks like from examples, test it on pictures that it "
+    "was not learned from, and write a detector for `replay` and `fly`."
+)
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "tune",
-        description="Learn what the region looks like from examples, test it on pictures that it "
-        "was not learned from, and write a detector for `replay` and `fly`.",
-        epilog=_EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("images", metavar="IMAGES", help="a folder of pictures (JPEG, PNG, TIFF)")
     parser.add_argument(
         "--examples",

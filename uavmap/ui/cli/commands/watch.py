@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import logging
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from missions.errors import JournalError
 from uavmap.base.messages import shown_on
@@ -20,7 +20,7 @@ from uavmap.ui.page.feed import Wishes, opened
 from uavmap.ui.page.following import Follower
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")
-_EXAMPLES = f"""\
+EXAMPLES: Final = f"""\
 examples:
   uavmap watch results/field-1                      a flight under way, or one of the past
   uavmap watch results/field-1 --port 0             on any port that is free (default {PORT})
@@ -30,16 +30,13 @@ examples:
 It reads the journal in the folder and changes nothing; a flight under way does not notice it. There
 are no buttons: the program that flies takes the orders (`uavmap fly --page`). Ctrl-C ends it.
 """
+DESCRIPTION: Final = (
+    "Show the mission of a results folder in a browser: live while it is flown, with a time slider."
+)
 
 
-def add_parser(commands: Any) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "watch",
-        description="Show the mission of a results folder in a browser: live while it is flown, "
-        "with a time slider.",
-        epilog=_EXAMPLES,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments."""
     parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
     add_options(parser, "watch")
 

@@ -288,20 +288,33 @@ def moved(east_deg: float, north_deg: float = 0.0, scale: float = 1.0) -> list[t
     return [(x0 + east_deg + scale * (x - x0), y0 + north_deg + scale * (y - y0)) for x, y in FIELD]
 
 
-def test_a_polygon_that_crosses_itself(tmp_path: Path) -> None:
-    a, b, c, d = FIELD
-    assert "crosses or touches itself near 52.4565" in laid_out(tmp_path, feature([a, c, b, d]))
+A, B, C, D = FIELD
+AROUND = moved(-0.0005, -0.0005, 2.0)
+BAD_LAYOUTS: dict[str, tuple[list[object], dict[str, object], str]] = {
+    "crosses itself": ([feature([A, C, B, D])], {}, "crosses or touches itself near 52.4565"),
+    "without an inside": ([feature([(1, 1), (1.001, 1), (1.002, 1)])], {}, "a.geojson"),
+    "15 km": ([feature(moved(0, scale=150.0))], {}, "at most 10 km"),
+    "300 km": ([feature(moved(0, scale=3000.0))], {}, "degrees wide"),
+    "a metre": ([feature(moved(0, scale=0.01))], {}, "smaller than a cell"),
+    "at a pole": ([feature(moved(0, north_deg=35.0))], {}, "polar missions"),
+    "a fence on another continent": (
+        [feature(name="field"), feature(moved(-80.0, 0.0, 3.0), name="fence")], {},
+        "km from the area",
+    ),
+    "all kept out of": (
+        [feature(name="field"), feature(AROUND, name="no-fly zone")], {}, "kept out of",
+    ),
+    "a home outside of the fence": (
+        [feature(name="field"), feature(AROUND, name="fence")],
+        {"home": LatLon(52.45, 13.303)}, "lies outside of the fence",
+    ),
+}  # fmt: skip
 
 
-def test_a_polygon_without_an_inside(tmp_path: Path) -> None:
-    assert "a.geojson" in laid_out(tmp_path, feature([(1, 1), (1.001, 1), (1.002, 1)]))
-
-
-def test_sizes_that_make_no_sense(tmp_path: Path) -> None:
-    assert "at most 10 km" in laid_out(tmp_path, feature(moved(0, scale=150.0)))
-    assert "degrees wide" in laid_out(tmp_path, feature(moved(0, scale=3000.0)))
-    assert "smaller than a cell" in laid_out(tmp_path, feature(moved(0, scale=0.01)))
-    assert "polar missions" in laid_out(tmp_path, feature(moved(0, north_deg=35.0)))
+@pytest.mark.parametrize("case", BAD_LAYOUTS)
+def test_area_that_makes_no_mission_is_refused(case: str, tmp_path: Path) -> None:
+    features, wishes, expected = BAD_LAYOUTS[case]
+    assert expected in laid_out(tmp_path, *features, **wishes)
 
 
 def test_several_areas_are_asked_about(tmp_path: Path) -> None:
@@ -324,17 +337,6 @@ def test_one_of_several_areas_is_chosen_and_all_are_enclosed(tmp_path: Path) -> 
     assert max(place.lon_deg for place in both.box) == pytest.approx(13.3075)
 
 
-def test_a_fence_on_another_continent(tmp_path: Path) -> None:
-    assert "km from the area" in laid_out(
-        tmp_path, feature(name="field"), feature(moved(-80.0, 0.0, 3.0), name="fence")
-    )
-
-
-def test_what_is_kept_out_of_may_not_be_all(tmp_path: Path) -> None:
-    shapes = feature(name="field"), feature(moved(-0.0005, -0.0005, 2.0), name="no-fly zone")
-    assert "kept out of" in laid_out(tmp_path, *shapes)
-
-
 def test_what_is_kept_out_of_is_cut_to_the_fence(tmp_path: Path) -> None:
     """A hole across the edge of the fence would be none."""
     road = [(x + 0.001, y) for x, y in files.POND[:2]] + [(13.31, 52.4566), (13.31, 52.4563)]
@@ -345,12 +347,6 @@ def test_what_is_kept_out_of_is_cut_to_the_fence(tmp_path: Path) -> None:
     (hole,) = parse_mission(text, "a").fence.holes
     fence = Polygon([(place.lon_deg, place.lat_deg) for place in layout.fence])
     assert fence.contains(Polygon([(lon, lat) for lat, lon in hole]))
-
-
-def test_a_home_outside_of_the_fence(tmp_path: Path) -> None:
-    shapes = feature(name="field"), feature(moved(-0.0005, -0.0005, 2.0), name="fence")
-    said = laid_out(tmp_path, *shapes, home=LatLon(52.45, 13.303))
-    assert "lies outside of the fence" in said
 
 
 def test_an_area_over_the_antimeridian(tmp_path: Path) -> None:

@@ -21,12 +21,19 @@ import pytest
 import shapely
 from PIL import Image
 from shapely.geometry.base import BaseGeometry
+from uavmap.output.facts.boundary_summary import FILE
 
 from missions.units import LatLon
 from tests.support.small_missions import START, ring, square
-from tests.unit.uavmap.photos.test_replay import GRID, GSD_M, HEIGHT, UP_M, WIDTH, paint, shot
-from uavmap.output.facts.boundary_summary import FILE
-from tests.unit.uavmap.photos.test_replay import FILM_MM, GRID, HEIGHT, UP_M, WIDTH, geotag
+from tests.unit.uavmap.photos.test_replay import (
+    GRID,
+    GSD_M,
+    HEIGHT,
+    UP_M,
+    WIDTH,
+    paint,
+    shot,
+)
 from uavmap.output.facts.boundary_model import FILE
 from uavmap.photos.ground import geotiff, rasters
 from uavmap.ui.cli import main

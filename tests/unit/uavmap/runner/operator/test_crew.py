@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import io
 import os
-import pty
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine
 from typing import Any, TextIO
 
 import pytest
@@ -18,17 +16,6 @@ from uavmap.runner.operator.ground_crew import Crew
 
 SOON_S = 0.15
 PATIENCE_S = 120.0
-
-
-@pytest.fixture
-def terminal() -> Iterator[tuple[int, TextIO]]:
-    """The operator's end of a terminal, and ours."""
-    operator, ours = pty.openpty()
-    stream = os.fdopen(ours, "r")
-    yield operator, stream
-    stream.close()
-    with contextlib.suppress(OSError):  # a test may have hung up
-        os.close(operator)
 
 
 def on_loop(body: Callable[[], Coroutine[Any, Any, None]]) -> None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
-import pty
 import termios
-from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any, TextIO
 
@@ -114,15 +112,6 @@ def test_enter_answers_the_question_that_was_asked_last(question: str) -> None:
 
 
 # --- the terminal ------------------------------------------------------------------------------
-@pytest.fixture
-def terminal() -> Iterator[tuple[int, TextIO]]:
-    operator, ours = pty.openpty()
-    stream = os.fdopen(ours, "r")
-    yield operator, stream
-    stream.close()
-    os.close(operator)
-
-
 async def _until(condition: Any) -> None:
     async with asyncio.timeout(10.0):
         while not condition():  # noqa: ASYNC110
@@ -169,24 +158,18 @@ async def test_the_terminal_is_put_back_however_it_ends(
     assert termios.tcgetattr(stream.fileno()) == before
 
 
-def test_a_terminal_that_is_gone_is_nobodys_word() -> None:
-    operator, ours = pty.openpty()
-    stream = os.fdopen(ours, "r")
-
-    async def body() -> None:
-        enter = EnterKey()
-        crew = Crew(automatic=False, enter=enter, stream=stream)
-        with keyboard(Keys(Service()), enter, stream):
-            swapped = asyncio.create_task(crew.swap(1))
-            await asyncio.sleep(0)
-            os.close(operator)
-            _, waiting = await asyncio.wait([swapped], timeout=0.2)
-            assert waiting
-            swapped.cancel()
-            await asyncio.wait([swapped])
-
-    asyncio.run(body())
-    stream.close()
+@by(in_real_time)
+async def test_a_terminal_that_is_gone_is_nobodys_word(terminal: tuple[int, TextIO]) -> None:
+    (operator, stream), enter = terminal, EnterKey()
+    crew = Crew(automatic=False, enter=enter, stream=stream)
+    with keyboard(Keys(Service()), enter, stream):
+        swapped = asyncio.create_task(crew.swap(1))
+        await asyncio.sleep(0)
+        os.close(operator)
+        _, waiting = await asyncio.wait([swapped], timeout=0.2)
+        assert waiting
+        swapped.cancel()
+        await asyncio.wait([swapped])
 
 
 def test_a_pipe_is_not_read(said: Said) -> None:

@@ -13,7 +13,7 @@ from missions.units import Cell, GridPoint
 from tests.support.plans import named_text, plan_of
 from tests.unit.uavmap.output.film.runs import explored, small_roi
 from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
+from uavmap.journal.flight_plan import JOURNAL
 from uavmap.lab.run_film import film_of_run
 from uavmap.ui.cli import main
 from uavmap.ui.cli.picture_options import (
@@ -30,17 +30,10 @@ NOTHING_SEEN = FrameSeen(1, 9.0, Cell(1, 0), (Vote(Cell(1, 0), False, 0.0),))
 
 def journal(folder: Path, *events: Event, replay: bool = False) -> Path:
     source = named_text("runway")
-    plan = plan_of(
-        source.source,
-        source.text,
-        strategy=None,
-        vehicles=None,
-        seed=1,
-        urls=(),
-        speedup=None,
-        epoch_utc_s=SIM_EPOCH_UTC_S,
-    )
-    meta = {"plan": plan.as_json(), **({"replay": "photos"} if replay else {})}
+    meta = {
+        "plan": plan_of(source.source, source.text).as_json(),
+        **({"replay": "photos"} if replay else {}),
+    }
     with Journal.create(folder / JOURNAL, meta) as opened:
         for event in events:
             opened.append(event)

@@ -21,15 +21,18 @@ DOCS = Path(__file__).parents[5] / "docs"
 URL = "udpin://0.0.0.0:14550"
 
 
-def test_parameters_of_python_are_those_of_the_table() -> None:
-    python = [option.destination for option in TABLE if option.python]
-    signature = inspect.signature(uavmap.fly).parameters
-    assert sorted({*python, "quiet"}) == sorted(signature)
-    for option in options_of("fly"):
-        if option.python and option.name.startswith("--"):
-            default = signature[option.destination].default
-            switch = option.metavar is None and option.choices is None
-            assert default == (() if option.several else False if switch else option.default)
+@pytest.mark.parametrize(("command", "more"), [("fly", {"quiet"}), ("resume", {"folder", "quiet"})])
+def test_parameters_of_python_are_those_of_the_table(command: str, more: set[str]) -> None:
+    signature = inspect.signature(getattr(uavmap, command)).parameters
+    python = {o.destination: o for o in options_of(command) if o.python}
+    assert {*python, *more} == set(signature)
+    for name, option in python.items():
+        if not option.name.startswith("--"):
+            continue
+        unchanged = command == "resume" and name == "forward"  # () would end what was passed on
+        switch = option.metavar is None and option.choices is None
+        empty = () if option.several and not unchanged else False if switch else option.default
+        assert signature[name].default == empty
 
 
 def test_fields_of_options_are_those_of_the_table() -> None:

@@ -15,7 +15,7 @@ from tests.golden.recording import STOPS
 from tests.support.plans import named_text, plan_of
 from tests.unit.uavmap.ui.page.test_flight_page import Feed
 from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
+from uavmap.journal.flight_plan import JOURNAL
 from uavmap.ui.cli import flight_options, main
 from uavmap.ui.page.board import Board
 from uavmap.ui.page.feed import Wishes
@@ -31,9 +31,7 @@ class Ready(Feed):
 def interrupted(folder: Path) -> Path:
     """The journal of a recorded flight, up to its first pictures of the region."""
     source = named_text(STOPS.mission)
-    plan = plan_of(
-        source.source, source.text, STOPS.strategy, 1, STOPS.seed, (), None, SIM_EPOCH_UTC_S
-    )
+    plan = plan_of(source.source, source.text, STOPS.strategy, 1, STOPS.seed)
     events = [from_json(line) for line in STOPS.lines()]
     seen = [i for i, event in enumerate(events) if isinstance(event, FrameSeen)]
     with Journal.create(folder / JOURNAL, {"plan": plan.as_json()}) as journal:
