@@ -95,11 +95,14 @@ class BeforeFlight:
             text = "a dry run: nothing was armed; the mission could " + (
                 "be flown" if able else "not be flown as it is"
             )
+            if not await self.restore():
+                able, text = False, f"{text}; what was set is not put back"
+            self._setups.clear()  # the rest is left to `uavmap resume`
             raise NotFlownError(text, could_fly=able)
 
-    async def restore(self) -> None:
-        """Put back on each autopilot what was there; never raises."""
-        await asyncio.gather(*(setup.restore() for setup in self._setups.values()))
+    async def restore(self) -> bool:
+        """Put back on each autopilot what was there; never raises. Whether nothing is left."""
+        return all(await asyncio.gather(*(setup.restore() for setup in self._setups.values())))
 
     # --- look ---------------------------------------------------------------------------------
     async def _examine(self) -> list[Finding]:
@@ -157,9 +160,10 @@ class BeforeFlight:
     # --- set ----------------------------------------------------------------------------------
     async def _set_up(self) -> list[Finding]:
         """On each vehicle that stands on the ground: nothing is changed under one that flies."""
-        if self._keep_fence:
-            return []
-        standing = [number for number in self._links if not self._view(number).armed]
+        numbers = [] if self._keep_fence else self._links
+        standing = [number for number in numbers if not self._view(number).armed]
+        others = [setup for number, setup in self._setups.items() if number not in standing]
+        await asyncio.gather(*(setup.save_timeout() for setup in others))
         parts = await asyncio.gather(*(self._setups[number].apply() for number in standing))
         return [
             finding

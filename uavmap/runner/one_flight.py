@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from missions.errors import LinkError, OutputError
+from missions.errors import OutputError
 from missions.events import Event, Recalled, Resumed
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State
@@ -286,9 +286,6 @@ class Flight:
             # a simulated flight is flown again instead, event by event
             if real or member is not None:
                 service.keep_last_words()
-            for vehicle in vehicles.values():
-                with contextlib.suppress(LinkError):
-                    await vehicle.leave_as_found()
             if before is not None:
                 await before.restore()
             for onlooker in company.onlookers:
