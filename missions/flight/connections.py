@@ -138,7 +138,9 @@ def _found_on_the_ground(
     elif lies_there and not _has_new_battery(connected, before, setting):
         note = "it fell on its pad, and nobody has given it a fresh battery since"
     else:
-        return connected
+        # an autopilot takes the place where it lies for its home
+        moved = connected.position.distance_to(before.home) > beside_m
+        return replace(connected, cleared=connected.cleared and not moved)
     return replace(connected, phase=Phase.DOWN, order=StandDown(), note=note)
 
 

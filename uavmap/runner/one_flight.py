@@ -47,6 +47,7 @@ from uavmap.runner.operator.flight_keys import Keys
 from uavmap.runner.operator.ground_crew import Crew, EnterKey, all_wait
 from uavmap.runner.operator.interrupts import interrupts, leave_map, like_control_c, patiently
 from uavmap.runner.operator.keyboard import keyboard
+from uavmap.runner.operator.last_flights import doubts
 from uavmap.runner.operator.onlooker import Keepers, Onlooker
 from uavmap.runner.service import Service
 from uavmap.runner.vehicles import each_its_own, vehicles_of
@@ -253,7 +254,7 @@ class Flight:
                 onlooker.update(event, state, self._journal.expected)
             if member is not None:
                 member.observe(event, state)
-            if crew.absent and all_wait(state, crew.waiting):
+            if crew.keeps_waiting and all_wait(state, crew.waiting):
                 _LOG.info(f"swap the batteries, then `uavmap resume {self._folder}` goes on")
                 service.stop()
 
@@ -279,7 +280,7 @@ class Flight:
                 async with talking(member, may_leave=real):
                     self._state = await watched_over(
                         [vehicle.guardian for vehicle in vehicles.values()],
-                        self._fly(vehicles, links, service, member, before),
+                        self._fly(vehicles, links, service, member, before, crew),
                         leave=real,
                     )
         finally:
@@ -298,6 +299,7 @@ class Flight:
         service: Service,
         member: Member | None,
         before_flight: BeforeFlight | None,
+        crew: Crew,
     ) -> State:
         real = not self._plan.simulated
         for number, vehicle in vehicles.items():
@@ -315,6 +317,8 @@ class Flight:
             await refuse_rivals(links, RIVAL_WALL_S * (self._plan.speedup or 1.0))
         if before_flight is not None:
             await before_flight.go()
+            places = {n: v.view.position for n, v in vehicles.items() if not v.view.armed}
+            crew.doubt(doubts(self._journal.events(), places, self._setting.grid))
         if self._resumed and real and vehicles:
             await self._settle_time(_clocks(vehicles))
         if member is not None:
