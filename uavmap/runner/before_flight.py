@@ -85,10 +85,10 @@ class BeforeFlight:
             return
         found = await self._examine()
         _LOG.info("\n".join(self._wanted.plan_lines(self._setting)))
-        self._show(found)
+        self._show(self._not_refused(found))
         await self._ask(self._wanted, found)
         set_up = await self._set_up()
-        self._show(set_up)
+        self._show(self._not_refused(set_up))
         self._refuse(set_up)
         if self._wanted.dry_run:
             able = could_fly([*found, *set_up])
@@ -147,9 +147,16 @@ class BeforeFlight:
 
     def _refuse(self, found: Sequence[Finding]) -> None:
         """Raise `PreflightError` for what nobody can pass over."""
-        lines = [finding.line() for finding in binding(found)]
-        if lines and not (self._wanted is not None and self._wanted.dry_run):
+        rest = self._not_refused(found)
+        if lines := [finding.line() for finding in found if finding not in rest]:
             raise PreflightError("not flown:\n" + "\n".join(lines))
+
+    def _not_refused(self, found: Sequence[Finding]) -> Sequence[Finding]:
+        """The findings that do not end it: a dry run shows all of them."""
+        if self._wanted is not None and self._wanted.dry_run:
+            return found
+        refused = list(binding(found))
+        return [finding for finding in found if finding not in refused]
 
     async def _is_simulator(self, number: int) -> bool:
         view = self._view(number)

@@ -47,7 +47,7 @@ from uavmap.runner.operator.flight_keys import Keys
 from uavmap.runner.operator.ground_crew import Crew, EnterKey, all_wait
 from uavmap.runner.operator.interrupts import interrupts, leave_map, like_control_c, patiently
 from uavmap.runner.operator.keyboard import keyboard
-from uavmap.runner.operator.last_flights import doubts
+from uavmap.runner.operator.last_flights import doubts, say_last_known
 from uavmap.runner.operator.onlooker import Keepers, Onlooker
 from uavmap.runner.service import Service
 from uavmap.runner.vehicles import each_its_own, vehicles_of
@@ -158,6 +158,8 @@ class Flight:
                     with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
                         if len(self._journal):
                             _LOG.info(f"to go on: uavmap resume {self._folder}")
+                        if self._resumed and len(self._journal) == self._events_before:
+                            say_last_known(self._setting, self._state)
                     if self._again or len(self._journal) > self._events_before:
                         leave_map(lambda: self._write_results(None), failure, self._folder)
                 raise

@@ -1,17 +1,26 @@
-"""Aircraft that people have to look at before they take off again, by the journal of their flight.
+"""What the journal of a flight that is resumed knows of its aircraft.
+
+Where each was last, and which people have to look at before they take off again.
 
 Autopilots take the place where they lie for their home: the pad is the one of the last take-off.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import Final
 
 from missions.events import Airborne, BatterySwapped, Connected, Crashed, Event
+from missions.flight.setting import Setting
+from missions.flight.state import State
 from missions.geo.grid import Grid
 from missions.guardian import PAD_M
 from missions.units import GridPoint, LatLon
+from uavmap.output.facts.figures import aircraft_down
+
+_LOG: Final = logging.getLogger("uavmap.flight")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,3 +65,9 @@ def doubts(
         if number in flights and place is not None
     }
     return {number: why for number, why in found.items() if why}
+
+
+def say_last_known(setting: Setting, state: State) -> None:
+    """Log where aircraft were last that are not at home, where none has answered since."""
+    for line in aircraft_down(setting, state):
+        _LOG.info(f"not heard in this run; at {state.t_s:.0f} s of the mission: {line}")

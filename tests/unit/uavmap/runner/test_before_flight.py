@@ -141,6 +141,7 @@ def test_a_camera_that_gives_nothing_cannot_be_passed_over(
         with pytest.raises(PreflightError, match="not flown:\nbad   1 camera: ") as error:
             await before(field, tmp_path, yes=True).go()
         assert why in str(error.value)
+        assert not any("bad   1 camera" in text for text in field.told), "it is told once"
         flight = before(field, tmp_path, dry=True)
         with pytest.raises(NotFlownError) as over:
             await flight.go()

@@ -1,4 +1,4 @@
-"""What stays set on an autopilot is put back by `uavmap resume`, and nothing is flown for it."""
+"""What `uavmap resume` does for aircraft that it does not fly: puts back, and says where they are."""
 
 from __future__ import annotations
 
@@ -11,9 +11,12 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from missions.events import Airborne, Connected, Tracked
+from missions.units import GridPoint
 from tests.support.field import Field, mission_of
 from uavmap.base.clock import VirtualClock
 from uavmap.base.messages import shown_on
+from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_options import FlightOptions
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.runner import flight, one_flight, put_back
@@ -92,3 +95,23 @@ def test_dry_run_that_put_all_back_leaves_no_folder(field: Field, tmp_path: Path
     assert dry_run(field, folder) == 0
     assert field.parameter(0, "FENCE_ALT_MAX") == before
     assert [path.name for path in folder.iterdir()] == ["test-picture-1.png"]
+
+
+def test_resume_that_hears_nothing_names_where_the_aircraft_was_last(
+    field: Field, tmp_path: Path
+) -> None:
+    """A real one hovered where a killed process left it, and nothing was said of the place."""
+    home = GridPoint(0.0, 0.0)
+    plan = FlightPlan.make(
+        FlightOptions(mission_source="small", urls=(URL,)), field.setting.mission, 0.0
+    )
+    with Journal.create(tmp_path / JOURNAL, {"plan": plan.as_json()}) as journal:
+        journal.append(Connected(1, 1.0, home, home, 0.0, False, True, 25.0))
+        journal.append(Airborne(1, 9.0, home=home))
+        journal.append(Tracked(1, 30.0, GridPoint(20.0, 10.0), 12.0, 24.0))
+    field.lose = lambda: True
+    with shown_on(field.told), pytest.raises(ExceptionGroup, match="unhandled"):
+        flight.resume(tmp_path)
+    (line,) = [text for text in field.told if "not heard in this run" in text]
+    place = field.setting.grid.position(GridPoint(20.0, 10.0))
+    assert f"at 30 s of the mission: vehicle 1 near {place.lat_deg:.6f}, " in line
