@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from missions.errors import NotFlownError, OutputError, PreflightError
+from missions.flight.connections import home_level_m
 from missions.flight.setting import Setting
 from uavmap.aircraft.imaging.classifier import detector_of
 from uavmap.mavlink.vehicle_view import VehicleView
@@ -171,12 +172,19 @@ class BeforeFlight:
         standing = [number for number in numbers if not self._view(number).armed]
         others = [setup for number, setup in self._setups.items() if number not in standing]
         await asyncio.gather(*(setup.save_timeout() for setup in others))
-        parts = await asyncio.gather(*(self._setups[number].apply() for number in standing))
+        parts = await asyncio.gather(
+            *(self._setups[number].apply(self._level_m(number)) for number in standing)
+        )
         return [
             finding
             for number, part in zip(standing, parts, strict=True)
             for finding in _of(number, part)
         ]
+
+    def _level_m(self, number: int) -> float:
+        """The height of a vehicle's home above that of the first, as the mission takes it."""
+        reference_m, home_m = (self._view(n).home_amsl_m for n in (min(self._links), number))
+        return home_level_m(self._setting, home_m, reference_m)
 
     # --- words --------------------------------------------------------------------------------
     def _show(self, found: Sequence[Finding]) -> None:

@@ -1,4 +1,4 @@
-"""What `uavmap resume` does for aircraft that it does not fly: puts back, and says where they are."""
+"""What `uavmap resume` does for aircraft that it does not fly: puts back, names their places."""
 
 from __future__ import annotations
 
