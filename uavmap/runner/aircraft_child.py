@@ -173,7 +173,7 @@ class AircraftChild:
             self._send(early)
         self._early.clear()
         if self._side is not None and self._side.host.ready is not None:
-            self._send(say.Ready(self._side.since_boot_s, self._clock.start_s))
+            self._send(self._side.ready(self._clock.start_s))
         return True
 
     def _send(self, message: say.Message) -> None:

@@ -14,7 +14,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequenc
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from missions.errors import LinkError, leaves
+from missions.errors import leaves
 from missions.flight.setting import Setting
 from uavmap.aircraft.guardian.last_watch import Guardians, in_words, is_defect, unless_failed
 from uavmap.aircraft.process import messages as say
@@ -59,6 +59,16 @@ class AircraftSide:
         first = next(iter(self._vehicles.values()), None)
         return None if first is None else first.view.since_boot_s
 
+    def ready(self, start_s: float | None = None) -> say.Ready:
+        """What the mission has to know of vehicles that are ready; `start_s` if it has begun."""
+        views = {number: vehicle.view for number, vehicle in self._vehicles.items()}
+        standing = {
+            number: view.position
+            for number, view in views.items()
+            if view.position is not None and not view.armed
+        }
+        return say.Ready(self.since_boot_s, start_s, standing)
+
     async def run(self) -> None:
         """Fly, look after the aircraft however that ends, and say how it did."""
         failure: Exception | None = None
@@ -98,9 +108,6 @@ class AircraftSide:
         finally:
             keeping.cancel()
             await asyncio.gather(keeping, return_exceptions=True)
-            for vehicle in vehicles.values():
-                with contextlib.suppress(LinkError):
-                    await vehicle.leave_as_found()
             if before is not None:
                 await before.restore()
         if failure is not None:
@@ -115,7 +122,7 @@ class AircraftSide:
     ) -> say.Finish | say.Leave:
         """Prepare the vehicles, and carry out orders until the mission's last message."""
         if await self._unless_ended(self._prepared(vehicles, begin, before_flight)):
-            ready = say.Ready(self.since_boot_s)
+            ready = self.ready()
             if fly := await self._unless_ended(self.host.fly(vehicles, ready)):
                 self._clock.set_start(fly.start_s)
                 return await self.host.carry_out()

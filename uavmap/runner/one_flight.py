@@ -45,6 +45,7 @@ from uavmap.runner.operator.flight_keys import Keys
 from uavmap.runner.operator.ground_crew import Crew, EnterKey, Operator, all_wait
 from uavmap.runner.operator.interrupts import interrupts, leave_map, like_control_c, patiently
 from uavmap.runner.operator.keyboard import keyboard
+from uavmap.runner.operator.last_flights import doubts, say_last_known
 from uavmap.runner.operator.onlooker import Keepers, Onlooker
 from uavmap.runner.service import Service
 from uavmap.runner.vehicles import judge_of, numbers_of
@@ -154,6 +155,8 @@ class Flight:
                     with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
                         if len(self._journal):
                             _LOG.info(f"to go on: uavmap resume {self._folder}")
+                        if self._resumed and len(self._journal) == self._events_before:
+                            say_last_known(self._setting, self._state)
                     if self._again or len(self._journal) > self._events_before:
                         leave_map(lambda: self._write_results(None), failure, self._folder)
                 raise
@@ -256,7 +259,7 @@ class Flight:
                 onlooker.update(event, state, self._journal.expected)
             if member is not None:
                 member.observe(event, state)
-            if crew.absent and all_wait(state, crew.waiting):
+            if crew.keeps_waiting and all_wait(state, crew.waiting):
                 _LOG.info(f"swap the batteries, then `uavmap resume {self._folder}` goes on")
                 service.stop()
 
@@ -283,11 +286,11 @@ class Flight:
                         hand.enter_context(onlooker.steering(service))
                 async with talking(member, may_leave=real):
                     if connection is None:
-                        self._state = await self._fly(None, begin, service, member)
+                        self._state = await self._fly(None, begin, service, member, crew)
                     else:
                         async with connection(port, begin):
                             self._state = await watched_over(
-                                port, self._fly(port, begin, service, member), leave=real
+                                port, self._fly(port, begin, service, member, crew), leave=real
                             )
         finally:
             port.close()
@@ -321,10 +324,16 @@ class Flight:
         )
 
     async def _fly(
-        self, port: Port | None, begin: Callable[[], Begin], service: Service, member: Member | None
+        self,
+        port: Port | None,
+        begin: Callable[[], Begin],
+        service: Service,
+        member: Member | None,
+        crew: Crew,
     ) -> State:
         if port is not None:
             ready = await port.begun(begin())
+            crew.doubt(doubts(self._journal.events(), ready.standing, self._setting.grid))
             if ready.start_s is not None:
                 self.clock.set_start(ready.start_s)
             elif self._resumed and not self._plan.simulated:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Final, Literal
 
 import numpy as np
@@ -22,7 +22,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from missions.errors import LinkError
 from missions.events import AnyEvent, FrameLost, FrameSeen
 from missions.orders import Order
-from missions.units import Cell, Pose
+from missions.units import Cell, LatLon, Pose
 
 VERSION: Final = 1
 """Number of this set of messages; two processes with different numbers do not speak."""
@@ -182,6 +182,8 @@ class Ready:
     boot_s: float | None
     start_s: float | None = None
     """The mission time at which the clock of the loop was zero, where the aircraft know it."""
+    standing: dict[int, LatLon] = field(default_factory=dict)
+    """Where vehicles stand whose motors are off."""
     kind: Literal["ready"] = "ready"
 
 

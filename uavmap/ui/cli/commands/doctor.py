@@ -25,7 +25,9 @@ from uavmap.load.mission_source import load, shipped_missions
 from uavmap.runner.flight_links import Link, LinkOptions, cameras_of, check_urls, opened_links
 from uavmap.runner.preflight.autopilot_fence import outside_m
 from uavmap.runner.preflight.autopilot_setup import AutopilotSetup
-from uavmap.runner.preflight.examination import Examination, connect
+from uavmap.runner.preflight.computer_check import computer_findings
+from uavmap.runner.preflight.computer_speed import ComputerSpeed
+from uavmap.runner.preflight.examination import Examination, connect, heartbeats
 from uavmap.runner.preflight.finding import Finding, could_fly, ok
 from uavmap.runner.preflight.installation import installation
 from uavmap.runner.preflight.plan_figures import plan_lines
@@ -36,7 +38,6 @@ from uavmap.ui.cli.option_table import add_options
 _LOG: Final = logging.getLogger("uavmap.runner.preflight")
 PICTURES: Final = "doctor"
 """The folder for test pictures, where none is named."""
-HEARTBEAT_S: Final = 1.0
 
 EXAMPLES: Final = """\
 examples:
@@ -79,6 +80,8 @@ def run(options: argparse.Namespace) -> int:
     setting = _setting(options.mission, len(urls))
     cameras = _cameras(tuple(options.camera or ()), setting, len(urls))
     found = list(installation(folder))
+    vehicles = len(urls) or (1 if setting is None else len(setting.mission.vehicles))
+    found += computer_findings(ComputerSpeed.measured(setting), setting, vehicles)
     if not options.json:
         _print(found)
         if setting is not None:
@@ -147,7 +150,7 @@ async def _vehicles(
             if setting is not None:
                 link.session.view.expect_near(setting.mission.home)
         async with asyncio.TaskGroup() as tasks:
-            beating = tasks.create_task(_heartbeats(links))
+            beating = tasks.create_task(heartbeats([link.session for link in links]))
             looking = [
                 tasks.create_task(_vehicle(number, link, setting, folder))
                 for number, link in enumerate(links, start=1)
@@ -156,14 +159,6 @@ async def _vehicles(
             beating.cancel()
     for task in looking:
         found += task.result()
-
-
-async def _heartbeats(links: Sequence[Link]) -> None:
-    """A vehicle speaks only where it has heard somebody."""
-    while True:
-        for link in links:
-            link.session.heartbeat()
-        await asyncio.sleep(HEARTBEAT_S)
 
 
 def _drop(frame: bytes) -> None:

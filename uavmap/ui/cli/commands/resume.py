@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from missions.errors import NotFlownError
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.journal.event_log import Journal
@@ -19,7 +20,7 @@ from uavmap.runner.flight import plan_of, resume
 from uavmap.runner.one_flight import Company
 from uavmap.ui.cli.common import EXIT_CODES, agreed, report
 from uavmap.ui.cli.endings import AIRCRAFT_DOWN, complain
-from uavmap.ui.cli.flight_options import beside, gives_network, key_file, network_of
+from uavmap.ui.cli.flight_options import beside, gives_network, key_file, network_of, not_flown
 from uavmap.ui.cli.option_table import add_options
 
 EXAMPLES: Final = f"""\
@@ -34,7 +35,8 @@ examples:
 A simulated flight is repeated up to its last event, each event checked against the journal, and
 goes on from there. A real flight goes on from what the journal knows, with the aircraft wherever
 they are: who stands on the ground takes off. With --recall nothing takes off: who is in the air
-comes home and lands, and the map of what is known is written.
+comes home and lands, and the map of what is known is written. Where nothing was flown, as after
+a dry run that could not put back what it had set on the autopilots, it puts that back and no more.
 
 {EXIT_CODES}"""
 DESCRIPTION: Final = "Go on with the mission of a results folder from its last committed event."
@@ -57,18 +59,21 @@ def _run(options: argparse.Namespace, folder: Path, terminal: Terminal) -> int:
     if options.recover:
         _recover(folder, terminal.show)
     ask = agreed if sys.stdin.isatty() and sys.stderr.isatty() else None
-    with beside(options, lambda: _plan(folder), folder, terminal) as onlookers:
-        summary = resume(
-            folder,
-            Company(onlookers=onlookers, ask=ask, recall=options.recall),
-            urls=tuple(options.connect or ()),
-            driver=options.driver,
-            cameras=tuple(options.camera or ()),
-            key_file=key_file(options),
-            forward=None if options.forward is None else tuple(options.forward),
-            network=partial(network_of, options) if gives_network(options) else None,
-            from_home=options.from_home,
-        )
+    try:
+        with beside(options, lambda: _plan(folder), folder, terminal) as onlookers:
+            summary = resume(
+                folder,
+                Company(onlookers=onlookers, ask=ask, recall=options.recall),
+                urls=tuple(options.connect or ()),
+                driver=options.driver,
+                cameras=tuple(options.camera or ()),
+                key_file=key_file(options),
+                forward=None if options.forward is None else tuple(options.forward),
+                network=partial(network_of, options) if gives_network(options) else None,
+                from_home=options.from_home,
+            )
+    except NotFlownError as over:
+        return not_flown(over)
     code = report(summary, folder, as_json=options.json, verbose=options.verbose)
     if kept_frames(folder) and not options.recall and code != AIRCRAFT_DOWN:
         draw_boundary(folder, complain)

@@ -21,7 +21,6 @@ import pytest
 import shapely
 from PIL import Image
 from shapely.geometry.base import BaseGeometry
-from uavmap.output.facts.boundary_summary import FILE
 
 from missions.units import LatLon
 from tests.support.small_missions import START, ring, square
