@@ -25,7 +25,12 @@ class Quirks:
     over them. `camera_clock_s`: how far the camera's time since boot is ahead of the autopilot's.
     `camera_tells_pose`: or else its announcements hold zeros. `clock_ppm`: how much faster the
     vehicle's clock runs than time, in millionths. `home_moves_m`: a PX4 corrects the height of its
-    home in the two minutes after take-off by up to so much; 0: not at all.
+    home in the two minutes after take-off by up to so much; 0: not at all. `stick`: a pilot's
+    radio control is on, its sticks centred: modes by hand can be chosen in flight, and a PX4 whose
+    stream of setpoints is lost goes to POSITION (COM_OBL_RC_ACT 0) instead of home.
+
+    Kinder than measured, for clients that do not live with it: `arms_in_offboard`: a PX4 that
+    stands in OFFBOARD after a failsafe landing is ready to arm.
     """
 
     camera: CameraKind = "component"
@@ -33,6 +38,8 @@ class Quirks:
     camera_tells_pose: bool = True
     clock_ppm: float = 0.0
     home_moves_m: float = 1.5
+    stick: bool = True
+    arms_in_offboard: bool = False
 
     def __post_init__(self) -> None:
         problems = []

@@ -259,7 +259,7 @@ class SimVehicle:
             return
         if self._ap.armed:
             text = "ERROR: Can't setup signing while armed"
-            self._ap.texts.append((mav.MAV_SEVERITY_CRITICAL, text))
+            self._ap.say(mav.MAV_SEVERITY_CRITICAL, text)
             return
         self._signing.set_up(bytes(m.secret_key), m.initial_timestamp)
 
@@ -311,10 +311,10 @@ class SimVehicle:
             sent += wire.pack(self._telemetry.gps_global_origin())
             sent += wire.pack(self._telemetry.home_position())
         if self._interpreter.heard:  # nobody has listened before: no texts
-            for severity, text in ap.texts:
-                sent += wire.pack(statustext(severity, text))
+            for notice in ap.texts:
+                sent += wire.pack(statustext(notice.severity, notice.text))
                 if self._flavour.event is not None:
-                    sent += wire.pack(self._flavour.event(severity, text, ap.t_s))
+                    sent += wire.pack(self._flavour.event(notice, ap.t_s))
         ap.mode_changed = ap.home_changed = False
         ap.texts.clear()
         return bytes(sent)

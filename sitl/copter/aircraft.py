@@ -7,6 +7,7 @@ What it decides is a subclass's: `sitl.ardupilot.autopilot` is an ArduCopter,
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import NamedTuple
 
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
@@ -26,6 +27,18 @@ _PREARM_SHARE = 0.8  # of the time to readiness: the prearm bit goes true before
 _HOME_SHARE = 0.5
 
 SEVERITY_CRITICAL, SEVERITY_INFO = 2, 6
+
+
+class Notice(NamedTuple):
+    """What the autopilot reports in words, and the event that goes with it.
+
+    `event` is its name and `arguments` are packed; without a name it follows from the text.
+    """
+
+    severity: int
+    text: str
+    event: str = ""
+    arguments: bytes = b""
 
 
 class Aircraft(Motion, ABC):
@@ -48,20 +61,20 @@ class Aircraft(Motion, ABC):
         aiding: Aiding,
         *,
         first_item: int,
+        stick: bool,
         ready_after_s: float,
         max_speed_m_s: float,
         max_accel_m_s2: float,
     ) -> None:
-        super().__init__(body, parameters, tuning, max_speed_m_s, max_accel_m_s2)
+        super().__init__(body, parameters, tuning, max_speed_m_s, max_accel_m_s2, stick)
         self.error = error
         self.aiding = aiding
         self.battery = battery
         self.armed = False
-        self.radio_lost = False  # set by a fault; without one nobody holds a radio control
         self.plans = Plans()
         self.route = Route(self.plans.mission, first_item)
         self.fence = fence
-        self.texts: list[tuple[int, str]] = []
+        self.texts: list[Notice] = []
         self.mode_changed = False
         self.home_changed = False
         self._ready_after_s = ready_after_s
@@ -107,7 +120,7 @@ class Aircraft(Motion, ABC):
 
     def say(self, severity: int, text: str) -> None:
         """Tell whoever listens."""
-        self.texts.append((severity, text))
+        self.texts.append(Notice(severity, text))
 
     @abstractmethod
     def arm(self, force: bool = False) -> str | None:

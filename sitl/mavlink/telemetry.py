@@ -20,7 +20,7 @@ from sitl.copter.modes import Mode, Phase
 
 _CLAIMS_ACTIVE_S = 3.0  # after boot the heartbeat says ACTIVE although nothing flies
 _AUTO = Mode.AUTO
-_GUIDED_FLAG_MODES = (Mode.AUTO, Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.BRAKE)
+_GUIDED_FLAG_MODES = (Mode.AUTO, Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.POSHOLD, Mode.BRAKE)
 
 # 3D gyro, accelerometer, compass, absolute pressure; the controllers; motors, AHRS, battery
 _SENSORS = 0x0000_000F | 0x0000_FC00 | 0x0220_0000

@@ -11,7 +11,7 @@ from sitl.copter.motion import Place
 from sitl.copter.route import Progress
 from sitl.copter.streaming import Setpoint
 from sitl.px4.commander import LASTS_S, Commander, Wish
-from sitl.px4.modes import Px4Mode
+from sitl.px4.modes import LEVEL, Px4Mode
 
 _WARNING = 4
 _LIFTS_OFF_M = 0.3  # a setpoint so far above a vehicle on the ground lets it take off
@@ -197,7 +197,7 @@ class Px4Autopilot(Commander):
             self._change(self._after_disarming)
             if not follows:
                 self.hold = reached
-        return self._fly(dt_s, position=self.position_ok)
+        return self._fly(dt_s, position=self.position_ok and self.mode not in LEVEL)
 
     def _disarm_in_time(self) -> None:
         """After a landing, or when nothing comes of arming."""

@@ -68,6 +68,7 @@ class Px4Telemetry(Telemetry):
         wind: Callable[[], tuple[float, float]],
     ) -> None:
         super().__init__(autopilot, plane, amsl_m, wind)
+        self._px4 = autopilot
         for message_id in (
             mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
             mav.MAVLINK_MSG_ID_WIND,
@@ -81,22 +82,28 @@ class Px4Telemetry(Telemetry):
             mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._position_when_known,
         }
 
+    @property
+    def told_mode(self) -> Px4Mode:
+        """The mode; one that comes down blind out of OFFBOARD calls that ALTITUDE."""
+        ap = self._px4
+        blind = ap.failsafes.engaged and ap.mode == Px4Mode.LAND and not ap.position_ok
+        return Px4Mode.ALTITUDE if blind and ap.intended == Px4Mode.OFFBOARD else ap.mode
+
     def heartbeat(self) -> Message:
         """HEARTBEAT."""
-        ap = self._ap
-        assert isinstance(ap.mode, Px4Mode)
+        ap, mode = self._ap, self.told_mode
         base = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-        if ap.mode.automatic:
+        if mode.automatic:
             base |= _AUTO
-        elif ap.mode != Px4Mode.OFFBOARD:
+        elif mode != Px4Mode.OFFBOARD:
             base |= _BY_HAND
-        armable = ap.prearm_ok and ap.mode not in UNARMABLE
+        armable = ap.prearm_ok and mode not in UNARMABLE
         status = mav.MAV_STATE_STANDBY if armable else mav.MAV_STATE_UNINIT
         if ap.armed:
             base |= mav.MAV_MODE_FLAG_SAFETY_ARMED
             status = mav.MAV_STATE_CRITICAL if ap.failsafes.active else mav.MAV_STATE_ACTIVE
         return mav.MAVLink_heartbeat_message(
-            mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_PX4, base, int(ap.mode), status, 3
+            mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_PX4, base, int(mode), status, 3
         )
 
     @property

@@ -113,6 +113,8 @@ class SimQuirks(Section):
     camera_tells_pose: bool = True
     clock_ppm: Annotated[Number, Field(ge=-200_000, le=200_000)] = 0.0
     home_moves_m: Annotated[Number, Field(ge=0, le=20)] = 1.5
+    stick: bool = True
+    arms_in_offboard: bool = False
 
 
 class Sim(Section):

@@ -68,6 +68,8 @@ _NESTED: Final[Mapping[str, str]] = MappingProxyType(
         "sim.quirks.camera_tells_pose": "whether it says where each picture was taken",
         "sim.quirks.clock_ppm": "how fast the autopilot's clock runs wrong, in millionths",
         "sim.quirks.home_moves_m": "how far home moves when motors are armed",
+        "sim.quirks.stick": "whether a pilot's radio control is on, its sticks centred",
+        "sim.quirks.arms_in_offboard": "whether a PX4 is ready in Offboard without setpoints",
         "sim.faults": "Something that goes wrong.",
         "sim.faults.vehicle": "which vehicle, from 1",
         "sim.faults.at_s": "when, on the mission's time",
