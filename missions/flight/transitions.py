@@ -221,7 +221,9 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
             vehicle = replace(vehicle, braking_until_s=None)
     used_wh = vehicle.remaining_wh - event.remaining_wh
     drawn_w = vehicle.drawn_w
-    if not vehicle.landed and elapsed_s > 0.0 and used_wh >= 0.0:
+    known = vehicle.remaining_wh > 0.0 and event.remaining_wh > 0.0
+    # rises count, too: of an estimate that wavers the falls alone are no consumption
+    if not vehicle.landed and elapsed_s > 0.0 and known:
         weight = min(elapsed_s / _DRAW_SMOOTHING_S, 1.0)
         drawn_w += weight * (used_wh * 3600.0 / elapsed_s - drawn_w)
     # a take-off that is interrupted on its way leaves the vehicle in the air

@@ -48,11 +48,14 @@ class Signing:
         return self._key is not None
 
     def set_up(self, key: bytes, timestamp: int) -> None:
-        """Take a key of 32 bytes and the time it begins with; a key of zeros ends signing."""
+        """Take a key of 32 bytes and the time it begins with.
+
+        A key of zeros with the time 0 ends signing; with another time it is a key.
+        """
         if len(key) != KEY_BYTES:
             raise ValueError(f"a signing key has {KEY_BYTES} bytes, not {len(key)}")
         self._streams.clear()
-        self._key = key if any(key) else None
+        self._key = key if any(key) or timestamp else None
         # a key must not be used again with timestamps that have been used
         self.timestamp = max(self.timestamp, min(timestamp, _MAX_TIMESTAMP))
 

@@ -127,10 +127,12 @@ class Pad:
         capacity_wh = self._capacity_wh
 
         def fresh() -> bool:
-            return (reporter.remaining_wh() or 0.0) >= FULL * capacity_wh
+            return reporter.remaining() >= FULL * capacity_wh
 
         def what() -> str:
             left_wh = reporter.remaining_wh()
+            if reported := self._view.grounded_by:
+                return f"a fresh battery ({reported})"
             told = "no charge told" if left_wh is None else f"{left_wh / capacity_wh:.0%} told"
             return f"a fresh battery ({told}, {FULL:.0%} wanted)"
 

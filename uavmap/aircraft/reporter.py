@@ -81,5 +81,7 @@ class Reporter:
         return self._view.remaining_wh(self._capacity_wh)
 
     def remaining(self) -> float:
-        """The charge for an event; unknown counts as empty, so that the vehicle comes home."""
-        return round(self.remaining_wh() or 0.0, 3)
+        """The charge for an event, Wh. What is unknown, and what the autopilot calls low, counts as
+        empty: the vehicle comes home, and does not take off.
+        """
+        return 0.0 if self._view.grounded_by else round(self.remaining_wh() or 0.0, 3)

@@ -18,16 +18,25 @@ async def answered(session: Session, name: str) -> None:
     view = session.view
     wait_s = max(ANSWER_S, 4.0 * session.ack_wait_s)  # longer where time runs faster
     if not await session.until(lambda: view.autopilot is not None, wait_s):
-        raise LinkError(
-            f"{name}: no vehicle answered within {wait_s:g} s; is it switched on, and is this "
-            "the URL that it speaks to?"
-        )
+        raise LinkError(f"{name}: no vehicle answered within {wait_s:g} s; {_why_silent(view)}")
     if view.autopilot not in AUTOPILOTS:
         flown = " and ".join(kind.name for kind in AUTOPILOTS.values())
         raise LinkError(
             f"{name}: the autopilot is none that this version can fly "
             f"(MAV_AUTOPILOT {view.autopilot}); it flies {flown} copters"
         )
+
+
+def _why_silent(view: VehicleView) -> str:
+    """What may be the cause that no vehicle was heard, and what helps."""
+    refused = [(n, why) for (kind, why), n in view.gate.refused.items() if kind == "frames"]
+    if not refused:
+        return "is it switched on, and is this the URL that it speaks to?"
+    _, why = max(refused)
+    return (
+        f"{sum(n for n, _ in refused)} frames were refused for their signature ({why}); give the "
+        "vehicle's key with --key, or install this one: uavmap keys install"
+    )
 
 
 SAME_PLACE_M: Final = 0.5

@@ -2,10 +2,16 @@
 
 The vehicle drives an upload and asks for each item; a download is driven by us, and ends with our
 acknowledgement. One transfer at a time.
+
+A vehicle repeats a request after a second, however long the link takes. Each copy that is answered
+brings an item twice, and an ArduPilot answers the second copy with INVALID_SEQUENCE while the
+upload goes on (`MissionItemProtocol.cpp`). So a repeated request is answered once in the time there
+and back, which the transfer measures, and that result ends nothing while the vehicle still asks.
 """
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -22,8 +28,14 @@ TRIES: Final = 8
 WAIT_S: Final = 1.5
 WHOLE_TRIES: Final = 3
 """How often an upload is begun anew that the vehicle gave up or that went wrong on the way."""
+LONGEST_TRIP_S: Final = 4.0
+"""Maximum wait before a repeated request is answered again, s: vehicles give up after 8 s."""
+TRIP_MARGIN: Final = 1.2
+"""Maximum of a link's time there and back, as a multiple of the shortest."""
 PLACE_E7: Final = 2
 """So many 1e-7 degrees a place may come back different: a vehicle may keep it as a float."""
+HEIGHT_M: Final = 1.0
+"""Tolerance of a rally point's height, m: an ArduPilot keeps whole metres."""
 
 _RESULTS: Final = {
     number: value.name.removeprefix("MAV_MISSION_").lower().replace("_", " ")
@@ -31,6 +43,13 @@ _RESULTS: Final = {
 }
 _LOST: Final = (mav.MAV_MISSION_OPERATION_CANCELLED, mav.MAV_MISSION_INVALID_SEQUENCE)
 """Results of an upload that a bad link has spoilt: begun anew, it may do."""
+_FRAMES: Final = {
+    mav.MAV_FRAME_GLOBAL_INT: mav.MAV_FRAME_GLOBAL,
+    mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mav.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    mav.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT: mav.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+}
+"""Frames that a PX4 sends with its items, and those of the same meaning that it flies by: its
+return to a rally point in frame 5 or 6 hangs in the air (`rtl.cpp`)."""
 
 
 class Kind(IntEnum):
@@ -53,7 +72,7 @@ class Item:
         command: MAV_CMD.
         position: Of the item; zeros with MAV_FRAME_MISSION.
         first: param1: vertices of a polygon, a radius.
-        frame: MAV_FRAME.
+        frame: MAV_FRAME, one of those without INT in their names.
         height_m: In this frame.
         others: param2 to param4; NaN where the autopilot chooses. Fence and rally points have none.
     """
@@ -66,17 +85,21 @@ class Item:
     others: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def equals(self, other: Item) -> bool:
-        """Whether both mean the same; autopilots name frames differently, and fences have none.
+        """Whether both mean the same. A fence's frames and heights mean nothing.
 
         >>> here = Item(mav.MAV_CMD_NAV_RALLY_POINT, LatLon(47.0, 8.0))
         >>> here.equals(Item(mav.MAV_CMD_NAV_RALLY_POINT, LatLon(47.0, 8.0000001)))
         True
+        >>> here.equals(Item(mav.MAV_CMD_NAV_RALLY_POINT, LatLon(47.0, 8.0), height_m=30.0))
+        False
         """
         off = (
             abs(self.position.lat_deg - other.position.lat_deg),
             abs(self.position.lon_deg - other.position.lon_deg),
         )
         near = all(degrees * 1e7 <= PLACE_E7 + 0.5 for degrees in off)
+        if self.command == mav.MAV_CMD_NAV_RALLY_POINT:
+            near &= self.frame == other.frame and abs(self.height_m - other.height_m) <= HEIGHT_M
         return (self.command, self.first) == (other.command, other.first) and near
 
 
@@ -95,6 +118,10 @@ class MissionTransfer:
         self._kind: Kind | None = None
         self._sending: Sequence[Item] | None = None
         self._heard: list[Message] = []
+        self._trip_s = 0.0
+        """Shortest time there and back that was measured, s."""
+        self._sent_s: dict[int, tuple[float, float]] = {}
+        """When each item was sent first and last; -1: the opening."""
         session.listen(self._on_message)
 
     # --- upload -------------------------------------------------------------------------------
@@ -109,7 +136,7 @@ class MissionTransfer:
                 return
             if result not in _LOST or attempt == WHOLE_TRIES - 1:
                 raise CommandRefusedError(
-                    f"{kind.words} were not taken: {_RESULTS.get(result, result)}"
+                    f"upload of {kind.words} refused: {_RESULTS.get(result, result)}"
                     + self._session.view.recent_texts()
                 )
 
@@ -143,17 +170,25 @@ class MissionTransfer:
         last item has gone and all is silent, its acknowledgement was lost: the item, sent once
         more, is acknowledged once more.
         """
-        asked: int | None = None
+        asked = -1
+        spoilt: int | None = None
+        last = -1 if self._sending is None else len(self._sending) - 1
         for _ in range(TRIES):
-            if asked is None:
+            if asked < 0:
+                self._note_sent(-1)
                 self._session.send(opening)
-            elif self._sending is not None and asked == len(self._sending) - 1:
+            elif asked == last:
                 self._send_item(asked)
             while (message := await self._next()) is not None:
-                if message.get_type() == "MISSION_ACK":
-                    return int(message.type)
-                asked = getattr(message, "seq", asked)
-        if asked is not None:
+                if message.get_type() != "MISSION_ACK":
+                    asked, spoilt = getattr(message, "seq", asked), None
+                elif message.type == mav.MAV_MISSION_INVALID_SEQUENCE and asked >= 0:
+                    spoilt = int(message.type)
+                elif message.type != mav.MAV_MISSION_ACCEPTED or asked == last:
+                    return int(message.type)  # else it accepts what was sent before this
+            if spoilt is not None:
+                return spoilt
+        if asked >= 0:
             return int(mav.MAV_MISSION_OPERATION_CANCELLED)  # it gave up, and that was lost
         raise LinkError("the vehicle does not answer the mission protocol")
 
@@ -190,20 +225,21 @@ class MissionTransfer:
                     return message
                 if message.get_type() == "MISSION_ACK" and message.type:
                     reason = _RESULTS.get(message.type, message.type)
-                    raise CommandRefusedError(f"{kind.words} cannot be read: {reason}")
-        raise LinkError(f"{kind.words} cannot be read: the vehicle does not answer")
+                    raise CommandRefusedError(f"download of {kind.words} refused: {reason}")
+        raise LinkError(f"download of {kind.words} failed: the vehicle does not answer")
 
     # --- both ---------------------------------------------------------------------------------
     def _begin(self, kind: Kind, items: Sequence[Item] | None) -> None:
         self._kind, self._sending = kind, items
         self._heard.clear()
+        self._sent_s.clear()
 
     def _end(self) -> None:
         self._kind = self._sending = None
 
     async def _next(self) -> Message | None:
         """The next message of the protocol; None when there is none within the wait."""
-        wait_s = max(WAIT_S, self._session.ack_wait_s)
+        wait_s = max(WAIT_S, self._session.ack_wait_s, 1.5 * self._trip_s)
         if not await self._session.until(lambda: bool(self._heard), wait_s):
             return None
         return self._heard.pop(0)
@@ -217,13 +253,28 @@ class MissionTransfer:
             return  # a ground station transfers something, too
         name = message.get_type()
         if name in ("MISSION_REQUEST", "MISSION_REQUEST_INT"):
-            self._send_item(message.seq)
+            self._requested(message.seq)
         self._heard.append(message)
+
+    def _requested(self, seq: int) -> None:
+        """Answer a request, if no answer to a copy of it can be on its way."""
+        now_s = asyncio.get_running_loop().time()
+        if seq not in self._sent_s and seq - 1 in self._sent_s:
+            trip_s = now_s - self._sent_s[seq - 1][0]
+            self._trip_s = min(self._trip_s or trip_s, trip_s)
+        _, sent_s = self._sent_s.get(seq, (0.0, float("-inf")))
+        if now_s - sent_s >= min(TRIP_MARGIN * self._trip_s, LONGEST_TRIP_S):
+            self._send_item(seq)
+
+    def _note_sent(self, seq: int) -> None:
+        now_s = asyncio.get_running_loop().time()
+        self._sent_s[seq] = (self._sent_s.get(seq, (now_s, now_s))[0], now_s)
 
     def _send_item(self, seq: int) -> None:
         items, view = self._sending, self._session.view
         if items is None or self._kind is None or not 0 <= seq < len(items):
             return
+        self._note_sent(seq)
         item = items[seq]
         self._session.send(
             mav.MAVLink_mission_item_int_message(
@@ -246,4 +297,5 @@ class MissionTransfer:
 
 def _item(message: Message) -> Item:
     place = LatLon(message.x / 1e7, message.y / 1e7)
-    return Item(message.command, place, message.param1, message.frame, message.z)
+    frame = _FRAMES.get(message.frame, message.frame)
+    return Item(message.command, place, message.param1, frame, message.z)

@@ -70,6 +70,8 @@ class Parameters:
         self._session = session
         self._asked: set[str] = set()
         self._answers: dict[str, Parameter] = {}
+        self._wanted: Parameter | None = None
+        """The only value that answers, while one is set."""
         self._one_at_a_time = asyncio.Lock()
         session.listen(self._on_message)
 
@@ -82,21 +84,25 @@ class Parameters:
 
         Silence is all that a wrong name gets, so a missing one is asked for up to `TRIES` times.
         """
-        view = self._session.view
         found: dict[str, Parameter] = {}
         async with self._one_at_a_time:
             for first in range(0, len(names), AT_ONCE):
-                requests = {
-                    name: mav.MAVLink_param_request_read_message(
-                        view.system_id, view.autopilot_component, name.encode("ascii"), -1
-                    )
-                    for name in names[first : first + AT_ONCE]
-                }
+                requests = {name: self._request(name) for name in names[first : first + AT_ONCE]}
                 found |= await self._answered(requests)
         return found
 
+    def _request(self, name: str) -> Message:
+        view = self._session.view
+        return mav.MAVLink_param_request_read_message(
+            view.system_id, view.autopilot_component, name.encode("ascii"), -1
+        )
+
     async def write(self, name: str, wanted: Parameter) -> bool:
-        """Set a parameter; whether the vehicle says that it has this value."""
+        """Set a parameter and read it back; whether the vehicle has this value then.
+
+        Another value is no answer: a PX4 sends each change once more, up to 50 ms later
+        (`mavlink_parameters.cpp`), so the copy of an earlier one may come first.
+        """
         view = self._session.view
         request = mav.MAVLink_param_set_message(
             view.system_id,
@@ -106,13 +112,16 @@ class Parameters:
             wanted.type,
         )
         async with self._one_at_a_time:
-            told = (await self._answered({name: request})).get(name)
-        return told is not None and math.isclose(
-            told.value, wanted.value, rel_tol=1e-5, abs_tol=1e-6
-        )
+            for message in (request, self._request(name)):
+                if not await self._answered({name: message}, wanted):
+                    return False
+        return True
 
-    async def _answered(self, requests: dict[str, Message]) -> dict[str, Parameter]:
+    async def _answered(
+        self, requests: dict[str, Message], wanted: Parameter | None = None
+    ) -> dict[str, Parameter]:
         """The answers to requests, each sent up to `TRIES` times."""
+        self._wanted = wanted
         self._answers, self._asked = {}, set(requests)
         wait_s = max(WAIT_S, self._session.ack_wait_s)
         try:
@@ -130,5 +139,8 @@ class Parameters:
             return
         bytewise = self._session.view.kind.integers_bytewise
         value = from_wire(message.param_value, message.param_type, bytewise=bytewise)
-        self._answers[message.param_id] = Parameter(value, message.param_type)
+        found, wanted = Parameter(value, message.param_type), self._wanted
+        if wanted and not math.isclose(found.value, wanted.value, rel_tol=1e-5, abs_tol=1e-6):
+            return
+        self._answers[message.param_id] = found
         self._asked.discard(message.param_id)

@@ -138,6 +138,10 @@ class VehicleView:
     battery_percent: int | None = None
     battery_percent_from: str = ""
     """The kind of message that told the percentage."""
+    battery_status_s: float = float("-inf")
+    """When BATTERY_STATUS held a percentage last, on the loop's clock, s."""
+    battery_low: str = ""
+    """The charge state with which no mission is flown, in words; empty for a good one."""
     battery_id: int | None = None
     """Of the battery that the vehicle flies on: the lowest that was heard."""
     energy_consumed_j: float | None = None
@@ -276,6 +280,19 @@ class VehicleView:
         if self.energy_consumed_j is not None:
             found.append(max(capacity_wh - self.energy_consumed_j / 3600.0, 0.0))
         return min(found) if found else None
+
+    @property
+    def grounded_by(self) -> str:
+        """What its autopilot reports with which no mission is flown, in words; empty if nothing.
+
+        A PX4 in a critical state flies by itself. Without satellites an ArduPilot may report it
+        while it is flown home by its pictures.
+        """
+        if self.battery_low:
+            return f"its autopilot reports its battery as {self.battery_low}"
+        if self.critical and not self.kind.tells_failsafe and not self.by_dead_reckoning:
+            return "its autopilot reports the state CRITICAL"
+        return ""
 
     def words_since(self, since_s: float) -> list[str]:
         """What the vehicle has said since a time of the loop's clock, oldest first."""

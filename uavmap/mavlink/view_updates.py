@@ -28,6 +28,17 @@ PREARM_BIT: Final = 0x10000000
 CAMERA_SILENT_S: Final = 10.0
 """After so long another camera of the vehicle may take the place of the one that was heard."""
 
+BATTERY_SILENT_S: Final = 5.0
+"""Time without a percentage in BATTERY_STATUS after which that of SYS_STATUS counts, s."""
+CHARGE_LOW: Final = {
+    mav.MAV_BATTERY_CHARGE_STATE_LOW: "low",
+    mav.MAV_BATTERY_CHARGE_STATE_CRITICAL: "critical",
+    mav.MAV_BATTERY_CHARGE_STATE_EMERGENCY: "almost empty",
+    mav.MAV_BATTERY_CHARGE_STATE_FAILED: "failed",
+    mav.MAV_BATTERY_CHARGE_STATE_UNHEALTHY: "unhealthy",
+}
+"""Charge states with which no mission is flown, in words."""
+
 
 def update(view: VehicleView, message: Message, now_s: float) -> bool:
     """Update the view; return False for a message of another system, or one that is refused."""
@@ -82,6 +93,8 @@ def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int
     view.armed = bool(message.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
     critical = message.system_status == mav.MAV_STATE_CRITICAL
     view.failsafe = critical and view.kind.tells_failsafe
+    if critical and not (view.critical or view.failsafe):
+        _spoken(view, [Text(mav.MAV_SEVERITY_WARNING, "system status CRITICAL")], now_s)
     view.critical = critical
     _spoken(view, view.chunks.late(now_s), now_s)
 
@@ -97,11 +110,11 @@ def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:
 
 
 def _position(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    if not (view.kind.amsl and view.off_ground and view.position is not None):
+        view.home_amsl_m = (message.alt - message.relative_alt) / 1000.0
     view.told = LatLon(message.lat / 1e7, message.lon / 1e7)
     view.position = view.corrected(view.told)
     view.position_s = now_s
-    if not (view.kind.amsl and view.off_ground and view.position is not None):
-        view.home_amsl_m = (message.alt - message.relative_alt) / 1000.0
     view.height_m = view.height_of(message)
     view.velocity_ned_m_s = (message.vx / 100.0, message.vy / 100.0, message.vz / 100.0)
     boot_s = message.time_boot_ms / 1000.0
@@ -134,15 +147,27 @@ def _battery(view: VehicleView, message: Message, now_s: float, component: int) 
     if message.energy_consumed >= 0:
         view.energy_consumed_j = message.energy_consumed * 100.0
         view.battery_s = now_s
+    low = CHARGE_LOW.get(message.charge_state, "")
+    if low and not view.battery_low:
+        words = f"its battery is reported as {low}"
+        _spoken(view, [Text(mav.MAV_SEVERITY_WARNING, words)], now_s)
+    view.battery_low = low
 
 
 def _percent(view: VehicleView, message: Message, now_s: float) -> None:
-    """Two messages tell the percentage; one that does not know it unsays only what it said."""
-    kind = message.get_type()
-    if message.battery_remaining >= 0:
-        view.battery_percent, view.battery_percent_from = message.battery_remaining, kind
+    """Take the percentage from one of the two messages that hold it: a PX4 rounds it differently in
+    each, so both in turn would rise and fall.
+
+    BATTERY_STATUS counts; SYS_STATUS only where the other has held none for `BATTERY_SILENT_S`.
+    """
+    kind, percent = message.get_type(), message.battery_remaining
+    counts = kind == "BATTERY_STATUS" or now_s - view.battery_status_s > BATTERY_SILENT_S
+    if percent >= 0 and kind == "BATTERY_STATUS":
+        view.battery_status_s = now_s
+    if percent >= 0 and counts:
+        view.battery_percent, view.battery_percent_from = percent, kind
         view.battery_s = now_s
-    elif view.battery_percent_from == kind:
+    elif percent < 0 and view.battery_percent_from == kind:
         view.battery_percent = None
 
 

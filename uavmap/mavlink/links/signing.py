@@ -123,5 +123,12 @@ class Signing:
             system, component, list(self._key), self.next_tick()
         )
 
+    @staticmethod
+    def removal(system: int, component: int) -> mav.MAVLink_setup_signing_message:
+        """The message that ends signing: an ArduPilot takes a key of zeros with any other time than
+        0 for a key (GCS_Signing.cpp, `load_signing_key`), which everybody knows then.
+        """
+        return mav.MAVLink_setup_signing_message(system, component, [0] * KEY_BYTES, 0)
+
     def _digest(self, signed_part: bytes | bytearray) -> bytes:
         return hashlib.sha256(self._key + signed_part).digest()[:6]

@@ -216,6 +216,24 @@ def test_the_worse_of_measured_and_given_wind_counts() -> None:
         assert energy_of(made.setting, made.state.vehicles[1]).wind_m_s == counted_m_s
 
 
+def test_consumption_of_wavering_estimate_is_what_is_drawn() -> None:
+    """A real PX4's two estimates of its charge differed by a percent: 113 falls and 77 rises were
+    1,744 W where 300 were drawn, and the vehicle came home with 79 %.
+    """
+    made = service()
+    made.exploring()
+    here, drawn = made.state.vehicles[1].position, []
+    made.post(Tracked(1, made.now_s, here, 12.0, 50.0))
+    for n in range(1, 200):
+        made.now_s += 0.4
+        left_wh = 50.0 - 300.0 * 0.4 * n / 3600.0 - 0.6 * (n % 2)
+        made.post(Tracked(1, made.now_s, here, 12.0, left_wh))
+        drawn.append(made.state.vehicles[1].drawn_w)
+    assert max(drawn[100:]) < 500.0
+    made.post(Tracked(1, made.now_s + 0.4, here, 12.0, 0.0))  # unknown: no consumption
+    assert made.state.vehicles[1].drawn_w == drawn[-1]
+
+
 def test_a_landing_away_from_home_is_no_battery_swap() -> None:
     made = service()
     made.exploring()

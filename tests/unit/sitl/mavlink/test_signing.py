@@ -177,9 +177,13 @@ def test_the_key_stays_when_clients_come_and_go(vehicle, signed):
     assert Signer(link, timestamp=START + 1000).heard()
 
 
-def test_a_key_of_zeros_ends_it(signed):
+def test_a_key_of_zeros_ends_it_with_the_time_zero_only(signed):
     client = Signer(signed)
     set_up(signed, key=bytes(32), signer=client)
+    assert not Signer(signed, key=None).heard()
+    zeros = Signer(signed, key=bytes(32), timestamp=START + 1000)
+    assert zeros.heard()
+    set_up(signed, key=bytes(32), timestamp=0, signer=zeros)
     plain = Signer(signed, key=None)
     assert plain.heard()
     set_up(signed, key=b"y" * 32)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 import struct
@@ -60,9 +61,9 @@ def home(lat: float = LAT, lon: float = LON, amsl_m: float = 500.0) -> Message:
     )
 
 
-def battery(percent: int, number: int = 0, consumed_hj: int = -1) -> Message:
+def battery(percent: int, number: int = 0, consumed_hj: int = -1, charge: int = 1) -> Message:
     return mav.MAVLink_battery_status_message(
-        number, 0, 1, 0, [4000] * 10, 100, 0, consumed_hj, percent
+        number, 0, 1, 0, [4000] * 10, 100, 0, consumed_hj, percent, 0, charge
     )
 
 
@@ -80,11 +81,11 @@ def captured(t_s: float, index: int = 0, lat: float = LAT) -> Message:
 class Vehicle:
     """The frames of a vehicle, into a view at a time that the test tells."""
 
-    def __init__(self) -> None:
+    def __init__(self, first: Message | None = None) -> None:
         self.view = VehicleView()
         self.said: list[str] = []
         self.view.gate.say = self.said.append
-        self.hear(heartbeat(), 0.0)
+        self.hear(first or heartbeat(), 0.0)
 
     def hear(self, message: Message, now_s: float, component: int = 1, system: int = 1) -> bool:
         out = mav.MAVLink(None, srcSystem=system, srcComponent=component)
@@ -189,6 +190,24 @@ def test_pictures_are_announced_by_the_camera_that_was_heard_first() -> None:
     assert vehicle.view.camera_component == 102
 
 
+@pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
+def test_home_height_of_px4_in_air_is_known_in_any_order(order: tuple[int, ...]) -> None:
+    """A real PX4 sends state and estimator before its position. Its home was taken to lie at sea
+    level then, and it was landed where it was: "55.8 Wh are left, and landing takes 132.2".
+    """
+    vehicle = Vehicle(heartbeat(4 << 16 | 3 << 24, armed=True, autopilot=mav.MAV_AUTOPILOT_PX4))
+    messages = (
+        mav.MAVLink_extended_sys_state_message(0, mav.MAV_LANDED_STATE_IN_AIR),
+        position(t_s=1.0, up_m=12.0, amsl_m=548.0),
+        home(amsl_m=536.0),
+    )
+    for index in order:
+        assert vehicle.hear(messages[index], 1.0)
+    assert (vehicle.view.home_amsl_m, vehicle.view.height_m) == (536.0, 12.0)
+    vehicle.hear(position(t_s=1.1, up_m=11.0, amsl_m=548.0), 1.1)  # a PX4 corrects its home
+    assert (vehicle.view.home_amsl_m, vehicle.view.height_m) == (536.0, 12.0)
+
+
 # --- the battery -----------------------------------------------------------------------------
 def test_a_second_battery_does_not_hide_an_empty_one() -> None:
     vehicle = Vehicle()
@@ -224,6 +243,44 @@ def test_what_two_messages_say_of_the_charge() -> None:
     assert vehicle.view.remaining_wh(60.0) == pytest.approx(20.0)
     vehicle.hear(sys_status(-1), 3.0)
     assert vehicle.view.battery_percent is None
+
+
+def test_two_messages_that_round_differently_are_one_battery() -> None:
+    """A real PX4 said 78 % in BATTERY_STATUS and 79 % in SYS_STATUS for seconds at each percent."""
+    vehicle, told = Vehicle(), []
+    for n in range(100):
+        left = 90.0 - 0.08 * n
+        vehicle.hear(battery(math.floor(left)), 1.0 + 0.5 * n)
+        told.append(vehicle.view.battery_percent)
+        vehicle.hear(sys_status(math.ceil(left)), 1.3 + 0.5 * n)
+        told.append(vehicle.view.battery_percent)
+    assert told == sorted(told, reverse=True)
+    assert told[-1] == 82
+    for n in range(10):  # BATTERY_STATUS falls silent: the other counts before the charge is stale
+        vehicle.hear(sys_status(80), 51.0 + n)
+    assert vehicle.view.battery_percent == 80
+    assert vehicle.view.battery_s == 60.0
+
+
+@pytest.mark.parametrize(("charge", "reported"), [(0, ""), (1, ""), (2, "low"), (7, "")])
+def test_charge_state_of_the_flown_battery_is_read(charge: int, reported: str) -> None:
+    vehicle = Vehicle()
+    vehicle.hear(battery(64, number=1, charge=4), 0.5)
+    vehicle.hear(battery(64, charge=charge), 1.0)
+    vehicle.hear(battery(64, number=1, charge=4), 1.5)  # of the camera
+    assert vehicle.view.battery_low == reported
+    assert vehicle.view.grounded_by == (reported and "its autopilot reports its battery as low")
+
+
+@pytest.mark.parametrize("flags", [0x33F, 0x0F])
+def test_critical_state_of_an_ardupilot_grounds_it_unless_it_reckons(flags: int) -> None:
+    vehicle = Vehicle()
+    vehicle.hear(mav.MAVLink_ekf_status_report_message(flags, 0, 0, 0, 0, 0), 0.5)
+    beat = heartbeat(armed=True)
+    beat.system_status = mav.MAV_STATE_CRITICAL
+    vehicle.hear(beat, 1.0)
+    assert bool(vehicle.view.grounded_by) == (flags == 0x33F)
+    assert vehicle.view.words_since(0.0) == ["system status CRITICAL"]
 
 
 # --- leaps -----------------------------------------------------------------------------------

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import random
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -11,7 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import CommandRefusedError
 from missions.units import LatLon
 from tests.support.field import BOTH, Field, mission_of, on_field
-from tests.support.running import by
+from tests.support.mavlink_peer import Peer, heartbeat
+from tests.support.running import by, on_virtual_time
 from uavmap.mavlink.mission_transfer import Item, Kind, MissionTransfer, same_items
 from uavmap.mavlink.parameters import Parameter, Parameters
 from uavmap.mavlink.session import Session
@@ -55,8 +59,132 @@ async def test_a_fence_that_the_vehicle_refuses_says_why(field: Field, /) -> Non
     transfer = MissionTransfer(field.links[0].session)
     (first, *rest) = ring(4)
     nowhere = Item(INCLUSION, LatLon(95.0, 11.0), 4.0)
-    with pytest.raises(CommandRefusedError, match="the fence were not taken: invalid param5"):
+    with pytest.raises(CommandRefusedError, match="upload of the fence refused: invalid param5"):
         await transfer.upload(Kind.FENCE, (first, nowhere, *rest[1:]))
+
+
+class FarArduPilot:
+    """An ArduPilot's mission protocol behind a slow link, as `MissionItemProtocol.cpp` has it."""
+
+    def __init__(self, there_s: float) -> None:
+        self.peer = Peer()
+        self.peer.answer = self.hear
+        self.items: list[Any] = []
+        self.refused = 0
+        self._there_s = there_s
+        self._count: int | None = None
+        self._asking: asyncio.TimerHandle | None = None
+
+    def hear(self, message: Any) -> None:
+        """A frame of the client sets off towards it."""
+        asyncio.get_running_loop().call_later(self._there_s, self._take, message)
+
+    def _say(self, *messages: Any) -> None:
+        self.peer.say(*messages, after_s=self._there_s)
+
+    def _take(self, message: Any) -> None:
+        kind = message.get_type()
+        if kind == "MISSION_COUNT":
+            self.items, self._count = [], message.count
+            self._ask()
+        elif kind == "MISSION_REQUEST_LIST":
+            self._say(mav.MAVLink_mission_count_message(245, 191, len(self.items), 1))
+        elif kind == "MISSION_REQUEST_INT":
+            self._say(self.items[message.seq])
+        elif kind == "MISSION_ITEM_INT" and self._count is None:
+            self._result(mav.MAV_MISSION_ERROR)
+        elif kind == "MISSION_ITEM_INT" and message.seq != len(self.items):
+            self.refused += 1
+            self._result(mav.MAV_MISSION_INVALID_SEQUENCE)
+        elif kind == "MISSION_ITEM_INT":
+            message.target_system, message.target_component = 245, 191
+            self.items.append(message)
+            if len(self.items) < (self._count or 0):
+                self._ask()
+            else:
+                self._count = None
+                self._stop()
+                self._result(mav.MAV_MISSION_ACCEPTED)
+
+    def _result(self, result: int) -> None:
+        self._say(mav.MAVLink_mission_ack_message(245, 191, result, 1))
+
+    def _stop(self) -> None:
+        if self._asking is not None:
+            self._asking.cancel()
+
+    def _ask(self) -> None:
+        """Ask for the next item now, and again after a second."""
+        self._stop()
+        self._say(mav.MAVLink_mission_request_message(245, 191, len(self.items), 1))
+        self._asking = asyncio.get_running_loop().call_later(1.0, self._ask)
+
+
+@pytest.mark.parametrize("there_s", [0.02, 0.6, 1.5])
+@by(on_virtual_time)
+async def test_upload_over_slow_link_succeeds_without_doubled_items(there_s: float) -> None:
+    """A real ArduCopter 4.6.2 behind 0.6 s each way refused the second copy of each item with
+    INVALID_SEQUENCE and went on; the upload was given up: "not flown".
+    """
+    far = FarArduPilot(there_s)
+    far.peer.session.feed(far.peer.frame(heartbeat()))
+    transfer = MissionTransfer(far.peer.session)
+    await transfer.upload(Kind.FENCE, ring(5))
+    assert far.refused == 0
+    assert same_items(ring(5), await transfer.download(Kind.FENCE))
+
+
+@by(on_virtual_time)
+async def test_upload_refused_sequence_while_vehicle_asks_goes_on() -> None:
+    """Another client, or an echo, doubles an item: the vehicle refuses the copy, and goes on."""
+    far = FarArduPilot(0.02)
+    far.peer.session.feed(far.peer.frame(heartbeat()))
+
+    def doubled(message: Any) -> None:
+        far.hear(message)
+        if message.get_type() == "MISSION_ITEM_INT":
+            far.hear(message)
+
+    far.peer.answer = doubled
+    await MissionTransfer(far.peer.session).upload(Kind.FENCE, ring(5))
+    assert far.refused >= 4
+    counts = [m for _, m in far.peer.heard if m.get_type() == "MISSION_COUNT"]
+    assert len(counts) == 1
+
+
+@pytest.mark.parametrize(("sent_frame", "kept_frame"), [(5, 0), (6, 3), (0, 0), (3, 3)])
+@by(on_virtual_time)
+async def test_rally_point_of_integer_frame_is_returned_in_frame_that_rtl_knows(
+    sent_frame: int, kept_frame: int
+) -> None:
+    """A real PX4 sends the frames 5 and 6. Put back as they were, its return hung in the air:
+    "RTL: unsupported MAV_FRAME".
+    """
+    peer = Peer()
+    peer.session.feed(peer.frame(heartbeat(4 << 16 | 3 << 24, autopilot=mav.MAV_AUTOPILOT_PX4)))
+    point = (245, 191, 0, sent_frame, mav.MAV_CMD_NAV_RALLY_POINT, 0, 1, 0, 0, 0, 0)
+    place = (480000000, 110000000, 30.0, mav.MAV_MISSION_TYPE_RALLY)
+
+    def answer(message: Any) -> None:
+        match message.get_type():
+            case "MISSION_REQUEST_LIST":
+                peer.say(mav.MAVLink_mission_count_message(245, 191, 1, 2))
+            case "MISSION_REQUEST_INT":
+                peer.say(mav.MAVLink_mission_item_int_message(*point, *place))
+            case "MISSION_COUNT":
+                peer.say(mav.MAVLink_mission_request_int_message(245, 191, 0, 2))
+            case "MISSION_ITEM_INT":
+                peer.say(mav.MAVLink_mission_ack_message(245, 191, mav.MAV_MISSION_ACCEPTED, 2))
+
+    peer.answer = answer
+    transfer = MissionTransfer(peer.session)
+    owners = await transfer.download(Kind.RALLY)
+    await transfer.upload(Kind.RALLY, owners)
+    (sent,) = [m for _, m in peer.heard if m.get_type() == "MISSION_ITEM_INT"]
+    assert (sent.frame, sent.z) == (kept_frame, 30.0)
+    (item,) = owners
+    assert not same_items(owners, [replace(item, height_m=20.0)])
+    assert not same_items(owners, [replace(item, frame=3 - kept_frame)])
 
 
 @pytest.mark.parametrize(
@@ -78,6 +206,47 @@ async def test_parameters_are_read_in_bunches_and_written(
     assert await parameters.write(real, Parameter(31.5, found[real].type))
     assert field.parameter(0, real) == 31.5
     assert not await parameters.write("NO_SUCH_NAME", Parameter(1.0, 9))
+
+
+@by(on_virtual_time)
+async def test_parameter_reported_twice_old_copy_is_no_answer() -> None:
+    """A real PX4 sent GF_ACTION 3 once more after we had set it back to 1: taken for the answer, it
+    left the mission's fence on the vehicle (2 of 6 dry runs).
+    """
+    peer, there_s, again_s = Peer(), 0.02, 0.03
+    peer.session.feed(peer.frame(heartbeat(4 << 16 | 3 << 24, autopilot=mav.MAV_AUTOPILOT_PX4)))
+    value = mav.MAVLink_param_value_message(b"GF_MAX_VER_DIST", 10.0, 9, 1, 0)
+
+    def answer(message: Any) -> None:
+        if message.get_type() == "PARAM_SET":
+            told = mav.MAVLink_param_value_message(b"GF_MAX_VER_DIST", message.param_value, 9, 1, 0)
+            value.param_value = message.param_value
+            peer.say(told, after_s=2.0 * there_s)
+            for copy in (1, 2, 3):
+                peer.say(told, after_s=2.0 * there_s + copy * again_s)
+        elif message.get_type() == "PARAM_REQUEST_READ":
+            peer.say(value, after_s=2.0 * there_s)
+
+    peer.answer = answer
+    parameters = Parameters(peer.session)
+    for wanted in (25.0, 10.0, 0.0, 31.5):
+        assert await parameters.write("GF_MAX_VER_DIST", Parameter(wanted, 9))
+        assert value.param_value == wanted
+    assert await parameters.read("GF_MAX_VER_DIST") == Parameter(31.5, 9)
+
+
+@by(on_virtual_time)
+async def test_parameter_that_vehicle_does_not_keep_is_not_written() -> None:
+    """Set, acknowledged and lost again: the value that is read back decides."""
+    peer = Peer()
+    peer.session.feed(peer.frame(heartbeat()))
+
+    def answer(message: Any) -> None:
+        kept = message.param_value if message.get_type() == "PARAM_SET" else 3.0
+        peer.say(mav.MAVLink_param_value_message(b"GUID_TIMEOUT", kept, 9, 1, 0))
+
+    peer.answer = answer
+    assert not await Parameters(peer.session).write("GUID_TIMEOUT", Parameter(1.0, 9))
 
 
 @by(on_field, lambda: mission_of("px4"))

@@ -14,7 +14,7 @@ from missions.errors import LinkError
 from uavmap.base.clock import ScaledClock
 from uavmap.base.clock import run as run_on
 from uavmap.mavlink.links.key_file import new_key, read_key, signing_with
-from uavmap.mavlink.links.signing import KEY_BYTES, Signing
+from uavmap.mavlink.links.signing import Signing
 from uavmap.mavlink.links.transports import Transport, open_transport
 from uavmap.mavlink.links.urls import parse_url
 from uavmap.mavlink.session import Session
@@ -92,7 +92,7 @@ async def _set_up(options: argparse.Namespace, path: Path, *, install: bool) -> 
             if not options.yes and not await asyncio.to_thread(_asked, what.format(name=name)):
                 raise LinkError("nothing was changed")
             await _disarmed(session, endpoint.url)
-            await (_give if install else _take_back)(session, signing, endpoint.url)
+            await (give_key if install else remove_key)(session, signing, endpoint.url)
     print(f"{name}: {'has the key, and signs with it' if install else 'signs no more'}")
 
 
@@ -119,7 +119,8 @@ async def _heard(session: Session, begin_s: float) -> bool:
     return await session.until(lambda: session.view.heard_s > begin_s, 1.0)
 
 
-async def _give(session: Session, signing: Signing, url: str) -> None:
+async def give_key(session: Session, signing: Signing, url: str) -> None:
+    """Give the vehicle the key. Raises `LinkError` where it does not sign with it then."""
     view = session.view
     for _ in range(_TIMES):
         session.send(signing.set_up(view.system_id, view.autopilot_component))
@@ -132,21 +133,22 @@ async def _give(session: Session, signing: Signing, url: str) -> None:
         )
 
 
-async def _take_back(session: Session, signing: Signing, url: str) -> None:
+async def remove_key(session: Session, signing: Signing, url: str) -> None:
+    """End signing on the vehicle that has the key. Raises `LinkError` where it goes on signing."""
     view = session.view
     signed: list[bool] = []
     session.signing = signing
     for _ in range(_TIMES):
-        none = signing.set_up(view.system_id, view.autopilot_component)
-        none.secret_key = [0] * KEY_BYTES
-        session.send(none)
+        session.send(signing.removal(view.system_id, view.autopilot_component))
     session.signing = None
 
-    def heard(message: Any) -> None:
-        if message.get_type() == "HEARTBEAT":
+    def hear(message: Any) -> None:
+        # a camera beside the autopilot never signs: only the autopilot's word is proof
+        beats = message.get_type() == "HEARTBEAT"
+        if beats and message.get_srcComponent() == view.autopilot_component:
             signed.append(bool(message.get_header().incompat_flags & mav.MAVLINK_IFLAG_SIGNED))
 
-    session.listen(heard)
+    session.listen(hear)
     if not await session.until(lambda: False in signed, PROOF_S):
         raise LinkError(f"{url}: the vehicle goes on signing; is this the key that it has?")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import random
 from pathlib import Path
@@ -11,11 +12,13 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError
+from tests.support.field import Field, mission_of, on_field
 from tests.support.mavlink_peer import heartbeat
 from tests.support.plans import plan_of
 from tests.support.running import by, on_virtual_time
 from uavmap.base.clock import VirtualClock, run
 from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
+from uavmap.mavlink.identity import answered
 from uavmap.mavlink.links import signing as signing_module
 from uavmap.mavlink.links.key_file import BESIDE, KeptTimestamps, new_key, read_key, signing_with
 from uavmap.mavlink.links.signing import (
@@ -30,6 +33,7 @@ from uavmap.mavlink.links.signing import (
 from uavmap.mavlink.session import Session
 from uavmap.runner.flight import fly
 from uavmap.runner.simulation import Simulation
+from uavmap.ui.cli.commands.keys import give_key, remove_key
 
 KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
 NOW = 40_000_000_000_000
@@ -209,6 +213,39 @@ def test_a_memory_that_cannot_be_kept_is_said(tmp_path: Path) -> None:
 def test_the_key_is_in_no_repr() -> None:
     assert KEY.hex() not in repr(signing())
     assert repr(signing()) == "Signing(...)"
+
+
+# --- a vehicle ---------------------------------------------------------------------------------
+@by(on_field, lambda: mission_of("ardupilot"))
+async def test_key_removed_vehicle_sends_and_hears_unsigned_frames(field: Field, /) -> None:
+    """A real ArduCopter 4.6.2 kept a key of zeros as its key where the time was not 0: it signed
+    with it, and refused the owner's.
+    """
+    session, vehicle, ours = field.links[0].session, field.vehicles[0], signing()
+    await give_key(session, ours, "udp")
+    beat = mav.MAVLink_heartbeat_message(mav.MAV_TYPE_CAMERA, mav.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
+    camera = beat.pack(mav.MAVLink(None, srcSystem=1, srcComponent=100))
+    asyncio.get_running_loop().call_later(1.0, session.feed, camera)
+    with pytest.raises(LinkError, match="goes on signing"):
+        await remove_key(session, signing(OTHER), "udp")
+    ours.next_tick()
+    await remove_key(session, ours, "udp")
+    assert not vehicle.step(2.0)[2] & mav.MAVLINK_IFLAG_SIGNED
+    assert field.parameter(0, "RTL_ALT") > 0.0
+
+
+@pytest.mark.parametrize(("key", "words"), [(OTHER, WRONG_KEY), (None, UNSIGNED)])
+@by(on_virtual_time)
+async def test_wrong_key_line_names_refused_signatures(key: bytes | None, words: str) -> None:
+    """To `doctor --key OTHER` a real vehicle looked as if it were switched off."""
+    session = Session(lambda frame: None, lambda frame: None)
+    session.signing = signing()
+    for _ in range(7):
+        session.feed(beat() if key is None else signing(key).sign(beat()))
+    with pytest.raises(LinkError, match=r"7 frames were refused for their signature") as silent:
+        await answered(session, "udp")
+    assert words in str(silent.value)
+    assert "switched on" not in str(silent.value)
 
 
 # --- flights -----------------------------------------------------------------------------------
