@@ -103,14 +103,21 @@ def levelled(
     in_air = isinstance(event, Connected) and event.airborne
     if event.home_amsl_m is None or reference_amsl_m is None or (in_air and vehicle.home_level_m):
         return vehicle
-    if setting.ground is not None:
-        return vehicle  # its layer is above the ground, wherever its home is
-    level_m = event.home_amsl_m - reference_amsl_m
+    level_m = home_level_m(setting, event.home_amsl_m, reference_amsl_m)
+    return replace(vehicle, home_level_m=level_m)
+
+
+def home_level_m(setting: Setting, home_amsl_m: float, reference_amsl_m: float) -> float:
+    """Return the height of a home above the reference of its team; 0 where both count as level.
+
+    Where the ground is known, layers are above the ground, wherever a home is.
+    """
+    level_m = home_amsl_m - reference_amsl_m
     team = setting.mission.team
     # two that are both taken to be level must still keep their distance
     level_enough_m = min(LEVEL_M, 0.5 * (team.layer_m - team.separation_m))
-    level = abs(level_m) < level_enough_m
-    return replace(vehicle, home_level_m=0.0 if level else round(level_m, 2))
+    level = setting.ground is not None or abs(level_m) < level_enough_m
+    return 0.0 if level else round(level_m, 2)
 
 
 def _has_new_battery(found: VehicleState, before: VehicleState, setting: Setting) -> bool:
@@ -138,7 +145,9 @@ def _found_on_the_ground(
     elif lies_there and not _has_new_battery(connected, before, setting):
         note = "it fell on its pad, and nobody has given it a fresh battery since"
     else:
-        return connected
+        # an autopilot takes the place where it lies for its home
+        moved = connected.position.distance_to(before.home) > beside_m
+        return replace(connected, cleared=connected.cleared and not moved)
     return replace(connected, phase=Phase.DOWN, order=StandDown(), note=note)
 
 

@@ -73,10 +73,17 @@ class Pad:
         """Arm and climb; report that it is airborne. Raises `LinkError`."""
         session, view, kind = self._session, self._view, self._view.kind
         waiting = Waiting(self._reporter.name, session, self._tell)
+        if kind.streams_apart and view.mode == kind.stream_mode:
+            # where its stream ended a PX4 stands in OFFBOARD, and its checks fail there
+            await insist(self._commands.follow)
         if not await waiting.until(
-            lambda: view.ready_to_arm, READY_S, lambda: "the checks before arming"
+            lambda: view.ready_to_arm,
+            READY_S,
+            lambda: f"the checks before arming, in {view.mode_name}",
         ):
-            raise LinkError(f"not ready to arm within {READY_S:g} s{view.recent_texts()}")
+            raise LinkError(
+                f"not ready to arm within {READY_S:g} s, in {view.mode_name}{view.recent_texts()}"
+            )
         await self._arm(waiting)
         if kind.amsl:  # arming has moved home, and the height is to be above the new one
             armed_s = asyncio.get_running_loop().time()

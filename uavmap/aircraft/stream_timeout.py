@@ -1,5 +1,8 @@
 """How long a vehicle flies on when its stream of setpoints ends: shortened while paths are flown.
 
+What it was is saved before the flight, and put back with all else
+(`uavmap.runner.preflight.autopilot_setup`).
+
 An ArduPilot waits for GUID_TIMEOUT, 3 s by default, in which it flies 18 m at 6 m/s before it
 brakes. PX4's own limit is a second, and is left alone.
 """
@@ -9,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from missions.errors import LinkError
 from uavmap.mavlink.parameters import Parameter, Parameters
 from uavmap.mavlink.session import Session
 
@@ -20,7 +22,7 @@ LEAST_S: Final = 0.5
 
 
 class StreamTimeout:
-    """The timeout of one vehicle, and what it was when it was found.
+    """The timeout of one vehicle.
 
     `tell` takes a line for the operator.
     """
@@ -30,7 +32,6 @@ class StreamTimeout:
         self._view = session.view
         self._parameters = Parameters(session)
         self._tell = tell
-        self._found: Parameter | None = None
         self._settled = False
         self._told = False
 
@@ -46,24 +47,10 @@ class StreamTimeout:
         if LEAST_S <= found.value <= TIMEOUT_S:
             self._settled = True
             return
-        self._found = self._found or found  # if it fails half-way, it may have been set
         if await self._parameters.write(parameter, Parameter(TIMEOUT_S, found.type)):
             self._settled = True
         else:
             self._note(f"{parameter} could not be set")
-
-    async def restore(self) -> None:
-        """Set it back to what it was."""
-        found, parameter = self._found, self._view.kind.stream_timeout
-        if found is None or parameter is None:
-            return
-        self._settled, self._found = False, None
-        try:
-            restored = await self._parameters.write(parameter, found)
-        except LinkError:
-            restored = False
-        if not restored:
-            self._tell(f"{self._name}: {parameter} could not be set back to {found.value:g}")
 
     def _note(self, reason: str) -> None:
         if not self._told:

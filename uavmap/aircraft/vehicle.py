@@ -105,10 +105,9 @@ class MavlinkVehicle:
         self.guardian = Guardian(session, commands, self._reporter, self._monitor, limits, tell)
         self.guardian.stand_aside = self._stand_aside
         self.guardian.order_failed = self._order_failed
-        self._timeout = StreamTimeout(name, session, tell)
         self._manoeuvres = Manoeuvres(
             session, commands, camera, self._reporter, self._monitor, setting.mission, crew,
-            self._timeout, by_places=by_places, tell=tell,
+            StreamTimeout(name, session, tell), by_places=by_places, tell=tell,
         )  # fmt: skip
         self._navigation = Navigation(self._reporter, session.view, setting.mission, tell)
         self._navigation.act = self.guardian.take_over
@@ -215,11 +214,6 @@ class MavlinkVehicle:
             return False
         self.guardian.take_over("land", reason)
         return True
-
-    async def leave_as_found(self) -> None:
-        """Set back what was changed in the vehicle for the flight."""
-        if self._hears():
-            await self._timeout.restore()
 
     def _flies_path(self, order: FlyPath) -> bool:
         """Whether it flies a path, and goes on with this one."""

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from missions.errors import NotFlownError, OutputError, PreflightError
+from missions.flight.connections import home_level_m
 from missions.flight.setting import Setting
 from uavmap.aircraft.imaging.classifier import detector_of
 from uavmap.mavlink.vehicle_view import VehicleView
@@ -85,21 +86,24 @@ class BeforeFlight:
             return
         found = await self._examine()
         _LOG.info("\n".join(self._wanted.plan_lines(self._setting)))
-        self._show(found)
+        self._show(self._not_refused(found))
         await self._ask(self._wanted, found)
         set_up = await self._set_up()
-        self._show(set_up)
+        self._show(self._not_refused(set_up))
         self._refuse(set_up)
         if self._wanted.dry_run:
             able = could_fly([*found, *set_up])
             text = "a dry run: nothing was armed; the mission could " + (
                 "be flown" if able else "not be flown as it is"
             )
+            if not await self.restore():
+                able, text = False, f"{text}; what was set is not put back"
+            self._setups.clear()  # the rest is left to `uavmap resume`
             raise NotFlownError(text, could_fly=able)
 
-    async def restore(self) -> None:
-        """Put back on each autopilot what was there; never raises."""
-        await asyncio.gather(*(setup.restore() for setup in self._setups.values()))
+    async def restore(self) -> bool:
+        """Put back on each autopilot what was there; never raises. Whether nothing is left."""
+        return all(await asyncio.gather(*(setup.restore() for setup in self._setups.values())))
 
     # --- look ---------------------------------------------------------------------------------
     async def _examine(self) -> list[Finding]:
@@ -144,9 +148,16 @@ class BeforeFlight:
 
     def _refuse(self, found: Sequence[Finding]) -> None:
         """Raise `PreflightError` for what nobody can pass over."""
-        lines = [finding.line() for finding in binding(found)]
-        if lines and not (self._wanted is not None and self._wanted.dry_run):
+        rest = self._not_refused(found)
+        if lines := [finding.line() for finding in found if finding not in rest]:
             raise PreflightError("not flown:\n" + "\n".join(lines))
+
+    def _not_refused(self, found: Sequence[Finding]) -> Sequence[Finding]:
+        """The findings that do not end it: a dry run shows all of them."""
+        if self._wanted is not None and self._wanted.dry_run:
+            return found
+        refused = list(binding(found))
+        return [finding for finding in found if finding not in refused]
 
     async def _is_simulator(self, number: int) -> bool:
         view = self._view(number)
@@ -157,15 +168,23 @@ class BeforeFlight:
     # --- set ----------------------------------------------------------------------------------
     async def _set_up(self) -> list[Finding]:
         """On each vehicle that stands on the ground: nothing is changed under one that flies."""
-        if self._keep_fence:
-            return []
-        standing = [number for number in self._links if not self._view(number).armed]
-        parts = await asyncio.gather(*(self._setups[number].apply() for number in standing))
+        numbers = [] if self._keep_fence else self._links
+        standing = [number for number in numbers if not self._view(number).armed]
+        others = [setup for number, setup in self._setups.items() if number not in standing]
+        await asyncio.gather(*(setup.save_timeout() for setup in others))
+        parts = await asyncio.gather(
+            *(self._setups[number].apply(self._level_m(number)) for number in standing)
+        )
         return [
             finding
             for number, part in zip(standing, parts, strict=True)
             for finding in _of(number, part)
         ]
+
+    def _level_m(self, number: int) -> float:
+        """The height of a vehicle's home above that of the first, as the mission takes it."""
+        reference_m, home_m = (self._view(n).home_amsl_m for n in (min(self._links), number))
+        return home_level_m(self._setting, home_m, reference_m)
 
     # --- words --------------------------------------------------------------------------------
     def _show(self, found: Sequence[Finding]) -> None:

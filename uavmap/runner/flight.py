@@ -14,7 +14,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from missions.errors import JournalError, LinkError, MissionFileError, OutputError, PreflightError
+from missions.errors import (
+    JournalError,
+    LinkError,
+    MissionFileError,
+    NotFlownError,
+    OutputError,
+    PreflightError,
+)
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.mission.schema import Mission
@@ -38,6 +45,7 @@ from uavmap.runner.before_flight import KEEP_FENCE
 from uavmap.runner.flight_links import cameras_of, check_urls
 from uavmap.runner.one_flight import KEEP_FRAMES, Company, Flight, written_results
 from uavmap.runner.operator.onlooker import folded
+from uavmap.runner.put_back import is_left_set, put_back
 
 _LOG: Final = logging.getLogger("uavmap.flight")
 
@@ -120,13 +128,19 @@ def fly(
         try:
             return flight.run()
         except* (LinkError, PreflightError):
-            if not len(journal):  # nobody answered: nothing has begun
-                journal.discard()
-                (folder / TLOG).unlink(missing_ok=True)
-                drop_detector(folder)
-                with contextlib.suppress(OSError):
-                    folder.rmdir()
+            if not len(journal) and not is_left_set(folder):  # nothing has begun
+                _discard(journal)
             raise
+
+
+def _discard(journal: Journal) -> None:
+    """Remove what a flight that has not begun leaves, and its folder if nothing else is in it."""
+    folder = journal.path.parent
+    journal.discard()
+    (folder / TLOG).unlink(missing_ok=True)
+    drop_detector(folder)
+    with contextlib.suppress(OSError):
+        folder.rmdir()
 
 
 def resume(
@@ -151,7 +165,11 @@ def resume(
     `recall` vehicles in the air come home and land, and nothing takes off. Onlookers see what was
     before, too.
 
-    Raises as `fly` does, and `JournalError` for a recall of aircraft that are simulated here.
+    Where nothing has begun, as after a dry run, or all is done, nothing is flown: what was left set
+    on the autopilots is put back.
+
+    Raises as `fly` does, `NotFlownError` where nothing had begun, and `JournalError` for a recall
+    of aircraft that are simulated here.
     """
     with Journal.open(folder / JOURNAL) as journal:
         plan = plan_of(journal)
@@ -175,6 +193,13 @@ def resume(
         check_urls(plan.urls)
         _refuse_network(plan, folder)
         setting = plan.setting(_LOG.info)
+        left_set = not plan.simulated and is_left_set(folder)
+        if left_set and not len(journal):
+            done = put_back(plan, setting, folder)
+            if done:
+                _discard(journal)
+            text = "nothing was flown here; what was set on the autopilots is "
+            raise NotFlownError(text + ("put back" if done else "not put back"), could_fly=done)
         again = plan.simulated and not (from_home or plan.rehomed)
         if journal.torn:
             _LOG.info(f"{journal.path}: its last line was cut short, and is left out")
@@ -185,7 +210,10 @@ def resume(
         )
         if state.over and state.completed:
             _LOG.info("the mission is completed already; writing its results anew")
-            return written_results(plan, setting, folder, journal)
+            summary = written_results(plan, setting, folder, journal)
+            if left_set:
+                put_back(plan, setting, folder)
+            return summary
         if again:
             _refuse_other_planner(journal, setting)
         if again and state.over:

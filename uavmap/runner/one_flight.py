@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from missions.errors import LinkError, OutputError
+from missions.errors import OutputError
 from missions.events import Event, Recalled, Resumed
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State
@@ -47,6 +47,7 @@ from uavmap.runner.operator.flight_keys import Keys
 from uavmap.runner.operator.ground_crew import Crew, EnterKey, all_wait
 from uavmap.runner.operator.interrupts import interrupts, leave_map, like_control_c, patiently
 from uavmap.runner.operator.keyboard import keyboard
+from uavmap.runner.operator.last_flights import doubts, say_last_known
 from uavmap.runner.operator.onlooker import Keepers, Onlooker
 from uavmap.runner.service import Service
 from uavmap.runner.vehicles import each_its_own, vehicles_of
@@ -157,6 +158,8 @@ class Flight:
                     with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
                         if len(self._journal):
                             _LOG.info(f"to go on: uavmap resume {self._folder}")
+                        if self._resumed and len(self._journal) == self._events_before:
+                            say_last_known(self._setting, self._state)
                     if self._again or len(self._journal) > self._events_before:
                         leave_map(lambda: self._write_results(None), failure, self._folder)
                 raise
@@ -253,7 +256,7 @@ class Flight:
                 onlooker.update(event, state, self._journal.expected)
             if member is not None:
                 member.observe(event, state)
-            if crew.absent and all_wait(state, crew.waiting):
+            if crew.keeps_waiting and all_wait(state, crew.waiting):
                 _LOG.info(f"swap the batteries, then `uavmap resume {self._folder}` goes on")
                 service.stop()
 
@@ -279,16 +282,13 @@ class Flight:
                 async with talking(member, may_leave=real):
                     self._state = await watched_over(
                         [vehicle.guardian for vehicle in vehicles.values()],
-                        self._fly(vehicles, links, service, member, before),
+                        self._fly(vehicles, links, service, member, before, crew),
                         leave=real,
                     )
         finally:
             # a simulated flight is flown again instead, event by event
             if real or member is not None:
                 service.keep_last_words()
-            for vehicle in vehicles.values():
-                with contextlib.suppress(LinkError):
-                    await vehicle.leave_as_found()
             if before is not None:
                 await before.restore()
             for onlooker in company.onlookers:
@@ -301,6 +301,7 @@ class Flight:
         service: Service,
         member: Member | None,
         before_flight: BeforeFlight | None,
+        crew: Crew,
     ) -> State:
         real = not self._plan.simulated
         for number, vehicle in vehicles.items():
@@ -318,6 +319,8 @@ class Flight:
             await refuse_rivals(links, RIVAL_WALL_S * (self._plan.speedup or 1.0))
         if before_flight is not None:
             await before_flight.go()
+            places = {n: v.view.position for n, v in vehicles.items() if not v.view.armed}
+            crew.doubt(doubts(self._journal.events(), places, self._setting.grid))
         if self._resumed and real and vehicles:
             await self._settle_time(_clocks(vehicles))
         if member is not None:

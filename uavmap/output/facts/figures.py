@@ -69,7 +69,9 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
     """The final state and the figures of a journal."""
     state = State.initial(setting)
     counter = Counter(state.vehicles)
-    shares, facts = Shares(), None if setting.member is None else Facts(setting)
+    # looks from a cell are no facts of a fleet: of flights that are merged each keeps its own
+    in_fleet = setting.member is not None and setting.nonstop
+    shares, facts = Shares(), Facts(setting) if in_fleet else None
     for event in events:
         counter.before(event, state)
         state, _ = step(setting, state, event)
@@ -196,7 +198,8 @@ def finding(setting: Setting, state: State) -> str:
         rim = f"; at {beyond} cells it may go on beyond the box" if beyond else ""
         return f"{found}, the whole box surveyed{rim}"
     if state.tree is None:
-        text = f"no region found in {frames} judged frames"
+        found = f"{len(state.belief.roi)} cells of the region" if state.belief.roi else "no region"
+        text = f"{found} found in {frames} judged frames"
         if state.skipped:
             text += f"; {len(state.skipped)} suspicions were skipped by the operator"
         return f"{text}; {left_m:.0f} m of search lanes are not judged" if left_m else text

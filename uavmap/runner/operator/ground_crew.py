@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import sys
+from collections.abc import Mapping
 from typing import Final, TextIO
 
 from missions.flight.state import State
@@ -85,6 +86,7 @@ class Crew:
         self._enter = enter
         self._operator = Operator(stream)
         self._asking = asyncio.Lock()
+        self._doubts: dict[int, str] = {}
         self.waiting: set[int] = set()
 
     @property
@@ -92,22 +94,43 @@ class Crew:
         """Whether nobody will ever answer."""
         return not self._automatic and self._operator.absent
 
+    @property
+    def keeps_waiting(self) -> bool:
+        """Whether those that wait do so in vain."""
+        return bool(self.waiting) and self._operator.absent
+
+    def doubt(self, vehicles: Mapping[int, str]) -> None:
+        """Ask about vehicles before they take off, also where swaps are automatic.
+
+        Args:
+            vehicles: Why, by number.
+        """
+        self._doubts |= vehicles
+
     async def swap(self, vehicle: int) -> None:
         """Return when the battery of a vehicle is swapped and it may take off again."""
-        if self._automatic:
+        doubt = self._doubts.get(vehicle, "")
+        if self._automatic and not doubt:
             return
         self.waiting.add(vehicle)
         try:
-            if self.absent:
-                _LOG.info(f"vehicle {vehicle} waits on the ground for a fresh battery")
+            if self._operator.absent:
+                _LOG.info(
+                    f"vehicle {vehicle} {doubt}: it takes off only at a terminal, where Enter says "
+                    "that it has been looked at"
+                    if doubt
+                    else f"vehicle {vehicle} waits on the ground for a fresh battery"
+                )
                 await asyncio.Event().wait()
             async with self._asking:
+                found = f"{doubt}: look at it" if doubt else "has landed"
                 _LOG.info(
-                    f"vehicle {vehicle} has landed: swap its battery, stand clear, press Enter; "
-                    "it takes off by itself"
+                    f"vehicle {vehicle} {found}{',' if doubt else ':'} swap its battery, stand "
+                    "clear, press Enter; it takes off by itself"
                 )
                 if not await self._entered():
                     await asyncio.Event().wait()
+            self._doubts.pop(vehicle, None)
         finally:
             self.waiting.discard(vehicle)
 

@@ -7,6 +7,8 @@ All of it goes to standard error, so that standard output holds only the result.
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 from rich.console import Group
@@ -29,9 +31,11 @@ from missions.events import (
     Released,
     Told,
 )
+from missions.flight.operator_orders import UNTOLD
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State, VehicleState
 from missions.orders import AwaitBattery, FlyPath, FlyTo, Hold, Land, Look, Sweep, TakeOff
+from uavmap.aircraft.autopilot_texts import may_be_a_failsafe
 from uavmap.base.printable import printable
 from uavmap.base.terminal import Terminal
 from uavmap.runner.operator.onlooker import Onlooker
@@ -39,6 +43,8 @@ from uavmap.runner.operator.time_left import time_left
 
 REDRAW_S: Final = 0.25
 LINE_S: Final = 3.0
+CAUSE_S: Final = 0.5
+"""A change of mode is shown so long after it: its cause came 0.1 to 0.4 s later, measured."""
 LEFT_S: Final = 1.0
 """What is left is reckoned no more often, real seconds."""
 _NOTED: Final = (
@@ -75,6 +81,9 @@ class ProgressTable(Onlooker):
         self._setting: Setting | None = None
         self._drawn_s = self._reckoned_s = float("-inf")
         self._left = ""
+        self._state: State | None = None
+        self._unexplained: dict[int, Overridden] = {}
+        """Changes of mode by vehicle, whose cause may follow in the autopilot's next text."""
 
     def begin(self, setting: Setting, *, again: bool) -> None:
         """Draw the table from now on."""
@@ -88,8 +97,9 @@ class ProgressTable(Onlooker):
 
     def update(self, event: Event, state: State, again: int) -> None:
         """Show an event, and what has changed."""
-        if text := remarkable(event, state):
-            self._terminal.show(f"{state.t_s:7.0f} s  {text}")
+        self._state = state
+        for news in self._in_order(event, state):
+            self._show_news(news, state)
         now_s = time.monotonic()
         if now_s - self._drawn_s < (REDRAW_S if self._live else LINE_S):
             return
@@ -102,8 +112,38 @@ class ProgressTable(Onlooker):
         else:
             self._terminal.show(self._line(state, again))
 
+    def _in_order(self, event: Event, state: State) -> Iterator[Event]:
+        """The events to show now: a change of mode waits a moment, and is shown with its cause."""
+        waiting = self._unexplained
+        for number, change in list(waiting.items()):
+            its_own = getattr(event, "vehicle", None) == number
+            if its_own and isinstance(event, Told) and event.cause:
+                del waiting[number]
+                yield replace(change, cause=event.cause)
+                return
+            again = its_own and isinstance(event, Overridden | Released)
+            if again or state.over or state.t_s - change.t_s > CAUSE_S:
+                del waiting[number]
+                yield change
+        if isinstance(event, Overridden) and _may_be_explained(event) and not state.over:
+            waiting[event.vehicle] = event
+        else:
+            yield event
+
+    def _show_news(self, event: Event, state: State) -> None:
+        if text := remarkable(event, state):
+            self._terminal.show(f"{state.t_s:7.0f} s  {text}")
+
     def end(self) -> None:
         """Remove the table."""
+        if self._state is not None:
+            for change in self._unexplained.values():
+                self._show_news(change, self._state)
+        self._unexplained.clear()
+        if self._state is not None:
+            for change in self._unexplained.values():
+                self._show_news(change, self._state)
+        self._unexplained.clear()
         if self._live is not None:
             self._terminal.write(self._live.stop)
             self._live = None
@@ -180,6 +220,11 @@ def cells_known(state: State) -> str:
         return f"{len(state.belief.roi)} ROI cells decided"
     looked = sum(vertex.looked for vertex in state.tree.vertices.values())
     return f"{looked} of {len(state.tree)} known ROI cells explored"
+
+
+def _may_be_explained(event: Overridden) -> bool:
+    """Whether a text of the autopilot may still say why it changed its mode."""
+    return event.cause in (None, UNTOLD) and may_be_a_failsafe(event.mode)
 
 
 def _of_other_hands(event: Overridden | Landed, vehicle: VehicleState, state: State) -> str:

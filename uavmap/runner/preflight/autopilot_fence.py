@@ -69,9 +69,19 @@ def outside_m(speed_m_s: float, accel_m_s2: float) -> float:
 
 
 def fence_plan(
-    setting: Setting, number: int, home: LatLon, kind: Autopilot, found: Mapping[str, float]
+    setting: Setting,
+    number: int,
+    home: LatLon,
+    kind: Autopilot,
+    found: Mapping[str, float],
+    level_m: float = 0.0,
 ) -> FencePlan:
-    """What fits vehicle `number` (from 1), which stands at `home`; `found` are its parameters."""
+    """What fits vehicle `number` (from 1), which stands at `home`.
+
+    Args:
+        found: Its parameters.
+        level_m: The height of its home above the reference of its team.
+    """
     by_m = outside_m(setting.mission.flight.speed_m_s, setting.energy.accel_m_s2)
     rings = [_ring(Polygon(setting.fence.outer.exterior).buffer(
         by_m, join_style="mitre", mitre_limit=MITRE))]  # fmt: skip
@@ -93,7 +103,7 @@ def fence_plan(
     rally = Item(
         mav.MAV_CMD_NAV_RALLY_POINT, home, frame=mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, height_m=0.0
     )
-    parameters = _parameters(setting, number, home, kind, found)
+    parameters = _parameters(setting, number, home, kind, found, level_m)
     return FencePlan(tuple(fence), (rally,), parameters, by_m, holes, tuple(sorted(columns)))
 
 
@@ -115,15 +125,20 @@ def highest_above_m(setting: Setting, home: LatLon) -> float:
 
 
 def _parameters(
-    setting: Setting, number: int, home: LatLon, kind: Autopilot, found: Mapping[str, float]
+    setting: Setting,
+    number: int,
+    home: LatLon,
+    kind: Autopilot,
+    found: Mapping[str, float],
+    level_m: float,
 ) -> dict[str, float]:
-    returns_m = return_height_m(setting, number, home, kind, found)
-    heights_m = [setting.mission.altitude_m(i) for i in range(len(setting.mission.vehicles))]
-    highest_m, follows = highest_above_m(setting, home), setting.ground is not None
-    layer_m = heights_m[number - 1] + highest_m
-    tops_m = [setting.mission.top_altitude_m(i) for i in range(len(heights_m))]
-    top_m = float(math.ceil(max(max(tops_m) + highest_m, returns_m or 0.0) + ABOVE_M))
-    sets = len(heights_m) > 1 or follows
+    returns_m = return_height_m(setting, number, home, kind, found, level_m)
+    highest_m, vehicles = highest_above_m(setting, home), len(setting.mission.vehicles)
+    tops_m = [setting.mission.top_altitude_m(i) for i in range(vehicles)]
+    highest_flown_m = max(tops_m) + highest_m - min(level_m, 0.0)
+    top_m = float(math.ceil(max(highest_flown_m, returns_m or 0.0) + ABOVE_M))
+    sets = vehicles > 1 or setting.ground is not None
+    layer_m = returns_m if sets and returns_m is not None else 0.0
     if kind is PX4:
         wanted = {"GF_ACTION": _PX4_RETURN, "GF_MAX_VER_DIST": top_m, "GF_MAX_HOR_DIST": 0.0}
         own = {"RTL_RETURN_ALT": layer_m}
@@ -136,14 +151,21 @@ def _parameters(
 
 
 def return_height_m(
-    setting: Setting, number: int, home: LatLon, kind: Autopilot, found: Mapping[str, float]
+    setting: Setting,
+    number: int,
+    home: LatLon,
+    kind: Autopilot,
+    found: Mapping[str, float],
+    level_m: float = 0.0,
 ) -> float | None:
     """How high a vehicle will return by itself, above home; None: not known.
 
-    In a team in its own layer; over ground that is not flat, so high above the highest.
+    In a team in its own layer, which is counted from the reference of the team; over ground that is
+    not flat, so high above the highest.
     """
     if len(setting.mission.vehicles) > 1 or setting.ground is not None:
-        return setting.mission.altitude_m(number - 1) + highest_above_m(setting, home)
+        layer_m = setting.mission.altitude_m(number - 1) - level_m
+        return max(layer_m, LEAST_HEIGHT_M) + highest_above_m(setting, home)
     if kind is PX4:
         return found.get("RTL_RETURN_ALT")
     return found["RTL_ALT"] / 100.0 if "RTL_ALT" in found else None

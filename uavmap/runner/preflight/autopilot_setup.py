@@ -6,9 +6,13 @@ What was there is on disk before anything is changed; everything that is set is 
 from __future__ import annotations
 
 import asyncio
+import itertools
+import shlex
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError, OutputError
 from missions.flight.setting import Setting
@@ -32,6 +36,9 @@ from uavmap.runner.preflight.saved_settings import Before, Kept
 RESTORE_S: Final = 60.0
 """So long putting everything back may take at the end of a flight."""
 HEARD_S: Final = 5.0
+IDENTITY_TRIES: Final = 5
+IDENTITY_S: Final = 1.0
+"""Wait for each answer to the question which aircraft it is."""
 _KEEP: Final = "give --keep-fence to fly inside the fence that is set"
 
 
@@ -64,7 +71,7 @@ class AutopilotSetup:
         """What is set now, with what is to be told of it. Raises `LinkError`."""
         names = PX4_FENCE if self._view.kind is PX4 else ARDUPILOT_FENCE
         name = "RTL_RETURN_ALT" if self._view.kind is PX4 else "RTL_ALT"
-        parameters = await self._parameters.read_many([*names, name])
+        parameters = await self._parameters.read_many([*names, name, *self._timeout])
         found: list[Finding] = []
         lists: dict[Kind, tuple[Item, ...]] = {}
         for kind in Kind:
@@ -75,6 +82,12 @@ class AutopilotSetup:
                 found.append(warn(kind.words, str(error), "an answer", "is it an old firmware?"))
         return Before(parameters, lists[Kind.FENCE], lists[Kind.RALLY]), found
 
+    @property
+    def _timeout(self) -> tuple[str, ...]:
+        """The parameter that a stream of setpoints shortens in the flight, if it has one."""
+        name = self._view.kind.stream_timeout
+        return () if name is None else (name,)
+
     async def keep_fence(self) -> list[Finding]:
         """Whether the mission can be flown inside the fence that is set. Raises `LinkError`."""
         before, found = await self.look()
@@ -83,7 +96,7 @@ class AutopilotSetup:
             self._number,
             self._home,
             self._view.kind,
-            before.fence,
+            before.fence or (),
             _values(before.parameters),
         )
         found += [
@@ -98,14 +111,13 @@ class AutopilotSetup:
     def in_words(self, before: Before) -> str:
         """What an autopilot has, for people."""
         values = " ".join(f"{name}={p.value:g}" for name, p in before.parameters.items())
-        points = f"{len(before.fence)} items, {len(before.rally)} rally points"
+        points = f"{len(before.fence or ())} items, {len(before.rally or ())} rally points"
         return f"{points}, {values or 'no parameters told'}"
 
-    def plan(self, before: Before) -> FencePlan:
-        """What is to be set."""
-        return fence_plan(
-            self._setting, self._number, self._home, self._view.kind, _values(before.parameters)
-        )
+    def plan(self, before: Before, level_m: float = 0.0) -> FencePlan:
+        """What is to be set on a vehicle whose home is so much above the reference of its team."""
+        values = _values(before.parameters)
+        return fence_plan(self._setting, self._number, self._home, self._view.kind, values, level_m)
 
     @property
     def _home(self) -> LatLon:
@@ -113,16 +125,18 @@ class AutopilotSetup:
         return self._view.position or self._view.home or self._setting.mission.home
 
     # --- set ----------------------------------------------------------------------------------
-    async def apply(self) -> list[Finding]:
+    async def apply(self, level_m: float = 0.0) -> list[Finding]:
         """Set fence, rally point and return height, and read them back.
+
+        `level_m`: the height of its home above the reference of its team.
 
         What does not work is a finding. Raises `OutputError` where what was there cannot be noted:
         then nothing is changed.
         """
         try:
             before, found = await self.look()
-            plan = self.plan(before)
-            self._note(before, plan)
+            plan = self.plan(before, level_m)
+            self._note(await self._aircraft(), before, plan)
             await self._put(Kind.FENCE, plan.fence)
             await self._put(Kind.RALLY, plan.rally)
         except LinkError as error:
@@ -139,27 +153,61 @@ class AutopilotSetup:
         text = f"set and read back, {plan.outside_m:.0f} m outside of the mission's; {values}"
         return [*found, ok("fence", text)]
 
-    def _note(self, before: Before, plan: FencePlan) -> None:
-        """What was there goes to disk: once, for later it is what we have set ourselves."""
-        if self._kept.of(self._number) is not None:
-            return
-        old = [
-            None if same_items(plan.fence, before.fence) else before.fence,
-            None if same_items(plan.rally, before.rally) else before.rally,
-        ]
-        if any(old):
-            path = self._folder / f"fence-before-{self._number}.plan"
-            firmware = Firmware.PX4 if self._view.kind is PX4 else Firmware.ARDUPILOT
-            try:
-                write_text(path, plan_text(firmware, self._home, before.fence, before.rally))
-            except OSError as error:
-                raise OutputError(f"{path} cannot be written: {error.strerror}") from None
-            self._tell(
-                f"the fence that was set ({self.in_words(before)}) is in {path}, and is put back "
-                "at the end"
+    async def save_timeout(self) -> None:
+        """Save what a stream of setpoints changes in the flight, where nothing else is set.
+
+        Raises `OutputError`.
+        """
+        aircraft = await self._aircraft()
+        if self._kept.of(aircraft) is None and (
+            found := await self._parameters.read_many(self._timeout)
+        ):
+            self._kept.keep(aircraft, self._number, Before(found))
+
+    async def _aircraft(self) -> str:
+        """Which aircraft it is: its hardware's number, and its number in the mission without one.
+
+        With its system id, for simulators that run side by side share the first.
+        """
+        view, session = self._view, self._session
+        for _ in range(IDENTITY_TRIES):
+            if view.identity is not None:
+                break
+            session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+            await session.until(
+                lambda: view.identity is not None, max(IDENTITY_S, session.ack_wait_s)
             )
-        changed = {n: p for n, p in before.parameters.items() if n in plan.parameters}
-        self._kept.keep(self._number, Before(changed, before.fence, before.rally))
+        return f"{view.uid} {view.system_id}" if view.uid else f"vehicle {self._number}"
+
+    def _note(self, aircraft: str, before: Before, plan: FencePlan) -> None:
+        """What was there goes to disk: once, for later it is what we have set ourselves."""
+        kept = self._kept.of(aircraft)
+        if kept is not None and kept.fence is not None:
+            return
+        fence, rally = before.fence or (), before.rally or ()
+        if not (same_items(plan.fence, fence) and same_items(plan.rally, rally)):
+            self._write_plan(before)
+        names = (*plan.parameters, *self._timeout)
+        changed = {name: p for name, p in before.parameters.items() if name in names}
+        if kept is not None:
+            changed |= kept.parameters
+        self._kept.keep(aircraft, self._number, Before(changed, before.fence, before.rally))
+
+    def _write_plan(self, before: Before) -> None:
+        """Write the lists that were there where a ground station opens them."""
+        fence, rally = before.fence or (), before.rally or ()
+        if not (fence or rally):
+            return
+        path = _unused(self._folder / f"fence-before-{self._number}.plan")
+        firmware = Firmware.PX4 if self._view.kind is PX4 else Firmware.ARDUPILOT
+        try:
+            write_text(path, plan_text(firmware, self._home, fence, rally))
+        except OSError as error:
+            raise OutputError(f"{path} cannot be written: {error.strerror}") from None
+        self._tell(
+            f"the fence that was set ({self.in_words(before)}) is in {path}, and is put back "
+            "at the end"
+        )
 
     async def _put(self, kind: Kind, items: tuple[Item, ...]) -> None:
         """Upload a list unless it is there, and read it back. Raises `LinkError`."""
@@ -175,31 +223,42 @@ class AutopilotSetup:
         return await self._parameters.write(name, Parameter(value, found.type))
 
     # --- and back -----------------------------------------------------------------------------
-    async def restore(self) -> None:
+    async def restore(self) -> bool:
         """Put back what was there, if the vehicle is on the ground; else say what is left as set.
 
-        Never raises: it comes last, whatever happened before.
+        Never raises: it comes last, whatever happened before. Returns whether nothing is left.
         """
         try:
-            before = self._kept.of(self._number)
-            if before is None:
-                return
-            if reason := self._not_now():
-                self._say_left(reason)
-                return
-            async with asyncio.timeout(RESTORE_S):
-                await self._put_back(before)
-            self._kept.done(self._number)
+            if self._kept.empty:
+                return True
+            aircraft = await self._aircraft()
+            before = self._kept.of(aircraft)
+            if before is not None:
+                if reason := self._not_now():
+                    self._say_left(reason)
+                    return False
+                async with asyncio.timeout(RESTORE_S):
+                    await self._put_back(before)
+                self._kept.done(aircraft)
+            others = self._kept.in_place_of(self._number)
         except (LinkError, OutputError, TimeoutError) as error:
             self._say_left(str(error) or "it takes too long")
+            return False
+        if others:
+            self._tell(
+                f"{self._kept.path} keeps the settings of an aircraft that is not connected; "
+                f"connect it, and `{self._resume}` puts them back"
+            )
+        return not others
 
     async def _put_back(self, before: Before) -> None:
         """Raises `LinkError`."""
         for name, parameter in before.parameters.items():
             if not await self._parameters.write(name, parameter):
                 raise LinkError(f"{name} could not be set back to {parameter.value:g}")
-        await self._put(Kind.FENCE, before.fence)
-        await self._put(Kind.RALLY, before.rally)
+        for kind, items in ((Kind.FENCE, before.fence), (Kind.RALLY, before.rally)):
+            if items is not None:
+                await self._put(kind, items)
 
     def _not_now(self) -> str:
         silent_s = asyncio.get_running_loop().time() - self._view.heard_s
@@ -209,9 +268,19 @@ class AutopilotSetup:
 
     def _say_left(self, reason: str) -> None:
         self._tell(
-            f"its fence and return height stay as set for the mission ({reason}); what was there "
-            f"is in {self._kept.path}, and `uavmap resume {self._folder}` puts it back in the end"
+            f"what was set for the mission stays set ({reason}); what was there is in "
+            f"{self._kept.path}, and `{self._resume}` puts it back; with --recall nothing takes off"
         )
+
+    @property
+    def _resume(self) -> str:
+        return f"uavmap resume {shlex.quote(str(self._folder))}"
+
+
+def _unused(path: Path) -> Path:
+    """The path, or that with a number where it exists: of another aircraft."""
+    names = (path.with_stem(f"{path.stem}-{n}") for n in itertools.count(2))
+    return path if not path.exists() else next(name for name in names if not name.exists())
 
 
 def _values(parameters: Mapping[str, Parameter]) -> dict[str, float]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -24,6 +25,15 @@ from uavmap.runner.preflight.vehicle_check import state_findings
 from vision.detectors import Detector
 
 PICTURES: Final = "test-picture-{}.png"
+HEARTBEAT_S: Final = 1.0
+
+
+async def heartbeats(sessions: Sequence[Session]) -> None:
+    """Send our heartbeat until cancelled: a vehicle speaks only where it has heard somebody."""
+    while True:
+        for session in sessions:
+            session.heartbeat()
+        await asyncio.sleep(HEARTBEAT_S)
 
 
 async def connect(session: Session, name: str) -> None:

@@ -1,6 +1,6 @@
 """What was set on the autopilots before a flight, on disk until it is put back.
 
-Should this computer die in the flight, `uavmap resume` finds it there.
+`uavmap resume` finds it there, if this computer dies in the flight or the putting back fails.
 """
 
 from __future__ import annotations
@@ -21,25 +21,33 @@ FILE: Final = "autopilot-before.json"
 
 @dataclass(frozen=True, slots=True)
 class Before:
-    """What one autopilot had."""
+    """What one autopilot had; None: its lists are left alone."""
 
     parameters: dict[str, Parameter]
-    fence: tuple[Item, ...]
-    rally: tuple[Item, ...]
+    fence: tuple[Item, ...] | None = None
+    rally: tuple[Item, ...] | None = None
 
 
 class Kept:
-    """The file in a results folder, by the vehicles' numbers."""
+    """The file in a results folder, by the identity of the aircraft.
+
+    Another aircraft in the place of one that crashed has an entry of its own.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / FILE
 
-    def of(self, number: int) -> Before | None:
-        """What the autopilot of a vehicle had; None where nothing is to be put back.
+    @property
+    def empty(self) -> bool:
+        """Whether nothing is to be put back."""
+        return not self.path.exists()
+
+    def of(self, aircraft: str) -> Before | None:
+        """What the autopilot of an aircraft had; None where nothing is to be put back.
 
         Raises `OutputError` where the file is not one of ours.
         """
-        values = self._read().get(str(number))
+        values = self._read().get(aircraft)
         if values is None:
             return None
         try:
@@ -51,21 +59,32 @@ class Kept:
         except (KeyError, TypeError, ValueError):
             raise self._unreadable() from None
 
-    def keep(self, number: int, before: Before) -> None:
-        """Note it, before anything is changed. Raises `OutputError`."""
+    def keep(self, aircraft: str, number: int, before: Before) -> None:
+        """Note it of the aircraft that flies as vehicle `number`, before anything is changed.
+
+        Raises `OutputError`.
+        """
         values = self._read()
-        values[str(number)] = {
+        values[aircraft] = {
+            "vehicle": number,
             "set": {name: [p.value, p.type] for name, p in before.parameters.items()},
-            "fence": [_plain(item) for item in before.fence],
-            "rally": [_plain(item) for item in before.rally],
+            "fence": _plain(before.fence),
+            "rally": _plain(before.rally),
         }
         self._write(values)
 
-    def done(self, number: int) -> None:
+    def done(self, aircraft: str) -> None:
         """It is put back. Raises `OutputError`."""
         values = self._read()
-        if values.pop(str(number), None) is not None:
+        if values.pop(aircraft, None) is not None:
             self._write(values)
+
+    def in_place_of(self, number: int) -> list[str]:
+        """The aircraft that flew as vehicle `number`, and are not yet as found.
+
+        Raises `OutputError`.
+        """
+        return [key for key, value in self._read().items() if value.get("vehicle") == number]
 
     def _read(self) -> dict[str, Any]:
         try:
@@ -74,7 +93,7 @@ class Kept:
             return {}
         except (OSError, ValueError):
             raise self._unreadable() from None
-        if not isinstance(values, dict):
+        if not isinstance(values, dict) or not all(isinstance(v, dict) for v in values.values()):
             raise self._unreadable()
         return values
 
@@ -94,12 +113,18 @@ class Kept:
             raise OutputError(f"{self.path} cannot be written: {error.strerror}") from None
 
 
-def _plain(item: Item) -> list[float]:
-    place = item.position
-    return [item.command, item.frame, item.first, place.lat_deg, place.lon_deg, item.height_m]
+def _plain(items: tuple[Item, ...] | None) -> list[list[float]] | None:
+    if items is None:
+        return None
+    return [
+        [i.command, i.frame, i.first, i.position.lat_deg, i.position.lon_deg, i.height_m]
+        for i in items
+    ]
 
 
-def _items(rows: list[list[float]]) -> tuple[Item, ...]:
+def _items(rows: list[list[float]] | None) -> tuple[Item, ...] | None:
+    if rows is None:
+        return None
     return tuple(
         Item(int(command), LatLon(lat, lon), first, int(frame), height)
         for command, frame, first, lat, lon, height in rows

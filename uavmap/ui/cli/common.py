@@ -114,14 +114,22 @@ def print_figures(figures: Mapping[str, Any], out: Path | None, *, as_json: bool
 
 
 def report(
-    summary: Mapping[str, Any], folder: Path, *, as_json: bool, verbose: bool = False
+    summary: Mapping[str, Any],
+    folder: Path,
+    *,
+    as_json: bool,
+    verbose: bool = False,
+    goes_on: bool = True,
 ) -> int:
-    """Print the result; returns the exit code, which does not depend on being read."""
+    """Print the result; returns the exit code, which does not depend on being read.
+
+    `goes_on`: whether `uavmap resume` can go on with what is not completed.
+    """
     with contextlib.suppress(OSError):
         print_summary(summary, folder, as_json=as_json, verbose=verbose)
     for line in summary.get("aircraft_down", ()):
         complain(line)
-    if not summary["completed"] and "aircraft_down" in summary:
+    if goes_on and not summary["completed"] and "aircraft_down" in summary:
         # a simulated world ends with its flight: the aircraft begin again at home
         how = "" if summary.get("seed") is None else " --from-home"
         complain(f"to go on: uavmap resume {folder}{how}")

@@ -131,6 +131,18 @@ def begin(options: argparse.Namespace, plan: FlightPlan, preflight: Preflight | 
         return _begin(options, plan, preflight, terminal)
 
 
+def not_flown(error: Exception) -> int:
+    """Complain of what nothing was flown for; the exit code. Raises any other error again."""
+    group = error if isinstance(error, ExceptionGroup) else ExceptionGroup("", [error])
+    over, others = group.split(NotFlownError)
+    if over is None or others is not None:
+        raise error
+    for reason in leaves(over):
+        complain(str(reason))
+    able = all(isinstance(e, NotFlownError) and e.could_fly for e in leaves(over))
+    return 0 if able else INCOMPLETE
+
+
 def _begin(
     options: argparse.Namespace, plan: FlightPlan, preflight: Preflight | None, terminal: Terminal
 ) -> int:
@@ -139,18 +151,12 @@ def _begin(
     terminal.show(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
     if mission.camera.calibration is not None:
         terminal.show("camera.calibration is for recorded pictures; this flight uses hfov_deg")
-    code, summary = 0, None
     try:
         with beside(options, plan, folder, terminal) as onlookers:
             company = Company(onlookers=onlookers, preflight=preflight)
             summary = fly(plan, folder, company, keep_frames=options.keep_frames)
-    except* NotFlownError as group:
-        for over in leaves(group):
-            complain(str(over))
-            if isinstance(over, NotFlownError) and not over.could_fly:
-                code = INCOMPLETE
-    if summary is None:
-        return code
+    except (NotFlownError, ExceptionGroup) as error:
+        return not_flown(error)
     code = report(summary, folder, as_json=options.json, verbose=options.verbose)
     if kept_frames(folder) and code != AIRCRAFT_DOWN:
         draw_boundary(folder, complain)

@@ -476,6 +476,15 @@ def test_one_that_a_failsafe_has_set_down_afield_is_not_flown_by_a_resume(
     assert service.post(fetched) == ((1, AwaitBattery()),), "as it was: nothing broke"
 
 
+def test_one_that_landed_afield_while_nobody_watched_needs_its_crew(service: Service) -> None:
+    """A real PX4 takes the place where it landed for its home."""
+    field = GridPoint(12.0, 20.0)
+    service.exploring()
+    service.post(Resumed(60.0))
+    there = Connected(1, 61.0, field, field, 0.0, False, True, 60.0)
+    assert service.post(there) == ((1, AwaitBattery()),)
+
+
 def test_one_that_lies_there_is_not_flown_because_its_pilot_lets_go(service: Service) -> None:
     service.exploring()
     service.post(Crashed(1, 20.0, HOME, "it fell, 0 m from home"))

@@ -105,6 +105,42 @@ async def test_home_that_moves_on_arming_is_no_surprise(flight: Flight, /) -> No
     assert not flight.seen(OrderFailed)
 
 
+def checks_need_setpoints(flight: Flight, monkeypatch: pytest.MonkeyPatch, *modes: Px4Mode) -> None:
+    """Have the checks before arming fail in modes, as a real PX4's do in OFFBOARD."""
+    ap: Any = flight.vehicle._ap
+    refusal = type(ap).prearm_refusal
+    monkeypatch.setattr(
+        type(ap),
+        "prearm_refusal",
+        lambda ap: "no offboard signal" if ap.mode in modes and not ap.armed else refusal(ap),
+    )
+
+
+@by(fly, on_px4)
+async def test_px4_left_in_offboard_by_a_failsafe_takes_off_again(
+    flight: Flight, /, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A real PX4 stood disarmed in OFFBOARD and was "not ready to arm" as often as resumed."""
+    checks_need_setpoints(flight, monkeypatch, Px4Mode.OFFBOARD)
+    pilot_mode(flight, Px4Mode.OFFBOARD)
+    await asyncio.sleep(3.0)
+    assert not flight.session.view.prearm_ok
+    await flight.after(TakeOff(UP_M), Airborne, within_s=60.0)
+    assert flight.vehicle.truth.mode == Px4Mode.HOLD
+
+
+@by(fly, on_px4)
+async def test_wait_for_the_checks_before_arming_names_the_mode(
+    flight: Flight, /, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    checks_need_setpoints(flight, monkeypatch, Px4Mode.OFFBOARD, Px4Mode.HOLD)
+    pilot_mode(flight, Px4Mode.OFFBOARD)
+    await asyncio.sleep(3.0)
+    failed = await flight.after(TakeOff(UP_M), OrderFailed, within_s=150.0)
+    assert "not ready to arm within 120 s, in HOLD" in failed.reason
+    assert any("waits for the checks before arming, in HOLD" in line for line in flight.said)
+
+
 # --- who has the last word -----------------------------------------------------------------------
 async def landing(flight: Flight) -> None:
     await flight.after(TakeOff(UP_M), Airborne)

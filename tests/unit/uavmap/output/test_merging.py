@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,9 +14,12 @@ from missions.fleet_events import Fact, Shared
 from missions.units import Cell, GridPoint
 from tests.support.plans import plan_of
 from tests.support.small_missions import mission_text, square
+from tests.unit.uavmap.output.flown_folders import EVENTS, PLAN, folder_of
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
+from uavmap.output.facts.figures import figures
 from uavmap.output.merging import merged_results
+from uavmap.ui.cli import main
 
 BOX, FENCE = square(-6.0, 12.0, 28.0, 16.0), square(-20.0, -14.0, 56.0, 62.0)
 PADS = [(0.0, 0.0), (16.0, 0.0)]
@@ -80,6 +85,24 @@ def test_the_order_of_the_folders_changes_nothing(pair: list[Path], tmp_path: Pa
     assert summary["exploration_s"] is None
     assert files(tmp_path / "a") == files(tmp_path / "b")
     assert events_in(tmp_path / "a") == events_in(tmp_path / "b") == [*votes(1), *votes(2)]
+
+
+def test_flights_of_a_strategy_that_looks_make_one_map(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A merge of two flights by rdfs ended with a traceback and half a folder."""
+    folders = [
+        folder_of(tmp_path / "one"),
+        folder_of(tmp_path / "two", EVENTS, replace(PLAN, epoch_utc_s=2e9)),
+    ]
+    code = main(["merge", *map(str, folders), "--out", str(tmp_path / "both")])
+    assert code == 3
+    summary = json.loads((tmp_path / "both" / "summary.json").read_text("utf-8"))
+    alone = figures(PLAN.known_setting(), EVENTS)[0]
+    assert summary["vehicles"] == 2
+    assert summary["cells_roi"] >= len(alone.belief.roi) > 0
+    assert f"{summary['cells_roi']} cells of the region found" in summary["finding"]
+    assert "uavmap resume" not in capsys.readouterr().err
 
 
 def test_of_a_lost_vehicle_counts_what_others_have_heard(pair: list[Path], tmp_path: Path) -> None:

@@ -109,10 +109,29 @@ async def test_a_dry_run_sets_all_and_arms_nothing(
     with pytest.raises(NotFlownError) as over:
         await flight.go()
     assert over.value.could_fly
-    assert (tmp_path / FILE).exists()
-    await flight.restore()
+    assert sum("set and read back" in text for text in field.told) == 1
     assert not (tmp_path / FILE).exists()
     assert not any(vehicle.truth.armed for vehicle in field.vehicles)
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+@by(on_field, lambda autopilot: mission_of(autopilot, 2))
+async def test_return_heights_of_a_team_are_apart_whatever_the_heights_of_its_homes(
+    field: Field, /, autopilot: str, tmp_path: Path
+) -> None:
+    """Layers above each own home put two of them, 6 m apart in height, into the same air."""
+    field.vehicles[0]._telemetry._amsl_m += 6.0
+    await asyncio.sleep(1.0)
+    views = [link.session.view for link in field.links]
+    assert views[0].home_amsl_m - views[1].home_amsl_m == pytest.approx(6.0, abs=0.1)
+    await before(field, tmp_path, yes=True).go()
+    name, scale = ("RTL_ALT", 100.0) if autopilot == "ardupilot" else ("RTL_RETURN_ALT", 1.0)
+    above_sea_m = [
+        view.home_amsl_m + field.parameter(i, name) / scale for i, view in enumerate(views)
+    ]
+    assert above_sea_m[1] - above_sea_m[0] == pytest.approx(6.0, abs=0.1)
+    ceiling = "FENCE_ALT_MAX" if autopilot == "ardupilot" else "GF_MAX_VER_DIST"
+    assert field.parameter(1, ceiling) >= 24.0 + 10.0
 
 
 def test_an_empty_battery_cannot_be_passed_over(
@@ -142,6 +161,7 @@ def test_a_camera_that_gives_nothing_cannot_be_passed_over(
         with pytest.raises(PreflightError, match="not flown:\nbad   1 camera: ") as error:
             await before(field, tmp_path, yes=True).go()
         assert why in str(error.value)
+        assert not any("bad   1 camera" in text for text in field.told), "it is told once"
         flight = before(field, tmp_path, dry=True)
         with pytest.raises(NotFlownError) as over:
             await flight.go()
@@ -187,7 +207,7 @@ async def test_a_flight_that_is_gone_on_with_asks_nothing(
     await goes_on.go()
     assert field.told[-1].startswith(f"{tmp_path / FILE} cannot be read")
     await goes_on.restore()
-    assert "stay as set for the mission" in field.told[-1]
+    assert "what was set for the mission stays set" in field.told[-1]
 
 
 # --- the question ----------------------------------------------------------------------------

@@ -53,7 +53,7 @@ async def test_what_the_checks_before_arming_wait_for_is_told(flight: Flight, /)
     await flight.after(TakeOff(UP_M), Airborne)
     told = flight.told
     assert "[vehicle 1, critical] PreArm: GPS 1: Bad fix" in told
-    assert "sim: waits for the checks before arming, for 10 s by now" in told
+    assert "sim: waits for the checks before arming, in STABILIZE, for 10 s by now" in told
 
 
 @by(fly)

@@ -25,7 +25,7 @@ from uavmap.load.mission_source import load, shipped_missions
 from uavmap.runner.flight_links import Link, LinkOptions, cameras_of, check_urls, opened_links
 from uavmap.runner.preflight.autopilot_fence import outside_m
 from uavmap.runner.preflight.autopilot_setup import AutopilotSetup
-from uavmap.runner.preflight.examination import Examination, connect
+from uavmap.runner.preflight.examination import Examination, connect, heartbeats
 from uavmap.runner.preflight.finding import Finding, could_fly, ok
 from uavmap.runner.preflight.installation import installation
 from uavmap.runner.preflight.plan_figures import plan_lines
@@ -36,7 +36,6 @@ from uavmap.ui.cli.option_table import add_options
 _LOG: Final = logging.getLogger("uavmap.runner.preflight")
 PICTURES: Final = "doctor"
 """The folder for test pictures, where none is named."""
-HEARTBEAT_S: Final = 1.0
 
 _EXAMPLES: Final = """\
 examples:
@@ -151,7 +150,7 @@ async def _vehicles(
             if setting is not None:
                 link.session.view.expect_near(setting.mission.home)
         async with asyncio.TaskGroup() as tasks:
-            beating = tasks.create_task(_heartbeats(links))
+            beating = tasks.create_task(heartbeats([link.session for link in links]))
             looking = [
                 tasks.create_task(_vehicle(number, link, setting, folder))
                 for number, link in enumerate(links, start=1)
@@ -160,14 +159,6 @@ async def _vehicles(
             beating.cancel()
     for task in looking:
         found += task.result()
-
-
-async def _heartbeats(links: Sequence[Link]) -> None:
-    """A vehicle speaks only where it has heard somebody."""
-    while True:
-        for link in links:
-            link.session.heartbeat()
-        await asyncio.sleep(HEARTBEAT_S)
 
 
 def _drop(frame: bytes) -> None:

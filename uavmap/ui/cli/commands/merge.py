@@ -43,4 +43,4 @@ def run(options: argparse.Namespace) -> int:
     """Merge."""
     out = Path(options.out)
     summary = merged_results([Path(folder) for folder in options.folders], out, Terminal().show)
-    return report(summary, out, as_json=options.json, verbose=options.verbose)
+    return report(summary, out, as_json=options.json, verbose=options.verbose, goes_on=False)

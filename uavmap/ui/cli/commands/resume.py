@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from missions.errors import NotFlownError
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.journal.event_log import Journal
@@ -19,7 +20,7 @@ from uavmap.runner.flight import plan_of, resume
 from uavmap.runner.one_flight import Company
 from uavmap.ui.cli.common import EXIT_CODES, report
 from uavmap.ui.cli.endings import AIRCRAFT_DOWN, complain
-from uavmap.ui.cli.flight_options import beside, gives_network, key_file, network_of
+from uavmap.ui.cli.flight_options import beside, gives_network, key_file, network_of, not_flown
 from uavmap.ui.cli.option_table import add_options
 
 _EXAMPLES = """\
@@ -60,18 +61,21 @@ def _run(options: argparse.Namespace, folder: Path, terminal: Terminal) -> int:
     if options.recover:
         _recover(folder, terminal.show)
     ask = _ask if sys.stdin.isatty() and sys.stderr.isatty() else None
-    with beside(options, lambda: _plan(folder), folder, terminal) as onlookers:
-        summary = resume(
-            folder,
-            Company(onlookers=onlookers, ask=ask, recall=options.recall),
-            urls=tuple(options.connect or ()),
-            driver=options.driver,
-            cameras=tuple(options.camera or ()),
-            key_file=key_file(options),
-            forward=None if options.forward is None else tuple(options.forward),
-            network=partial(network_of, options) if gives_network(options) else None,
-            from_home=options.from_home,
-        )
+    try:
+        with beside(options, lambda: _plan(folder), folder, terminal) as onlookers:
+            summary = resume(
+                folder,
+                Company(onlookers=onlookers, ask=ask, recall=options.recall),
+                urls=tuple(options.connect or ()),
+                driver=options.driver,
+                cameras=tuple(options.camera or ()),
+                key_file=key_file(options),
+                forward=None if options.forward is None else tuple(options.forward),
+                network=partial(network_of, options) if gives_network(options) else None,
+                from_home=options.from_home,
+            )
+    except NotFlownError as over:
+        return not_flown(over)
     code = report(summary, folder, as_json=options.json, verbose=options.verbose)
     if kept_frames(folder) and not options.recall and code != AIRCRAFT_DOWN:
         draw_boundary(folder, complain)

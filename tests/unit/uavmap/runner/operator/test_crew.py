@@ -60,6 +60,32 @@ async def test_simulated_crews_need_no_word(said: Said) -> None:
 
 
 @by(on_loop)
+async def test_automatic_crew_is_asked_about_a_vehicle_that_was_down(
+    terminal: tuple[int, TextIO], said: Said
+) -> None:
+    """A real PX4 took off 39 m from its pad, with --auto-swap and without a terminal."""
+    alone = Crew(automatic=True, stream=io.StringIO())
+    alone.doubt({1: "was down"})
+    task = asyncio.create_task(alone.swap(1))
+    assert not await answered(task)
+    assert alone.keeps_waiting
+    assert "vehicle 1 was down: it takes off only at a terminal" in said[0]
+    await drop(task)
+    operator, stream = terminal
+    crew = Crew(automatic=True, stream=stream)
+    crew.doubt({1: "stands 39 m from its pad"})
+    await crew.swap(2)
+    task = asyncio.create_task(crew.swap(1))
+    assert not await answered(task)
+    assert not crew.keeps_waiting
+    os.write(operator, b"\n")
+    assert await answered(task, PATIENCE_S)
+    assert "vehicle 1 stands 39 m from its pad: look at it, swap its battery" in said[1]
+    await crew.swap(1)
+    assert len(said) == 2
+
+
+@by(on_loop)
 async def test_the_word_is_enter(terminal: tuple[int, TextIO], said: Said) -> None:
     operator, stream = terminal
     crew = Crew(automatic=False, stream=stream)

@@ -15,6 +15,7 @@ from missions.units import GridPoint, LatLon
 from tests.support.field import BOTH, Field, mission_of, on_field
 from tests.support.fleet_rig import field_text
 from tests.support.running import by
+from uavmap.aircraft.stream_timeout import StreamTimeout
 from uavmap.mavlink.mission_transfer import Item, Kind, MissionTransfer, same_items
 from uavmap.runner.preflight.autopilot_fence import shapes_of
 from uavmap.runner.preflight.finding import Finding, Level, could_fly
@@ -119,6 +120,77 @@ async def test_a_computer_that_died_in_between_does_not_take_ours_for_the_pilots
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
+async def test_guid_timeout_of_a_killed_flight_is_put_back_by_resume(
+    field: Field, /, tmp_path: Path
+) -> None:
+    """A real ArduCopter kept 1 s for good after a kill, also when the flight was resumed."""
+    assert could_fly(await field.setup(1, tmp_path).apply())
+    session = field.links[0].session
+    await StreamTimeout("sim", session, field.told.append).shorten()
+    assert field.parameter(0, "GUID_TIMEOUT") == 1.0
+    later = field.setup(1, tmp_path)
+    assert could_fly(await later.apply())
+    assert await later.restore()
+    assert field.parameter(0, "GUID_TIMEOUT") == 3.0
+
+
+@by(on_field, lambda: mission_of("ardupilot"))
+async def test_guid_timeout_is_put_back_where_the_fence_is_kept(
+    field: Field, /, tmp_path: Path
+) -> None:
+    """Its owner's fence is saved later, when the flight goes on without --keep-fence."""
+    await MissionTransfer(field.links[0].session).upload(Kind.FENCE, OLD)
+    setup = field.setup(1, tmp_path)
+    await setup.save_timeout()
+    field.put(0, "GUID_TIMEOUT", 1.0)
+    assert could_fly(await setup.apply())
+    assert field.count(0, FENCE) == 4
+    assert await setup.restore()
+    assert (field.count(0, FENCE), field.parameter(0, "GUID_TIMEOUT")) == (3, 3.0)
+
+
+def has_uid(field: Field, number: int) -> None:
+    """The hardware's number of the aircraft at the end of the link, as it tells it."""
+    codec = mav.MAVLink(None, srcSystem=1, srcComponent=1)
+    version = mav.MAVLink_autopilot_version_message(
+        0, 0x040602FF, 0, 0, 0, bytes(8), bytes(8), bytes(8), 0, 0, number, bytes(18)
+    )
+    field.links[0].session.feed(version.pack(codec))
+
+
+def test_another_aircraft_keeps_its_own_settings(tmp_path: Path) -> None:
+    """One crashes and keeps the mission's fence; a spare flies on in its place."""
+    mission, names = mission_of("ardupilot"), ("FENCE_ENABLE", "RTL_ALT", "FENCE_ALT_MAX")
+
+    async def crashes(field: Field) -> None:
+        has_uid(field, 1)
+        field.put(0, "FENCE_ALT_MAX", 33.0)
+        await MissionTransfer(field.links[0].session).upload(Kind.RALLY, OLD_RALLY)
+        assert could_fly(await field.setup(1, tmp_path).apply())
+
+    async def goes_on(field: Field) -> None:
+        has_uid(field, 2)
+        for name, value in zip(names, (1.0, 5000.0, 120.0), strict=True):
+            field.put(0, name, value)
+        setup = field.setup(1, tmp_path)
+        assert could_fly(await setup.apply())
+        assert not await setup.restore()
+        assert [field.parameter(0, name) for name in names] == [1.0, 5000.0, 120.0]
+        assert field.count(0, RALLY) == 0
+        assert "keeps the settings of an aircraft that is not connected" in field.told[-1]
+
+    async def is_mended(field: Field) -> None:
+        has_uid(field, 1)
+        assert await field.setup(1, tmp_path).restore()
+        assert field.parameter(0, "FENCE_ALT_MAX") == 33.0
+        assert field.count(0, RALLY) == 1
+        assert not (tmp_path / FILE).exists()
+
+    for act in (crashes, goes_on, is_mended):
+        on_field(act, mission)
+
+
+@by(on_field, lambda: mission_of("ardupilot"))
 async def test_nothing_is_put_back_under_a_vehicle_that_is_armed(
     field: Field, /, tmp_path: Path
 ) -> None:
@@ -129,7 +201,7 @@ async def test_nothing_is_put_back_under_a_vehicle_that_is_armed(
     await session.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1)
     await session.until(lambda: session.view.armed, 5.0)
     await setup.restore()
-    assert "stay as set for the mission (it is not on the ground" in field.told[-1]
+    assert "stays set (it is not on the ground" in field.told[-1]
     assert field.count(0, FENCE) == 4
     assert (tmp_path / FILE).exists()
 

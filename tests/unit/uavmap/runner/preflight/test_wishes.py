@@ -31,7 +31,7 @@ GOOD_ARDUPILOT = {
 }  # fmt: skip
 GOOD_PX4 = {
     "COM_LOW_BAT_ACT": 3, "BAT_LOW_THR": 0.1, "NAV_RCL_ACT": 2, "NAV_DLL_ACT": 2,
-    "COM_OF_LOSS_T": 1, "COM_OBL_RC_ACT": 0, "RTL_RETURN_ALT": 30, "MPC_XY_CRUISE": 5,
+    "COM_OF_LOSS_T": 1, "COM_OBL_RC_ACT": 3, "RTL_RETURN_ALT": 30, "MPC_XY_CRUISE": 5,
     "BAT1_CAPACITY": 1126,
 }  # fmt: skip
 
@@ -81,6 +81,7 @@ def test_an_autopilot_that_is_set_well_has_nothing_against_it(
         (PX4, "NAV_RCL_ACT", 0),
         (PX4, "NAV_DLL_ACT", 0),
         (PX4, "COM_OF_LOSS_T", 5),
+        (PX4, "COM_OBL_RC_ACT", 0),  # a real one, with a stick: POSITION 0.9 s after a kill
         (PX4, "RTL_RETURN_ALT", 60),
     ],
 )

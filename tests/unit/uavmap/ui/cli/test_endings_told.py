@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.events import Landed, Overridden, Released
+from missions.events import Event, Landed, Overridden, Released, Told
 from missions.flight.state import Phase
 from missions.mapping.tree import Tree
 from missions.orders import AwaitBattery, StandDown, TakeOff
@@ -100,6 +100,35 @@ def test_nobody_waits_for_a_battery_and_for_a_pilot_who_keeps_the_other(landed: 
     made = service(2)
     kept = replace(made.state.vehicles[2], phase=Phase.YIELDED, landed=landed, order=StandDown())
     assert all_wait(made.state.with_vehicle(kept), {1}) is landed
+
+
+# --- a change of mode, and its cause ----------------------------------------------------------
+@pytest.mark.parametrize(
+    ("after", "line"),
+    [
+        (Told(1, 3.3, 2, "Battery Failsafe", cause="battery failsafe"),
+         "vehicle 1 is in RTL, not by us (battery failsafe): hands off"),
+        (Told(1, 3.9, 6, "Mission: 1 WP"), "vehicle 1 is in RTL, not by us: hands off"),
+        (Released(1, 3.2, HOME, 12.0), "vehicle 1 is in RTL, not by us: hands off"),
+        (None, "vehicle 1 is in RTL, not by us: hands off"),
+    ],
+)  # fmt: skip
+def test_change_of_mode_is_shown_once_with_the_cause_that_follows(
+    after: Event | None, line: str
+) -> None:
+    """A real ArduCopter names the cause in a text 0.1 to 0.4 s after its new mode."""
+    made = service(2)
+    here = replace(made.state.vehicles[1], phase=Phase.AIRBORNE, landed=False, height_m=12.0)
+    made.state = made.state.with_vehicle(here)
+    out = io.StringIO()
+    table = ProgressTable(Terminal(out))
+    for event in (Overridden(1, 3.0, "RTL"), *([after] if after else [])):
+        assert "not by us" not in out.getvalue()
+        made.post(event)
+        table.update(event, made.state, 0)
+    table.end()
+    assert out.getvalue().count("not by us") == 1
+    assert line in out.getvalue()
 
 
 # --- an aircraft that is down, and a map that is whole ----------------------------------------

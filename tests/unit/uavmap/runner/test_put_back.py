@@ -1,0 +1,117 @@
+"""What `uavmap resume` does for aircraft that it does not fly: puts back, names their places."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.events import Airborne, Connected, Tracked
+from missions.units import GridPoint
+from tests.support.field import Field, mission_of
+from uavmap.base.clock import VirtualClock
+from uavmap.base.messages import shown_on
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_options import FlightOptions
+from uavmap.journal.flight_plan import JOURNAL, FlightPlan
+from uavmap.runner import flight, one_flight, put_back
+from uavmap.runner.before_flight import Preflight
+from uavmap.runner.flight_links import Link
+from uavmap.runner.one_flight import Company
+from uavmap.runner.preflight.plan_figures import plan_lines
+from uavmap.runner.preflight.saved_settings import FILE
+from uavmap.ui.cli.flight_options import not_flown
+
+URL = "udpin://127.0.0.1:14550"
+
+
+@pytest.fixture
+def field(monkeypatch: pytest.MonkeyPatch) -> Field:
+    """A simulated vehicle that answers at the URL of a flight, on virtual time."""
+    made = Field(mission_of("ardupilot"))
+
+    @contextlib.asynccontextmanager
+    async def opened(*given: Any) -> AsyncIterator[list[Link]]:
+        made.links = [made._link(vehicle) for vehicle in made.vehicles]
+        async with asyncio.TaskGroup() as tasks:
+            world = tasks.create_task(made.turn())
+            yield made.links
+            world.cancel()
+
+    for module in (one_flight, put_back):
+        monkeypatch.setattr(module, "opened_links", opened)
+        monkeypatch.setattr(module, "ScaledClock", lambda speed: VirtualClock())
+    return made
+
+
+def dry_run(field: Field, folder: Path) -> int:
+    mission = field.setting.mission
+    options = FlightOptions(mission_source="small", urls=(URL,))
+    plan = FlightPlan.make(options, mission, 0.0)
+    company = Company(preflight=Preflight(plan_lines, yes=True, dry_run=True))
+    with shown_on(field.told), pytest.raises(ExceptionGroup) as over:
+        flight.fly(plan, folder, company)
+    return not_flown(over.value)
+
+
+def test_dry_run_whose_settings_stay_is_no_success_and_resume_puts_them_back(
+    field: Field, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A real PX4 kept the mission's fence after two of six dry runs; the remedy did not exist."""
+    folder = tmp_path / "flight"
+    field.put(0, "FENCE_ALT_MAX", 77.0)
+    field.lose = lambda: any("set and read back" in text for text in field.told)
+    assert dry_run(field, folder) == 3
+    assert "what was set is not put back" in capsys.readouterr().err
+    assert f"`uavmap resume {folder}` puts it back" in field.told[-1]
+    assert (folder / JOURNAL).exists()
+    assert field.parameter(0, "FENCE_ALT_MAX") == 25.0
+
+    def resumed() -> int:
+        with shown_on(field.told), pytest.raises(flight.NotFlownError) as over:
+            flight.resume(folder)
+        return not_flown(over.value)
+
+    field.lose = lambda: True  # it is still switched off
+    assert resumed() == 3
+    assert (folder / FILE).exists()
+    field.lose = lambda: False
+    assert resumed() == 0
+    assert field.parameter(0, "FENCE_ALT_MAX") == 77.0
+    assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 0
+    assert not field.vehicles[0].truth.armed
+    assert not (folder / FILE).exists()
+    assert not (folder / JOURNAL).exists()
+
+
+def test_dry_run_that_put_all_back_leaves_no_folder(field: Field, tmp_path: Path) -> None:
+    folder = tmp_path / "flight"
+    before = field.parameter(0, "FENCE_ALT_MAX")
+    assert dry_run(field, folder) == 0
+    assert field.parameter(0, "FENCE_ALT_MAX") == before
+    assert [path.name for path in folder.iterdir()] == ["test-picture-1.png"]
+
+
+def test_resume_that_hears_nothing_names_where_the_aircraft_was_last(
+    field: Field, tmp_path: Path
+) -> None:
+    """A real one hovered where a killed process left it, and nothing was said of the place."""
+    home = GridPoint(0.0, 0.0)
+    plan = FlightPlan.make(
+        FlightOptions(mission_source="small", urls=(URL,)), field.setting.mission, 0.0
+    )
+    with Journal.create(tmp_path / JOURNAL, {"plan": plan.as_json()}) as journal:
+        journal.append(Connected(1, 1.0, home, home, 0.0, False, True, 25.0))
+        journal.append(Airborne(1, 9.0, home=home))
+        journal.append(Tracked(1, 30.0, GridPoint(20.0, 10.0), 12.0, 24.0))
+    field.lose = lambda: True
+    with shown_on(field.told), pytest.raises(ExceptionGroup, match="unhandled"):
+        flight.resume(tmp_path)
+    (line,) = [text for text in field.told if "not heard in this run" in text]
+    place = field.setting.grid.position(GridPoint(20.0, 10.0))
+    assert f"at 30 s of the mission: vehicle 1 near {place.lat_deg:.6f}, " in line
