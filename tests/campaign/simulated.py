@@ -221,10 +221,10 @@ def _judged(
     if not blind and witness.reserve_violations and not _poor(flight):
         found.append(("reserve", f"{witness.reserve_violations} violations"))
     for number, truth in witness.last.items():
-        silent = phases.get(number) in (Phase.LOST, Phase.OFFLINE)
         theirs = truth.mode.name in RETURNS
-        if not truth.landed and not truth.crashed and not silent and not theirs:
-            found.append(("air", f"vehicle {number} is in the air in {truth.mode.name}"))
+        if not truth.landed and not truth.crashed and not theirs:
+            text = f"in {truth.mode.name}, with {truth.energy_wh:.1f} Wh, {phases.get(number)}"
+            found.append(("air", f"vehicle {number} is in the air {text}"))
         told = phases.get(number) in (Phase.DOWN, Phase.LOST, Phase.OFFLINE)
         away = witness.at[number].distance_to(_home(number)) > PAD_M
         # a fall from a quarter of a metre tells itself from a landing by no message
@@ -240,7 +240,5 @@ def _judged(
 
 
 def _poor(flight: Plan) -> bool:
-    """Whether the battery itself is what goes wrong, or nobody can command the vehicle."""
-    return any(kind in ("battery_cell", "battery_sag", "link", "wind_gust", "reject",
-                        "companion_reboot", "motor", "compass", "rc")
-               for kind in flight.kinds)  # fmt: skip
+    """Whether the battery itself is what goes wrong, or the wind: docs/safety.md argues each."""
+    return any(kind in ("battery_cell", "battery_sag", "wind_gust") for kind in flight.kinds)
