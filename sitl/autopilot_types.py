@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from missions.geo.geodesy import LocalPlane
 from sitl.ardupilot.autopilot import Autopilot
+from sitl.body.altimeter import Altimeter
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import Body
@@ -41,7 +42,7 @@ class Kit:
     error: Estimator
     battery: Battery
     plane: LocalPlane
-    amsl_m: float
+    altimeter: Altimeter
     wind: Callable[[], tuple[float, float]]
     seed: tuple[int, ...]
 
@@ -81,11 +82,11 @@ def _ardupilot(kit: Kit) -> Flavour:
     )
     if spec.quirks.camera == "autopilot":
         autopilot.parameters.preset("CAM1_TYPE", 1)
-    telemetry = Telemetry(autopilot, kit.plane, kit.amsl_m, kit.wind)
+    telemetry = Telemetry(autopilot, kit.plane, kit.altimeter, kit.wind, spec.quirks)
     return Flavour(
         aircraft=autopilot,
         telemetry=telemetry,
-        flight=FlightCommands(autopilot, kit.plane, kit.amsl_m),
+        flight=FlightCommands(autopilot, kit.plane, kit.altimeter),
         interpreter=lambda commands, streams: Interpreter(
             spec.system_id, autopilot, commands, streams, telemetry
         ),
@@ -103,14 +104,14 @@ def _px4(kit: Kit) -> Flavour:
         ready_after_s=spec.ready_after_s,
         max_speed_m_s=spec.max_speed_m_s,
         max_accel_m_s2=spec.max_accel_m_s2,
-        quirks=spec.quirks,
+        stick=spec.quirks.stick,
         correction=HomeCorrection((*kit.seed, _HOME_SEED), spec.quirks.home_moves_m),
     )
-    telemetry = Px4Telemetry(autopilot, kit.plane, kit.amsl_m, kit.wind)
+    telemetry = Px4Telemetry(autopilot, kit.plane, kit.altimeter, kit.wind, spec.quirks)
     return Flavour(
         aircraft=autopilot,
         telemetry=telemetry,
-        flight=Px4Commands(autopilot, kit.plane, kit.amsl_m),
+        flight=Px4Commands(autopilot, kit.plane, kit.altimeter),
         interpreter=lambda commands, streams: Px4Interpreter(
             spec.system_id, autopilot, commands, streams, telemetry
         ),

@@ -6,6 +6,7 @@ What it decides is a subclass's: `sitl.ardupilot.autopilot` is an ArduCopter,
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
@@ -25,6 +26,7 @@ from sitl.copter.tuning import Tuning
 
 _PREARM_SHARE = 0.8  # of the time to readiness: the prearm bit goes true before the position
 _HOME_SHARE = 0.5
+_BOUNCE_M_S, _BOUNCE_S = 2.5, 0.7  # of one that lies there, its motors turning
 
 SEVERITY_CRITICAL, SEVERITY_INFO = 2, 6
 
@@ -218,6 +220,8 @@ class Aircraft(Motion, ABC):
         now.up = body.up + error.up
         now.v_east, now.v_north = body.v_east + error.v_east, body.v_north + error.v_north
         now.v_up = body.v_up + error.v_up
+        if body.crashed and body.motors_on:
+            now.v_up += _BOUNCE_M_S * math.sin(math.tau * self.t_s / _BOUNCE_S)
 
     @abstractmethod
     def _watch_failsafes(self) -> None:

@@ -49,12 +49,14 @@ class Motion:
         self.tuning = tuning
         self.t_s = 0.0
         self.phase = Phase.LANDED
-        self.estimate = Estimate(body.east, body.north)
-        self.home: Place = (body.east, body.north, 0.0)
+        self.estimate = Estimate(body.east, body.north, body.up)
+        self.home: Place = (body.east, body.north, body.up)
         self.rally: tuple[Place, ...] = ()
+        self.rally_unknown: frozenset[Place] = frozenset()
+        """Rally points in a frame that a return does not know."""
         self.target: Place | None = None
         self.stream: Setpoint | None = None
-        self.hold: Place = (body.east, body.north, 0.0)
+        self.hold: Place = self.home
         self.radio_lost = False  # set by a fault
         self._stick = stick
         self._airframe = (max_speed_m_s, max_accel_m_s2)
@@ -202,7 +204,8 @@ class Motion:
             if self.t_s - self._since_s < _SPOOL_S:
                 return False
             self._enter(_CLIMB)
-        self._contact_s = self._contact_s + dt_s if self.body.on_ground else 0.0
+        stands = self.body.on_ground and not self.body.crashed  # who lies there never has landed
+        self._contact_s = self._contact_s + dt_s if stands else 0.0
         if self._contact_s >= _CONTACT_S and self.phase is not _CLIMB:
             self._enter(_LANDED)
             self._control.reset()

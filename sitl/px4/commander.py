@@ -20,7 +20,6 @@ from sitl.px4.aiding import Ekf2Aiding
 from sitl.px4.failsafes import Px4Failsafes, Setpoints
 from sitl.px4.modes import BY_HAND, LEVEL, UNARMABLE, Px4Mode
 from sitl.px4.params import TABLE, Px4Tuning
-from sitl.quirks import Quirks
 
 
 class Px4Fence(Fence):
@@ -103,7 +102,7 @@ class Commander(Aircraft):
         max_speed_m_s: float,
         max_accel_m_s2: float,
         correction: HomeCorrection,
-        quirks: Quirks,
+        stick: bool,
     ) -> None:
         parameters = Parameters(TABLE)
         aiding = Ekf2Aiding(body, error, parameters)
@@ -119,7 +118,7 @@ class Commander(Aircraft):
             ready_after_s=ready_after_s,
             max_speed_m_s=max_speed_m_s,
             max_accel_m_s2=max_accel_m_s2,
-            stick=quirks.stick,
+            stick=stick,
         )
         parameters.preset("BAT1_CAPACITY", battery.capacity_mah)
         parameters.preset("MAV_SYS_ID", system_id)
@@ -128,13 +127,14 @@ class Commander(Aircraft):
         self.sources = aiding
         self.setpoints = Setpoints()
         self.correction = correction
-        self._arms_in_offboard = quirks.arms_in_offboard
         self._flies_since_s: float | None = None
         self._home_up = 0.0  # of home when it took off
         self._after_disarming = Px4Mode.HOLD
         self._take_off_to: Wish = (None, None, None)  # asked for with NAV_TAKEOFF
         self._has_flown = False  # since it was armed
         self._climbs_first = False  # a mission that does not begin with a take-off
+        self._hangs = False  # its return has nowhere to go
+        self._complains_s = 0.0
 
     # --- what it knows of itself ---------------------------------------------------------------
 
@@ -178,8 +178,7 @@ class Commander(Aircraft):
             return "Preflight Fail: No connection to the ground control station"
         if self.battery.empty or self.failsafes.charge_state >= CHARGE_CRITICAL:
             return "Preflight Fail: low battery"
-        streamless = self.mode == Px4Mode.OFFBOARD and not self.setpoints.fresh(self.t_s)
-        if streamless and not self._arms_in_offboard:
+        if self.mode == Px4Mode.OFFBOARD and not self.setpoints.fresh(self.t_s):
             return "Preflight Fail: no offboard signal"
         now = self.estimate
         here = (now.east, now.north, now.up)

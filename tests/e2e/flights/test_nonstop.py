@@ -27,6 +27,7 @@ from tests.e2e.rig import (
     ended,
     environment,
     events,
+    kinder,
     mission,
     roi_cells,
     simulator,
@@ -245,12 +246,9 @@ def test_a_px4_returns_when_its_stream_ends_and_flies_again(
 ) -> None:
     """Without setpoints it leaves OFFBOARD by a failsafe; if it is still in the air when the
     service is back, that is left to it, and the next resume sends it out."""
-    folder, stickless = tmp_path / "out", tmp_path / "stickless"
-    text = Path(mission("speck")).read_text(encoding="utf-8")
-    stickless.with_suffix(".toml").write_text(
-        f"{text}\n[sim.quirks]\nstick = false\narms_in_offboard = true\n"
-    )
-    with simulator(str(stickless), speedup=STREAMED, autopilot="px4") as urls:
+    folder = tmp_path / "out"
+    stickless = kinder("speck", tmp_path, stick=False)
+    with simulator(stickless, speedup=STREAMED, autopilot="px4") as urls:
         stopped_on_a_path("speck", urls, folder, signal.SIGKILL, STREAMED, 10)
         before = bodies(folder)
         done = uavmap("resume", folder, "--json")

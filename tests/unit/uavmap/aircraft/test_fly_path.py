@@ -158,7 +158,8 @@ async def test_a_link_that_loses_every_fifth_setpoint_does_little_harm(
         errors.append(where(flight).distance_to(plan.at(flight.now_s()).place))
     await flight.sees(Arrived, within_s=12.0)
     assert not flight.seen(OrderFailed)
-    assert max(errors) < 1.5
+    # a real PX4 was 4 m behind in the first seconds of a path
+    assert max(errors) < (3.0 if autopilot == "px4" else 1.5)
 
 
 @by(fly)
