@@ -293,7 +293,8 @@ def _judged(
         found.append(("taken", f"vehicle {pilot.vehicle} is taken {pilot.taken}"))
     if not blind and witness.fence_breaches:
         found.append(("breach", f"{witness.fence_breaches} breaches"))
-    if not blind and witness.reserve_violations and not _poor(flight):
+    # what fell, as a silent one does in the end, has not landed
+    if not blind and witness.reserve_violations > witness.crashes and not _poor(flight):
         found.append(("reserve", f"{witness.reserve_violations} violations"))
     for number, truth in witness.last.items():
         theirs = truth.mode.name in RETURNS
