@@ -14,6 +14,7 @@ from typing import Final
 from missions.events import Told
 from missions.flight.operator_orders import UNTOLD
 from uavmap.aircraft.reporter import Reporter
+from uavmap.mavlink.px4_events import CAUSELESS, DUE
 from uavmap.mavlink.status_texts import Text
 from uavmap.mavlink.vehicle_view import VehicleView
 
@@ -53,6 +54,10 @@ def failsafe_of(words: Iterable[str]) -> str | None:
     ('fence breached', None)
     """
     told = [text for text in words if text and not _OVER.search(text)]
+    if due := [text for text in told if text.startswith(DUE)]:
+        told = due  # the autopilot's own word counts before what others may mean
+    elif any(text.startswith(CAUSELESS) for text in told):
+        told = [text for text in told if not text.startswith("Preflight Fail")]
     for name, pattern in _NAMES:
         found = [text for text in told if pattern.search(text)]
         if not found:

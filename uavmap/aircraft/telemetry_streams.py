@@ -31,6 +31,8 @@ class Streams:
         """How often the vehicle had restarted when they were asked for."""
         self._asked_s = 0.0
         self._tried: dict[int, int] = {}
+        self._refused: set[int] = set()
+        """Streams that the autopilot does not have, or sends as it likes."""
 
     async def ask(self, hears: Callable[[], bool]) -> None:
         """Ask for every stream until it is acknowledged, for as long as the vehicle is heard.
@@ -46,6 +48,7 @@ class Streams:
                     await self._session.message_interval(message_id, rate_hz)
                     break
                 except CommandRefusedError:
+                    self._refused.add(message_id)
                     break
                 except LinkError as error:
                     waited_s = asyncio.get_running_loop().time() - begin_s
@@ -67,7 +70,8 @@ class Streams:
         Over a link that loses much, asking for everything anew would take a minute.
         """
         return self._view.gate.clock.reboots == self._reboots and all(
-            self._silent_s(message_id) < SILENT_S for message_id in self._rates
+            self._silent_s(message_id) < SILENT_S
+            for message_id in self._rates.keys() - self._refused
         )
 
     def keep(self) -> None:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from uavmap.mavlink.dialect import CURRENT_MODE
+
 _STREAMS: Final = {
+    # an ArduPilot sends one at every change of mode besides; a PX4 sends one a second whatever it
+    # is asked for, and its mode in CURRENT_MODE
+    mav.MAVLINK_MSG_ID_HEARTBEAT: 5.0,
     mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 10.0,
     mav.MAVLINK_MSG_ID_BATTERY_STATUS: 2.0,
     mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 2.0,
@@ -53,6 +58,8 @@ class Autopilot:
     """The mode in which a stream of setpoints is followed."""
     stream_params: tuple[float, ...]
     """Of MAV_CMD_DO_SET_MODE for it."""
+    failsafe_names: Mapping[int, str] = field(default_factory=dict)
+    """Names of modes that mean something else while a failsafe flies."""
     heard_as: int = mav.MAV_TYPE_ONBOARD_CONTROLLER
     """What our heartbeat says that we are: a PX4 tells its texts to ground stations only."""
     fence_by_command: bool = False
@@ -130,7 +137,7 @@ PX4: Final = Autopilot(
         _OFFBOARD: "OFFBOARD", _px4(7): "STABILIZED", _TAKEOFF: "TAKEOFF", _HOLD: "HOLD",
         _MISSION: "MISSION", _px4(4, 5): "RTL", _px4(4, 6): "LAND",
     },
-    streams={**_STREAMS, mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 1.0},
+    streams={**_STREAMS, mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 1.0, CURRENT_MODE: 5.0},
     follow_params=(mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 4, 3),
     amsl=True,
     unused_param=math.nan,
@@ -142,6 +149,8 @@ PX4: Final = Autopilot(
     places_lead_s=2.4,
     stream_mode=_OFFBOARD,
     stream_params=(mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 6),
+    # it comes down without a position, and calls that ALTITUDE
+    failsafe_names={_px4(2): "DESCEND"},
     heard_as=mav.MAV_TYPE_GCS,
     integers_bytewise=True,
     rests_constant=True,

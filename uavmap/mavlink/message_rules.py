@@ -16,6 +16,8 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from uavmap.mavlink import dialect as _dialect  # noqa: F401 - the parser needs its messages
+
 Message = Any  # pymavlink carries no types
 
 
@@ -99,6 +101,14 @@ def _heartbeat(message: Message) -> str | None:
     return None
 
 
+def _current_mode(message: Message) -> str | None:
+    """A PX4 sends main modes and sub-modes, an ArduPilot numbers."""
+    modes = message.custom_mode, message.intended_custom_mode
+    if any(mode > _ARDUPILOT_MODES and mode & 0xFFFF for mode in modes):
+        return "no such mode"
+    return None
+
+
 def _place(message: Message) -> str | None:
     return NO_FIX if message.lat == message.lon == 0 else None
 
@@ -129,6 +139,8 @@ def _height(field: str) -> Limit:
 
 RULES: Final[Mapping[str, Rule]] = {
     "HEARTBEAT": Rule(Sender.ANY, (Limit("system_status", 0, 8),), _heartbeat),
+    "CURRENT_MODE": Rule(Sender.AUTOPILOT, check=_current_mode),
+    "EVENT": Rule(Sender.AUTOPILOT),
     "GLOBAL_POSITION_INT": Rule(
         Sender.AUTOPILOT,
         (

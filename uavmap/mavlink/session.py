@@ -15,9 +15,9 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
-from uavmap.mavlink.links.framing import Losses, sender_of
+from uavmap.mavlink.links.framing import Losses
 from uavmap.mavlink.links.signing import Signing
-from uavmap.mavlink.status_texts import EVENT_ID, event_text
+from uavmap.mavlink.px4_events import event_text
 from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.mavlink.view_updates import update
 
@@ -30,8 +30,6 @@ ACK_TRIES: Final = 5
 GROUND_SYSTEM_ID: Final = 245
 """Our own system id: this process flies several vehicles, so it is none of them."""
 
-_EVENT: Final = f"UNKNOWN_{EVENT_ID}"
-"""What the parser calls a message that its dialect does not know."""
 _READ_BYTES_KEPT: Final = 4096
 _MAY_PASS = (mav.MAV_RESULT_TEMPORARILY_REJECTED,)
 _RESULTS: dict[str, int] = {
@@ -105,7 +103,8 @@ class Session:
             if self.signing is not None and not self._signed(message):
                 continue
             self._record(bytes(message.get_msgbuf()))
-            self._overhear(message, now_s)
+            if message.get_srcSystem() == GROUND_SYSTEM_ID:
+                self._look_for_rival(message, now_s)
             ours = self._take(message, now_s) or ours
         if self.view.system_id:
             self.tap(data)
@@ -121,23 +120,21 @@ class Session:
             self.heard_s[message.get_msgId()] = now_s
         if message.get_type() == "COMMAND_ACK":
             self._take_ack(message)
+        elif message.get_type() == "EVENT":
+            self._hear_event(message)
         for listener in self._listeners:
             listener(message)
         return True
 
-    def _overhear(self, message: Message, now_s: float) -> None:
-        """Take note of what is not for the view: events of a PX4, others like us."""
-        if message.get_type() == _EVENT:
-            self._hear_event(message)
-        elif message.get_srcSystem() == GROUND_SYSTEM_ID:
-            self._look_for_rival(message, now_s)
-
     def _hear_event(self, message: Message) -> None:
-        """An event of the autopilot; as a ground station we are told texts, which say more."""
-        frame = bytes(message.get_msgbuf())
-        ours = sender_of(frame) == (self.view.system_id, self.view.autopilot_component)
-        if self.onboard and ours and (text := event_text(frame)):
-            self.view.hear(text)
+        """Report an event of a PX4 in flight: the cause of a failsafe is in nothing else.
+
+        A ground station is sent texts of all else; on board events are all that comes.
+        """
+        if not (self.onboard or self.view.armed):
+            return
+        if (text := event_text(message, numbered=self.onboard)) is not None:
+            self.view.hear_text(text, asyncio.get_running_loop().time())
 
     def has_rival(self) -> bool:
         """Whether another process of ours was heard to speak to this vehicle."""
@@ -176,7 +173,7 @@ class Session:
             if message.get_type() == "BAD_DATA":
                 continue
             self.losses.take(message)
-            if message.get_msgId() in mav.mavlink_map or message.get_type() == _EVENT:
+            if message.get_msgId() in mav.mavlink_map:
                 yield message
         # the parser lets go of what it has read only when it has read all of it
         if codec.buf_index > _READ_BYTES_KEPT:

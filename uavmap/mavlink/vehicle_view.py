@@ -156,6 +156,12 @@ class VehicleView:
     chunks: Texts = field(default_factory=Texts)
     """Texts that are not yet complete."""
 
+    def hear_text(self, text: Text, now_s: float) -> None:
+        """Keep a text of the vehicle, and pass it on."""
+        self.texts.append((now_s, text.words))
+        self.texts_heard += 1
+        self.hear(text)
+
     def corrected(self, told: LatLon) -> LatLon:
         """The place that the vehicle means where it tells one of its own."""
         if self.off_deg == (0.0, 0.0):
@@ -269,7 +275,10 @@ class VehicleView:
         """The mode in the autopilot's words."""
         if self.mode is None:
             return "unknown"
-        name = self.kind.mode_names.get(self.mode, f"mode {self.mode}")
+        names = self.kind.mode_names
+        if self.failsafe:
+            names = {**names, **self.kind.failsafe_names}
+        name = names.get(self.mode, f"mode {self.mode}")
         return f"{name} by a failsafe" if self.failsafe else name
 
     def remaining_wh(self, capacity_wh: float) -> float | None:

@@ -99,6 +99,13 @@ def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int
     _spoken(view, view.chunks.late(now_s), now_s)
 
 
+def _current_mode(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    """The mode between heartbeats. An armed PX4 in another than was asked for is in a failsafe."""
+    view.mode = message.custom_mode
+    if view.kind.tells_failsafe and message.intended_custom_mode:
+        view.failsafe = view.armed and message.intended_custom_mode != view.mode
+
+
 def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:
     """One camera takes the pictures; a second does not take its place while it speaks."""
     if component != view.camera_component:
@@ -198,13 +205,12 @@ def _text(view: VehicleView, message: Message, now_s: float, component: int) -> 
 
 def _spoken(view: VehicleView, texts: list[Text], now_s: float) -> None:
     for text in texts:
-        view.texts.append((now_s, text.words))
-        view.texts_heard += 1
-        view.hear(text)
+        view.hear_text(text, now_s)
 
 
 _HANDLERS: Final = {
     "HEARTBEAT": _heartbeat,
+    "CURRENT_MODE": _current_mode,
     "GLOBAL_POSITION_INT": _position,
     "HOME_POSITION": _home,
     "SYS_STATUS": _sys_status,

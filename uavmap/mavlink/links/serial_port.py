@@ -13,6 +13,8 @@ import serial
 REOPEN_S: Final = 1.0
 MOST_UNSENT: Final = 1 << 14
 """Bytes that wait for the port, three seconds of it at 57600 baud; what is more is lost."""
+_MOST_READS: Final = 64
+"""Reads in one turn of the loop, until the port is empty."""
 
 
 class SerialPort:
@@ -69,12 +71,14 @@ class SerialPort:
                 port.close()
 
     def _read(self) -> None:
-        try:
-            data = self._port.read(4096) if self._port is not None else b""
-        except (serial.SerialException, OSError):  # unplugged
-            self._lost()
-            return
-        if data:
+        for _ in range(_MOST_READS):
+            try:
+                data = self._port.read(4096) if self._port is not None else b""
+            except (serial.SerialException, OSError):  # unplugged
+                self._lost()
+                return
+            if not data:
+                return
             self._on_bytes(data)
 
     def _write(self) -> None:

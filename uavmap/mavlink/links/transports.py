@@ -25,11 +25,15 @@ MOST_STRANGERS: Final = 16
 """How many strangers a link names; of more it says nothing."""
 MOST_UNSENT: Final = 1 << 18
 """Bytes that wait for a TCP peer to read; what is more is lost, as on any other link."""
+MOST_AT_ONCE: Final = 1000
+"""Datagrams that are read in one turn of the loop: a flood must not stop everything else."""
 _KEEPALIVE_S: Final = 5
+_DATAGRAM_BYTES: Final = 65_535
 
 OnBytes = Callable[[bytes], bool]
 """Takes what was heard; whether our vehicle spoke in it."""
 Say = Callable[[str], None]
+_Address = tuple[str, int]
 
 
 class Transport(Protocol):
@@ -99,19 +103,24 @@ async def open_shared(
             yield dict.fromkeys(on_bytes, one)
         return
     strangers = _Strangers(endpoint, say)
-    each = {system: _Udp(heard, strangers, None) for system, heard in on_bytes.items()}
-    loop = asyncio.get_running_loop()
     try:
-        transport, _ = await loop.create_datagram_endpoint(
-            lambda: _SharedUdp(each, strangers), local_addr=(endpoint.host, endpoint.port)
-        )
+        shared = _UdpSocket(await _bound(endpoint.host, endpoint.port))
     except OSError as error:
         raise LinkError(f"{endpoint.url} cannot be opened: {error}") from None
+    each = {system: _Udp(shared, heard, strangers, None) for system, heard in on_bytes.items()}
+
+    def hear(data: bytes, address: _Address) -> None:
+        for system, group in _grouped(Splitter().feed(data)).items():
+            if (udp := each.get(system)) is not None:
+                udp.hear(group, address)
+            else:
+                strangers.tell((f"system {system}", None), _NOT_FLOWN)
+
+    shared.deliver_to(hear)
     try:
         yield each
     finally:
-        transport.close()
-        await asyncio.sleep(0)
+        shared.close()
 
 
 def _by_system(
@@ -142,25 +151,6 @@ def _grouped(frames: list[bytes]) -> dict[int, bytes]:
     return groups
 
 
-class _SharedUdp(asyncio.DatagramProtocol):
-    """A listening UDP socket with several vehicles, each with an address of its own or not."""
-
-    def __init__(self, each: Mapping[int, _Udp], strangers: _Strangers) -> None:
-        self._each = each
-        self._strangers = strangers
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        for udp in self._each.values():
-            udp.connection_made(transport)
-
-    def datagram_received(self, data: bytes, addr: Any) -> None:
-        for system, group in _grouped(Splitter().feed(data)).items():
-            if (udp := self._each.get(system)) is not None:
-                udp.datagram_received(group, addr)
-            else:
-                self._strangers.tell((f"system {system}", None), _NOT_FLOWN)
-
-
 _Opened = tuple[Transport, Callable[[], None]]
 
 
@@ -189,22 +179,72 @@ def _place(address: Any) -> str:
     return host if port is None else f"{host} port {port}"
 
 
-class _Udp(asyncio.DatagramProtocol):
-    """A UDP socket. With a named peer it hears that one and nobody else.
+async def _bound(host: str, port: int, family: int = 0) -> socket.socket:
+    """A UDP socket of an address of this machine. Raises `OSError`."""
+    found = await asyncio.get_running_loop().getaddrinfo(
+        host, port, family=family, type=socket.SOCK_DGRAM
+    )
+    kind, _, _, _, address = found[0]
+    made = socket.socket(kind, socket.SOCK_DGRAM)
+    try:
+        made.setblocking(False)
+        made.bind(address)
+    except OSError:
+        made.close()
+        raise
+    return made
+
+
+class _UdpSocket:
+    """A UDP socket that is read until it is empty.
+
+    asyncio takes one datagram a turn of its loop: after a long turn, or several, telemetry of
+    seconds ago would be read as if it were of now.
+    """
+
+    def __init__(self, made: socket.socket) -> None:
+        self._socket = made
+        self._loop = asyncio.get_running_loop()
+
+    def deliver_to(self, hear: Callable[[bytes, _Address], None]) -> None:
+        """Begin to read."""
+        self._loop.add_reader(self._socket.fileno(), self._read, hear)
+
+    def _read(self, hear: Callable[[bytes, _Address], None]) -> None:
+        for _ in range(MOST_AT_ONCE):
+            try:
+                data, address = self._socket.recvfrom(_DATAGRAM_BYTES)
+            except OSError:  # it is empty, or closed
+                return
+            hear(data, (str(address[0]), int(address[1])))
+
+    def send(self, data: bytes, address: _Address) -> None:
+        """Send a datagram; one that the system does not take is lost, as on its way."""
+        with contextlib.suppress(OSError):
+            self._socket.sendto(data, address)
+
+    def close(self) -> None:
+        if self._socket.fileno() >= 0:
+            self._loop.remove_reader(self._socket.fileno())
+            self._socket.close()
+
+
+class _Udp:
+    """A UDP link. With a named peer it hears that one and nobody else.
 
     A listening one keeps to the address from which it first heard the vehicle. Only after a long
     silence does it hear others, and it follows the vehicle to where that speaks from then.
     """
 
     def __init__(
-        self, on_bytes: OnBytes, strangers: _Strangers, named: tuple[str, int] | None
+        self, socket: _UdpSocket, on_bytes: OnBytes, strangers: _Strangers, named: _Address | None
     ) -> None:
+        self._socket = socket
         self._on_bytes = on_bytes
         self._strangers = strangers
         self._named = named is not None
-        self._peer: tuple[str, int] | None = named
+        self._peer: _Address | None = named
         self._heard_s = float("-inf")
-        self._transport: asyncio.DatagramTransport | None = None
 
     @property
     def peer_host(self) -> str | None:
@@ -212,13 +252,10 @@ class _Udp(asyncio.DatagramProtocol):
 
     @property
     def way(self) -> Hashable:
-        return (id(self._transport), self._peer)
+        return (id(self._socket), self._peer)
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        self._transport = cast(asyncio.DatagramTransport, transport)
-
-    def datagram_received(self, data: bytes, addr: Any) -> None:
-        address = (str(addr[0]), int(addr[1]))  # an IPv6 one has two numbers more
+    def hear(self, data: bytes, address: _Address) -> None:
+        """A datagram came from an address."""
         if address == self._peer:
             if self._on_bytes(data):
                 self._heard_s = time.monotonic()
@@ -233,26 +270,22 @@ class _Udp(asyncio.DatagramProtocol):
             self._peer, self._heard_s = address, time.monotonic()
 
     def send(self, data: bytes) -> None:
-        transport = self._transport
-        if transport is not None and self._peer is not None and not transport.is_closing():
-            transport.sendto(data, self._peer)
+        if self._peer is not None:
+            self._socket.send(data, self._peer)
 
 
 async def _open_udp(endpoint: Endpoint, on_bytes: OnBytes, strangers: _Strangers) -> _Opened:
-    loop = asyncio.get_running_loop()
-    address = (endpoint.host, endpoint.port)
     if endpoint.transport == "udpin":
-        transport, udp = await loop.create_datagram_endpoint(
-            lambda: _Udp(on_bytes, strangers, None), local_addr=address
-        )
+        named, made = None, await _bound(endpoint.host, endpoint.port)
     else:
-        family, _, _, _, peer = (await loop.getaddrinfo(*address))[0]
-        wildcard = ("::" if len(peer) == 4 else "0.0.0.0", 0)
+        found = await asyncio.get_running_loop().getaddrinfo(endpoint.host, endpoint.port)
+        family, _, _, _, peer = found[0]
         named = (str(peer[0]), int(peer[1]))
-        transport, udp = await loop.create_datagram_endpoint(
-            lambda: _Udp(on_bytes, strangers, named), local_addr=wildcard, family=family
-        )
-    return udp, transport.close
+        made = await _bound("::" if len(peer) == 4 else "0.0.0.0", 0, family)
+    opened = _UdpSocket(made)
+    udp = _Udp(opened, on_bytes, strangers, named)
+    opened.deliver_to(udp.hear)
+    return udp, opened.close
 
 
 class _Tcp:

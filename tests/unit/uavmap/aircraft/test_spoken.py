@@ -15,7 +15,9 @@ from tests.support.flights import Flight, fly
 from tests.support.mavlink_peer import Peer, heartbeat
 from tests.support.running import by, on_virtual_time
 from uavmap.aircraft.autopilot_texts import BURST, MOST_TOLD, failsafe_of, may_be_a_failsafe
-from uavmap.mavlink.status_texts import LATE_S, MOST_OPEN, Texts, event_text, number_of
+from uavmap.mavlink.dialect import CurrentModeMessage, EventMessage
+from uavmap.mavlink.px4_events import number_of
+from uavmap.mavlink.status_texts import LATE_S, MOST_OPEN, Texts
 
 CRITICAL, WARNING, INFO, DEBUG = (
     mav.MAV_SEVERITY_CRITICAL, mav.MAV_SEVERITY_WARNING, mav.MAV_SEVERITY_INFO,
@@ -209,11 +211,12 @@ async def test_a_px4_takes_us_for_a_ground_station(
     assert [message.type for _, message in peer.heard] == [type_]
 
 
-def event_frame(number: int, levels: int, *, garbled: bool = False) -> bytes:
-    payload = struct.pack("<IIHBBB", number, 1234, 7, 0, 0, levels) + b"\x05\x01"
-    head = bytes([len(payload), 0, 0, 3, 1, 1]) + (410).to_bytes(3, "little")
-    crc = mav.x25crc(head + payload + bytes([160])).crc ^ garbled
-    return b"\xfd" + head + payload + crc.to_bytes(2, "little")
+OFFBOARD, HOLD, RTL, ALTITUDE = 6 << 16, 4 << 16 | 3 << 24, 4 << 16 | 5 << 24, 2 << 16
+
+
+def event(name: str, arguments: bytes = b"", levels: int = 0x42) -> Any:
+    number = 1 << 24 | number_of(name)
+    return EventMessage(number, 1234, 7, 0, 0, levels, list(arguments.ljust(40, b"\0")))
 
 
 @pytest.mark.parametrize(("onboard", "garbled"), [(True, False), (True, True), (False, False)])
@@ -221,20 +224,80 @@ def event_frame(number: int, levels: int, *, garbled: bool = False) -> bytes:
 async def test_an_event_is_told_by_its_number_where_no_text_comes(
     onboard: bool, garbled: bool
 ) -> None:
-    peer, heard = Peer(), []
+    peer, heard = Peer(), list[Any]()
     peer.session.onboard = onboard
     peer.session.view.hear = heard.append
-    peer.session.feed(peer.frame(heartbeat()))
-    peer.session.feed(event_frame(0x01ABCDEF, 0x42, garbled=garbled))
-    peer.session.feed(peer.frame(heartbeat()))
-    found = [(text.severity, text.words[:17]) for text in heard]
-    assert found == ([(CRITICAL, "event 0x01abcdef:")] if onboard and not garbled else [])
+    peer.session.feed(peer.frame(px4(armed=True)))
+    frame = bytearray(peer.frame(event("commander_other")))
+    frame[-1] ^= garbled
+    peer.session.feed(bytes(frame))
+    peer.session.feed(peer.frame(px4()))
+    found = [(text.severity, text.words[:6]) for text in heard]
+    assert found == ([(CRITICAL, "event ")] if onboard and not garbled else [])
     assert peer.session.view.system_id == 1
 
 
-def test_the_events_of_failsafes_have_words() -> None:
-    number = 1 << 24 | number_of("commander_failsafe_enter_low_bat")
-    text = event_text(event_frame(number, 0x44))
-    assert text is not None
-    assert text.words == f"event {number:#010x}: Low battery level, return advised"
-    assert (failsafe_of([text.words]) or "").startswith("battery failsafe: ")
+def px4(mode: int = OFFBOARD, *, armed: bool = True, failsafe: bool = False) -> Any:
+    beat = heartbeat(mode, armed=armed, autopilot=mav.MAV_AUTOPILOT_PX4)
+    beat.system_status = mav.MAV_STATE_CRITICAL if failsafe else mav.MAV_STATE_ACTIVE
+    return beat
+
+
+ENTER = "commander_failsafe_enter"
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "words", "cause"),
+    [
+        (ENTER, struct.pack("<IBB", OFFBOARD, 6, 2),
+         "Failsafe activated due to ground station connection lost, triggering RTL",
+         "ground station failsafe"),
+        (ENTER, struct.pack("<IBB", OFFBOARD, 6, 1),
+         "Failsafe activated due to manual control lost, triggering RTL", "radio failsafe"),
+        (f"{ENTER}_hold", struct.pack("<IBHB", HOLD, 7, 5, 4),
+         "Failsafe activated due to critical battery level, triggering LAND in 5 s",
+         "battery failsafe"),
+        (f"{ENTER}_generic", struct.pack("<IB", OFFBOARD, 8),
+         "Failsafe activated in OFFBOARD, triggering DESCEND", "failsafe"),
+        (f"{ENTER}_generic_hold", struct.pack("<IBH", HOLD, 6, 5),
+         "Failsafe activated in HOLD, triggering RTL in 5 s", "failsafe"),
+        (f"{ENTER}_low_bat", b"", "Low battery level, return advised", "battery failsafe"),
+        ("check_gf_violation_max_alt", b"\xff\x01", "Geofence violation: too high above home",
+         "fence breached"),
+    ],
+)  # fmt: skip
+@by(on_virtual_time)
+async def test_event_of_failsafe_names_its_cause_on_every_link(
+    name: str, arguments: bytes, words: str, cause: str
+) -> None:
+    """A real PX4's text is "Failsafe activated" for all; "battery failsafe: Preflight Fail: Battery
+    unhealthy" was guessed, and wrong: the cause is an argument of its EVENT.
+    """
+    peer = Peer()
+    peer.session.feed(peer.frame(px4()))
+    peer.session.feed(peer.frame(statustext(b"Preflight Fail: Battery unhealthy", CRITICAL)))
+    peer.session.feed(peer.frame(event(name, arguments)))
+    peer.session.feed(peer.frame(statustext(b"Failsafe activated", CRITICAL)))
+    said = peer.session.view.words_since(0.0)
+    assert words in said
+    if name.startswith(ENTER) and arguments:
+        assert (failsafe_of(said) or "") == f"{cause}: {words}"
+
+
+@by(on_virtual_time)
+async def test_current_mode_shows_mode_and_failsafe_between_heartbeats() -> None:
+    """A real PX4 was in RTL by a failsafe for 1.0 s, then in OFFBOARD again by itself: heartbeats
+    at 1 Hz showed neither.
+    """
+    peer = Peer()
+    view = peer.session.view
+    peer.session.feed(peer.frame(px4()))
+    for mode, words in ((RTL, "RTL by a failsafe"), (OFFBOARD, "OFFBOARD"),
+                        (ALTITUDE, "DESCEND by a failsafe")):  # fmt: skip
+        peer.session.feed(peer.frame(CurrentModeMessage(mode, OFFBOARD, 0)))
+        assert view.mode_name == words
+    peer.session.feed(peer.frame(CurrentModeMessage(ALTITUDE, ALTITUDE, 0)))
+    assert view.mode_name == "ALTITUDE"
+    peer.session.feed(peer.frame(CurrentModeMessage(77_777, OFFBOARD, 0)))
+    peer.session.feed(peer.frame(CurrentModeMessage(RTL, OFFBOARD, 0), component=100))
+    assert view.mode_name == "ALTITUDE"
