@@ -25,6 +25,7 @@ def test_the_installation_needs_no_vehicle(tmp_path: Path) -> None:
     found = {finding["what"]: finding for finding in done.summary["findings"]}
     assert done.summary["could_fly"]
     assert {"Python", "packages", "planning", "disk", "picture formats"} <= set(found)
+    assert "ms late at worst" in found["event loop"]["found"]
     assert all(finding["vehicle"] is None for finding in found.values())
 
 
@@ -32,7 +33,9 @@ def test_a_vehicle_is_looked_at_for_a_mission(urls: list[str], tmp_path: Path) -
     connect = [*arguments_of(urls[:1]), "--speedup", SPEEDUP]
     done = uavmap("doctor", mission("speck"), *connect, "--out", tmp_path, "--json")
     assert done.code == 0, f"{done.err}{done.out}"
-    levels = {f["what"]: f["level"] for f in done.summary["findings"] if f["vehicle"] == 1}
+    findings = done.summary["findings"]
+    assert "ms to judge one" in next(f["found"] for f in findings if f["what"] == "frames")
+    levels = {f["what"]: f["level"] for f in findings if f["vehicle"] == 1}
     assert levels["GPS"] == levels["camera"] == levels["NAV_RCL_ACT"] == "ok"
     assert levels["COM_LOW_BAT_ACT"] == "warn"
     assert cv2.imread(str(tmp_path / "test-picture-1.png")).shape == (240, 320, 3)

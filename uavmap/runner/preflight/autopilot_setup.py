@@ -65,6 +65,8 @@ class AutopilotSetup:
         self._kept = Kept(folder)
         self._parameters = Parameters(session)
         self._transfer = MissionTransfer(session)
+        self._unnamed = False
+        """Whether it has told no number of its hardware."""
 
     # --- as it is -----------------------------------------------------------------------------
     async def look(self) -> tuple[Before, list[Finding]]:
@@ -167,17 +169,19 @@ class AutopilotSetup:
     async def _aircraft(self) -> str:
         """Which aircraft it is: its hardware's number, and its number in the mission without one.
 
-        With its system id, for simulators that run side by side share the first.
+        With its system id, for simulators that run side by side share the first. One that did not
+        answer in time keeps its number in the mission.
         """
         view, session = self._view, self._session
         for _ in range(IDENTITY_TRIES):
-            if view.identity is not None:
+            if view.identity is not None or self._unnamed:
                 break
             session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
             await session.until(
                 lambda: view.identity is not None, max(IDENTITY_S, session.ack_wait_s)
             )
-        return f"{view.uid} {view.system_id}" if view.uid else f"vehicle {self._number}"
+        self._unnamed = self._unnamed or not view.uid
+        return f"vehicle {self._number}" if self._unnamed else f"{view.uid} {view.system_id}"
 
     def _note(self, aircraft: str, before: Before, plan: FencePlan) -> None:
         """What was there goes to disk: once, for later it is what we have set ourselves."""

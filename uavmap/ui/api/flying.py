@@ -158,6 +158,8 @@ def resume(
 
     Raises:
         JournalError: There is no mission in the folder, or its journal is damaged.
+        NotFlownError: Nothing had been flown: what was left set on the autopilots is put back, if
+            its `could_fly` is true.
         UavmapError: As `fly`.
     """
     return waited_for(

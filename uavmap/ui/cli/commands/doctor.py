@@ -25,6 +25,8 @@ from uavmap.load.mission_source import load, shipped_missions
 from uavmap.runner.flight_links import Link, LinkOptions, cameras_of, check_urls, opened_links
 from uavmap.runner.preflight.autopilot_fence import outside_m
 from uavmap.runner.preflight.autopilot_setup import AutopilotSetup
+from uavmap.runner.preflight.computer_check import computer_findings
+from uavmap.runner.preflight.computer_speed import ComputerSpeed
 from uavmap.runner.preflight.examination import Examination, connect, heartbeats
 from uavmap.runner.preflight.finding import Finding, could_fly, ok
 from uavmap.runner.preflight.installation import installation
@@ -82,6 +84,8 @@ def run(options: argparse.Namespace) -> int:
     setting = _setting(options.mission, len(urls))
     cameras = _cameras(tuple(options.camera or ()), setting, len(urls))
     found = list(installation(folder))
+    vehicles = len(urls) or (1 if setting is None else len(setting.mission.vehicles))
+    found += computer_findings(ComputerSpeed.measured(setting), setting, vehicles)
     if not options.json:
         _print(found)
         if setting is not None:

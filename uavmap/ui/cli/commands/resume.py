@@ -35,7 +35,8 @@ examples:
 A simulated flight is repeated up to its last event, each event checked against the journal, and
 goes on from there. A real flight goes on from what the journal knows, with the aircraft wherever
 they are: who stands on the ground takes off. With --recall nothing takes off: who is in the air
-comes home and lands, and the map of what is known is written.
+comes home and lands, and the map of what is known is written. Where nothing was flown, as after
+a dry run that could not put back what it had set on the autopilots, it puts that back and no more.
 """
 
 

@@ -1,0 +1,105 @@
+"""The doctor measures the computer: a loop that stalls, slow frames, slow plans."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from missions.errors import ImageError
+from missions.events import Event, FrameSeen
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from tests.support.flights import small_mission
+from uavmap.runner.preflight import computer_speed
+from uavmap.runner.preflight.computer_check import computer_findings
+from uavmap.runner.preflight.computer_speed import (
+    ComputerSpeed,
+    frame_s,
+    longest_plan_s,
+    longest_stall_s,
+)
+from uavmap.runner.preflight.finding import Level
+
+
+def setting(strategy: str = "swath") -> Setting:
+    return Setting.of(small_mission(strategy=strategy))
+
+
+@pytest.mark.parametrize(
+    ("speed", "vehicles", "levels"),
+    [
+        (ComputerSpeed(0.01, 0.02, 0.1), 1, ["ok", "ok", "ok"]),
+        (ComputerSpeed(0.1, 0.02, 0.1), 1, ["warn", "ok", "ok"]),
+        (ComputerSpeed(0.2, 0.02, 0.1), 1, ["bad", "ok", "ok"]),
+        (ComputerSpeed(0.01, 0.15, 0.1), 1, ["ok", "warn", "ok"]),
+        (ComputerSpeed(0.01, 0.15, 0.1), 3, ["ok", "bad", "ok"]),
+        (ComputerSpeed(0.01, 0.02, 0.72), 1, ["ok", "ok", "warn"]),
+        (ComputerSpeed(0.01, 0.02, 1.2), 1, ["ok", "ok", "bad"]),
+        (ComputerSpeed(0.01, 0.02), 1, ["ok", "ok"]),
+    ],
+)
+def test_slow_computer_is_a_finding_with_figures_and_a_remedy(
+    speed: ComputerSpeed, vehicles: int, levels: list[str]
+) -> None:
+    made = setting()
+    found = list(computer_findings(speed, made, vehicles))
+    assert [finding.level.value for finding in found] == levels
+    assert all(" ms " in finding.found for finding in found)
+    assert all(f.wanted and f.remedy for f in found if f.level is not Level.OK)
+    assert not any(finding.binding for finding in found)
+
+
+def test_without_a_mission_only_the_loop_is_looked_at() -> None:
+    (found,) = computer_findings(ComputerSpeed(0.01), None, 1)
+    assert found.line().startswith("ok    event loop: 10 ms late at worst; at most 150 ms: set-")
+
+
+def test_stall_of_the_event_loop_is_measured() -> None:
+    async def stalled() -> float:
+        asyncio.get_running_loop().call_later(0.1, time.sleep, 0.3)
+        return await longest_stall_s(0.5)
+
+    assert 0.25 < asyncio.run(stalled()) < 1.0
+
+
+def slowed(call: Callable[..., Any], by_s: float, when: Callable[..., bool]) -> Callable[..., Any]:
+    def slow(*given: Any) -> Any:
+        if when(*given):
+            time.sleep(by_s)
+        return call(*given)
+
+    return slow
+
+
+def test_time_of_a_frame_holds_all_that_is_done_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = setting()
+    assert frame_s(made) < 0.1
+    slow = slowed(computer_speed.decoded, 0.1, lambda *given: True)
+    monkeypatch.setattr(computer_speed, "decoded", slow)
+    assert 0.1 <= frame_s(made) < 0.3
+
+
+def test_pictures_for_it_are_evidence_to_the_mission(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A picture that is refused at once would cost no time."""
+    one = computer_speed._picture((160, 120), 1)
+    monkeypatch.setattr(computer_speed, "_picture", lambda size_px, seed: one)
+    with pytest.raises(ImageError):
+        frame_s(setting())
+
+
+def test_slowest_plan_is_that_of_an_exploration(monkeypatch: pytest.MonkeyPatch) -> None:
+    def explores(made: Setting, state: State, event: Event) -> bool:
+        return state.tree is not None and isinstance(event, FrameSeen)
+
+    monkeypatch.setattr(computer_speed, "step", slowed(computer_speed.step, 0.3, explores))
+    slow = longest_plan_s(setting(), 2.0)
+    assert slow is not None
+    assert slow >= 0.3
+
+
+def test_strategy_that_stops_has_no_plans_to_wait_for() -> None:
+    assert longest_plan_s(setting("rdfs")) is None
