@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 
 from missions.geo.geodesy import LocalPlane
 from sitl.ardupilot.autopilot import Autopilot
+from sitl.body.altimeter import Altimeter
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import Body
 from sitl.codec.wire import Packed
-from sitl.copter.aircraft import Aircraft
+from sitl.copter.aircraft import Aircraft, Notice
 from sitl.mavlink.base_commands import BaseCommands
 from sitl.mavlink.commands import Commands
 from sitl.mavlink.flight_commands import FlightCommands
@@ -41,7 +42,7 @@ class Kit:
     error: Estimator
     battery: Battery
     plane: LocalPlane
-    amsl_m: float
+    altimeter: Altimeter
     wind: Callable[[], tuple[float, float]]
     seed: tuple[int, ...]
 
@@ -52,7 +53,7 @@ class Flavour:
 
     `default_s` are the messages that are streamed unasked and their intervals, `banner` is what a
     TCP client is greeted with. `texts_to_stations`: texts go to links on which a ground station
-    was heard; `event` makes of severity, text and time what everybody is told instead.
+    was heard; `event` makes of a notice and the time what everybody is told instead.
     """
 
     aircraft: Aircraft
@@ -65,7 +66,7 @@ class Flavour:
     camera_feedback: bool = True
     answers_for_camera: bool = True
     texts_to_stations: bool = False
-    event: Callable[[int, str, float], Packed] | None = None
+    event: Callable[[Notice, float], Packed] | None = None
 
 
 def _ardupilot(kit: Kit) -> Flavour:
@@ -77,14 +78,15 @@ def _ardupilot(kit: Kit) -> Flavour:
         ready_after_s=spec.ready_after_s,
         max_speed_m_s=spec.max_speed_m_s,
         max_accel_m_s2=spec.max_accel_m_s2,
+        stick=spec.quirks.stick,
     )
     if spec.quirks.camera == "autopilot":
         autopilot.parameters.preset("CAM1_TYPE", 1)
-    telemetry = Telemetry(autopilot, kit.plane, kit.amsl_m, kit.wind)
+    telemetry = Telemetry(autopilot, kit.plane, kit.altimeter, kit.wind, spec.quirks)
     return Flavour(
         aircraft=autopilot,
         telemetry=telemetry,
-        flight=FlightCommands(autopilot, kit.plane, kit.amsl_m),
+        flight=FlightCommands(autopilot, kit.plane, kit.altimeter),
         interpreter=lambda commands, streams: Interpreter(
             spec.system_id, autopilot, commands, streams, telemetry
         ),
@@ -102,13 +104,14 @@ def _px4(kit: Kit) -> Flavour:
         ready_after_s=spec.ready_after_s,
         max_speed_m_s=spec.max_speed_m_s,
         max_accel_m_s2=spec.max_accel_m_s2,
+        stick=spec.quirks.stick,
         correction=HomeCorrection((*kit.seed, _HOME_SEED), spec.quirks.home_moves_m),
     )
-    telemetry = Px4Telemetry(autopilot, kit.plane, kit.amsl_m, kit.wind)
+    telemetry = Px4Telemetry(autopilot, kit.plane, kit.altimeter, kit.wind, spec.quirks)
     return Flavour(
         aircraft=autopilot,
         telemetry=telemetry,
-        flight=Px4Commands(autopilot, kit.plane, kit.amsl_m),
+        flight=Px4Commands(autopilot, kit.plane, kit.altimeter),
         interpreter=lambda commands, streams: Px4Interpreter(
             spec.system_id, autopilot, commands, streams, telemetry
         ),

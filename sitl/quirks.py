@@ -25,7 +25,14 @@ class Quirks:
     over them. `camera_clock_s`: how far the camera's time since boot is ahead of the autopilot's.
     `camera_tells_pose`: or else its announcements hold zeros. `clock_ppm`: how much faster the
     vehicle's clock runs than time, in millionths. `home_moves_m`: a PX4 corrects the height of its
-    home in the two minutes after take-off by up to so much; 0: not at all.
+    home in the two minutes after take-off by up to so much; 0: not at all. `stick`: a pilot's
+    radio control is on, its sticks centred: modes by hand can be chosen in flight, and a PX4 whose
+    stream of setpoints is lost goes to POSITION (COM_OBL_RC_ACT 0) instead of home.
+    `landed_state`: it sends EXTENDED_SYS_STATE; or else it refuses to. `height_sigma_m`: standard
+    deviation of its receiver's height above the sea, which wanders (`sitl.body.altimeter`).
+
+    Kinder than measured, for clients that do not live with it yet: `motors_stop_in_crash`: or else
+    they turn, armed, until it is disarmed by force.
     """
 
     camera: CameraKind = "component"
@@ -33,6 +40,10 @@ class Quirks:
     camera_tells_pose: bool = True
     clock_ppm: float = 0.0
     home_moves_m: float = 1.5
+    stick: bool = True
+    landed_state: bool = True
+    height_sigma_m: float = 0.0
+    motors_stop_in_crash: bool = False
 
     def __post_init__(self) -> None:
         problems = []
@@ -44,5 +55,7 @@ class Quirks:
             problems.append(f"clock_ppm is -{_MOST_PPM:.0f} to {_MOST_PPM:.0f}")
         if not 0.0 <= self.home_moves_m <= 20.0:
             problems.append("home_moves_m is 0 to 20")
+        if not 0.0 <= self.height_sigma_m <= 8.0:
+            problems.append("height_sigma_m is 0 to 8")
         if problems:
             raise ValueError("; ".join(problems))

@@ -17,6 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import Quaternion
 from sitl.autopilot_types import FLAVOURS, Kit
+from sitl.body.altimeter import Altimeter
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import MAX_STEP_S, Body
@@ -36,10 +37,11 @@ from sitl.world.world import World
 
 __all__ = ["SimVehicle", "VehicleSpec", "VehicleTruth"]
 
-_HEARTBEAT_S = 1.0
+_HEARTBEAT_S, _HEARTBEAT = 1.0, mav.MAVLINK_MSG_ID_HEARTBEAT
 _TIMESYNC_S = 10.0
 _SOON_S = 1e-6
 _MAX_LINKS = 256
+_HEIGHT_SEED = 45
 # Power over hovering's: per m/s of climb, per m/s of descent, per (m/s)^2 of airspeed
 _CLIMB_POWER, _DESCENT_POWER, _AIRSPEED_POWER = 0.08, 0.02, 0.0015
 _IDLE_POWER = 0.08  # motors turning on the ground
@@ -60,6 +62,7 @@ class SimVehicle:
             east, north, math.radians(spec.home_yaw_deg), math.radians(spec.max_tilt_deg),
             world.ground_m(east, north),
         )  # fmt: skip
+        self._body.motors_run_on = not spec.quirks.motors_stop_in_crash
         self._battery = Battery(spec.battery_wh)
         self._error = Estimator(
             rng, spec.gps_sigma_m, spec.gps_tau_s, seed=self._seed, flow=spec.optical_flow,
@@ -67,11 +70,13 @@ class SimVehicle:
         )  # fmt: skip
         if spec.autopilot not in FLAVOURS:
             raise ValueError(f"autopilot {spec.autopilot!r}: there is {', '.join(FLAVOURS)}")
-        amsl_m = world.spec.origin_amsl_m
+        self._altimeter = Altimeter(
+            world.spec.origin_amsl_m, (*self._seed, _HEIGHT_SEED), spec.quirks.height_sigma_m
+        )
         flavour = FLAVOURS[spec.autopilot](
             Kit(
-                spec, self._body, self._error, self._battery, world.plane, amsl_m, self._wind,
-                self._seed,
+                spec, self._body, self._error, self._battery, world.plane, self._altimeter,
+                self._wind, self._seed,
             )
         )  # fmt: skip
         self._flavour = flavour
@@ -79,7 +84,8 @@ class SimVehicle:
         self._telemetry = flavour.telemetry
         self._streams = Streams()
         for message_id, interval_s in flavour.default_s.items():
-            self._streams.set(message_id, interval_s, 0.0)
+            if self._telemetry.knows(message_id):
+                self._streams.set(message_id, interval_s, 0.0)
         prefix = f"{spec.image_url_prefix}{spec.system_id}/"
         self._telemetry.ground_m = world.ground_m
         self._telemetry.clock_rate = 1.0 + spec.quirks.clock_ppm * 1e-6
@@ -259,7 +265,7 @@ class SimVehicle:
             return
         if self._ap.armed:
             text = "ERROR: Can't setup signing while armed"
-            self._ap.texts.append((mav.MAV_SEVERITY_CRITICAL, text))
+            self._ap.say(mav.MAV_SEVERITY_CRITICAL, text)
             return
         self._signing.set_up(bytes(m.secret_key), m.initial_timestamp)
 
@@ -269,6 +275,7 @@ class SimVehicle:
         ap.radio_lost = fail.rc_lost
         body = self._body
         body.ground = self.world.ground_m(body.east, body.north)
+        self._altimeter.step(dt_s, armed=ap.armed)
         ap.step(self._wind(), dt_s)
         self._spend(dt_s)
         t_s = ap.t_s
@@ -277,7 +284,8 @@ class SimVehicle:
         wire = self._interpreter.autopilot_wire
         if now_s >= self._next_heartbeat_s:
             self._next_heartbeat_s += _HEARTBEAT_S
-            sent += wire.pack(self._telemetry.heartbeat())
+            if self._streams.interval_s(_HEARTBEAT) is None:
+                sent += wire.pack(self._telemetry.heartbeat())
             if self.spec.quirks.camera == "component":
                 sent += self._interpreter.camera_wire.pack(self._payload.heartbeat())
             if now_s >= self._next_timesync_s:
@@ -311,10 +319,10 @@ class SimVehicle:
             sent += wire.pack(self._telemetry.gps_global_origin())
             sent += wire.pack(self._telemetry.home_position())
         if self._interpreter.heard:  # nobody has listened before: no texts
-            for severity, text in ap.texts:
-                sent += wire.pack(statustext(severity, text))
+            for notice in ap.texts:
+                sent += wire.pack(statustext(notice.severity, notice.text))
                 if self._flavour.event is not None:
-                    sent += wire.pack(self._flavour.event(severity, text, ap.t_s))
+                    sent += wire.pack(self._flavour.event(notice, ap.t_s))
         ap.mode_changed = ap.home_changed = False
         ap.texts.clear()
         return bytes(sent)
@@ -337,6 +345,7 @@ class SimVehicle:
         self._resting_s += dt_s
         if self._resting_s >= spec.swap_after_s:
             self._battery.swap()
+            self._altimeter.start()
             self._swaps += 1
             self._resting_s = 0.0
 

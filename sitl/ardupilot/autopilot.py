@@ -10,7 +10,7 @@ from sitl.body.physics import IDLE, Body, Command
 from sitl.copter.aircraft import SEVERITY_CRITICAL, SEVERITY_INFO, Aircraft
 from sitl.copter.fence import Fence, names
 from sitl.copter.mission_items import FENCE, MISSION, RALLY, Item
-from sitl.copter.modes import UNARMABLE, Mode, Phase
+from sitl.copter.modes import LEVEL, UNARMABLE, Mode, Phase
 from sitl.copter.motion import Place
 from sitl.copter.params import Parameters
 from sitl.copter.route import Progress
@@ -38,6 +38,7 @@ class Autopilot(Aircraft):
         ready_after_s: float,
         max_speed_m_s: float,
         max_accel_m_s2: float,
+        stick: bool,
     ) -> None:
         parameters = Parameters()
         super().__init__(
@@ -52,6 +53,7 @@ class Autopilot(Aircraft):
             ready_after_s=ready_after_s,
             max_speed_m_s=max_speed_m_s,
             max_accel_m_s2=max_accel_m_s2,
+            stick=stick,
         )
         self.mode = Mode.STABILIZE
         self.failsafes = ArduPilotFailsafes()
@@ -63,7 +65,7 @@ class Autopilot(Aircraft):
     @property
     def navigating(self) -> bool:
         """In the air in a mode that needs a position."""
-        return self.armed and self.airborne and self.mode != Mode.STABILIZE
+        return self.armed and self.airborne and self.mode not in LEVEL
 
     @property
     def in_mission(self) -> bool:
@@ -161,9 +163,9 @@ class Autopilot(Aircraft):
     def _mode_refusal(self, mode: Mode) -> str | None:
         if mode == Mode.AUTO and self.route.total == 0:
             return "no mission"
-        if mode == Mode.STABILIZE and self.airborne:
+        if mode in LEVEL and self.airborne and not self.by_hand:
             return "no radio control"
-        if mode not in (Mode.STABILIZE, Mode.LAND) and not self.position_ok:
+        if mode not in (*LEVEL, Mode.LAND) and not self.position_ok:
             return "requires position"
         if mode == Mode.AUTO and self.armed and not self.airborne:
             if self.route.begins_with_takeoff:
@@ -283,4 +285,4 @@ class Autopilot(Aircraft):
             return IDLE
         if not self._pass_phases(dt_s):
             return IDLE
-        return self._fly(dt_s, position=self.position_ok)
+        return self._fly(dt_s, position=self.position_ok and self.mode not in LEVEL)

@@ -23,10 +23,11 @@ from sitl.copter.failsafes import (
     WARNING,
 )
 from sitl.copter.fence import names
-from sitl.copter.modes import Mode, Phase
+from sitl.copter.modes import LEVEL, Mode, Phase
 
 _POSITION_LOST_S = 8.0
 _CONTINUE_AUTO, _CONTINUE_LANDING, _CONTINUE_PILOT = 2, 8, 16  # FS_OPTIONS, ground station
+_BY_HAND = (*LEVEL, Mode.LOITER, Mode.POSHOLD)
 _TERMINATE = -1
 
 _BATTERY_ACTIONS = {
@@ -123,7 +124,7 @@ class ArduPilotFailsafes(copter.Failsafes):
         options = int(get["FS_OPTIONS"])
         if craft.mode == Mode.AUTO and (options & _CONTINUE_AUTO or enabled == 2):
             craft.say(WARNING, "GCS Failsafe - Continuing Auto Mode")
-        elif craft.mode in (Mode.STABILIZE, Mode.LOITER) and options & _CONTINUE_PILOT:
+        elif craft.mode in _BY_HAND and options & _CONTINUE_PILOT:
             craft.say(WARNING, "GCS Failsafe - Continuing Pilot Control")
         elif self._keeps_landing(craft):
             craft.say(WARNING, "GCS Failsafe - Continuing Landing")

@@ -90,9 +90,14 @@ class Battery:
         return self.energy_wh >= self.capacity_wh
 
     @property
+    def remaining_share(self) -> float:
+        """0 to 1, as the autopilot counts."""
+        return (self.energy_wh + self._unnoticed_wh) / self.capacity_wh
+
+    @property
     def remaining_percent(self) -> int:
-        """0 to 100, cut as an autopilot does."""
-        return int(100.0 * (self.energy_wh + self._unnoticed_wh) / self.capacity_wh + 1e-9)
+        """0 to 100, cut as an ArduPilot does."""
+        return int(100.0 * self.remaining_share + 1e-9)
 
     @property
     def consumed_wh(self) -> float:

@@ -63,7 +63,8 @@ class Packer:
 
 
 EVENT: Final = 410
-CRC_EXTRA_OF_OTHERS: Final = {EVENT: 160}
+CURRENT_MODE: Final = 436
+CRC_EXTRA_OF_OTHERS: Final = {EVENT: 160, CURRENT_MODE: 193}
 """Of messages that vehicles here send and the dialect does not know."""
 
 

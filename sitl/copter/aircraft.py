@@ -6,7 +6,9 @@ What it decides is a subclass's: `sitl.ardupilot.autopilot` is an ArduCopter,
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
+from typing import NamedTuple
 
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
@@ -24,8 +26,21 @@ from sitl.copter.tuning import Tuning
 
 _PREARM_SHARE = 0.8  # of the time to readiness: the prearm bit goes true before the position
 _HOME_SHARE = 0.5
+_BOUNCE_M_S, _BOUNCE_S = 2.5, 0.7  # of one that lies there, its motors turning
 
 SEVERITY_CRITICAL, SEVERITY_INFO = 2, 6
+
+
+class Notice(NamedTuple):
+    """What the autopilot reports in words, and the event that goes with it.
+
+    `event` is its name and `arguments` are packed; without a name it follows from the text.
+    """
+
+    severity: int
+    text: str
+    event: str = ""
+    arguments: bytes = b""
 
 
 class Aircraft(Motion, ABC):
@@ -48,20 +63,20 @@ class Aircraft(Motion, ABC):
         aiding: Aiding,
         *,
         first_item: int,
+        stick: bool,
         ready_after_s: float,
         max_speed_m_s: float,
         max_accel_m_s2: float,
     ) -> None:
-        super().__init__(body, parameters, tuning, max_speed_m_s, max_accel_m_s2)
+        super().__init__(body, parameters, tuning, max_speed_m_s, max_accel_m_s2, stick)
         self.error = error
         self.aiding = aiding
         self.battery = battery
         self.armed = False
-        self.radio_lost = False  # set by a fault; without one nobody holds a radio control
         self.plans = Plans()
         self.route = Route(self.plans.mission, first_item)
         self.fence = fence
-        self.texts: list[tuple[int, str]] = []
+        self.texts: list[Notice] = []
         self.mode_changed = False
         self.home_changed = False
         self._ready_after_s = ready_after_s
@@ -107,7 +122,7 @@ class Aircraft(Motion, ABC):
 
     def say(self, severity: int, text: str) -> None:
         """Tell whoever listens."""
-        self.texts.append((severity, text))
+        self.texts.append(Notice(severity, text))
 
     @abstractmethod
     def arm(self, force: bool = False) -> str | None:
@@ -205,6 +220,8 @@ class Aircraft(Motion, ABC):
         now.up = body.up + error.up
         now.v_east, now.v_north = body.v_east + error.v_east, body.v_north + error.v_north
         now.v_up = body.v_up + error.v_up
+        if body.crashed and body.motors_on:
+            now.v_up += _BOUNCE_M_S * math.sin(math.tau * self.t_s / _BOUNCE_S)
 
     @abstractmethod
     def _watch_failsafes(self) -> None:

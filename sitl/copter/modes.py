@@ -14,14 +14,18 @@ class Mode(IntEnum):
     """ArduCopter's custom modes."""
 
     STABILIZE = 0
+    ALT_HOLD = 2
     AUTO = 3
     GUIDED = 4
     LOITER = 5
     RTL = 6
     LAND = 9
+    POSHOLD = 16
     BRAKE = 17
 
 
+LEVEL = (Mode.STABILIZE, Mode.ALT_HOLD)
+"""With the stick centred these keep level and the height, and go wherever the wind takes them."""
 UNARMABLE = (Mode.RTL, Mode.LAND, Mode.AUTO, Mode.BRAKE)
 
 

@@ -23,7 +23,8 @@ _CHASE_SHARE = 2.0
 # a member looked up in its class costs more than what is done with it here
 _LANDED, _SPOOL, _CLIMB, _FLY = Phase.LANDED, Phase.SPOOL, Phase.CLIMB, Phase.FLY
 _RTL_CLIMB, _RTL_RETURN, _RTL_HOLD = Phase.RTL_CLIMB, Phase.RTL_RETURN, Phase.RTL_HOLD
-_DESCEND, _LOITER = Phase.DESCEND, Mode.LOITER
+_DESCEND = Phase.DESCEND
+_BY_THROTTLE = (Mode.LOITER, Mode.POSHOLD, Mode.ALT_HOLD)
 _STANDING = (_LANDED, _SPOOL)
 
 Place = tuple[float, float, float]
@@ -41,18 +42,23 @@ class Motion:
         tuning: Tuning,
         max_speed_m_s: float,
         max_accel_m_s2: float,
+        stick: bool,
     ) -> None:
         self.body = body
         self.parameters = parameters
         self.tuning = tuning
         self.t_s = 0.0
         self.phase = Phase.LANDED
-        self.estimate = Estimate(body.east, body.north)
-        self.home: Place = (body.east, body.north, 0.0)
+        self.estimate = Estimate(body.east, body.north, body.up)
+        self.home: Place = (body.east, body.north, body.up)
         self.rally: tuple[Place, ...] = ()
+        self.rally_unknown: frozenset[Place] = frozenset()
+        """Rally points in a frame that a return does not know."""
         self.target: Place | None = None
         self.stream: Setpoint | None = None
-        self.hold: Place = (body.east, body.north, 0.0)
+        self.hold: Place = self.home
+        self.radio_lost = False  # set by a fault
+        self._stick = stick
         self._airframe = (max_speed_m_s, max_accel_m_s2)
         self._limits = tuning.limits(*self._airframe)
         self._chase = self._limits
@@ -70,6 +76,11 @@ class Motion:
     def airborne(self) -> bool:
         """Off the ground, as the autopilot sees it."""
         return self.phase not in _STANDING
+
+    @property
+    def by_hand(self) -> bool:
+        """A pilot's radio control is on; its sticks are centred."""
+        return self._stick and not self.radio_lost
 
     @property
     def yaw_goal(self) -> float:
@@ -193,7 +204,8 @@ class Motion:
             if self.t_s - self._since_s < _SPOOL_S:
                 return False
             self._enter(_CLIMB)
-        self._contact_s = self._contact_s + dt_s if self.body.on_ground else 0.0
+        stands = self.body.on_ground and not self.body.crashed  # who lies there never has landed
+        self._contact_s = self._contact_s + dt_s if stands else 0.0
         if self._contact_s >= _CONTACT_S and self.phase is not _CLIMB:
             self._enter(_LANDED)
             self._control.reset()
@@ -255,7 +267,7 @@ class Motion:
             climb = self._control.climb_towards(hold[2] - now.up, limits)
         if self.phase is _DESCEND:
             climb = -self.tuning.landing_m_s(limits, now.up - self.home[2])
-        elif self.mode == _LOITER:
+        elif self.mode in _BY_THROTTLE and not self.by_hand:
             climb = -limits.descent_m_s  # no radio control: its throttle reads zero
         chase = self._chase if self._shaper.active or self.stream is not None else limits
         tau_s = WIND_TAU_S if self.stream is None else self._follower.wind_tau_s

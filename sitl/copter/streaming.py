@@ -18,6 +18,7 @@ from sitl.copter.control import WIND_TAU_S, Estimate, Limits, sqrt_controller
 Place = tuple[float, float, float]
 
 _PLACE_SHARE, _PLACE_BRAKING = 0.5, 0.5  # of jerk over acceleration, and of the acceleration
+_SETTLES_S = 4.0
 _CORRECTION_M_S = 10.0  # at most so fast a place is drawn to
 
 
@@ -147,22 +148,28 @@ class ShapedFollower:
 
 
 class DelayedFollower:
-    """PX4's: each setpoint as it is, `delay_s` after it came; its place moves on meanwhile."""
+    """PX4's: each setpoint as it is, some time after it came; its place moves on meanwhile.
+
+    At the beginning of a stream that is `first_s`, in the end `delay_s`.
+    """
 
     wind_tau_s = WIND_TAU_S
 
-    __slots__ = ("_coming", "_delay_s", "_flown")
+    __slots__ = ("_begun_s", "_coming", "_delay_s", "_first_s", "_flown")
 
-    def __init__(self, delay_s: float) -> None:
-        self._delay_s = delay_s
+    def __init__(self, delay_s: float, first_s: float) -> None:
+        self._delay_s, self._first_s = delay_s, first_s
+        self._begun_s = 0.0
         self._coming: deque[tuple[float, Setpoint]] = deque()
         self._flown: tuple[float, Setpoint] | None = None
 
     def hear(self, setpoint: Setpoint, now_s: float) -> None:
         """It counts in a while; the first of a stream at once."""
         if self._flown is None:
-            self._flown = (now_s, setpoint)
-        self._coming.append((now_s + self._delay_s, setpoint))
+            self._flown, self._begun_s = (now_s, setpoint), now_s
+        more = math.exp(-(now_s - self._begun_s) / _SETTLES_S)
+        delay_s = self._delay_s + (self._first_s - self._delay_s) * more
+        self._coming.append((now_s + delay_s, setpoint))
 
     def stop(self) -> None:
         """What is under way counts no more."""

@@ -10,7 +10,7 @@ otherwise are arguments of `Transfer`.)
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -25,6 +25,10 @@ _DONE = {
     MISSION: "Flight plan received", FENCE: "Fence received", RALLY: "Rally points received",
 }  # fmt: skip
 _DENIED: int = mav.MAV_MISSION_DENIED
+_INT_FRAMES: dict[int, int] = {
+    mav.MAV_FRAME_GLOBAL: mav.MAV_FRAME_GLOBAL_INT,
+    mav.MAV_FRAME_GLOBAL_RELATIVE_ALT: mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+}
 
 
 class Plans:
@@ -56,6 +60,9 @@ class Transfer:
     `changed` is told the kind of a list that has changed, `say` a severity and a text.
     `ask_int` asks with MISSION_REQUEST_INT instead of MISSION_REQUEST. Without a `home` item 0 is
     an item as any other; `whole`: a list takes effect only when it is complete, as fences always.
+    `int_frames`: a MISSION_ITEM_INT has the frame of that kind, 5 for 0 and 6 for 3, whatever was
+    sent. `answers_copies`: a second copy of an item is answered by INVALID_SEQUENCE, and the
+    upload goes on.
     `check` gives the MAV_MISSION_RESULT for an item of a list.
     """
 
@@ -71,6 +78,8 @@ class Transfer:
         retry_s: float = _RETRY_S,
         give_up_s: float = _GIVE_UP_S,
         whole: bool = False,
+        int_frames: bool = False,
+        answers_copies: bool = True,
         check: Callable[[int, Item], int] = check,
     ) -> None:
         self._plans = plans
@@ -82,6 +91,8 @@ class Transfer:
         self._retry_s = retry_s
         self._give_up_s = give_up_s
         self._at_once = () if whole else (MISSION, RALLY)  # these change while they arrive
+        self._frames = _INT_FRAMES if int_frames else {}
+        self._answers_copies = answers_copies
         self._check = check
         self._upload: _Upload | None = None
         self._finished: tuple[int, int, tuple[int, int]] | None = None
@@ -170,9 +181,9 @@ class Transfer:
         if partner != upload.partner or m.mission_type != upload.kind:
             return [_ack(m, _DENIED)]
         expected = len(upload.received)
-        if m.seq < expected:
+        if m.seq < expected and not self._answers_copies:
             return []  # a second copy; the next one has been asked for
-        if m.seq > expected:
+        if m.seq != expected:
             return [_ack(m, int(mav.MAV_MISSION_INVALID_SEQUENCE))]
         item = Item.of(m)
         result = self._check(upload.kind, item)
@@ -223,6 +234,8 @@ class Transfer:
         else:
             return [_ack(m, int(mav.MAV_MISSION_INVALID_SEQUENCE))]
         exact = m.get_type() == "MISSION_REQUEST_INT"
+        if exact:
+            item = replace(item, frame=self._frames.get(item.frame, item.frame))
         return [item.message(m.seq, m.mission_type, _sender(m), current=False, exact=exact)]
 
     # --- the rest -------------------------------------------------------------------------------

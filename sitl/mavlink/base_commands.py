@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.geo.geodesy import LocalPlane
 from missions.units import LatLon
+from sitl.body.altimeter import Altimeter
 from sitl.codec.wire import Message
 from sitl.copter.aiding import Answer
 from sitl.copter.aircraft import Aircraft
@@ -75,11 +76,13 @@ class BaseCommands(ABC):
     refused: int = FAILED
     nowhere: int = DENIED
     """The MAV_RESULT of EXTERNAL_POSITION_ESTIMATE for what is no place on earth."""
+    unknown_rally_frames: tuple[int, ...] = ()
+    """Frames of rally points that are taken, and that no return knows."""
 
-    def __init__(self, aircraft: Aircraft, plane: LocalPlane, amsl_m: float) -> None:
+    def __init__(self, aircraft: Aircraft, plane: LocalPlane, altimeter: Altimeter) -> None:
         self._aircraft = aircraft
         self._plane = plane
-        self._amsl_m = amsl_m
+        self._altimeter = altimeter
         aircraft.route.locate = self._item_place
         self.table: dict[int, Callable[[Request], Reply]] = {
             mav.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
@@ -94,6 +97,11 @@ class BaseCommands(ABC):
     @abstractmethod
     def set_mode(self, number: int) -> Reply:
         """A custom mode by its number, as SET_MODE asks for it."""
+
+    @property
+    def _amsl_m(self) -> float:
+        """The height of the world's plane above the sea, as the autopilot has it."""
+        return self._altimeter.amsl_m
 
     def answer(self, refusal: str | None) -> Reply:
         """ACK, then (for a refusal) the text that explains it."""
@@ -206,8 +214,11 @@ class BaseCommands(ABC):
         if kind == FENCE:
             ap.fence.zones = zones(items, self._flat)
         elif kind == RALLY:
-            found = (self._item_place(item) for item in items)
-            ap.rally = tuple(place for place in found if place is not None)
+            found = [(item.frame, self._item_place(item)) for item in items]
+            ap.rally = tuple(place for _, place in found if place is not None)
+            ap.rally_unknown = frozenset(
+                place for frame, place in found if place and frame in self.unknown_rally_frames
+            )
         else:
             ap.route.plan_changed()
         ap.count_items(kind, items)

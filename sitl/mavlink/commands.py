@@ -115,7 +115,7 @@ class Commands:
 
     def _set_interval(self, request: Request) -> Reply:
         message_id, interval_us = request.integer(1), request.p[1]
-        if message_id is None or not self._telemetry.knows(message_id):
+        if message_id is None or message_id not in self._telemetry.streamable:
             return Reply(DENIED)
         if not math.isfinite(interval_us):
             return Reply(DENIED)

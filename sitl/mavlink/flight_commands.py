@@ -8,6 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.geo.geodesy import LocalPlane
 from sitl.ardupilot.autopilot import Autopilot
+from sitl.body.altimeter import Altimeter
 from sitl.copter.modes import Mode
 from sitl.mavlink.base_commands import (
     ACCEPTED,
@@ -27,8 +28,8 @@ _FORCE_ARM, _FORCE_DISARM = 2989.0, 21196.0
 class FlightCommands(BaseCommands):
     """An ArduCopter's."""
 
-    def __init__(self, autopilot: Autopilot, plane: LocalPlane, amsl_m: float) -> None:
-        super().__init__(autopilot, plane, amsl_m)
+    def __init__(self, autopilot: Autopilot, plane: LocalPlane, altimeter: Altimeter) -> None:
+        super().__init__(autopilot, plane, altimeter)
         self._ap = autopilot
         self.table.update(
             {

@@ -6,21 +6,23 @@ Units are the messages' own: degrees times 1e7, millimetres, centimetres a secon
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.geo.geodesy import LocalPlane
 from missions.units import LatLon
+from sitl.body.altimeter import Altimeter
 from sitl.codec import fast_packing as layouts
 from sitl.codec.fast_packing import int16, int32, uint16
 from sitl.codec.wire import Message, Packed
 from sitl.copter.aircraft import Aircraft
 from sitl.copter.modes import Mode, Phase
+from sitl.quirks import Quirks
 
 _CLAIMS_ACTIVE_S = 3.0  # after boot the heartbeat says ACTIVE although nothing flies
 _AUTO = Mode.AUTO
-_GUIDED_FLAG_MODES = (Mode.AUTO, Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.BRAKE)
+_GUIDED_FLAG_MODES = (Mode.AUTO, Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.POSHOLD, Mode.BRAKE)
 
 # 3D gyro, accelerometer, compass, absolute pressure; the controllers; motors, AHRS, battery
 _SENSORS = 0x0000_000F | 0x0000_FC00 | 0x0220_0000
@@ -67,18 +69,19 @@ beside the propellers."""
 
 
 class Telemetry:
-    """Builds messages, packed, from an autopilot whose plane has its origin at `amsl_m`."""
+    """Builds messages, packed, from an autopilot."""
 
     def __init__(
         self,
         autopilot: Aircraft,
         plane: LocalPlane,
-        amsl_m: float,
+        altimeter: Altimeter,
         wind: Callable[[], tuple[float, float]],
+        quirks: Quirks = Quirks(),  # noqa: B008 - a value that nobody changes
     ) -> None:
         self._ap = autopilot
         self._plane = plane
-        self._amsl_m = amsl_m
+        self._altimeter = altimeter
         self._wind = wind
         self.clock_rate = 1.0
         """Of the vehicle's clock, beside time."""
@@ -106,6 +109,18 @@ class Telemetry:
             mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self.extended_sys_state,
             mav.MAVLINK_MSG_ID_FENCE_STATUS: self.fence_status,
         }
+        if not quirks.landed_state:
+            del self._builders[mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE]
+
+    @property
+    def _amsl_m(self) -> float:
+        """The height of the world's plane above the sea, as the autopilot has it."""
+        return self._altimeter.amsl_m
+
+    @property
+    def streamable(self) -> Collection[int]:
+        """The messages whose interval can be set."""
+        return self._builders.keys()
 
     def knows(self, message_id: int) -> bool:
         """Whether this autopilot can send such a message."""
@@ -144,7 +159,13 @@ class Telemetry:
         east, north = self._plane.to_plane(LatLon(lat_e7 / 1e7, lon_e7 / 1e7))
         ground_m = self.ground_m(east, north)
         return mav.MAVLink_terrain_report_message(
-            lat_e7, lon_e7, 100, self._amsl_m + ground_m, self._ap.estimate.up - ground_m, 0, 504
+            lat_e7,
+            lon_e7,
+            100,
+            self._altimeter.sea_m + ground_m,
+            self._ap.estimate.up - ground_m,
+            0,
+            504,
         )
 
     def heartbeat(self) -> Packed:
@@ -181,8 +202,14 @@ class Telemetry:
         return layouts.sys_status(
             _PRESENT, _PRESENT if ap.armed else _PRESENT_AT_REST, health, 100,
             uint16(battery.voltage_v * 1000.0), self._current_ca,
-            battery.remaining_percent, 0, 0, 0, 0, 0, 0,
+            self._percents[0], 0, 0, 0, 0, 0, 0,
         )  # fmt: skip
+
+    @property
+    def _percents(self) -> tuple[int, int]:
+        """What is left, in SYS_STATUS and in BATTERY_STATUS."""
+        percent = self._ap.battery.remaining_percent
+        return percent, percent
 
     @property
     def _current_ca(self) -> int:
@@ -201,7 +228,7 @@ class Telemetry:
         return layouts.battery_status(
             0, mav.MAV_BATTERY_FUNCTION_ALL, mav.MAV_BATTERY_TYPE_LIPO, 32767,
             uint16(battery.voltage_v * 1000.0), *_NO_CELLS, self._current_ca, *self._consumed,
-            battery.remaining_percent, 0, self._ap.failsafes.charge_state,
+            self._percents[1], 0, self._ap.failsafes.charge_state,
         )  # fmt: skip
 
     def system_time(self) -> Packed:
@@ -215,7 +242,8 @@ class Telemetry:
             kind = mav.GPS_FIX_TYPE_NO_FIX if ap.home_known else mav.GPS_FIX_TYPE_NO_GPS
             return layouts.gps_raw_int(0, kind, 0, 0, 0, 65535, 65535, 0, 0, 0, 0, 0, 0)
         now = ap.estimate
-        lat, lon, amsl = self.place(*self._fix, now.up)
+        receiver_m = self._altimeter.receiver_m - self._altimeter.datum_m
+        lat, lon, amsl = self.place(*self._fix, now.up + receiver_m)
         course = math.degrees(math.atan2(now.v_east, now.v_north)) % 360.0
         return layouts.gps_raw_int(
             int(ap.t_s * 1e6), mav.GPS_FIX_TYPE_3D_FIX, lat, lon, amsl, 121, 200,

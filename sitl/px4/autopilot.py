@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 from sitl.body.physics import IDLE, Command
+from sitl.copter.aircraft import SEVERITY_CRITICAL
 from sitl.copter.mission_items import Item
 from sitl.copter.modes import Phase
 from sitl.copter.motion import Place
 from sitl.copter.route import Progress
 from sitl.copter.streaming import Setpoint
 from sitl.px4.commander import LASTS_S, Commander, Wish
-from sitl.px4.modes import Px4Mode
+from sitl.px4.modes import LEVEL, Px4Mode
 
 _WARNING = 4
 _LIFTS_OFF_M = 0.3  # a setpoint so far above a vehicle on the ground lets it take off
@@ -141,9 +142,15 @@ class Px4Autopilot(Commander):
         self._change(Px4Mode.HOLD)
 
     def go_home(self) -> None:
-        """A mission's return is the mode's."""
+        """A mission's return is the mode's.
+
+        It hangs where the nearest rally point is in a frame of the kind INT (`navigator/rtl.cpp`,
+        `setSafepointAsDestination`).
+        """
         if self.mode == Px4Mode.RTL:
-            super().go_home()
+            self._hangs = self._nearest_return() in self.rally_unknown
+            if not self._hangs:
+                super().go_home()
         else:
             self._change(Px4Mode.RTL)
             self.route.reset()
@@ -158,6 +165,10 @@ class Px4Autopilot(Commander):
 
     def _watch_failsafes(self) -> None:
         self._correct_home()
+        hangs = self._hangs and self.armed and self.mode == Px4Mode.RTL
+        if hangs and self.t_s >= self._complains_s:
+            self._complains_s = self.t_s + 1.0
+            self.say(SEVERITY_CRITICAL, "RTL: unsupported MAV_FRAME")
         self.failsafes.step(self)
 
     def _correct_home(self) -> None:
@@ -197,7 +208,7 @@ class Px4Autopilot(Commander):
             self._change(self._after_disarming)
             if not follows:
                 self.hold = reached
-        return self._fly(dt_s, position=self.position_ok)
+        return self._fly(dt_s, position=self.position_ok and self.mode not in LEVEL)
 
     def _disarm_in_time(self) -> None:
         """After a landing, or when nothing comes of arming."""

@@ -18,7 +18,7 @@ from sitl.copter.modes import Phase
 from sitl.copter.params import Parameters
 from sitl.px4.aiding import Ekf2Aiding
 from sitl.px4.failsafes import Px4Failsafes, Setpoints
-from sitl.px4.modes import BY_HAND, UNARMABLE, Px4Mode
+from sitl.px4.modes import BY_HAND, LEVEL, UNARMABLE, Px4Mode
 from sitl.px4.params import TABLE, Px4Tuning
 
 
@@ -102,6 +102,7 @@ class Commander(Aircraft):
         max_speed_m_s: float,
         max_accel_m_s2: float,
         correction: HomeCorrection,
+        stick: bool,
     ) -> None:
         parameters = Parameters(TABLE)
         aiding = Ekf2Aiding(body, error, parameters)
@@ -117,6 +118,7 @@ class Commander(Aircraft):
             ready_after_s=ready_after_s,
             max_speed_m_s=max_speed_m_s,
             max_accel_m_s2=max_accel_m_s2,
+            stick=stick,
         )
         parameters.preset("BAT1_CAPACITY", battery.capacity_mah)
         parameters.preset("MAV_SYS_ID", system_id)
@@ -131,8 +133,15 @@ class Commander(Aircraft):
         self._take_off_to: Wish = (None, None, None)  # asked for with NAV_TAKEOFF
         self._has_flown = False  # since it was armed
         self._climbs_first = False  # a mission that does not begin with a take-off
+        self._hangs = False  # its return has nowhere to go
+        self._complains_s = 0.0
 
     # --- what it knows of itself ---------------------------------------------------------------
+
+    @property
+    def intended(self) -> Px4Mode:
+        """The mode that somebody asked for, whatever a failsafe does meanwhile."""
+        return self._after_disarming if self.failsafes.engaged else self.mode
 
     @property
     def in_mission(self) -> bool:
@@ -169,6 +178,8 @@ class Commander(Aircraft):
             return "Preflight Fail: No connection to the ground control station"
         if self.battery.empty or self.failsafes.charge_state >= CHARGE_CRITICAL:
             return "Preflight Fail: low battery"
+        if self.mode == Px4Mode.OFFBOARD and not self.setpoints.fresh(self.t_s):
+            return "Preflight Fail: no offboard signal"
         now = self.estimate
         here = (now.east, now.north, now.up)
         if broken := self.fence.violations(self.parameters, here, here):
@@ -236,9 +247,9 @@ class Commander(Aircraft):
             self._change(mode)
 
     def _mode_refusal(self, mode: Px4Mode) -> str | None:
-        if mode in BY_HAND:
+        if mode in BY_HAND and not self.by_hand:
             return "no manual control"
-        if mode != Px4Mode.LAND and not self.position_ok:
+        if mode not in (Px4Mode.LAND, *LEVEL) and not self.position_ok:
             return "no global position"
         if mode == Px4Mode.MISSION and self.route.total == 0:
             return "no valid mission"

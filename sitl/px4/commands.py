@@ -13,6 +13,7 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.geo.geodesy import LocalPlane
+from sitl.body.altimeter import Altimeter
 from sitl.mavlink.base_commands import (
     ACCEPTED,
     DENIED,
@@ -36,9 +37,10 @@ class Px4Commands(BaseCommands):
 
     refused: int = mav.MAV_RESULT_TEMPORARILY_REJECTED
     nowhere: int = FAILED
+    unknown_rally_frames = (mav.MAV_FRAME_GLOBAL_INT, mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 
-    def __init__(self, autopilot: Px4Autopilot, plane: LocalPlane, amsl_m: float) -> None:
-        super().__init__(autopilot, plane, amsl_m)
+    def __init__(self, autopilot: Px4Autopilot, plane: LocalPlane, altimeter: Altimeter) -> None:
+        super().__init__(autopilot, plane, altimeter)
         self._ap = autopilot
         self.table.update({
             mav.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,

@@ -3,7 +3,8 @@
 Battery (COM_LOW_BAT_ACT), ground station (NAV_DLL_ACT), radio control (NAV_RCL_ACT), position,
 geofence (GF_ACTION), a lost stream of setpoints (COM_OBL_RC_ACT). What is more than Hold waits in
 Hold for COM_FAIL_ACT_T first, but for a lost stream; a mode that the pilot asks for meanwhile calls
-it off. The vehicle stays in the mode of a failsafe until it is asked for another. All times are the
+it off. The vehicle stays in the mode of a failsafe until it is asked for another, or until the
+stream whose loss began it is back: then it is in OFFBOARD again, unasked. All times are the
 vehicle's own.
 """
 
@@ -14,6 +15,7 @@ from typing import ClassVar, Protocol
 
 from sitl.body.battery import CELLS
 from sitl.copter import failsafes as copter
+from sitl.copter.aircraft import Notice
 from sitl.copter.failsafes import (
     CHARGE_CRITICAL,
     CHARGE_EMERGENCY,
@@ -27,7 +29,8 @@ from sitl.copter.failsafes import (
 from sitl.copter.fence import names
 from sitl.copter.params import Parameters
 from sitl.px4.aiding import Ekf2Aiding
-from sitl.px4.modes import Px4Mode
+from sitl.px4.events import MOTORS_OFF, Cause, failsafe
+from sitl.px4.modes import BY_HAND, Px4Mode
 
 FRESH_S = 0.5
 """At least two setpoints a second: the last is no older than this when the mode is asked for."""
@@ -58,22 +61,29 @@ class Setpoints:
         return self.silent_s(now_s) <= FRESH_S + 1e-6
 
 
-_MOTORS_OFF = -1
 _LINK_ACTIONS = {
-    1: Px4Mode.HOLD, 2: Px4Mode.RTL, 3: Px4Mode.LAND, 5: _MOTORS_OFF, 6: _MOTORS_OFF,
+    1: Px4Mode.HOLD, 2: Px4Mode.RTL, 3: Px4Mode.LAND, 5: MOTORS_OFF, 6: MOTORS_OFF,
 }  # fmt: skip
-# without a radio control there are no modes by hand (0 to 2): it returns
-_OFFBOARD_ACTIONS = {4: Px4Mode.LAND, 5: Px4Mode.HOLD, 6: _MOTORS_OFF, 7: _MOTORS_OFF}
-_FENCE_ACTIONS = {2: Px4Mode.HOLD, 3: Px4Mode.RTL, 4: _MOTORS_OFF, 5: Px4Mode.LAND}
-_SEVERITY_ORDER = (Px4Mode.HOLD, Px4Mode.RTL, Px4Mode.LAND, _MOTORS_OFF)
+_OFFBOARD_ACTIONS = {
+    0: Px4Mode.POSITION, 1: Px4Mode.ALTITUDE, 2: Px4Mode.STABILIZED, 4: Px4Mode.LAND,
+    5: Px4Mode.HOLD, 6: MOTORS_OFF, 7: MOTORS_OFF,
+}  # fmt: skip
+_FENCE_ACTIONS = {2: Px4Mode.HOLD, 3: Px4Mode.RTL, 4: MOTORS_OFF, 5: Px4Mode.LAND}
+_SEVERITY_ORDER = (
+    Px4Mode.POSITION, Px4Mode.ALTITUDE, Px4Mode.STABILIZED, Px4Mode.HOLD, Px4Mode.RTL,
+    Px4Mode.LAND, MOTORS_OFF,
+)  # fmt: skip
 _RADIO_EXCEPT = {Px4Mode.MISSION: 1, Px4Mode.HOLD: 2, Px4Mode.OFFBOARD: 4}
-_BATTERY = "battery"
 _CHARGES = (
     (CHARGE_EMERGENCY, "BAT_EMERGEN_THR", "Dangerous battery", CRITICAL),
     (CHARGE_CRITICAL, "BAT_CRIT_THR", "Critical battery", CRITICAL),
     (CHARGE_LOW, "BAT_LOW_THR", "Low battery", WARNING),
 )
 """State, the parameter below which it begins, its name and the severity of its text."""
+_BATTERY_CAUSES = {
+    CHARGE_LOW: Cause.LOW_BATTERY, CHARGE_CRITICAL: Cause.CRITICAL_BATTERY,
+    CHARGE_EMERGENCY: Cause.EMERGENCY_BATTERY,
+}  # fmt: skip
 
 
 class Craft(copter.Craft, Protocol):
@@ -82,7 +92,12 @@ class Craft(copter.Craft, Protocol):
     mode: Px4Mode
     setpoints: Setpoints
     sources: Ekf2Aiding
+    texts: list[Notice]
 
+    @property
+    def by_hand(self) -> bool: ...  # noqa: D102
+    @property
+    def intended(self) -> Px4Mode: ...  # noqa: D102
     @property
     def position_poor(self) -> bool: ...  # noqa: D102
     def fail_to(self, mode: Px4Mode) -> None: ...  # noqa: D102
@@ -103,6 +118,7 @@ class Px4Failsafes(copter.Failsafes):
         self._without_satellites = False  # it flies on, and has said so
         self._due: tuple[float, int] | None = None  # when the waiting in Hold ends, and what then
         self._action = 0
+        self._streamless = False  # what is done is for a lost stream of setpoints
 
     @property
     def active(self) -> bool:
@@ -115,7 +131,7 @@ class Px4Failsafes(copter.Failsafes):
 
     def taken_over(self) -> None:
         """The pilot has asked for a mode, or the motors have stopped."""
-        self.engaged, self._due, self._action = False, None, 0
+        self.engaged, self._due, self._action, self._streamless = False, None, 0, False
 
     def step(self, craft: Craft) -> None:
         """Look at everything once."""
@@ -124,7 +140,8 @@ class Px4Failsafes(copter.Failsafes):
         self._position(craft)
         if fresh := self.breaks_fences(craft):
             craft.say(CRITICAL, f"Geofence violated: {names(fresh)}")
-            self._act(craft, "geofence", _FENCE_ACTIONS.get(int(craft.parameters["GF_ACTION"])))
+            wanted = _FENCE_ACTIONS.get(int(craft.parameters["GF_ACTION"]))
+            self._act(craft, Cause.GENERIC, wanted)
         self._offboard(craft)
         if self._due is not None and craft.t_s >= self._due[0]:
             action, self._due = self._due[1], None
@@ -145,20 +162,20 @@ class Px4Failsafes(copter.Failsafes):
         craft.say(severity, f"{words} level")
         wanted = int(get["COM_LOW_BAT_ACT"])
         if self.charge_state == CHARGE_EMERGENCY and wanted in (2, 3):
-            self._act(craft, _BATTERY, Px4Mode.LAND)
+            self._act(craft, _BATTERY_CAUSES[CHARGE_EMERGENCY], Px4Mode.LAND)
         elif self.charge_state == CHARGE_CRITICAL and wanted == 3:
-            self._act(craft, _BATTERY, Px4Mode.RTL)
+            self._act(craft, _BATTERY_CAUSES[CHARGE_CRITICAL], Px4Mode.RTL)
 
     def _links(self, craft: Craft) -> None:
         get = craft.parameters
         known = self.silent_s(craft.t_s) >= 0.0
         if self.begins(craft, STATION, known and not self.hears_station(craft.t_s, get)):
             craft.say(WARNING, "Connection to ground station lost")
-            self._act(craft, "data link", _LINK_ACTIONS.get(int(get["NAV_DLL_ACT"])))
+            self._act(craft, Cause.STATION, _LINK_ACTIONS.get(int(get["NAV_DLL_ACT"])))
         if self.begins(craft, RADIO, craft.radio_lost):
             craft.say(CRITICAL, "Manual control lost")
             if not int(get["COM_RCL_EXCEPT"]) & _RADIO_EXCEPT.get(craft.mode, 0):
-                self._act(craft, "manual control", _LINK_ACTIONS.get(int(get["NAV_RCL_ACT"])))
+                self._act(craft, Cause.RADIO, _LINK_ACTIONS.get(int(get["NAV_RCL_ACT"])))
 
     def _position(self, craft: Craft) -> None:
         """Satellites stop being fused, and it flies on until the filter has no position."""
@@ -169,25 +186,34 @@ class Px4Failsafes(copter.Failsafes):
             self._without_satellites = False
             craft.say(INFO, "GNSS data fusion started")
         holds_out_s = craft.parameters.positive("EKF2_NOAID_TOUT", 5e5, 1e7) / 1e6
-        if self.loses_position(craft, 0.0 if craft.position_poor else holds_out_s):
-            craft.say(CRITICAL, "Global position lost")
-            if craft.armed and craft.airborne:
-                self._carry_out(craft, Px4Mode.LAND)  # there is nothing to wait in Hold with
+        begins = self.loses_position(craft, 0.0 if craft.position_poor else holds_out_s)
+        if begins and craft.armed and craft.airborne:
+            craft.texts.append(failsafe(craft.intended, Px4Mode.LAND, Cause.GENERIC))
+            self._carry_out(craft, Px4Mode.LAND)  # there is nothing to wait in Hold with
 
     def _offboard(self, craft: Craft) -> None:
-        if craft.mode != Px4Mode.OFFBOARD or not craft.armed:
+        """A stream that is lost, and one that is back while it still does what followed."""
+        if not craft.armed:
+            return
+        if self._streamless and craft.setpoints.fresh(craft.t_s) and craft.airborne:
+            self.taken_over()
+            craft.fail_to(Px4Mode.OFFBOARD)
+        if craft.mode != Px4Mode.OFFBOARD:
             return
         if craft.setpoints.silent_s(craft.t_s) <= craft.parameters["COM_OF_LOSS_T"]:
             return
-        craft.say(CRITICAL, "Offboard control lost")
         wanted = int(craft.parameters["COM_OBL_RC_ACT"])
         action = _OFFBOARD_ACTIONS.get(wanted, Px4Mode.RTL)
-        self._act(craft, "offboard", action, at_once=True)
+        if action in BY_HAND and not craft.by_hand:
+            action = Px4Mode.RTL
+        self._act(craft, Cause.GENERIC, action, streamless=True)
 
     # --- what follows ---------------------------------------------------------------------------
 
-    def _act(self, craft: Craft, cause: str, action: int | None, *, at_once: bool = False) -> None:
-        """Begin an action, unless a graver one is on."""
+    def _act(
+        self, craft: Craft, cause: Cause, action: int | None, *, streamless: bool = False
+    ) -> None:
+        """Begin an action, unless a graver one is on; `streamless`: for a lost stream, at once."""
         if action is None or not craft.armed:
             return
         rank = _SEVERITY_ORDER.index(action)
@@ -198,17 +224,18 @@ class Px4Failsafes(copter.Failsafes):
             return
         delay_s = craft.parameters["COM_FAIL_ACT_T"]
         waits = action in (Px4Mode.RTL, Px4Mode.LAND)
-        if craft.mode == Px4Mode.LAND and cause == _BATTERY:
+        if craft.mode == Px4Mode.LAND and cause in _BATTERY_CAUSES.values():
             action = Px4Mode.LAND  # it breaks the landing off, waits in Hold, and lands
         else:
-            waits = waits and not (at_once or self._landing(craft))
+            waits = waits and not (streamless or self._landing(craft))
+        self._streamless = streamless
         if waits and delay_s > 0.0:
-            craft.say(CRITICAL, f"Failsafe {cause}: Hold, then {Px4Mode(action).name}")
+            craft.texts.append(failsafe(craft.intended, action, cause, holds_s=delay_s))
             self.engaged = True
             craft.fail_to(Px4Mode.HOLD)
             self._action, self._due = action, (craft.t_s + delay_s, action)
             return
-        craft.say(CRITICAL, f"Failsafe {cause} activated")
+        craft.texts.append(failsafe(craft.intended, action, cause))
         self._carry_out(craft, action)
 
     @staticmethod
@@ -217,7 +244,7 @@ class Px4Failsafes(copter.Failsafes):
 
     def _carry_out(self, craft: Craft, action: int) -> None:
         self._action, self._due, self.engaged = action, None, True
-        if action == _MOTORS_OFF:
+        if action == MOTORS_OFF:
             craft.disarm(force=True)
         elif craft.mode != Px4Mode.LAND:  # what lands goes on landing
             craft.fail_to(Px4Mode(action))

@@ -74,6 +74,7 @@ class Px4Interpreter(Interpreter):
     ) -> None:
         super().__init__(system_id, autopilot, commands, streams, telemetry)
         self._px4 = autopilot
+        self._copies: list[bytes] = []  # of parameters that have just been set
         self._handlers["SET_POSITION_TARGET_LOCAL_NED"] = self._local_target
         del self._handlers["REQUEST_DATA_STREAM"]
         del self._handlers["TERRAIN_CHECK"]
@@ -95,6 +96,8 @@ class Px4Interpreter(Interpreter):
             retry_s=_RETRY_S,
             give_up_s=_GIVE_UP_S,
             whole=True,
+            int_frames=True,
+            answers_copies=False,
             check=check,
         )
 
@@ -157,7 +160,19 @@ class Px4Interpreter(Interpreter):
         value = from_bytewise(m.param_value) if parameter.type == INT32 else m.param_value
         if not self._ap.parameters.set(m.param_id, value):
             return b""
-        return self._param_value(m.param_id)
+        answer = self._param_value(m.param_id)
+        self._copies.append(self._param_value(m.param_id))
+        return answer
+
+    def step(self) -> bytes:
+        """Besides, each parameter that was set is sent once more, up to 50 ms later.
+
+        (`mavlink_parameters.cpp`, `send_untransmitted`.) With the value that was set, as a client
+        hears it whose next PARAM_SET is under way by then.
+        """
+        copies = b"".join(self._copies)
+        self._copies.clear()
+        return copies + super().step()
 
     def _on_wire(self, parameter: Parameter, value: float) -> float:
         return bytewise(int(value)) if parameter.type == INT32 else value

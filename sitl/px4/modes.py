@@ -45,7 +45,9 @@ BY_HAND = (
     Px4Mode.ACRO,
     Px4Mode.STABILIZED,
 )
-"""These need a radio control, which nobody holds here."""
+"""These need a radio control (`Quirks.stick`)."""
+LEVEL = tuple(mode for mode in BY_HAND if mode != Px4Mode.POSITION)
+"""With the stick centred these keep level and the height, and go wherever the wind takes them."""
 UNARMABLE = (Px4Mode.RTL, Px4Mode.LAND)
 
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import struct
+from collections.abc import Callable, Collection
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.geo.geodesy import LocalPlane
-from sitl.codec.wire import Message
+from sitl.body.altimeter import Altimeter
+from sitl.codec.wire import CURRENT_MODE, Message, Packed, crc_extra_of
 from sitl.mavlink.telemetry import IDENTITY, Telemetry
 from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.modes import UNARMABLE, Px4Mode
+from sitl.quirks import Quirks
 
 _VERSION_1_15_4 = (1 << 24) | (15 << 16) | (4 << 8) | 255  # FIRMWARE_VERSION_TYPE_OFFICIAL
 _CAPABILITIES = (
@@ -33,6 +36,7 @@ _BY_HAND = mav.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED | mav.MAV_MODE_FLAG_STABILIZE_
 _ESTIMATOR_GOOD = 0x33F  # attitude, velocities, relative and absolute position, predictions
 _ESTIMATOR_AT_REST = 0x3FF  # and, on the ground, that the position is held constant
 _ESTIMATOR_NO_POSITION = 0xA7
+_CURRENT_MODE = struct.Struct("<IIB")  # mode, intended mode, standard mode (none)
 _ESTIMATOR_ABSOLUTE = 0x210  # the absolute position, and its prediction
 
 DEFAULT_HZ = {
@@ -64,10 +68,12 @@ class Px4Telemetry(Telemetry):
         self,
         autopilot: Px4Autopilot,
         plane: LocalPlane,
-        amsl_m: float,
+        altimeter: Altimeter,
         wind: Callable[[], tuple[float, float]],
+        quirks: Quirks,
     ) -> None:
-        super().__init__(autopilot, plane, amsl_m, wind)
+        super().__init__(autopilot, plane, altimeter, wind, quirks)
+        self._px4 = autopilot
         for message_id in (
             mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
             mav.MAVLINK_MSG_ID_WIND,
@@ -79,25 +85,48 @@ class Px4Telemetry(Telemetry):
             mav.MAVLINK_MSG_ID_ALTITUDE: self.altitude,
             mav.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self.attitude_quaternion,
             mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._position_when_known,
+            CURRENT_MODE: self.current_mode,
         }
+
+    @property
+    def streamable(self) -> Collection[int]:
+        """All but the heartbeat (`mavlink_receiver.cpp`, `set_message_interval`)."""
+        return self._builders.keys() - {mav.MAVLINK_MSG_ID_HEARTBEAT}
+
+    def current_mode(self) -> Packed:
+        """CURRENT_MODE, which the dialect does not know: the mode, and the one asked for."""
+        payload = _CURRENT_MODE.pack(int(self.told_mode), int(self._px4.intended), 0)
+        return CURRENT_MODE, crc_extra_of(CURRENT_MODE), payload
+
+    @property
+    def told_mode(self) -> Px4Mode:
+        """The mode; one that comes down blind out of OFFBOARD calls that ALTITUDE."""
+        ap = self._px4
+        blind = ap.failsafes.engaged and ap.mode == Px4Mode.LAND and not ap.position_ok
+        return Px4Mode.ALTITUDE if blind and ap.intended == Px4Mode.OFFBOARD else ap.mode
 
     def heartbeat(self) -> Message:
         """HEARTBEAT."""
-        ap = self._ap
-        assert isinstance(ap.mode, Px4Mode)
+        ap, mode = self._ap, self.told_mode
         base = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-        if ap.mode.automatic:
+        if mode.automatic:
             base |= _AUTO
-        elif ap.mode != Px4Mode.OFFBOARD:
+        elif mode != Px4Mode.OFFBOARD:
             base |= _BY_HAND
-        armable = ap.prearm_ok and ap.mode not in UNARMABLE
+        armable = ap.prearm_ok and mode not in UNARMABLE
         status = mav.MAV_STATE_STANDBY if armable else mav.MAV_STATE_UNINIT
         if ap.armed:
             base |= mav.MAV_MODE_FLAG_SAFETY_ARMED
             status = mav.MAV_STATE_CRITICAL if ap.failsafes.active else mav.MAV_STATE_ACTIVE
         return mav.MAVLink_heartbeat_message(
-            mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_PX4, base, int(ap.mode), status, 3
+            mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_PX4, base, int(mode), status, 3
         )
+
+    @property
+    def _percents(self) -> tuple[int, int]:
+        """Rounded up, and to the nearest (`SYS_STATUS.hpp`, `BATTERY_STATUS.hpp`)."""
+        percent = 100.0 * self._ap.battery.remaining_share
+        return math.ceil(percent - 1e-9), math.floor(percent + 0.5)
 
     @property
     def _current_ca(self) -> int:

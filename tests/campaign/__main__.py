@@ -27,7 +27,9 @@ def main() -> int:
     outcomes = []
     fly = partial(fly, strategy=options.strategy, verbose=options.verbose)
     if options.world == "reducer":
-        fly = partial(fly, find=options.find)
+        fly = partial(fly, find=options.find, receiver_sigma_m=options.receivers)
+    else:
+        fly = partial(fly, pilots=options.pilots)
     for outcome in _flown(fly, options):
         outcomes.append(outcome)
         if outcome.found and len(outcomes) < 100000:
@@ -52,6 +54,14 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "--find", choices=("first", "all", "all, from on high"), default="first",
         help="every flight looks for all patches of the region, by swath (world reducer)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--pilots", action="store_true",
+        help="in every flight a pilot turns a mode switch at a random moment (world sitl)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--receivers", type=float, default=0.0,
+        help="standard deviation of receivers' heights above the sea, m (world reducer)",
     )  # fmt: skip
     parser.add_argument("--workers", type=int, default=1, help="processes (default 1)")
     parser.add_argument("--verbose", action="store_true", help="tell every event and order")

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from typing import Final
 
 COLUMNS: Final = (
-    "n", "ok", "inc", "home", "away", "air", "alone", "crash", "breach", "far", "near", "fell",
-    "reserve", "lie", "unrep", "end", "tb",
+    "n", "ok", "inc", "home", "away", "air", "alone", "taken", "crash", "breach", "far", "near",
+    "fell", "reserve", "lie", "unrep", "end", "tb",
 )  # fmt: skip
 FORBIDDEN: Final = {
     "air": "air",
     "alone": "alone",
+    "taken": "taken",
     "breach": "breach",
     "far": "far",
     "near": "near",
@@ -30,6 +31,7 @@ FORBIDDEN: Final = {
 EXPLAINED: Final = """\
 n flights; ok complete, inc honestly incomplete; home, away: everybody landed at home, or somebody
 elsewhere; air left in the air at the end; alone somebody in the air without anybody responsible;
+taken a mode that a pilot chose is changed by somebody else;
 crash a crash (reported); breach out of the fence; far more than 150 m out; near two too near;
 fell out of energy in the air; reserve landed with less than the reserve; lie a false "complete",
 votes lost, or a journal that tells another state; unrep a crash or a landing away from home that

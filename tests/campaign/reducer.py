@@ -27,7 +27,9 @@ def plan_of(seed: int) -> Plan:
     return plan(seed, KINDS, PHASES)
 
 
-def fleet_of(flight: Plan, strategy: str | None = None, *, find: str = "first") -> Fleet:
+def fleet_of(
+    flight: Plan, strategy: str | None = None, *, find: str = "first", receiver_sigma_m: float = 0.0
+) -> Fleet:
     """The fleet of a flight, before anything has happened."""
     rng = random.Random(flight.seed)
     scenario = unkind_scenario(flight.seed, strategy)
@@ -44,6 +46,7 @@ def fleet_of(flight: Plan, strategy: str | None = None, *, find: str = "first") 
     )
     made = Fleet(
         setting, scenario.roi, draw=rng.uniform(0.95, 1.05), seed=flight.seed, air=air,
+        receiver_sigma_m=receiver_sigma_m,
         **(_homes(vehicles, rng) if "homes" in flight.kinds else {}),
     )  # fmt: skip
     made.troubles = _troubles(flight, vehicles, rng)
@@ -76,11 +79,16 @@ def _troubles(flight: Plan, vehicles: int, rng: random.Random) -> list[Trouble]:
 
 
 def fly(
-    seed: int, *, strategy: str | None = None, find: str = "first", verbose: bool = False
+    seed: int,
+    *,
+    strategy: str | None = None,
+    find: str = "first",
+    receiver_sigma_m: float = 0.0,
+    verbose: bool = False,
 ) -> Outcome:
     """Fly the flight of a seed to its end."""
     flight = plan_of(seed)
-    fleet = fleet_of(flight, strategy, find=find)
+    fleet = fleet_of(flight, strategy, find=find, receiver_sigma_m=receiver_sigma_m)
     fleet.start()
     try:
         fleet.run(LIMIT_S)

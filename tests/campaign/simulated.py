@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import tempfile
 from collections.abc import Sequence
@@ -22,6 +23,7 @@ from missions.mission.energy import AIRSPEED_LIMIT_M_S
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.support import plans
+from tests.support.scenarios import into
 from tests.support.small_missions import CELL_M, START, mission_text, ring, square
 from uavmap.aircraft.guardian.impact import GRAVITY_M_S2
 from uavmap.journal.event_log import Journal
@@ -103,9 +105,65 @@ def _toml(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else repr(value).replace("'", '"')
 
 
+TURNS: Final = {
+    "ardupilot": ("LAND", "RTL", "LOITER", "BRAKE", "POSHOLD", "ALT_HOLD", "STABILIZE"),
+    "px4": ("LAND", "RTL", "HOLD", "POSITION", "ALTITUDE"),
+}
+"""What a pilot turns his switch to."""
+KEEPS_S: Final = 20.0
+"""So long he keeps a vehicle in such a mode, then he lands it."""
+
+
+@dataclass(slots=True)
+class Pilot:
+    """Turns the mode switch of one vehicle at a moment in flight, and holds what became of that."""
+
+    vehicle: int
+    at_s: float
+    mode: str
+    since_s: float = math.inf
+    """Since when it is his."""
+    taken: str = ""
+    """The mode that somebody else put it into."""
+
+    @classmethod
+    def of(cls, seed: int, vehicles: int, autopilot: str) -> Pilot:
+        """The pilot of a seed."""
+        rng = random.Random(f"pilot {seed}")
+        at_s = rng.uniform(6.0, 70.0)
+        return cls(rng.randint(1, vehicles), at_s, rng.choice(TURNS[autopilot]))
+
+    def watch(self, vehicle: SimVehicle) -> None:
+        """Look at his vehicle, and turn the switch when it is time."""
+        truth, t_s = vehicle.truth, vehicle.truth.t_s
+        if truth.landed or truth.crashed or not truth.armed or self.taken:
+            return
+        mode = truth.mode.name
+        if math.isinf(self.since_s):
+            # Hold is his on a path only: elsewhere it says that the vehicle is given back
+            takes = mode != self.mode and (self.mode != "HOLD" or mode == "OFFBOARD")
+            if t_s >= self.at_s and takes and not truth.failsafe:
+                self._turn(vehicle, self.mode)
+                if vehicle.truth.mode.name == self.mode:
+                    self.since_s = t_s
+        elif mode != self.mode and truth.failsafe:
+            self.mode = mode  # a failsafe comes before him
+        elif mode != self.mode:
+            self.taken = f"out of {self.mode} into {mode} after {t_s - self.since_s:.1f} s"
+        elif t_s - self.since_s > KEEPS_S and mode not in ("LAND", "RTL"):
+            self.mode = "LAND"
+            self._turn(vehicle, "LAND")
+
+    @staticmethod
+    def _turn(vehicle: SimVehicle, mode: str) -> None:
+        into(vehicle, int(type(vehicle.truth.mode)[mode]))
+
+
 @dataclass(slots=True)
 class Witness(Truth):
     """The truth of a flight, with what the referee has to know."""
+
+    pilot: Pilot | None = None
 
     found: list[tuple[str, str]] = field(default_factory=list)
     last: dict[int, Any] = field(default_factory=dict)
@@ -121,6 +179,8 @@ class Witness(Truth):
         Truth.watch(self, vehicles, setting)
         for vehicle in vehicles:
             number, truth = vehicle.spec.system_id, vehicle.truth
+            if self.pilot is not None and self.pilot.vehicle == number:
+                self.pilot.watch(vehicle)
             at = setting.grid.fixed(truth.position)
             self.last[number], self.at[number] = truth, at
             if not truth.landed:
@@ -131,11 +191,17 @@ class Witness(Truth):
                 continue
             since_s = self.outside_s.setdefault(number, truth.t_s)
             by_itself = truth.failsafe and truth.mode.name in RETURNS
+            by_itself = by_itself or self.has(number)
             if out_m > FAR_M and not by_itself:
                 self._flag(number, "far", f"{truth.t_s:.1f} s: {out_m:.0f} m outside")
             if truth.t_s - since_s > FORGIVEN_S and not by_itself:
                 text = f"{truth.t_s:.1f} s: {out_m:.0f} m outside, still in {truth.mode.name}"
                 self._flag(number, "breach", text)
+
+    def has(self, number: int) -> bool:
+        """Whether a pilot has this vehicle."""
+        pilot = self.pilot
+        return pilot is not None and pilot.vehicle == number and math.isfinite(pilot.since_s)
 
     def _flag(self, number: int, kind: str, text: str) -> None:
         if (number, kind) not in self.flagged:
@@ -160,11 +226,16 @@ def _blind(text: str, flight: Plan) -> bool:
     )
 
 
-def fly(seed: int, *, strategy: str | None = None, verbose: bool = False) -> Outcome:
-    """Fly the flight of a seed to its end."""
+def fly(
+    seed: int, *, strategy: str | None = None, pilots: bool = False, verbose: bool = False
+) -> Outcome:
+    """Fly the flight of a seed to its end; with `pilots` one takes a vehicle in it."""
     flight = plan_of(seed)
     text = text_of(flight, strategy)
     witness = Witness()
+    if pilots:
+        autopilot = "px4" if 'autopilot = "px4"' in text else "ardupilot"
+        witness.pilot = Pilot.of(seed, text.count("[[vehicles]]"), autopilot)
     found: list[tuple[str, str]] = []
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patched:
         patched.setattr(simulation, "Truth", lambda: witness)
@@ -214,17 +285,22 @@ def _judged(
     flight: Plan, text: str, witness: Witness, summary: dict[str, Any], phases: dict[int, Phase]
 ) -> list[tuple[str, str]]:
     """What of a flight is forbidden."""
-    blind = _blind(text, flight)
+    pilot = witness.pilot
+    by_hand = pilot is not None and math.isfinite(pilot.since_s)
+    blind = _blind(text, flight) or by_hand
     found = list(witness.found)
+    if pilot is not None and pilot.taken:
+        found.append(("taken", f"vehicle {pilot.vehicle} is taken {pilot.taken}"))
     if not blind and witness.fence_breaches:
         found.append(("breach", f"{witness.fence_breaches} breaches"))
-    if not blind and witness.reserve_violations and not _poor(flight):
+    # what fell, as a silent one does in the end, has not landed
+    if not blind and witness.reserve_violations > witness.crashes and not _poor(flight):
         found.append(("reserve", f"{witness.reserve_violations} violations"))
     for number, truth in witness.last.items():
-        silent = phases.get(number) in (Phase.LOST, Phase.OFFLINE)
         theirs = truth.mode.name in RETURNS
-        if not truth.landed and not truth.crashed and not silent and not theirs:
-            found.append(("air", f"vehicle {number} is in the air in {truth.mode.name}"))
+        if not truth.landed and not truth.crashed and not theirs:
+            text = f"in {truth.mode.name}, with {truth.energy_wh:.1f} Wh, {phases.get(number)}"
+            found.append(("air", f"vehicle {number} is in the air {text}"))
         told = phases.get(number) in (Phase.DOWN, Phase.LOST, Phase.OFFLINE)
         away = witness.at[number].distance_to(_home(number)) > PAD_M
         # a fall from a quarter of a metre tells itself from a landing by no message
@@ -240,7 +316,5 @@ def _judged(
 
 
 def _poor(flight: Plan) -> bool:
-    """Whether the battery itself is what goes wrong, or nobody can command the vehicle."""
-    return any(kind in ("battery_cell", "battery_sag", "link", "wind_gust", "reject",
-                        "companion_reboot", "motor", "compass", "rc")
-               for kind in flight.kinds)  # fmt: skip
+    """Whether the battery itself is what goes wrong, or the wind: docs/safety.md argues each."""
+    return any(kind in ("battery_cell", "battery_sag", "wind_gust") for kind in flight.kinds)

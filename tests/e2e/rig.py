@@ -37,6 +37,15 @@ def mission(name: str) -> str:
     return str(MISSIONS / f"{name}.toml")
 
 
+def kinder(name: str, folder: Path, **quirks: bool) -> str:
+    """The name of a mission with other habits of its simulated aircraft, for `mission`."""
+    lines = [f"{key} = {str(value).lower()}" for key, value in quirks.items()]
+    text = Path(mission(name)).read_text(encoding="utf-8")
+    made = folder / f"{name}-kinder"
+    made.with_suffix(".toml").write_text("\n".join([text, "[sim.quirks]", *lines, ""]))
+    return str(made)
+
+
 def environment() -> dict[str, str]:
     """The environment of a process that runs the package from the source tree."""
     return {**os.environ, "PYTHONPATH": str(ROOT)}

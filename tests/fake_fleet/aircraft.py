@@ -61,6 +61,12 @@ class Aircraft:
     """It returns or lands by a failsafe of its own."""
     unasked: bool = False
     """Nobody told it to return, though it says nothing of a failsafe."""
+    piloted: bool = False
+    """A pilot chose the mode that it is in."""
+    taken_back: bool = False
+    """Somebody else changed a mode that a pilot had chosen in flight."""
+    sea_error_m: float = 0.0
+    """What its receiver's height above the sea errs by."""
     target: GridPoint | None = None
     target_height_m: float = 0.0
     streamed: tuple[GridPoint, Vector] | None = None
@@ -116,7 +122,7 @@ class Aircraft:
         if not self.armed:
             self.armed, self._armed_s = True, self.clock_s
         self.mode, self.target, self.target_height_m = "follow", self.believed, height_m
-        self.streamed = None
+        self.streamed, self.piloted = None, False
 
     def aim(self, point: GridPoint, height_m: float) -> bool:
         """Fly to a point; refused unless it follows."""
@@ -140,11 +146,25 @@ class Aircraft:
         """Another mode; returning and landing begin where it is."""
         if mode == self.mode:
             return
+        self.taken_back = self.taken_back or (self.piloted and self.flying)
+        self.piloted = False
         self.mode, self.target, self.target_height_m = mode, self.believed, self.height_m
         self.streamed, self.descent_m_s, self.unasked = None, DESCENT_M_S, False
         if mode == "rtl":
             self.returning = "climb"
             self.target_height_m = max(self.height_m, self.return_height_m)
+
+    def turn_switch(self, mode: Mode) -> None:
+        """The pilot's mode switch, which ends a failsafe."""
+        self.piloted = self.failsafe = False
+        changes = mode != self.mode
+        self.switch(mode)
+        self.piloted = changes
+
+    def give_back(self) -> None:
+        """The pilot's switch is turned to the mode in which it follows; it stops here."""
+        self.mode, self.piloted = "follow", False
+        self.target, self.target_height_m = self.believed, self.height_m
 
     # --- time ------------------------------------------------------------------------------
     def step(self, dt_s: float, air: Air, ground_m: float) -> None:
@@ -206,7 +226,7 @@ class Aircraft:
 
     def _touch(self, ground_m: float) -> None:
         self.height_m, self.flying, self.velocity_m_s = ground_m, False, (0.0, 0.0)
-        self._down_s, self.failsafe = self.clock_s, False
+        self._down_s, self.failsafe, self.piloted = self.clock_s, False, False
 
     def _return(self) -> None:
         if self.returning == "climb" and self.height_m >= self.target_height_m - 0.5:

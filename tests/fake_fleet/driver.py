@@ -77,6 +77,8 @@ LINK_LOST_S = 5.0
 PATIENCE_S = 120.0
 """How long the crew waits for a silent vehicle that stands on the ground."""
 SPARE_S = 60.0
+WORST_HEIGHT_M = 8.0
+"""A receiver's height above the sea is never worse."""
 NO_ACK_S = 7.5
 """After so long without an acknowledgement a command counts as failed."""
 REFUSED_S = 0.5
@@ -160,6 +162,12 @@ class Driver:
     silent_s: float = 0.0
     known_wh: float = 0.0
     given_up: bool = False
+    asked: Mode = "follow"
+    """The mode that this driver commanded last: any other is a pilot's or a failsafe's."""
+    sent_up: bool = False
+    """It was commanded to take off, and no landing was told since."""
+    receiver_sigma_m: float = 0.0
+    receivers: random.Random = field(default_factory=lambda: random.Random(0))
     winds: list[Vector] = field(default_factory=list)
     late: list[tuple[float, Event]] = field(default_factory=list)
     seen_from: list[tuple[float, GridPoint, float]] = field(default_factory=list)
@@ -214,6 +222,25 @@ class Driver:
     def obeys(self) -> bool:
         """Whether commands reach the vehicle."""
         return self.link in ("good", "acks lost")
+
+    @property
+    def home_amsl_m(self) -> float:
+        """What it tells of its home's height, with its receiver's error."""
+        return self.craft.level_m + self.craft.sea_error_m
+
+    def switch_on(self) -> None:
+        """Its receiver begins with an error of its own, as after each change of battery."""
+        error_m = self.receivers.gauss(0.0, self.receiver_sigma_m)
+        self.craft.sea_error_m = max(-WORST_HEIGHT_M, min(WORST_HEIGHT_M, error_m))
+
+    @property
+    def theirs(self) -> bool:
+        """Whether its mode is a pilot's or a failsafe's."""
+        return self.craft.failsafe or self.craft.mode != self.asked
+
+    def _switch(self, mode: Mode) -> None:
+        self.asked = mode
+        self.craft.switch(mode)
 
     # --- orders ----------------------------------------------------------------------------
     def give(self, order: Order) -> None:
@@ -295,9 +322,10 @@ class Driver:
         self.begun = True
         craft, order = self.craft, self.order
         if isinstance(order, TakeOff):
+            self.asked, self.sent_up = "follow", True
             craft.take_off(order.height_m)
         elif isinstance(order, Land):
-            craft.switch("land")
+            self._switch("land")
         elif isinstance(order, Hold) and craft.armed:
             if craft.streamed is not None:
                 craft.brake()
@@ -347,7 +375,7 @@ class Driver:
                 self.order = None
                 self.around.post(
                     Airborne(
-                        self.number, now_s, home=rounded(craft.home), home_amsl_m=craft.level_m
+                        self.number, now_s, home=rounded(craft.home), home_amsl_m=self.home_amsl_m
                     )
                 )
         elif isinstance(order, FlyTo):
@@ -493,7 +521,9 @@ class Driver:
         craft = self.craft
         self.connected, self.given_up, self.silent_s = True, False, 0.0
         self.was_airborne = craft.flying
-        ours = craft.mode != "other" and not craft.failsafe
+        if not craft.flying:
+            self.asked, self.sent_up = craft.mode, False
+        ours = not self.theirs
         self.overridden = craft.flying and not ours
         self.order = self.course = None
         if not craft.flying:
@@ -502,7 +532,7 @@ class Driver:
         self.around.post(
             Connected(
                 self.number, self.around.now_s, rounded(craft.home), self.position, self.height_m,
-                craft.flying, ours, self.remaining_wh, home_amsl_m=craft.level_m,
+                craft.flying, ours, self.remaining_wh, home_amsl_m=self.home_amsl_m,
                 mode=craft.mode if craft.flying else None,
             )
         )  # fmt: skip
@@ -521,12 +551,12 @@ class Driver:
             return
         self.silent_s, self.known_wh = 0.0, self.remaining_wh
         craft, now_s = self.craft, self.around.now_s
-        theirs = craft.armed and (craft.mode == "other" or craft.failsafe)
+        theirs = craft.armed and self.theirs
         if theirs and not self.overridden:
             self.overridden = True
             self.around.post(Overridden(self.number, now_s, self._mode_name()))
         elif self.overridden and craft.armed and craft.mode == "follow" and not craft.failsafe:
-            self.overridden = False
+            self.overridden, self.asked = False, "follow"
             self.guard = self.guard.released()
             self.around.post(Released(self.number, now_s, self.position, self.height_m))
         if craft.armed and craft.flying and craft.height_m > LIFTED_M and not self.was_airborne:
@@ -541,12 +571,11 @@ class Driver:
         return self.was_airborne or (self.guard.action is not None and not self.guard.down)
 
     def _mode_name(self) -> str:
-        if self.craft.failsafe:
-            return {"rtl": "RTL", "land": "LAND"}.get(self.craft.mode, "failsafe")
-        return "LOITER"
+        return {"rtl": "RTL", "land": "LAND", "other": "LOITER"}.get(self.craft.mode, "failsafe")
 
     def _on_ground(self) -> None:
-        self.was_airborne = False
+        self.was_airborne = self.sent_up = False
+        self.asked = self.craft.mode
         if self.watch_over():
             return  # it lies there: that is told already
         self.guard, self.order = self.guard.released(), None
@@ -560,7 +589,7 @@ class Driver:
             self.around.post(LinkLost(self.number, self.around.now_s))
         elif not self.connected and not self.given_up:
             lasts_s = PATIENCE_S
-            if self.was_airborne:
+            if self.was_airborne or self.sent_up:
                 hover_w = self.around.setting.mission.battery.hover_power_w
                 lasts_s = self.known_wh * 3600.0 / hover_w + SPARE_S
             if self.silent_s > lasts_s:
@@ -675,11 +704,11 @@ class Driver:
             return
         aim_m = quick_aim_m(self.height_m) if action == "land" and self.hurry else None
         if aim_m is not None:
-            craft.switch("follow")
+            self._switch("follow")
             craft.aim(craft.believed, aim_m + self.lift_m(craft.believed))
             craft.descent_m_s = HASTE_M_S
         elif named[action] not in self.refuses:
-            craft.switch(action)
+            self._switch(action)
 
     def _await_battery(self) -> None:
         self.waited_s = self.clock_s
@@ -689,6 +718,7 @@ class Driver:
         capacity_wh = self.around.setting.mission.battery.capacity_wh
         share = self.poor_batteries.pop(0) if self.poor_batteries else 1.0
         self.craft.wh = share * capacity_wh
+        self.switch_on()
         if self.remaining_wh >= FRESH * capacity_wh and self.hears:
             self.order, self.waited_s = None, 0.0
             self.around.post(BatterySwapped(self.number, self.around.now_s, self.remaining_wh))

@@ -55,6 +55,8 @@ class Fleet:
     """How far from their planned homes the vehicles stand."""
     levels_m: Sequence[float] = ()
     """How high their homes lie."""
+    receiver_sigma_m: float = 0.0
+    """Standard deviation of their receivers' heights above the sea, another after each swap."""
     t_s: float = 0.0
     state: State = field(init=False)
     vehicles: dict[int, Aircraft] = field(init=False)
@@ -99,7 +101,11 @@ class Fleet:
                 highest_m = mission.highest_ground_m - self.setting.ground.height_m(place)
                 craft.return_height_m = highest_m + mission.altitude_m(number - 1)
             self.vehicles[number] = craft
-            self.drivers[number] = Driver(craft, self.around)
+            self.drivers[number] = Driver(
+                craft, self.around, receiver_sigma_m=self.receiver_sigma_m,
+                receivers=random.Random(self.seed * 37 + number),
+            )  # fmt: skip
+            self.drivers[number].switch_on()
 
     def _level_m(self, number: int, place: GridPoint) -> float:
         """How high a home lies."""
@@ -219,9 +225,9 @@ class Fleet:
             if self.t_s >= self.link_failsafes.get(number, math.inf):
                 del self.link_failsafes[number]
                 if craft.flying and craft.mode == "follow":
-                    craft.failsafe = self.rng.random() < 0.5
+                    failsafe = self.rng.random() < 0.5
                     craft.switch("rtl")
-                    craft.unasked = True
+                    craft.failsafe, craft.unasked = failsafe, True
         if self.homing:
             self._bring_home()
         if self.gone and self.t_s >= self.back_s:
@@ -325,9 +331,7 @@ class Fleet:
         """The pilot gives it back."""
         if self.pilots.pop(number, None) is None:
             return
-        craft = self.vehicles[number]
-        craft.mode, craft.target = "follow", craft.believed
-        craft.target_height_m = craft.height_m
+        self.vehicles[number].give_back()
         self.drivers[number].listen(0.0)
 
     def cut_link(self, number: int) -> None:

@@ -1,4 +1,7 @@
-"""A pilot who takes a vehicle: flies about, perhaps through the layers of others, and ends it."""
+"""A pilot who takes a vehicle: flies about, perhaps through the layers of others, and ends it.
+
+By hand, or by his autopilot's own modes LAND and RTL.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from missions.units import GridPoint
 
 from .aircraft import STOP_M, Aircraft
 
-Ending = Literal["release", "land", "keep"]
+Ending = Literal["release", "land", "keep", "LAND", "RTL"]
 LOW_SHARE = 0.25
 """With less of its battery a pilot lands, wherever the vehicle is."""
 
@@ -26,8 +29,9 @@ class Pilot:
 
     def take(self, craft: Aircraft) -> None:
         """The mode switch turns; the vehicle stops."""
-        craft.switch("other")
-        craft.failsafe = False
+        craft.turn_switch("other")
+        if not self.way:
+            self._end_by_mode(craft)
 
     def fly(self, craft: Aircraft, dt_s: float) -> None:
         """One tick at the sticks."""
@@ -46,10 +50,17 @@ class Pilot:
                 self.way.pop(0)
             return
         self.keeps_s -= dt_s
+        self._end_by_mode(craft)
         if self.ending == "land":
             if craft.target_height_m > -50.0:
                 craft.target, craft.target_height_m = craft.believed, -99.0
         elif self.ending == "release" and self.keeps_s <= 0.0:
-            craft.target, craft.target_height_m = craft.believed, craft.height_m
-            craft.mode = "follow"
+            craft.give_back()
             self.done = True
+
+    def _end_by_mode(self, craft: Aircraft) -> None:
+        if self.ending == "LAND":
+            craft.turn_switch("land")
+        elif self.ending == "RTL":
+            craft.turn_switch("rtl")
+        self.done = self.ending in ("LAND", "RTL")

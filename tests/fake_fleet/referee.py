@@ -57,10 +57,6 @@ class Notes:
     """When a pilot or a failsafe flew it last."""
     known_s: float = -math.inf
     """Since when the mission knows of that."""
-    silent_s: float = -math.inf
-    """When it fell silent last."""
-    unlandable_s: float = -math.inf
-    """When its autopilot refused to land last."""
     guarded_s: float = -math.inf
     deaf_s: float = -math.inf
     """When no command reached it last."""
@@ -110,18 +106,17 @@ class Referee:
             notes.blind_s = t_s
         if craft.drift_m_s != (0.0, 0.0):
             notes.spoofed_s = t_s
-        others = craft.mode == "other" or craft.failsafe
+        others = craft.mode == "other" or craft.failsafe or craft.piloted
         if others:
             notes.hands_s = t_s
+        if craft.taken_back:
+            craft.taken_back = False
+            self.note(t_s, "taken", f"vehicle {craft.number} is taken back from its pilot")
         known = vehicle.phase is Phase.YIELDED
         if not known:
             notes.known_s = t_s
-        if driver.link == "silent" and driver.silent_s <= 0.5:
-            notes.silent_s = t_s
         if not driver.obeys or fleet.gone:
             notes.deaf_s = t_s
-        if "Land" in driver.refuses:
-            notes.unlandable_s = t_s
         if vehicle.phase is not Phase.GUARDED:
             notes.guarded_s = t_s
         if craft.flying and not notes.was_flying:
@@ -130,9 +125,7 @@ class Referee:
         if vehicle.return_reason is None:
             notes.known_wind_m_s = max(fleet.setting.energy.wind_m_s, vehicle.wind_m_s)
         stormy = wind_m_s > max(notes.known_wind_m_s, fleet.setting.energy.wind_m_s) + 1.0
-        handicap = driver.link != "good" or bool(driver.refuses) or fleet.dead
-        guarded = vehicle.phase is Phase.GUARDED
-        if craft.flying and (others or stormy or handicap or guarded or notes.blind_s == t_s):
+        if craft.flying and (others or stormy or fleet.dead or notes.blind_s == t_s):
             notes.sortie_free = True
 
     def _check_fence(self, fleet: Fleet, craft: Aircraft, notes: Notes) -> None:
@@ -141,11 +134,9 @@ class Referee:
             notes.outside_s, notes.breach_told, notes.far_told = None, False, False
             return
         t_s = fleet.t_s
-        if craft.mode == "other" or craft.failsafe or craft.unasked or craft.motors_failed:
+        theirs = craft.mode == "other" or craft.piloted or craft.failsafe or craft.unasked
+        if theirs or craft.motors_failed:
             notes.outside_s = None
-            return
-        if not fleet.drivers[craft.number].hears and notes.hands_s > notes.silent_s:
-            notes.outside_s = None  # let go of by its pilot, unheard: it is where that one left it
             return
         if notes.outside_s is None:
             notes.outside_s = t_s
@@ -157,8 +148,7 @@ class Referee:
             notes.breach_told = True
             self.note(t_s, "breach", f"vehicle {craft.number} is {out_m:.1f} m outside the fence")
         heard = t_s - notes.deaf_s > FORGIVEN_S
-        lands = t_s - notes.unlandable_s > FORGIVEN_S
-        late = t_s - notes.outside_s > FORGIVEN_S and heard and lands
+        late = t_s - notes.outside_s > FORGIVEN_S and heard
         if forgiven and late and not notes.breach_told:
             notes.breach_told = True
             text = f"vehicle {craft.number} is {out_m:.0f} m outside the fence and in the air"
@@ -187,7 +177,7 @@ class Referee:
     def _fall_forgiven(self, fleet: Fleet, craft: Aircraft, notes: Notes) -> bool:
         """Whether nobody could have brought it down: it was deaf until late, obeyed nothing that
         leads down, or was not ours."""
-        theirs = craft.mode == "other" or craft.failsafe
+        theirs = craft.mode == "other" or craft.failsafe or craft.piloted
         refuses = {"FlyTo", "Land", "ReturnToLaunch"} <= {*fleet.drivers[craft.number].refuses}
         return refuses or (
             fleet.t_s - notes.deaf_s < FORGIVEN_S
@@ -229,21 +219,18 @@ class Referee:
             self.note(fleet.t_s, "near", text)
 
     def _unforeseen(self, fleet: Fleet, craft: Aircraft) -> bool:
-        """Whether nobody could reckon with where a vehicle is."""
+        """Whether nobody could reckon with where a vehicle is: docs/safety.md argues each line."""
         t_s, notes = fleet.t_s, self.notes[craft.number]
         if craft.mode == "other" or craft.motors_failed or fleet.dead:
             return True
-        if t_s - notes.blind_s < FORGIVEN_S or (
-            t_s - notes.hands_s < REACTION_S and not (craft.failsafe)
-        ):
+        if t_s - notes.blind_s < FORGIVEN_S:
             return True
-        if craft.failsafe and t_s - notes.known_s < REACTION_S:
-            return fleet.drivers[craft.number].link != "silent"
-        vehicle = fleet.state.vehicles[craft.number]
-        if vehicle.phase is Phase.GUARDED and t_s - notes.guarded_s < REACTION_S:
+        if craft.failsafe or craft.piloted:
+            return t_s - notes.known_s < REACTION_S and fleet.drivers[craft.number].hears
+        if t_s - notes.hands_s < REACTION_S:
             return True
-        driver = fleet.drivers[craft.number]
-        return not driver.hears and t_s - notes.silent_s < REACTION_S
+        guarded = fleet.state.vehicles[craft.number].phase is Phase.GUARDED
+        return guarded and t_s - notes.guarded_s < REACTION_S
 
     # --- at the end ------------------------------------------------------------------------
     def conclude(self, fleet: Fleet, *, twice: bool) -> None:
@@ -259,9 +246,10 @@ class Referee:
                     self.note(t_s, "unreported", f"vehicle {number} lies there as {phase}")
                 if state.completed:
                     self.note(t_s, "lie", f"completed, with vehicle {number} down")
-            lost = phase is Phase.LOST and not fleet.drivers[number].hears
-            if craft.flying and not fleet.dead and not lost:
-                self.note(t_s, "air", f"vehicle {number} is in the air at the end, {phase}")
+            # given up because its battery must be empty, it is not in the air any more
+            if craft.flying and not fleet.dead:
+                text = f"vehicle {number} is in the air at the end, {phase}, {craft.wh:.1f} Wh left"
+                self.note(t_s, "air", text)
             self._stands_away(fleet, craft)
         for fault in self._belief(fleet):
             self.note(t_s, "lost votes", fault)
@@ -328,7 +316,7 @@ class Referee:
 def _alone(fleet: Fleet, craft: Aircraft, driver: Driver) -> str:
     """Why nobody is responsible for a vehicle in the air; empty if somebody is."""
     vehicle = fleet.state.vehicles[craft.number]
-    theirs = craft.mode == "other" or craft.failsafe or craft.motors_failed
+    theirs = craft.mode == "other" or craft.failsafe or craft.piloted or craft.motors_failed
     match vehicle.phase:
         case Phase.AIRBORNE:
             left = vehicle.order is None or isinstance(vehicle.order, StandDown)

@@ -137,7 +137,9 @@ def _pilot(fleet: Fleet, trouble: Trouble) -> None:
             )
             for _ in range(0 if where == "here" else 3)
         ]
-    endings: dict[str, Ending] = {"release": "release", "land": "land"}
+    endings: dict[str, Ending] = {
+        "release": "release", "land": "land", "LAND": "LAND", "RTL": "RTL",
+    }  # fmt: skip
     full_wh = fleet.setting.mission.battery.capacity_wh
     pilot = Pilot(way, endings[ending], full_wh, keeps_s=rng.uniform(1.0, 20.0))
     pilot.take(craft)
@@ -148,8 +150,8 @@ def _failsafe(fleet: Fleet, trouble: Trouble) -> None:
     craft = fleet.vehicles[trouble.vehicle]
     if craft.flying:
         craft.return_height_m = trouble.size
+        craft.mode, craft.piloted = "follow", False
         craft.failsafe = True
-        craft.mode = "follow"
         craft.switch("rtl" if trouble.word == "rtl" else "land")
 
 
@@ -261,10 +263,11 @@ def drawn(kind: str, vehicle: int, phase: FlightPhase, rng: random.Random) -> Tr
         case "camera silent" | "camera lost" | "camera slow" | "camera drops":
             return replace(made, word=kind.removeprefix("camera "), for_s=short)
         case "pilot":
-            word = (
-                f"{rng.choice(['here', 'roam', 'roam', 'home'])} {rng.choice(['release', 'land'])}"
-            )
-            return replace(made, word=word)
+            where = rng.choice(["here", "roam", "roam", "home"])
+            ending = rng.choice(["release", "land"])
+            if ending == "land":  # by hand, or by one of two modes
+                ending = ("land", "LAND", "RTL")[int(1e4 * made.toward_rad) % 3]
+            return replace(made, word=f"{where} {ending}")
         case "failsafe":
             return replace(
                 made, word=rng.choice(["rtl", "rtl", "land"]), size=rng.choice([15.0, 30.0])

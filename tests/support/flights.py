@@ -13,7 +13,7 @@ from missions.events import Airborne, Event, FrameSeen, Overridden
 from missions.flight.setting import Setting
 from missions.geo.grid import Grid
 from missions.mission.schema import Mission
-from missions.mission.sections.sim_section import SimRegion
+from missions.mission.sections.sim_section import SimQuirks, SimRegion
 from missions.orders import FlyTo, Look, Order, StandDown, TakeOff
 from missions.units import Cell, GridPoint
 from tests.support.small_missions import CELL_M, START, mission, square
@@ -35,7 +35,12 @@ WIDTH_PX, HEIGHT_PX = 160, 120
 UP_M = 12.0
 
 
-def small_mission(swap_s: float = 20.0, autopilot: str = "ardupilot", **how: Any) -> Mission:
+def small_mission(
+    swap_s: float = 20.0,
+    autopilot: str = "ardupilot",
+    quirks: SimQuirks = SimQuirks(),  # noqa: B008 - a value that nobody changes
+    **how: Any,
+) -> Mission:
     """A dark square of 8 m to the north-east of the start, in a box of 24 m by 16 m."""
     made = mission(square(-4, 10, 24, 16), square(-40, -40, 100, 110), **how)
     grid = Grid.at(START, CELL_M)
@@ -44,6 +49,7 @@ def small_mission(swap_s: float = 20.0, autopilot: str = "ardupilot", **how: Any
     sim = made.sim.model_copy(
         update={
             "roi": (region,), "swap_s": swap_s, "gps_sigma_m": 0.05, "autopilot": autopilot,
+            "quirks": quirks,
         }
     )  # fmt: skip
     # a sixteenth of the pixels: most of what a simulated flight costs is its pictures

@@ -113,6 +113,10 @@ class SimQuirks(Section):
     camera_tells_pose: bool = True
     clock_ppm: Annotated[Number, Field(ge=-200_000, le=200_000)] = 0.0
     home_moves_m: Annotated[Number, Field(ge=0, le=20)] = 1.5
+    stick: bool = True
+    landed_state: bool = True
+    height_sigma_m: Annotated[Number, Field(ge=0, le=8)] = 0.0
+    motors_stop_in_crash: bool = False
 
 
 class Sim(Section):

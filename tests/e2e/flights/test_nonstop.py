@@ -27,6 +27,7 @@ from tests.e2e.rig import (
     ended,
     environment,
     events,
+    kinder,
     mission,
     roi_cells,
     simulator,
@@ -246,7 +247,8 @@ def test_a_px4_returns_when_its_stream_ends_and_flies_again(
     """Without setpoints it leaves OFFBOARD by a failsafe; if it is still in the air when the
     service is back, that is left to it, and the next resume sends it out."""
     folder = tmp_path / "out"
-    with simulator("speck", speedup=STREAMED, autopilot="px4") as urls:
+    stickless = kinder("speck", tmp_path, stick=False)
+    with simulator(stickless, speedup=STREAMED, autopilot="px4") as urls:
         stopped_on_a_path("speck", urls, folder, signal.SIGKILL, STREAMED, 10)
         before = bodies(folder)
         done = uavmap("resume", folder, "--json")

@@ -152,6 +152,43 @@ def test_a_camera_that_tells_no_pose():
     assert vehicle.image(picture.file_url)
 
 
+# --- heartbeats and what is not sent --------------------------------------------------------------
+def test_heartbeats_come_at_a_requested_interval_and_at_once_with_a_mode():
+    vehicle = copter()
+    vehicle.run(6.0)
+    assert vehicle.command(511, 0, 200_000) == ACCEPTED
+    beats = [m for m in of(told(vehicle, 4.0), "HEARTBEAT") if m.get_srcComponent() == 1]
+    assert len(beats) == 20
+    vehicle.send(mav.MAVLink_command_long_message(1, 1, 176, 0, 1, Mode.GUIDED, 0, 0, 0, 0, 0))
+    (beat,) = of(vehicle.receive(), "HEARTBEAT")
+    assert beat.custom_mode == Mode.GUIDED
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_one_without_a_landed_state_refuses_to_tell_it(autopilot):
+    """EXTENDED_SYS_STATE is in no stream of an ArduPilot, and some links never carry it."""
+    vehicle = copter(autopilot, landed_state=False)
+    assert vehicle.command(511, 245, 200_000) == mav.MAV_RESULT_DENIED
+    assert of(told(vehicle, 5.0), "EXTENDED_SYS_STATE") == []
+
+
+def test_a_battery_that_it_called_low_stays_low_until_a_swap():
+    """SIM_BATT_VOLTAGE 9.9: RTL, charge_state 2, and GUIDED is accepted all the same."""
+    vehicle = Fleet(Setup(parameters={"BATT_FS_LOW_ACT": 2}))[0]
+    vehicle.run(6.0)
+    assert vehicle.command(176, 1, Mode.GUIDED) == ACCEPTED
+    assert vehicle.command(400, 1) == ACCEPTED
+    assert vehicle.command(22, 0, 0, 0, 0, 0, 0, 12) == ACCEPTED
+    vehicle.run(15.0)
+    vehicle.fail.battery_sag(15.0, for_s=12.0)
+    vehicle.until(lambda: vehicle.truth.mode == Mode.RTL, timeout_s=12.0)
+    vehicle.run(5.0)
+    assert vehicle.command(176, 1, Mode.GUIDED) == ACCEPTED
+    assert vehicle.command(512, 147) == ACCEPTED
+    assert vehicle.expect("BATTERY_STATUS").charge_state == mav.MAV_BATTERY_CHARGE_STATE_LOW
+    assert vehicle.expect("HEARTBEAT", autopilot=3).system_status == mav.MAV_STATE_CRITICAL
+
+
 # --- clocks --------------------------------------------------------------------------------------
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 @pytest.mark.parametrize("ppm", [0.0, 2000.0, -2000.0])

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import itertools
 import math
+import struct
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.codec.wire import cut
+from sitl.codec.wire import CURRENT_MODE, cut
 from sitl.px4.events import EVENT
 from sitl.px4.modes import Px4Mode
+from sitl.px4.params import bytewise
 from sitl.quirks import Quirks
 from sitl.scenario import Setup
 from sitl.testing import Fleet
@@ -26,6 +28,7 @@ from tests.unit.sitl.px4.test_px4 import (
     set_param,
     stream,
     take_off,
+    upload,
 )
 
 
@@ -223,3 +226,104 @@ def test_short_legs_take_long_by_its_jerk_limit(sitl):
     sitl.run(5.0)
     begin_s = leg_s(sitl, 40.0)
     assert 9.5 <= begin_s <= 12.0  # MPC_XY_CRUISE is 5 m/s
+
+
+# --- 1.17 of 2026-03, as `real-px4` flew it ------------------------------------------------------
+
+
+def modes_told(data):
+    """(mode, intended mode) of each CURRENT_MODE."""
+    frames = [f for f in cut(data) if int.from_bytes(f[7:10], "little") == CURRENT_MODE]
+    payloads = [f[10 : 10 + f[1]].ljust(9, b"\0") for f in frames]
+    return [struct.unpack_from("<II", payload) for payload in payloads]
+
+
+def test_heartbeats_keep_their_second_and_current_mode_takes_an_interval(sitl):
+    """`set_message_interval` refuses HEARTBEAT; no heartbeat comes with a change of mode."""
+    assert sitl.command(511, 0, 200_000) == mav.MAV_RESULT_DENIED
+    assert sitl.command(511, CURRENT_MODE, 100_000) == ACCEPTED
+    take_off(sitl)
+    sitl.until(lambda: sitl.t_s % 1.0 < 0.04)
+    sitl.receive_bytes()
+    sitl.send(mav.MAVLink_command_long_message(1, 1, SET_MODE, 0, 1, 4, 5, 0, 0, 0, 0))
+    sitl.run(0.3)
+    data = sitl.receive_bytes()
+    assert not [f for f in cut(data) if int.from_bytes(f[7:10], "little") == 0]
+    assert modes_told(data)[-1] == (Px4Mode.RTL, Px4Mode.RTL)
+    assert len(modes_told(data)) == 3
+
+
+def test_a_parameter_that_was_set_is_told_once_more_up_to_50_ms_later(sitl):
+    """Set to 3, answered, told again, set to 1: who takes any PARAM_VALUE reads the 3."""
+    set_param(sitl, "GF_ACTION", 3)
+    set_param(sitl, "GF_ACTION", 1)
+    sitl.run(0.05)
+    copies = [m.param_value for m in sitl.receive() if m.get_type() == "PARAM_VALUE"]
+    assert copies == [bytewise(3), bytewise(1)]
+    sitl.run(1.0)
+    assert "PARAM_VALUE" not in kinds(sitl)
+
+
+NEAR = (5100, 473977420 + 500, 85455940, 2.0)  # 5.6 m to the north
+
+
+def rally_points(sitl):
+    sitl.send(mav.MAVLink_mission_request_int_message(1, 1, 0, 2))
+    return sitl.expect("MISSION_ITEM_INT")
+
+
+@pytest.mark.parametrize(("frame", "told", "hangs"), [(0, 5, False), (3, 6, False), (6, 6, True)])
+def test_rally_points_are_told_in_int_frames_in_which_no_return_knows_them(
+    sitl, frame, told, hangs
+):
+    """A dry run put the owner's rally point back as it was told; the RTL to it hung for 55 s."""
+    height_m = 490.0 if frame == 0 else 2.0
+    assert upload(sitl, [(*NEAR[:3], height_m)], kind=2, frame=frame) == 0
+    assert rally_points(sitl).frame == told
+    take_off(sitl)
+    assert reposition(sitl, NEAR[1], NEAR[2], 498.0) == ACCEPTED
+    sitl.run(8.0)
+    sitl.ground_station()
+    sitl.receive()
+    assert mode(sitl, "RTL") == ACCEPTED
+    sitl.run(55.0)
+    complaints = [m for m in sitl.receive() if "MAV_FRAME" in getattr(m, "text", "")]
+    assert (len(complaints) > 50) == hangs
+    assert (sitl.truth.height_m > 9.0) == hangs
+    assert sitl.truth.mode == (Px4Mode.RTL if hangs else sitl.truth.mode)
+
+
+def test_a_second_copy_of_an_item_is_passed_over(sitl):
+    sitl.send(mav.MAVLink_mission_count_message(1, 1, 2, 2))
+    for _ in range(2):
+        sitl.send(
+            mav.MAVLink_mission_item_int_message(1, 1, 0, 3, 5100, 0, 1, 0, 0, 0, 0, *NEAR[1:], 2)
+        )
+    assert "MISSION_ACK" not in kinds(sitl)
+
+
+def test_its_two_battery_messages_round_differently(sitl):
+    """BATTERY_STATUS said 78 while SYS_STATUS said 79, for seconds at each percent."""
+    take_off(sitl)
+    sitl.receive()
+    said: dict[str, int] = {}
+    differ = agree = 0
+    for _ in range(60):
+        sitl.run(1.0)
+        share = 100.0 * sitl.truth.energy_wh / 60.0
+        for m in sitl.receive():
+            if m.get_type() in ("BATTERY_STATUS", "SYS_STATUS"):
+                said[m.get_type()] = m.battery_remaining
+        assert said["SYS_STATUS"] in (math.ceil(share), math.ceil(share + 0.2))
+        apart = said["SYS_STATUS"] - said["BATTERY_STATUS"]
+        assert apart in (0, 1, -1)
+        differ, agree = differ + (apart == 1), agree + (apart == 0)
+    assert min(differ, agree) > 10
+
+
+def test_a_charge_that_is_low_is_told_in_both_flavours(sitl):
+    """ArduPilot's failsafe: charge_state 2; critical 3. A PX4's comes from its thresholds."""
+    sitl.fail.battery_sag(8.0)
+    sitl.run(4.0)
+    told = [m for m in sitl.receive() if m.get_type() == "BATTERY_STATUS"]
+    assert told[-1].charge_state == mav.MAV_BATTERY_CHARGE_STATE_EMERGENCY

@@ -12,6 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
 from sitl.codec.wire import Framer
+from sitl.copter.modes import Mode
+from sitl.quirks import Quirks
 from sitl.vehicle import SimVehicle, VehicleSpec
 from sitl.world.world import World, WorldSpec
 
@@ -139,10 +141,27 @@ def test_reposition_wants_a_command_int(flying):
     assert result == mav.MAV_RESULT_COMMAND_INT_ONLY
 
 
-def test_loiter_without_radio_control_comes_down(flying):
-    flying.command(MODE, 1, mav.COPTER_MODE_LOITER)
-    flying.run(20.0)
-    assert flying.vehicle.truth.landed
+@pytest.mark.parametrize("mode", ["LOITER", "POSHOLD", "ALT_HOLD", "STABILIZE"])
+def test_modes_by_hand_with_centred_sticks_keep_the_height(make_client, mode):
+    """LOITER, BRAKE, POSHOLD, STABILIZE were set on a path at 6 m/s; all were accepted."""
+    client = make_client(world={"wind_speed_m_s": 3.0, "wind_from_deg": 270.0})
+    client.take_off()
+    assert client.result(MODE, 1, Mode[mode]) == ACCEPTED
+    before = client.where
+    client.run(10.0)
+    assert client.vehicle.truth.mode == Mode[mode]
+    assert client.where[2] == pytest.approx(before[2], abs=0.5)
+    assert (client.where[0] - before[0] > 5.0) == (mode in ("ALT_HOLD", "STABILIZE"))
+
+
+@pytest.mark.parametrize("mode", ["LOITER", "POSHOLD"])
+def test_without_radio_control_its_throttle_reads_zero(make_client, mode):
+    client = make_client(quirks=Quirks(stick=False))
+    client.take_off()
+    assert client.result(MODE, 1, Mode.STABILIZE) == FAILED
+    assert client.result(MODE, 1, Mode[mode]) == ACCEPTED
+    client.run(20.0)
+    assert client.vehicle.truth.landed
 
 
 def test_who_is_addressed(make_client):

@@ -17,6 +17,7 @@ from sitl.body.sensors import PositionError
 from sitl.copter.modes import Mode
 from sitl.faults.faults import Faults
 from sitl.faults.injection import CAMERA_UNIT
+from sitl.quirks import Quirks
 from uavmap.runner.simulation import make_vehicles
 
 INJECT = mav.MAV_CMD_INJECT_FAILURE
@@ -173,13 +174,31 @@ def test_a_new_pack_has_all_its_cells():
     assert battery.voltage_v == Battery(60.0).voltage_v
 
 
-def test_without_a_motor_the_vehicle_is_lost(flying):
+def test_without_a_motor_the_vehicle_is_lost_and_its_motors_turn_on(flying):
+    """SIM_ENGINE_FAIL at 12 m: armed, in LAND, bouncing at 2 to 3 m/s for 138 s, to the end."""
     flying.vehicle.fail.motor(after_s=2.0)
     flying.run(1.9)
     assert flying.where[2] == pytest.approx(12.0, abs=0.5)
     flying.run(6.0)
     truth = flying.vehicle.truth
-    assert (truth.crashed, truth.armed, truth.landed) == (True, False, True)
+    assert (truth.crashed, truth.armed, truth.landed) == (True, True, True)
+    assert flying.every(30, 0.1) == flying.every(33, 0.1) == flying.every(245, 0.5) == 0
+    assert flying.result(mav.MAV_CMD_NAV_LAND) == 0
+    flying.run(138.0)
+    assert flying.vehicle.truth.armed
+    assert flying.seen("EXTENDED_SYS_STATE")[-1].landed_state == mav.MAV_LANDED_STATE_LANDING
+    assert max(abs(m.vz) for m in flying.seen("GLOBAL_POSITION_INT")[-20:]) > 200
+    assert flying.result(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0) == mav.MAV_RESULT_FAILED
+    assert flying.result(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, 21196) == 0
+    assert not flying.vehicle.truth.armed
+
+
+def test_motors_that_stop_in_a_crash_can_be_had(make_client):
+    client = make_client(quirks=Quirks(motors_stop_in_crash=True))
+    client.take_off()
+    client.vehicle.fail.motor()
+    client.run(6.0)
+    assert (client.vehicle.truth.crashed, client.vehicle.truth.armed) == (True, False)
 
 
 def test_with_a_weak_motor_it_still_flies(flying):

@@ -26,6 +26,7 @@ from missions.events import (
 )
 from missions.flight.strategy.sweep_passes import NOTICE_S
 from missions.geo.trajectory import Trajectory, rounded_path
+from missions.mission.sections.sim_section import SimQuirks
 from missions.orders import FlyPath, FlyTo, Hold, Land, Look, StandDown, Sweep, TakeOff
 from missions.units import Cell, GridPoint
 from sitl.copter.modes import Mode
@@ -157,7 +158,8 @@ async def test_a_link_that_loses_every_fifth_setpoint_does_little_harm(
         errors.append(where(flight).distance_to(plan.at(flight.now_s()).place))
     await flight.sees(Arrived, within_s=12.0)
     assert not flight.seen(OrderFailed)
-    assert max(errors) < 1.5
+    # a real PX4 was 4 m behind in the first seconds of a path
+    assert max(errors) < (3.0 if autopilot == "px4" else 1.5)
 
 
 @by(fly)
@@ -186,7 +188,7 @@ async def test_a_copter_that_loses_its_stream_stops_by_itself_and_the_mission_is
     assert where(flight).distance_to(lost_at) < 16.0
 
 
-@by(fly, lambda: small_mission(autopilot="px4"))
+@by(fly, lambda: small_mission(autopilot="px4", quirks=SimQuirks(stick=False)))
 async def test_a_px4_that_loses_its_stream_returns_by_itself_and_is_let_alone(
     flight: Flight, /
 ) -> None:

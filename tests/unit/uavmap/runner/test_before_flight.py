@@ -121,7 +121,7 @@ async def test_return_heights_of_a_team_are_apart_whatever_the_heights_of_its_ho
     field: Field, /, autopilot: str, tmp_path: Path
 ) -> None:
     """Layers above each own home put two of them, 6 m apart in height, into the same air."""
-    field.vehicles[0]._telemetry._amsl_m += 6.0
+    field.vehicles[0]._altimeter.sea_m += 6.0
     await asyncio.sleep(1.0)
     views = [link.session.view for link in field.links]
     assert views[0].home_amsl_m - views[1].home_amsl_m == pytest.approx(6.0, abs=0.1)

@@ -1,0 +1,123 @@
+"""The referees see what they are there for: each is shown what it once did not see."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from sitl.scenario import Setup
+from tests.campaign.reducer import fleet_of, plan_of
+from tests.campaign.simulated import Pilot
+from tests.fake_fleet import Fleet
+from tests.fake_fleet.driver import Driver
+from tests.support.scenarios import command
+
+
+def untroubled(seed: int) -> Fleet:
+    fleet = fleet_of(plan_of(seed), "swath")
+    fleet.troubles = []
+    for craft in fleet.vehicles.values():
+        craft.low_wh = 0.0
+    return fleet
+
+
+def kinds(fleet: Fleet) -> set[str]:
+    return {kind for kind, _ in fleet.referee.found}
+
+
+@pytest.mark.parametrize("forgets", [True, False])
+def test_a_silent_vehicle_given_up_before_its_battery_can_be_empty_is_seen(
+    monkeypatch: pytest.MonkeyPatch, forgets: bool
+) -> None:
+    """Cut at lift-off, before that was told: over at 122 s, 14 m up, 6 to 13 Wh left."""
+    fleet = untroubled(0)
+    listen = Driver.listen
+
+    def cut(driver: Driver, dt_s: float) -> None:
+        if driver.number == 1 and driver.craft.flying and not driver.was_airborne:
+            driver.link = "silent"
+            driver.sent_up = driver.sent_up and not forgets
+        listen(driver, dt_s)
+
+    monkeypatch.setattr(Driver, "listen", cut)
+    fleet.start()
+    fleet.run(4000.0)
+    fleet.referee.conclude(fleet, twice=False)
+    assert ("air" in kinds(fleet)) == forgets
+
+
+def airborne(fleet: Fleet) -> Fleet:
+    fleet.start()
+    fleet.run(until=lambda fleet: fleet.vehicles[1].height_m > 8.0)
+    return fleet
+
+
+@pytest.mark.parametrize("mode", ["land", "rtl", "other"])
+def test_a_mode_that_a_pilot_chose_and_somebody_changes_is_seen(mode: str) -> None:
+    """LAND by the pilot while a guardian flies it home: mode 9 became 6 within a second."""
+    fleet = airborne(untroubled(0))
+    craft = fleet.vehicles[1]
+    craft.turn_switch(mode)  # type: ignore[arg-type]
+    fleet.tick()
+    assert "taken" not in kinds(fleet)
+    craft.switch("rtl" if mode == "land" else "land")
+    fleet.tick()
+    assert "taken" in kinds(fleet)
+
+
+@pytest.mark.parametrize("mode", ["land", "rtl"])
+def test_a_pilots_land_or_rtl_ends_what_the_service_does(mode: str) -> None:
+    fleet = airborne(untroubled(0))
+    fleet.vehicles[1].turn_switch(mode)  # type: ignore[arg-type]
+    orders = len(fleet.orders)
+    fleet.run()
+    assert kinds(fleet) == set()
+    assert not fleet.vehicles[1].flying
+    given = [type(order).__name__ for _, number, order in fleet.orders[orders:] if number == 1]
+    assert given[:1] == ["StandDown"]
+
+
+def test_vehicles_are_apart_by_their_true_heights() -> None:
+    """Receivers 5.5 m apart: told in layers of 12 and 18 m, they flew at 12.1 and 12.5 m."""
+    fleet = next(f for f in map(untroubled, range(100)) if len(f.vehicles) > 1)
+    airborne(fleet)
+    a, b = fleet.vehicles[1], fleet.vehicles[2]
+    b.flying = b.armed = True
+    b.position, b.height_m = a.position, a.height_m + a.level_m - b.level_m
+    b.sea_error_m = 20.0  # what it says of its height
+    fleet.referee.check(fleet)
+    assert "near" in kinds(fleet)
+
+
+def test_receivers_are_as_wrong_as_told_and_others_after_a_swap() -> None:
+    fleet = fleet_of(plan_of(3), "swath", receiver_sigma_m=3.0)
+    driver = fleet.drivers[1]
+    errors_m = []
+    for _ in range(200):
+        errors_m.append(driver.craft.sea_error_m)
+        driver.switch_on()
+    assert 2.0 < math.sqrt(sum(e * e for e in errors_m) / len(errors_m)) < 4.0
+    assert max(map(abs, errors_m)) <= 8.0
+    assert driver.home_amsl_m == driver.craft.level_m + driver.craft.sea_error_m
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_the_pilot_of_a_simulated_flight_sees_who_takes_it_back(autopilot: str) -> None:
+    (vehicle,) = Setup(autopilot=autopilot, gps_sigma_m=0.0).build()
+    vehicle.step(6.0)
+    command(vehicle, 400, 1)
+    if autopilot == "ardupilot":
+        command(vehicle, 176, 1, 4)
+        command(vehicle, 400, 1)
+    command(vehicle, 22, 0, 0, 0, math.nan, math.nan, math.nan, 500.0)
+    vehicle.step(12.0)
+    pilot = Pilot(1, at_s=15.0, mode="RTL")
+    pilot.watch(vehicle)
+    assert (vehicle.truth.mode.name, pilot.taken) == ("RTL", "")
+    vehicle.step(1.0)
+    pilot.watch(vehicle)
+    assert pilot.taken == ""
+    command(vehicle, 21)
+    pilot.watch(vehicle)
+    assert "out of RTL into LAND" in pilot.taken

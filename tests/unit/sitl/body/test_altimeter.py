@@ -1,0 +1,132 @@
+"""Heights above the sea: receivers differ by metres and wander; armed, the barometer rules."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from sitl.body.altimeter import WORST_M, Altimeter
+from sitl.quirks import Quirks
+from sitl.scenario import Setup
+from sitl.testing import Fleet
+from sitl.world.relief import Relief
+
+AMSL_M = 488.0
+HOME, POSITION, GPS = 242, 33, 24
+
+
+def heights(seed, seconds, sigma_m=3.0, armed=False):
+    altimeter = Altimeter(0.0, [seed], sigma_m)
+    found = []
+    for _ in range(seconds):
+        altimeter.step(1.0, armed=armed)
+        found.append(altimeter.receiver_m)
+    return np.array(found)
+
+
+def test_receivers_err_by_metres_and_wander_slowly():
+    """Heights of two receivers, or of one before and after a swap, differ by 3 to 8 m."""
+    starts = np.array([heights(seed, 1)[0] for seed in range(200)])
+    assert 2.5 < starts.std() < 3.5
+    long = np.concatenate([heights(seed, 3000) for seed in range(5)])
+    assert np.abs(long).max() <= WORST_M
+    steps = [abs(b - a) for a, b in pairwise(heights(1, 3000))]
+    assert max(steps) < 1.0
+    assert np.ptp(heights(1, 3000)) > 4.0
+
+
+def test_a_battery_swap_is_another_start():
+    altimeter = Altimeter(0.0, [3], 3.0)
+    before_m = altimeter.datum_m
+    altimeter.start()
+    assert abs(altimeter.datum_m - before_m) > 0.5
+    assert altimeter.datum_m == altimeter.receiver_m
+
+
+def test_armed_it_keeps_the_height_of_arming():
+    altimeter = Altimeter(0.0, [3], 3.0)
+    kept_m = altimeter.datum_m
+    for _ in range(600):
+        altimeter.step(1.0, armed=True)
+    assert altimeter.datum_m == kept_m
+    assert abs(altimeter.receiver_m - kept_m) > 0.1
+    for _ in range(60):
+        altimeter.step(1.0, armed=False)
+    assert altimeter.datum_m == pytest.approx(altimeter.receiver_m, abs=0.4)
+
+
+def fleet_of(autopilot, **setup):
+    quirks = Quirks(height_sigma_m=3.0, home_moves_m=0.0)
+    made = Fleet(Setup(autopilot=autopilot, gps_sigma_m=0.0, quirks=quirks, **setup))
+    made.run(8.0)
+    return made
+
+
+def ask(vehicle, message_id, kind):
+    vehicle.receive()
+    assert vehicle.command(512, message_id) == 0
+    return vehicle.expect(kind)
+
+
+def home_m(vehicle):
+    return ask(vehicle, HOME, "HOME_POSITION").altitude / 1000.0
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_vehicles_side_by_side_on_level_ground_tell_other_heights_of_home(autopilot):
+    fleet = fleet_of(autopilot, vehicles=4, seed=2)
+    told = [home_m(vehicle) for vehicle in fleet]
+    assert max(told) - min(told) > 2.0
+    assert all(abs(height_m - AMSL_M) <= WORST_M for height_m in told)
+    fleet.run(300.0)
+    assert max(abs(home_m(v) - before_m) for v, before_m in zip(fleet, told, strict=True)) > 0.3
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_what_flies_by_heights_above_the_sea_flies_by_its_own(autopilot):
+    """The truth is 12 m above the pad, whatever it calls that; GPS_RAW_INT goes on wandering."""
+    (vehicle,) = fleet_of(autopilot, seed=2)
+    if autopilot == "ardupilot":
+        assert vehicle.command(176, 1, 4) == 0
+    assert vehicle.command(400, 1) == 0
+    datum_m = home_m(vehicle)
+    assert abs(datum_m - AMSL_M) > 0.5
+    place = math.nan, math.nan, math.nan, datum_m + 10.0
+    up = (0, 0, 0, 0, 0, 0, 10.0) if autopilot == "ardupilot" else (0, 0, 0, *place)
+    assert vehicle.command(22, *up) == 0
+    vehicle.run(14.0)
+    told = ask(vehicle, POSITION, "GLOBAL_POSITION_INT")
+    frame, flags = mav.MAV_FRAME_GLOBAL_INT, 0
+    vehicle.send(
+        mav.MAVLink_command_int_message(
+            1, 1, frame, 192, 0, 0, -1.0, flags, 0.0, math.nan, told.lat, told.lon, datum_m + 12.0
+        )
+    )
+    vehicle.run(10.0)
+    assert vehicle.truth.height_m == pytest.approx(12.0, abs=0.3)
+    raw = []
+    for _ in range(4):
+        told = ask(vehicle, POSITION, "GLOBAL_POSITION_INT")
+        assert (told.alt - told.relative_alt) / 1000.0 == pytest.approx(datum_m, abs=0.01)
+        raw.append(ask(vehicle, GPS, "GPS_RAW_INT").alt / 1000.0)
+        vehicle.run(60.0)
+    assert max(raw) - min(raw) > 0.5
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_on_a_slope_each_tells_the_height_of_its_own_home_before_arming(autopilot):
+    relief = Relief(0.1, 90.0, 0.0, 150.0, 0)  # 10 % up to the east, where they stand in a row
+    setup = Setup(autopilot=autopilot, vehicles=3, gps_sigma_m=0.0, relief=relief)
+    fleet = Fleet(setup)
+    fleet.run(8.0)
+    told = [home_m(vehicle) for vehicle in fleet]
+    assert told == pytest.approx([AMSL_M, AMSL_M + 0.3, AMSL_M + 0.6], abs=0.02)
+
+
+def test_heights_are_seeded():
+    assert (heights(4, 50) == heights(4, 50)).all()
+    assert (heights(4, 50) != heights(5, 50)).any()

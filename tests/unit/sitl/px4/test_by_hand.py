@@ -1,0 +1,212 @@
+"""A PX4 in a pilot's hands, and what it does when a stream of setpoints ends, as measured."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from sitl.px4.events import number_of
+from sitl.px4.modes import Px4Mode
+from sitl.quirks import Quirks
+from sitl.scenario import Setup
+from sitl.testing import Fleet
+from tests.unit.sitl.px4.test_px4 import (
+    ACCEPTED,
+    ARM,
+    MAIN,
+    REJECTED,
+    SET_MODE,
+    local,
+    mode,
+    said,
+    set_param,
+    stream,
+    take_off,
+)
+from tests.unit.sitl.test_measured_px4 import events
+
+MAIN |= {"ALTITUDE": (2, 0), "MANUAL": (1, 0)}
+NORTHWARD = local(0, 0, 0, 0xDC7, 1, (5.0, 0.0, 0.0))
+
+
+def px4(wind_m_s=0.0, **quirks):
+    setup = Setup(
+        autopilot="px4", gps_sigma_m=0.0, wind_speed_m_s=wind_m_s, quirks=Quirks(**quirks)
+    )
+    vehicle = Fleet(setup)[0]
+    vehicle.run(6.0)
+    vehicle.ground_station()
+    vehicle.receive()
+    return vehicle
+
+
+def streaming(**quirks):
+    vehicle = px4(**quirks)
+    take_off(vehicle)
+    stream(vehicle, NORTHWARD, 0.5)
+    assert mode(vehicle, "OFFBOARD") == ACCEPTED
+    stream(vehicle, NORTHWARD, 4.0)
+    vehicle.receive()
+    return vehicle
+
+
+@pytest.mark.parametrize("name", ["POSITION", "ALTITUDE", "MANUAL"])
+def test_modes_by_hand_with_the_stick_centred_keep_the_height(name):
+    """Race of the measurements: POSITION and ALTITUDE in mid-path were kept 16 of 16 times."""
+    sitl = px4(wind_m_s=3.0)
+    take_off(sitl)
+    assert mode(sitl, name) == ACCEPTED
+    before = sitl.truth.position
+    sitl.run(10.0)
+    assert sitl.truth.mode.name == name
+    assert sitl.truth.height_m == pytest.approx(10.0, abs=1.0)
+    plane = sitl._vehicle.world.plane
+    off_m = math.dist(plane.to_plane(before), plane.to_plane(sitl.truth.position))
+    assert (off_m < 1.0) == (name == "POSITION")  # the others go with the wind
+
+
+@pytest.mark.parametrize("name", ["HOLD", "RTL", "LAND"])
+def test_the_pilots_automatic_modes_are_not_failsafes(name):
+    sitl = px4()
+    take_off(sitl)
+    assert mode(sitl, name) == ACCEPTED
+    sitl.receive()
+    beat = sitl.expect("HEARTBEAT", autopilot=12)
+    assert (beat.custom_mode, beat.system_status) == (Px4Mode[name], mav.MAV_STATE_ACTIVE)
+
+
+def test_without_a_stick_modes_by_hand_are_refused_by_the_commander():
+    """ "POSITION without a stick: ACK 0 then ACK 1, stays in Hold"."""
+    sitl = px4(stick=False)
+    take_off(sitl)
+    assert mode(sitl, "POSITION") == REJECTED
+    said(sitl, "no manual control")
+    assert sitl.truth.mode == Px4Mode.HOLD
+
+
+@pytest.mark.parametrize(
+    ("stick", "action", "then"),
+    [
+        (True, 0, "POSITION"), (True, 1, "ALTITUDE"), (True, 2, "STABILIZED"),
+        (False, 0, "RTL"), (True, 3, "RTL"), (True, 4, "LAND"), (True, 5, "HOLD"),
+    ],
+)  # fmt: skip
+def test_where_a_lost_stream_leads_depends_on_the_stick(stick, action, then):
+    """kill -9 at 6.2 m/s in OFFBOARD, stick centred, COM_OBL_RC_ACT 0: POSITION 0.9 s later."""
+    sitl = streaming(stick=stick)
+    set_param(sitl, "COM_OBL_RC_ACT", action)
+    began_s = sitl.t_s
+    sitl.until(lambda: sitl.truth.mode != Px4Mode.OFFBOARD, timeout_s=2.0)
+    assert sitl.truth.mode.name == then
+    assert 0.8 <= sitl.t_s - began_s <= 1.3
+    said(sitl, "Failsafe activated")
+    assert sitl.expect("HEARTBEAT", autopilot=12).system_status == mav.MAV_STATE_CRITICAL
+
+
+@pytest.mark.parametrize("stick", [True, False])
+def test_offboard_is_regained_unasked_when_the_stream_returns(stick):
+    """Seen in `runway`: RTL, status 5, for 1.0 s, then OFFBOARD by itself."""
+    sitl = streaming(stick=stick)
+    sitl.run(2.0)
+    assert sitl.truth.mode == (Px4Mode.POSITION if stick else Px4Mode.RTL)
+    assert sitl.truth.failsafe
+    stream(sitl, NORTHWARD, 0.3)
+    assert sitl.truth.mode == Px4Mode.OFFBOARD
+    assert not sitl.truth.failsafe
+
+
+def test_a_mode_that_the_pilot_chose_meanwhile_is_kept_from_the_stream():
+    sitl = streaming()
+    sitl.run(2.0)
+    assert mode(sitl, "HOLD") == ACCEPTED
+    stream(sitl, NORTHWARD, 2.0)
+    assert sitl.truth.mode == Px4Mode.HOLD
+
+
+def test_after_a_failsafe_landing_it_stands_in_offboard_and_cannot_arm():
+    """ "Disarmed in OFFBOARD prearm bit 0, in Hold 1, twice each"."""
+    sitl = streaming(stick=False)
+    sitl.until(lambda: not sitl.truth.armed, timeout_s=120.0)
+    assert sitl.truth.mode == Px4Mode.OFFBOARD
+
+    def told():
+        sitl.receive()
+        sitl.run(1.1)
+        heard = {m.get_type(): m for m in sitl.receive() if m.get_srcComponent() == 1}
+        ready = heard["SYS_STATUS"].onboard_control_sensors_health & 0x1000_0000
+        return bool(ready), heard["HEARTBEAT"].system_status
+
+    assert told() == (False, mav.MAV_STATE_UNINIT)
+    assert sitl.command(ARM, 1) == REJECTED
+    assert sitl.command(SET_MODE, 1, *MAIN["HOLD"]) == ACCEPTED
+    assert told() == (True, mav.MAV_STATE_STANDBY)
+    assert sitl.command(ARM, 1) == ACCEPTED
+
+
+def failsafes(data):
+    """Name's end and arguments of each failsafe event."""
+    names = {number_of(f"commander_failsafe_enter{end}") & 0xFFFFFF: end
+             for end in ("", "_hold", "_generic", "_generic_hold")}  # fmt: skip
+    found = []
+    for frame in events(data):
+        payload = frame[10 : 10 + frame[1]].ljust(25, b"\0")
+        number = struct.unpack_from("<I", payload)[0] & 0xFFFFFF
+        if number in names:
+            found.append((names[number], payload[13:]))
+    return found
+
+
+HOLDS, RETURNS, LANDS = 5, 6, 7  # failsafe_action_t
+
+
+@pytest.mark.parametrize(
+    ("what", "name", "arguments"),
+    [
+        ("radio", "_hold", ("<IBHB", Px4Mode.HOLD, RETURNS, 5, 1)),
+        ("station", "_hold", ("<IBHB", Px4Mode.HOLD, RETURNS, 5, 2)),
+        ("battery", "_hold", ("<IBHB", Px4Mode.HOLD, LANDS, 5, 5)),
+        ("position", "_generic", ("<IB", Px4Mode.HOLD, LANDS)),
+    ],
+)
+def test_why_a_failsafe_came_is_in_the_arguments_of_its_event_alone(what, name, arguments):
+    """`failsafe/framework.cpp`, `notifyUser`: the text is the same for all."""
+    sitl = px4()
+    set_param(sitl, "COM_LOW_BAT_ACT", 3)
+    take_off(sitl)
+    sitl.ground_station()
+    set_param(sitl, "NAV_DLL_ACT", 2 if what == "station" else 0)
+    sitl.receive()
+    if what == "radio":
+        sitl.fail.rc()
+    elif what == "battery":
+        sitl.fail.battery_sag(8.0)
+    elif what == "position":
+        sitl.fail.gps()
+    data = b""
+    for _ in range(12):
+        sitl.run(1.0)
+        data += sitl.receive_bytes()
+    layout, *values = arguments
+    assert failsafes(data)[0] == (name, struct.pack(layout, *values).ljust(12, b"\0"))
+
+
+def test_the_text_of_a_failsafe_names_no_cause():
+    sitl = streaming(stick=False)
+    sitl.receive()
+    sitl.run(3.0)
+    texts = [m.text for m in sitl.receive() if m.get_type() == "STATUSTEXT"]
+    assert texts == ["Failsafe activated"]
+
+
+def test_who_comes_down_blind_out_of_offboard_calls_it_altitude():
+    """DESCEND, told as ALTITUDE with status 5, when satellites were switched off in OFFBOARD."""
+    sitl = streaming()
+    sitl.fail.gps()
+    stream(sitl, NORTHWARD, 6.0)
+    sitl.receive()
+    beat = sitl.expect("HEARTBEAT", autopilot=12)
+    assert (beat.custom_mode, beat.system_status) == (Px4Mode.ALTITUDE, mav.MAV_STATE_CRITICAL)
+    assert sitl.truth.velocity_m_s[2] < -0.3
