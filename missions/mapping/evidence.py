@@ -1,18 +1,14 @@
 """What recorded pictures say of each cell, weighed: the belief of a map by evidence.
 
-A vote counts alike from wherever it was taken, and the first few of them decide: that is how the
-paper maps, in flight. Recorded pictures are all there before anything is decided, and they differ:
-one sees a cell from above, another aslant, one with 25 pixels along its edge, another with 10, one
-all of it, another half. So each picture has a weight on each cell (`vision.projection`), and the
-belief in a cell is the weighed mean of the shares of region that pictures have seen in it. It is a
-mean and no product of odds: a cell of which a third is region is a third region in every picture,
-and ten of them do not make it less.
+In flight, as in the paper, votes count alike and the first few decide. Recorded pictures are all
+there before anything is decided, and differ in aspect, pixels and what they show of a cell. So each
+picture has a weight on each cell (`vision.projection`), and the belief in a cell is the weighed mean
+of the shares of region that pictures have seen in it. It is a mean and no product of odds: a cell
+of which a third is region is a third region in every picture, and ten of them do not make it less.
 
 A belief begins with what is usual in the whole set, at the weight `PRIOR_WEIGHT`: one look aslant
-moves it less than three from above.
-
-All sums are of whole numbers. So the belief does not depend on the order of the pictures, not in
-its last bit.
+moves it less than three from above. All sums are of whole numbers, so the belief does not depend on
+the order of the pictures, not in its last bit.
 """
 
 from __future__ import annotations

@@ -79,13 +79,10 @@ class Team:
         return self.mean[i : i + 2].copy(), self.spread[i : i + 2, i : i + 2].copy()
 
     def reckon(self, role: Role, read: Array, drift_rad: float, leg: Array) -> None:
-        """Take in a straight leg: what odometer and gyro have read.
+        """Take in a straight leg by plan, metres east and north.
 
-        Args:
-            role: Who flew.
-            read: Metres that the odometer read, in the axes of the vehicle as it began the leg.
-            drift_rad: By how much its gyro turned too far; believed, for nothing else is known.
-            leg: What was to be flown, metres east and north.
+        `read` is what the odometer read, in the axes of the vehicle as it began the leg;
+        `drift_rad` by how much the gyro turned too far: believed, for nothing else is known.
         """
         i = _INDEX[role]
         heading, scale = self.mean[i + 2], self.mean[i + 3]
@@ -109,12 +106,8 @@ class Team:
         )
 
     def sight(self, measured: Array, apart: Array) -> None:
-        """Take in what the tracker sees of the mapper.
-
-        Args:
-            measured: Metres along the tracker's own east and north, and the heading beside its own.
-            apart: From the tracker to the mapper by the plan, metres east and north.
-        """
+        """Take in what the tracker sees of the mapper: metres along its own east and north, and the
+        heading beside its own. By the plan the mapper is `apart`, metres east and north."""
         mapper, tracker = self.mean[:3], self.mean[_EACH : _EACH + 3]
         expected = np.append(
             rotation(-tracker[2]) @ (mapper[:2] - tracker[:2]), mapper[2] - tracker[2]

@@ -34,15 +34,10 @@ class GridMap:
 
     @classmethod
     def of(cls, free: Collection[Cell], places: Collection[Cell] | None = None) -> GridMap:
-        """A map of unobstructed cells.
+        """A map of unobstructed cells; of a region, for an aircraft.
 
-        Args:
-            free: the unobstructed cells; those of a region, for one that flies.
-            places: where it can be. By default in unobstructed cells only, as a robot on the
-                ground; an aircraft can be beside the region, too.
-
-        Raises:
-            LocalizationError: no cells, or some that cannot be reached from the others.
+        A robot on the ground can be in these only; `places` are those of an aircraft. Raises
+        `LocalizationError` without cells, or where some cannot be reached from the others.
         """
         known = frozenset(free)
         cells = tuple(sorted(known if places is None else frozenset(places)))

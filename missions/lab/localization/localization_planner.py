@@ -52,12 +52,10 @@ def homing_bound(known: GridMap) -> int:
 
 
 class Planner:
-    """Plans for one map; what was worked out is remembered, so one planner serves many robots.
+    """Plans for one map, remembered for many robots.
 
-    Args:
-        known: the map.
-        exact: for up to so many candidates the best of all plans is found. As many as there are
-            cells: no plan is better. Beyond some hundred cells that takes too long.
+    For up to `exact` candidates the best of all plans is found; beyond some hundred cells that
+    takes too long for all.
     """
 
     def __init__(self, known: GridMap, exact: int = EXACT) -> None:
@@ -71,9 +69,9 @@ class Planner:
         return self._best(candidates, _depth(candidates))[1]
 
     def expected_moves(self) -> float:
-        """Mean moves to certainty over all cells as starts, as reckoned.
+        """Estimated mean of the moves to certainty over all starts.
 
-        Where no more than `exact` cells look alike it is the mean of the best of all plans.
+        Exact where no more than `exact` cells look alike.
         """
         alike = self.known.alike.values()
         return sum(self._best(c, _depth(c))[0] for c in alike) / self.known.size
@@ -155,10 +153,7 @@ def _reckoned(candidates: Candidates) -> float:
 def plan(pattern: int, planner: Planner, told: Callable[[], None] | None = None) -> Moves:
     """Move as planned; as the Homing Robot once no more than its bound is left of 4 n moves.
 
-    Args:
-        pattern: what is sensed at first.
-        planner: for the map.
-        told: called when the Homing Robot takes over.
+    `pattern` is sensed at first; `told` is called when the Homing Robot takes over.
     """
     known = planner.known
     candidates = first_candidates(known, pattern)

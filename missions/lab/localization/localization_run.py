@@ -42,8 +42,7 @@ class Extent:
 
     @property
     def place(self) -> tuple[int, int] | None:
-        """Columns from the westernmost cells and rows from the southernmost; None until both are
-        known."""
+        """Columns from the west and rows from the south of the grid; None until both are known."""
         if self._right - self._left + 1 < self._width or self._high - self._low + 1 < self._height:
             return None
         return self._east - self._left, self._north - self._low
@@ -68,8 +67,8 @@ class Localized:
 
 
 def longest_walk(known: GridMap) -> int:
-    """Moves after which a random walk is given up: 32 times what it needs in the mean to visit all
-    cells at most, 2 |E| (n - 1); it is not done by then in one of 65,000 cases at most."""
+    """Moves after which a random walk is given up: 32 times the most that it needs in the mean to
+    visit all cells, 2 |E| (n - 1). At most one in 65,000 is not done by then."""
     return 64 * known.edges * max(known.size - 1, 1)
 
 
@@ -80,18 +79,10 @@ def localize(
     rng: np.random.Generator,
     planner: Planner | None = None,
 ) -> Localized:
-    """Put a robot into a cell, and let it find out which one it is.
+    """Put a robot into a cell of a grid, and let it find out which one it is.
 
-    Args:
-        known: the grid.
-        start: an unobstructed cell of it.
-        method: how it moves.
-        rng: random numbers, for a method that needs them.
-        planner: the map. With it the robot ends as soon as one cell fits all that it has sensed;
-            without it, when it has seen the width and the height of the grid.
-
-    Raises:
-        KeyError: the start is not on the map.
+    With a `planner`, the map, it ends as soon as one cell fits all that it has sensed; without,
+    when it has seen the width and the height of the grid. Raises KeyError for a start off the map.
 
     >>> from missions.lab.localization.methods import METHODS
     >>> row = GridMap.of({Cell(i, 0) for i in range(6)})

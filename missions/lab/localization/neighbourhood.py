@@ -60,11 +60,7 @@ def _first_free(pattern: int, begin: int, step: int) -> int:
 
 
 def heading_beside(pattern: int, obstructed: int) -> int:
-    """The heading with which a robot that keeps this obstructed neighbour at its right comes in.
-
-    Args:
-        pattern: what is sensed.
-        obstructed: the number of a neighbour, 0 to 7.
+    """The heading with which a robot that keeps obstructed neighbour 0 to 7 at its right comes in.
 
     >>> heading_beside(FREE & ~0b10, 1) == SOUTH  # NW alone: in from the north, out to the west
     True

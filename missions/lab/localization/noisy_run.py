@@ -47,13 +47,7 @@ Doubts = NDArray[np.float64]
 
 
 class NoisyPlanner:
-    """Plans for one robot with a map.
-
-    Args:
-        known: the map.
-        noise: how often the sensor errs.
-        confidence: the probability that is wanted, below 1.
-    """
+    """Plans for one robot with a map, up to a wanted confidence below 1."""
 
     def __init__(self, known: GridMap, noise: Noise, confidence: float) -> None:
         self._known = known
@@ -108,8 +102,7 @@ class NoisyPlanner:
     def _hypotheses(
         self, mass: NDArray[np.float64]
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Cells to look at, with their weights: quantiles, so that many that are alike are
-        represented, and the most probable ones, so that a small doubt is not overlooked."""
+        """Cells to weigh: quantiles, for many that are alike, and the most probable ones."""
         middles = (np.arange(QUANTILES) + 0.5) / QUANTILES
         drawn = np.minimum(np.searchsorted(mass.cumsum(), middles), len(mass) - 1)
         weights = np.bincount(drawn, minlength=len(mass)) / QUANTILES
@@ -141,8 +134,7 @@ class NoisyPlanner:
         return factors
 
     def _best(self, ways: Doubts, length: int) -> tuple[float, int]:
-        """Of ways with the same length the one that leaves the least doubt: the moves that it
-        needs, with what is reckoned after it, and its number."""
+        """The moves to certainty by the way that leaves the least doubt, and its number."""
         left = ways.sum(axis=(1, 2))
         least = int(left.argmin())
         more = math.log2(max(float(left[least]) / self._enough, 1.0))
@@ -155,17 +147,13 @@ PATIENCE: Final = 50
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """How a robot errs, and how sure it has to be.
-
-    Args of the constructor outside of their range are a `LocalizationError`.
-    """
+    """How a robot errs, and how sure it has to be. Raises `LocalizationError` beyond the ranges."""
 
     noise: Noise = EXACT
-    """Of each look at the eight neighbours."""
     slip: float = 0.0
-    """Of each move, 0 to 0.9: the probability that it does not happen or goes elsewhere."""
+    """Probability that a move does not happen or goes elsewhere, 0 to 0.9."""
     confidence: float = 0.95
-    """The probability of a cell with which a robot is content, 0.5 to 0.9999."""
+    """Probability of a cell with which a robot is content, 0.5 to 0.9999."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.slip <= 0.9:
@@ -228,8 +216,7 @@ class _Walk:
         return direction
 
     def _next(self, here: int) -> int:
-        """The method's next direction; it begins anew where it has none, or where the robot turns
-        out to be elsewhere, and what the method remembers is of another place."""
+        """The method's next direction; it begins anew where it has none, or at another place."""
         pattern = self._known.patterns[here]
         if self._moves is not None and here == self._ahead:
             try:

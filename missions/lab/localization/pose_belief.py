@@ -1,8 +1,7 @@
 """Localization with errors: how probable each cell is, a histogram filter.
 
-The belief is told each move and each look, and says which cell is the most probable, and how
-probable that one is. Given error rates that are right, and errors that are independent of each
-other, that probability is what it says: of all answers given with 95 %, 95 % are right.
+Given right error rates, and errors that are independent of each other, of all answers given with
+95 % confidence 95 % are right.
 
     belief = Belief.uniform(GridMap.of(cells))
     belief = belief.saw(pattern, noise)
@@ -50,12 +49,8 @@ class Noise:
                 raise LocalizationError(f"{name} = {value:g}: expected 0 to {MAX_RATE}")
 
     def likelihoods(self, seen: int, judged: int = ALL) -> NDArray[np.float64]:
-        """How likely this is sensed where the truth is each of the 256 patterns.
-
-        Args:
-            seen: the neighbours that are sensed as unobstructed, as a pattern.
-            judged: of which neighbours anything was sensed; the others say nothing.
-        """
+        """The likelihood of the pattern `seen` where the truth is each of the 256 patterns; only
+        neighbours in the mask `judged` were sensed."""
         free, blocked = _EVERY & judged, ~_EVERY & judged
         unseen = ~seen & 0xFF
         hits, misses = np.bitwise_count(free & seen), np.bitwise_count(free & unseen)
@@ -96,16 +91,11 @@ class Belief:
         return cls(known, np.full(known.size, 1.0 / known.size))
 
     def moved(self, dx: int, dy: int, slip: float = 0.0) -> Belief:
-        """The belief after a move of so many cells east and north, cell by cell, east first.
+        """The belief after a move of `dx` cells east and `dy` north, cell by cell, east first.
 
-        Args:
-            dx: cells to the east, negative to the west.
-            dy: cells to the north.
-            slip: the probability, 0 to 1, that a step goes wrong: it stays, or goes in one of the
-                three other directions, each of the four equally likely.
-
-        A step into a cell that is not on the map stays where it is. Nothing is sensed of that.
-        Raises `LocalizationError` for a slip that is none.
+        With the probability `slip` a step stays or goes in one of the three other directions, each
+        of the four equally likely. A step off the map stays, unnoticed. Raises `LocalizationError`
+        for a slip outside 0 to 1.
         """
         if not 0.0 <= slip <= 1.0:
             raise LocalizationError(f"slip = {slip:g}: expected a probability, 0 to 1")
@@ -135,19 +125,11 @@ class Belief:
         judged: int = ALL,
         own: bool | None = None,
     ) -> Belief:
-        """The belief after a look at the neighbours.
+        """The belief after a look that shows a pattern of `neighbours`, sensed where `judged` says.
 
-        Args:
-            neighbours: which of the eight are unobstructed, as a pattern
-                (`missions.lab.localization.neighbourhood`).
-            noise: how often that is wrong.
-            judged: which of the eight were sensed at all, as a mask.
-            own: whether the cell itself looks unobstructed, for an aircraft, which may be beside
-                the region; None where that was not sensed.
-
-        Raises:
-            LocalizationError: no cell of the map fits what was seen; the map is of something else,
-                or the sensor errs although it was said not to.
+        `own`: whether the cell itself looks unobstructed, for an aircraft, which may be beside the
+        region; None where that was not sensed. Raises `LocalizationError` where no cell fits: the
+        map is of something else, or the sensor errs more than `noise` says.
         """
         mass = self.mass * noise.likelihoods(neighbours, judged)[self.known.pattern_array]
         if own is not None:

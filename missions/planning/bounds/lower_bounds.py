@@ -275,13 +275,13 @@ def passing_bound_s(
     *,
     turned: bool = False,
 ) -> float:
-    """Seconds that the last vehicle needs at least; see the module for the proof.
+    """Least seconds of the last vehicle, by the area bound (`missions.lab.arena.time_bounds`).
 
     Args:
         ground_m2: what was seen for the first time, N w^2.
-        robots: how many vehicles, at least 1.
-        breaks: how often one of them left off and came back, at least 0.
-        footprint_m: the sides of the ground in a level picture, of the highest vehicle.
+        robots: number of vehicles, at least 1.
+        breaks: how often one of them left off and came back.
+        footprint_m: the sides of a level picture on the ground, of the highest vehicle.
         lean_m: how far a lean shifts it at most.
         speed_m_s: of the fastest vehicle, above 0.
         turned: whether pictures lie at any angle to the grid.

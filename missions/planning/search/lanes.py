@@ -1,15 +1,11 @@
-"""The boustrophedon search of the box, until somebody sees the ROI.
+"""The boustrophedon search of the box, until a vehicle sees the ROI.
 
 Lanes run along rows or columns of cells, whichever makes them longer. A frame judges the cell
 below and its neighbours, so lanes lie three cells apart. Several vehicles share the lanes in
-blocks of nearly equal length.
-
-Lanes shared out among vehicles by the time that they take, from the pad and back to it.
-
-Vehicles that stand in a row get lanes in that order, so no two of them cross each other's way. A
-block of lanes is flown out on one lane and back on the next. Of all such shares one is taken whose
-slowest vehicle is soonest at home, and of these one with the least flight of all together: who is
-done early maps meanwhile.
+blocks: of nearly equal length (`share_out`), or by the time from the pad and back to it
+(`share_by_time`). Vehicles that stand in a row get lanes in that order, so no two cross each
+other's way. Of all such shares one is taken whose slowest vehicle is soonest at home, and of these
+one with the least flight in all: a vehicle that is done early maps meanwhile.
 """
 
 from __future__ import annotations
@@ -221,11 +217,7 @@ def tour_m(pad: GridPoint, block: Sequence[Lane]) -> tuple[float, tuple[Lane, ..
 
 
 def share_by_time(lanes: Sequence[Lane], pads: Sequence[GridPoint]) -> Blocks:
-    """A block of consecutive lanes for each vehicle, by the place of its pad.
-
-    Args:
-        lanes: In the order in which they lie beside one another.
-        pads: Of each vehicle; the blocks come in their order.
+    """A block of consecutive lanes, which lie beside one another, for each vehicle by its pad.
 
     >>> lanes = [(GridPoint(x, 0), GridPoint(x, 100)) for x in (0, 10, 20)]
     >>> blocks = share_by_time(lanes, [GridPoint(15, 0), GridPoint(5, 0)])

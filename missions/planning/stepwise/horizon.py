@@ -87,8 +87,8 @@ class Retreat:
 
 
 def _closed(tree: Tree, dropped: frozenset[Cell]) -> frozenset[Cell]:
-    """Without those above a vertex that is not dropped: a cell that turned out to be ROI late, or
-    hangs elsewhere since two trees were joined, brings back its path to the root."""
+    """Without the path to the root of vertices that are not dropped: cells that turned out to be
+    ROI late, or hang elsewhere since two trees were joined."""
     back = set()
     for cell in tree.vertices:
         up = None if cell in dropped else tree.parent(cell)
@@ -165,12 +165,11 @@ class Horizon:
 def _ahead(
     situation: Situation, outlook: PlannerMemory, ground: Ground
 ) -> tuple[dict[int, Cell | None], PlannerMemory]:
-    """Where the routes lead next, and what to remember.
+    """The next steps of the routes, and what to remember.
 
-    When not all robots decide at once, whoever is bound for a vertex counts as being there, and
-    keeps to it until somebody has looked from it. So each decision leads to a look, even when
-    what is thought of the others is out of date. Who is away for a battery has no share until
-    it is back.
+    When not all robots decide at once, one that is bound for a vertex counts as being there, and
+    keeps to it until a robot has looked from it. So each decision leads to a look, even when the
+    knowledge of others is out of date. A robot away for a battery has no share until it is back.
     """
     tree, at, robots = situation.tree, situation.at, situation.robots
     goals: dict[int, Cell] = {}

@@ -1,9 +1,8 @@
-"""What an explorer is: a rule that says where a robot at a vertex moves next.
+"""What an explorer is: a rule by which a robot at a vertex moves next.
 
-Flight, replay and simulation call the same rule, so what the flight runs is what the simulation
-measures. An explorer is pure and keeps nothing between calls: what it wants to remember it hands
-back as an immutable value, and gets it again at the next call. So a mission that is resumed from
-its journal goes on with the same memory.
+Flight, replay and simulation call the same rule. An explorer is pure and keeps nothing between
+calls: it returns its memory as an immutable value and gets it again at the next call, so a mission
+that is resumed from its journal goes on with the same memory.
 """
 
 from __future__ import annotations
@@ -82,10 +81,8 @@ class Explorer(Protocol):
 
 
 def refuse_impossible(name: str, situation: Situation, decision: Decision) -> None:
-    """Raise `StrategyError` where a strategy moves a robot as none can.
-
-    That is a robot that was not asked, a cell that is not in the tree or is where the robot is
-    already, and, unless the metric is `straight`, a cell that is no neighbour.
+    """Raise `StrategyError` for a move of a robot that was not asked, to a cell that is not in the
+    tree or where it is, or, unless the metric is `straight`, to one that is no neighbour.
 
     >>> where = Situation(Tree.rooted(Cell(0, 0)), {1: Cell(0, 0)}, (1,))
     >>> refuse_impossible("mine", where, Decision({1: None}))

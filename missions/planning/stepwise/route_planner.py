@@ -20,13 +20,12 @@ if TYPE_CHECKING:
     from missions.planning.kernels.routes import Outlays
 
 MOVES, MOVES_EACH = 25000, 300
-"""Attempts of the local search at each step, at most: in all, and for each node."""
+"""Most attempts of the local search at each step: in all, and for each node."""
 TEAM_MOVES_TIMES_NODES_SQUARED = 4_000_000_000
-"""For a team they are fewer from 400 nodes on: there an attempt takes time with the number of
-nodes, and as many more decisions are made. 25,000 at 400 nodes, 4,000 at 1,000."""
+"""Limit for a team: an attempt takes longer with more nodes, and more decisions are made. 25,000
+attempts at 400 nodes, 4,000 at 1,000."""
 ATTEMPTS_PER_NODE_SINGLE, ATTEMPTS_PER_NODE_TEAM, ATTEMPTS_EXTRA = 200, 60, 30
-"""Attempts for each node: of one robot, where an attempt is quick; of a team, and how many more
-for each of its robots."""
+"""Attempts for each node: of one robot; of a team, and how many more for each of its robots."""
 INITIAL_TEMPERATURE = 0.02
 """How much dearer an attempt may make the whole at first."""
 SMALL_TEAM = 4
@@ -230,8 +229,10 @@ class Sites:
         return Outlays(self.legs, loads, (1.0 + looks) * behind, frontier_cost.share)
 
     def goals(self, routes: Mapping[int, Sequence[Cell]], asked: Sequence[int]) -> dict[int, Cell]:
-        """Where those who are asked go: along their routes, or, where these are empty, after the
-        others; somebody goes to a node as long as there is one."""
+        """Goals along the routes, or, where these are empty, after the others.
+
+        As long as there is a node some robot goes to one.
+        """
         goals = {r: routes[r][0] for r in self.places if routes[r]}
         idle = [r for r in asked if r not in goals]
         if self.nodes and len(idle) == len(asked):
@@ -246,8 +247,8 @@ class Sites:
         return len(self.nodes) + list(self.places).index(robot)
 
     def _behind(self, idle: Sequence[int], goals: Mapping[int, Cell]) -> dict[int, Cell]:
-        """Where robots without a route go: on a grid to the open frontier, best where it is deep
-        and near and nobody goes; with nothing open home. Who flies straight waits for news."""
+        """Goals of robots without a route: on a grid the open frontier where it is deep, near and
+        free; home without one. In straight flight they wait for news."""
         cells = (*self.nodes, *self.places.values())
         open_sites = np.flatnonzero(self.unseen[:-1])
         if open_sites.size == 0:

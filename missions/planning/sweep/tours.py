@@ -1,10 +1,9 @@
 """A first plan for much work: tours past places from which all of it is seen, for the whole team.
 
-Annealing improves a plan step by step; from nothing, or from a plan for other work, it does not
-come to a good one within the milliseconds that a decision may take. So every few seconds, and
-whenever there is much to do, tours are laid anew, and the better of the two plans goes on. Those
-who cannot be planned for yet, because they still fly lanes, get tours, too: what they will do is
-not taken from them.
+Annealing improves a plan step by step; from a bad one it does not come to a good one within the
+milliseconds of a decision. So every few seconds, and whenever there is much to do, tours are laid
+anew, and the better of the two plans goes on. Vehicles that still fly lanes get tours already, so
+that others leave them their work.
 """
 
 from __future__ import annotations
@@ -59,19 +58,11 @@ def lay_tours(
     least: int = LEAST_WORK,
     keep_s: float = KEEP_S,
 ) -> Tours | None:
-    """Tours for a team past all work; None where there is too little of it.
+    """Tours for a team past all work; None where it is less than `least` cells.
 
-    Args:
-        chart: What is known.
-        team: All who take part, now or later.
-        delays_s: How much later than `begin_s` each begins: where its path, if any, ends.
-        valued: What frames are worth.
-        begin_s: When the plan begins.
-        seed: Of the random numbers; the same arguments give the same tours.
-        before: The tours of the same team that were laid last; empty where there are none. They are
-            gone on with unless others take less time by `keep_s`.
-        least: How many cells of work are worth it.
-        keep_s: As said.
+    Each vehicle, of those that take part now or later, begins `delays_s` after `begin_s`, where its
+    path, if any, ends. The tours `before` of the same team are kept unless others take less time by
+    `keep_s`. The same arguments give the same tours.
     """
     _, _, cells, work = valued
     if work < least or not team:
