@@ -2,8 +2,8 @@
 
 In flight, as in the paper, votes count alike and the first few decide. Recorded pictures are all
 there before anything is decided, and differ in aspect, pixels and what they show of a cell. So each
-picture has a weight on each cell (`vision.projection`), and the belief in a cell is the weighed mean
-of the shares of region that pictures have seen in it. It is a mean and no product of odds: a cell
+picture has a weight on each cell (`vision.projection`), and the belief in a cell is the weighed
+mean of the shares of region that pictures saw in it. It is a mean and no product of odds: a cell
 of which a third is region is a third region in every picture, and ten of them do not make it less.
 
 A belief begins with what is usual in the whole set, at the weight `PRIOR_WEIGHT`: one look aslant
