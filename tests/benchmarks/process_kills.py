@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
 import math
 import os
 import signal
@@ -25,7 +24,16 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.e2e.rig import arguments_of, ended, events, mission, simulator, started, uavmap
+from tests.e2e.rig import (
+    aircraft_process,
+    arguments_of,
+    ended,
+    events,
+    mission,
+    simulator,
+    started,
+    uavmap,
+)
 from uavmap.runner.aircraft_process import ADDRESS
 
 SPEEDUP = 4.0
@@ -55,7 +63,7 @@ def one(number: int, who: str, autopilot: str, driver: str, at_s: float, below: 
             if process.poll() is not None:
                 return "over"
             if who == "aircraft":
-                os.kill(json.loads((folder / ADDRESS).read_text())["process"], signal.SIGKILL)
+                os.kill(aircraft_process(folder), signal.SIGKILL)
                 done = ended(process)
                 good = done.code == 0 and done.summary["completed"]
                 return "" if good else f"exit {done.code}: {done.err[-400:]}"

@@ -21,6 +21,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from tests.e2e.preloaded import Process
 from uavmap.journal.event_log import JournalReader
+from uavmap.runner.aircraft_process import ADDRESS
 
 ROOT = Path(__file__).resolve().parents[2]
 MISSIONS = ROOT / "tests" / "data"
@@ -135,6 +136,18 @@ def events(folder: Path, *kinds: str) -> list[dict[str, Any]]:
     """The events of some kinds, or all of them."""
     found = [json.loads(body) for body in bodies(folder)]
     return [event for event in found if not kinds or event["kind"] in kinds]
+
+
+def since_resumed(folder: Path) -> list[dict[str, Any]]:
+    """The events since the last resume, itself the first."""
+    found = events(folder)
+    last = max(index for index, event in enumerate(found) if event["kind"] == "resumed")
+    return found[last:]
+
+
+def aircraft_process(folder: Path) -> int:
+    """The number of the process that has the aircraft."""
+    return int(json.loads((folder / ADDRESS).read_text("utf-8"))["process"])
 
 
 def roi_cells(folder: Path) -> set[tuple[int, int]]:

@@ -62,7 +62,7 @@ class AircraftChild:
         """What was said before the mission connected."""
         self._waiting: list[say.Message] = []
         """What the mission sent before the links were open."""
-        self._met = False
+        self._met = self._over = False
         self._side: AircraftSide | None = None
         self._heard_s = time.monotonic()
         """When the mission was last heard, on the monotonic clock."""
@@ -178,11 +178,12 @@ class AircraftChild:
 
     def _send(self, message: say.Message) -> None:
         """Send a message, or write it down for the next mission."""
+        self._over = self._over or isinstance(message, say.Ended)
         if self._writer is not None and not self._writer.is_closing():
             self._writer.write(say.encode(message))
         elif not self._met:
             self._early.append(message)
-        elif isinstance(message, say.Happened | say.Line):
+        elif not self._over and isinstance(message, say.Happened | say.Line):
             with contextlib.suppress(OSError):  # a full disk must not keep an aircraft in the air
                 self._record(say.encode(message))
 

@@ -204,7 +204,7 @@ class AircraftProcess:
         }  # fmt: skip
         try:
             child.stdin.write(json.dumps(wanted).encode() + b"\n")
-            child.stdin.flush()
+            child.stdin.close()
             address = _ADDRESS.validate_json(child.stdout.readline())
         except (OSError, ValidationError):
             child.process.kill()
@@ -221,10 +221,12 @@ class AircraftProcess:
         """Pass messages on; find the process again, or start it, whenever it is gone."""
         failed = 0
         while True:
-            with contextlib.suppress(OSError, LinkError):
-                await self._pass_on(port, line)
-                failed = 0
-            line.close()
+            try:
+                with contextlib.suppress(OSError, LinkError):
+                    await self._pass_on(port, line)
+                    failed = 0
+            finally:
+                await line.closed()
             if port.ended.done():
                 return
             try:
@@ -313,6 +315,12 @@ class _Line:
     def close(self) -> None:
         """End it."""
         self._writer.close()
+
+    async def closed(self) -> None:
+        """End it, and wait for that."""
+        self._writer.close()
+        with contextlib.suppress(OSError):
+            await self._writer.wait_closed()
 
 
 async def wall_sleep(seconds: float, speedup: float) -> None:

@@ -19,6 +19,7 @@ from tests.e2e.rig import (
     mission,
     roi_cells,
     simulator,
+    since_resumed,
     started,
     stop_after,
     uavmap,
@@ -58,9 +59,8 @@ def test_a_killed_client_is_taken_up_in_the_air(speck, tmp_path):
     assert done.summary["seed"] is None
     assert done.summary["cells_missed"] is None  # nobody knows the truth of a real flight
     assert bodies(folder)[: len(before)] == before
-    again = events(folder)[len(before) :]
-    assert again[0]["kind"] == "resumed"
-    (connected,) = (event for event in again[:2] if event["kind"] == "connected")
+    again = since_resumed(folder)
+    (connected,) = (event for event in again[:3] if event["kind"] == "connected")
     assert connected["airborne"] is True  # it has waited where it was
     assert sum(event["kind"] == "airborne" for event in events(folder)) == 1
     assert close_to(roi_cells(folder), roi_cells(speck.folder), 2)
@@ -72,9 +72,8 @@ def test_a_recall_brings_home_who_is_in_the_air_and_sends_nobody_out(speck, tmp_
     with simulator("speck", speedup=SPEEDUP) as urls:
         with started(*fly_arguments("speck", urls, folder)) as process:
             stop_after(process, folder, in_mid_flight(speck), signal.SIGKILL)
-        before = len(bodies(folder))
         home = uavmap("resume", folder, "--recall", "--json")
-        again = events(folder)[before:]
+        again = since_resumed(folder)
         assert home.code == 3
         assert [event["kind"] for event in again[:2]] == ["resumed", "recalled"]
         assert next(e for e in again if e["kind"] == "connected")["airborne"] is True
@@ -160,7 +159,8 @@ def test_a_pilot_takes_over_and_gives_back(
                     assert _beat(pilot).custom_mode == _custom_mode(*taken)
                 # a capture that was under way is ended: the camera's business, not the vehicle's
                 assert [c for c in relay.commands[said:] if not _stops_camera(c)] == []
-                assert len(events(folder, "frame_seen")) == seen
+                # a picture that was taken before may be judged after it
+                assert len(events(folder, "frame_seen")) <= seen + 1
                 assert events(folder, "released") == []
                 _set_mode(pilot, *given_back)
                 done = ended(process)

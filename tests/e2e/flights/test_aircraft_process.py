@@ -7,17 +7,16 @@ was one process.
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from tests.e2e.preloaded import Process
 from tests.e2e.rig import (
     Relay,
+    aircraft_process,
     arguments_of,
     ended,
     events,
@@ -87,13 +86,12 @@ def test_the_next_process_takes_over_the_aircraft_in_the_air(tmp_path: Path) -> 
     with simulator("speck", speedup=SPEEDUP) as urls:
         with started(*flying(mission("speck"), urls, folder)) as process:
             under_way(process, folder)
-            aircraft = json.loads((folder / "aircraft.json").read_text())["process"]
+            aircraft = aircraft_process(folder)
             process.send_signal(signal.SIGKILL)
             process.communicate()
         with started("resume", folder, "--json") as process:
             wait_until(lambda: bool(events(folder, "resumed")), "the resumed mission")
-            same: dict[str, Any] = json.loads((folder / "aircraft.json").read_text())
-            assert same["process"] == aircraft
+            assert aircraft_process(folder) == aircraft
             done = ended(process)
     assert done.code == 0, done.err
     assert done.summary["completed"] is True
@@ -108,7 +106,7 @@ def test_a_process_of_the_aircraft_that_dies_is_started_again(tmp_path: Path) ->
         started(*flying(mission("speck"), urls, folder)) as process,
     ):
         under_way(process, folder)
-        os.kill(json.loads((folder / "aircraft.json").read_text())["process"], signal.SIGKILL)
+        os.kill(aircraft_process(folder), signal.SIGKILL)
         done = ended(process)
     assert done.code == 0, done.err
     assert done.summary["completed"] is True

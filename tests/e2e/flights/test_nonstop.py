@@ -31,6 +31,7 @@ from tests.e2e.rig import (
     mission,
     roi_cells,
     simulator,
+    since_resumed,
     started,
     stop_after,
     uavmap,
@@ -233,9 +234,8 @@ def test_killed_on_its_path_it_is_taken_up_in_the_air(
     assert done.code == 0, done.err
     assert done.summary["completed"] is True
     assert bodies(folder)[: len(before)] == before
-    again = events(folder)[len(before) :]
-    assert again[0]["kind"] == "resumed"
-    (connected,) = (event for event in again[:2] if event["kind"] == "connected")
+    again = since_resumed(folder)
+    (connected,) = (event for event in again[:3] if event["kind"] == "connected")
     assert connected["airborne"] is True
     assert sum(event["kind"] == "airborne" for event in events(folder)) == 1
     assert maps_alike(folder, {"tiny": tiny_passed, "speck": speck_passed}[name].folder)
