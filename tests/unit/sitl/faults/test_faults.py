@@ -17,7 +17,6 @@ from sitl.body.sensors import PositionError
 from sitl.copter.modes import Mode
 from sitl.faults.faults import Faults
 from sitl.faults.injection import CAMERA_UNIT
-from sitl.quirks import Quirks
 from uavmap.runner.simulation import make_vehicles
 
 INJECT = mav.MAV_CMD_INJECT_FAILURE
@@ -191,14 +190,6 @@ def test_without_a_motor_the_vehicle_is_lost_and_its_motors_turn_on(flying):
     assert flying.result(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0) == mav.MAV_RESULT_FAILED
     assert flying.result(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, 21196) == 0
     assert not flying.vehicle.truth.armed
-
-
-def test_motors_that_stop_in_a_crash_can_be_had(make_client):
-    client = make_client(quirks=Quirks(motors_stop_in_crash=True))
-    client.take_off()
-    client.vehicle.fail.motor()
-    client.run(6.0)
-    assert (client.vehicle.truth.crashed, client.vehicle.truth.armed) == (True, False)
 
 
 def test_with_a_weak_motor_it_still_flies(flying):
