@@ -344,6 +344,7 @@ class SimVehicle:
         self._resting_s += dt_s
         if self._resting_s >= spec.swap_after_s:
             self._battery.swap()
+            self.fail.swap_battery()
             self._altimeter.start()
             self._swaps += 1
             self._resting_s = 0.0
