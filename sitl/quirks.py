@@ -30,9 +30,6 @@ class Quirks:
     stream of setpoints is lost goes to POSITION (COM_OBL_RC_ACT 0) instead of home.
     `landed_state`: it sends EXTENDED_SYS_STATE; or else it refuses to. `height_sigma_m`: standard
     deviation of its receiver's height above the sea, which wanders (`sitl.body.altimeter`).
-
-    Kinder than measured, for clients that do not live with it yet: `motors_stop_in_crash`: or else
-    they turn, armed, until it is disarmed by force.
     """
 
     camera: CameraKind = "component"
@@ -43,7 +40,6 @@ class Quirks:
     stick: bool = True
     landed_state: bool = True
     height_sigma_m: float = 0.0
-    motors_stop_in_crash: bool = False
 
     def __post_init__(self) -> None:
         problems = []

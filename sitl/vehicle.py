@@ -62,7 +62,6 @@ class SimVehicle:
             east, north, math.radians(spec.home_yaw_deg), math.radians(spec.max_tilt_deg),
             world.ground_m(east, north),
         )  # fmt: skip
-        self._body.motors_run_on = not spec.quirks.motors_stop_in_crash
         self._battery = Battery(spec.battery_wh)
         self._error = Estimator(
             rng, spec.gps_sigma_m, spec.gps_tau_s, seed=self._seed, flow=spec.optical_flow,
@@ -345,6 +344,7 @@ class SimVehicle:
         self._resting_s += dt_s
         if self._resting_s >= spec.swap_after_s:
             self._battery.swap()
+            self.fail.swap_battery()
             self._altimeter.start()
             self._swaps += 1
             self._resting_s = 0.0

@@ -64,7 +64,6 @@ class Body:
         "max_tilt_m_s2",
         "motor_share",
         "motors_on",
-        "motors_run_on",
         "north",
         "on_ground",
         "thrust_east",
@@ -99,8 +98,6 @@ class Body:
         self.yaw, self.yaw_rate = yaw_rad % math.tau, 0.0
         self.max_tilt_m_s2 = GRAVITY_M_S2 * math.tan(max_tilt_rad)
         self.motors_on = False
-        self.motors_run_on = False
-        """A crash does not end them: they turn, and lift nothing."""
         self.on_ground = True
         self.crashed = False
         self.motor_share = 1.0  # of its thrust that the weakest motor gives
@@ -208,10 +205,9 @@ class Body:
             self.yaw = (self.yaw + self.yaw_rate * dt_s) % math.tau
 
     def _touch(self) -> None:
-        """Meet the ground: stand, or break when too fast."""
+        """Meet the ground: stand, or break when too fast; the motors turn on, and lift nothing."""
         if self.v_up < -_SURVIVABLE_IMPACT_M_S:
             self.crashed = True
-            self.motors_on = self.motors_on and self.motors_run_on
         self.up = self.ground
         self.v_east = self.v_north = self.v_up = 0.0
         self.thrust_east = self.thrust_north = 0.0

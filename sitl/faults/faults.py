@@ -127,7 +127,7 @@ class Faults:
         self._add("gps_drift", after_s, for_s, *towards(finite(m_s), toward_deg))
 
     def battery_sag(self, volts: float, after_s: float = 0.0, for_s: float | None = None) -> None:
-        """The voltage is lower by `volts`; the charge stays."""
+        """The voltage is lower by `volts`, until a swap at most; the charge stays."""
         self._add("battery_sag", after_s, for_s, finite(volts))
 
     def battery_cell(self, after_s: float = 0.0) -> None:
@@ -219,6 +219,14 @@ class Faults:
         wanted = {way for kind in kinds for way in kinds_of(kind)}
         with self._lock:
             self._scheduled = [f for f in self._scheduled if wanted and f.kind not in wanted]
+            self._refresh()
+
+    def swap_battery(self) -> None:
+        """What was wrong with the pack is wrong no more."""
+        with self._lock:
+            self._scheduled = [
+                f for f in self._scheduled if f.kind != "battery_sag" or f.begin_s > self.t_s
+            ]
             self._refresh()
 
     def hold(

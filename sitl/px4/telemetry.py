@@ -55,6 +55,7 @@ DEFAULT_HZ = {
     mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 0.5,
     mav.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
     mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
+    CURRENT_MODE: 0.5,
 }
 """What a link to a ground station carries without a request, as PX4's mode "normal" has it."""
 

@@ -49,6 +49,8 @@ COMMANDS: Final = (20, 21, 22, 176, 192, 400, 2000)
 """RTL, land, take-off, mode, reposition, arm, capture."""
 FORGIVEN_S: Final = 60.0
 FAR_M: Final = 150.0
+LIMIT_S: Final = 4000.0
+"""A flight that has not ended by then never does."""
 
 
 def plan_of(seed: int) -> Plan:
@@ -177,6 +179,7 @@ class Witness(Truth):
     def watch(self, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
         """Look at all vehicles at one instant."""
         Truth.watch(self, vehicles, setting)
+        assert vehicles[0].t_s < LIMIT_S, "no end"
         for vehicle in vehicles:
             number, truth = vehicle.spec.system_id, vehicle.truth
             if self.pilot is not None and self.pilot.vehicle == number:
@@ -248,7 +251,8 @@ def fly(
             if verbose:
                 print(f"ended: {group.exceptions}")
         except* Exception as group:
-            found.append(("traceback", repr(group.exceptions[0])))
+            text = repr(group.exceptions[0])
+            found.append(("no end" if "no end" in text else "traceback", text))
         phases = _phases(asked, path, verbose=verbose)
     found += _judged(flight, text, witness, summary, phases)
     if verbose:

@@ -116,7 +116,6 @@ class SimQuirks(Section):
     stick: bool = True
     landed_state: bool = True
     height_sigma_m: Annotated[Number, Field(ge=0, le=8)] = 0.0
-    motors_stop_in_crash: bool = False
 
 
 class Sim(Section):

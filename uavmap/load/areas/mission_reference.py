@@ -70,7 +70,6 @@ _NESTED: Final[Mapping[str, str]] = MappingProxyType(
         "sim.quirks.stick": "whether a pilot's radio control is on, its sticks centred",
         "sim.quirks.landed_state": "whether it sends EXTENDED_SYS_STATE",
         "sim.quirks.height_sigma_m": "how far a receiver's height above the sea is off; it wanders",
-        "sim.quirks.motors_stop_in_crash": "whether they do, or turn on until disarmed by force",
         "sim.faults": "Something that goes wrong.",
         "sim.faults.vehicle": "which vehicle, from 1",
         "sim.faults.at_s": "when, on the mission's time",

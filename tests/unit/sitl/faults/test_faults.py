@@ -17,7 +17,6 @@ from sitl.body.sensors import PositionError
 from sitl.copter.modes import Mode
 from sitl.faults.faults import Faults
 from sitl.faults.injection import CAMERA_UNIT
-from sitl.quirks import Quirks
 from uavmap.runner.simulation import make_vehicles
 
 INJECT = mav.MAV_CMD_INJECT_FAILURE
@@ -193,12 +192,18 @@ def test_without_a_motor_the_vehicle_is_lost_and_its_motors_turn_on(flying):
     assert not flying.vehicle.truth.armed
 
 
-def test_motors_that_stop_in_a_crash_can_be_had(make_client):
-    client = make_client(quirks=Quirks(motors_stop_in_crash=True))
+def test_a_sag_is_the_packs_and_ends_with_a_swap(make_client):
+    client = make_client(swap_after_s=5.0)
     client.take_off()
-    client.vehicle.fail.motor()
-    client.run(6.0)
-    assert (client.vehicle.truth.crashed, client.vehicle.truth.armed) == (True, False)
+    client.vehicle.fail.battery_sag(3.0)
+    client.vehicle.fail.battery_sag(1.0, after_s=500.0)
+    client.run(1.0)
+    before_v = voltage(client)
+    assert client.result(mav.MAV_CMD_NAV_LAND) == 0
+    client.run(40.0)
+    assert client.vehicle.truth.swaps == 1
+    assert voltage(client) > before_v + 2.9
+    assert [f.numbers for f in client.vehicle.fail.scheduled] == [(1.0,)]
 
 
 def test_with_a_weak_motor_it_still_flies(flying):
