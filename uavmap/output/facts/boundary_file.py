@@ -23,10 +23,9 @@ from missions.geo.grid import Grid
 from missions.units import LatLon
 from uavmap.base.atomic_write import write_text
 from uavmap.output.facts.boundary_model import Boundary
-from uavmap.output.facts.map_model import on_earth
+from uavmap.output.facts.map_model import on_earth, turned
 from uavmap.output.facts.outline import Runs, runs
 from uavmap.output.formats import geojson_encoder as geojson
-from uavmap.output.formats.layers import turned
 
 DECIMALS: Final = 8
 _ROWS: Final = 1_000_000  # cells that are looked at at once

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final, Literal, NamedTuple, Self, TypeVar, get_args, overload
+from typing import Final, Literal, NamedTuple, Self, get_args, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,11 +47,6 @@ class CellRow(NamedTuple):
     votes: int
     belief: float | None = None
     """Believed share of region, 0 to 1, where recorded pictures are weighed."""
-
-    @property
-    def is_roi(self) -> bool:
-        """Whether the cell is part of the region."""
-        return self.state not in NOT_ROI
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -242,7 +237,6 @@ class MapData:
         return tuple(Cell(*cell) for cell in self.table.cells[self.table.roi].tolist())
 
 
-Text = TypeVar("Text")
 _AROUND: Final = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 
 
@@ -287,18 +281,23 @@ class CellCorners:
         return CellCorners(self.lon_deg, self.lat_deg, self.rings[some])
 
     def written(
-        self, write: Callable[[NDArray[np.float64], NDArray[np.float64]], list[Text]]
-    ) -> Iterator[list[list[Text]]]:
-        """Yield the four corners of each cell as `write` makes them texts, `AT_ONCE` cells at a
-        time."""
+        self, start: LatLon, write: Callable[[float, float], str]
+    ) -> Iterator[list[list[str]]]:
+        """Yield the four corners of each cell as texts, `AT_ONCE` cells at a time.
+
+        `write` makes the text of a longitude, in the turn of the start's, and a latitude.
+        """
         for first in range(0, len(self.rings), AT_ONCE):
             rings = self.rings[first : first + AT_ONCE]
             numbers, which = np.unique(rings, return_inverse=True)
-            texts = write(self.lon_deg[numbers], self.lat_deg[numbers])
-            yield [
-                [texts[sw], texts[se], texts[ne], texts[nw]]
-                for sw, se, ne, nw in which.reshape(-1, 4).tolist()
-            ]
+            lons = turned(self.lon_deg[numbers], start).tolist()
+            texts = list(map(write, lons, self.lat_deg[numbers].tolist()))
+            yield [[texts[corner] for corner in ring] for ring in which.reshape(-1, 4).tolist()]
+
+
+def turned(lon_deg: NDArray[np.float64], start: LatLon) -> NDArray[np.float64]:
+    """Return longitudes in the turn of the start's, so that no polygon spans the globe."""
+    return lon_deg + 360.0 * np.round((start.lon_deg - lon_deg) / 360.0)
 
 
 def on_earth(points: NDArray[np.float64], grid: Grid, t_s: float) -> NDArray[np.float64]:

@@ -40,10 +40,8 @@ class Score:
 
     iou_cells: float
     cells_missed: int
-    detections: int
     false_positives: int
     false_negatives: int
-    roi_cells_true: int
 
 
 def score(
@@ -70,12 +68,10 @@ def score(
         # a map of nothing, of nothing, is right
         iou_cells=mapped.intersection(truth).area / union_m2 if union_m2 else 1.0,
         cells_missed=len(true_cells - set(roi_cells)),
-        detections=len(verdicts),
         false_positives=sum(1 for cell, yes in verdicts if yes and shares[cell] < CLEAR_SHARE),
         false_negatives=sum(
             1 for cell, yes in verdicts if not yes and shares[cell] >= MISSED_SHARE
         ),
-        roi_cells_true=len(true_cells),
     )
 
 

@@ -22,7 +22,7 @@ from shapely.geometry.base import BaseGeometry
 
 from uavmap.base.atomic_write import write_parts
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.facts.map_model import MapData
+from uavmap.output.facts.map_model import MapData, turned
 from uavmap.output.formats.layers import (
     DECIMALS,
     Layer,
@@ -30,7 +30,6 @@ from uavmap.output.formats.layers import (
     in_degrees,
     line_in_degrees,
     outline_in_degrees,
-    turned,
 )
 
 
@@ -126,11 +125,10 @@ def _cells(data: MapData) -> Iterator[str]:
     """Write a line per cell. Thousands of them, so without a tree of parts: no text needs
     quoting."""
 
-    def places(lon_deg: NDArray[np.float64], lat_deg: NDArray[np.float64]) -> list[str]:
-        both = zip(turned(lon_deg, data.start).tolist(), lat_deg.tolist(), strict=True)
-        return [f"[{round(lon, DECIMALS)!r}, {round(lat, DECIMALS)!r}]" for lon, lat in both]
+    def place(lon_deg: float, lat_deg: float) -> str:
+        return f"[{round(lon_deg, DECIMALS)!r}, {round(lat_deg, DECIMALS)!r}]"
 
-    parts = zip(data.table.parts(), data.corners.written(places), strict=True)
+    parts = zip(data.table.parts(), data.corners.written(data.start, place), strict=True)
     for table, rings in parts:
         for (sw, se, ne, nw), row in zip(rings, table.values(), strict=True):
             (east, north), state, positive, votes, known = row

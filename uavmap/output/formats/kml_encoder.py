@@ -11,9 +11,7 @@ from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape, quoteattr
 
-import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
@@ -30,7 +28,6 @@ from uavmap.output.formats.layers import (
     line_in_degrees,
     outline_in_degrees,
     text_of,
-    turned,
 )
 from uavmap.output.formats.map_layers import track_lines, track_parts
 
@@ -137,11 +134,6 @@ def _map(data: MapData) -> Iterator[str]:
 # --- layers --------------------------------------------------------------------------------------
 def _cells(data: MapData) -> Iterator[str]:
     """Write a folder per state, `AT_ONCE` of thousands of cells at a time."""
-
-    def places(lon_deg: NDArray[np.float64], lat_deg: NDArray[np.float64]) -> list[str]:
-        points = zip(turned(lon_deg, data.start).tolist(), lat_deg.tolist(), strict=True)
-        return [_place(point) for point in points]
-
     for state in palette.STATES:
         there = data.table.are(state)
         if not there.any():
@@ -149,7 +141,8 @@ def _cells(data: MapData) -> Iterator[str]:
         yield f"<Folder><name>{state}</name>\n"
         style = state.replace(" ", "-")
         some, corners = data.table.which(there), data.corners.which(there)
-        for table, rings in zip(some.parts(), corners.written(places), strict=True):
+        texts = corners.written(data.start, lambda *at: _place(at))
+        for table, rings in zip(some.parts(), texts, strict=True):
             for ring, row in zip(rings, table.values(), strict=True):
                 (east, north), _, positive, votes, belief = row
                 frames = f"{positive} of {votes} frames positive"

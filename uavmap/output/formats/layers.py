@@ -19,7 +19,7 @@ from missions.units import GridPoint, LatLon
 from uavmap.base.printable import printable
 from uavmap.base.version import __version__
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.facts.map_model import AT_ONCE, MapData
+from uavmap.output.facts.map_model import AT_ONCE, MapData, turned
 
 DECIMALS: Final = 7
 """Of a degree: about a centimetre."""
@@ -113,11 +113,6 @@ def line_in_degrees(data: MapData, places: Iterable[LatLon]) -> list[tuple[float
         (round(lon, DECIMALS), round(place.lat_deg, DECIMALS))
         for lon, place in zip(lons, known, strict=True)
     ]
-
-
-def turned(lon_deg: NDArray[np.float64], start: LatLon) -> NDArray[np.float64]:
-    """Return longitudes in the turn of the start's, so that no polygon spans the globe."""
-    return lon_deg + 360.0 * np.round((start.lon_deg - lon_deg) / 360.0)
 
 
 # --- texts ---------------------------------------------------------------------------------------
