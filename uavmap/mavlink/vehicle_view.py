@@ -205,6 +205,18 @@ class VehicleView:
         """Loop time minus the vehicle's own time since boot."""
         return self.gate.clock.offset_s
 
+    def age_s(self, now_s: float) -> float:
+        """How old the latest position is at a time of the loop's clock, s.
+
+        By the vehicle's own clock: a busy computer and a slow link hand over seconds at once, and
+        each message of them seems to be of now.
+        """
+        clock = self.gate.clock
+        valid_s = self.position_s
+        if clock.boot_s is not None and clock.offset_s is not None:
+            valid_s = min(valid_s, clock.boot_s + clock.offset_s)
+        return max(now_s - valid_s, 0.0)
+
     def captured_s(self, boot_ms: int, now_s: float, since_s: float = float("-inf")) -> float:
         """When, on the loop's clock, a camera took the picture of an announcement.
 
