@@ -10,6 +10,7 @@ not answer. None of them changes the mode but those that are named for it: a pil
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections.abc import Callable
 from typing import Final
@@ -21,6 +22,8 @@ from uavmap.mavlink.session import Session
 
 _STAMP_WRAPS_S: Final = 250.0
 """Before a time of transmission loses its milliseconds in a float, it begins anew."""
+_LEAPS_WITHIN_S: Final = 1.0
+"""Time after a place was taken in which the told position leaps to it, s."""
 _PLACE_ALONE: Final = 0b1101_1111_1000
 """The type mask of a target without velocity, acceleration, yaw and turn rate."""
 
@@ -118,14 +121,18 @@ class MavlinkCommands:
         `sigma_m` is how sure the place is. A PX4 whose optical flow works does not take it.
         """
         boot_s = self._view.since_boot_s or 0.0
-        await self._session.command_at(
-            mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE,
-            mav.MAV_FRAME_GLOBAL,
-            (boot_s % _STAMP_WRAPS_S, 0.0, sigma_m, 0.0),
-            place.lat_deg,
-            place.lon_deg,
-            math.nan,
-        )
+        self._view.aided_until_s = math.inf
+        try:
+            await self._session.command_at(
+                mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE,
+                mav.MAV_FRAME_GLOBAL,
+                (boot_s % _STAMP_WRAPS_S, 0.0, sigma_m, 0.0),
+                place.lat_deg,
+                place.lon_deg,
+                math.nan,
+            )
+        finally:
+            self._view.aided_until_s = asyncio.get_running_loop().time() + _LEAPS_WITHIN_S
 
     async def land(self, done: Callable[[], bool] = _never) -> None:
         """MAV_CMD_NAV_LAND where it is, which changes the mode."""

@@ -7,6 +7,7 @@ messages after it agree with it, and none in between agrees with what was known 
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -28,7 +29,13 @@ FASTEST_M_S: Final = 50.0
 SLACK_M: Final = 25.0
 """What a position estimate may correct itself by at once."""
 
-_OFFSET_WINDOW_S: Final = 2.0
+OFFSET_WINDOW_S: Final = 120.0
+"""Time for which the fastest messages tell a clock's offset, s: a backlog is no change of it."""
+_OFFSET_STEP_S: Final = 2.0
+_LEAST_SPAN_S: Final = 30.0
+"""Time over which a clock's drift is measured at least, s."""
+_DRIFT: Final = 0.001
+"""Drift of two good clocks that no measurement is needed for, s/s."""
 _LEAD_WINDOW_S: Final = 30.0
 _SAME_CLOCK_S: Final = 0.3
 _OLDEST_ANNOUNCEMENT_S: Final = 60.0
@@ -75,6 +82,46 @@ class RecentLeast:
 
 
 @dataclass(slots=True)
+class ClockOffset:
+    """By how much a clock is behind ours: by the messages that travelled fastest in two minutes.
+
+    The delay of a link is never negative, so the least of the differences tells the offset. It
+    rises only as fast as the clocks drift apart, which the two halves of the time tell: messages
+    that are late for seconds leave it as it is.
+    """
+
+    value: float | None = None
+    """Our time minus the other, s; None before the first message."""
+    _least: deque[tuple[float, float, float]] = field(default_factory=deque)
+    """Begin of a step, and when its least difference was heard, and that."""
+    _drift: float = _DRIFT
+
+    def add(self, difference_s: float, now_s: float) -> None:
+        """Take in the difference of a message that was just heard."""
+        least = self._least
+        if not least or now_s - least[-1][0] >= _OFFSET_STEP_S:
+            least.append((now_s, now_s, difference_s))
+            while least[0][0] < now_s - OFFSET_WINDOW_S:
+                least.popleft()
+            self._drift = _DRIFT + self._measured_drift()
+        elif difference_s < least[-1][2]:
+            least[-1] = (least[-1][0], now_s, difference_s)
+        drifted = min(value + self._drift * (now_s - at_s) for _, at_s, value in least)
+        self.value = min(drifted, difference_s)
+
+    def _measured_drift(self) -> float:
+        """How fast the least difference rises, s/s; 0 where it falls, which shows by itself."""
+        begin_s, end_s = self._least[0][0], self._least[-1][0]
+        half_s = (end_s - begin_s) / 2.0
+        if 2.0 * half_s < _LEAST_SPAN_S:
+            return 0.0
+        halves: tuple[list[float], list[float]] = ([], [])
+        for step_s, _, value in self._least:
+            halves[step_s >= begin_s + half_s].append(value)
+        return max((min(halves[1]) - min(halves[0])) / half_s, 0.0)
+
+
+@dataclass(slots=True)
 class BootClock:
     """An autopilot's time since boot beside the time of our loop."""
 
@@ -84,11 +131,11 @@ class BootClock:
     _moved_s: float = float("-inf")
     _other: tuple[float, float, float] | None = None
     """Of a clock that does not go on from this one: first and last heard, and its time."""
-    _offset: RecentLeast = field(default_factory=lambda: RecentLeast(_OFFSET_WINDOW_S))
+    _offset: ClockOffset = field(default_factory=ClockOffset)
 
     @property
     def offset_s(self) -> float | None:
-        """Loop time minus time since boot: that of the message that travelled fastest lately."""
+        """Loop time minus time since boot: that of the messages that travelled fastest."""
         return self._offset.value
 
     def take(self, boot_s: float, now_s: float) -> str | None:
@@ -117,7 +164,7 @@ class BootClock:
         return True
 
     def _adopt(self, boot_s: float, now_s: float) -> None:
-        self._offset.clear()
+        self._offset = ClockOffset()
         self._set(boot_s, now_s)
 
     def _set(self, boot_s: float, now_s: float) -> None:

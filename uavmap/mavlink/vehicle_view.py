@@ -18,6 +18,7 @@ from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import GridPoint, LatLon
 from uavmap.mavlink.autopilots import ARDUPILOT, AUTOPILOTS, Autopilot
+from uavmap.mavlink.continuity import distance_m
 from uavmap.mavlink.message_gate import Gate
 from uavmap.mavlink.position_history import Place, Whereabouts
 from uavmap.mavlink.status_texts import Text, Texts
@@ -75,6 +76,10 @@ EKF_ABSOLUTE: Final = 0x10
 EKF_CONSTANT: Final = 0x80
 TEXT_HORIZON_S: Final = 5.0
 STAMP_SLACK_S: Final = 0.5
+LEAP_M: Final = 0.5
+"""Least leap of a told place that is none of its flight, m."""
+LEAP_GAP_S: Final = 0.5
+"""Longest time between two positions over which a leap can be told from flight, s."""
 _OFF_GROUND: Final = (
     mav.MAV_LANDED_STATE_TAKEOFF,
     mav.MAV_LANDED_STATE_IN_AIR,
@@ -114,6 +119,8 @@ class VehicleView:
     """By how much the position that its autopilot tells is off, degrees of latitude and longitude:
     what `uavmap.aircraft.map_navigation` has found out by its pictures. Targets are told with it,
     for the autopilot is to be where it believes that to be."""
+    aided_until_s: float = float("-inf")
+    """Until when the place that it tells may leap because it was told where it is."""
     position_s: float = float("-inf")
     height_m: float = 0.0
     """Above home; where there is a `ground`, above the ground below."""
@@ -180,6 +187,20 @@ class VehicleView:
             return place
         return LatLon(place.lat_deg + self.off_deg[0], place.lon_deg + self.off_deg[1])
 
+    def follow_leap(self, told: LatLon, boot_s: float, now_s: float) -> None:
+        """What its told place leaps by, once it was told where it is, it is no longer off by.
+
+        Until the next picture places and targets would else be off by as much.
+        """
+        before = self.whereabouts.at(boot_s)
+        if now_s > self.aided_until_s or before is None or before.gap_s > LEAP_GAP_S:
+            return
+        if distance_m(told, before.position) > LEAP_M:
+            self.off_deg = (
+                self.off_deg[0] + told.lat_deg - before.position.lat_deg,
+                self.off_deg[1] + told.lon_deg - before.position.lon_deg,
+            )
+
     @property
     def by_satellites(self) -> bool:
         """Whether its filter has a position on Earth, as far as it has said anything of that."""
@@ -204,6 +225,18 @@ class VehicleView:
     def boot_offset_s(self) -> float | None:
         """Loop time minus the vehicle's own time since boot."""
         return self.gate.clock.offset_s
+
+    def age_s(self, now_s: float) -> float:
+        """How old the latest position is at a time of the loop's clock, s.
+
+        By the vehicle's own clock: a busy computer and a slow link hand over seconds at once, and
+        each message of them seems to be of now.
+        """
+        clock = self.gate.clock
+        valid_s = self.position_s
+        if clock.boot_s is not None and clock.offset_s is not None:
+            valid_s = min(valid_s, clock.boot_s + clock.offset_s)
+        return max(now_s - valid_s, 0.0)
 
     def captured_s(self, boot_ms: int, now_s: float, since_s: float = float("-inf")) -> float:
         """When, on the loop's clock, a camera took the picture of an announcement.

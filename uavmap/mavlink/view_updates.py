@@ -120,6 +120,7 @@ def _position(view: VehicleView, message: Message, now_s: float, component: int)
     if not (view.kind.amsl and view.off_ground and view.position is not None):
         view.home_amsl_m = (message.alt - message.relative_alt) / 1000.0
     view.told = LatLon(message.lat / 1e7, message.lon / 1e7)
+    view.follow_leap(view.told, message.time_boot_ms / 1000.0, now_s)
     view.position = view.corrected(view.told)
     view.position_s = now_s
     view.height_m = view.height_of(message)

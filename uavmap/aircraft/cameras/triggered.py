@@ -139,13 +139,17 @@ class TriggeredSource(CommandedSource):
         self._bring_together()
 
     def _bring_together(self) -> None:
-        """Announce each picture with the exposure nearest to its time, if that is near."""
-        most_s = max(MOST_APART * self._interval_s, _SHORTEST_S / 2.0)
+        """Announce each picture with the exposure nearest to its time, if that is near.
+
+        Nearer than half of the interval: where a feedback is lost, the next nearest exposure is the
+        neighbour's, and so would be that of every picture after it.
+        """
+        most_s = MOST_APART * self._interval_s
         for picture in list(self._pictures):
             near = min(
                 self._shots, key=lambda shot: abs(shot.taken_s - picture.taken_s), default=None
             )
-            if near is None or abs(near.taken_s - picture.taken_s) > most_s:
+            if near is None or abs(near.taken_s - picture.taken_s) >= most_s:
                 continue
             self._pictures.remove(picture)
             self._shots.remove(near)

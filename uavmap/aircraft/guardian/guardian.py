@@ -39,6 +39,8 @@ SLEW_S: Final = 4.0
 """So long a navigation filter takes to follow a leap."""
 STALE_S: Final = 3.0
 """Telemetry that is older says nothing of now."""
+JUDGED_S: Final = 1.0
+"""Maximum age of a position by which a vehicle is judged, s, by the vehicle's own clock."""
 PATIENCE_S: Final = 60.0
 """Beyond what its battery can have lasted, a silent vehicle is waited for so long."""
 CORNER_S: Final = 5.0
@@ -207,10 +209,11 @@ class Guardian:
         view, reporter = self._view, self._reporter
         if not self._monitor.connected or view.position is None or view.home is None:
             return None
-        if reporter.loop_s() - view.position_s > STALE_S:
+        age_s = view.age_s(reporter.loop_s())
+        if age_s > JUDGED_S + self._limits.slack_s:
             return None
         return Seen(
-            t_s=reporter.now_s() - self._age_s(),
+            t_s=reporter.now_s() - age_s,
             position=reporter.position(),
             height_m=view.height_m,
             ground_speed_m_s=view.ground_speed_m_s,
@@ -223,14 +226,6 @@ class Guardian:
             struck_m_s=self._monitor.struck_m_s,
             by_map=self._monitor.by_map,
         )
-
-    def _age_s(self) -> float:
-        """How old the position is by the vehicle's own clock: a link may delay frames unevenly."""
-        view, clock = self._view, self._view.gate.clock
-        if clock.boot_s is None or clock.offset_s is None:
-            return 0.0
-        told_s = min(clock.boot_s + clock.offset_s, view.position_s)
-        return max(self._reporter.loop_s() - told_s, 0.0)
 
     def _crashed(self, seen: Seen, reason: str) -> None:
         """It is down: say where, and have a vehicle whose motors still run land and disarm."""

@@ -170,6 +170,36 @@ async def test_the_timeout_is_short_while_paths_are_flown(flight: Flight, /) -> 
     assert parameters["GUID_TIMEOUT"] == 1.0
 
 
+@both
+@by(fly, lambda autopilot: small_mission(autopilot=autopilot))
+async def test_telemetry_that_is_read_late_calls_nobody_off_its_path(
+    flight: Flight, /, autopilot: str
+) -> None:
+    """A busy computer read a real vehicle's telemetry 3.4 s late for 12 s, and took it for now:
+    "12 m off its path by now" ended the mission of a vehicle that was 2.6 m off.
+    """
+    await flight.after(TakeOff(UP_M), Airborne)
+    corners = [(0, 0), (30, 0), (30, 25), (0, 25), (0, 5), (25, 5), (25, 20)]
+    points = [GridPoint(east, north) for east, north in corners]
+    begin_s = flight.now_s() + NOTICE_S
+    flight.driver.give(order(rounded_path(points, begin_s, speed_m_s=6.0, cut_m=2.5)))
+    await asyncio.sleep(3.0)
+    deliver, held = flight._deliver, list[bytes]()
+    flight._deliver = lambda data, later=False: held.append(data)  # type: ignore[method-assign]
+    late = round(3.4 / 0.04)
+    for _ in range(300):
+        await asyncio.sleep(0.04)
+        while len(held) > late:
+            deliver(held.pop(0))
+    assert flight.driver.view.age_s(flight.now_s()) > 2.5
+    flight._deliver = deliver  # type: ignore[method-assign]
+    deliver(b"".join(held))
+    assert flight.driver.view.age_s(flight.now_s()) < 0.5
+    await flight.sees(Arrived)
+    assert not flight.seen(OrderFailed)
+    assert not flight.seen(LinkLost)
+
+
 # --- what ends a stream --------------------------------------------------------------------------
 @by(fly)
 async def test_a_copter_that_loses_its_stream_stops_by_itself_and_the_mission_is_told(

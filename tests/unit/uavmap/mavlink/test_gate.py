@@ -382,6 +382,35 @@ def test_a_clock_of_another_speed_is_followed(rate: float) -> None:
     assert boot_s + clock.offset_s == pytest.approx(now_s, abs=4.0)
 
 
+def test_backlog_of_seconds_is_no_change_of_the_clock() -> None:
+    vehicle = Vehicle()
+    for n in range(600):
+        assert vehicle.hear(position(t_s=100.0 + 0.1 * n), 0.02 + 0.1 * n)
+    for n in range(120):  # 12 s, read ever later
+        late_s = min(0.05 * n, 3.4)
+        assert vehicle.hear(position(t_s=160.0 + 0.1 * n), 60.02 + 0.1 * n + late_s)
+        assert vehicle.view.age_s(60.02 + 0.1 * n + late_s) == pytest.approx(late_s, abs=0.1)
+    assert vehicle.view.boot_offset_s == pytest.approx(-99.98, abs=0.1)
+
+
+@pytest.mark.parametrize("rate", [0.97, 1.0, 1.03])
+def test_age_is_right_where_a_simulator_runs_a_little_slower(rate: float) -> None:
+    vehicle = Vehicle()
+    for n in range(1, 1200):
+        assert vehicle.hear(position(t_s=rate * 0.1 * n), 0.1 * n)
+        assert vehicle.view.age_s(0.1 * n) < 0.95
+    assert vehicle.view.age_s(119.9) < 0.1
+
+
+def test_clock_that_stood_still_is_followed_within_two_minutes() -> None:
+    """A simulator that was stopped for 3 s: what it sends from then on is no backlog for ever."""
+    vehicle = Vehicle()
+    for n in range(2400):
+        stopped_s = 3.0 if n >= 600 else 0.0
+        vehicle.hear(position(t_s=1.0 + 0.1 * n), 0.1 * n + stopped_s)
+    assert vehicle.view.age_s(0.1 * 2399 + 3.0) < 0.1
+
+
 @given(st.lists(st.tuples(st.floats(0.0, 1e6), st.floats(0.0, 100.0)), max_size=60))
 def test_no_frame_of_the_autopilots_clock_lies_in_the_future(
     told: list[tuple[float, float]],

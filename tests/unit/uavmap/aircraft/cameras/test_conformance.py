@@ -6,10 +6,16 @@ import asyncio
 import itertools
 from collections.abc import Awaitable, Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.unit.uavmap.aircraft.cameras.conformance import BENCHES, Bench
+from tests.unit.uavmap.aircraft.cameras.conformance import (
+    BENCHES,
+    Bench,
+    TriggerHardware,
+    triggered_bench,
+)
 from uavmap.base.clock import VirtualClock, run
 
 RIGHT_S = 0.05
@@ -128,3 +134,32 @@ async def test_what_goes_and_comes_back_goes_on(bench: Bench) -> None:
     await asyncio.sleep(3.0)
     assert len(bench.heard) == 5
     assert await bench.load() == [True] * 5
+
+
+def test_picture_whose_feedback_is_lost_gets_no_neighbours_place(tmp_path: Path) -> None:
+    """At 5 pictures a second the neighbour's exposure is 0.2 s, and 1.2 m at 6 m/s, away."""
+
+    async def main() -> None:
+        async with triggered_bench(tmp_path) as bench:
+            hardware = bench.hardware
+            assert isinstance(hardware, TriggerHardware)
+            say, lost = hardware.peer.say, 7
+
+            def lossy(*messages: Any, **how: Any) -> None:
+                if not any(getattr(message, "img_idx", 0) == lost for message in messages):
+                    say(*messages, **how)
+
+            hardware.peer.say = lossy  # type: ignore[method-assign]
+            later, loop = hardware.card.later, asyncio.get_running_loop()
+            # a card that takes 0.05 s longer than `camera.latency_s` says
+            hardware.card.later = lambda *how: loop.call_later(0.05, later, *how)  # type: ignore[method-assign]
+            await bench.source.start(0.2, 0)
+            times = await bench.shoot(15, 0.2)
+            await asyncio.sleep(8.0)
+            had = [p for p, good in zip(bench.heard, await bench.load(), strict=True) if good]
+            assert len(had) == 14
+            for picture in had:
+                number = int("".join(filter(str.isdigit, Path(picture.name).stem)))
+                assert picture.taken_s == pytest.approx(times[number], abs=RIGHT_S)
+
+    run(main(), VirtualClock())
