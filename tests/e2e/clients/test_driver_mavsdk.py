@@ -54,13 +54,15 @@ def gone(pid: int) -> bool:
 @linux_only
 def test_a_killed_aircraft_process_takes_its_mavsdk_with_it_and_the_next_goes_on(tmp_path):
     folder = tmp_path / "out"
-    with simulator("speck", speedup=SPEEDUP, autopilot="px4") as urls:
-        with started(*fly_arguments(urls, folder)) as process:
-            wait_until(lambda: bool(events(folder, "frame_seen")), "a picture")
-            (child,) = children_of(aircraft_process(folder))
-            os.kill(aircraft_process(folder), signal.SIGKILL)
-            wait_until(lambda: gone(child), "the end of MAVSDK")
-            done = ended(process)
+    with (
+        simulator("speck", speedup=SPEEDUP, autopilot="px4") as urls,
+        started(*fly_arguments(urls, folder)) as process,
+    ):
+        wait_until(lambda: bool(events(folder, "frame_seen")), "a picture")
+        (child,) = children_of(aircraft_process(folder))
+        os.kill(aircraft_process(folder), signal.SIGKILL)
+        wait_until(lambda: gone(child), "the end of MAVSDK")
+        done = ended(process)
     assert done.code == 0, done.err
     assert done.summary["completed"] is True
     assert "spoken with by MAVSDK v" in done.err
