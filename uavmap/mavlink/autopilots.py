@@ -10,6 +10,9 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 _STREAMS: Final = {
+    # an ArduPilot sends one at every change of mode besides; a PX4 sends one a second whatever it
+    # is asked for, and its mode in CURRENT_MODE
+    mav.MAVLINK_MSG_ID_HEARTBEAT: 5.0,
     mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 10.0,
     mav.MAVLINK_MSG_ID_BATTERY_STATUS: 2.0,
     mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 2.0,
@@ -22,15 +25,15 @@ _STREAMS: Final = {
 class Autopilot:
     """One autopilot, as its driver has to know it.
 
-    It obeys targets in the mode `follows`. `ours` are the modes in which a vehicle that flies when
-    we connect is ours; `by_itself` those that it leaves for `follows` without the pilot.
+    It obeys targets in the mode `follows`, and takes off in `takes_off_in`; `by_itself` are the
+    modes that it leaves for `follows` without the pilot.
     """
 
     name: str
     follows: int
     rtl: int
     land: int
-    ours: tuple[int, ...]
+    takes_off_in: int
     by_itself: tuple[int, ...]
     mode_names: Mapping[int, str]
     streams: Mapping[int, float]
@@ -90,7 +93,7 @@ ARDUPILOT: Final = Autopilot(
     follows=4,
     rtl=6,
     land=9,
-    ours=(4,),
+    takes_off_in=4,
     by_itself=(),
     mode_names={
         0: "STABILIZE", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 9: "LAND",
@@ -123,7 +126,7 @@ PX4: Final = Autopilot(
     follows=_HOLD,
     rtl=_px4(4, 5),
     land=_px4(4, 6),
-    ours=(_HOLD, _TAKEOFF),
+    takes_off_in=_TAKEOFF,
     by_itself=(_TAKEOFF, _MISSION),
     mode_names={
         _px4(1): "MANUAL", _px4(2): "ALTITUDE", _px4(3): "POSITION", _px4(5): "ACRO",

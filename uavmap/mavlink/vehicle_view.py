@@ -75,6 +75,8 @@ EKF_ABSOLUTE: Final = 0x10
 EKF_CONSTANT: Final = 0x80
 TEXT_HORIZON_S: Final = 5.0
 STAMP_SLACK_S: Final = 0.5
+OFF_GROUND_M: Final = 2.0
+"""Height above which an armed vehicle without a landed state counts as airborne, m."""
 _OFF_GROUND: Final = (
     mav.MAV_LANDED_STATE_TAKEOFF,
     mav.MAV_LANDED_STATE_IN_AIR,
@@ -147,6 +149,10 @@ class VehicleView:
     """The hardware's own number, hexadecimal; empty where it has none or did not tell."""
     texts: deque[tuple[float, str]] = field(default_factory=lambda: deque(maxlen=20))
     texts_heard: int = 0
+    landed_state_s: float = float("-inf")
+    """When the landed state was last heard, on the loop's clock."""
+    rose: bool = False
+    """Whether it was above `OFF_GROUND_M` since it was armed."""
     hear: Callable[[Text], None] = lambda text: None
     """Takes every text of the vehicle as it is complete."""
     chunks: Texts = field(default_factory=Texts)
@@ -233,8 +239,9 @@ class VehicleView:
 
     @property
     def off_ground(self) -> bool:
-        """Armed, and not on the ground by the autopilot's own word."""
-        return self.armed and self.landed_state in _OFF_GROUND
+        """Armed, and not on the ground by the autopilot's own word; without one, once it rose."""
+        unsaid = self.landed_state == mav.MAV_LANDED_STATE_UNDEFINED
+        return self.armed and (self.rose if unsaid else self.landed_state in _OFF_GROUND)
 
     def height_of(self, message: Message) -> float:
         """The height that a message of this vehicle tells, metres above `home_amsl_m`, or above

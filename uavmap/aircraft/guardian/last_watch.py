@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Iterable, Sequence
+from collections.abc import Awaitable, Sequence
 from typing import Protocol, TypeVar
 
 from missions.errors import AircraftError, UavmapError, leaves
@@ -46,12 +46,14 @@ async def watched_over(guardians: Sequence[Keeper], mission: Awaitable[T], *, le
 
     Raises what the mission raises; `AircraftError`, naming every aircraft that is not at home, when
     one was left in the air or is down elsewhere after a mission that failed. A defect of the
-    program stays what it is, with these lines as its notes.
+    program stays what it is, with these lines as its notes. Where one guardian fails, its aircraft
+    is left to its autopilot, the others go on, and both failures are raised in a group.
     """
     keeping = [asyncio.create_task(guardian.run()) for guardian in guardians]
     try:
         result = await _or_guardian_failed(mission, keeping)
-        await _all(guardian.bring_home("the mission is over") for guardian in guardians)
+        if not_home := await _brought_home(guardians, "the mission is over"):
+            raise ExceptionGroup("an aircraft was not brought home", not_home)
         return result
     except asyncio.CancelledError:
         if not leave:
@@ -61,16 +63,19 @@ async def watched_over(guardians: Sequence[Keeper], mission: Awaitable[T], *, le
         raise
     except Exception as failure:
         reason = f"the mission failed ({_in_words(failure)})"
+        failures: list[Exception] = []
         try:
-            await _all(guardian.bring_home(reason) for guardian in guardians)
+            failures = await _brought_home(guardians, reason)
         except asyncio.CancelledError:  # the operator does not wait for it
             await _left(guardians, reason)
+        if failures:
+            failure = ExceptionGroup("an aircraft was not brought home", [failure, *failures])
         if _is_defect(failure):  # which keeps its traceback
             for fate in _fates(guardians):
                 failure.add_note(fate)
-            raise
+            raise failure
         _say_fates(guardians, _in_words(failure))
-        raise
+        raise failure
     finally:
         for task in keeping:
             task.cancel()
@@ -92,15 +97,27 @@ async def _or_guardian_failed(mission: Awaitable[T], keeping: Sequence[asyncio.T
             await asyncio.gather(flying, return_exceptions=True)
 
 
-async def _all(waits: Iterable[Awaitable[None]]) -> None:
-    await asyncio.gather(*waits)
+async def _brought_home(guardians: Sequence[Keeper], reason: str) -> list[Exception]:
+    """Bring all home, each whatever becomes of the others. Returns the guardians' failures."""
+
+    async def bring_home(guardian: Keeper) -> None:
+        try:
+            await guardian.bring_home(reason)
+        except Exception:
+            await guardian.leave(reason)
+            raise
+
+    ended = await asyncio.gather(*map(bring_home, guardians), return_exceptions=True)
+    return [failure for failure in ended if isinstance(failure, Exception)]
 
 
 async def _left(guardians: Sequence[Keeper], reason: str) -> None:
     """Leave the aircraft to their autopilots; who is in such a hurry that this is not seen either
     still is told where they are."""
     with contextlib.suppress(asyncio.CancelledError):
-        await _all(guardian.leave(reason) for guardian in guardians)
+        await asyncio.gather(
+            *(guardian.leave(reason) for guardian in guardians), return_exceptions=True
+        )
 
 
 def _fates(guardians: Sequence[Keeper]) -> list[str]:

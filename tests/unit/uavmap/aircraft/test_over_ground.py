@@ -66,7 +66,8 @@ async def test_a_leg_follows_the_ground_up_and_down_and_lands_away_from_home(
     assert not flight.seen(Crashed)
     assert not flight.vehicle.truth.crashed
     told = wire_heights_m(flight)
-    assert told[-1] == pytest.approx(UP_M + percent / 100.0 * FAR.north_m, abs=0.2)
+    # a PX4 corrects the height of its home in flight
+    assert told[-1] == pytest.approx(UP_M + percent / 100.0 * FAR.north_m, abs=0.5)
     assert len(told) > 5
 
 

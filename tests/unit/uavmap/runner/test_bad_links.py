@@ -37,7 +37,7 @@ def test_with_most_of_everything_lost_nobody_is_left_in_the_air() -> None:
 
 
 def test_who_cannot_connect_says_why() -> None:
-    flight = fly(("loss=0.6", 1), "speck")
+    flight = fly(("loss=0.8", 1), "speck")
     assert flight.code == 2, flight.line()
     assert "the link loses too much" in flight.said
 
