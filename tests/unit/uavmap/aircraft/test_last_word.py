@@ -262,13 +262,15 @@ async def test_px4_goes_back_to_offboard_by_itself_after_a_failsafe_is_not_ours(
 async def test_px4_in_a_failsafe_when_the_link_is_back_is_not_put_into_hold(
     flight: Flight, /
 ) -> None:
-    """Seen: the position came before the heartbeat, and the mode of before the gap was believed."""
+    """Seen: a new position came before a new heartbeat, and the mode of before was believed."""
     await on_path(flight)
     flight.to_driver = lambda message: False
     await flight.sees(LinkLost)
     flight.driver.give(StandDown())
     flight.vehicle._ap.set_mode(Px4Mode.RTL)
     flight.to_driver = lambda message: message.get_type() != "HEARTBEAT"
+    before = heartbeat(Px4Mode.OFFBOARD, armed=True, autopilot=mav.MAV_AUTOPILOT_PX4)
+    flight.session.feed(before.pack(mav.MAVLink(None, srcSystem=1, srcComponent=1)))
     await asyncio.sleep(1.5)
     assert len(flight.seen(Connected)) == 1
     flight.to_driver = lambda message: True
