@@ -35,7 +35,7 @@ TRACK_S: Final = 1.0
 PATH_TRACK_S: Final = 0.4
 """On a path that is flown without stopping: plans follow one another so fast."""
 ACKS_OF_PX4: Final = 2
-"""Acknowledgements after which a PX4 has changed its mode."""
+"""Acknowledgements of DO_SET_MODE after which a PX4 has changed its mode."""
 
 
 class PlaceFinder(Protocol):
@@ -180,17 +180,23 @@ class Monitor:
             )
 
     def _hear_acknowledgement(self, ack: Message) -> None:
-        """The word of a PX4 that it follows the stream.
+        """The autopilot's word that it has changed the mode: to land, to return, to follow a stream.
 
-        It acknowledges a change of mode twice: unseen, and when its commander has done it.
+        A PX4 acknowledges DO_SET_MODE twice: unseen, and when its commander has done it.
         """
         kind, request = self._view.kind, self.control.request
-        streams = kind.streams_apart and request is not None and request.mode == kind.stream_mode
+        if request is None or (request.mode == kind.stream_mode and not kind.streams_apart):
+            return
+        command, wanted = {
+            kind.land: (mav.MAV_CMD_NAV_LAND, 1),
+            kind.rtl: (mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, 1),
+            kind.stream_mode: (mav.MAV_CMD_DO_SET_MODE, ACKS_OF_PX4),
+        }.get(request.mode, (None, 0))
         ours = ack.target_system in (0, GROUND_SYSTEM_ID) and ack.result == mav.MAV_RESULT_ACCEPTED
-        if not (streams and ours and ack.command == mav.MAV_CMD_DO_SET_MODE):
+        if not ours or ack.command != command:
             return
         self._acks += 1
-        if self._acks == ACKS_OF_PX4:
+        if self._acks == wanted:
             self.control = self.control.acknowledged(self._reporter.loop_s())
 
     # --- flight ------------------------------------------------------------------------------
