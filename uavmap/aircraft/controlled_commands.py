@@ -133,7 +133,9 @@ class ControlledCommands:
                 with self._monitor.ends_with_control(scope):
                     yield
         except TimeoutError:
-            raise NotOursError(self._whose()) from None
+            if scope.expired():
+                raise NotOursError(self._whose()) from None
+            raise
 
     @contextlib.asynccontextmanager
     async def _into(self, mode: int) -> AsyncIterator[None]:

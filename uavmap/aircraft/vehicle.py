@@ -248,7 +248,8 @@ class MavlinkVehicle:
     def _aid(self, place: LatLon, sigma_m: float) -> None:
         """Tell its autopilot where it is; one that does not take that is not asked again."""
         busy = self._aiding is not None and not self._aiding.done()
-        if self._tasks is not None and self._aids and not busy:
+        ours = self._monitor.control.is_ours
+        if self._tasks is not None and self._aids and ours and not busy:
             self._aiding = self._tasks.create_task(self._tell_place(place, sigma_m))
 
     async def _tell_place(self, place: LatLon, sigma_m: float) -> None:

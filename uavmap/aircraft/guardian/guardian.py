@@ -173,7 +173,7 @@ class Guardian:
         seen = replace(seen, slews=self._reporter.loop_s() - self._leapt_s < SLEW_S)
         self._guard, verdict = watch(self._limits, self._guard, seen)
         self._monitor.struck_m_s = 0.0
-        if not seen.armed and not seen.airborne and self.acting:
+        if not seen.armed and not seen.airborne and self._guard.action is not None:
             self._let_go()
         if verdict is None:
             return
