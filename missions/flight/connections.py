@@ -11,7 +11,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import BRAKING_S, Phase, ReturnReason, State, VehicleState
 from missions.guardian import PAD_M
 from missions.mission.energy import FRESH
-from missions.orders import Land, StandDown
+from missions.orders import Land, StandDown, TakeOff
 
 RETURN_MODES = ("RTL", "SMART_RTL", "RETURN")
 LIFTED_M = 1.0
@@ -176,7 +176,10 @@ def _on_its_way_home(
 
 
 def link_lost(event: LinkLost, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    """It is silent: what it carries out is remembered, for its air stays claimed."""
+    """It is silent: what it carries out is remembered, for its air stays claimed.
+
+    From the order to take off it counts as in the air, until it is heard on the ground.
+    """
     if vehicle.phase is Phase.OFFLINE:
         return vehicle
     return replace(
@@ -184,6 +187,7 @@ def link_lost(event: LinkLost, vehicle: VehicleState, setting: Setting) -> Vehic
         phase=Phase.OFFLINE,
         order=StandDown(),
         last_order=vehicle.order,
+        landed=vehicle.landed and not isinstance(vehicle.order, TakeOff),
         was_down=_lies_somewhere(vehicle),
         note="link lost",
     )

@@ -22,9 +22,17 @@ from __future__ import annotations
 from missions.geo.fence import corners_home
 from missions.guardian.guardian_state import Action, Doing, Guard, Limits, Mode, Seen, Task, Verdict
 from missions.guardian.rules import landing_wh, quick_aim_m, watch
-from missions.guardian.thresholds import HARD_M_S, HASTE_M_S, OFF_PLAN_M, PAD_M, SPENT_S
+from missions.guardian.thresholds import (
+    DOWN_M,
+    HARD_M_S,
+    HASTE_M_S,
+    OFF_PLAN_M,
+    PAD_M,
+    SPENT_S,
+)
 
 __all__ = [
+    "DOWN_M",
     "HARD_M_S",
     "HASTE_M_S",
     "OFF_PLAN_M",

@@ -178,7 +178,7 @@ class Flight:
     def report(self, event: Event) -> None:
         """As the reducer does: who is overridden stands down."""
         self.events.append(event)
-        if isinstance(event, Overridden):
+        if isinstance(event, Overridden) and not self.driving.done():
             self.driver.give(StandDown())
 
     async def taken_in(self) -> None:

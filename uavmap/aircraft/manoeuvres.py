@@ -29,6 +29,8 @@ from missions.orders import (
     TakeOff,
 )
 from missions.units import Cell, GridPoint
+from uavmap.aircraft.control import AirState
+from uavmap.aircraft.controlled_commands import ControlledCommands
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.imaging.imaging import CameraDriver, Frames
 from uavmap.aircraft.map_navigation import Navigation
@@ -38,7 +40,6 @@ from uavmap.aircraft.reporter import Reporter
 from uavmap.aircraft.speed_watch import SpeedWatch
 from uavmap.aircraft.stream_timeout import StreamTimeout
 from uavmap.aircraft.terrain_legs import OTHER_LAYER_M, aim_over_ground, at_height
-from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.session import Session
 
 FIND_WAY_S: Final = 0.5
@@ -53,8 +54,6 @@ RESEND_S: Final = 3.0
 DRIFT_RESEND_S: Final = 0.5
 STOP_RADIUS_M: Final = 0.7
 PASS_RADIUS_M: Final = 2.0
-GROUND_S: Final = 15.0
-"""A vehicle that is told to land and has not left the ground says so within this time."""
 
 
 class Manoeuvres:
@@ -63,7 +62,7 @@ class Manoeuvres:
     def __init__(
         self,
         session: Session,
-        commands: MavlinkCommands,
+        commands: ControlledCommands,
         camera: CameraDriver,
         reporter: Reporter,
         monitor: Monitor,
@@ -209,7 +208,7 @@ class Manoeuvres:
         if not self._aimed and self._order is not None:
             self._aimed = True
             self.under_way(self._order, point)
-        changes = self._monitor.mode_changes
+        changes = self._monitor.control.mode_changes
         if self._paced_in != changes:
             await self._commands.speed(self._mission.flight.speed_m_s)
             self._paced_in = changes
@@ -334,30 +333,22 @@ class Manoeuvres:
     async def _land(self) -> None:
         if self._goes_by_map:
             await self._sink_by_map()
-        kind = self._view.kind
-        self._monitor.commanded = (kind.land,)
-        if not self._monitor.was_airborne:  # a slow link tells of its take-off after it
-            self._monitor.commanded = (kind.land, *kind.ours)
+        kind, monitor = self._view.kind, self._monitor
+        stood = not monitor.control.armed and not monitor.control.air.may_be_up
         landing = lambda: self._view.mode == kind.land  # noqa: E731
         await insist(lambda: self._commands.land(landing))
-        if len(self._monitor.commanded) > 1:
-            await self._session.until(landing, MODE_S)
-            self._monitor.commanded = (kind.land,)
         # touch-down and disarming are watched for all the time; but a take-off that was called
         # off in time never left the ground
-        if not self._monitor.was_airborne:
-            await self._session.until(
-                lambda: self._view.on_ground or self._monitor.was_airborne, GROUND_S
-            )
-            if self._view.on_ground and not self._monitor.was_airborne:
-                self._monitor.landed()
+        if stood:
+            await self._session.until(landing, MODE_S)
+            if not monitor.control.armed and monitor.control.air is AirState.ON_GROUND:
+                monitor.landed()
 
     async def _sink_by_map(self) -> None:
         """Down to where a landing takes a few seconds: it would follow the satellites' lie."""
         if self._view.height_m <= LOW_M + OTHER_LAYER_M:
             return
         here = self._reporter.position()
-        self._monitor.commanded = (*self._view.kind.ours, self._view.kind.land)
         with contextlib.suppress(CommandRefusedError):
             async with asyncio.TaskGroup() as tasks:
                 looking = tasks.create_task(self._find_way())

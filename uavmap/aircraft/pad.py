@@ -10,10 +10,11 @@ from typing import Final
 from missions.errors import CommandRefusedError, LinkError
 from missions.events import Airborne, BatterySwapped
 from missions.orders import TakeOff
+from uavmap.aircraft.control import LIFT_S, AirState
+from uavmap.aircraft.controlled_commands import ControlledCommands, NotOursError
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.reporter import Reporter
 from uavmap.aircraft.waiting import Waiting
-from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.session import Session
 
 Crew = Callable[[int], Awaitable[None]]
@@ -29,8 +30,6 @@ MODE_S: Final = 2.5
 """A new mode is told within this time."""
 HOME_S: Final = 5.0
 """A position above the home that arming has set comes within this time."""
-LIFT_S: Final = 12.0
-"""A take-off that was accepted leaves the ground within this time."""
 FULL: Final = 0.9
 """From this part of its capacity on a battery counts as fresh."""
 
@@ -53,7 +52,7 @@ class Pad:
     def __init__(
         self,
         session: Session,
-        commands: MavlinkCommands,
+        commands: ControlledCommands,
         reporter: Reporter,
         monitor: Monitor,
         capacity_wh: float,
@@ -77,6 +76,12 @@ class Pad:
             # where its stream ended a PX4 stands in OFFBOARD, and its checks fail there
             await insist(self._commands.follow)
         if not await waiting.until(
+            lambda: self._monitor.control.air is not AirState.UNKNOWN,
+            READY_S,
+            lambda: "its landed state",
+        ):
+            raise LinkError("the vehicle does not report whether it is on the ground")
+        if not await waiting.until(
             lambda: view.ready_to_arm,
             READY_S,
             lambda: f"the checks before arming, in {view.mode_name}",
@@ -88,7 +93,7 @@ class Pad:
         if kind.amsl:  # arming has moved home, and the height is to be above the new one
             armed_s = asyncio.get_running_loop().time()
             await session.until(lambda: view.position_s > armed_s, HOME_S)
-        lifted = lambda: self._monitor.was_airborne  # noqa: E731 - a name for three places
+        lifted = lambda: self._monitor.control.air.is_flying  # noqa: E731 - a name for three places
         try:
             await insist(lambda: self._commands.take_off(order.height_m, lifted))
         except CommandRefusedError:
@@ -116,17 +121,17 @@ class Pad:
         kind = self._view.kind
         for attempt in range(ARM_TRIES):
             try:
-                self._monitor.commanded = (*self._monitor.commanded, *kind.ours)
                 await self._commands.follow()
                 # a PX4 acknowledges it unseen: only a heartbeat tells
                 await self._session.until(lambda: self._view.mode == kind.follows, MODE_S)
                 await self._commands.arm()
                 break
+            except NotOursError:
+                raise
             except LinkError:
                 if attempt == ARM_TRIES - 1:
                     raise
                 await asyncio.sleep(ARM_PAUSE_S)
-        self._monitor.commanded = kind.ours
 
     async def swap_battery(self) -> None:
         """Wait for a fresh battery, and report it."""

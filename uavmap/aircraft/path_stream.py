@@ -21,9 +21,9 @@ from missions.errors import LinkError
 from missions.geo.course import Course
 from missions.orders import FlyPath
 from missions.units import GridPoint
+from uavmap.aircraft.controlled_commands import ControlledCommands, NotOursError
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.reporter import Reporter
-from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.session import Message, Session
 
 INTERVAL_S: Final = 0.1
@@ -91,7 +91,7 @@ class PathStream:
     def __init__(
         self,
         session: Session,
-        commands: MavlinkCommands,
+        commands: ControlledCommands,
         reporter: Reporter,
         monitor: Monitor,
         *,
@@ -156,13 +156,11 @@ class PathStream:
             await asyncio.sleep(FIRST_S)
             kind = self._view.kind
             await self._into(kind.stream_mode, self._commands.follow_stream)
-            # Hold is now somebody else's word
-            self._monitor.commanded = (kind.stream_mode,)
 
     async def _send_on(self) -> None:
         loop = asyncio.get_running_loop()
         due_s = loop.time()
-        while not self._monitor.overridden:  # not one more, however soon this is called off
+        while self._commands.may_send:  # not one more, however soon this is called off
             self._send_once()
             due_s = max(due_s + INTERVAL_S, loop.time())
             await asyncio.sleep(due_s - loop.time())
@@ -170,7 +168,7 @@ class PathStream:
     async def _tell_places(self) -> None:
         """Tell where it will be in a while, until cancelled: it stops there if nothing follows."""
         view, told = self._view, 0
-        while not self._monitor.overridden:
+        while self._commands.may_send:
             if told % 10 == 0:  # either autopilot may have forgotten its speed
                 self._session.send_command(mav.MAV_CMD_DO_CHANGE_SPEED, 1, PLACES_SPEED_M_S, -1)
             now_s = self._reporter.now_s()
@@ -255,17 +253,18 @@ class PathStream:
     async def _into(self, mode: int, ask: Callable[[], Awaitable[None]]) -> None:
         """Ask for a mode until a heartbeat shows it: the answer of a PX4 says nothing."""
         view, monitor = self._view, self._monitor
-        kind = view.kind
-        monitor.commanded = (*kind.ours, kind.stream_mode)
         refusal: LinkError | None = None
         for _ in range(MODE_TRIES):
             try:
                 await ask()
+            except NotOursError:
+                raise
             except LinkError as error:  # refused, or not answered: it may have come all the same
                 refusal = error
-            if await self._session.until(lambda: view.mode == mode, MODE_S):
+            seen = lambda: view.mode == mode or not monitor.control.is_ours  # noqa: E731
+            if await self._session.until(seen, MODE_S):
                 return
-        name = kind.mode_names[mode]
+        name = view.kind.mode_names[mode]
         raise refusal or LinkError(f"the vehicle does not change to {name}{view.recent_texts()}")
 
     async def leave(self) -> bool:
@@ -282,7 +281,7 @@ class PathStream:
         kind, view = self._view.kind, self._view
         if not kind.streams_apart:
             await self._brake()
-        elif view.mode == kind.stream_mode:
+        elif view.mode == kind.stream_mode and self._commands.may_send:
             async with asyncio.TaskGroup() as tasks:
                 sending = tasks.create_task(self._send_on())
                 await self._into(kind.follows, self._commands.follow)
@@ -304,7 +303,8 @@ class PathStream:
             *([0.0] * 8),
         )
         while (
-            view.mode == view.kind.follows
+            self._commands.may_send
+            and view.mode == view.kind.follows
             and view.armed
             and view.ground_speed_m_s > SLOW_M_S
             and loop.time() < until_s

@@ -25,6 +25,7 @@ from missions.orders import FlyPath, Order, ReturnToLaunch
 from missions.planning.leapfrog_geometry import Role
 from missions.units import LatLon
 from uavmap.aircraft.autopilot_texts import Spoken
+from uavmap.aircraft.controlled_commands import ControlledCommands, NotOursError
 from uavmap.aircraft.guarded_tasks import TasksOf
 from uavmap.aircraft.guardian.guardian import Guardian
 from uavmap.aircraft.guardian.monitor import Monitor
@@ -44,6 +45,8 @@ from uavmap.mavlink.session import Session
 from uavmap.mavlink.vehicle_view import GroundBelow, VehicleView
 
 LINK_LOST_S: Final = 5.0
+HEARD_ANEW_S: Final = 2.5
+"""Maximum wait for a heartbeat and a position of a vehicle that is heard again, s."""
 AFTER_ENDURANCE_S: Final = 60.0
 """A silent vehicle that flew is given up so long after its battery must be empty."""
 ON_GROUND_S: Final = 120.0
@@ -106,8 +109,10 @@ class MavlinkVehicle:
         self.guardian.stand_aside = self._stand_aside
         self.guardian.order_failed = self._order_failed
         self._manoeuvres = Manoeuvres(
-            session, commands, camera, self._reporter, self._monitor, setting.mission, crew,
-            StreamTimeout(name, session, tell), by_places=by_places, tell=tell,
+            session, ControlledCommands(session, commands, self._monitor), camera,
+            self._reporter, self._monitor, setting.mission, crew,
+            StreamTimeout(name, session, tell),
+            by_places=by_places, tell=tell,
         )  # fmt: skip
         self._navigation = Navigation(self._reporter, session.view, setting.mission, tell)
         self._navigation.act = self.guardian.take_over
@@ -146,8 +151,7 @@ class MavlinkVehicle:
 
     def was_returning(self) -> None:
         """It was landing or returning by our order when an earlier process ended: it is ours."""
-        kind = self._view.kind
-        self._monitor.commanded = (kind.land, kind.rtl)
+        self._monitor.resumed = True
 
     async def connect(self) -> None:
         """Wait for the vehicle and ask for what the mission needs. Raises `LinkError`."""
@@ -235,12 +239,16 @@ class MavlinkVehicle:
         try:
             await self._manoeuvres.carry_out(order)
         except* LinkError as group:
-            self._order_failed("; ".join(str(error) for error in leaves(group)))
+            errors = leaves(group)
+            # of one that is not ours any more its monitor has told
+            if not any(isinstance(error, NotOursError) for error in errors):
+                self._order_failed("; ".join(str(error) for error in errors))
 
     def _aid(self, place: LatLon, sigma_m: float) -> None:
         """Tell its autopilot where it is; one that does not take that is not asked again."""
         busy = self._aiding is not None and not self._aiding.done()
-        if self._tasks is not None and self._aids and not busy:
+        ours = self._monitor.control.is_ours
+        if self._tasks is not None and self._aids and ours and not busy:
             self._aiding = self._tasks.create_task(self._tell_place(place, sigma_m))
 
     async def _tell_place(self, place: LatLon, sigma_m: float) -> None:
@@ -266,7 +274,7 @@ class MavlinkVehicle:
         while True:
             await asyncio.sleep(1.0)
             self._watch_clock()
-            if monitor.connected and not monitor.overridden and self._hears():
+            if monitor.connected and monitor.control.is_ours and self._hears():
                 self._streams.keep()
             if monitor.connected and self._silent_s() >= self._link_lost_s:
                 monitor.connected = given_up = False
@@ -276,7 +284,7 @@ class MavlinkVehicle:
                 with contextlib.suppress(LinkError):
                     if not self._streams.go_on:
                         await self.connect()
-                    await self._fresh_position()
+                    await self._heard_anew()
                     self._camera.uncertain()
                     monitor.report_connected()
                     self.guardian.heard_again()
@@ -297,14 +305,19 @@ class MavlinkVehicle:
         if wrong := self._clock_rate.take(self._view.position_s, boot_s):
             self._tell(f"vehicle {self.number}: {wrong}")
 
-    async def _fresh_position(self) -> None:
-        """Wait for the next position: what is ordered now begins where it is, not where it was."""
-        begin_s = asyncio.get_running_loop().time()
-        await self._session.until(lambda: self._view.position_s >= begin_s, 1.0)
+    async def _heard_anew(self) -> None:
+        """Wait for the next position and heartbeat: what is ordered now begins where it is, and
+        only if it is ours still. Raises `LinkError`.
+        """
+        begin_s, view = asyncio.get_running_loop().time(), self._view
+        if not await self._session.until(
+            lambda: min(view.position_s, view.heard_s) >= begin_s, HEARD_ANEW_S
+        ):
+            raise LinkError(f"{self.name}: it does not report its place and its mode")
 
     def _waited_for_s(self) -> float | None:
         """How long a vehicle is waited for that has fallen silent."""
-        if not self._monitor.was_airborne:
+        if not self._monitor.control.air.may_be_up:
             return self._ground_patience_s
         charge_wh = self._view.remaining_wh(self._setting.mission.battery.capacity_wh)
         full_wh = self._setting.mission.battery.capacity_wh
@@ -316,7 +329,7 @@ class MavlinkVehicle:
         """What is known of a vehicle that is given up."""
         place = self._setting.grid.position(self._reporter.position())
         where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}"
-        if not self._monitor.was_airborne:
+        if not self._monitor.control.air.may_be_up:
             return f"silent for {self._silent_s():.0f} s, on the ground at {where}"
         return (
             f"silent for {self._silent_s():.0f} s, longer than its battery can have lasted; last "

@@ -27,15 +27,15 @@ _STREAMS: Final = {
 class Autopilot:
     """One autopilot, as its driver has to know it.
 
-    It obeys targets in the mode `follows`. `ours` are the modes in which a vehicle that flies when
-    we connect is ours; `by_itself` those that it leaves for `follows` without the pilot.
+    It obeys targets in the mode `follows`, and takes off in `takes_off_in`; `by_itself` are the
+    modes that it leaves for `follows` without the pilot.
     """
 
     name: str
     follows: int
     rtl: int
     land: int
-    ours: tuple[int, ...]
+    takes_off_in: int
     by_itself: tuple[int, ...]
     mode_names: Mapping[int, str]
     streams: Mapping[int, float]
@@ -97,7 +97,7 @@ ARDUPILOT: Final = Autopilot(
     follows=4,
     rtl=6,
     land=9,
-    ours=(4,),
+    takes_off_in=4,
     by_itself=(),
     mode_names={
         0: "STABILIZE", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 9: "LAND",
@@ -130,7 +130,7 @@ PX4: Final = Autopilot(
     follows=_HOLD,
     rtl=_px4(4, 5),
     land=_px4(4, 6),
-    ours=(_HOLD, _TAKEOFF),
+    takes_off_in=_TAKEOFF,
     by_itself=(_TAKEOFF, _MISSION),
     mode_names={
         _px4(1): "MANUAL", _px4(2): "ALTITUDE", _px4(3): "POSITION", _px4(5): "ACRO",

@@ -80,6 +80,8 @@ LEAP_M: Final = 0.5
 """Least leap of a told place that is none of its flight, m."""
 LEAP_GAP_S: Final = 0.5
 """Longest time between two positions over which a leap can be told from flight, s."""
+OFF_GROUND_M: Final = 2.0
+"""Height above which an armed vehicle without a landed state counts as airborne, m."""
 _OFF_GROUND: Final = (
     mav.MAV_LANDED_STATE_TAKEOFF,
     mav.MAV_LANDED_STATE_IN_AIR,
@@ -158,6 +160,10 @@ class VehicleView:
     """The hardware's own number, hexadecimal; empty where it has none or did not tell."""
     texts: deque[tuple[float, str]] = field(default_factory=lambda: deque(maxlen=20))
     texts_heard: int = 0
+    landed_state_s: float = float("-inf")
+    """When the landed state was last heard, on the loop's clock."""
+    rose: bool = False
+    """Whether it was above `OFF_GROUND_M` since it was armed."""
     hear: Callable[[Text], None] = lambda text: None
     """Takes every text of the vehicle as it is complete."""
     chunks: Texts = field(default_factory=Texts)
@@ -276,8 +282,9 @@ class VehicleView:
 
     @property
     def off_ground(self) -> bool:
-        """Armed, and not on the ground by the autopilot's own word."""
-        return self.armed and self.landed_state in _OFF_GROUND
+        """Armed, and not on the ground by the autopilot's own word; without one, once it rose."""
+        unsaid = self.landed_state == mav.MAV_LANDED_STATE_UNDEFINED
+        return self.armed and (self.rose if unsaid else self.landed_state in _OFF_GROUND)
 
     def height_of(self, message: Message) -> float:
         """The height that a message of this vehicle tells, metres above `home_amsl_m`, or above

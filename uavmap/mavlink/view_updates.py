@@ -15,7 +15,7 @@ from uavmap.mavlink.continuity import CameraClock
 from uavmap.mavlink.message_rules import RULES, Sender
 from uavmap.mavlink.position_history import Fix
 from uavmap.mavlink.status_texts import Text
-from uavmap.mavlink.vehicle_view import VehicleView
+from uavmap.mavlink.vehicle_view import OFF_GROUND_M, VehicleView
 
 Message = Any
 
@@ -25,6 +25,8 @@ _OTHER: Final = frozenset({Sender.ANY})
 _AUTOPILOT: Final = _OTHER | {Sender.AUTOPILOT}
 _CAMERA: Final = _OTHER | {Sender.CAMERA}
 PREARM_BIT: Final = 0x10000000
+LANDED_STATE_S: Final = 5.0
+"""Maximum age of a landed state; after it armed and height decide, s."""
 CAMERA_SILENT_S: Final = 10.0
 """After so long another camera of the vehicle may take the place of the one that was heard."""
 
@@ -117,6 +119,8 @@ def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:
 
 
 def _position(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    if now_s - view.landed_state_s > LANDED_STATE_S:
+        view.landed_state = mav.MAV_LANDED_STATE_UNDEFINED
     if not (view.kind.amsl and view.off_ground and view.position is not None):
         view.home_amsl_m = (message.alt - message.relative_alt) / 1000.0
     view.told = LatLon(message.lat / 1e7, message.lon / 1e7)
@@ -124,6 +128,7 @@ def _position(view: VehicleView, message: Message, now_s: float, component: int)
     view.position = view.corrected(view.told)
     view.position_s = now_s
     view.height_m = view.height_of(message)
+    view.rose = view.armed and (view.rose or view.height_m > OFF_GROUND_M)
     view.velocity_ned_m_s = (message.vx / 100.0, message.vy / 100.0, message.vz / 100.0)
     boot_s = message.time_boot_ms / 1000.0
     view.whereabouts.take(Fix(boot_s, view.told, view.height_m, view.velocity_ned_m_s))
@@ -180,7 +185,7 @@ def _percent(view: VehicleView, message: Message, now_s: float) -> None:
 
 
 def _extended(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    view.landed_state = message.landed_state
+    view.landed_state, view.landed_state_s = message.landed_state, now_s
 
 
 def _ekf(view: VehicleView, message: Message, now_s: float, component: int) -> None:

@@ -16,7 +16,13 @@ from typing import Any, Final, TypeVar
 
 from missions.errors import leaves
 from missions.flight.setting import Setting
-from uavmap.aircraft.guardian.last_watch import Guardians, in_words, is_defect, unless_failed
+from uavmap.aircraft.guardian.last_watch import (
+    NOT_HOME,
+    Guardians,
+    in_words,
+    is_defect,
+    unless_failed,
+)
 from uavmap.aircraft.process import messages as say
 from uavmap.aircraft.process.host import Host
 from uavmap.aircraft.process.port import Port, ended_by
@@ -104,7 +110,10 @@ class AircraftSide:
                 end = await unless_failed(self._mission(vehicles, begin, before), keeping)
             except Exception as error:
                 failure, end = error, say.Finish(f"the mission failed ({in_words(error)})")
-            await self._looked_after(guardians, end)
+            try:
+                await self._looked_after(guardians, end)
+            except Exception as error:
+                failure = error if failure is None else ExceptionGroup(NOT_HOME, [failure, error])
         finally:
             keeping.cancel()
             await asyncio.gather(keeping, return_exceptions=True)

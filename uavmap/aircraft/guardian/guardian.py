@@ -16,6 +16,7 @@ from typing import Final
 
 from missions.events import Crashed, Guarded
 from missions.guardian import (
+    HARD_M_S,
     PAD_M,
     Action,
     Guard,
@@ -27,8 +28,10 @@ from missions.guardian import (
 )
 from missions.guardian.rules import low
 from missions.units import GridPoint
+from uavmap.aircraft.control import AirState, Holder
+from uavmap.aircraft.controlled_commands import ControlledCommands
 from uavmap.aircraft.guardian.monitor import Monitor
-from uavmap.aircraft.guardian.recovery import BRISK_M_S, LOOK_S, RecoveryFlight
+from uavmap.aircraft.guardian.recovery import BRISK_M_S, LOOK_S, STOP_MOTORS_S, RecoveryFlight
 from uavmap.aircraft.reporter import Reporter
 from uavmap.aircraft.terrain_legs import leg_over_ground_s
 from uavmap.mavlink.commands import MavlinkCommands
@@ -68,7 +71,8 @@ class Guardian:
         tell: Callable[[str], None],
     ) -> None:
         self._session = session
-        self._flight = RecoveryFlight(session, commands, reporter, monitor, limits)
+        self._commands = ControlledCommands(session, commands, monitor, guardian=True)
+        self._flight = RecoveryFlight(session, self._commands, reporter, monitor, limits)
         self._view = session.view
         self._reporter = reporter
         self._monitor = monitor
@@ -82,8 +86,6 @@ class Guardian:
         self._reason = ""
         self._leapt_s = float("-inf")
         """When its position leapt last, on the loop's clock."""
-        self._flew = False
-        """Whether it was in the air since it was taken over."""
         self.entrusted = False
         """Whether it was in the air by our order when an earlier process ended."""
         self.stand_aside: Callable[[], None] = lambda: None
@@ -98,7 +100,7 @@ class Guardian:
     @property
     def acting(self) -> bool:
         """Whether the vehicle is the guardian's now."""
-        return self._guard.action is not None
+        return self._monitor.control.holder is Holder.GUARDIAN
 
     def told(self, task: Task) -> None:
         """The mission gave a new order."""
@@ -107,16 +109,16 @@ class Guardian:
         self._guard = self._guard.told(task)
 
     def take_over(self, action: Action, reason: str, *, hurry: bool = False) -> None:
-        """Have the autopilot return or land by itself, and see to it.
+        """Have the autopilot return or land by itself, and see to it; not where a pilot has it.
 
         `hurry`: it descends as fast as it flies before it lands.
         """
+        if not self._monitor.control.is_ours:
+            return
         self._guard = self._guard.acting(action, self._reporter.now_s(), hurry=hurry)
         self._reason = reason
-        self._flew = self._monitor.was_airborne
         self.stand_aside()
-        kind = self._view.kind
-        self._monitor.commanded = (kind.rtl, kind.land)
+        self._monitor.control = self._monitor.control.acting(guardian=True)
         number = self._reporter.number
         by_map = action == "rtl" and self._monitor.by_map
         way = "fly home by its own map" if by_map else _WORDS[action]
@@ -167,17 +169,14 @@ class Guardian:
             return
         if seen.remaining_wh is not None:
             self._last_wh = seen.remaining_wh
-        self._flew = self._flew or self._monitor.was_airborne
-        if self._monitor.overridden and self.acting:
+        if self._guard.action is not None and not self.acting:
             self._let_go()
         self._look_for_leaps(seen)
         seen = replace(seen, slews=self._reporter.loop_s() - self._leapt_s < SLEW_S)
         self._guard, verdict = watch(self._limits, self._guard, seen)
         self._monitor.struck_m_s = 0.0
-        if not seen.armed and not seen.airborne and self.acting:
+        if not seen.armed and not seen.airborne and self._guard.action is not None:
             self._let_go()
-            if not self._flew:  # it never left the ground, so no landing was seen
-                self._monitor.landed()
         if verdict is None:
             return
         if verdict.rung == "report":
@@ -219,7 +218,7 @@ class Guardian:
             ground_speed_m_s=view.ground_speed_m_s,
             home=reporter.home(),
             armed=view.armed,
-            airborne=self._monitor.airborne,
+            airborne=self._monitor.control.off_ground,
             mode=self._monitor.mode,
             remaining_wh=reporter.remaining_wh(),
             wind_m_s=self._monitor.wind.speed_m_s,
@@ -228,7 +227,7 @@ class Guardian:
         )
 
     def _crashed(self, seen: Seen, reason: str) -> None:
-        """It is down: say where, and have a vehicle whose motors still run land and disarm."""
+        """It is down: say where, and have a vehicle whose motors still run stop them."""
         reporter = self._reporter
         place = reporter.grid.position(seen.position)
         self._tell(
@@ -237,13 +236,16 @@ class Guardian:
         )
         self.stand_aside()
         reporter.report(Crashed(reporter.number, reporter.t_s(), seen.position, reason))
-        if seen.armed and not self._monitor.overridden:
-            self._monitor.commanded = (self._view.kind.rtl, self._view.kind.land)
-            if self._tasks is not None:
-                self._pursuit = self._tasks.create_task(self._pursue("land"))
+        self._monitor.control = self._monitor.control.acting(guardian=True).crashed()
+        if self._pursuit is not None:
+            self._pursuit.cancel()
+        begin = self._tasks.create_task if self._tasks is not None else asyncio.ensure_future
+        struck = self._guard.fell or seen.struck_m_s > HARD_M_S
+        self._pursuit = begin(self._flight.stop_motors(self._tell, struck=struck))
 
     def _let_go(self) -> None:
         """A pilot has it, or it stands on the ground."""
+        self._monitor.control = self._monitor.control.acting(guardian=False)
         self._guard = self._guard.released()
         if self._pursuit is not None:
             self._pursuit.cancel()
@@ -251,12 +253,10 @@ class Guardian:
 
     async def _pursue(self, action: Action, *, hurry: bool = False) -> None:
         """Ask until the autopilot is seen to do it; what it refuses, it lands instead."""
-        kind = self._view.kind
         if action == "rtl" and await self._flight.fly_home_by_map():
             self.take_over("land", "it is over its home, as its own map tells")
             return
         quickly = hurry and await self._flight.descend()
-        self._monitor.commanded = (kind.rtl, kind.land)  # in the descent targets were ours, too
         refusal = await self._flight.ask_autopilot(action)
         if refusal:
             self.take_over("land", refusal)
@@ -270,10 +270,9 @@ class Guardian:
     @property
     def responsible(self) -> bool:
         """Whether the vehicle is in the air, as far as anybody knows, and ours to bring home."""
-        if self.entrusted and not self._monitor.met:
-            return self._monitor.in_air_as_before
-        in_air = self._monitor.was_airborne and not self._guard.down
-        return in_air and not self._monitor.overridden
+        control = self._monitor.control
+        known = self._monitor.met or self.entrusted
+        return known and control.air.may_be_up and control.is_ours
 
     def return_home(self, reason: str) -> None:
         """Have its autopilot return, from where home lies straight ahead."""
@@ -300,6 +299,8 @@ class Guardian:
                 self.take_over("rtl", reason)
             await self._session.until(lambda: not self.responsible, min(left_s, HEARTBEAT_S))
         self._look()  # how it came down is told by nobody else
+        if self._monitor.control.air is AirState.DOWN:
+            await self._session.until(lambda: not self._view.armed, STOP_MOTORS_S)
 
     def _take_up(self) -> None:
         """A vehicle that was silent when the mission ended, and speaks again."""
@@ -319,9 +320,6 @@ class Guardian:
             return
         self._tell(f"vehicle {reporter.number}: {reason}; it is flown home around the fence")
         self.stand_aside()
-        kind = self._view.kind
-        # on a path it is in the mode of streams, which is ours until it has changed
-        self._monitor.commanded = (*kind.ours, kind.stream_mode, kind.rtl, kind.land)
         here = reporter.position()
         if self._view.ground_speed_m_s > BRISK_M_S:
             # who flies fast flies on for a while, perhaps over a corner
@@ -387,7 +385,10 @@ class Guardian:
             if silent_s > STALE_S * 2:
                 return f"in the air when it was last heard, {silent_s:.0f} s ago, at {where}"
             return f"left to its autopilot in {view.mode_name} at {where}"
-        if self._monitor.was_airborne:
+        if self._monitor.control.air.may_be_up:
             return f"left to whoever flies it in {view.mode_name} at {where}"
         away_m = reporter.position().distance_to(reporter.home())
-        return f"on the ground {away_m:.0f} m from home, at {where}" if away_m > PAD_M else ""
+        runs = ", and its motors still run" if view.armed else ""
+        if away_m > PAD_M or runs:
+            return f"on the ground {away_m:.0f} m from home, at {where}{runs}"
+        return ""

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Iterable, Mapping, Sequence
-from typing import Protocol, TypeVar
+from collections.abc import Awaitable, Mapping, Sequence
+from typing import Final, Protocol, TypeVar
 
 from missions.errors import AircraftError, UavmapError, leaves
 
 T = TypeVar("T")
+NOT_HOME: Final = "an aircraft was not brought home"
 
 
 class Keeper(Protocol):
@@ -67,15 +68,30 @@ class Guardians:
 
     async def run(self) -> None:
         """Watch until cancelled; one that fails ends it."""
-        await _all(guardian.run() for guardian in self._guardians.values())
+        await asyncio.gather(*(guardian.run() for guardian in self._guardians.values()))
 
     async def bring_home(self, reason: str) -> None:
-        """Return, and wait until all are down."""
-        await _all(guardian.bring_home(reason) for guardian in self._guardians.values())
+        """Return, and wait until all are down, each whatever becomes of the others.
+
+        Raises an `ExceptionGroup` of the guardians' failures.
+        """
+
+        async def bring_home(guardian: GuardianLike) -> None:
+            try:
+                await guardian.bring_home(reason)
+            except Exception:
+                await guardian.leave(reason)
+                raise
+
+        waits = map(bring_home, self._guardians.values())
+        ended = await asyncio.gather(*waits, return_exceptions=True)
+        if failures := [failure for failure in ended if isinstance(failure, Exception)]:
+            raise ExceptionGroup(NOT_HOME, failures)
 
     async def leave(self, reason: str) -> None:
         """Return, and wait until that is seen."""
-        await _all(guardian.leave(reason) for guardian in self._guardians.values())
+        waits = (guardian.leave(reason) for guardian in self._guardians.values())
+        await asyncio.gather(*waits, return_exceptions=True)
 
     def fates(self) -> Sequence[str]:
         """A line for each aircraft that is not at home."""
@@ -94,7 +110,8 @@ async def watched_over(keeper: Keeper, mission: Awaitable[T], *, leave: bool) ->
 
     Raises what the mission raises; `AircraftError`, naming every aircraft that is not at home, when
     one was left in the air or is down elsewhere after a mission that failed. A defect of the
-    program stays what it is, with these lines as its notes.
+    program stays what it is, with these lines as its notes. Where one guardian fails, its aircraft
+    is left to its autopilot, the others go on, and both failures are raised in a group.
     """
     keeping = asyncio.create_task(keeper.run())
     try:
@@ -113,12 +130,14 @@ async def watched_over(keeper: Keeper, mission: Awaitable[T], *, leave: bool) ->
             await keeper.bring_home(reason)
         except asyncio.CancelledError:  # the operator does not wait for it
             await _left(keeper, reason)
+        except Exception as further:
+            failure = ExceptionGroup(NOT_HOME, [failure, further])
         if is_defect(failure):  # which keeps its traceback
             for fate in keeper.fates():
                 failure.add_note(fate)
-            raise
+            raise failure
         _say_fates(keeper, in_words(failure))
-        raise
+        raise failure
     finally:
         keeping.cancel()
         await asyncio.gather(keeping, return_exceptions=True)
@@ -136,10 +155,6 @@ async def unless_failed(mission: Awaitable[T], keeping: asyncio.Task[None]) -> T
         if not flying.done():
             flying.cancel()
             await asyncio.gather(flying, return_exceptions=True)
-
-
-async def _all(waits: Iterable[Awaitable[None]]) -> None:
-    await asyncio.gather(*waits)
 
 
 async def _left(keeper: Keeper, reason: str) -> None:

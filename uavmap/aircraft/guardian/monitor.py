@@ -5,25 +5,37 @@ Watched at every message, whatever the vehicle carries out just then.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Final, Literal, Protocol
+import asyncio
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Final, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Connected, Landed, LiftedOff, Overridden, Released, Tracked
 from missions.guardian import HARD_M_S
 from missions.units import GridPoint
+from uavmap.aircraft.control import (
+    AirState,
+    Beat,
+    Control,
+    FlownMode,
+    Ground,
+    Holder,
+)
 from uavmap.aircraft.guardian.impact import FALLS_S, Impact
 from uavmap.aircraft.guardian.position_jumps import Leaps
 from uavmap.aircraft.guardian.wind import WindEstimate
 from uavmap.aircraft.reporter import Reporter
-from uavmap.mavlink.session import Message
-from uavmap.mavlink.vehicle_view import VehicleView
+from uavmap.mavlink.session import GROUND_SYSTEM_ID, Message
+from uavmap.mavlink.vehicle_view import OFF_GROUND_M, VehicleView
 
 TRACK_S: Final = 1.0
 PATH_TRACK_S: Final = 0.4
 """On a path that is flown without stopping: plans follow one another so fast."""
-OFF_GROUND_M: Final = 2.0
+ACKS_OF_PX4: Final = 2
+"""Acknowledgements of DO_SET_MODE after which a PX4 has changed its mode."""
 
 
 class PlaceFinder(Protocol):
@@ -46,22 +58,18 @@ class PlaceFinder(Protocol):
 
 
 class Monitor:
-    """The state of a vehicle that matters to the mission, and the events that follow from it.
-
-    `commanded` are the modes that follow from what we asked for last. Any other mode is somebody
-    else's, and so is every mode while a failsafe flies.
-    """
+    """The state of a vehicle that matters to the mission, and the events that follow from it."""
 
     def __init__(self, reporter: Reporter, view: VehicleView) -> None:
-        self.commanded: tuple[int, ...] = ()
+        self.control = Control()
+        """Who controls it and whether it flies, by the latest report."""
         self.connected = False
         self.on_path = False
         """Whether it was told to fly a path without stopping."""
         self.met = False
         """Whether it was ever connected."""
-        self.was_airborne = False
-        self.overridden = False
-        self.mode_changes = 0
+        self.resumed = False
+        """Whether it was landing or returning by our order when an earlier process ended."""
         self.wind = WindEstimate()
         self.leaps = Leaps()
         self.impact = Impact()
@@ -72,160 +80,160 @@ class Monitor:
         """How fast it struck the ground; whoever takes note of it sets it to 0."""
         self._reporter = reporter
         self._view = view
-        self._mode: int | None = None
-        self._armed = self._failsafe = False
-        self._refused = False
-        """Whether it was taken from us on the ground, before a take-off."""
+        self._scopes: set[asyncio.Timeout] = set()
+        self._acks = 0
+        """Acknowledgements of the latest request for a mode."""
         self._tracked_s = float("-inf")
         self._down_s: float | None = None
-        """Since when it stands on the ground by its own word, while that is not told yet."""
+        """Since when it stands on the ground by its own word, while that is not reported yet."""
 
     def on_message(self, message: Message) -> None:
         """Look at the vehicle after a message of it."""
         name = message.get_type()
-        if name == "HEARTBEAT":
+        before = self.control
+        if name in ("HEARTBEAT", "CURRENT_MODE"):
             self._watch_mode()
+        elif name == "COMMAND_ACK":
+            self._hear_acknowledgement(message)
         elif name == "ATTITUDE":
             self.wind.tilted(message.roll, message.pitch, message.yaw)
         elif name == "GLOBAL_POSITION_INT":
             if self.navigation is not None and self.connected:
-                self.navigation.look(airborne=self.airborne)
+                self.navigation.look(airborne=self.control.off_ground)
             self._measure_wind()
             self._look_for_leaps()
             if self._view.gate.clock.boot_s is not None:
                 self.impact.take(self._view.gate.clock.boot_s, self._view.velocity_ned_m_s[2])
             self._track()
-        self._watch_landing()
+        self._watch_ground()
+        if self.connected:
+            self._report_flight(before)
 
     @property
-    def mode(self) -> Literal["follow", "rtl", "land", "other"]:
-        """Who flies: we (in what way), or somebody else."""
-        view, kind = self._view, self._view.kind
-        if self.overridden or view.failsafe:
-            return "other"
-        if view.mode == kind.rtl:
-            return "rtl"
-        if view.mode == kind.land:
-            return "land"
-        streamed = view.mode == kind.stream_mode and view.mode in self.commanded
-        return "follow" if streamed or view.mode in kind.ours else "other"
+    def mode(self) -> FlownMode:
+        """How it is flown: by us (in what way), or by somebody else."""
+        return self.control.flown(self._view.kind)
 
     @property
     def by_map(self) -> bool:
         """Whether its autopilot does not know where it is, and its pictures do."""
         return self.navigation is not None and self.navigation.by_map
 
-    @property
-    def airborne(self) -> bool:
-        """Armed, and not on the ground by the autopilot's own word."""
-        return self._view.off_ground
+    # --- what we do --------------------------------------------------------------------------
+    def asks(self, mode: int) -> None:
+        """A mode is asked for now."""
+        self._acks = 0
+        self.control = self.control.asking(mode, self._reporter.loop_s())
 
-    @property
-    def in_air_as_before(self) -> bool:
-        """In the air, in a mode that an earlier process of ours may have left it in.
+    def refused(self) -> None:
+        """The autopilot refused the mode that was asked for."""
+        self.control = self.control.refused()
 
-        For a vehicle that is not connected yet: it may not have told everything.
-        """
-        view, kind = self._view, self._view.kind
-        unsaid = (
-            view.landed_state == mav.MAV_LANDED_STATE_UNDEFINED and view.height_m > OFF_GROUND_M
-        )
-        in_air = view.off_ground or (view.armed and unsaid)
-        return in_air and not view.failsafe and view.mode in (*kind.ours, kind.rtl, kind.land)
+    def takes_off(self) -> None:
+        """NAV_TAKEOFF is sent now."""
+        self.control = self.control.takes_off(self._reporter.loop_s())
 
+    @contextlib.contextmanager
+    def ends_with_control(self, scope: asyncio.Timeout) -> Iterator[None]:
+        """End a scope of asyncio as soon as the vehicle is not ours any more."""
+        self._scopes.add(scope)
+        try:
+            yield
+        finally:
+            self._scopes.discard(scope)
+
+    # --- control -----------------------------------------------------------------------------
     def _watch_mode(self) -> None:
         """The pilot has the last word: a mode that we did not ask for ends our say.
 
         On the ground, too: who turns the switch away while we wait to take off means it.
         """
-        view, kind = self._view, self._view.kind
-        mode, armed, failsafe = view.mode, view.armed, view.failsafe
-        before = self._mode
-        if not self.connected or (mode, armed, failsafe) == (before, self._armed, self._failsafe):
+        view, before = self._view, self.control
+        if view.mode is None:
             return
-        turned, was_armed = mode != before, self._armed
-        self._mode, self._armed, self._failsafe = mode, armed, failsafe
-        self.mode_changes += turned
-        reporter = self._reporter
-        if self.overridden:
-            given = turned and mode == kind.follows and before not in kind.by_itself
-            # what was taken in the air is given back in the air: a landed PX4 holds by itself
-            if given and not failsafe and (armed or self._refused):
-                self.overridden = False
-                self.commanded = (kind.follows,)
-                height_m = reporter.height_m() if self.airborne else 0.0
-                reporter.report(
-                    Released(reporter.number, reporter.t_s(), reporter.position(), height_m)
-                )
-            elif was_armed and not armed and not self.was_airborne:
-                self.landed()  # taken from us between its arming and its take-off
-        elif armed and not (was_armed or turned or failsafe) and mode in kind.ours:
-            # by our order, though we may have asked for something else since
-            if mode in self.commanded and mode == kind.follows:
-                self.commanded = (*kind.ours, *self._unheard(before))
-        elif self._not_by_us(mode, armed=armed, failsafe=failsafe, turned=turned):
-            self.overridden = True
-            self._refused = not armed
-            cause = self.why(view.mode_name)
+        beat = Beat(view.mode, view.armed, view.failsafe, self._reporter.loop_s())
+        if self.met:
+            control = before.heard(view.kind, beat)
+        else:  # an earlier process may have left it returning or landing
+            control = before.noted(beat).connected(view.kind, resumed=True)
+        if self.connected and before.is_ours and not control.is_ours:
+            control = control.because(self.why(view.mode_name))
+        self.control = control
+        while self._scopes and not control.is_ours:
+            self._scopes.pop().reschedule(self._reporter.loop_s())
+        if self.connected:
+            self._report_control(before)
+
+    def _report_control(self, before: Control) -> None:
+        control, reporter = self.control, self._reporter
+        if before.is_ours and not control.is_ours:
             reporter.report(
-                Overridden(reporter.number, reporter.t_s(), view.mode_name, cause=cause)
+                Overridden(
+                    reporter.number, reporter.t_s(), self._view.mode_name,
+                    cause=control.cause or None,
+                )
+            )  # fmt: skip
+        elif control.is_ours and not before.is_ours:
+            height_m = reporter.height_m() if control.off_ground else 0.0
+            reporter.report(
+                Released(reporter.number, reporter.t_s(), reporter.position(), height_m)
             )
-        elif mode == kind.follows:
-            # what it stood in before counts no more: who turns the switch back there means it
-            self.commanded = (*kind.ours, *self._unheard(before))
 
-    def _unheard(self, before: int | None) -> tuple[int, ...]:
-        """The landing that was asked for instead of a take-off, as long as it did not stand in that
-        mode `before`: a slow link tells of it after others.
+    def _hear_acknowledgement(self, ack: Message) -> None:
+        """The autopilot says that it has changed the mode: to land, return or follow a stream.
 
-        In the air there is none: whoever turns a vehicle to land there is its pilot.
+        A PX4 acknowledges DO_SET_MODE twice: unseen, and when its commander has done it.
         """
-        kind = self._view.kind
-        if self.was_airborne or before == kind.land or kind.land not in self.commanded:
-            return ()
-        return (kind.land,)
-
-    def _not_by_us(self, mode: int | None, *, armed: bool, failsafe: bool, turned: bool) -> bool:
-        """Whether somebody else has the vehicle in this mode."""
-        if armed:
-            return failsafe or mode not in self.commanded
-        waiting = turned and not self.was_airborne and not failsafe
-        return waiting and mode not in (*self.commanded, *self._view.kind.ours)
-
-    def _watch_landing(self) -> None:
-        if not self.connected:
+        kind, request = self._view.kind, self.control.request
+        if request is None or (request.mode == kind.stream_mode and not kind.streams_apart):
             return
-        if self._view.on_ground and self.was_airborne:
-            self._watch_touch_down()
+        command, wanted = {
+            kind.land: (mav.MAV_CMD_NAV_LAND, 1),
+            kind.rtl: (mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, 1),
+            kind.stream_mode: (mav.MAV_CMD_DO_SET_MODE, ACKS_OF_PX4),
+        }.get(request.mode, (None, 0))
+        ours = ack.target_system in (0, GROUND_SYSTEM_ID) and ack.result == mav.MAV_RESULT_ACCEPTED
+        if not ours or ack.command != command:
             return
-        self._down_s = None
-        if self.airborne and not self.was_airborne:
-            self.was_airborne = True
+        self._acks += 1
+        if self._acks == wanted:
+            self.control = self.control.acknowledged(self._reporter.loop_s())
+
+    # --- flight ------------------------------------------------------------------------------
+    def _watch_ground(self) -> None:
+        """Whether it is on the ground: so is one whose motors were stopped in the air, by its own
+        word. That one falls still, or has struck the ground. Of a crash its guardian tells.
+        """
+        view, now_s = self._view, self._reporter.loop_s()
+        height_m = view.height_m if view.position is not None else None
+        ground = Ground(view.armed, view.landed_state, height_m)
+        if not (ground.stands and self.control.air.is_flying):
+            self._down_s = None
+        else:
+            self._down_s = now_s if self._down_s is None else self._down_s
+            if self.impact.sinks and now_s - self._down_s < FALLS_S:
+                return
+        self.control = self.control.stood(ground, view.kind, now_s)
+
+    def _report_flight(self, before: Control) -> None:
+        """Report lifting off, and that it stands on the ground with its motors off."""
+        control = self.control
+        if control.air.is_flying and not before.air.is_flying:
             self._reporter.report(LiftedOff(self._reporter.number, self._reporter.t_s()))
-
-    def _watch_touch_down(self) -> None:
-        """It has landed, by its own word: so has one whose motors were stopped in the air.
-
-        That one falls still, or has struck the ground. Of a crash its guardian tells.
-        """
-        now_s = self._reporter.loop_s()
-        self._down_s = now_s if self._down_s is None else self._down_s
-        if self.impact.sinks and now_s - self._down_s < FALLS_S:
+        stood = not before.armed and not before.air.may_be_up
+        if stood or control.armed or control.air is not AirState.ON_GROUND:
             return
-        self.was_airborne = False
-        if self.impact.speed_m_s <= HARD_M_S:
+        if before.air.is_flying and self.impact.speed_m_s > HARD_M_S:
+            self.struck_m_s = self.impact.speed_m_s
+            self.wind.forget()
+            return
+        lands = before.request is not None and before.request.mode == self._view.kind.land
+        if before.air.is_flying or lands or control.holder is not Holder.OURS:
             self.landed()
-            return
-        self.struck_m_s = self.impact.speed_m_s
-        self.wind.forget()
 
     def landed(self) -> None:
         """Say that the vehicle stands on the ground."""
         reporter = self._reporter
-        # it keeps the mode in which it landed until somebody changes it
-        if not self.overridden and self._view.mode is not None:
-            mode = self._view.mode
-            self.commanded = (*self._view.kind.ours, mode, *self._unheard(mode))
         self.wind.forget()
         reporter.report(
             Landed(
@@ -235,14 +243,14 @@ class Monitor:
 
     def _measure_wind(self) -> None:
         north_m_s, east_m_s, _ = self._view.velocity_ned_m_s
-        if self.airborne and self._view.height_m > 2.0:
+        if self.control.off_ground and self._view.height_m > OFF_GROUND_M:
             self.wind.moved(self._reporter.loop_s(), north_m_s, east_m_s)
         else:
             self.wind.forget()
 
     def _look_for_leaps(self) -> None:
         view = self._view
-        if not self.airborne or view.position is None or view.gate.clock.boot_s is None:
+        if not self.control.off_ground or view.position is None or view.gate.clock.boot_s is None:
             self.leaps.forget()
             return
         north_m_s, east_m_s, _ = view.velocity_ned_m_s
@@ -268,17 +276,12 @@ class Monitor:
     def report_connected(self) -> None:
         """Say where the vehicle is, after its link was opened."""
         view, reporter = self._view, self._reporter
-        airborne = view.armed and view.landed_state != mav.MAV_LANDED_STATE_ON_GROUND
         self.connected = self.met = True
-        self.mode_changes += 1
-        self._mode, self._armed, self._failsafe = view.mode, view.armed, view.failsafe
-        self.was_airborne = airborne
-        ours = view.mode in (*view.kind.ours, *self.commanded) and not view.failsafe
-        if not airborne and view.mode is not None:
-            # whatever mode it stands in, nobody has said no to us yet
-            self.commanded = (*view.kind.ours, view.mode)
-        self.commanded = self.commanded or view.kind.ours
-        self.overridden = airborne and not ours
+        self.control = replace(self.control, air=AirState.UNKNOWN)
+        self._watch_ground()
+        self.control = self.control.connected(view.kind, resumed=self.resumed)
+        airborne = self.control.in_air
+        ours = self.control.is_ours
         home = reporter.home() if view.home is not None else GridPoint(0.0, 0.0)
         reporter.report(
             Connected(

@@ -13,12 +13,12 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
-from missions.guardian import HASTE_M_S, Action, Limits, corners_home, quick_aim_m
+from missions.guardian import DOWN_M, HASTE_M_S, Action, Limits, corners_home, quick_aim_m
 from missions.units import GridPoint
+from uavmap.aircraft.controlled_commands import ControlledCommands, NotOursError
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.reporter import Reporter
 from uavmap.aircraft.terrain_legs import aim_over_ground
-from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.session import Session
 
 LOOK_S: Final = 0.5
@@ -33,6 +33,12 @@ OVER_HOME_M: Final = 1.0
 """Who is nearer than this to the place above its home lands there."""
 BRISK_M_S: Final = 1.0
 """Who is slower than this turns on the spot."""
+LYING_S: Final = 5.0
+"""Time that a vehicle which is down has to stop its motors by itself, s."""
+STOP_MOTORS_S: Final = 60.0
+"""Time after a mission that is waited for the motors of a vehicle which is down, s."""
+FORCED: Final = 21196.0
+"""Parameter of MAV_CMD_COMPONENT_ARM_DISARM that disarms whatever the autopilot thinks."""
 PAUSE_S: Final = 0.1
 """Before a command is asked for again that nobody acknowledged, or that could not be sent."""
 
@@ -43,7 +49,7 @@ class RecoveryFlight:
     def __init__(
         self,
         session: Session,
-        commands: MavlinkCommands,
+        commands: ControlledCommands,
         reporter: Reporter,
         monitor: Monitor,
         limits: Limits,
@@ -59,13 +65,12 @@ class RecoveryFlight:
     def descent_aim_m(self) -> float | None:
         """How high to aim in a quick descent; None where it should land from, on the ground, and
         when a pilot has it."""
-        ours = self._monitor.airborne and not self._monitor.overridden
+        ours = self._monitor.control.off_ground and self._monitor.control.is_ours
         return quick_aim_m(self._view.height_m) if ours else None
 
     async def descend(self) -> bool:
         """Quickly down to where a landing takes but a few seconds; False if it refuses that."""
         kind, view, session = self._view.kind, self._view, self._session
-        self._monitor.commanded = (*kind.ours, kind.rtl, kind.land)
         loop = asyncio.get_running_loop()
         due_s = loop.time() + abs(view.height_m) / DESCENT_M_S + RETRY_S
         fenced, slow = kind.fence_by_command, True
@@ -73,7 +78,7 @@ class RecoveryFlight:
             try:
                 if fenced:  # outside of its own fence it takes no target, and turns round
                     with contextlib.suppress(CommandRefusedError):
-                        await session.command(mav.MAV_CMD_DO_FENCE_ENABLE, 0)
+                        await self._commands.command(mav.MAV_CMD_DO_FENCE_ENABLE, 0)
                     fenced = False
                 await self._aim_or_point(self._reporter.position(), aim_m)
                 if slow:  # after the target: an ArduPilot forgets its speeds at the first one
@@ -92,6 +97,8 @@ class RecoveryFlight:
         """A target, if need be by a message where the command for it is refused."""
         try:
             await self.aim_at(point, height_m)
+        except NotOursError:
+            raise
         except CommandRefusedError:
             kind = self._view.kind
             if kind.streams_apart or self._view.mode != kind.follows:
@@ -109,10 +116,9 @@ class RecoveryFlight:
 
     async def fly_home_by_map(self) -> bool:
         """To its home by targets; False where it does not take them, or needs none."""
-        kind, view, fence = self._view.kind, self._view, self._fence
-        height_m = self._view.height_m
-        while self._monitor.by_map and view.armed and not self._monitor.overridden:
-            self._monitor.commanded = (*kind.ours, kind.stream_mode, kind.rtl, kind.land)
+        view, fence = self._view, self._fence
+        height_m = view.height_m
+        while self._monitor.by_map and view.armed and self._monitor.control.is_ours:
             here, home = self._reporter.position(), self._reporter.home()
             if here.distance_to(home) <= OVER_HOME_M and view.ground_speed_m_s <= BRISK_M_S:
                 return True
@@ -137,9 +143,11 @@ class RecoveryFlight:
         view, commands = self._view, self._commands
         wanted = view.kind.rtl if action == "rtl" else view.kind.land
         ask = commands.return_to_launch if action == "rtl" else commands.land
-        while view.mode != wanted and view.armed and not self._monitor.overridden:
+        while view.mode != wanted and view.armed and self._monitor.control.is_ours:
             try:
                 await ask()
+            except NotOursError:
+                return ""
             except CommandRefusedError as refusal:
                 if action == "rtl":
                     return str(refusal)
@@ -147,6 +155,37 @@ class RecoveryFlight:
                 pass  # no answer: ask again, for as long as it takes
             await self._session.until(lambda: view.mode == wanted, RETRY_S)
         return ""
+
+    async def stop_motors(self, tell: Callable[[str], None], *, struck: bool) -> None:
+        """Have a vehicle that is down land, which may disarm it, and disarm one that struck.
+
+        By force, for an autopilot whose vehicle lies on the ground may not notice that it has
+        landed; but only where it is low, and ours.
+        """
+        view, session, vehicle = self._view, self._session, f"vehicle {self._reporter.number}"
+
+        def is_armed() -> bool:
+            return view.armed
+
+        if is_armed() and self._monitor.control.is_ours:
+            asking = asyncio.ensure_future(self.ask_autopilot("land"))
+            try:
+                await session.until(lambda: not view.armed, LYING_S)
+            finally:
+                asking.cancel()
+        told = False
+        while is_armed():
+            forced = struck and view.height_m < DOWN_M and self._monitor.control.is_ours
+            if not told:
+                told = True
+                how = "they are stopped by force" if forced else "keep away"
+                tell(f"{vehicle}: its motors still run; {how}")
+            if forced:
+                with contextlib.suppress(LinkError):
+                    await self._commands.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
+            await session.until(lambda: not view.armed, RETRY_S)
+        if told:
+            tell(f"{vehicle}: its motors have stopped")
 
     async def reach(
         self, corner: GridPoint, height_m: float, over: Callable[[], bool], *, slow: bool = False

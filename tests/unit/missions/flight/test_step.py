@@ -545,6 +545,20 @@ def test_an_order_that_fails_in_the_air_brings_the_vehicle_home(service: Service
     assert service.order() == Land()
 
 
+def test_link_is_lost_after_the_order_to_take_off_the_vehicle_counts_as_in_the_air(
+    pair: Service,
+) -> None:
+    """It climbed to its layer, hovered there, and others were let into its column at once."""
+    pair.connect(1)
+    assert pair.order(1) == TakeOff(12.0)
+    pair.post(LinkLost(1, 5.0))
+    assert not pair.state.vehicles[1].landed
+    pair.connect(2, at=GridPoint(3.0, 0.0))
+    assert not isinstance(pair.order(2), TakeOff)
+    pair.post(Connected(1, 20.0, HOME, HOME, 0.0, False, True, 60.0))
+    assert pair.state.vehicles[1].landed
+
+
 def test_a_lost_link_is_taken_up_where_the_vehicle_is(service: Service) -> None:
     service.exploring()
     assert service.post(LinkLost(1, 20.0)) == ((1, StandDown()),)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import itertools
 import math
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import replace
 
 import pytest
@@ -19,6 +20,7 @@ from missions.orders import FlyPath
 from missions.units import GridPoint, LatLon
 from tests.support.mavlink_peer import Message, Peer, ack, heartbeat
 from tests.support.running import by
+from uavmap.aircraft.controlled_commands import ControlledCommands
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.path_stream import BRAKE_S, INTERVAL_S, PLACES_INTERVAL_S, PathStream, setpoint
 from uavmap.aircraft.reporter import Reporter
@@ -42,9 +44,13 @@ class Wire:
         session = self.peer.session
         self.reporter = Reporter(1, "sim", session.view, 60.0, GRID, self.now_s, self.now_s)
         self.monitor = Monitor(self.reporter, session.view)
+        self.monitor.met = True
+        session.listen(self.monitor.on_message)
+        commands = ControlledCommands(session, MavlinkCommands(session), self.monitor)
         self.stream = PathStream(
-            session, MavlinkCommands(session), self.reporter, self.monitor, by_places=by_places
+            session, commands, self.reporter, self.monitor, by_places=by_places
         )
+        self.mode = 0
         self.autopilot: int = mav.MAV_AUTOPILOT_PX4 if px4 else mav.MAV_AUTOPILOT_ARDUPILOTMEGA
         self.tell(HOLD if px4 else 4)
 
@@ -54,6 +60,7 @@ class Wire:
 
     def tell(self, mode: int, speed_m_s: float = 0.0) -> None:
         """A heartbeat and a position, heard at once."""
+        self.mode = mode
         here = GRID.position(GridPoint(0.0, 0.0))
         place = (round(here.lat_deg * 1e7), round(here.lon_deg * 1e7))
         position = mav.MAVLink_global_position_int_message(
@@ -62,6 +69,24 @@ class Wire:
         )  # fmt: skip
         for message in (heartbeat(mode, armed=True, autopilot=self.autopilot), position):
             self.peer.session.feed(self.peer.frame(message))
+
+    @contextlib.asynccontextmanager
+    async def beating(self) -> AsyncIterator[None]:
+        """Heartbeats in its mode, five times a second."""
+
+        async def beat() -> None:
+            while True:
+                beat = heartbeat(self.mode, armed=True, autopilot=self.autopilot)
+                self.peer.session.feed(self.peer.frame(beat))
+                await asyncio.sleep(0.2)
+
+        task = asyncio.create_task(beat())
+        yield
+        task.cancel()
+
+    def changes(self, mode: int, after_s: float) -> None:
+        """It changes its mode in a while."""
+        asyncio.get_running_loop().call_later(after_s, setattr, self, "mode", mode)
 
     def setpoints(self) -> list[tuple[float, Message]]:
         kind = "SET_POSITION_TARGET_GLOBAL_INT"
@@ -187,19 +212,18 @@ async def test_px4_sees_a_stream_first_and_then_changes_to_offboard() -> None:
             # a PX4 says yes to whatever it is asked; the heartbeat says what it did
             wire.peer.say(ack(SET_MODE, 0))
             if len(asked) == 2:
-                beat = heartbeat(OFFBOARD, armed=True, autopilot=wire.autopilot)
-                wire.peer.say(beat, after_s=0.4)
+                wire.changes(OFFBOARD, after_s=0.4)
 
     wire.peer.answer = answer
     wire.stream.begin(FlyPath(plan(2.0), 12.0, None, 0.2))
-    streaming = asyncio.create_task(wire.stream.run())
-    await asyncio.sleep(8.0)
-    streaming.cancel()
+    async with wire.beating():
+        streaming = asyncio.create_task(wire.stream.run())
+        await asyncio.sleep(8.0)
+        streaming.cancel()
     assert len(asked) == 2
     assert 0.5 < asked[0] < 1.0
     before = [t_s for t_s, _ in wire.setpoints() if t_s < asked[0]]
     assert len(before) >= 5
-    assert wire.monitor.commanded == (OFFBOARD,)  # Hold is the pilot's now
     assert wire.monitor.mode == "follow"
     for t_s, m in wire.setpoints():
         assert m.coordinate_frame == mav.MAV_FRAME_GLOBAL_INT
@@ -210,10 +234,16 @@ async def test_px4_sees_a_stream_first_and_then_changes_to_offboard() -> None:
 @by(flown)
 async def test_a_px4_that_does_not_change_its_mode_ends_the_order() -> None:
     wire = Wire(px4=True)
-    wire.peer.answer = lambda message: wire.peer.say(ack(SET_MODE, 0))
+
+    def answer(message: Message) -> None:
+        if getattr(message, "command", None) == SET_MODE:
+            wire.peer.say(ack(SET_MODE, 0))
+
+    wire.peer.answer = answer
     wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
-    with pytest.raises(ExceptionGroup) as failed:
-        await asyncio.wait_for(wire.stream.run(), 60.0)
+    async with wire.beating():
+        with pytest.raises(ExceptionGroup) as failed:
+            await asyncio.wait_for(wire.stream.run(), 60.0)
     assert failed.group_contains(LinkError, match="does not change to OFFBOARD")
 
 
@@ -253,19 +283,20 @@ async def test_braking_ends_in_time_and_whoever_has_it_is_told_nothing(mode: int
 @by(flown)
 async def test_a_px4_goes_back_into_hold_while_the_stream_goes_on() -> None:
     wire = Wire(px4=True)
+    wire.monitor.asks(OFFBOARD)
     wire.tell(OFFBOARD, speed_m_s=6.0)
 
     def answer(message: Message) -> None:
         if getattr(message, "command", None) == SET_MODE:
             assert (message.param2, message.param3) == (4.0, 3.0)
             wire.peer.say(ack(SET_MODE, 0))
-            beat = heartbeat(HOLD, armed=True, autopilot=wire.autopilot)
-            wire.peer.say(beat, after_s=0.9)
+            wire.changes(HOLD, after_s=0.85)
 
     wire.peer.answer = answer
     wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
-    assert await wire.stream.leave() is True
-    assert len(wire.setpoints()) == 10
+    async with wire.beating():
+        assert await wire.stream.leave() is True
+    assert len(wire.setpoints()) == 11
 
 
 # --- the parameter -------------------------------------------------------------------------------

@@ -84,6 +84,35 @@ def test_a_bug_is_a_failure_like_any_other() -> None:
     assert kept[0].home
 
 
+class Defective(Kept):
+    """A guardian whose way home raises."""
+
+    async def bring_home(self, reason: str) -> None:
+        await asyncio.sleep(0.1)
+        raise ValueError("a defect in the geometry of its way home")
+
+
+@by(on_virtual_time)
+async def test_watched_over_one_guardian_fails_others_come_home() -> None:
+    """Its aircraft is left to its autopilot, and all that failed is raised with the fates."""
+    kept = [Defective(fate="left to its autopilot in RTL"), Kept()]
+    with pytest.raises(ExceptionGroup) as failed:
+        await watched_over(kept, failing(1.0, RuntimeError("a defect of a strategy")), leave=True)
+    assert kept[1].home
+    assert [word for word, _, _ in kept[0].said] == ["leave"]
+    assert failed.group_contains(RuntimeError)
+    assert failed.group_contains(ValueError)
+    assert failed.value.__notes__ == ["vehicle 1: left to its autopilot in RTL"]
+
+
+@by(on_virtual_time)
+async def test_watched_over_one_guardian_fails_after_the_mission_others_come_home() -> None:
+    kept = [Defective(), Kept()]
+    with pytest.raises(ExceptionGroup):
+        await watched_over(kept, asyncio.sleep(1.0), leave=True)
+    assert kept[1].home
+
+
 @by(on_virtual_time)
 async def test_who_leaves_has_the_autopilots_return() -> None:
     kept = [Kept(fate="left to its autopilot in RTL")]

@@ -1,0 +1,90 @@
+"""Control and flight as values: the page's tables, and what holds for every sequence of reports."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.unit.uavmap.aircraft.control_tables import BEGIN, END, PAGE, tables
+from uavmap.aircraft.control import LATE_S, AirState, Beat, Control, Holder, Request
+from uavmap.mavlink.autopilots import ARDUPILOT, PX4, Autopilot
+
+GUIDED, RTL, LAND, LOITER = 4, 6, 9, 5
+FLYING = Control(air=AirState.AIRBORNE, mode=GUIDED, armed=True)
+
+
+def test_safety_page_holds_the_tables_of_the_module() -> None:
+    """`python -m tests.unit.uavmap.aircraft.control_tables` writes them."""
+    page = PAGE.read_text(encoding="utf-8")
+    assert page.partition(BEGIN)[2].partition(END)[0].strip() == tables()
+
+
+def in_air(kind: Autopilot) -> Control:
+    confirmed = Request(kind.follows, 0.0, confirmed=True)
+    return Control(air=AirState.AIRBORNE, mode=kind.follows, armed=True, request=confirmed)
+
+
+@given(
+    kind=st.sampled_from([ARDUPILOT, PX4]),
+    steps=st.lists(st.tuples(st.booleans(), st.integers(0, 30), st.floats(0.1, 2.0)), max_size=12),
+)
+def test_control_mode_nobody_asked_for_is_never_ours(
+    kind: Autopilot, steps: list[tuple[bool, int, float]]
+) -> None:
+    """Requests and reports in any order."""
+    modes = sorted(kind.mode_names)
+    control, now_s = in_air(kind), 0.0
+    asked, asked_s, seen = kind.follows, 0.0, True
+    ever = {kind.follows}
+    """Since it was given back."""
+    for asks, index, passed_s in steps:
+        mode, now_s = modes[index % len(modes)], now_s + passed_s
+        before = control
+        if asks and control.is_ours:
+            control = control.asking(mode, now_s)
+            asked, asked_s, seen = mode, now_s, mode == before.mode
+            ever.add(mode)
+            continue
+        control = control.heard(kind, Beat(mode, True, False, now_s))
+        if not control.is_ours:
+            continue
+        if not before.is_ours:  # given back
+            asked, ever = kind.follows, {kind.follows}
+        elif before.mode in kind.by_itself and mode == kind.follows:
+            asked, seen = mode, True
+        assert mode in ever | {asked}
+        seen = seen or mode == asked
+        if seen and now_s - asked_s > LATE_S:
+            assert mode == asked
+
+
+@pytest.mark.parametrize(("after_s", "holder"), [(1.0, Holder.OURS), (4.0, Holder.PILOT)])
+def test_control_earlier_request_is_carried_out_late_is_ours_for_a_while(
+    after_s: float, holder: Holder
+) -> None:
+    control = FLYING.asking(RTL, 0.0).asking(LAND, 0.5)
+    assert control.heard(ARDUPILOT, Beat(RTL, True, False, 0.5 + after_s)).holder is holder
+    assert LATE_S == 3.0
+
+
+def test_control_refused_request_leaves_the_mode_before_it() -> None:
+    control = FLYING.asking(RTL, 0.0).refused()
+    assert control.heard(ARDUPILOT, Beat(GUIDED, True, False, 9.0)).holder is Holder.OURS
+    assert control.heard(ARDUPILOT, Beat(RTL, True, False, 9.0)).holder is Holder.PILOT
+
+
+@pytest.mark.parametrize(
+    ("mode", "resumed", "holder"),
+    [
+        (GUIDED, False, Holder.OURS),
+        (RTL, False, Holder.PILOT),
+        (RTL, True, Holder.OURS),
+        (LOITER, True, Holder.PILOT),
+    ],
+)
+def test_control_found_in_the_air_is_ours_by_its_mode(
+    mode: int, resumed: bool, holder: Holder
+) -> None:
+    found = Control(air=AirState.AIRBORNE).noted(Beat(mode, True, False, 1.0))
+    assert found.connected(ARDUPILOT, resumed=resumed).holder is holder

@@ -1,0 +1,437 @@
+"""The pilot and the autopilot's failsafes have the last word, whoever of ours acts: on the wire.
+
+Each of these was taken back from its pilot by an earlier version.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mav
+from shapely.geometry import Point, Polygon
+
+from missions.events import (
+    Airborne,
+    Arrived,
+    Connected,
+    Crashed,
+    GivenUp,
+    Guarded,
+    Landed,
+    LiftedOff,
+    LinkLost,
+    OrderFailed,
+    Overridden,
+    Released,
+)
+from missions.geo.trajectory import rounded_path
+from missions.mission.schema import Mission
+from missions.orders import FlyPath, FlyTo, ReturnToLaunch, StandDown, TakeOff
+from missions.units import GridPoint
+from sitl.copter.modes import Mode
+from sitl.px4.modes import Px4Mode
+from tests.support.flights import UP_M, Flight, Message, fly, small_mission, to, under_way
+from tests.support.mavlink_peer import heartbeat
+from tests.support.running import by
+from tests.support.small_missions import square
+from uavmap.aircraft.control import AirState, Holder
+from uavmap.aircraft.vehicle import ON_GROUND_S
+from uavmap.base.clock import VirtualClock, run
+
+HOUSE = square(-20, 28, 60, 6)
+"""No-fly area between the far side and home."""
+
+
+def behind_a_house() -> Mission:
+    return small_mission(holes=[HOUSE])
+
+
+def on_px4(**how: Any) -> Mission:
+    return small_mission(autopilot="px4", **how)
+
+
+async def fly_behind_the_house(flight: Flight) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    for place in (GridPoint(45.0, 20.0), GridPoint(45.0, 45.0), GridPoint(10.0, 50.0)):
+        await flight.after(FlyTo((place,), None, stop=True, height_m=UP_M), Arrived)
+
+
+async def fly_out(flight: Flight, height_m: float = UP_M) -> None:
+    await flight.after(TakeOff(height_m), Airborne)
+    await flight.after(to(20.0, 30.0, height_m), Arrived)
+
+
+async def keeps(flight: Flight, mode: int, seconds: float = 6.0) -> None:
+    """The pilot takes it and keeps it: nothing is sent from then on."""
+    flight.pilot_mode(mode)
+    sent = len(flight.sent)
+    await asyncio.sleep(seconds)
+    assert flight.commands_after(sent) == []
+    if flight.session.view.armed:
+        assert flight.session.view.mode == mode
+    assert [event.mode for event in flight.seen(Overridden)] == [Mode(mode).name]
+
+
+# --- whoever of ours acts ------------------------------------------------------------------------
+@pytest.mark.parametrize("mode", [Mode.LAND, Mode.RTL, Mode.LOITER])
+@by(fly, lambda mode: behind_a_house())
+async def test_pilot_takes_it_on_the_way_around_after_a_failure_keeps_it(
+    flight: Flight, /, mode: Mode
+) -> None:
+    await fly_behind_the_house(flight)
+    flight.driving.cancel()
+    home = asyncio.ensure_future(flight.driver.guardian.bring_home("the mission failed"))
+    await asyncio.sleep(4.0)
+    await keeps(flight, mode)
+    await asyncio.wait_for(home, 60.0)
+
+
+@by(fly, behind_a_house)
+async def test_pilot_lands_it_on_the_way_around_by_an_order_it_never_flies_over_the_hole(
+    flight: Flight, /
+) -> None:
+    await fly_behind_the_house(flight)
+    flight.driver.give(ReturnToLaunch())
+    await asyncio.sleep(4.0)
+    flight.pilot_mode(Mode.LAND)
+    house = Polygon(HOUSE)
+    while not flight.vehicle.truth.landed:
+        here = flight.setting.grid.fixed(flight.vehicle.truth.position)
+        assert not house.contains(Point(here))
+        await asyncio.sleep(0.2)
+    assert flight.seen(Overridden)
+
+
+@by(fly)
+async def test_pilot_lands_it_while_rtl_is_asked_for_over_a_bad_uplink_keeps_it(
+    flight: Flight, /
+) -> None:
+    await fly_out(flight)
+    flight.to_vehicle = lambda message: message.get_type() == "HEARTBEAT"
+    flight.driver.guardian.take_over("rtl", "it has made no progress")
+    await asyncio.sleep(4.0)
+    flight.pilot_mode(Mode.LAND)
+    sent = len(flight.sent)
+    await asyncio.sleep(4.0)
+    flight.to_vehicle = lambda message: True
+    await asyncio.sleep(4.0)
+    assert flight.commands_after(sent) == []
+    assert flight.session.view.mode == Mode.LAND
+    assert not flight.driver.guardian.acting
+
+
+@pytest.mark.parametrize("mode", [Mode.RTL, Mode.LAND])
+@by(fly)
+async def test_pilot_takes_it_in_a_quick_descent_keeps_it(flight: Flight, /, mode: Mode) -> None:
+    await fly_out(flight, 30.0)
+    flight.driver.guardian.take_over("land", "the wind carries it away", hurry=True)
+    await asyncio.sleep(2.0)
+    await keeps(flight, mode)
+
+
+class ByMap:
+    """Satellites are lost, and the vehicle's pictures tell where it is."""
+
+    by_map = True
+
+    def leapt(self, how: str) -> bool:
+        return True
+
+    def look(self, *, airborne: bool) -> None:
+        pass
+
+
+@by(fly)
+async def test_failsafe_lands_it_on_the_way_home_by_its_own_map_is_let_alone(
+    flight: Flight, /
+) -> None:
+    """An ArduCopter shows no difference between its EKF failsafe's LAND and a pilot's."""
+    await fly_out(flight, 20.0)
+    flight.driver._monitor.navigation = ByMap()
+    flight.driver.guardian.take_over("rtl", "its own map tells where it is to 3 m only")
+    await asyncio.sleep(4.0)
+    await keeps(flight, Mode.LAND, 3.0)
+
+
+@by(fly)
+async def test_link_is_back_and_a_pilot_has_it_the_guardian_does_not_say_it_acts(
+    flight: Flight, /
+) -> None:
+    await fly_out(flight)
+    flight.driver.guardian.take_over("rtl", "it has made no progress")
+    await asyncio.sleep(2.0)
+    flight.to_driver = lambda message: False
+    await flight.sees(LinkLost)
+    flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, Mode.LOITER)
+    said = len(flight.said)
+    flight.to_driver = lambda message: True
+    connected = await flight.sees(Connected, 2)
+    await asyncio.sleep(3.0)
+    assert not connected.ours
+    assert len(flight.seen(Guarded)) == 1
+    assert flight.said[said:] == []
+
+
+# --- a PX4, which shows its mode only now and then -----------------------------------------------
+async def on_path(flight: Flight, seconds: float = 6.0) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    plan = rounded_path(
+        [GridPoint(0.0, 0.0), GridPoint(0.0, 50.0)], flight.now_s() + 1.0, speed_m_s=4.0
+    )
+    flight.driver.give(FlyPath(plan, UP_M, 0.0, 0.5))
+    await asyncio.sleep(seconds)
+    assert flight.vehicle.truth.mode == Px4Mode.OFFBOARD
+
+
+@pytest.mark.parametrize("after_s", [0.25, 0.3, 0.5, 0.9])
+@by(fly, lambda after_s: on_px4())
+async def test_px4_pilot_turns_to_position_just_before_an_order_keeps_it(
+    flight: Flight, /, after_s: float
+) -> None:
+    """A PX4 sends a heartbeat a second: Hold was asked for by one from before the pilot."""
+    await on_path(flight)
+    flight.vehicle._ap.fail_to(Px4Mode.POSITION)
+    await asyncio.sleep(after_s)
+    flight.driver.give(to(0.0, 0.0))
+    await asyncio.sleep(3.0)
+    assert flight.vehicle.truth.mode == Px4Mode.POSITION
+    assert len(flight.seen(Overridden)) == 1
+
+
+@by(fly, on_px4)
+async def test_px4_pilot_turns_to_hold_right_after_offboard_keeps_it(flight: Flight, /) -> None:
+    """Seen: OFFBOARD asked for at 58.81 s, the pilot's Hold at 59.0, ours again at 61.53."""
+    await flight.after(TakeOff(UP_M), Airborne)
+    at_s: list[float] = []
+    real = flight.vehicle._ap._change
+
+    def change(mode: Px4Mode) -> None:
+        real(mode)
+        if mode == Px4Mode.OFFBOARD:
+            at_s.append(flight.now_s())
+            # before the next heartbeat could show it
+            asyncio.get_running_loop().call_later(0.01, flight.vehicle._ap.set_mode, Px4Mode.HOLD)
+
+    flight.vehicle._ap._change = change
+    beats: list[Message] = []
+
+    def late_beats(message: Message) -> bool:
+        """One heartbeat in a while: the service does not see OFFBOARD."""
+        if message.get_type() != "HEARTBEAT" or message.type == mav.MAV_TYPE_CAMERA:
+            return True
+        beats.append(message)
+        offboard: int = Px4Mode.OFFBOARD
+        return bool(message.custom_mode != offboard)
+
+    flight.to_driver = late_beats
+    plan = rounded_path(
+        [GridPoint(0.0, 0.0), GridPoint(0.0, 50.0)], flight.now_s() + 1.0, speed_m_s=4.0
+    )
+    flight.driver.give(FlyPath(plan, UP_M, 0.0, 0.5))
+    await flight.until(lambda: bool(at_s))
+    await asyncio.sleep(8.0)
+    assert len(at_s) == 1
+    assert flight.vehicle.truth.mode == Px4Mode.HOLD
+    assert [event.mode for event in flight.seen(Overridden)] == ["HOLD"]
+
+
+@by(fly, on_px4)
+async def test_px4_goes_back_to_offboard_by_itself_after_a_failsafe_is_not_ours(
+    flight: Flight, /
+) -> None:
+    """Seen: RTL by a failsafe for 1.0 s, then OFFBOARD by itself; the flight went on."""
+    await on_path(flight)
+    autopilot = flight.vehicle._ap
+    autopilot.failsafes.engaged = True
+    autopilot._change(Px4Mode.RTL)
+    await asyncio.sleep(0.5)
+    autopilot.failsafes.engaged = False
+    sent = len(flight.sent)
+    autopilot._change(Px4Mode.OFFBOARD)
+    await asyncio.sleep(3.0)
+    assert flight.seen(Overridden)
+    assert not flight.seen(Released)
+    assert not any(
+        m.get_type() == "SET_POSITION_TARGET_GLOBAL_INT" for m in flight.commands_after(sent)
+    )
+
+
+@by(fly, on_px4)
+async def test_px4_in_a_failsafe_when_the_link_is_back_is_not_put_into_hold(
+    flight: Flight, /
+) -> None:
+    """Seen: a new position came before a new heartbeat, and the mode of before was believed."""
+    await on_path(flight)
+    flight.to_driver = lambda message: False
+    await flight.sees(LinkLost)
+    flight.driver.give(StandDown())
+    flight.vehicle._ap.set_mode(Px4Mode.RTL)
+    flight.to_driver = lambda message: message.get_type() != "HEARTBEAT"
+    before = heartbeat(Px4Mode.OFFBOARD, armed=True, autopilot=mav.MAV_AUTOPILOT_PX4)
+    flight.session.feed(before.pack(mav.MAVLink(None, srcSystem=1, srcComponent=1)))
+    await asyncio.sleep(1.5)
+    assert len(flight.seen(Connected)) == 1
+    flight.to_driver = lambda message: True
+    connected = await flight.sees(Connected, 2)
+    assert (connected.ours, flight.vehicle.truth.mode) == (False, Px4Mode.RTL)
+    sent = len(flight.sent)
+    await asyncio.sleep(3.0)
+    assert flight.commands_after(sent) == []
+
+
+def test_px4_stands_in_offboard_after_a_failsafe_takes_off_again() -> None:
+    """A real PX4 that is disarmed in OFFBOARD fails its checks for want of setpoints."""
+    flight = Flight(on_px4())
+    autopilot = flight.vehicle._ap
+    ready = type(autopilot).prearm_refusal
+
+    def refusal() -> str | None:
+        offboard = autopilot.mode == Px4Mode.OFFBOARD
+        return "no offboard signal" if offboard else ready(autopilot)
+
+    autopilot.prearm_refusal = refusal
+    autopilot.mode = Px4Mode.OFFBOARD
+
+    async def main() -> None:
+        async with under_way(flight):
+            await flight.after(TakeOff(UP_M), Airborne)
+
+    run(main(), VirtualClock())
+
+
+# --- in the air from the first NAV_TAKEOFF on ----------------------------------------------------
+@by(fly)
+async def test_link_is_lost_between_take_off_and_lifting_off_it_counts_as_in_the_air(
+    flight: Flight, /
+) -> None:
+    """An arming that browns a radio out: it was given up as "on the ground", 12 m up."""
+    cut: list[float] = []
+
+    def to_vehicle(message: Message) -> bool:
+        if getattr(message, "command", None) == mav.MAV_CMD_NAV_TAKEOFF and not cut:
+            cut.append(flight.now_s())
+            flight.to_driver = lambda message: False
+            return True
+        return not cut
+
+    flight.to_vehicle = to_vehicle
+    flight.driver.give(TakeOff(UP_M))
+    await flight.sees(LinkLost)
+    flight.driver.give(StandDown())
+    assert flight.driver.guardian.responsible
+    await asyncio.sleep(ON_GROUND_S + 10.0)
+    assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.5)
+    assert not flight.seen(GivenUp)
+    assert "in the air when it was last heard" in flight.driver.guardian.fate()
+    flight.to_driver = flight.to_vehicle = lambda message: True
+    connected = await flight.sees(Connected, 2)
+    assert (connected.airborne, connected.ours) == (True, True)
+    assert not flight.seen(LiftedOff)
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_without_a_landed_state_it_is_guarded_and_brought_home(autopilot: str) -> None:
+    """EXTENDED_SYS_STATE does not come: no rule of the guardian looked at it, nobody was there."""
+
+    async def body(flight: Flight) -> None:
+        flight.to_driver = lambda message: message.get_type() != "EXTENDED_SYS_STATE"
+        await asyncio.sleep(6.0)
+        flight.vehicle.fail.link()
+        await flight.after(TakeOff(UP_M), Airborne)
+        assert len(flight.seen(LiftedOff)) == 1
+        assert flight.driver.guardian.responsible
+        assert flight.driver._monitor.control.air is AirState.AIRBORNE
+        await asyncio.wait_for(flight.driver.guardian.bring_home("the mission failed"), 120.0)
+        assert flight.vehicle.truth.landed
+        assert len(flight.seen(Landed)) == 1
+        assert flight.driver.guardian.fate() == ""
+
+    fly(body, small_mission(autopilot=autopilot))
+
+
+@by(fly)
+async def test_take_off_is_held_until_it_is_known_to_be_on_the_ground(flight: Flight, /) -> None:
+    """Armed, low, and without a landed state: it may stand, or hover."""
+    monitor = flight.driver._monitor
+    flight.to_driver = lambda message: message.get_type() not in (
+        "EXTENDED_SYS_STATE", "HEARTBEAT",
+    )  # fmt: skip
+    await flight.sees(LinkLost, within_s=10.0)
+    autopilot = mav.MAVLink(None, srcSystem=1, srcComponent=1)
+    for _ in range(20):
+        flight.session.feed(heartbeat(Mode.GUIDED, armed=True).pack(autopilot))
+        await asyncio.sleep(0.2)
+    await flight.sees(Connected, 2)
+    assert monitor.control.air is AirState.UNKNOWN
+    sent = len(flight.sent)
+    flight.driver.give(TakeOff(UP_M))
+    for _ in range(20):
+        flight.session.feed(heartbeat(Mode.GUIDED, armed=True).pack(autopilot))
+        await asyncio.sleep(0.2)
+    commands = [getattr(m, "command", None) for m in flight.commands_after(sent)]
+    assert mav.MAV_CMD_NAV_TAKEOFF not in commands
+    flight.to_driver = lambda message: True
+    await flight.sees(Airborne)
+
+
+# --- a crash -------------------------------------------------------------------------------------
+@by(fly)
+async def test_crash_leaves_motors_running_they_are_stopped_by_force(flight: Flight, /) -> None:
+    """A real ArduCopter with a dead motor stayed armed in LAND on the ground for 138 s."""
+    await fly_out(flight)
+    stops = only_forced_disarms(flight)
+    flight.vehicle.fail.motor(share=0.0)
+    await flight.sees(Crashed)
+    await asyncio.wait_for(flight.driver.guardian.bring_home("the mission failed"), 30.0)
+    assert len(stops) == 2  # asked until disarmed
+    assert not flight.session.view.armed
+    assert "vehicle 1: its motors still run; they are stopped by force" in flight.said
+    assert flight.said[-1] == "vehicle 1: its motors have stopped"
+    assert "motors" not in flight.driver.guardian.fate()
+
+
+@by(fly)
+async def test_crash_in_a_pilots_hands_motors_running_is_said_and_nothing_sent(
+    flight: Flight, /
+) -> None:
+    await fly_out(flight)
+    flight.pilot_mode(Mode.LOITER)
+    sent = len(flight.sent)
+    only_forced_disarms(flight)
+    flight.vehicle.fail.motor(share=0.0)
+    await flight.sees(Crashed)
+    await asyncio.sleep(5.0)
+    assert flight.driver._monitor.control.holder is Holder.PILOT
+    assert flight.commands_after(sent) == []
+    assert "vehicle 1: its motors still run; keep away" in flight.said
+    assert flight.driver.guardian.fate().endswith("and its motors still run")
+
+
+def only_forced_disarms(flight: Flight) -> list[float]:
+    """Its landing detector does not fire where it lies; the second forced disarming is obeyed."""
+    autopilot, stops = flight.vehicle._ap, []  # type: Any, list[float]
+    real = autopilot.disarm
+
+    def to_vehicle(message: Message) -> bool:
+        if getattr(message, "command", None) == mav.MAV_CMD_COMPONENT_ARM_DISARM:
+            assert (message.param1, message.param2) == (0.0, 21196.0)
+            stops.append(flight.now_s())
+        return True
+
+    flight.to_vehicle = to_vehicle
+    autopilot.disarm = lambda force=False: real(force) if len(stops) > 1 else "not landed"
+    return stops
+
+
+@by(fly)
+async def test_modes_are_asked_for_five_times_a_second(flight: Flight, /) -> None:
+    asked = [
+        round(1e6 / message.param2)
+        for _, message in flight.sent
+        if getattr(message, "command", None) == mav.MAV_CMD_SET_MESSAGE_INTERVAL
+        and message.param1 == mav.MAVLINK_MSG_ID_HEARTBEAT
+    ]
+    assert asked == [5]
+    assert not flight.seen(OrderFailed)

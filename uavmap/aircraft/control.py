@@ -1,0 +1,329 @@
+"""Control of one vehicle and its state of flight: one state machine, derived from the wire alone.
+
+    reports of the vehicle, our own requests -> Control -> may we send, is it in the air
+
+`Control` is a value: each report and each request gives the next one. It has no clock and sends
+nothing. `uavmap.aircraft.guardian.monitor` keeps the latest and reports its changes;
+`uavmap.aircraft.controlled_commands` asks it before anything is sent.
+
+The rule of control: a mode that is neither the one asked for nor the one before the request is the
+pilot's or a failsafe's. Once the mode asked for was reported, only that one is ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Final, Literal, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from uavmap.mavlink.autopilots import Autopilot
+from uavmap.mavlink.vehicle_view import OFF_GROUND_M
+
+MODE_KNOWN_S: Final = 0.3
+"""Maximum age of the reported mode when another mode is commanded, s."""
+HEARTBEAT_WAIT_S: Final = 1.2
+"""Maximum wait for the next heartbeat before a mode is commanded, s."""
+LATE_S: Final = 3.0
+"""Time for which an earlier request, never confirmed, may still be carried out, s."""
+PUT_BACK_S: Final = 0.5
+"""Time after an acknowledged request from which the mode before it is the pilot's, s."""
+LIFT_S: Final = 12.0
+"""Maximum time from an accepted take-off to leaving the ground, s."""
+
+_OFF_GROUND: Final = (
+    mav.MAV_LANDED_STATE_TAKEOFF,
+    mav.MAV_LANDED_STATE_IN_AIR,
+    mav.MAV_LANDED_STATE_LANDING,
+)
+"""A take-off that is called off goes from the first of these to the last."""
+
+FlownMode = Literal["follow", "rtl", "land", "other"]
+"""The guardian's word for a mode: by our targets, by the autopilot, or by somebody else."""
+
+
+class Holder(Enum):
+    """The one whose commands the vehicle follows."""
+
+    OURS = "ours"
+    GUARDIAN = "guardian's"
+    PILOT = "pilot's"
+    FAILSAFE = "failsafe's"
+
+
+class AirState(Enum):
+    """The state of flight."""
+
+    UNKNOWN = "unknown"
+    ON_GROUND = "on the ground"
+    TAKING_OFF = "taking off"
+    AIRBORNE = "airborne"
+    LANDING = "landing"
+    DOWN = "down"
+
+    @property
+    def is_flying(self) -> bool:
+        """Whether it was reported off the ground, and not on the ground since."""
+        return self in (AirState.AIRBORNE, AirState.LANDING)
+
+    @property
+    def may_be_up(self) -> bool:
+        """Whether it counts as in the air: from the first NAV_TAKEOFF that is sent."""
+        return self.is_flying or self is AirState.TAKING_OFF
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """The one mode that is asked for."""
+
+    mode: int
+    since_s: float
+    before: int | None = None
+    """The mode at the request; ours until the mode asked for is reported."""
+    late: tuple[int, ...] = ()
+    """Modes of earlier requests that may still be carried out until `LATE_S` after this one."""
+    confirmed: bool = False
+    acknowledged_s: float | None = None
+    """When the autopilot said that it has changed the mode."""
+
+    def allows(self, mode: int, now_s: float) -> bool:
+        """Whether a mode other than the one asked for follows from our requests."""
+        if mode in self.late and now_s - self.since_s <= LATE_S:
+            return True
+        put_back = self.acknowledged_s is not None and now_s - self.acknowledged_s > PUT_BACK_S
+        return mode == self.before and not self.confirmed and not put_back
+
+
+class Beat(NamedTuple):
+    """What a heartbeat reports, and when it was heard."""
+
+    mode: int
+    armed: bool
+    failsafe: bool
+    """Whether a failsafe flies."""
+    t_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """What the vehicle reports of being on the ground."""
+
+    armed: bool
+    landed_state: int
+    """MAV_LANDED_STATE; UNDEFINED where none was reported for a while."""
+    height_m: float | None
+    """Above home; None where it was not reported."""
+
+    def off(self, air: AirState) -> bool:
+        """Whether it is off the ground: by the landed state, else by armed and height."""
+        if self._unsaid:
+            up = self.height_m is not None and self.height_m > OFF_GROUND_M
+            return self.armed and (up or air.is_flying)
+        return self.armed and self.landed_state in _OFF_GROUND
+
+    @property
+    def stands(self) -> bool:
+        """Whether it is on the ground with its motors off."""
+        return not self.armed and (self._unsaid or self._told_on)
+
+    @property
+    def on(self) -> bool:
+        """Whether it is reported on the ground, with its motors on or off."""
+        return self.stands or self._told_on
+
+    @property
+    def _told_on(self) -> bool:
+        return bool(self.landed_state == mav.MAV_LANDED_STATE_ON_GROUND)
+
+    @property
+    def _unsaid(self) -> bool:
+        return bool(self.landed_state == mav.MAV_LANDED_STATE_UNDEFINED)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Control:
+    """Who controls a vehicle, in what mode, and whether it flies."""
+
+    holder: Holder = Holder.OURS
+    cause: str = ""
+    """Why a failsafe flies it, in the autopilot's words."""
+    request: Request | None = None
+    """None: nothing was asked for, and it stands in whatever mode it was found in."""
+    air: AirState = AirState.UNKNOWN
+    off_ground: bool = False
+    """Whether the latest report has it off the ground."""
+    mode: int | None = None
+    armed: bool = False
+    failsafe: bool = False
+    """Whether the heartbeat says that a failsafe flies."""
+    heard_s: float = float("-inf")
+    """When the mode was last reported."""
+    mode_changes: int = 0
+    taken_on_ground: bool = False
+    """Whether the pilot took it with its motors off: there it is given back, too."""
+    took_off_s: float = float("-inf")
+    """When NAV_TAKEOFF was last sent."""
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether the mission or the guardian may send."""
+        return self.holder in (Holder.OURS, Holder.GUARDIAN)
+
+    @property
+    def in_air(self) -> bool:
+        """Whether it has to be taken for in the air: armed, and not known to be on the ground."""
+        return self.armed and self.air is not AirState.ON_GROUND
+
+    def knows_mode(self, now_s: float) -> bool:
+        """Whether the mode is known well enough to command another."""
+        return now_s - self.heard_s <= MODE_KNOWN_S
+
+    def flown(self, kind: Autopilot) -> FlownMode:
+        """The mode in the guardian's words."""
+        if not self.is_ours or self.failsafe:
+            return "other"
+        if self.mode == kind.rtl:
+            return "rtl"
+        if self.mode == kind.land:
+            return "land"
+        by_targets = self.mode in (kind.follows, kind.takes_off_in, kind.stream_mode)
+        return "follow" if by_targets else "other"
+
+    # --- what the vehicle reports ----------------------------------------------------------------
+    def noted(self, beat: Beat) -> Control:
+        """The control with what a heartbeat reports, before it is judged."""
+        turned = self.mode is not None and beat.mode != self.mode
+        return replace(
+            self, mode=beat.mode, armed=beat.armed, failsafe=beat.failsafe, heard_s=beat.t_s,
+            mode_changes=self.mode_changes + turned,
+        )  # fmt: skip
+
+    def heard(self, kind: Autopilot, beat: Beat) -> Control:
+        """The control after a heartbeat."""
+        mode, armed, failsafe, now_s = beat
+        before, was_armed = self.mode, self.armed
+        turned = before is not None and mode != before
+        now = self.noted(beat)
+        if not self.is_ours:
+            given = turned and mode == kind.follows and before not in kind.by_itself
+            # taken in the air, it is given back in the air: a landed PX4 holds by itself
+            if given and not failsafe and (armed or self.taken_on_ground):
+                return now._holding(mode, now_s)
+            return replace(now, holder=Holder.FAILSAFE) if armed and failsafe else now
+        if armed and failsafe:
+            return replace(now, holder=Holder.FAILSAFE, taken_on_ground=False)
+        request = self.request
+        if request is not None and mode == request.mode:
+            return replace(now, request=replace(request, before=None, confirmed=True))
+        if request is not None and request.allows(mode, now_s):
+            return now
+        ends = request is not None and request.mode in kind.by_itself and request.confirmed
+        if ends and mode == kind.follows:
+            return now._holding(mode, now_s)
+        if armed:
+            found = request is None and mode in (kind.follows, kind.takes_off_in)
+            return now._holding(mode, now_s) if found else replace(now, holder=Holder.PILOT)
+        # disarming changes the mode of a PX4, and whoever turns to the mode that we want helps
+        quiet = was_armed or not turned or failsafe or self.air.may_be_up or mode == kind.follows
+        if not quiet:
+            return replace(now, holder=Holder.PILOT, taken_on_ground=True)
+        pending = request is not None and not request.confirmed
+        return now if pending else replace(now, request=None)
+
+    def connected(self, kind: Autopilot, *, resumed: bool) -> Control:
+        """The control when a link was opened, or is back, by the mode just reported.
+
+        `resumed`: it was returning or landing by our order when an earlier process ended.
+        """
+        if not self.in_air:
+            # in whatever mode it stands, the pilot has not taken it yet
+            return replace(self, holder=Holder.OURS, request=None, taken_on_ground=False)
+        modes = {kind.follows, kind.takes_off_in}
+        if resumed:
+            modes |= {kind.rtl, kind.land}
+        request = self.request
+        if request is not None and self.is_ours:
+            modes |= {request.mode, *request.late}
+        if self.failsafe or self.mode not in modes:
+            taken = Holder.FAILSAFE if self.failsafe else Holder.PILOT
+            return replace(self, holder=taken, taken_on_ground=False)
+        if self.mode is None or (request is not None and request.mode == self.mode):
+            return self
+        return self._holding(self.mode, self.heard_s)
+
+    def acknowledged(self, now_s: float) -> Control:
+        """The control after the autopilot said that it has changed the mode."""
+        if self.request is None or self.request.acknowledged_s is not None:
+            return self
+        return replace(self, request=replace(self.request, acknowledged_s=now_s))
+
+    def because(self, cause: str | None) -> Control:
+        """The control after the cause of its loss was found; None: there is no failsafe's."""
+        if self.is_ours or cause is None:
+            return self
+        return replace(self, holder=Holder.FAILSAFE, cause=cause)
+
+    def stood(self, ground: Ground, kind: Autopilot, now_s: float) -> Control:
+        """The control after a report of the ground."""
+        air = _air_after(self, ground, kind, now_s)
+        off_ground = ground.off(self.air)
+        if air is self.air and off_ground == self.off_ground:
+            return self
+        request = self.request
+        if air is AirState.ON_GROUND and self.air.is_flying and request and request.confirmed:
+            request = None  # it stays in the mode in which it landed until somebody changes it
+        return replace(self, air=air, off_ground=off_ground, request=request)
+
+    # --- what we do ------------------------------------------------------------------------------
+    def asking(self, mode: int, now_s: float) -> Control:
+        """The control after a request for a mode, just before it is sent."""
+        old = self.request
+        if old is not None and old.mode == mode:
+            return replace(self, request=replace(old, acknowledged_s=None))
+        late: tuple[int, ...] = ()
+        if old is not None and not old.confirmed and now_s - old.since_s <= LATE_S:
+            late = (*old.late, old.mode)
+        there = mode == self.mode and not late
+        request = Request(mode, now_s, None if there else self.mode, late, there)
+        return replace(self, request=request)
+
+    def refused(self) -> Control:
+        """The control after the autopilot refused a request: it stays where it was."""
+        if not self.is_ours or self.request is None or self.request.confirmed or self.mode is None:
+            return self
+        return self._holding(self.mode, self.request.since_s)
+
+    def takes_off(self, now_s: float) -> Control:
+        """The control after NAV_TAKEOFF was sent."""
+        air = self.air if self.air.is_flying else AirState.TAKING_OFF
+        return replace(self, air=air, took_off_s=now_s)
+
+    def acting(self, *, guardian: bool) -> Control:
+        """The control after the guardian took it from the mission, or left it to the mission."""
+        if not self.is_ours:
+            return self
+        return replace(self, holder=Holder.GUARDIAN if guardian else Holder.OURS)
+
+    def crashed(self) -> Control:
+        """The control after a crash was detected."""
+        return replace(self, air=AirState.DOWN)
+
+    def _holding(self, mode: int, now_s: float) -> Control:
+        holder = self.holder if self.is_ours else Holder.OURS
+        request = Request(mode, now_s, confirmed=True)
+        return replace(self, holder=holder, cause="", request=request, taken_on_ground=False)
+
+
+def _air_after(control: Control, ground: Ground, kind: Autopilot, now_s: float) -> AirState:
+    air = control.air
+    if air is AirState.DOWN:
+        return air  # what believes to fly after a crash does not
+    if ground.off(air):
+        lands = control.mode == kind.land
+        return AirState.LANDING if lands else AirState.AIRBORNE
+    if ground.stands:
+        return AirState.ON_GROUND
+    if ground.on and air is AirState.TAKING_OFF and now_s - control.took_off_s > LIFT_S:
+        return AirState.ON_GROUND
+    return AirState.ON_GROUND if ground.on and air is AirState.UNKNOWN else air
