@@ -97,7 +97,7 @@ async def test_watched_over_one_guardian_fails_others_come_home() -> None:
     """Its aircraft is left to its autopilot, and all that failed is raised with the fates."""
     kept = [Defective(fate="left to its autopilot in RTL"), Kept()]
     with pytest.raises(ExceptionGroup) as failed:
-        await watched_over(kept, failing(1.0, RuntimeError("a defect of a strategy")), leave=True)
+        await watched(kept, failing(1.0, RuntimeError("a defect of a strategy")), leave=True)
     assert kept[1].home
     assert [word for word, _, _ in kept[0].said] == ["leave"]
     assert failed.group_contains(RuntimeError)
@@ -109,7 +109,7 @@ async def test_watched_over_one_guardian_fails_others_come_home() -> None:
 async def test_watched_over_one_guardian_fails_after_the_mission_others_come_home() -> None:
     kept = [Defective(), Kept()]
     with pytest.raises(ExceptionGroup):
-        await watched_over(kept, asyncio.sleep(1.0), leave=True)
+        await watched(kept, asyncio.sleep(1.0), leave=True)
     assert kept[1].home
 
 
