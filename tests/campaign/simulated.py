@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import random
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import pytest
@@ -78,8 +79,13 @@ def fault_of(kind: str, phase: str, rng: random.Random) -> dict[str, Any]:
     return fault | values.get(kind, {})
 
 
-def text_of(flight: Plan, strategy: str | None = None) -> str:
-    """The mission file of a flight: a dark square of four cells, and what goes wrong."""
+def text_of(
+    flight: Plan, strategy: str | None = None, quirks: Mapping[str, str] = MappingProxyType({})
+) -> str:
+    """The mission file of a flight: a dark square of four cells, and what goes wrong.
+
+    `quirks` of the aircraft, as the file holds them. A single vehicle's receiver errs in height.
+    """
     rng = random.Random(flight.seed)
     vehicles = rng.choice([1, 1, 2])
     region = ring(Grid.at(START, CELL_M), square(6, 14, 8, 8))
@@ -96,6 +102,8 @@ def text_of(flight: Plan, strategy: str | None = None) -> str:
     autopilot = rng.choice(["ardupilot", "px4"])
     text += f'\n[sim]\nautopilot = "{autopilot}"\nswap_s = 15.0\ngps_sigma_m = 0.1\n'
     text += f"[[sim.roi]]\npolygon = {region}\n"
+    habits = ({"height_sigma_m": "3.0"} if vehicles == 1 else {}) | dict(quirks)
+    text += "[sim.quirks]\n" + "".join(f"{key} = {value}\n" for key, value in habits.items())
     for kind, phase in zip(flight.kinds, flight.phases, strict=True):
         fault = fault_of(kind, phase, rng) | {"vehicle": rng.randint(1, vehicles)}
         lines = [f"{key} = {_toml(value)}" for key, value in fault.items()]
@@ -230,11 +238,16 @@ def _blind(text: str, flight: Plan) -> bool:
 
 
 def fly(
-    seed: int, *, strategy: str | None = None, pilots: bool = False, verbose: bool = False
+    seed: int,
+    *,
+    strategy: str | None = None,
+    pilots: bool = False,
+    quirks: Mapping[str, str] = MappingProxyType({}),
+    verbose: bool = False,
 ) -> Outcome:
     """Fly the flight of a seed to its end; with `pilots` one takes a vehicle in it."""
     flight = plan_of(seed)
-    text = text_of(flight, strategy)
+    text = text_of(flight, strategy, quirks)
     witness = Witness()
     if pilots:
         autopilot = "px4" if 'autopilot = "px4"' in text else "ardupilot"
