@@ -24,7 +24,6 @@ from missions.mission.energy import AIRSPEED_LIMIT_M_S
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.support import plans
-from tests.support.scenarios import into
 from tests.support.small_missions import CELL_M, START, mission_text, ring, square
 from uavmap.aircraft.guardian.impact import GRAVITY_M_S2
 from uavmap.journal.event_log import Journal
@@ -120,6 +119,8 @@ TURNS: Final = {
     "px4": ("LAND", "RTL", "HOLD", "POSITION", "ALTITUDE"),
 }
 """What a pilot turns his switch to."""
+RACE_S: Final = 0.3
+"""A mode may be commanded by what was known so long ago."""
 KEEPS_S: Final = 20.0
 """So long he keeps a vehicle in such a mode, then he lands it."""
 
@@ -154,19 +155,20 @@ class Pilot:
             takes = mode != self.mode and (self.mode != "HOLD" or mode == "OFFBOARD")
             if t_s >= self.at_s and takes and not truth.failsafe:
                 self._turn(vehicle, self.mode)
-                if vehicle.truth.mode.name == self.mode:
-                    self.since_s = t_s
         elif mode != self.mode and truth.failsafe:
             self.mode = mode  # a failsafe comes before him
+        elif mode != self.mode and t_s - self.since_s <= RACE_S:
+            self._turn(vehicle, self.mode)  # a command was on its way: he turns it again
         elif mode != self.mode:
             self.taken = f"out of {self.mode} into {mode} after {t_s - self.since_s:.1f} s"
         elif t_s - self.since_s > KEEPS_S and mode not in ("LAND", "RTL"):
-            self.mode = "LAND"
             self._turn(vehicle, "LAND")
 
-    @staticmethod
-    def _turn(vehicle: SimVehicle, mode: str) -> None:
-        into(vehicle, int(type(vehicle.truth.mode)[mode]))
+    def _turn(self, vehicle: SimVehicle, mode: str) -> None:
+        """By radio control, which no link has a part in."""
+        autopilot: Any = vehicle._ap
+        if not vehicle.fail.rc_lost and autopilot.set_mode(type(autopilot.mode)[mode]) is None:
+            self.mode, self.since_s = mode, vehicle.t_s
 
 
 @dataclass(slots=True)
@@ -314,7 +316,7 @@ def _judged(
     if not blind and witness.reserve_violations > witness.crashes and not _poor(flight):
         found.append(("reserve", f"{witness.reserve_violations} violations"))
     for number, truth in witness.last.items():
-        theirs = truth.mode.name in RETURNS
+        theirs = truth.mode.name in RETURNS or witness.has(number)
         if not truth.landed and not truth.crashed and not theirs:
             text = f"in {truth.mode.name}, with {truth.energy_wh:.1f} Wh, {phases.get(number)}"
             found.append(("air", f"vehicle {number} is in the air {text}"))
