@@ -134,6 +134,8 @@ class Pilot:
     mode: str
     since_s: float = math.inf
     """Since when it is his."""
+    done: bool = False
+    """It is on the ground again."""
     taken: str = ""
     """The mode that somebody else put it into."""
 
@@ -147,7 +149,8 @@ class Pilot:
     def watch(self, vehicle: SimVehicle) -> None:
         """Look at his vehicle, and turn the switch when it is time."""
         truth, t_s = vehicle.truth, vehicle.truth.t_s
-        if truth.landed or truth.crashed or not truth.armed or self.taken:
+        self.done = self.done or (truth.landed and math.isfinite(self.since_s))
+        if truth.landed or truth.crashed or not truth.armed or self.taken or self.done:
             return
         mode = truth.mode.name
         if math.isinf(self.since_s):
@@ -214,7 +217,8 @@ class Witness(Truth):
     def has(self, number: int) -> bool:
         """Whether a pilot has this vehicle."""
         pilot = self.pilot
-        return pilot is not None and pilot.vehicle == number and math.isfinite(pilot.since_s)
+        has = pilot is not None and pilot.vehicle == number and not pilot.done
+        return has and math.isfinite(pilot.since_s)
 
     def _flag(self, number: int, kind: str, text: str) -> None:
         if (number, kind) not in self.flagged:
