@@ -29,7 +29,8 @@ def main() -> int:
     if options.world == "reducer":
         fly = partial(fly, find=options.find, receiver_sigma_m=options.receivers)
     else:
-        fly = partial(fly, pilots=options.pilots)
+        quirks = dict(text.split("=", 1) for text in options.quirk)
+        fly = partial(fly, pilots=options.pilots, quirks=quirks)
     for outcome in _flown(fly, options):
         outcomes.append(outcome)
         if outcome.found and len(outcomes) < 100000:
@@ -58,6 +59,10 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "--pilots", action="store_true",
         help="in every flight a pilot turns a mode switch at a random moment (world sitl)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--quirk", action="append", default=[], metavar="KEY=VALUE",
+        help="a habit of all aircraft, as in [sim.quirks]: landed_state=false (world sitl)",
     )  # fmt: skip
     parser.add_argument(
         "--receivers", type=float, default=0.0,

@@ -75,6 +75,13 @@ def test_nobody_is_carried_far(seed: int) -> None:
     assert simulated.fly(seed).found == ()
 
 
+@pytest.mark.parametrize("seed", [103, 110, 131, 210, 258])
+def test_nobody_is_taken_back_from_a_pilot(seed: int) -> None:
+    """LAND, POSITION, RTL, STABILIZE while a guardian lands it, BRAKE; landed after 20 s."""
+    outcome = simulated.fly(seed, pilots=True)
+    assert outcome.found == ()
+
+
 @pytest.mark.parametrize("seed", [1, 3, 4, 9, 1600328])
 def test_nothing_forbidden_happens_against_the_simulator(seed: int) -> None:
     """Single faults and pairs of `sitl.faults`, through the driver and the wire."""

@@ -115,9 +115,10 @@ def test_the_pilot_of_a_simulated_flight_sees_who_takes_it_back(autopilot: str) 
     pilot = Pilot(1, at_s=15.0, mode="RTL")
     pilot.watch(vehicle)
     assert (vehicle.truth.mode.name, pilot.taken) == ("RTL", "")
-    vehicle.step(1.0)
+    command(vehicle, 21)  # was on its way
     pilot.watch(vehicle)
-    assert pilot.taken == ""
+    assert (vehicle.truth.mode.name, pilot.taken) == ("RTL", "")
+    vehicle.step(1.0)
     command(vehicle, 21)
     pilot.watch(vehicle)
     assert "out of RTL into LAND" in pilot.taken
