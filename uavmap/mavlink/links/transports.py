@@ -10,30 +10,26 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
-import time
 from collections.abc import AsyncIterator, Callable, Hashable, Mapping
 from typing import Any, Final, Protocol, cast
 
 from missions.errors import LinkError
 from uavmap.mavlink.links.framing import Splitter, sender_of
 from uavmap.mavlink.links.serial_port import REOPEN_S, SerialPort
+from uavmap.mavlink.links.udp import (
+    Address,
+    OnBytes,
+    Say,
+    Strangers,
+    UdpLink,
+    UdpSocket,
+    bound_socket,
+)
 from uavmap.mavlink.links.urls import Endpoint
 
-PEER_SILENT_S: Final = 10.0
-"""Real seconds of silence after which our vehicle may be heard from another address."""
-MOST_STRANGERS: Final = 16
-"""How many strangers a link names; of more it says nothing."""
 MOST_UNSENT: Final = 1 << 18
 """Bytes that wait for a TCP peer to read; what is more is lost, as on any other link."""
-MOST_AT_ONCE: Final = 1000
-"""Datagrams that are read in one turn of the loop: a flood must not stop everything else."""
 _KEEPALIVE_S: Final = 5
-_DATAGRAM_BYTES: Final = 65_535
-
-OnBytes = Callable[[bytes], bool]
-"""Takes what was heard; whether our vehicle spoke in it."""
-Say = Callable[[str], None]
-_Address = tuple[str, int]
 
 
 class Transport(Protocol):
@@ -75,7 +71,7 @@ async def open_transport(
         "serial": _open_serial,
     }[endpoint.transport]
     try:
-        transport, close = await opener(endpoint, on_bytes, _Strangers(endpoint, say))
+        transport, close = await opener(endpoint, on_bytes, Strangers(endpoint, say))
     except (OSError, ValueError, OverflowError) as error:  # the last two for a baud rate
         raise LinkError(f"{endpoint.url} cannot be opened: {error}") from None
     try:
@@ -95,21 +91,21 @@ async def open_shared(
     systems are named once and heard by nobody. Raises `LinkError` as `open_transport`.
     """
     if endpoint.transport != "udpin":
-        deliver = _by_system(on_bytes, _Strangers(endpoint, say))
+        deliver = _by_system(on_bytes, Strangers(endpoint, say))
         splitter = Splitter()
         async with open_transport(
             endpoint, lambda data: deliver(splitter.feed(data), None), say
         ) as one:
             yield dict.fromkeys(on_bytes, one)
         return
-    strangers = _Strangers(endpoint, say)
+    strangers = Strangers(endpoint, say)
     try:
-        shared = _UdpSocket(await _bound(endpoint.host, endpoint.port))
+        shared = UdpSocket(await bound_socket(endpoint.host, endpoint.port))
     except OSError as error:
         raise LinkError(f"{endpoint.url} cannot be opened: {error}") from None
-    each = {system: _Udp(shared, heard, strangers, None) for system, heard in on_bytes.items()}
+    each = {system: UdpLink(shared, heard, strangers, None) for system, heard in on_bytes.items()}
 
-    def hear(data: bytes, address: _Address) -> None:
+    def hear(data: bytes, address: Address) -> None:
         for system, group in _grouped(Splitter().feed(data)).items():
             if (udp := each.get(system)) is not None:
                 udp.hear(group, address)
@@ -124,7 +120,7 @@ async def open_shared(
 
 
 def _by_system(
-    on_bytes: Mapping[int, OnBytes], strangers: _Strangers
+    on_bytes: Mapping[int, OnBytes], strangers: Strangers
 ) -> Callable[[list[bytes], Any], bool]:
     """Hands frames to whom their senders belong to; whether one of them was our vehicle."""
 
@@ -154,136 +150,16 @@ def _grouped(frames: list[bytes]) -> dict[int, bytes]:
 _Opened = tuple[Transport, Callable[[], None]]
 
 
-class _Strangers:
-    """Who spoke to a link without being its vehicle; each is told of once."""
-
-    def __init__(self, endpoint: Endpoint, say: Say) -> None:
-        self._url = endpoint.url
-        self._say = say
-        self._known: set[Any] = set()
-
-    def tell(self, address: Any, what: str) -> None:
-        """Say what somebody did, the first time."""
-        if address in self._known or len(self._known) >= MOST_STRANGERS:
-            return
-        self._known.add(address)
-        self._say(f"{self._url}: {_place(address)} {what}")
-
-    def moved(self, before: Any, now: Any) -> None:
-        """Say that the vehicle is heard from another address."""
-        self._say(f"{self._url}: the vehicle is heard from {_place(now)}, not {_place(before)}")
-
-
-def _place(address: Any) -> str:
-    host, port = address[:2]
-    return host if port is None else f"{host} port {port}"
-
-
-async def _bound(host: str, port: int, family: int = 0) -> socket.socket:
-    """A UDP socket of an address of this machine. Raises `OSError`."""
-    found = await asyncio.get_running_loop().getaddrinfo(
-        host, port, family=family, type=socket.SOCK_DGRAM
-    )
-    kind, _, _, _, address = found[0]
-    made = socket.socket(kind, socket.SOCK_DGRAM)
-    try:
-        made.setblocking(False)
-        made.bind(address)
-    except OSError:
-        made.close()
-        raise
-    return made
-
-
-class _UdpSocket:
-    """A UDP socket that is read until it is empty.
-
-    asyncio takes one datagram a turn of its loop: after a long turn, or several, telemetry of
-    seconds ago would be read as if it were of now.
-    """
-
-    def __init__(self, made: socket.socket) -> None:
-        self._socket = made
-        self._loop = asyncio.get_running_loop()
-
-    def deliver_to(self, hear: Callable[[bytes, _Address], None]) -> None:
-        """Begin to read."""
-        self._loop.add_reader(self._socket.fileno(), self._read, hear)
-
-    def _read(self, hear: Callable[[bytes, _Address], None]) -> None:
-        for _ in range(MOST_AT_ONCE):
-            try:
-                data, address = self._socket.recvfrom(_DATAGRAM_BYTES)
-            except OSError:  # it is empty, or closed
-                return
-            hear(data, (str(address[0]), int(address[1])))
-
-    def send(self, data: bytes, address: _Address) -> None:
-        """Send a datagram; one that the system does not take is lost, as on its way."""
-        with contextlib.suppress(OSError):
-            self._socket.sendto(data, address)
-
-    def close(self) -> None:
-        if self._socket.fileno() >= 0:
-            self._loop.remove_reader(self._socket.fileno())
-            self._socket.close()
-
-
-class _Udp:
-    """A UDP link. With a named peer it hears that one and nobody else.
-
-    A listening one keeps to the address from which it first heard the vehicle. Only after a long
-    silence does it hear others, and it follows the vehicle to where that speaks from then.
-    """
-
-    def __init__(
-        self, socket: _UdpSocket, on_bytes: OnBytes, strangers: _Strangers, named: _Address | None
-    ) -> None:
-        self._socket = socket
-        self._on_bytes = on_bytes
-        self._strangers = strangers
-        self._named = named is not None
-        self._peer: _Address | None = named
-        self._heard_s = float("-inf")
-
-    @property
-    def peer_host(self) -> str | None:
-        return None if self._peer is None else self._peer[0]
-
-    @property
-    def way(self) -> Hashable:
-        return (id(self._socket), self._peer)
-
-    def hear(self, data: bytes, address: _Address) -> None:
-        """A datagram came from an address."""
-        if address == self._peer:
-            if self._on_bytes(data):
-                self._heard_s = time.monotonic()
-            return
-        silent_s = time.monotonic() - self._heard_s
-        if self._named or (self._peer is not None and silent_s < PEER_SILENT_S):
-            self._strangers.tell(address, "speaks too, and is not heard")
-            return
-        if self._on_bytes(data):
-            if self._peer is not None:
-                self._strangers.moved(self._peer, address)
-            self._peer, self._heard_s = address, time.monotonic()
-
-    def send(self, data: bytes) -> None:
-        if self._peer is not None:
-            self._socket.send(data, self._peer)
-
-
-async def _open_udp(endpoint: Endpoint, on_bytes: OnBytes, strangers: _Strangers) -> _Opened:
+async def _open_udp(endpoint: Endpoint, on_bytes: OnBytes, strangers: Strangers) -> _Opened:
     if endpoint.transport == "udpin":
-        named, made = None, await _bound(endpoint.host, endpoint.port)
+        named, made = None, await bound_socket(endpoint.host, endpoint.port)
     else:
         found = await asyncio.get_running_loop().getaddrinfo(endpoint.host, endpoint.port)
         family, _, _, _, peer = found[0]
         named = (str(peer[0]), int(peer[1]))
-        made = await _bound("::" if len(peer) == 4 else "0.0.0.0", 0, family)
-    opened = _UdpSocket(made)
-    udp = _Udp(opened, on_bytes, strangers, named)
+        made = await bound_socket("::" if len(peer) == 4 else "0.0.0.0", 0, family)
+    opened = UdpSocket(made)
+    udp = UdpLink(opened, on_bytes, strangers, named)
     opened.deliver_to(udp.hear)
     return udp, opened.close
 
@@ -291,7 +167,7 @@ async def _open_udp(endpoint: Endpoint, on_bytes: OnBytes, strangers: _Strangers
 class _Tcp:
     """A TCP link: one connection at a time."""
 
-    def __init__(self, on_bytes: OnBytes, strangers: _Strangers) -> None:
+    def __init__(self, on_bytes: OnBytes, strangers: Strangers) -> None:
         self.on_bytes = on_bytes
         self._strangers = strangers
         self._transport: asyncio.Transport | None = None
@@ -374,7 +250,7 @@ class _TcpConnection(asyncio.Protocol):
             self._link.lost(self._transport)
 
 
-async def _open_tcp_client(endpoint: Endpoint, on_bytes: OnBytes, strangers: _Strangers) -> _Opened:
+async def _open_tcp_client(endpoint: Endpoint, on_bytes: OnBytes, strangers: Strangers) -> _Opened:
     loop = asyncio.get_running_loop()
     tcp = _Tcp(on_bytes, strangers)
 
@@ -399,7 +275,7 @@ async def _open_tcp_client(endpoint: Endpoint, on_bytes: OnBytes, strangers: _St
     return tcp, close
 
 
-async def _open_tcp_server(endpoint: Endpoint, on_bytes: OnBytes, strangers: _Strangers) -> _Opened:
+async def _open_tcp_server(endpoint: Endpoint, on_bytes: OnBytes, strangers: Strangers) -> _Opened:
     loop = asyncio.get_running_loop()
     tcp = _Tcp(on_bytes, strangers)
     server = await loop.create_server(lambda: _TcpConnection(tcp), endpoint.host, endpoint.port)
@@ -411,6 +287,6 @@ async def _open_tcp_server(endpoint: Endpoint, on_bytes: OnBytes, strangers: _St
     return tcp, close
 
 
-async def _open_serial(endpoint: Endpoint, on_bytes: OnBytes, _: _Strangers) -> _Opened:
+async def _open_serial(endpoint: Endpoint, on_bytes: OnBytes, _: Strangers) -> _Opened:
     port = SerialPort(endpoint.host, endpoint.port, on_bytes)
     return port, port.close
