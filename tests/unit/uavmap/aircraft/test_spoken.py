@@ -75,6 +75,7 @@ def test_control_characters_are_stripped() -> None:
 # --- told and kept -----------------------------------------------------------------------------
 def said_by(flight: Flight, *messages: Any) -> None:
     codec = mav.MAVLink(None, srcSystem=1, srcComponent=1)
+    codec.seq = flight.session.losses._last[1, 1]  # as the latest, and not overtaken
     for message in messages:
         flight.session.feed(message.pack(codec))
 
