@@ -24,7 +24,7 @@ from uavmap.runner import flight, one_flight, put_back
 from uavmap.runner.aircraft_side import in_this_process
 from uavmap.runner.before_flight import Preflight
 from uavmap.runner.flight_links import Link
-from uavmap.runner.one_flight import Company
+from uavmap.runner.operator.company import Company
 from uavmap.runner.preflight.plan_figures import plan_lines
 from uavmap.runner.preflight.saved_settings import FILE
 from uavmap.ui.cli.flight_options import not_flown
