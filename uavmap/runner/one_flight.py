@@ -80,7 +80,7 @@ class Flight:
         folder: Path,
         journal: Journal,
         state: State,
-        company: Company = Company(),
+        company: Company = Company(),  # noqa: B008 - frozen
         *,
         again: bool = False,
         found: Attachment | None = None,
