@@ -102,10 +102,13 @@ def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int
 
 
 def _current_mode(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    """The mode between heartbeats. An armed PX4 in another than was asked for is in a failsafe."""
+    """The mode between heartbeats. An armed PX4 in another than was asked for is in a failsafe.
+
+    One that waits in Hold, which was asked for, is in it still: only a heartbeat ends it.
+    """
     view.mode = message.custom_mode
-    if view.kind.tells_failsafe and message.intended_custom_mode:
-        view.failsafe = view.armed and message.intended_custom_mode != view.mode
+    if view.kind.tells_failsafe and message.intended_custom_mode not in (0, view.mode):
+        view.failsafe = view.failsafe or view.armed
 
 
 def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:
