@@ -129,7 +129,7 @@ class Commander(Aircraft):
         self.correction = correction
         self._flies_since_s: float | None = None
         self._home_up = 0.0  # of home when it took off
-        self._after_disarming = Px4Mode.HOLD
+        self._after_disarming = self._intended = Px4Mode.HOLD
         self._take_off_to: Wish = (None, None, None)  # asked for with NAV_TAKEOFF
         self._has_flown = False  # since it was armed
         self._climbs_first = False  # a mission that does not begin with a take-off
@@ -141,7 +141,7 @@ class Commander(Aircraft):
     @property
     def intended(self) -> Px4Mode:
         """The mode that somebody asked for, whatever a failsafe does meanwhile."""
-        return self._after_disarming if self.failsafes.engaged else self.mode
+        return self._intended if self.failsafes.engaged else self.mode
 
     @property
     def in_mission(self) -> bool:
@@ -263,6 +263,8 @@ class Commander(Aircraft):
         if self.in_mission:
             self.route.stop()
         self.mode = mode
+        if not self.failsafes.engaged:
+            self._intended = mode
         self._climbs_first = False
         self._leave_mode()
         if self.airborne:

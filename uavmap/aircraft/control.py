@@ -98,13 +98,16 @@ class Request:
 
 
 class Beat(NamedTuple):
-    """What a heartbeat reports, and when it was heard."""
+    """What HEARTBEAT or CURRENT_MODE reports, and when it was heard."""
 
     mode: int
     armed: bool
     failsafe: bool
     """Whether a failsafe flies."""
     t_s: float
+    landed_state: int | None = None
+    """Of CURRENT_MODE, which holds the mode alone: armed and failsafe are those of the heartbeat
+    before it, and this is the MAV_LANDED_STATE reported last."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,8 +205,10 @@ class Control:
         )  # fmt: skip
 
     def heard(self, kind: Autopilot, beat: Beat) -> Control:
-        """The control after a heartbeat."""
-        mode, armed, failsafe, now_s = beat
+        """The control after a report of the mode."""
+        if self._waits_for_heartbeat(kind, beat):
+            return replace(self, heard_s=float("-inf"))
+        mode, armed, failsafe, now_s, _ = beat
         before, was_armed = self.mode, self.armed
         turned = before is not None and mode != before
         now = self.noted(beat)
@@ -232,6 +237,16 @@ class Control:
             return replace(now, holder=Holder.PILOT, taken_on_ground=True)
         pending = request is not None and not request.confirmed
         return now if pending else replace(now, request=None)
+
+    def _waits_for_heartbeat(self, kind: Autopilot, beat: Beat) -> bool:
+        """Whether a mode can be judged only together with what a heartbeat reports.
+
+        A PX4 goes into Hold when it disarms after a landing, and in a failsafe that waits.
+        """
+        if beat.landed_state is None or beat.mode != kind.follows or beat.mode == self.mode:
+            return False
+        lands = self.mode in (kind.rtl, kind.land)
+        return not self.is_ours or (lands and beat.landed_state not in _OFF_GROUND)
 
     def connected(self, kind: Autopilot, *, resumed: bool) -> Control:
         """The control when a link was opened, or is back, by the mode just reported.

@@ -91,8 +91,10 @@ class Monitor:
         """Look at the vehicle after a message of it."""
         name = message.get_type()
         before = self.control
-        if name in ("HEARTBEAT", "CURRENT_MODE"):
-            self._watch_mode()
+        if name == "HEARTBEAT" and message.get_srcComponent() == self._view.autopilot_component:
+            self._watch_mode(None)
+        elif name == "CURRENT_MODE":
+            self._watch_mode(self._view.landed_state)
         elif name == "COMMAND_ACK":
             self._hear_acknowledgement(message)
         elif name == "ATTITUDE":
@@ -143,15 +145,17 @@ class Monitor:
             self._scopes.discard(scope)
 
     # --- control -----------------------------------------------------------------------------
-    def _watch_mode(self) -> None:
+    def _watch_mode(self, landed_state: int | None) -> None:
         """The pilot has the last word: a mode that we did not ask for ends our say.
 
         On the ground, too: who turns the switch away while we wait to take off means it.
+        `landed_state`: None where a heartbeat reports the mode.
         """
         view, before = self._view, self.control
         if view.mode is None:
             return
-        beat = Beat(view.mode, view.armed, view.failsafe, self._reporter.loop_s())
+        now_s = self._reporter.loop_s()
+        beat = Beat(view.mode, view.armed, view.failsafe, now_s, landed_state)
         if self.met:
             control = before.heard(view.kind, beat)
         else:  # an earlier process may have left it returning or landing

@@ -13,6 +13,8 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+import uavmap.mavlink.dialect  # noqa: F401 - adds messages to the table below
+
 Message = Any
 
 _CLASSES: Final = {made.msgname: made for made in mav.mavlink_map.values()}
