@@ -123,32 +123,10 @@ def found_in_offboard(body: Callable[[Flight], Coroutine[Any, Any, None]], made:
     return flight
 
 
-<<<<<<< HEAD
-async def found_in_offboard(flight: Flight) -> None:
-    """Connected while the PX4 stands disarmed in OFFBOARD, as a failsafe has left it."""
-    flight.to_driver = flight.to_vehicle = silence
-    await flight.sees(LinkLost, within_s=6.0)
-    flight.driver.give(StandDown())
-    pilot_mode(flight, Px4Mode.OFFBOARD)
-    flight.to_driver = flight.to_vehicle = lambda message: True
-    connected = await flight.sees(Connected, 2, within_s=5.0)
-    assert connected.ours
-    await asyncio.sleep(3.0)
-
-
-@by(fly, on_px4)
-async def test_px4_left_in_offboard_by_a_failsafe_takes_off_again(
-    flight: Flight, /, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A real PX4 stood disarmed in OFFBOARD and was "not ready to arm" as often as resumed."""
-    checks_need_setpoints(flight, monkeypatch, Px4Mode.OFFBOARD)
-    await found_in_offboard(flight)
-=======
 @by(found_in_offboard, on_px4)
 async def test_px4_left_in_offboard_by_a_failsafe_takes_off_again(flight: Flight, /) -> None:
     """A real PX4 stood disarmed in OFFBOARD and was "not ready to arm" as often as resumed."""
     await asyncio.sleep(3.0)
->>>>>>> air-sitl
     assert not flight.session.view.prearm_ok
     await flight.after(TakeOff(UP_M), Airborne, within_s=60.0)
     assert flight.vehicle.truth.mode == Px4Mode.HOLD
@@ -158,13 +136,8 @@ async def test_px4_left_in_offboard_by_a_failsafe_takes_off_again(flight: Flight
 async def test_wait_for_the_checks_before_arming_names_the_mode(
     flight: Flight, /, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-<<<<<<< HEAD
-    checks_need_setpoints(flight, monkeypatch, Px4Mode.OFFBOARD, Px4Mode.HOLD)
-    await found_in_offboard(flight)
-=======
     await asyncio.sleep(3.0)
     monkeypatch.setattr(type(flight.vehicle._ap), "prearm_refusal", lambda ap: "a check fails")
->>>>>>> air-sitl
     failed = await flight.after(TakeOff(UP_M), OrderFailed, within_s=150.0)
     assert "not ready to arm within 120 s, in HOLD" in failed.reason
     assert any("waits for the checks before arming, in HOLD" in line for line in flight.said)
