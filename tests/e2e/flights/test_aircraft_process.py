@@ -122,7 +122,7 @@ def test_setpoints_go_on_while_the_mission_process_stands_still(tmp_path: Path) 
         Relay(int(urls[0].rsplit(":", 1)[1])) as relay,
         started(
             "fly", mission("speck"), "--connect", relay.url, "--auto-swap", "--json",
-            "--out", folder,
+            "--strategy", "swath", "--out", folder,
         ) as process,
     ):  # fmt: skip
         under_way(process, folder)
