@@ -104,11 +104,11 @@ def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int
 def _current_mode(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     """The mode between heartbeats. An armed PX4 in another than was asked for is in a failsafe.
 
-    One that waits in Hold, which was asked for, is in it still: only a heartbeat ends it.
+    So is one whose heartbeat says so, until the next: it may wait in Hold, which was asked for.
     """
-    view.mode = message.custom_mode
-    if view.kind.tells_failsafe and message.intended_custom_mode not in (0, view.mode):
-        view.failsafe = view.failsafe or view.armed
+    view.mode, intended = message.custom_mode, message.intended_custom_mode
+    if view.kind.tells_failsafe and intended:
+        view.failsafe = view.armed and (view.critical or intended != view.mode)
 
 
 def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:
