@@ -105,16 +105,15 @@ def _current_mode(view: VehicleView, message: Message, now_s: float, component: 
     """The mode between heartbeats. An armed PX4 in another than was asked for is in a failsafe.
 
     Two things only a heartbeat can say: whether one that holds after a return or a landing was
-    turned to that or has disarmed, and whether one that was asked to hold now waits for a failsafe.
+    turned to that or has disarmed, and whether one in a failsafe waits in Hold, which was asked
+    for.
     """
     mode, kind = message.custom_mode, view.kind
-    holds = mode == kind.follows
-    if holds and view.mode in (kind.rtl, kind.land):
+    if mode == kind.follows and view.mode in (kind.rtl, kind.land):
         return
     view.mode = mode
     if kind.tells_failsafe and message.intended_custom_mode:
-        waits = holds and view.failsafe
-        view.failsafe = view.armed and (message.intended_custom_mode != mode or waits)
+        view.failsafe = view.armed and (view.critical or message.intended_custom_mode != mode)
 
 
 def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from tests.unit.uavmap.aircraft.control_tables import BEGIN, END, PAGE, tables
 from uavmap.aircraft.control import LATE_S, AirState, Beat, Control, Holder, Request
@@ -88,3 +91,42 @@ def test_control_found_in_the_air_is_ours_by_its_mode(
 ) -> None:
     found = Control(air=AirState.AIRBORNE).noted(Beat(mode, True, False, 1.0))
     assert found.connected(ARDUPILOT, resumed=resumed).holder is holder
+
+
+STANDS, LANDING = mav.MAV_LANDED_STATE_ON_GROUND, mav.MAV_LANDED_STATE_LANDING
+HOLD = PX4.follows
+
+
+def lands(mode: int, holder: Holder) -> Control:
+    confirmed = Request(mode, 0.0, confirmed=True) if holder is Holder.OURS else None
+    return Control(
+        air=AirState.LANDING, mode=mode, armed=True, heard_s=9.0, request=confirmed, holder=holder
+    )
+
+
+@pytest.mark.parametrize("mode", [PX4.rtl, PX4.land])
+@pytest.mark.parametrize("holder", [Holder.OURS, Holder.PILOT, Holder.FAILSAFE])
+def test_px4_that_disarms_into_hold_is_judged_by_its_heartbeat(mode: int, holder: Holder) -> None:
+    """CURRENT_MODE reports Hold up to a second before a heartbeat reports the motors off: it was
+    taken for a pilot's, and where a pilot or a failsafe had landed it, for given back.
+    """
+    told = lands(mode, holder).heard(PX4, Beat(HOLD, True, False, 9.1, STANDS))
+    assert told.holder is holder
+    assert not told.knows_mode(9.1)  # and no mode is commanded until then
+    assert told.heard(PX4, Beat(HOLD, False, False, 9.9)).holder is holder
+
+
+@pytest.mark.parametrize("mode", [PX4.rtl, PX4.land])
+def test_pilots_hold_in_a_landing_is_his_at_once_and_given_back_by_a_heartbeat(mode: int) -> None:
+    ours = lands(mode, Holder.OURS)
+    assert ours.heard(PX4, Beat(HOLD, True, False, 9.1, LANDING)).holder is Holder.PILOT
+    told = lands(mode, Holder.PILOT).heard(PX4, Beat(HOLD, True, False, 9.1, LANDING))
+    assert told.holder is Holder.PILOT
+    assert told.heard(PX4, Beat(HOLD, True, False, 9.9)).holder is Holder.OURS
+
+
+def test_another_mode_in_current_mode_is_the_pilots_at_once() -> None:
+    flying = replace(lands(PX4.stream_mode, Holder.OURS), air=AirState.AIRBORNE)
+    for mode in (HOLD, 3 << 16, PX4.rtl):
+        for state in (STANDS, LANDING):
+            assert flying.heard(PX4, Beat(mode, True, False, 9.1, state)).holder is Holder.PILOT

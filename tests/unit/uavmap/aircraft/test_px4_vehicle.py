@@ -238,6 +238,18 @@ async def test_a_link_that_is_lost_and_comes_back(
 
 
 @by(fly, on_px4)
+async def test_the_heartbeat_of_a_camera_reports_no_mode(flight: Flight, /) -> None:
+    """It came between two of the autopilot, and the mode of before counted as reported just now."""
+    await flying(flight)
+    flight.to_driver = silence
+    await asyncio.sleep(1.0)
+    camera = mav.MAVLink(None, 1, mav.MAV_COMP_ID_CAMERA)
+    beat = mav.MAVLink_heartbeat_message(mav.MAV_TYPE_CAMERA, mav.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
+    flight.session.feed(beat.pack(camera))
+    assert not flight.driver._monitor.control.knows_mode(asyncio.get_running_loop().time())
+
+
+@by(fly, on_px4)
 async def test_a_refused_arming_is_said_with_its_reason(flight: Flight, /) -> None:
     flight.vehicle._ap.arm = lambda force=False: "Arming denied! Compass"
     failed = await flight.after(TakeOff(UP_M), OrderFailed, within_s=200.0)

@@ -299,6 +299,11 @@ async def test_current_mode_shows_mode_and_failsafe_between_heartbeats() -> None
         assert view.mode_name == words
     peer.session.feed(peer.frame(CurrentModeMessage(ALTITUDE, ALTITUDE, 0)))
     assert view.mode_name == "ALTITUDE"
+    peer.session.feed(peer.frame(px4(HOLD, failsafe=True)))
+    peer.session.feed(peer.frame(CurrentModeMessage(HOLD, HOLD, 0)))
+    assert view.mode_name == "HOLD by a failsafe"
+    peer.session.feed(peer.frame(px4()))
+    peer.session.feed(peer.frame(CurrentModeMessage(ALTITUDE, ALTITUDE, 0)))
     peer.session.feed(peer.frame(CurrentModeMessage(77_777, OFFBOARD, 0)))
     peer.session.feed(peer.frame(CurrentModeMessage(RTL, OFFBOARD, 0), component=100))
     assert view.mode_name == "ALTITUDE"

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from uavmap.output.facts.boundary_summary import FILE as BOUNDARY
+from uavmap.output.facts.boundary_model import FILE as BOUNDARY
 
 from tests.support.photographs import dji
 from tests.support.small_missions import START, ring, square
