@@ -334,8 +334,8 @@ class VehicleView:
     def grounded_by(self) -> str:
         """What its autopilot reports with which no mission is flown, in words; empty if nothing.
 
-        The state CRITICAL alone is none of these: a radio that is lost reports it, too, and no fresh
-        battery would end it.
+        The state CRITICAL alone is none of these: a lost radio has it, too, and no fresh battery
+        would end it.
         """
         if self.battery_low:
             return f"its autopilot reports its battery as {self.battery_low}"

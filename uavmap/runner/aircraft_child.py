@@ -114,7 +114,7 @@ class AircraftChild:
         except UavmapError as error:
             self._send(ended_by(error, (), str(error)))
             until_s = time.monotonic() + START_WALL_S
-            while self._writer is None and time.monotonic() < until_s:
+            while not self._met and time.monotonic() < until_s:
                 await wall_sleep(BEAT_WALL_S, self._speedup)
         finally:
             if watching is not None:

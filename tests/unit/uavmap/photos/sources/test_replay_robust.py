@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from uavmap.output.facts.boundary_model import FILE as BOUNDARY
 
 from tests.support.photographs import dji
 from tests.support.small_missions import START, ring, square
 from tests.unit.uavmap.base.test_pictures import png
 from tests.unit.uavmap.photos.test_replay import GRID, HEIGHT, WIDTH, geotag, paint, shot
 from uavmap.load.mission_source import mission_of_text
+from uavmap.output.facts.boundary_model import FILE as BOUNDARY
 from uavmap.photos import scratch_file
 from uavmap.photos.mission_from_photos import derived
 from uavmap.photos.registration import refined_pictures
