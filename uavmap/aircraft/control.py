@@ -29,6 +29,8 @@ LATE_S: Final = 3.0
 """Time for which an earlier request, never confirmed, may still be carried out, s."""
 PUT_BACK_S: Final = 0.5
 """Time after an acknowledged request from which the mode before it is the pilot's, s."""
+ARMED_S: Final = 1.0
+"""Time after NAV_TAKEOFF from which a heartbeat without motors ends the take-off, s."""
 LIFT_S: Final = 12.0
 """Maximum time from an accepted take-off to leaving the ground, s."""
 
@@ -337,8 +339,11 @@ def _air_after(control: Control, ground: Ground, kind: Autopilot, now_s: float) 
     if ground.off(air):
         lands = control.mode == kind.land
         return AirState.LANDING if lands else AirState.AIRBORNE
+    if air is AirState.TAKING_OFF:
+        # its arming may be reported later than it was acknowledged
+        stands = ground.stands and control.heard_s - control.took_off_s > ARMED_S
+        down = ground.on and now_s - control.took_off_s > LIFT_S
+        return AirState.ON_GROUND if stands or down else air
     if ground.stands:
-        return AirState.ON_GROUND
-    if ground.on and air is AirState.TAKING_OFF and now_s - control.took_off_s > LIFT_S:
         return AirState.ON_GROUND
     return AirState.ON_GROUND if ground.on and air is AirState.UNKNOWN else air

@@ -32,7 +32,8 @@ from missions.units import Cell, GridPoint
 from uavmap.aircraft.control import AirState
 from uavmap.aircraft.controlled_commands import ControlledCommands
 from uavmap.aircraft.guardian.monitor import Monitor
-from uavmap.aircraft.imaging.imaging import CameraDriver, Frames
+from uavmap.aircraft.imaging.frames import Frames
+from uavmap.aircraft.imaging.imaging import CameraDriver
 from uavmap.aircraft.map_navigation import Navigation
 from uavmap.aircraft.pad import MODE_S, Crew, Pad, insist
 from uavmap.aircraft.path_stream import PathStream

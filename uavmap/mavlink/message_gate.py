@@ -20,7 +20,12 @@ TELL_EVERY_S: Final = 10.0
 AREA_M: Final = 100_000.0
 """Farther from the mission nothing is a position of one of its vehicles."""
 HOME_M: Final = 50_000.0
-_EXPECTED: Final = (NO_FIX, OLDER)
+OVERTAKEN_S: Final = 2.0
+"""Time after which a frame with a lower number is of a vehicle that restarted, s."""
+OVERTAKEN: Final = "overtaken on its way"
+_STATES: Final = frozenset({"HEARTBEAT", "CURRENT_MODE", "EXTENDED_SYS_STATE"})
+"""Messages without a time of their own whose latest one counts."""
+_EXPECTED: Final = (NO_FIX, OLDER, OVERTAKEN)
 """What is counted, but no news to anybody."""
 
 
@@ -41,6 +46,8 @@ class Gate:
     camera_clock: CameraClock = field(default_factory=CameraClock)
     track: Track = field(default_factory=Track)
     _told_s: dict[str, float] = field(default_factory=dict)
+    _numbers: dict[tuple[int, str], tuple[int, float]] = field(default_factory=dict)
+    """Number of the latest frame, and when it was heard, by component and kind."""
 
     def admits(self, message: Message, sender: frozenset[Sender], now_s: float) -> bool:
         """Whether a message of our vehicle, said by such a component, may be believed."""
@@ -51,6 +58,8 @@ class Gate:
         fault = rule.fault(message) if rule.sender in sender else f"not said by {rule.sender.value}"
         if fault is None and kind == "GLOBAL_POSITION_INT":
             fault = self._position_fault(message, now_s)
+        elif fault is None and kind in _STATES and self._is_overtaken(message, now_s):
+            fault = OVERTAKEN
         elif fault is None and kind == "HOME_POSITION":
             fault = self._home_fault(message)
         if fault is None:
@@ -105,6 +114,15 @@ class Gate:
                 "stays there: it is believed now"
             )
         return fault
+
+    def _is_overtaken(self, message: Message, now_s: float) -> bool:
+        """Whether a later one of its kind has come before: what it says was before that."""
+        key, number = (message.get_srcComponent(), message.get_type()), message.get_seq()
+        last, heard_s = self._numbers.get(key, (number, now_s))
+        if now_s - heard_s < OVERTAKEN_S and (number - last) % 256 >= 128:
+            return True
+        self._numbers[key] = number, now_s
+        return False
 
     def _home_fault(self, message: Message) -> str | None:
         home = LatLon(message.latitude / 1e7, message.longitude / 1e7)

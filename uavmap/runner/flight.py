@@ -44,7 +44,8 @@ from uavmap.mavlink.links.urls import parse_url
 from uavmap.runner.aircraft_process import taken_over
 from uavmap.runner.before_flight import KEEP_FENCE
 from uavmap.runner.flight_links import cameras_of, check_urls
-from uavmap.runner.one_flight import KEEP_FRAMES, Company, Flight, written_results
+from uavmap.runner.one_flight import KEEP_FRAMES, Flight, written_results
+from uavmap.runner.operator.company import Company
 from uavmap.runner.operator.onlooker import folded
 from uavmap.runner.put_back import is_left_set, put_back
 

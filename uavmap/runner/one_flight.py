@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Awaitable, Callable, Coroutine, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Coroutine, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -34,19 +33,19 @@ from uavmap.journal.telemetry_log import TlogWriter
 from uavmap.output.write_results import flown_flight, write_results
 from uavmap.runner.aircraft_process import AircraftProcess, Attachment, Connection
 from uavmap.runner.aircraft_side import in_this_process
-from uavmap.runner.before_flight import Preflight, kept_fence
+from uavmap.runner.before_flight import kept_fence
 from uavmap.runner.flight_links import (
     Link,
     mavlink_link,
 )
 from uavmap.runner.ground_service import GroundService
-from uavmap.runner.operator.caller import Caller
+from uavmap.runner.operator.company import Company
 from uavmap.runner.operator.flight_keys import Keys
 from uavmap.runner.operator.ground_crew import Crew, EnterKey, Operator, all_wait
 from uavmap.runner.operator.interrupts import interrupts, leave_map, like_control_c, patiently
 from uavmap.runner.operator.keyboard import keyboard
 from uavmap.runner.operator.last_flights import doubts, say_last_known
-from uavmap.runner.operator.onlooker import Keepers, Onlooker
+from uavmap.runner.operator.onlooker import Keepers
 from uavmap.runner.service import Service
 from uavmap.runner.vehicles import judge_of, numbers_of
 
@@ -58,26 +57,6 @@ KEEP_FRAMES: Final = "keep_frames"
 """In the journal's meta: whether the pictures of the flight are kept
 (`uavmap.journal.kept_frames`).
 """
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Company:
-    """The people beside a flight, and what looks on.
-
-    Attributes:
-        onlookers: See the flight, and pass on orders to real aircraft.
-        preflight: What is examined, asked and set before real aircraft take off; None for a flight
-            that is simulated or resumed.
-        caller: Interrupts a flight that does not run in the program's main thread.
-        ask: Puts a question to the operator, where there is one.
-        recall: Whether vehicles in the air are only brought home.
-    """
-
-    onlookers: Sequence[Onlooker] = ()
-    preflight: Preflight | None = None
-    caller: Caller | None = None
-    ask: Callable[[str], bool] | None = None
-    recall: bool = False
 
 
 class Flight:
@@ -101,7 +80,7 @@ class Flight:
         folder: Path,
         journal: Journal,
         state: State,
-        company: Company = Company(),
+        company: Company = Company(),  # noqa: B008 - frozen
         *,
         again: bool = False,
         found: Attachment | None = None,
@@ -242,7 +221,7 @@ class Flight:
                 Keepers([*([keeper] if keeper else ()), *company.onlookers]),
                 recall=company.recall,
             ),
-            reports.put_nowait, reports.join, crew.swap, answered_by(Operator()),
+            reports.put_nowait, reports.join, crew.swap, Operator().ask,
         )  # fmt: skip
         marks = Marks(self._journal, lambda: read_clocks(port.since_boot_s)) if real else None
         member = None
@@ -386,15 +365,6 @@ def _simulated(world: Simulation, index: int, log: TlogWriter) -> Link:
     """The link to a vehicle of the simulator."""
     session = world.open_session(index, log.record)
     return mavlink_link(world.names()[index], session, world.fetch)
-
-
-def answered_by(operator: Operator) -> Callable[[str], Awaitable[bool | None]]:
-    """What puts a question to the operator at the terminal; None where there is none."""
-
-    async def ask(question: str) -> bool | None:
-        return None if operator.absent else await operator.agrees(question)
-
-    return ask
 
 
 def written_results(

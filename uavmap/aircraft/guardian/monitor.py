@@ -184,7 +184,7 @@ class Monitor:
             )
 
     def _hear_acknowledgement(self, ack: Message) -> None:
-        """The autopilot says that it has changed the mode: to land, return or follow a stream.
+        """The autopilot's word that it lands, returns or follows a stream.
 
         A PX4 acknowledges DO_SET_MODE twice: unseen, and when its commander has done it.
         """

@@ -67,6 +67,10 @@ class Operator:
         _PREFLIGHT.info(question)
         return (await read_line(self._stream)).strip().lower() in ("y", "yes")
 
+    async def ask(self, question: str) -> bool | None:
+        """Ask as `agrees` does; None where nobody will ever answer."""
+        return None if self.absent else await self.agrees(question)
+
     async def entered(self) -> bool:
         """Wait for a line; False when the terminal is gone."""
         forget_typed(self._stream)

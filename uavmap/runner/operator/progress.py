@@ -130,10 +130,6 @@ class ProgressTable(Onlooker):
             for change in self._unexplained.values():
                 self._show_news(change, self._state)
         self._unexplained.clear()
-        if self._state is not None:
-            for change in self._unexplained.values():
-                self._show_news(change, self._state)
-        self._unexplained.clear()
         if self._live is not None:
             self._terminal.write(self._live.stop)
             self._live = None

@@ -28,8 +28,8 @@ from uavmap.runner import flight
 from uavmap.runner.before_flight import Preflight
 from uavmap.runner.flight import planned
 from uavmap.runner.ground_survey import with_ground
-from uavmap.runner.one_flight import Company
 from uavmap.runner.operator.caller import Caller
+from uavmap.runner.operator.company import Company
 from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.runner.operator.progress import ProgressTable
 from uavmap.runner.preflight.plan_figures import plan_lines

@@ -31,7 +31,9 @@ END: Final = "<!-- end of the tables -->"
 GUIDED, LOITER, RTL, LAND = ARDUPILOT.follows, 5, ARDUPILOT.rtl, ARDUPILOT.land
 NOW_S: Final = PUT_BACK_S + 0.1
 
-FLYING: Final = Control(air=AirState.AIRBORNE, mode=GUIDED, armed=True)
+FLYING: Final = Control(
+    air=AirState.AIRBORNE, mode=GUIDED, armed=True, heard_s=LIFT_S, took_off_s=0.0
+)
 ASKED: Final = replace(FLYING, request=Request(RTL, 0.0, before=GUIDED))
 """It flies in GUIDED, and RTL was asked for."""
 SEEN: Final = replace(FLYING, mode=RTL, request=Request(RTL, 0.0, confirmed=True))
@@ -98,7 +100,7 @@ STEPS: Final[tuple[tuple[str, Callable[[Control], Control]], ...]] = (
 
 def air_after(step: Callable[[Control], Control], air: AirState) -> AirState:
     """The state of flight after a step, of a vehicle that took off at 0 s."""
-    return step(replace(FLYING, air=air, took_off_s=0.0)).air
+    return step(replace(FLYING, air=air)).air
 
 
 def tables() -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 import pytest
@@ -39,8 +40,11 @@ from tests.support.flights import (
     looking,
     small_mission,
     to,
+    under_way,
 )
 from tests.support.running import by
+from tests.support.scenarios import into
+from uavmap.base.clock import VirtualClock, run
 
 HEARTBEAT_S = 1.1
 
@@ -105,47 +109,35 @@ async def test_home_that_moves_on_arming_is_no_surprise(flight: Flight, /) -> No
     assert not flight.seen(OrderFailed)
 
 
-def checks_need_setpoints(flight: Flight, monkeypatch: pytest.MonkeyPatch, *modes: Px4Mode) -> None:
-    """Have the checks before arming fail in modes, as a real PX4's do in OFFBOARD."""
-    ap: Any = flight.vehicle._ap
-    refusal = type(ap).prearm_refusal
-    monkeypatch.setattr(
-        type(ap),
-        "prearm_refusal",
-        lambda ap: "no offboard signal" if ap.mode in modes and not ap.armed else refusal(ap),
-    )
+def found_in_offboard(body: Callable[[Flight], Coroutine[Any, Any, None]], made: Mission) -> Flight:
+    """Run a test with a PX4 on the ground that an earlier process left in OFFBOARD."""
+    flight = Flight(made)
+    flight.vehicle.step(6.0)
+    into(flight.vehicle, Px4Mode.OFFBOARD)
+
+    async def main() -> None:
+        async with under_way(flight):
+            await body(flight)
+
+    run(main(), VirtualClock())
+    return flight
 
 
-async def found_in_offboard(flight: Flight) -> None:
-    """Connected while the PX4 stands disarmed in OFFBOARD, as a failsafe has left it."""
-    flight.to_driver = flight.to_vehicle = silence
-    await flight.sees(LinkLost, within_s=6.0)
-    flight.driver.give(StandDown())
-    pilot_mode(flight, Px4Mode.OFFBOARD)
-    flight.to_driver = flight.to_vehicle = lambda message: True
-    connected = await flight.sees(Connected, 2, within_s=5.0)
-    assert connected.ours
-    await asyncio.sleep(3.0)
-
-
-@by(fly, on_px4)
-async def test_px4_left_in_offboard_by_a_failsafe_takes_off_again(
-    flight: Flight, /, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@by(found_in_offboard, on_px4)
+async def test_px4_left_in_offboard_by_a_failsafe_takes_off_again(flight: Flight, /) -> None:
     """A real PX4 stood disarmed in OFFBOARD and was "not ready to arm" as often as resumed."""
-    checks_need_setpoints(flight, monkeypatch, Px4Mode.OFFBOARD)
-    await found_in_offboard(flight)
+    await asyncio.sleep(3.0)
     assert not flight.session.view.prearm_ok
     await flight.after(TakeOff(UP_M), Airborne, within_s=60.0)
     assert flight.vehicle.truth.mode == Px4Mode.HOLD
 
 
-@by(fly, on_px4)
+@by(found_in_offboard, on_px4)
 async def test_wait_for_the_checks_before_arming_names_the_mode(
     flight: Flight, /, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    checks_need_setpoints(flight, monkeypatch, Px4Mode.OFFBOARD, Px4Mode.HOLD)
-    await found_in_offboard(flight)
+    await asyncio.sleep(3.0)
+    monkeypatch.setattr(type(flight.vehicle._ap), "prearm_refusal", lambda ap: "a check fails")
     failed = await flight.after(TakeOff(UP_M), OrderFailed, within_s=150.0)
     assert "not ready to arm within 120 s, in HOLD" in failed.reason
     assert any("waits for the checks before arming, in HOLD" in line for line in flight.said)

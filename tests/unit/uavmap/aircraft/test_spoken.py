@@ -75,6 +75,7 @@ def test_control_characters_are_stripped() -> None:
 # --- told and kept -----------------------------------------------------------------------------
 def said_by(flight: Flight, *messages: Any) -> None:
     codec = mav.MAVLink(None, srcSystem=1, srcComponent=1)
+    codec.seq = flight.session.losses._last[1, 1]  # as the latest, and not overtaken
     for message in messages:
         flight.session.feed(message.pack(codec))
 
@@ -298,11 +299,21 @@ async def test_current_mode_shows_mode_and_failsafe_between_heartbeats() -> None
         assert view.mode_name == words
     peer.session.feed(peer.frame(CurrentModeMessage(ALTITUDE, ALTITUDE, 0)))
     assert view.mode_name == "ALTITUDE"
-    peer.session.feed(peer.frame(px4(HOLD, failsafe=True)))
-    peer.session.feed(peer.frame(CurrentModeMessage(HOLD, HOLD, 0)))
-    assert view.mode_name == "HOLD by a failsafe"
-    peer.session.feed(peer.frame(px4()))
-    peer.session.feed(peer.frame(CurrentModeMessage(ALTITUDE, ALTITUDE, 0)))
     peer.session.feed(peer.frame(CurrentModeMessage(77_777, OFFBOARD, 0)))
     peer.session.feed(peer.frame(CurrentModeMessage(RTL, OFFBOARD, 0), component=100))
     assert view.mode_name == "ALTITUDE"
+
+
+@by(on_virtual_time)
+async def test_current_mode_leaves_to_the_heartbeat_what_it_cannot_show() -> None:
+    """A PX4 that waits in HOLD for a failsafe (COM_FAIL_ACT_T), and was asked to hold, is in the
+    mode asked for.
+    """
+    peer = Peer()
+    view = peer.session.view
+    peer.session.feed(peer.frame(px4(HOLD, failsafe=True)))
+    peer.session.feed(peer.frame(CurrentModeMessage(HOLD, HOLD, 0)))
+    assert view.mode_name == "HOLD by a failsafe"
+    peer.session.feed(peer.frame(px4(HOLD)))
+    peer.session.feed(peer.frame(CurrentModeMessage(HOLD, HOLD, 0)))
+    assert view.mode_name == "HOLD"

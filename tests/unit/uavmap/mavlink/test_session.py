@@ -14,6 +14,7 @@ from missions.errors import CommandRefusedError, LinkError
 from tests.support.mavlink_peer import Message, Peer, ack, heartbeat, text
 from tests.support.running import by, on_virtual_time
 from uavmap.base.clock import VirtualClock, run
+from uavmap.mavlink.message_gate import OVERTAKEN_S
 from uavmap.mavlink.session import ACK_TRIES, ACK_WAIT_S, GROUND_SYSTEM_ID
 
 ARM = mav.MAV_CMD_COMPONENT_ARM_DISARM
@@ -327,8 +328,20 @@ async def test_damaged_frames_never_raise(peer: Peer, /) -> None:
             frame[int(at)] = int(rng.integers(0, 256))
         peer.session.feed(bytes(frame))
     peer.session.feed(bytes(600))
+    await asyncio.sleep(OVERTAKEN_S)  # so many frames do not come between two heartbeats
     peer.session.feed(peer.frame(heartbeat(9)))
     assert peer.session.view.mode == 9
+
+
+@by(conversation)
+async def test_heartbeat_overtaken_on_its_way_changes_nothing(peer: Peer, /) -> None:
+    """Over a link that reorders frames the mode of before would look like a pilot's."""
+    before, after = peer.frame(heartbeat(4)), peer.frame(heartbeat(9))
+    peer.session.feed(after)
+    peer.session.feed(before)
+    assert peer.session.view.mode == 9
+    peer.session.feed(peer.frame(heartbeat(6)))
+    assert peer.session.view.mode == 6
 
 
 @by(conversation)

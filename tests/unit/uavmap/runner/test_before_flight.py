@@ -19,7 +19,6 @@ from tests.support.running import by
 from uavmap.base.messages import shown_on
 from uavmap.mavlink.vehicle_view import EKF_ABSOLUTE, VehicleView
 from uavmap.runner.before_flight import BeforeFlight, Preflight
-from uavmap.runner.one_flight import answered_by
 from uavmap.runner.operator.ground_crew import Operator
 from uavmap.runner.preflight.finding import Finding, Level, bad, could_fly, warn
 from uavmap.runner.preflight.plan_figures import plan_lines
@@ -30,7 +29,7 @@ def before(
     field: Field, folder: Path, *, yes: bool = False, dry: bool = False, keep: bool = False
 ) -> BeforeFlight:
     wanted = Preflight(plan_lines, yes, dry, keep).asked(field.setting)
-    return BeforeFlight(wanted, field.setting, folder, field.links, answered_by(Operator()))
+    return BeforeFlight(wanted, field.setting, folder, field.links, Operator().ask)
 
 
 def real(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -200,7 +199,7 @@ async def test_a_flight_that_is_gone_on_with_asks_nothing(
     field: Field, /, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real(monkeypatch)
-    goes_on = BeforeFlight(None, field.setting, tmp_path, field.links, answered_by(Operator()))
+    goes_on = BeforeFlight(None, field.setting, tmp_path, field.links, Operator().ask)
     await goes_on.go()
     assert field.count(0, mav.MAV_MISSION_TYPE_FENCE) == 4
     await goes_on.restore()

@@ -14,15 +14,17 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.events import Airborne, Connected, Tracked
 from missions.units import GridPoint
 from tests.support.field import Field, mission_of
+from uavmap.aircraft.process.port import Port
 from uavmap.base.clock import VirtualClock
 from uavmap.base.messages import shown_on
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_options import FlightOptions
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.runner import flight, one_flight, put_back
+from uavmap.runner.aircraft_side import in_this_process
 from uavmap.runner.before_flight import Preflight
 from uavmap.runner.flight_links import Link
-from uavmap.runner.one_flight import Company
+from uavmap.runner.operator.company import Company
 from uavmap.runner.preflight.plan_figures import plan_lines
 from uavmap.runner.preflight.saved_settings import FILE
 from uavmap.ui.cli.flight_options import not_flown
@@ -43,9 +45,25 @@ def field(monkeypatch: pytest.MonkeyPatch) -> Field:
             yield made.links
             world.cancel()
 
+    class Here:
+        """The aircraft of a flight, in the process of the test."""
+
+        def __init__(self, plan: FlightPlan, folder: Path, *_: object, append: bool) -> None:
+            self.plan, self.folder = plan, folder
+
+        @contextlib.asynccontextmanager
+        async def connected(self, port: Port, begin: object) -> AsyncIterator[None]:
+            setting = self.plan.known_setting()
+            async with (
+                opened() as links,
+                in_this_process(port, self.plan, setting, self.folder, links),
+            ):
+                yield
+
+    monkeypatch.setattr(one_flight, "AircraftProcess", Here)
+    monkeypatch.setattr(put_back, "opened_links", opened)
     for module in (one_flight, put_back):
-        monkeypatch.setattr(module, "opened_links", opened)
-        monkeypatch.setattr(module, "ScaledClock", lambda speed: VirtualClock())
+        monkeypatch.setattr(module, "ScaledClock", lambda *_: VirtualClock())
     return made
 
 

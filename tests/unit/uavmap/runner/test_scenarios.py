@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.mission.checks import parse_mission
 from sitl.px4.modes import Px4Mode
+from sitl.vehicle import SimVehicle
 from tests.benchmarks.watched import mission_text
 from tests.support.scenarios import BOTH, after, command, flying, into, once, scenario
 
@@ -292,3 +293,21 @@ def test_a_forced_stop_of_the_motors_is_no_landing():
     )  # fmt: skip
     assert flight.code == 4
     assert flight.columns >= {"crash", "down"}
+
+
+def cut_at_take_off(vehicle: SimVehicle) -> bool:
+    """The link falls silent for good between NAV_TAKEOFF and the report that it has lifted off."""
+    if vehicle._ap.phase.name == "LANDED":
+        return False
+    vehicle.fail.link(silent=True)
+    return True
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_link_is_lost_at_take_off_the_flight_ends_when_its_battery_must_be_empty(
+    autopilot: str,
+) -> None:
+    """It was given up after 120 s, "on the ground", while it hovered in its layer."""
+    flight = scenario(autopilot, cut_at_take_off)
+    assert flight.code == 4, flight.line()
+    assert "longer than its battery can have lasted" in flight.said

@@ -8,7 +8,8 @@ from typing import Any, cast
 
 from missions.events import FrameLost
 from missions.units import Cell
-from uavmap.aircraft.imaging.imaging import MOST_WAITING, CameraDriver, Frames
+from uavmap.aircraft.imaging.frames import MOST_WAITING, Frames
+from uavmap.aircraft.imaging.imaging import CameraDriver
 from uavmap.base.clock import VirtualClock, run
 
 

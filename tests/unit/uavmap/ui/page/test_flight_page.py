@@ -19,7 +19,7 @@ from tests.support.said import Said
 from uavmap.base.messages import shown_on
 from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
 from uavmap.runner.flight import fly
-from uavmap.runner.one_flight import Company
+from uavmap.runner.operator.company import Company
 from uavmap.ui.page.board import Board
 from uavmap.ui.page.live import SIMULATED, FlightPage
 from uavmap.ui.page.page_pipe import Lines, Words

@@ -1,0 +1,247 @@
+"""The pictures of one order, as they are announced: each is looked at, or said to be lost."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Awaitable, Iterator
+from typing import TYPE_CHECKING, Final, Protocol
+
+from missions.errors import CommandRefusedError, ImageError, LinkError
+from missions.events import FrameLost
+from missions.units import Cell
+from uavmap.aircraft.cameras.source import Announcement
+
+if TYPE_CHECKING:
+    from uavmap.aircraft.imaging.imaging import CameraDriver
+
+PICTURE_WAIT_S: Final = 3.0
+"""A picture that is late by twice this is given up."""
+
+MOST_WAITING: Final = 4
+"""So many pictures of a stream may wait to be judged, before older ones are left out."""
+
+FIRST_ASK_S: Final = 1.5
+ASK_AGAIN_S: Final = 1.0
+"""An announcement that is so late is asked for, and so often again: a bad link loses those, too."""
+
+MOST_MISSING: Final = 20
+"""How many announcements are asked for again at once: a camera's count may jump."""
+
+
+@contextlib.contextmanager
+def suppressed_silence() -> Iterator[None]:
+    """Let a camera that does not answer pass, and one that refuses not."""
+    try:
+        yield
+    except CommandRefusedError:
+        raise
+    except LinkError:
+        pass
+
+
+class LookAt(Protocol):
+    """What is done with a picture that was announced."""
+
+    def __call__(
+        self, picture: Announcement, vantage: Cell | None, *, anywhere: bool
+    ) -> Awaitable[bool]:
+        """Return whether it counts. Raises `ImageError`, `LinkError`."""
+        ...
+
+
+class Frames:
+    """The pictures of one order, as they are announced.
+
+    `most` None: a stream, until it is stopped; else bursts, of so many in all. `anywhere`: judged
+    by all that they show.
+    """
+
+    def __init__(
+        self,
+        camera: CameraDriver,
+        look: LookAt,
+        most: int | None,
+        interval_s: float,
+        *,
+        anywhere: bool = False,
+    ) -> None:
+        self._camera = camera
+        self._look = look
+        self._anywhere = anywhere
+        self._most = most
+        self._interval_s = interval_s
+        self._announced: asyncio.Queue[Announcement] = asyncio.Queue()
+        self._next_index: int | None = None
+        self._seen: set[int] = set()
+        self._pending = 0
+        self._progress = asyncio.Event()
+        self._left_out = False
+        """Whether it was told that some pictures are left out."""
+        self._whole = True
+        """Whether all pictures of the present burst were announced so far."""
+        self.heard = 0
+        """How many pictures were announced."""
+        self.capturing = False
+
+    def announced(self, picture: Announcement) -> None:
+        """A picture was taken; ask for those between the last one and this."""
+        if picture.index is not None and not self._new(picture.index):
+            return
+        self._pending += 1
+        self.heard += 1
+        self._announced.put_nowait(picture)
+
+    def _new(self, index: int) -> bool:
+        """Whether a picture of this number was not announced before."""
+        if index in self._seen:
+            return False
+        if self._next_index is not None:
+            for missing in range(max(self._next_index, index - MOST_MISSING), index):
+                self._camera.ask_again(missing)
+        self._next_index = max(index + 1, self._next_index or 0)
+        self._seen.add(index)
+        return True
+
+    async def finish(self) -> None:
+        """Take no more, and wait until those announced are judged.
+
+        The first picture is waited for; then for each that is announced, as long as one after the
+        other is judged: a slow link takes its time, a dead one ends the wait.
+        """
+        if self.heard == 0:
+            await self._moved_on()
+        self._camera.stop()
+        self.capturing = False
+        while self._pending and await self._moved_on():
+            pass
+
+    @property
+    def interval_s(self) -> float:
+        """Between two pictures."""
+        return self._interval_s
+
+    async def go_on(self, interval_s: float) -> None:
+        """Take further pictures, at an interval, after `finish` or while they are taken."""
+        self._interval_s = interval_s
+        with suppressed_silence():
+            await self._camera.start(interval_s, 0)
+
+    async def _moved_on(self) -> bool:
+        """Whether another picture is judged, or lost, within the time for one."""
+        self._progress.clear()
+        try:
+            async with asyncio.timeout(self._interval_s + PICTURE_WAIT_S):
+                await self._progress.wait()
+        except TimeoutError:
+            return False
+        return True
+
+    def left_over(self) -> list[FrameLost]:
+        """The pictures that were announced and never judged: they are lost, and that is said."""
+        pending, self._pending = self._pending, 0
+        late = "it came too late: the pictures are fetched slower than they are taken"
+        return [self._camera.lost(late) for _ in range(pending)]
+
+    async def judged(self, vantage: Cell | None) -> AsyncIterator[FrameLost | None]:
+        """Have every picture judged, in the order of their coming; yield each that is lost.
+
+        None is yielded for one that was judged: the mission has it.
+        """
+        if self._most is None:
+            while True:
+                yield await self._streamed(vantage)
+        taken = 0
+        while taken < self._most:
+            count = min(self._camera.burst_size, self._most - taken)
+            try:
+                await self._camera.start(self._interval_s, count)
+            except CommandRefusedError:
+                raise
+            except LinkError as silence:  # the link may live, and the camera may wake up
+                taken += count
+                yield self._camera.lost(f"the camera is silent: {silence}")
+                continue
+            self._whole = True
+            for left in range(count, 0, -1):
+                taken += 1
+                yield await self._next(vantage, left)
+
+    async def _streamed(self, vantage: Cell | None) -> FrameLost | None:
+        """The next picture of a stream; when none comes for long, one is lost, and it is restarted.
+
+        A camera that restarted, or never heard the start, is silent for ever otherwise.
+        """
+        try:
+            async with asyncio.timeout(2.0 * self._interval_s + PICTURE_WAIT_S):
+                picture = await self._announced.get()
+        except TimeoutError:
+            if self.capturing:
+                self._camera.uncertain()
+                with suppressed_silence():
+                    await self._camera.start(self._interval_s, 0)
+            return self._camera.lost("the camera is silent: no picture was announced")
+        if self._anywhere and self._announced.qsize() >= MOST_WAITING:
+            picture = self._newest()
+            if not self._left_out:
+                self._left_out = True
+                self._announced.put_nowait(picture)
+                return self._camera.lost(
+                    "pictures are judged slower than they are taken: from now on some are left out"
+                )
+        return await self._looked_at(picture, vantage)
+
+    async def _looked_at(self, picture: Announcement, vantage: Cell | None) -> FrameLost | None:
+        """Have a picture judged; return it if it is lost."""
+        try:
+            await self._look(picture, vantage, anywhere=self._anywhere)
+        except (ImageError, LinkError) as error:
+            return self._camera.lost(str(error), picture)
+        finally:
+            self._judged()
+        return None
+
+    def _newest(self) -> Announcement:
+        """Of those that wait the last: older ones are left out, or the backlog would only grow."""
+        self._judged()
+        while self._announced.qsize() > 1:
+            self._announced.get_nowait()
+            self._judged()
+        return self._announced.get_nowait()
+
+    def _judged(self) -> None:
+        self._pending -= 1
+        self._progress.set()
+
+    async def _next(self, vantage: Cell | None, left: int) -> FrameLost | None:
+        """The next picture of a burst of which so many are left.
+
+        Its announcement is asked for until it is given up; where none was heard at all, nobody
+        knows what to ask for, and the burst is begun once more.
+        """
+        clock = asyncio.get_running_loop()
+        begin_s = clock.time()
+        due_s = begin_s + 2.0 * (self._interval_s + PICTURE_WAIT_S)
+        wait_s, again = self._interval_s + FIRST_ASK_S, False
+        while (left_s := due_s - clock.time()) > 0.0:
+            try:
+                async with asyncio.timeout(min(wait_s, left_s)):
+                    picture = await self._announced.get()
+            except TimeoutError:
+                wait_s = ASK_AGAIN_S
+                if self._next_index is not None:
+                    self._camera.ask_again(self._next_index)
+                elif not again and clock.time() - begin_s >= PICTURE_WAIT_S:
+                    again = True
+                    with suppressed_silence():
+                        await self._camera.start(self._interval_s, left)
+                continue
+            if left == 1:  # before the mission judges it, and gives another order
+                self.capturing = False
+                if self._whole:
+                    self._camera.ended()
+            return await self._looked_at(picture, vantage)
+        self._whole = False
+        if left == 1:
+            self.capturing = False
+        return self._camera.lost("a picture was ordered, but none was announced")
