@@ -104,16 +104,11 @@ def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int
 def _current_mode(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     """The mode between heartbeats. An armed PX4 in another than was asked for is in a failsafe.
 
-    Two things only a heartbeat can say: whether one that holds after a return or a landing was
-    turned to that or has disarmed, and whether one in a failsafe waits in Hold, which was asked
-    for.
+    So is one whose heartbeat says so, until the next: it may wait in Hold, which was asked for.
     """
-    mode, kind = message.custom_mode, view.kind
-    if mode == kind.follows and view.mode in (kind.rtl, kind.land):
-        return
-    view.mode = mode
-    if kind.tells_failsafe and message.intended_custom_mode:
-        view.failsafe = view.armed and (view.critical or message.intended_custom_mode != mode)
+    view.mode, intended = message.custom_mode, message.intended_custom_mode
+    if view.kind.tells_failsafe and intended:
+        view.failsafe = view.armed and (view.critical or intended != view.mode)
 
 
 def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:
