@@ -327,13 +327,11 @@ class VehicleView:
     def grounded_by(self) -> str:
         """What its autopilot reports with which no mission is flown, in words; empty if nothing.
 
-        A PX4 in a critical state flies by itself. Without satellites an ArduPilot may report it
-        while it is flown home by its pictures.
+        The state CRITICAL alone is none of these: a lost radio has it, and no fresh battery ends
+        it.
         """
         if self.battery_low:
             return f"its autopilot reports its battery as {self.battery_low}"
-        if self.critical and not self.kind.tells_failsafe and not self.by_dead_reckoning:
-            return "its autopilot reports the state CRITICAL"
         return ""
 
     def words_since(self, since_s: float) -> list[str]:
