@@ -42,14 +42,7 @@ from missions.mission.sections.fields import (
     TagDictionary,
     Vertex,
 )
-from missions.mission.sections.search_sections import (
-    Drift,
-    GuardianSection,
-    Search,
-    Team,
-    Votes,
-    Wind,
-)
+from missions.mission.sections.search_sections import Drift, Guardian, Search, Team, Votes, Wind
 from missions.mission.sections.sim_section import Sim
 from missions.mission.sections.terrain_section import TerrainSection, relief_in, terrain_in
 from missions.units import LatLon
@@ -245,7 +238,7 @@ class Mission(Section):
     wind: Wind = Wind()
     drift: Drift = Drift()
     team: Team = Team()
-    guardian: GuardianSection = GuardianSection()
+    guardian: Guardian = Guardian()
     navigation: NavigationSection = NavigationSection()
     vehicles: Annotated[
         tuple[VehicleSection, ...], Field(min_length=1, max_length=MAX_VEHICLES)

@@ -117,7 +117,7 @@ class Drift(Section):
     toward_deg: Degrees = 0.0
 
 
-class GuardianSection(Section):
+class Guardian(Section):
     """What the guardians of the aircraft do when the mission is gone."""
 
     orphan_hold_s: Annotated[Number, Field(ge=0, le=600)] = 20.0
