@@ -9,12 +9,15 @@ from collections.abc import Iterable
 from pathlib import Path
 
 
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file; a reader, or a crash, meets its old content or the new. Raises `OSError`."""
-    write_parts(path, (data,))
+def write_bytes(path: Path, data: bytes, *, private: bool = False) -> None:
+    """Write a file; a reader, or a crash, meets its old content or the new. Raises `OSError`.
+
+    `private`: only its owner can read it.
+    """
+    write_parts(path, (data,), private=private)
 
 
-def write_parts(path: Path, parts: Iterable[bytes]) -> None:
+def write_parts(path: Path, parts: Iterable[bytes], *, private: bool = False) -> None:
     """`write_bytes` of parts that are made as they are written, and are never all in memory."""
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
@@ -23,8 +26,8 @@ def write_parts(path: Path, parts: Iterable[bytes]) -> None:
                 file.write(part)
             file.flush()
             os.fsync(file.fileno())
-        # mkstemp makes files private; results are as readable as any other file
-        os.chmod(temporary, 0o666 & ~umask())
+        if not private:  # as mkstemp makes files; results are as readable as any other file
+            os.chmod(temporary, 0o666 & ~umask())
         os.replace(temporary, path)
     except BaseException:
         with contextlib.suppress(FileNotFoundError):
@@ -39,6 +42,6 @@ def umask() -> int:
     return mask
 
 
-def write_text(path: Path, text: str) -> None:
+def write_text(path: Path, text: str, *, private: bool = False) -> None:
     """`write_bytes` of a text in UTF-8."""
-    write_bytes(path, text.encode())
+    write_bytes(path, text.encode(), private=private)

@@ -18,6 +18,7 @@ import secrets
 import signal
 import sys
 import time
+from collections import deque
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,13 +26,14 @@ from missions.errors import LinkError, UavmapError
 from uavmap.aircraft.process import messages as say
 from uavmap.aircraft.process.port import ended_by
 from uavmap.base.atomic_write import write_text
-from uavmap.base.clock import MissionClock, ScaledClock, run
+from uavmap.base.clock import MissionClock, ScaledClock, run, wall_timeout
 from uavmap.base.messages import shown_on
 from uavmap.journal.flight_plan import TLOG, FlightPlan
 from uavmap.journal.telemetry_log import TlogWriter
 from uavmap.runner.aircraft_process import (
     ADDRESS,
     BEAT_WALL_S,
+    END_WALL_S,
     RECORD,
     SILENT_WALL_S,
     START_WALL_S,
@@ -62,6 +64,8 @@ class AircraftChild:
         """What was said before the mission connected."""
         self._waiting: list[say.Message] = []
         """What the mission sent before the links were open."""
+        self._unkept: deque[say.Happened] = deque()
+        """Events that were sent and are not in the journal, as far as is known."""
         self._met = self._over = False
         self._side: AircraftSide | None = None
         self._heard_s = time.monotonic()
@@ -76,15 +80,18 @@ class AircraftChild:
         port = server.sockets[0].getsockname()[1]
         address = Address(port, self._token, self._start_s, os.getpid()).as_json()
         path = self._folder / ADDRESS
-        path.touch(0o600)
-        write_text(path, address)
+        try:
+            write_text(path, address, private=True)
+        except OSError as error:  # which must not keep an aircraft in the air from this process
+            self.show(f"{path} cannot be written ({error.strerror}): no resume can take over")
         sys.stdout.write(address + "\n")
         sys.stdout.flush()
         try:
             with shown_on(self):
                 await self._flown()
         finally:
-            path.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                path.unlink()
             server.close()
             await self._closed()
 
@@ -96,7 +103,7 @@ class AircraftChild:
         plan = self._plan
         mission = plan.mission
         setting = plan.known_setting()
-        watching: asyncio.Task[None] | None = None
+        watching = asyncio.create_task(self._watch())
         try:
             cameras = cameras_of(plan.cameras, mission, plan.member)
             options = LinkOptions.of(plan)
@@ -109,7 +116,6 @@ class AircraftChild:
                     )
                     for message in self._waiting:
                         side.host.receive(message)
-                    watching = asyncio.create_task(self._watch(side))
                     await side.run()
         except UavmapError as error:
             self._send(ended_by(error, (), str(error)))
@@ -117,8 +123,7 @@ class AircraftChild:
             while not self._met and time.monotonic() < until_s:
                 await wall_sleep(BEAT_WALL_S, self._speedup)
         finally:
-            if watching is not None:
-                watching.cancel()
+            watching.cancel()
 
     def _log(self) -> TlogWriter:
         rate = 1.0 / self._speedup
@@ -141,17 +146,23 @@ class AircraftChild:
                             return
                     elif writer is self._writer:
                         self._heard_s = time.monotonic()
-                        if self._side is None:
+                        if isinstance(message, say.Beat):
+                            self._forget(message.kept)
+                        elif self._side is None:
                             self._waiting.append(message)
                         else:
                             self._side.host.receive(message)
         except (OSError, LinkError):
             pass
         finally:
+            writer.close()
             if writer is self._writer:
                 self._writer = None
+                if not self._over:
+                    for unkept in self._unkept:
+                        self._record(say.encode(unkept))
+                self._unkept.clear()
                 self._hold()
-            writer.close()
 
     def _meets(self, message: say.Attach, writer: asyncio.StreamWriter) -> bool:
         """Whether this mission has the aircraft from now on."""
@@ -179,43 +190,56 @@ class AircraftChild:
     def _send(self, message: say.Message) -> None:
         """Send a message, or write it down for the next mission."""
         self._over = self._over or isinstance(message, say.Ended)
-        if self._writer is not None and not self._writer.is_closing():
-            self._writer.write(say.encode(message))
+        if self._writer is not None:
+            if isinstance(message, say.Happened):
+                self._unkept.append(message)
+            if not self._writer.is_closing():
+                self._writer.write(say.encode(message))
         elif not self._met:
             self._early.append(message)
         elif not self._over and isinstance(message, say.Happened | say.Line):
-            with contextlib.suppress(OSError):  # a full disk must not keep an aircraft in the air
-                self._record(say.encode(message))
+            self._record(say.encode(message))
+
+    def _forget(self, serial: int) -> None:
+        """The mission has everything up to this number in its journal."""
+        while self._unkept and self._unkept[0].serial <= serial:
+            self._unkept.popleft()
 
     def _record(self, data: bytes) -> None:
-        file = os.open(self._folder / RECORD, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
-        try:
-            os.write(file, data)
-            os.fsync(file)
-        finally:
-            os.close(file)
+        """Write a message down, whole or not at all."""
+        with contextlib.suppress(OSError):  # a full disk must not keep an aircraft in the air
+            file = os.open(self._folder / RECORD, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+            try:
+                before = os.fstat(file).st_size
+                if os.write(file, data) < len(data):  # half a message hides all that follow
+                    os.ftruncate(file, before)
+                os.fsync(file)
+            finally:
+                os.close(file)
 
     # --- without a mission ----------------------------------------------------------------------
-    async def _watch(self, side: AircraftSide) -> None:
+    async def _watch(self) -> None:
         """Hold when the mission is silent; bring the vehicles home when it stays so."""
-        while not side.host.end.done():
+        while True:
             await wall_sleep(BEAT_WALL_S, self._speedup)
             silent_s = time.monotonic() - self._heard_s
+            side = self._side
             if self._writer is not None:
-                self._send(say.Beat(side.since_boot_s))
-                if silent_s > SILENT_WALL_S:
-                    self._writer.close()  # it connects again if it lives
-            elif silent_s > SILENT_WALL_S + self._hold_s:
+                self._send(say.Beat(None if side is None else side.since_boot_s))
+                if silent_s > SILENT_WALL_S and not (side is None or side.host.end.done()):
+                    # it connects again if it lives; one that reads nothing takes nothing more
+                    self._writer.transport.abort()
+            elif side is not None and silent_s > SILENT_WALL_S + self._hold_s:
                 side.host.receive(say.Finish(GONE))
 
     def _hold(self) -> None:
         """The mission is gone: hold."""
-        if self._side is not None and not self._side.host.end.done():
+        self._heard_s = time.monotonic() - SILENT_WALL_S
+        if self._side is not None and self._side.host.state == "flying":
             self.show(
                 f"{GONE} without a word: the vehicles hold for {self._hold_s:.0f} s, then they are "
                 f"brought home; `uavmap resume {self._folder}` takes them over"
             )
-            self._heard_s = time.monotonic() - SILENT_WALL_S
             self._side.host.hold()
 
     def _stopped(self) -> None:
@@ -226,10 +250,10 @@ class AircraftChild:
     async def _closed(self) -> None:
         """Send what is still to be sent."""
         if self._writer is not None:
-            with contextlib.suppress(OSError):
-                await self._writer.drain()
-                self._writer.close()
-                await self._writer.wait_closed()
+            with contextlib.suppress(OSError, TimeoutError):
+                async with wall_timeout(END_WALL_S):  # a mission that stands still reads nothing
+                    self._writer.close()
+                    await self._writer.wait_closed()
 
 
 def main() -> None:

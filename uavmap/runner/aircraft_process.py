@@ -13,8 +13,11 @@ import asyncio
 import contextlib
 import json
 import logging
+import os
+import signal
 import socket
 import time
+import traceback
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
@@ -24,10 +27,11 @@ from typing import Final
 from pydantic import TypeAdapter, ValidationError
 
 from missions.errors import LinkError
-from missions.events import Event
+from missions.events import Event, to_json
 from uavmap.aircraft.process import messages as say
-from uavmap.aircraft.process.port import Port
+from uavmap.aircraft.process.port import Port, ended_by
 from uavmap.base.child_process import Child
+from uavmap.base.clock import wall_timeout
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import FlightPlan
 
@@ -45,6 +49,8 @@ SILENT_WALL_S: Final = 5.0
 ATTACH_WALL_S: Final = 5.0
 END_WALL_S: Final = 5.0
 START_WALL_S: Final = 30.0
+TAKEN_IN_WALL_S: Final = 2.0
+"""Longest wait for what is in the record to be in the journal, real seconds."""
 STARTS: Final = 3
 """Number of times in a row that the process is started before the mission gives up."""
 _READ_BYTES: Final = 1 << 16
@@ -86,7 +92,8 @@ class Attachment:
 
 
 def attach(address: Address) -> tuple[say.Attached, Attachment] | None:
-    """Connect to a process of aircraft; None where it is gone."""
+    """Connect to a process of aircraft; None where it is gone. Raises `TimeoutError`."""
+    line = None
     try:
         line = socket.create_connection(("127.0.0.1", address.port), ATTACH_WALL_S)
         line.sendall(say.encode(say.Attach(say.VERSION, address.token)))
@@ -95,8 +102,14 @@ def attach(address: Address) -> tuple[say.Attached, Attachment] | None:
             for message in decoder.feed(data):
                 if isinstance(message, say.Attached):
                     return message, Attachment(address, line)
+    except TimeoutError:
+        if line is not None:
+            line.close()
+        raise
     except (OSError, LinkError):
         pass
+    if line is not None:
+        line.close()
     return None
 
 
@@ -116,7 +129,16 @@ def taken_over(folder: Path, journal: Journal) -> Attachment | None:
 def _attached(folder: Path) -> Attachment | None:
     said = False
     while (address := Address.read(folder)) is not None:
-        if (answer := attach(address)) is None:
+        try:
+            answer = attach(address)
+        except TimeoutError:
+            answer = None
+            if _lives(address.process):
+                raise LinkError(
+                    f"{folder}: process {address.process}, which has the aircraft, does not "
+                    f"answer; try again, or end it (kill -9 {address.process})"
+                ) from None
+        if answer is None:
             (folder / ADDRESS).unlink(missing_ok=True)
             return None
         attached, line = answer
@@ -132,12 +154,23 @@ def _attached(folder: Path) -> Attachment | None:
     return None
 
 
+def _lives(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except OSError:  # there is none, or it is another user's
+        return False
+    return True
+
+
 def _keep_record(folder: Path, journal: Journal) -> None:
     """Take what the aircraft did alone into the journal."""
     events: list[Event] = []
+    # the last that the mission had is written down as well: it may not have kept it
+    kept = set(journal.bodies())
     for message in _recorded(folder):
         if isinstance(message, say.Happened):
-            events.append(message.event)
+            if to_json(message.event) not in kept:
+                events.append(message.event)
         elif isinstance(message, say.Line):
             _LOG.info(f"meanwhile: {message.text}")
     journal.append_all(events)
@@ -170,6 +203,7 @@ class AircraftProcess:
         self._found = found
         self._append = append
         self._child: Child | None = None
+        self._address: Address | None = None
         self._speedup = plan.speedup or 1.0
         self._heard_s = 0.0
 
@@ -190,6 +224,7 @@ class AircraftProcess:
         self._zero_s = time.monotonic() - asyncio.get_running_loop().time() / self._speedup
         if found is None:
             found = await asyncio.to_thread(self._begun)
+        self._address = found.address
         found.socket.setblocking(False)
         reader, writer = await asyncio.open_connection(sock=found.socket)
         self._heard_s = time.monotonic()
@@ -211,7 +246,9 @@ class AircraftProcess:
             child.process.wait()
             reason = child.last_words(END_WALL_S)
             raise LinkError(f"the process of the aircraft does not start: {reason}") from None
-        answer = attach(address)
+        answer = None
+        with contextlib.suppress(TimeoutError):
+            answer = attach(address)
         if answer is None:
             raise LinkError(f"the process of the aircraft does not answer: {child.last_words()}")
         self._append = True
@@ -219,72 +256,91 @@ class AircraftProcess:
 
     async def _keep(self, port: Port, line: _Line, begin: Callable[[], say.Begin]) -> None:
         """Pass messages on; find the process again, or start it, whenever it is gone."""
-        failed = 0
-        while True:
-            try:
-                with contextlib.suppress(OSError, LinkError):
+        try:
+            while True:
+                try:
                     await self._pass_on(port, line)
-                    failed = 0
-            finally:
-                await line.closed()
-            if port.ended.done():
-                return
-            try:
-                line = await self._again(port, begin)
-            except LinkError as error:
-                failed += 1
-                if failed == STARTS:
-                    port.receive(say.Ended((), LinkError.__name__, str(error)))
+                finally:
+                    await line.closed()
+                if port.ended.done():
                     return
+                line = await self._again(port, begin())
+        except Exception as error:
+            text = "".join(traceback.format_exception(error))
+            port.receive(ended_by(error, (), str(error) if isinstance(error, LinkError) else text))
 
-    async def _again(self, port: Port, begin: Callable[[], say.Begin]) -> _Line:
+    async def _again(self, port: Port, begin: say.Begin) -> _Line:
         """Connect again: to the process that lives, or to a new one. Raises `LinkError`."""
-        address = Address.read(self._folder)
-        answer = None if address is None else await asyncio.to_thread(attach, address)
+        answer = None
+        if self._address is not None:
+            with contextlib.suppress(TimeoutError):
+                answer = await asyncio.to_thread(attach, self._address)
         if answer is None:
-            (self._folder / ADDRESS).unlink(missing_ok=True)
             _LOG.info("the process of the aircraft has died; it is started again")
             port.lost()
-            await asyncio.to_thread(self._end_child)
-            line = await self._start()
+            line = await self._started_again()
             port.connect(line.send)
-            port.send(begin())
+            port.send(begin)
             return line
         attached, found = answer
-        if attached.state != "flying":
+        if attached.state not in ("new", "flying"):
             found.socket.close()
-            port.receive(say.Ended((), LinkError.__name__, attached.reason))
             raise LinkError(attached.reason)
         _LOG.info("this process stood still for so long that the aircraft hold; it goes on")
         for message in _recorded(self._folder):
             port.receive(message)
+        with contextlib.suppress(TimeoutError):
+            async with wall_timeout(TAKEN_IN_WALL_S):
+                await port.taken_in()
+        with contextlib.suppress(OSError):
+            (self._folder / RECORD).unlink()
         line = await self._start(found)
         port.connect(line.send)
+        if attached.state == "new":
+            port.send(begin)
         return line
+
+    async def _started_again(self) -> _Line:
+        """Start the process anew, some times. Raises the last `LinkError`."""
+        for left in reversed(range(STARTS)):
+            await asyncio.to_thread(self._end_process)
+            with contextlib.suppress(OSError):
+                (self._folder / ADDRESS).unlink()
+            try:
+                return await self._start()
+            except LinkError:
+                if not left:
+                    raise
+        raise AssertionError
 
     async def _pass_on(self, port: Port, line: _Line) -> None:
         """Pass messages on until the process is silent, or gone."""
         decoder = say.Decoder()
-        async with asyncio.TaskGroup() as tasks:
-            beating = tasks.create_task(self._beat(line))
-            try:
-                while data := await line.reader.read(_READ_BYTES):
-                    self._heard_s = time.monotonic()
-                    for message in decoder.feed(data):
-                        port.receive(message)
-            finally:
-                beating.cancel()
+        beating = asyncio.create_task(self._beat(port, line))
+        try:
+            while data := await line.reader.read(_READ_BYTES):
+                self._heard_s = time.monotonic()
+                for message in decoder.feed(data):
+                    port.receive(message)
+        except (OSError, LinkError):
+            pass
+        finally:
+            beating.cancel()
 
-    async def _beat(self, line: _Line) -> None:
+    async def _beat(self, port: Port, line: _Line) -> None:
         """Send signs of life; end the connection to a process that sends none."""
         while True:
-            line.send(say.Beat())
+            line.send(say.Beat(kept=port.kept))
             if time.monotonic() - self._heard_s > 2.0 * SILENT_WALL_S:
                 line.close()
             await wall_sleep(BEAT_WALL_S, self._speedup)
 
-    def _end_child(self) -> None:
-        """End a process that does not speak any more."""
+    def _end_process(self) -> None:
+        """End a process that does not speak any more: two would fly the same vehicles."""
+        if self._child is None and self._address is not None:  # of a mission process that has died
+            with contextlib.suppress(OSError):
+                os.kill(self._address.process, signal.SIGKILL)
+        self._address = None
         if self._child is not None:
             self._child.process.kill()
             self._child.process.wait()

@@ -196,6 +196,8 @@ def resume(
         _refuse_network(plan, folder)
         setting = plan.setting(_LOG.info)
         found = None if plan.simulated or plan.member == 0 else taken_over(folder, journal)
+        if found is not None and (urls or driver or cameras or key_file or forward is not None):
+            _LOG.info("it goes on with the links that it has; options for links are left out")
         left_set = not plan.simulated and found is None and is_left_set(folder)
         if left_set and not len(journal):
             done = put_back(plan, setting, folder)

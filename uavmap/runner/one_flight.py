@@ -282,7 +282,7 @@ class Flight:
     def _begin(self, *, waits_on_ground: bool) -> Begin:
         """What the aircraft have to know of the journal and the operator before they answer."""
         company, before = self._company, {}
-        begun = self._resumed or (self._service is not None and self._service.flying)
+        begun = self._resumed or (self._service is not None and self._service.begun)
         for number in numbers_of(self._setting):
             left = self.state.vehicles[number]
             flew = not left.landed or isinstance(left.order, TakeOff)

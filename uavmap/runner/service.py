@@ -154,6 +154,11 @@ class Service:
         return self._flying and not self.ended
 
     @property
+    def begun(self) -> bool:
+        """Whether the vehicles have answered once."""
+        return self._flying
+
+    @property
     def ended(self) -> bool:
         """Whether nothing is taken in any more."""
         return self._over.is_set()

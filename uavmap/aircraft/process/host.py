@@ -45,6 +45,7 @@ class Host:
         self._send = send
         self._vehicles: Mapping[int, Vehicle] = {}
         self._serials = itertools.count(1)
+        self._events = itertools.count(1)
         self._pictures: dict[int, asyncio.Future[bool]] = {}
         self._swaps: dict[int, asyncio.Future[None]] = {}
         self.ready: say.Ready | None = None
@@ -105,13 +106,15 @@ class Host:
 
     async def carry_out(self) -> say.Finish | say.Leave:
         """Carry out orders until the mission's last message."""
-        async with asyncio.TaskGroup() as tasks:
-            running = [tasks.create_task(v.run(self.report)) for v in self._vehicles.values()]
-            end = await self.end
-            for task in running:
-                task.cancel()
-        self._vehicles = {}
-        return end
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                running = [tasks.create_task(v.run(self.report)) for v in self._vehicles.values()]
+                end = await self.end
+                for task in running:
+                    task.cancel()
+            return end
+        finally:  # their guardians have them
+            self._vehicles = {}
 
     # --- a mission that is away -----------------------------------------------------------------
     def hold(self) -> None:
@@ -122,11 +125,9 @@ class Host:
     @property
     def state(self) -> Literal["new", "flying", "returning"]:
         """What a mission that connects now finds."""
-        if self.end.done():
-            return "returning"
-        if self._flown.done():
-            return "flying"
-        return "returning" if self._begun.done() else "new"
+        if not self._begun.done() and not self.end.done():
+            return "new"
+        return "flying" if self._flown.done() and self._vehicles else "returning"
 
     def _back(self) -> None:
         """The mission is back: report where each vehicle is."""
@@ -136,7 +137,7 @@ class Host:
     # --- for the vehicles -----------------------------------------------------------------------
     def report(self, event: Event) -> None:
         """Send an event."""
-        self._send(say.Happened(event))
+        self._send(say.Happened(event, next(self._events)))
 
     def line(self, text: str) -> None:
         """Send a line for the operator."""

@@ -153,6 +153,8 @@ class Beat:
 
     boot_s: float | None = None
     """Time since the first vehicle was switched on, where the aircraft send it."""
+    kept: int = 0
+    """The number of the last `Happened` that is in the journal, where the mission sends it."""
     kind: Literal["beat"] = "beat"
 
 
@@ -192,6 +194,8 @@ class Happened:
     """A vehicle reports."""
 
     event: AnyEvent
+    serial: int = 0
+    """Its number, from 1 for each process of the aircraft."""
     kind: Literal["happened"] = "happened"
 
 

@@ -54,6 +54,13 @@ class Port:
         self._tasks: set[asyncio.Task[None]] = set()
         self._swaps: dict[int, asyncio.Task[None]] = {}
         self._fly: say.Fly | None = None
+        self._last: say.Finish | say.Leave | None = None
+        """The mission's last message."""
+        self._received = 0
+        """The number of the last event of this process of the aircraft."""
+        self.kept = 0
+        """The number of the last one that is in the journal."""
+        self._keeping: set[asyncio.Task[None]] = set()
         self._boot: tuple[float, float] | None = None
         """The time since the first vehicle was switched on, and the loop's at which it was so."""
         self.ready: asyncio.Future[say.Ready] = loop.create_future()
@@ -96,9 +103,10 @@ class Port:
         """The process of the aircraft has died: no vehicle is heard until another speaks."""
         for vehicle in self._vehicles:
             self._post(LinkLost(vehicle, round(self._now_s(), 3)))
-        for swap in self._swaps.values():
-            swap.cancel()
+        for task in (*self._swaps.values(), *self._keeping):
+            task.cancel()
         self._swaps.clear()
+        self._received = self.kept = 0
 
     @property
     def since_boot_s(self) -> float | None:
@@ -112,8 +120,12 @@ class Port:
     def receive(self, message: say.Message) -> None:
         """Take a message in."""
         match message:
-            case say.Happened():
+            case say.Happened() if message.serial > self._received:
+                self._received = message.serial
                 self._post(message.event)
+                keeping = self._begin(self._kept(message.serial))
+                self._keeping.add(keeping)
+                keeping.add_done_callback(self._keeping.discard)
             case say.Picture():
                 self._begin(self._judged(message))
             case say.BatteryWanted():
@@ -141,12 +153,22 @@ class Port:
             self.ready.set_result(message)
         elif self._fly is not None:  # another process, or another connection
             self.send(self._fly)
+            if self._last is not None:
+                self.send(self._last)
 
     def _begin(self, work: Any) -> asyncio.Task[None]:
         task: asyncio.Task[None] = asyncio.ensure_future(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return task
+
+    async def _kept(self, serial: int) -> None:
+        await self._taken_in()
+        self.kept = max(self.kept, serial)
+
+    async def taken_in(self) -> None:
+        """Wait until everything that was posted is taken in."""
+        await self._taken_in()
 
     async def _judged(self, picture: say.Picture) -> None:
         verdict = self._judge.verdict(
@@ -175,20 +197,21 @@ class Port:
     # --- the end, as `uavmap.aircraft.guardian.last_watch` asks for it ---------------------------
     async def run(self) -> None:
         """Wait for an end that the mission has not asked for; raise why."""
-        ended = await asyncio.shield(self.ended)
-        if ended.error is not None:
-            raise error_of(ended)
-        await asyncio.Event().wait()
+        raise error_of(await asyncio.shield(self.ended))
 
     async def bring_home(self, reason: str) -> None:
         """Have every vehicle that is in the air return, and wait until all are down."""
-        self.send(say.Finish(reason))
+        self._end(say.Finish(reason))
         await asyncio.shield(self.ended)
 
     async def leave(self, reason: str) -> None:
         """Have every autopilot bring its vehicle home, and wait only until that is seen."""
-        self.send(say.Leave(reason))
+        self._end(say.Leave(reason))
         await asyncio.shield(self.ended)
+
+    def _end(self, last: say.Finish | say.Leave) -> None:
+        self._last = last
+        self.send(last)
 
     def fates(self) -> Sequence[str]:
         """A line for each vehicle that is not at home."""

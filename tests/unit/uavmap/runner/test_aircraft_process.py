@@ -1,0 +1,264 @@
+"""The two processes of a flight, each with a fake of the other end."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+import os
+import socket
+import stat
+import struct
+import subprocess
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from pathlib import Path
+from typing import ParamSpec
+
+import pytest
+
+from missions.errors import LinkError
+from missions.events import Event, LinkLost
+from missions.orders import Hold
+from tests.support.field import mission_of
+from uavmap.aircraft.imaging.judge import PictureJudge
+from uavmap.aircraft.process import messages as say
+from uavmap.aircraft.process.host import Host
+from uavmap.aircraft.process.port import Port
+from uavmap.aircraft.reporter import Report
+from uavmap.base.atomic_write import write_text
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_options import FlightOptions
+from uavmap.journal.flight_plan import JOURNAL, FlightPlan
+from uavmap.runner import aircraft_process
+from uavmap.runner.aircraft_child import AircraftChild
+from uavmap.runner.aircraft_process import (
+    ADDRESS,
+    RECORD,
+    Address,
+    AircraftProcess,
+    Attachment,
+    taken_over,
+)
+
+P = ParamSpec("P")
+BEGIN = say.Begin(0.0, {}, None, False, False)
+FIRST, SECOND = LinkLost(1, 1.0), LinkLost(1, 2.0)
+
+
+def plan() -> FlightPlan:
+    options = FlightOptions(mission_source="small", urls=("udpin://127.0.0.1:14550",))
+    return FlightPlan.make(options, mission_of("ardupilot"), 0.0)
+
+
+def on_a_loop(test: Callable[P, Coroutine[None, None, None]]) -> Callable[P, None]:
+    """Run a test on a loop of its own."""
+
+    @functools.wraps(test)
+    def run(*args: P.args, **kwargs: P.kwargs) -> None:
+        asyncio.run(test(*args, **kwargs))
+
+    return run
+
+
+class Mission:
+    """A port, and what came out of it."""
+
+    def __init__(self) -> None:
+        self.posted: asyncio.Queue[Event] = asyncio.Queue()
+        self.sent: list[say.Message] = []
+        self.port = Port(
+            (1,), lambda: 0.0, PictureJudge({}), self.posted.put_nowait, self.posted.join,
+            self._swap, self._ask,
+        )  # fmt: skip
+        self.port.connect(self.sent.append)
+
+    def take_in(self) -> list[Event]:
+        """What was posted, as the service takes it."""
+        found = []
+        while not self.posted.empty():
+            found.append(self.posted.get_nowait())
+            self.posted.task_done()
+        return found
+
+    async def _swap(self, vehicle: int) -> None:
+        raise AssertionError
+
+    async def _ask(self, question: str) -> bool | None:
+        raise AssertionError
+
+
+@contextmanager
+def listening() -> Iterator[tuple[socket.socket, Address]]:
+    """A socket that accepts, and an address that leads to it."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server, Address(server.getsockname()[1], "word", 0.0, os.getpid())
+
+
+@pytest.mark.parametrize("reset", [False, True])
+@on_a_loop
+async def test_aircraft_that_cannot_be_started_again_end_the_mission(
+    *, reset: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    starts = []
+
+    def start(self: AircraftProcess) -> Attachment:
+        starts.append(self)
+        raise LinkError("it does not start")
+
+    monkeypatch.setattr(AircraftProcess, "_begun", start)
+    monkeypatch.setattr(AircraftProcess, "_end_process", lambda self: None)
+    with listening() as (server, address):
+        line = socket.create_connection(("127.0.0.1", address.port))
+        other, _ = server.accept()
+        server.close()
+        process = AircraftProcess(plan(), tmp_path, Attachment(address, line), append=False)
+        port = Mission().port
+        async with asyncio.timeout(20.0), process.connected(port, lambda: BEGIN):
+            if reset:  # as of a process that was killed with something left to read
+                other.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            other.close()
+            with pytest.raises(LinkError, match="it does not start"):
+                await port.run()
+    assert len(starts) == aircraft_process.STARTS
+
+
+@on_a_loop
+async def test_the_last_message_is_sent_to_the_next_process_as_well() -> None:
+    mission = Mission()
+    mission.port.receive(say.Ready(None))
+    mission.port.fly(0.0)
+    home = asyncio.create_task(mission.port.bring_home("the mission is over"))
+    await asyncio.sleep(0)
+    mission.port.lost()
+    mission.sent.clear()
+    mission.port.receive(say.Ready(None))
+    assert mission.sent == [say.Fly(0.0), say.Finish("the mission is over")]
+    mission.port.receive(say.Ended(()))
+    await home
+
+
+@on_a_loop
+async def test_an_end_that_the_mission_has_not_asked_for_ends_it() -> None:
+    port = Mission().port
+    port.receive(say.Ended(()))
+    with pytest.raises(LinkError, match="has ended before the mission"):
+        async with asyncio.timeout(1.0):
+            await port.run()
+
+
+@on_a_loop
+async def test_what_is_in_the_journal_is_known_to_the_aircraft() -> None:
+    mission = Mission()
+    mission.port.receive(say.Happened(FIRST, 1))
+    await asyncio.sleep(0.01)
+    assert mission.port.kept == 0
+    mission.port.receive(say.Happened(FIRST, 1))  # from the record, after a stall
+    mission.port.receive(say.Happened(SECOND, 2))
+    assert mission.take_in() == [FIRST, SECOND]
+    await asyncio.sleep(0.01)
+    assert mission.port.kept == 2
+    mission.port.lost()
+    mission.take_in()
+    mission.port.receive(say.Happened(FIRST, 1))  # another process counts anew
+    assert mission.take_in() == [FIRST]
+
+
+class Falling:
+    """A vehicle whose driver has a defect."""
+
+    async def run(self, report: Report) -> None:
+        raise ValueError("a defect")
+
+    def give(self, order: object) -> None:
+        raise RuntimeError("a vehicle takes orders only while it runs")
+
+    def land_here(self, reason: str) -> bool:
+        raise AssertionError
+
+    def report_again(self) -> None:
+        raise AssertionError
+
+
+@on_a_loop
+async def test_after_a_defect_the_guardians_have_the_vehicles() -> None:
+    host = Host(lambda message: None)
+    host.receive(BEGIN)
+    host.receive(say.Fly(0.0))
+    await host.fly({1: Falling()}, say.Ready(None))
+    with pytest.raises(ExceptionGroup):
+        await host.carry_out()
+    assert host.state == "returning"
+    host.receive(say.Give(1, Hold()))
+    host.receive(say.Fly(0.0))
+    host.hold()
+
+
+@asynccontextmanager
+async def connected(child: AircraftChild, token: str) -> AsyncIterator[asyncio.StreamWriter]:
+    """A mission that is connected to a process of the aircraft."""
+    server = await asyncio.start_server(child._attached, "127.0.0.1", 0)
+    reader, writer = await asyncio.open_connection(*server.sockets[0].getsockname())
+    writer.write(say.encode(say.Attach(say.VERSION, token)))
+    await reader.read(1)
+    yield writer
+    writer.close()
+    await asyncio.sleep(0.1)
+    server.close()
+
+
+@on_a_loop
+async def test_what_a_dead_mission_has_not_kept_is_written_down(tmp_path: Path) -> None:
+    child = AircraftChild(plan(), tmp_path, 0.0, append=False)
+    async with connected(child, child._token) as writer:
+        child._send(say.Happened(FIRST, 1))
+        child._send(say.Happened(SECOND, 2))
+        writer.write(say.encode(say.Beat(kept=1)))
+        await asyncio.sleep(0.1)
+    found = list(say.Decoder().feed((tmp_path / RECORD).read_bytes()))
+    assert found == [say.Happened(SECOND, 2)]
+
+
+@on_a_loop
+async def test_the_aircraft_send_signs_of_life_before_their_links_are_open(tmp_path: Path) -> None:
+    child = AircraftChild(plan(), tmp_path, 0.0, append=False)
+    sent: list[say.Message] = []
+    async with connected(child, child._token):
+        child._send = sent.append  # type: ignore[method-assign]
+        watching = asyncio.create_task(child._watch())
+        await asyncio.sleep(1.5 * aircraft_process.BEAT_WALL_S)
+        watching.cancel()
+    assert sent == [say.Beat()]
+
+
+def test_a_record_goes_into_the_journal_once(tmp_path: Path) -> None:
+    with Journal.create(tmp_path / JOURNAL, {"plan": plan().as_json()}) as journal:
+        journal.append(FIRST)
+        record = say.encode(say.Happened(FIRST, 1)) + say.encode(say.Happened(SECOND, 2))
+        (tmp_path / RECORD).write_bytes(record)
+        assert taken_over(tmp_path, journal) is None
+        assert list(journal.events()) == [FIRST, SECOND]
+
+
+@pytest.mark.parametrize("lives", [False, True])
+def test_a_silent_process_is_not_joined_by_a_second(
+    *, lives: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A port of before may be anybody's now; a process that stands still has the vehicles yet."""
+    monkeypatch.setattr(aircraft_process, "ATTACH_WALL_S", 0.2)
+    with (
+        listening() as (_, address),
+        Journal.create(tmp_path / JOURNAL, {"plan": plan().as_json()}) as journal,
+    ):
+        if not lives:
+            with subprocess.Popen(["true"]) as process:
+                pass
+            address = Address(address.port, address.token, 0.0, process.pid)
+        write_text(tmp_path / ADDRESS, address.as_json(), private=True)
+        assert stat.S_IMODE((tmp_path / ADDRESS).stat().st_mode) == 0o600
+        if lives:
+            with pytest.raises(LinkError, match="does not answer"):
+                taken_over(tmp_path, journal)
+            assert (tmp_path / ADDRESS).exists()
+        else:
+            assert taken_over(tmp_path, journal) is None
+            assert not (tmp_path / ADDRESS).exists()
