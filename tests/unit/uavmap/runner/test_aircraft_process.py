@@ -219,11 +219,13 @@ async def test_what_a_dead_mission_has_not_kept_is_written_down(tmp_path: Path) 
 
 
 @on_a_loop
-async def test_the_aircraft_send_signs_of_life_before_their_links_are_open(tmp_path: Path) -> None:
+async def test_the_aircraft_send_signs_of_life_before_their_links_are_open(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     child = AircraftChild(plan(), tmp_path, 0.0, append=False)
     sent: list[say.Message] = []
     async with connected(child, child._token):
-        child._send = sent.append  # type: ignore[method-assign]
+        monkeypatch.setattr(child, "_send", sent.append)
         watching = asyncio.create_task(child._watch())
         await asyncio.sleep(1.5 * aircraft_process.BEAT_WALL_S)
         watching.cancel()
