@@ -47,7 +47,7 @@ class Port:
         self._now_s = now_s
         self._judge = judge
         self._post = post
-        self._taken_in = taken_in
+        self.taken_in = taken_in
         self._swap = swap
         self._ask = ask
         self._send: Callable[[say.Message], None] | None = None
@@ -60,7 +60,7 @@ class Port:
         """The number of the last event of this process of the aircraft."""
         self.kept = 0
         """The number of the last one that is in the journal."""
-        self._keeping: set[asyncio.Task[None]] = set()
+        self._keeping: asyncio.Task[None] | None = None
         self._boot: tuple[float, float] | None = None
         """The time since the first vehicle was switched on, and the loop's at which it was so."""
         self.ready: asyncio.Future[say.Ready] = loop.create_future()
@@ -103,9 +103,12 @@ class Port:
         """The process of the aircraft has died: no vehicle is heard until another speaks."""
         for vehicle in self._vehicles:
             self._post(LinkLost(vehicle, round(self._now_s(), 3)))
-        for task in (*self._swaps.values(), *self._keeping):
+        for task in self._swaps.values():
             task.cancel()
         self._swaps.clear()
+        if self._keeping is not None:
+            self._keeping.cancel()
+            self._keeping = None
         self._received = self.kept = 0
 
     @property
@@ -123,9 +126,8 @@ class Port:
             case say.Happened() if message.serial > self._received:
                 self._received = message.serial
                 self._post(message.event)
-                keeping = self._begin(self._kept(message.serial))
-                self._keeping.add(keeping)
-                keeping.add_done_callback(self._keeping.discard)
+                if self._keeping is None or self._keeping.done():
+                    self._keeping = self._begin(self._keep())
             case say.Picture():
                 self._begin(self._judged(message))
             case say.BatteryWanted():
@@ -162,13 +164,12 @@ class Port:
         task.add_done_callback(self._tasks.discard)
         return task
 
-    async def _kept(self, serial: int) -> None:
-        await self._taken_in()
-        self.kept = max(self.kept, serial)
-
-    async def taken_in(self) -> None:
-        """Wait until everything that was posted is taken in."""
-        await self._taken_in()
+    async def _keep(self) -> None:
+        """Note which events are in the journal, until all that were received are."""
+        while self.kept < self._received:
+            received = self._received
+            await self.taken_in()
+            self.kept = received
 
     async def _judged(self, picture: say.Picture) -> None:
         verdict = self._judge.verdict(
@@ -178,7 +179,7 @@ class Port:
             )
         )  # fmt: skip
         self._post(verdict)
-        await self._taken_in()
+        await self.taken_in()
         self.send(say.Judged(picture.serial, verdict))
 
     async def _swapped(self, vehicle: int) -> None:
