@@ -148,7 +148,7 @@ def _found_on_the_ground(
         # an autopilot takes the place where it lies for its home
         moved = connected.position.distance_to(before.home) > beside_m
         return replace(connected, cleared=connected.cleared and not moved)
-    return replace(connected, phase=Phase.DOWN, order=StandDown(), note=note)
+    return connected.stood_down(Phase.DOWN, note)
 
 
 def _on_its_way_home(
@@ -160,13 +160,8 @@ def _on_its_way_home(
         reason = reason or ReturnReason.BATTERY
     if event.mode == "rtl":
         resumed = reason or (None if before.note else ReturnReason.BATTERY)
-        return replace(
-            connected,
-            phase=Phase.GUARDED,
-            order=StandDown(),
-            return_reason=resumed,
-            note=before.note,
-        )
+        guarded = connected.stood_down(Phase.GUARDED, before.note)
+        return replace(guarded, return_reason=resumed)
     if event.mode == "land":
         # a resume forgets why; whoever lands at its pad waits there for a battery and the crew
         reason = reason or ReturnReason.BATTERY
@@ -195,7 +190,7 @@ def link_lost(event: LinkLost, vehicle: VehicleState, setting: Setting) -> Vehic
 
 def given_up(event: GivenUp, vehicle: VehicleState, setting: Setting) -> VehicleState:
     """It has been silent for too long."""
-    return replace(vehicle, phase=Phase.LOST, order=StandDown(), note=event.reason)
+    return vehicle.stood_down(Phase.LOST, event.reason)
 
 
 def overridden(event: Overridden, vehicle: VehicleState, setting: Setting) -> VehicleState:

@@ -9,6 +9,7 @@ that another vehicle claims (`missions.flight.airspace.deconfliction`).
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 from shapely.geometry import Point
@@ -38,8 +39,8 @@ from missions.flight.whole_box import open_cells
 from missions.geo.columns import PAD_M
 from missions.mission.energy import FRESH
 from missions.mission.height_and_speed import LEAST_HEIGHT_M
-from missions.orders import AwaitBattery, StandDown, TakeOff
-from missions.units import GridPoint
+from missions.orders import AwaitBattery, TakeOff
+from missions.units import Cell, GridPoint
 
 MOST_FRUITLESS_SORTIES = 3
 """After so many in a row the next place counts as out of reach."""
@@ -82,8 +83,7 @@ def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
         return back_to_layer(setting, state, vehicle)
     if vehicle.return_reason is not None:
         return fly_home(setting, state, vehicle)
-    given_way = give_way(setting, state, vehicle)
-    if given_way is not None:
+    if (given_way := give_way(setting, state, vehicle)) is not None:
         return given_way
     if state.paused:
         return hold(state, vehicle)
@@ -123,9 +123,8 @@ def _waiting_for_a_path(setting: Setting, state: State, vehicle: VehicleState) -
 def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """Take off, wait for a battery, or stay."""
     if state.exploration_finished or state.recalled or vehicle.called_home:
-        return state.with_vehicle(
-            replace(vehicle, phase=Phase.FINISHED, order=StandDown(), vertex=None)
-        )
+        done = vehicle.stood_down(Phase.FINISHED, vehicle.note)
+        return state.with_vehicle(replace(done, vertex=None))
     if not vehicle.idle:
         return state
     if not vehicle.cleared:
@@ -140,33 +139,29 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
     target = _first_target(setting, state, vehicle)
     # some milliseconds over a large region: once a report of the vehicle is soon enough
     if target is None and setting.searches_high and vehicle.tracked_s == state.t_s:
-        target = _nearest_to_map(setting, state, vehicle)
+        # who has no lane maps at once
+        target = _nearest(setting, state, vehicle, _beside_patches(state))
     if target is None and setting.sees_box and not any(v.lanes for v in state.vehicles.values()):
-        target = _nearest_open(setting, state, vehicle)
+        target = _nearest(setting, state, vehicle, open_cells(setting, state))
         if target is None:
             return give_up_rest(setting, state)
     if target is None and not setting.lanes and state.tree is None:
         note = (
             "no part of the search box can be flown inside the geofence; move the one or the other"
         )
-        return state.with_vehicle(
-            replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=note)
-        )
+        return state.with_vehicle(vehicle.stood_down(Phase.FAILED, note))
     if target is None:
         return state
     if refusal := _unfit(setting, vehicle):
-        return state.with_vehicle(
-            replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=refusal)
-        )
+        return state.with_vehicle(vehicle.stood_down(Phase.FAILED, refusal))
     if vehicle.fruitless_sorties >= MOST_FRUITLESS_SORTIES:
         return _out_of_reach(setting, state, vehicle)
     if not has_energy_for(setting, vehicle, target, setting.look_s):
         if vehicle.remaining_wh < FRESH * setting.energy.capacity_wh:
             return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
         return _out_of_reach(setting, state, vehicle)
-    return give_if_clear(
-        setting, state, vehicle, TakeOff(take_off_height_m(setting, state, vehicle))
-    )
+    order = TakeOff(take_off_height_m(setting, state, vehicle))
+    return give_if_clear(setting, state, vehicle, order)
 
 
 def _unfit(setting: Setting, vehicle: VehicleState) -> str:
@@ -206,19 +201,18 @@ def _first_target(setting: Setting, state: State, vehicle: VehicleState) -> Grid
     return setting.grid.to_fixed(vehicle.lanes[0][0], state.t_s - lanes_s)
 
 
-def _nearest_to_map(setting: Setting, state: State, vehicle: VehicleState) -> GridPoint | None:
-    """The nearest cell beside a patch that nobody has decided: who has no lane maps at once."""
+def _beside_patches(state: State) -> set[Cell]:
+    """The cells beside a patch that nobody has decided."""
     belief = state.belief
     beside = {near for cell in belief.roi for near in cell.neighbours()}
-    open_ = (cell for cell in beside if belief.verdict(cell) is None)
-    places = ((where(setting, state, cell), cell) for cell in open_)
-    near = min(places, key=lambda at: (vehicle.position.distance_to(at[0]), at[1]), default=None)
-    return None if near is None else near[0]
+    return {cell for cell in beside if belief.verdict(cell) is None}
 
 
-def _nearest_open(setting: Setting, state: State, vehicle: VehicleState) -> GridPoint | None:
-    """The nearest cell that the lanes have left undecided; None where there is none."""
-    places = (where(setting, state, cell) for cell in sorted(open_cells(setting, state)))
+def _nearest(
+    setting: Setting, state: State, vehicle: VehicleState, cells: Collection[Cell]
+) -> GridPoint | None:
+    """Where the nearest of some cells is, of equal ones the lowest; None where there is none."""
+    places = (where(setting, state, cell) for cell in sorted(cells))
     return min(places, key=vehicle.position.distance_to, default=None)
 
 
@@ -235,4 +229,4 @@ def _out_of_reach(setting: Setting, state: State, vehicle: VehicleState) -> Stat
     if alone and vehicle.vertex is not None:
         return mark_unreachable(state, vehicle, vehicle.vertex)
     note = "its next place is out of reach on a full battery"
-    return state.with_vehicle(replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=note))
+    return state.with_vehicle(vehicle.stood_down(Phase.FAILED, note))

@@ -8,7 +8,7 @@ was made first, whoever made it, so members that know the same facts have the sa
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from missions.events import Event, FrameSeen, Tracked
 from missions.fleet_events import Fact, Shared
@@ -25,18 +25,6 @@ Decision = tuple[float, int, bool]
 """When, by whom, and what."""
 
 
-@dataclass(slots=True)
-class _Layer:
-    """What is decided from one height."""
-
-    decided: dict[Cell, Decision] = field(default_factory=dict)
-
-    def take(self, vehicle: int, fact: Fact) -> None:
-        for cell, says in fact.votes:
-            new = (fact.t_s, vehicle, says)
-            self.decided[cell] = min(new, self.decided.get(cell, new))
-
-
 class Facts:
     """The facts in a journal of a fleet, as they come: of vehicles whose frames it holds, and of
     those that it has heard."""
@@ -46,19 +34,18 @@ class Facts:
         self._setting = setting
         self._none = Belief(votes.frames, votes.positive)
         self._own: dict[int, OwnCells] = {}
-        self._layers = {False: _Layer(), True: _Layer()}
+        self._decided: dict[bool, dict[Cell, Decision]] = {False: {}, True: {}}
         self._shown: set[Cell] = set()
 
     def take(self, event: Event) -> list[Fact]:
         """Take in what an event says of cells; returns the facts that it adds."""
-        if isinstance(event, Shared):
-            for fact in event.frames:
-                self._take(event.vehicle, fact)
-            return list(event.frames)
-        if not isinstance(event, FrameSeen | Tracked):
+        if not isinstance(event, Shared | FrameSeen | Tracked):
             return []
-        own = self._own.setdefault(event.vehicle, OwnCells(self._none, self._none))
-        facts = own.take(event) if isinstance(event, FrameSeen) else own.passed(event.t_s)
+        if isinstance(event, Shared):
+            facts = list(event.frames)
+        else:
+            own = self._own.setdefault(event.vehicle, OwnCells(self._none, self._none))
+            facts = own.take(event) if isinstance(event, FrameSeen) else own.passed(event.t_s)
         for fact in facts:
             self._take(event.vehicle, fact)
         return facts
@@ -66,18 +53,19 @@ class Facts:
     def _take(self, vehicle: int, fact: Fact) -> None:
         if fact.seen:
             self._shown.update(cell for cell, _ in fact.votes)
-        else:
-            self._layers[fact.overview].take(vehicle, fact)
+            return
+        decided = self._decided[fact.overview]
+        for cell, says in fact.votes:
+            new = (fact.t_s, vehicle, says)
+            decided[cell] = min(new, decided.get(cell, new))
 
     def joined(self, state: State) -> State:
         """A state with the map of all facts; what nobody has decided has our votes on it."""
         for vehicle, own in sorted(self._own.items()):
             for fact in own.passed(float("1e9")):
                 self._take(vehicle, fact)
-        high = self._belief(overview=True)
-        low = self._belief(overview=False)
-        seen = list(high.open_ballots)
-        low = with_plain(low, self._none, high, self._setting.in_box, seen)
+        high, low = self._belief(overview=True), self._belief(overview=False)
+        low = with_plain(low, self._none, high, self._setting.in_box, list(high.open_ballots))
         # our own votes come last: others have not heard them, and the map is to be the same
         low, high = self._with_open(low, overview=False), self._with_open(high, overview=True)
         return replace(state, belief=low, overview=high, shown=frozenset(self._shown))
@@ -99,7 +87,6 @@ class Facts:
 
     def _belief(self, *, overview: bool) -> Belief:
         """The votes that made each decision, as far as they are known, else as few as could."""
-        decided = self._layers[overview].decided
         beliefs = {v: own.high if overview else own.low for v, own in sorted(self._own.items())}
         ballots = {vehicle: belief.open_ballots for vehicle, belief in beliefs.items()}
         found: dict[FrameId, dict[Cell, bool]] = {}
@@ -108,7 +95,7 @@ class Facts:
             for frame, vote in ballot:
                 found.setdefault(frame, {})[cell] = vote
 
-        for cell, (t_s, vehicle, says) in sorted(decided.items()):
+        for cell, (t_s, vehicle, says) in sorted(self._decided[overview].items()):
             # (a frame that came late may have changed what was told already, which stays)
             if vehicle in beliefs and beliefs[vehicle].verdict(cell) is says:
                 put(cell, ballots[vehicle][cell])

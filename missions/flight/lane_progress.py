@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Container
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Final
 
@@ -12,7 +12,6 @@ from missions.flight.state import VehicleState
 from missions.flight.strip import Strip
 from missions.geo.grid import Grid
 from missions.geo.trajectory import LANE_CUTS_M
-from missions.orders import FlyPath
 from missions.planning.search.lanes import Lane, along_m, offset_m, unseen
 from missions.units import Cell, GridPoint
 
@@ -55,7 +54,7 @@ def lane_passed(
     vehicle: VehicleState,
     grid: Grid,
     rows: int,
-    judged: Container[Cell],
+    judged: Callable[[Cell], bool],
     shown: Collection[Cell],
     t_s: float,
     *,
@@ -67,7 +66,7 @@ def lane_passed(
         vehicle: On a path along its lanes, or on none.
         grid: Of the mission.
         rows: How many rows of cells a lane decides.
-        judged: The cells that any frame has judged, this one too.
+        judged: Whether any frame has judged a cell, this one too.
         shown: The cells that the frame has judged.
         t_s: When it was taken.
         drifts: Whether lanes drift with the cells; else they lie still over ground.
@@ -106,9 +105,9 @@ def _is_behind(
     lane: Lane, rows: int, grid: Grid, vehicle: VehicleState, t_s: float, drifts: bool
 ) -> bool:
     """Whether the path of a vehicle has led along a lane by `t_s`: past its start, then its end."""
-    if not isinstance(vehicle.order, FlyPath):
+    path = vehicle.path
+    if path is None:
         return True
-    path = vehicle.order.trajectory
     near_m = PASSED_M + (rows - 1) / 2 * grid.cell_m
     ahead = list(lane)
     for k in range(math.floor(max(t_s - path.begin_s, 0.0) / STEP_S) + 1):

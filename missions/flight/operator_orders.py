@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.events import Told, VehicleRecalled
+from missions.events import CellSkipped, Told, VehicleRecalled
 from missions.flight.lane_progress import lane_left
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State, VehicleState
@@ -23,15 +23,10 @@ CALLED_HOME = "called home by the operator"
 def paused(setting: Setting, state: State) -> State:
     """Everybody who works comes to rest and holds; take-offs under way end at their height."""
     vehicles = {
-        number: _stopped(setting, state, vehicle) if _works(vehicle) else vehicle
+        number: _stopped(setting, state, vehicle) if vehicle.works else vehicle
         for number, vehicle in state.vehicles.items()
     }
     return replace(state, paused=True, vehicles=vehicles)
-
-
-def continued(state: State) -> State:
-    """The pause is over: everybody is idle, and is told what is next."""
-    return replace(state, paused=False)
 
 
 def called_home(event: VehicleRecalled, vehicle: VehicleState, setting: Setting) -> VehicleState:
@@ -52,18 +47,19 @@ def to_skip(setting: Setting, state: State, vehicle: VehicleState) -> Cell | Non
     return at if at is not None and at in state.tree and not state.tree.has_looked(at) else None
 
 
-def skip(setting: Setting, state: State, vehicle: VehicleState, cell: Cell) -> State:
+def skip(setting: Setting, state: State, event: CellSkipped) -> State:
     """Nobody looks from a cell; who was about to goes on with the next. It is told in the end.
 
     What was decided meanwhile stays as it is.
     """
-    if to_skip(setting, state, vehicle) != cell:
+    cell = event.cell
+    if to_skip(setting, state, state.vehicles[event.vehicle]) != cell:
         return state
     for other in state.vehicles.values():
         if cell not in (other.candidate, other.vertex):
             continue
         there = isinstance(other.order, Look | FlyTo) and other.order.cell == cell
-        if there and _works(other):
+        if there and other.works:
             other = other.interrupted(state.t_s)
         dropped = replace(other, candidate=None, at_target=state.tree is not None)
         state = state.with_vehicle(replace(dropped, fruitless_sorties=0))
@@ -88,15 +84,9 @@ def explained(state: State, event: Told) -> State:
     return state.with_vehicle(replace(vehicle, note=f"{note}: {event.cause}"))
 
 
-def _works(vehicle: VehicleState) -> bool:
-    """Whether a vehicle is in the air for the mission, and not on its way home."""
-    return vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None
-
-
 def _stopped(setting: Setting, state: State, vehicle: VehicleState) -> VehicleState:
     """A vehicle whose order is taken back; in a pause it is given no other but to hold."""
     if not isinstance(vehicle.order, FlyTo | FlyPath | Sweep | Look):
         return vehicle
-    on_path = isinstance(vehicle.order, FlyPath)
-    left = lane_left(vehicle, setting.grid.cell_m) if on_path else vehicle
+    left = vehicle if vehicle.path is None else lane_left(vehicle, setting.grid.cell_m)
     return replace(left.interrupted(state.t_s), at_target=vehicle.at_target)

@@ -67,14 +67,12 @@ def give_path(
         path, fits = short, True
     order = FlyPath(path, vehicle.cruise_height_m, setting.yaw_deg, mission.camera.interval_s)
     # what would be stopped at the next report is not begun: the vehicle makes way first
-    free = is_clear(setting, state, vehicle, order) and not leads_into_untold(
-        setting, state, vehicle, order
-    )
-    if free and fits:
-        if not isinstance(vehicle.order, FlyPath):
+    free = is_clear(setting, state, vehicle, order)
+    if fits and free and not leads_into_untold(setting, state, vehicle, order):
+        if vehicle.path is None:
             vehicle = replace(vehicle, judged_s=path.begin_s)
         return state.with_vehicle(replace(vehicle, order=order))
-    return state if isinstance(vehicle.order, FlyPath) else hold(state, vehicle)
+    return hold(state, vehicle) if vehicle.path is None else state
 
 
 def as_far_as_allowed(setting: Setting, path: Trajectory) -> Trajectory | None:
@@ -141,6 +139,14 @@ def through(
     return path
 
 
+def along_route(
+    setting: Setting, vehicle: VehicleState, route: Sequence[GridPoint], begin_s: float
+) -> Trajectory:
+    """A path from rest along a way inside the fence, round the corners of which it leads."""
+    corners = [True] * (len(route) - 1) + [False]
+    return through(setting, vehicle, list(route), corners, begin_s)
+
+
 def allowed(fence: Fence, path: Trajectory) -> bool:
     """Whether the margin of the fence holds all of a path, at the time when it is flown.
 
@@ -189,11 +195,12 @@ def is_outside(fence: Fence, place: GridPoint) -> bool:
 
 def come_inside(setting: Setting, state: State, vehicle: VehicleState) -> State | None:
     """Order a waiting vehicle back inside the margin; None where it is inside, or nearly so."""
-    fence, at = setting.fence, Point(vehicle.position)
+    fence = setting.fence
     if not is_outside(fence, vehicle.position):
         return None
     deep = fence.shrunk(DEPTH_M)
-    near = nearest_points(fence.inner if shapely.is_empty(deep) else deep, at)[0]
+    inside = fence.inner if shapely.is_empty(deep) else deep
+    near = nearest_points(inside, Point(vehicle.position))[0]
     route = fence.route(vehicle.position, GridPoint(float(near.x), float(near.y)))
     if route is None:
         return None

@@ -7,11 +7,11 @@ from dataclasses import replace
 from missions.flight.airspace.deconfliction import (
     OFF_LAYER_M,
     RTL_HEIGHT_M,
-    UNTOLD,
     give_if_clear,
     hold,
     is_clear,
     spots_beside,
+    untold_but,
 )
 from missions.flight.lane_progress import lane_left
 from missions.flight.setting import Setting
@@ -19,7 +19,7 @@ from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.geo.braking import braked
 from missions.geo.fence import route_length_m
 from missions.mission.energy import EnergyModel
-from missions.orders import FlyPath, FlyTo, Hold, Land, Order, ReturnToLaunch, TakeOff
+from missions.orders import FlyTo, Hold, Land, Order, TakeOff
 from missions.planning.search.lanes import point_on
 from missions.units import GridPoint
 
@@ -45,7 +45,7 @@ def turn_back(setting: Setting, state: State, vehicle: VehicleState) -> State:
     called = state.recalled or vehicle.called_home
     if isinstance(vehicle.order, TakeOff) and (called or state.exploration_finished):
         return _call_off(state, vehicle)
-    if vehicle.phase is not Phase.AIRBORNE or vehicle.return_reason is not None:
+    if not vehicle.works:
         return state
     if called:
         return send_home(setting, state, vehicle, ReturnReason.RECALLED)
@@ -67,9 +67,9 @@ def _can_still_turn(setting: Setting, vehicle: VehicleState, t_s: float) -> bool
 
     A path is flown on until the vehicle has heard of it and come to rest; only there it turns.
     """
-    if not isinstance(vehicle.order, FlyPath):
+    path = vehicle.path
+    if path is None:
         return has_energy_for(setting, vehicle, vehicle.position, hover_s=REACTION_S)
-    path = vehicle.order.trajectory
     stop = braked(path, max(path.begin_s, t_s + HEARD_S), setting.energy.accel_m_s2)
     place = stop.at(stop.end_s).place
     return has_energy_for(setting, vehicle, place, hover_s=REST_S)
@@ -140,7 +140,9 @@ def fly_home(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if waits and vehicle.over_home and not _can_wait(setting, vehicle):
         return _land_beside(setting, after, after.vehicles[vehicle.vehicle])
     if waits and not vehicle.over_home and _waits_in_vain(setting, state, vehicle):
-        return _by_its_autopilot(state, vehicle)
+        # nobody knows whether the air is free; that the battery will be empty is known
+        note = "its way home stayed blocked: it returns by its autopilot"
+        return state.with_vehicle(vehicle.left_to_autopilot(note))
     if waits and not vehicle.over_home:
         return _come_nearer(setting, state, after, vehicle)
     return after
@@ -181,32 +183,13 @@ def _first_of(
 def _waits_in_vain(setting: Setting, state: State, vehicle: VehicleState) -> bool:
     """Whether the way home stays blocked by one that cannot be told to make way, until the last
     moment at which the autopilot, which climbs first, brings it home with the reserve."""
-    blocked = any(
-        other.phase in UNTOLD and not other.landed
-        for other in state.vehicles.values()
-        if other.vehicle != vehicle.vehicle
-    )
+    blocked = bool(untold_but(state, vehicle))
     returns_m = max(RTL_HEIGHT_M, vehicle.cruise_height_m) + setting.relief_m
     climb_m = max(returns_m - vehicle.height_m, 0.0)
     energy = setting.energy
     climb_s = climb_m / energy.climb_m_s + climb_m / energy.descent_m_s
     return blocked and not has_energy_for(
         setting, vehicle, vehicle.position, hover_s=2.0 * REACTION_S + climb_s
-    )
-
-
-def _by_its_autopilot(state: State, vehicle: VehicleState) -> State:
-    """Nobody knows whether the air is free; that the battery will be empty is known."""
-    note = "its way home stayed blocked: it returns by its autopilot"
-    return state.with_vehicle(
-        replace(
-            vehicle,
-            phase=Phase.GUARDED,
-            order=ReturnToLaunch(),
-            return_reason=None,
-            returns_by_itself=True,
-            note=note,
-        )
     )
 
 

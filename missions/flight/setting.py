@@ -15,6 +15,7 @@ from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.geo.trajectory import LANE_CUTS_M, corner_pause_s
 from missions.mission.energy import CLIMB_OVERHEAD_S, EnergyModel
+from missions.mission.flyable import fence_of, look_s
 from missions.mission.places import homes, prior_of
 from missions.mission.schema import Mission, positions
 from missions.mission.views import energy_model, path_speed_m_s, rows_across
@@ -72,15 +73,13 @@ class Setting:
         grid = Grid.at(
             mission.home, mission.grid.cell_m, mission.drift.speed_m_s, mission.drift.toward_deg
         )
-        ring = [grid.fixed(p) for p in positions(mission.fence.polygon)]
-        holes = [[grid.fixed(p) for p in positions(hole)] for hole in mission.fence.holes]
-        fence = common = whole = Fence.of(ring, holes, mission.fence.margin_m)
+        fence = common = whole = fence_of(mission, grid)
+        pads = [grid.fixed(place) for place in homes(mission)]
         if member:  # 0 flies nothing, and needs no air
-            pads = [grid.fixed(place) for place in homes(mission)]
             columns = columns_over(pads, mission.team.separation_m)
             others = [column for k, column in enumerate(columns, start=1) if k != member]
-            fence = fence_without(ring, holes, others, mission.fence.margin_m)
-            common = fence_without(ring, holes, columns, mission.fence.margin_m)
+            fence = fence_without(whole, others, mission.fence.margin_m)
+            common = fence_without(whole, columns, mission.fence.margin_m)
         box = [grid.fixed(p) for p in positions(mission.search.box)]
         nonstop = mission.strategy in ON_PATHS
         laid = []
@@ -94,7 +93,6 @@ class Setting:
             flown = lanes(box, mission.grid.cell_m, common, rows, ahead, spare)
             laid.append((flown, ahead, rows))
         if len(laid) > 1:
-            pads = [grid.fixed(place) for place in homes(mission)]
             laid.sort(key=lambda one: longest_m(share_by_time(one[0], pads), pads))
         flown, ahead, rows = laid[0]
         prior = prior_of(mission, grid) if flown else ()
@@ -261,7 +259,7 @@ class Setting:
     @property
     def look_s(self) -> float:
         """About how long a vehicle hovers over a cell."""
-        return 2.0 + self.mission.votes.frames * self.mission.camera.interval_s
+        return look_s(self.mission)
 
 
 def _directions(mission: Mission, box: Sequence[GridPoint]) -> tuple[bool, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from missions.events import FrameSeen
+from missions.events import FrameSeen, LookEnded
 from missions.flight.lane_progress import lane_passed, lane_seen
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
@@ -47,7 +47,7 @@ def frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
     elif vehicle.candidate is None:
         hint = _hint(setting, state, event)
         if hint is not None:
-            if vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None:
+            if vehicle.works:
                 vehicle = replace(vehicle.interrupted(state.t_s), at_target=False)
             return state.with_vehicle(replace(vehicle, candidate=hint))
     return state
@@ -148,17 +148,15 @@ def _in_reach(setting: Setting, state: State, cell: Cell) -> bool:
     return setting.fence.allows(grid.to_fixed(grid.centre_of(cell), state.t_s))
 
 
-def look_ended(state: State, vehicle: VehicleState) -> State:
+def look_ended(state: State, event: LookEnded) -> State:
     """An order's frames are used up before every neighbour had its votes."""
+    vehicle = state.vehicles[event.vehicle]
     if not isinstance(vehicle.order, Look):
-        return state.with_vehicle(vehicle)
+        return state
     cell = vehicle.order.cell
     if state.belief.frames_taken(cell) == 0:
-        return state.with_vehicle(
-            replace(
-                vehicle, order=None, return_reason=ReturnReason.FAULT, note="the camera is silent"
-            )
-        )
+        silent = replace(vehicle, order=None, return_reason=ReturnReason.FAULT)
+        return state.with_vehicle(replace(silent, note="the camera is silent"))
     return _looked_in_part(state, vehicle, cell)
 
 
@@ -213,9 +211,8 @@ def _found(state: State, vehicle: VehicleState, looked_from: Cell, roi: list[Cel
     state = replace(state, tree=tree, found_s=state.t_s).with_vehicle(vehicle)
     vehicles = {}
     for number, other in state.vehicles.items():
-        searching = other.phase is Phase.AIRBORNE and other.return_reason is None
         vehicles[number] = replace(
-            other.interrupted(state.t_s) if searching else other,
+            other.interrupted(state.t_s) if other.works else other,
             vertex=root,
             candidate=None,
             on_lane=False,

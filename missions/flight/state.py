@@ -10,32 +10,19 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from missions.flight.setting import Setting
+from missions.geo.trajectory import Trajectory
 from missions.mapping.belief import Belief
 from missions.mapping.tree import Tree
-from missions.orders import FlyPath, FlyTo, Hold, Order, Sweep
+from missions.orders import FlyPath, FlyTo, Hold, Order, ReturnToLaunch, StandDown, Sweep
 from missions.planning.search.lanes import Lane
 from missions.planning.stepwise import Memory
 from missions.units import Cell, GridPoint
 
-__all__ = [
-    "BRAKING_S",
-    "PASSING_S",
-    "Allotment",
-    "Column",
-    "Phase",
-    "ReturnReason",
-    "State",
-    "VehicleState",
-]
-
 _ORIGIN = GridPoint(0.0, 0.0)
 _NOTHING = Belief(1, 1)
 
-
 BRAKING_S = 8.0
 """After so long an interrupted vehicle counts as at rest, even if the wind blows it about."""
-
-
 PASSING_S = 3.0
 """So long a vehicle that has flown past the end of a leg may still be on the move."""
 
@@ -174,6 +161,22 @@ class VehicleState:
         return self.order is None or isinstance(self.order, Hold)
 
     @property
+    def works(self) -> bool:
+        """Whether it is in the air for the mission, and not on its way home."""
+        return self.phase is Phase.AIRBORNE and self.return_reason is None
+
+    @property
+    def untold(self) -> bool:
+        """Whether it is in the air and cannot be told to make way: silent, or in other hands."""
+        others = (Phase.YIELDED, Phase.OFFLINE, Phase.GUARDED)
+        return self.phase in others and not self.landed
+
+    @property
+    def path(self) -> Trajectory | None:
+        """The path that it flies without stopping, if it does."""
+        return self.order.trajectory if isinstance(self.order, FlyPath) else None
+
+    @property
     def cruise_height_m(self) -> float:
         """Its layer, above its own home."""
         return self.cruise_altitude_m - self.home_level_m
@@ -210,6 +213,19 @@ class VehicleState:
         if moves or isinstance(self.order, FlyTo | Sweep | FlyPath):
             return replace(self, order=None, braking_until_s=t_s + BRAKING_S)
         return replace(self, order=None)
+
+    def stood_down(self, phase: Phase, note: str) -> VehicleState:
+        """This vehicle with nothing more to do."""
+        return replace(self, phase=phase, order=StandDown(), note=note)
+
+    def left_to_autopilot(self, note: str) -> VehicleState:
+        """This vehicle returning by its autopilot, and its guardian with it."""
+        return replace(
+            self.stood_down(Phase.GUARDED, note),
+            order=ReturnToLaunch(),
+            return_reason=None,
+            returns_by_itself=True,
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Container, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -62,7 +62,7 @@ class Strip:
         return Cell(column, row) if self.eastward else Cell(row, column)
 
     def judged_m(
-        self, judged: Container[Cell], near: Collection[Cell] | None = None
+        self, judged: Callable[[Cell], bool], near: Collection[Cell] | None = None
     ) -> list[float]:
         """How far along the lane the middles of columns lie that are judged in all rows.
 
@@ -78,7 +78,7 @@ class Strip:
         whole: dict[int, bool] = {}
         for column in {c + k for c in columns for k in (-1, 0, 1)}:
             whole[column] = column not in self.columns or all(
-                self.cell(column, row) in judged for row in self.rows
+                judged(self.cell(column, row)) for row in self.rows
             )
         return [
             self._along_m(column)
@@ -91,13 +91,10 @@ class Strip:
         columns = self.columns if self.end_m < self.start_m else reversed(self.columns)
         return all(known(self.cell(column, row)) for column in columns for row in self.rows)
 
-    def missing_rows(self, judged: Container[Cell]) -> list[int]:
+    def missing_rows(self, judged: Callable[[Cell], bool]) -> list[int]:
         """The rows in which a cell is not judged yet."""
-        return [
-            row
-            for row in self.rows
-            if not all(self.cell(column, row) in judged for column in self.columns)
-        ]
+        columns, cell = self.columns, self.cell
+        return [row for row in self.rows if not all(judged(cell(c, row)) for c in columns)]
 
     def _along_m(self, column: int) -> float:
         """How far from the start of the lane a column lies, 0 to the length."""

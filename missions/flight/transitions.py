@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import singledispatch
+from typing import Any, Final
 
 from missions.events import (
     Airborne,
@@ -27,7 +29,7 @@ from missions.events import (
     Resumed,
     Tracked,
 )
-from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
+from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, OfVehicle, Shared
 from missions.flight.airspace.deconfliction import OFF_LAYER_M
 from missions.flight.connections import (
     LIFTED_M,
@@ -41,13 +43,13 @@ from missions.flight.connections import (
     taken_away,
 )
 from missions.flight.lane_progress import lane_flown, lane_left
-from missions.flight.operator_orders import called_home, continued, paused, skip, skipped_for_good
+from missions.flight.operator_orders import called_home, paused, skip, skipped_for_good
 from missions.flight.setting import Setting
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.flight.team.members import allotted, apart, asked, heard, leased, shared
 from missions.guardian import PAD_M, corners_home
-from missions.orders import AwaitBattery, FlyPath, FlyTo, ReturnToLaunch, StandDown, TakeOff
+from missions.orders import AwaitBattery, FlyTo, StandDown, TakeOff
 
 
 def landed(event: Landed, vehicle: VehicleState, setting: Setting) -> VehicleState:
@@ -74,17 +76,17 @@ def landed(event: Landed, vehicle: VehicleState, setting: Setting) -> VehicleSta
     if away_m > PAD_M or vehicle.phase is Phase.DOWN:
         away = f"it landed {away_m:.0f} m from its pad"
         note = f"{vehicle.note}; {away}" if vehicle.note else away
-        return replace(down, phase=Phase.DOWN, order=StandDown(), note=note)
+        return down.stood_down(Phase.DOWN, note)
     if vehicle.return_reason is ReturnReason.BATTERY:
         return replace(down, phase=Phase.GROUNDED, order=AwaitBattery())
     if vehicle.return_reason in (ReturnReason.DONE, ReturnReason.RECALLED):
         return replace(down, phase=Phase.FINISHED, order=StandDown(), vertex=None)
     if vehicle.phase is Phase.GUARDED:
-        return replace(down, phase=Phase.FAILED, order=StandDown())
+        return down.stood_down(Phase.FAILED, vehicle.note)
     if setting.member == 0:  # who only knows does not know what it was told to do
         return replace(down, phase=Phase.GROUNDED)
-    note = vehicle.note or "landed unexpectedly (no land command was sent)"
-    return replace(down, phase=Phase.FAILED, order=StandDown(), note=note)
+    unexpected = "landed unexpectedly (no land command was sent)"
+    return down.stood_down(Phase.FAILED, vehicle.note or unexpected)
 
 
 def crashed(event: Crashed, vehicle: VehicleState, setting: Setting) -> VehicleState:
@@ -128,39 +130,33 @@ MOST_EMPTY_PASSES = 2
 """After so many lanes in a row without a judged frame the vehicle comes home."""
 
 
+_OF_ALL: Final[Mapping[type, Callable[[Setting, State, Any], State]]] = {
+    Recalled: lambda setting, state, event: replace(state, recalled=True, paused=False),
+    Paused: lambda setting, state, event: paused(setting, state),
+    Continued: lambda setting, state, event: replace(state, paused=False),
+    Resumed: lambda setting, state, event: resume(setting, state),
+    FrameSeen: lambda setting, state, event: skipped_for_good(frame_seen(setting, state, event)),
+    LookEnded: lambda setting, state, event: skipped_for_good(look_ended(state, event)),
+    CellSkipped: skip,
+    Heard: heard,
+    Shared: shared,
+    Apart: apart,
+    Allotted: allotted,
+    Asked: asked,
+    Leased: leased,
+}
+"""Rules for events that change more than one vehicle, or more than vehicles."""
+
+
 def apply(setting: Setting, state: State, event: Event) -> State:
     """The state after an event, before anybody is given a new order."""
     state = replace(state, t_s=max(state.t_s, event.t_s))
-    if isinstance(event, Recalled):
-        return replace(state, recalled=True, paused=False)
-    if isinstance(event, Paused):
-        return paused(setting, state)
-    if isinstance(event, Continued):
-        return continued(state)
-    if isinstance(event, Resumed):
-        return resume(setting, state)
-    if isinstance(event, FrameSeen):
-        return skipped_for_good(frame_seen(setting, state, event))
-    if isinstance(event, Heard):
-        return heard(setting, state, event)
-    if isinstance(event, Shared):
-        return shared(setting, state, event)
-    if isinstance(event, Apart):
-        return apart(setting, state, event)
-    if isinstance(event, Allotted):
-        return allotted(state, event)
-    if isinstance(event, Asked):
-        return asked(state, event)
-    if isinstance(event, Leased):
-        return leased(state, event)
-    vehicle = state.vehicles[event.vehicle]
-    if isinstance(event, LookEnded):
-        return skipped_for_good(look_ended(state, vehicle))
-    if isinstance(event, CellSkipped):
-        return skip(setting, state, vehicle, event.cell)
+    if (rule := _OF_ALL.get(type(event))) is not None:
+        return rule(setting, state, event)
+    assert isinstance(event, OfVehicle)
     if isinstance(event, Connected) and state.reference_amsl_m is None:
         state = replace(state, reference_amsl_m=event.home_amsl_m)
-    changed = _changed(event, vehicle, setting)
+    changed = _changed(event, state.vehicles[event.vehicle], setting)
     if isinstance(event, Connected | Airborne):
         changed = levelled(changed, event, state.reference_amsl_m, setting)
     state = state.with_vehicle(changed)
@@ -230,13 +226,8 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
     # (one that was set down elsewhere may stand higher than its home)
     yielded = vehicle.phase is Phase.YIELDED and not vehicle.landed_away_m
     climbing = isinstance(vehicle.order, TakeOff) or yielded
-    blind = (
-        isinstance(vehicle.order, FlyPath)
-        and vehicle.phase is Phase.AIRBORNE
-        and vehicle.return_reason is None
-        and event.t_s - vehicle.judged_s >= _nothing_s(setting)
-    )
-    if blind:
+    silent_s = event.t_s - vehicle.judged_s
+    if vehicle.path is not None and vehicle.works and silent_s >= _nothing_s(setting):
         note = "the camera is silent: no picture of its path was judged"
         vehicle = _comes_home(vehicle, event.t_s, setting, note)
     return replace(
@@ -251,26 +242,20 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
     )
 
 
-def _ends_m(order: FlyTo, vehicle: VehicleState) -> float:
-    """How far from its pad a leg of a vehicle ends."""
-    return order.route[-1].distance_to(vehicle.pad)
-
-
 @_changed.register
 def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
     if vehicle.phase is not Phase.AIRBORNE:  # somebody else has it by now
         return replace(vehicle, position=event.position)
-    on_path = isinstance(vehicle.order, FlyPath)
-    stopped = on_path or (isinstance(vehicle.order, FlyTo) and vehicle.order.stop)
+    on_path = vehicle.path is not None
+    leg = vehicle.order if isinstance(vehicle.order, FlyTo) else None
+    stopped = on_path or (leg is not None and leg.stop)
     passed_s = None if stopped else event.t_s
     arrived = replace(vehicle, position=event.position, order=None, passed_s=passed_s)
-    if stopped and isinstance(vehicle.order, FlyTo):  # its height may be told later
-        layer_m = vehicle.order.height_m
-        if abs(vehicle.height_m - layer_m) > OFF_LAYER_M:
-            arrived = replace(arrived, height_m=layer_m)
+    if leg is not None and leg.stop and abs(vehicle.height_m - leg.height_m) > OFF_LAYER_M:
+        arrived = replace(arrived, height_m=leg.height_m)  # which may be told later
     if vehicle.return_reason is not None:
         # the way home may have been claimed, and a part of it flown
-        part = isinstance(vehicle.order, FlyTo) and _ends_m(vehicle.order, vehicle) > BESIDE_PAD_M
+        part = leg is not None and leg.route[-1].distance_to(vehicle.pad) > BESIDE_PAD_M
         return replace(arrived, over_home=not part)
     if on_path and not vehicle.on_lane:
         return arrived
@@ -296,13 +281,12 @@ def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
 @_changed.register
 def _(event: FrameLost, vehicle: VehicleState, setting: Setting) -> VehicleState:
     lost = replace(vehicle, frames_lost=vehicle.frames_lost + 1, note=event.reason)
-    exploring = vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None
     # a look's frames are as many, and seconds apart; on a path several are lost in a second, or
     # one in several
-    silent_s = event.t_s - vehicle.judged_s
-    soon = isinstance(vehicle.order, FlyPath) and silent_s < MOST_SILENT_S
-    nothing = isinstance(vehicle.order, FlyPath) and silent_s >= _nothing_s(setting)
-    if not exploring or soon or (lost.frames_lost < MOST_FRAMES_LOST and not nothing):
+    silent_s, on_path = event.t_s - vehicle.judged_s, vehicle.path is not None
+    soon = on_path and silent_s < MOST_SILENT_S
+    nothing = on_path and silent_s >= _nothing_s(setting)
+    if not vehicle.works or soon or (lost.frames_lost < MOST_FRAMES_LOST and not nothing):
         return lost
     note = f"{lost.frames_lost} pictures in a row were lost: {event.reason}"
     return _comes_home(lost, event.t_s, setting, note)
@@ -352,13 +336,12 @@ def _(event: OrderFailed, vehicle: VehicleState, setting: Setting) -> VehicleSta
     note = f"{event.order}: {event.reason}"
     if vehicle.phase is Phase.GROUNDED and not vehicle.landed:  # a take-off that failed half-way
         vehicle = replace(vehicle, phase=Phase.AIRBORNE)
-    explores = vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None
-    if explores and event.behind:
+    if vehicle.works and event.behind:
         soon = event.t_s - vehicle.behind_s < BEHIND_S
         vehicle = replace(vehicle, behind=vehicle.behind * soon + 1, behind_s=event.t_s)
         if vehicle.behind <= MOST_BEHIND:
             return lane_left(vehicle.interrupted(event.t_s), setting.grid.cell_m)
-    if explores:  # it cannot stay there
+    if vehicle.works:  # it cannot stay there
         return _comes_home(vehicle, event.t_s, setting, note)
     around = bool(corners_home(setting.fence, vehicle.position, vehicle.home))
     most_refused = MOST_HOME_REFUSED_AROUND if around else MOST_HOME_REFUSED
@@ -368,14 +351,7 @@ def _(event: OrderFailed, vehicle: VehicleState, setting: Setting) -> VehicleSta
         return replace(again, home_refused=vehicle.home_refused + 1)
     if vehicle.phase is Phase.AIRBORNE:
         # not even the way home can be flown: its guardian has the autopilot try, and stays with it
-        return replace(
-            vehicle,
-            phase=Phase.GUARDED,
-            order=ReturnToLaunch(),
-            return_reason=None,
-            returns_by_itself=True,
-            note=note,
-        )
+        return vehicle.left_to_autopilot(note)
     if not vehicle.landed:  # somebody else is responsible for it already
         return replace(vehicle, note=note)
-    return replace(vehicle, phase=Phase.FAILED, order=StandDown(), note=note)
+    return vehicle.stood_down(Phase.FAILED, note)

@@ -25,11 +25,8 @@ def asked_for(setting: Setting, state: State) -> Iterator[Cell]:
     shown = state.shown
     yield from (cell for cell in setting.box_cells if cell not in ballots and cell not in shown)
     for cell, ballot in ballots.items():
-        for _, vote in ballot:
-            if vote:
-                if belief.verdict(cell) is None:
-                    yield cell
-                break
+        if any(vote for _, vote in ballot) and belief.verdict(cell) is None:
+            yield cell
 
 
 def open_cells(setting: Setting, state: State) -> frozenset[Cell]:

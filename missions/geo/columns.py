@@ -48,14 +48,9 @@ def columns_over(pads: Sequence[GridPoint], separation_m: float) -> list[list[Gr
     ]
 
 
-def fence_without(
-    ring: Sequence[GridPoint],
-    holes: Sequence[Sequence[GridPoint]],
-    columns: Sequence[Sequence[GridPoint]],
-    margin_m: float,
-) -> Fence:
+def fence_without(fence: Fence, columns: Sequence[Sequence[GridPoint]], margin_m: float) -> Fence:
     """A fence without the columns of others; one that reaches over the rim takes a bite of it."""
-    area: BaseGeometry = Polygon(ring, holes)
+    area: BaseGeometry = fence.outer
     for column in columns:
         area = area.difference(Polygon(column))
     parts = getattr(area, "geoms", [area])

@@ -10,7 +10,7 @@ import heapq
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TypeVar
+from functools import lru_cache
 
 import shapely
 from shapely.geometry import LineString, Point, Polygon
@@ -19,11 +19,9 @@ from shapely.ops import nearest_points
 from missions.units import GridPoint
 
 _TOLERANCE_M = 0.01
-_REMEMBERED = 1000
+_REMEMBERED = 10_000
 """Number of kept answers: rules ask for a way several times in one step of a mission."""
 
-K = TypeVar("K")
-V = TypeVar("V")
 Way = tuple[GridPoint, ...]
 
 
@@ -42,9 +40,6 @@ class Fence:
     corners: tuple[GridPoint, ...]
     _seen: dict[tuple[GridPoint, GridPoint], bool] = field(default_factory=dict)
     """Which corners see each other, as far as anybody has asked."""
-    _shrunk: dict[float, shapely.Geometry] = field(default_factory=dict)
-    _allowed: dict[GridPoint, bool] = field(default_factory=dict)
-    _ways: dict[tuple[GridPoint, GridPoint], Way | None] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -69,11 +64,7 @@ class Fence:
 
     def shrunk(self, by_m: float) -> shapely.Geometry:
         """What is left of the inside of the margin so far from its rim, prepared."""
-        found = self._shrunk.get(by_m)
-        if found is None:
-            found = self._shrunk[by_m] = self.inner.buffer(-by_m, join_style="mitre")
-            shapely.prepare(found)
-        return found
+        return _shrunk(self, by_m)
 
     def contains(self, point: GridPoint) -> bool:
         """Whether a point is inside the fence itself, margin or not."""
@@ -81,14 +72,7 @@ class Fence:
 
     def allows(self, point: GridPoint) -> bool:
         """Whether a leg may end here."""
-        found = self._allowed.get(point)
-        if found is None:
-            # a point that was computed to lie on the edge may miss it by a rounding
-            found = bool(shapely.intersects_xy(self.inner, point.east_m, point.north_m)) or bool(
-                self.inner.dwithin(Point(point), _TOLERANCE_M)
-            )
-            _remember(self._allowed, point, found)
-        return found
+        return _allows(self, point)
 
     def allows_leg(self, start: GridPoint, end: GridPoint) -> bool:
         """Whether a straight leg stays inside the margin."""
@@ -104,28 +88,20 @@ class Fence:
 
         A start outside the margin (blown there) goes to the nearest allowed point first.
         """
-        if (start, end) not in self._ways:
-            _remember(self._ways, (start, end), self._route(start, end))
-        return self._ways[start, end]
-
-    def _route(self, start: GridPoint, end: GridPoint) -> Way | None:
-        if not self.allows(end):
-            return None
-        if not self.allows(start):
-            inside = nearest_points(self.inner, Point(start))[0]
-            entry = GridPoint(float(inside.x), float(inside.y))
-            onward = self._shortest(entry, end)
-            return None if onward is None else (entry, *onward)
-        return self._shortest(start, end)
+        return _route(self, start, end)
 
     def route_near(self, start: GridPoint, end: GridPoint) -> Way | None:
         """The way to an `end` in the margin, straight from the nearest allowed place; None where
         that cannot be reached or `end` lies outside of the fence."""
         if not self.contains(end):
             return None
-        near = nearest_points(self.inner, Point(end))[0]
-        way = self.route(start, GridPoint(float(near.x), float(near.y)))
+        way = self.route(start, self.nearest(end))
         return None if way is None else (*way, end)
+
+    def nearest(self, point: GridPoint) -> GridPoint:
+        """The place inside the margin that is nearest to a point."""
+        near = nearest_points(self.inner, Point(point))[0]
+        return GridPoint(float(near.x), float(near.y))
 
     def _shortest(self, start: GridPoint, end: GridPoint) -> Way | None:
         """A* over the corners that see each other."""
@@ -162,11 +138,27 @@ class Fence:
         return self._seen[one, other]
 
 
-def _remember(answers: dict[K, V], question: K, answer: V) -> None:
-    """Keep an answer; the oldest are forgotten all at once."""
-    if len(answers) >= _REMEMBERED:
-        answers.clear()
-    answers[question] = answer
+@lru_cache(maxsize=64)
+def _shrunk(fence: Fence, by_m: float) -> shapely.Geometry:
+    found = fence.inner.buffer(-by_m, join_style="mitre")
+    shapely.prepare(found)
+    return found
+
+
+@lru_cache(_REMEMBERED)
+def _allows(fence: Fence, point: GridPoint) -> bool:
+    # a point that was computed to lie on the edge may miss it by a rounding
+    inside = shapely.intersects_xy(fence.inner, point.east_m, point.north_m)
+    return bool(inside or fence.inner.dwithin(Point(point), _TOLERANCE_M))
+
+
+@lru_cache(_REMEMBERED)
+def _route(fence: Fence, start: GridPoint, end: GridPoint) -> Way | None:
+    if not fence.allows(end):
+        return None
+    entry = start if fence.allows(start) else fence.nearest(start)
+    onward = fence._shortest(entry, end)
+    return onward if onward is None or entry is start else (entry, *onward)
 
 
 def route_length_m(start: GridPoint, route: Sequence[GridPoint]) -> float:

@@ -20,34 +20,23 @@ Nothing is done to a vehicle that a pilot or a failsafe flies (`mode` "other").
 from __future__ import annotations
 
 from missions.geo.fence import corners_home
-from missions.guardian.guardian_state import Action, Doing, Guard, Limits, Mode, Seen, Task, Verdict
-from missions.guardian.rules import landing_wh, quick_aim_m, watch
-from missions.guardian.thresholds import (
-    DOWN_M,
-    HARD_M_S,
-    HASTE_M_S,
-    OFF_PLAN_M,
-    PAD_M,
-    SPENT_S,
-)
+from missions.guardian.guardian_state import Action, Guard, Limits, Mode, Seen, Task
+from missions.guardian.rules import quick_aim_m, watch
+from missions.guardian.thresholds import DOWN_M, HARD_M_S, HASTE_M_S, PAD_M, SPENT_S
 
 __all__ = [
     "DOWN_M",
     "HARD_M_S",
     "HASTE_M_S",
-    "OFF_PLAN_M",
     "PAD_M",
     "SPENT_S",
     "Action",
-    "Doing",
     "Guard",
     "Limits",
     "Mode",
     "Seen",
     "Task",
-    "Verdict",
     "corners_home",
-    "landing_wh",
     "quick_aim_m",
     "watch",
 ]

@@ -56,11 +56,13 @@ def falling(guard: Guard, seen: Seen) -> Guard:
     return replace(guard, height_m=seen.height_m, fell=fell)
 
 
-def _goal(guard: Guard, seen: Seen) -> tuple[GridPoint, ...]:
-    """The way that the vehicle should be on, its goal the last point."""
+def _goal(guard: Guard, seen: Seen, place: GridPoint | None) -> tuple[GridPoint, ...]:
+    """The way that it should be on, its goal the last point; none where it lands or stands."""
     if guard.action == "rtl":
         return (seen.position, seen.home)
-    return guard.task.path
+    if guard.action == "land" or guard.task.doing in ("land", "ground"):
+        return ()
+    return guard.task.path if place is None else (place,)
 
 
 def planned(task: Task, seen: Seen) -> GridPoint | None:
@@ -96,18 +98,15 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     """The guard with distances to the goal, the path and the fence taken in."""
     task = guard.task
     place = None if guard.action else planned(task, seen)
-    path = _goal(guard, seen) if place is None else (place,)
-    if guard.action == "land" or not path or task.doing in ("land", "ground"):
-        path = path if guard.action == "rtl" else ()
+    path = _goal(guard, seen, place)
     fence, here = limits.fence, seen.position
     outside_m = 0.0 if fence.contains(here) else float(fence.outer.distance(Point(here)))
-    leaves = outside_m > 0.0 or not fence.contains(_soon(guard, seen))
-    outside_since_s = since(guard.outside_since_s, outside_m > 0.0, seen.t_s)
-    before = guard.outside_m, guard.leaves_fence, guard.outside_since_s
-    if (outside_m, leaves, outside_since_s) != before:
-        guard = replace(
-            guard, outside_m=outside_m, leaves_fence=leaves, outside_since_s=outside_since_s
-        )
+    guard = replace(
+        guard,
+        outside_m=outside_m,
+        leaves_fence=outside_m > 0.0 or not fence.contains(_soon(guard, seen)),
+        outside_since_s=since(guard.outside_since_s, outside_m > 0.0, seen.t_s),
+    )
     swept_m_s = max(SWEPT_M_S, SWEPT_SHARE * limits.energy.speed_m_s)
     if guard.landing:  # straight down: whatever it moves is away
         swept = _speed_m_s(guard, seen) > swept_m_s and not seen.slews
@@ -131,9 +130,8 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
         swept = swept or (_away_m_s(guard, seen, before_m, gap_m) or 0.0) > swept_m_s
     swept = swept and not seen.slews
     progressed = gap_m <= guard.best_m - PROGRESS_M or guard.best_m == float("inf")
-    allowed_m = OFF_PATH_M + task.drift_m_s * (seen.t_s - task.since_s)
-    if place is not None:
-        allowed_m = off_plan_m(seen)
+    drifted_m = task.drift_m_s * (seen.t_s - task.since_s)
+    allowed_m = OFF_PATH_M + drifted_m if place is None else off_plan_m(seen)
     off = guard.action is None and off_path_m(seen.position, path) > allowed_m
     sunk = seen.height_m < task.height_m - max(HEIGHT_LOST_M, HEIGHT_LOST_SHARE * task.height_m)
     return replace(

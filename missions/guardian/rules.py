@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from missions.geo.fence import route_length_m
-from missions.guardian.guardian_state import Action, Guard, Limits, Seen, Verdict
+from missions.guardian.guardian_state import Guard, Limits, Seen, Verdict
 from missions.guardian.measures import (
     falling,
     is_behind,
@@ -69,9 +69,7 @@ def crashed(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | 
     expected = landing or (returning and at_home) or not guard.was_up
     expected = expected or guard.task.doing in ("ground", "climb")
     lies = low(seen) and (guard.was_up or seen.airborne)
-    low_since_s = since(guard.low_since_s, lies, seen.t_s)
-    if low_since_s != guard.low_since_s:
-        guard = replace(guard, low_since_s=low_since_s)
+    guard = replace(guard, low_since_s=since(guard.low_since_s, lies, seen.t_s))
     if lasted(limits, guard.low_since_s, seen.t_s, STANDS_S if expected else DOWN_S):
         return replace(guard, down=True), Verdict("crashed", f"it has no height, {_off_home(seen)}")
     return guard, None
@@ -97,27 +95,25 @@ def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | No
     if seen.mode == "other" and seen.armed and not is_down:
         free = guard.released()
         return replace(free, height_m=guard.height_m, fell=guard.fell, last_s=seen.t_s), None
-    # most looks change little of it: what stays as it was is not written anew
-    was_up = guard.was_up or (seen.airborne and seen.height_m > UP_M)
-    at_height = guard.at_height or near_height(guard.task, seen)
-    if (was_up, at_height) != (guard.was_up, guard.at_height):
-        guard = replace(guard, was_up=was_up, at_height=at_height)
+    guard = replace(
+        guard,
+        was_up=guard.was_up or (seen.airborne and seen.height_m > UP_M),
+        at_height=guard.at_height or near_height(guard.task, seen),
+    )
     guard, verdict = crashed(limits, guard, seen)
     if verdict is not None or guard.down or not seen.airborne:
         return replace(guard, last_s=seen.t_s, last_position=seen.position), verdict
     guard = measured(limits, guard, seen)
     spent_since_s = since(guard.spent_since_s, _is_spent(limits, seen), seen.t_s)
-    if spent_since_s != guard.spent_since_s:
-        guard = replace(guard, spent_since_s=spent_since_s)
+    guard = replace(guard, spent_since_s=spent_since_s)
     verdict = _last_reserve(limits, guard, seen) or _trouble(limits, guard, seen)
     guard = replace(guard, last_s=seen.t_s, last_position=seen.position)
     if verdict is None:
         return guard, None
     if verdict.rung == "report":
         return replace(guard, reported=True, reported_s=seen.t_s), verdict
-    if verdict.rung in ("rtl", "land"):
-        action: Action = "rtl" if verdict.rung == "rtl" else "land"
-        guard = guard.acting(action, seen.t_s, hurry=verdict.hurry)
+    if verdict.rung != "crashed":
+        guard = guard.acting(verdict.rung, seen.t_s, hurry=verdict.hurry)
     return guard, verdict
 
 

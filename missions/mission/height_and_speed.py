@@ -123,20 +123,24 @@ class SpeedLimits:
 
     @property
     def least_m_s(self) -> float:
-        """The lowest of them."""
-        pictures_m_s = min(self.blur_m_s, self.frames_m_s)
-        return min(self.flight_m_s, pictures_m_s, self.headway_m_s, self.climb_m_s)
+        """The lowest of them; 0 where no speed does: the picture shows no cell whole."""
+        return min(self._by_key.values())
 
     @property
     def reason(self) -> str:
         """The key of the mission file that sets the lowest."""
-        if self.least_m_s == self.flight_m_s:
-            return "flight.speed_m_s"
-        if self.least_m_s == self.headway_m_s:
-            return "flight.max_airspeed_m_s, less wind.speed_m_s"
-        if self.least_m_s == self.climb_m_s:
-            return "the steepest ground"
-        return "camera.max_blur_px" if self.least_m_s == self.blur_m_s else "votes.frames"
+        return min(self._by_key, key=self._by_key.__getitem__)
+
+    @property
+    def _by_key(self) -> dict[str, float]:
+        """Of equal ones the first is named."""
+        return {
+            "flight.speed_m_s": self.flight_m_s,
+            "flight.max_airspeed_m_s, less wind.speed_m_s": self.headway_m_s,
+            "the steepest ground": self.climb_m_s,
+            "camera.max_blur_px": self.blur_m_s,
+            "votes.frames": self.frames_m_s,
+        }
 
 
 def speed_limits(mission: Mission, height_m: float) -> SpeedLimits:
@@ -166,11 +170,6 @@ def _climb_limit_m_s(mission: Mission) -> float:
 def headway_m_s(mission: Mission, wind_m_s: float) -> float:
     """The speed over ground straight against a wind, at least 0."""
     return max(mission.flight.max_airspeed_m_s - wind_m_s, 0.0)
-
-
-def speed_limit_m_s(mission: Mission, height_m: float) -> float:
-    """The lowest of `speed_limits`; 0 where no speed does: the picture shows no cell whole."""
-    return speed_limits(mission, height_m).least_m_s
 
 
 def blur_px(mission: Mission, height_m: float, speed_m_s: float) -> float:

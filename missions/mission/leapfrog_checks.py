@@ -35,9 +35,7 @@ def tracker_view(mission: Mission) -> TrackerView:
 
 def edge_px(mission: Mission) -> float:
     """How long an edge of the marker is in the tracker's picture."""
-    optics = mission.camera.optics
-    focal_px = optics.width_px / 2.0 / math.tan(optics.hfov_rad / 2.0)
-    return focal_px * mission.navigation.tag_m / mission.team.layer_m
+    return mission.camera.optics.focal_px * mission.navigation.tag_m / mission.team.layer_m
 
 
 def faults(mission: Mission) -> Iterator[str]:

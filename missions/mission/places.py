@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import pyproj
@@ -15,6 +15,7 @@ from missions.geo.grid import Grid
 from missions.mission.schema import Mission, positions
 from missions.mission.sections.fields import Vertex
 from missions.mission.sections.search_sections import PriorPlace
+from missions.mission.sections.sim_section import SimRegion
 from missions.planning.search.prior import Area, Spot
 from missions.units import GridPoint, LatLon
 
@@ -55,15 +56,16 @@ def _rings(mission: Mission) -> Iterator[tuple[str, tuple[Vertex, ...]]]:
     yield "fence.polygon", mission.fence.polygon
     for i, hole in enumerate(mission.fence.holes):
         yield f"fence.holes[{i}]", hole
-    for i, place in enumerate(mission.search.prior):
-        if place.polygon is not None:
-            yield f"search.prior[{i}].polygon", place.polygon
-        for k, hole in enumerate(place.holes):
-            yield f"search.prior[{i}].holes[{k}]", hole
-    for i, region in enumerate(mission.sim.roi):
-        yield f"sim.roi[{i}].polygon", region.polygon
-        for k, hole in enumerate(region.holes):
-            yield f"sim.roi[{i}].holes[{k}]", hole
+    drawn_as: dict[str, Sequence[PriorPlace | SimRegion]] = {
+        "search.prior": mission.search.prior,
+        "sim.roi": mission.sim.roi,
+    }
+    for key, shapes in drawn_as.items():
+        for i, shape in enumerate(shapes):
+            if shape.polygon is not None:
+                yield f"{key}[{i}].polygon", shape.polygon
+            for k, hole in enumerate(shape.holes):
+                yield f"{key}[{i}].holes[{k}]", hole
 
 
 def positions_near(mission: Mission) -> Iterator[str]:
@@ -73,18 +75,11 @@ def positions_near(mission: Mission) -> Iterator[str]:
         yield _polar("start.position", (lat_deg, lon_deg))
         return
     geod = pyproj.Geod(ellps="WGS84")
-    named = list(_rings(mission))
-    named += [
-        (f"vehicles[{i}].home", (vehicle.home,))
-        for i, vehicle in enumerate(mission.vehicles)
-        if vehicle.home is not None
-    ]
-    named += [
-        (f"search.prior[{i}].position", (place.position,))
-        for i, place in enumerate(mission.search.prior)
-        if place.position is not None
-    ]
-    for key, ring in named:
+    homes_given = [(f"vehicles[{i}].home", v.home) for i, v in enumerate(mission.vehicles)]
+    prior = enumerate(mission.search.prior)
+    spots = [(f"search.prior[{i}].position", place.position) for i, place in prior]
+    single = [(key, (place,)) for key, place in (*homes_given, *spots) if place is not None]
+    for key, ring in (*_rings(mission), *single):
         for vertex in ring:
             if not SOUTH_LIMIT_DEG <= vertex[0] <= NORTH_LIMIT_DEG:
                 yield _polar(key, vertex)

@@ -17,12 +17,7 @@ import tomllib
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    Field,
-    ValidationError,
-    model_validator,
-)
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from missions.errors import MissionFileError
@@ -44,7 +39,12 @@ from missions.mission.sections.fields import (
 )
 from missions.mission.sections.search_sections import Drift, Guardian, Search, Team, Votes, Wind
 from missions.mission.sections.sim_section import Sim
-from missions.mission.sections.terrain_section import TerrainSection, relief_in, terrain_in
+from missions.mission.sections.terrain_section import (
+    Lattice,
+    TerrainSection,
+    relief_in,
+    terrain_in,
+)
 from missions.units import LatLon
 
 HostName = Annotated[
@@ -256,9 +256,11 @@ class Mission(Section):
     @property
     def surveyed(self) -> Terrain | None:
         """The ground as far as it is known, whether it is followed or not."""
-        if self.terrain is None or self.terrain.dem is None:
-            return None
-        return terrain_in(self.terrain.dem)
+        return None if self._lattice is None else terrain_in(self._lattice)
+
+    @property
+    def _lattice(self) -> Lattice | None:
+        return None if self.terrain is None else self.terrain.dem
 
     @property
     def ground(self) -> Terrain | None:
@@ -268,9 +270,9 @@ class Mission(Section):
     @property
     def relief(self) -> Relief | None:
         """Of the known ground inside the fence."""
-        if self.terrain is None or self.terrain.dem is None:
+        if self._lattice is None:
             return None
-        return relief_in(self.terrain.dem, self.start.position, self.fence.polygon)
+        return relief_in(self._lattice, self.start.position, self.fence.polygon)
 
     @property
     def highest_ground_m(self) -> float:
@@ -291,9 +293,9 @@ class Mission(Section):
     @property
     def _crossed(self) -> Relief | None:
         """The relief of what straight ways in the fence cross, where ground is followed."""
-        if self.ground is None or self.terrain is None or self.terrain.dem is None:
+        if self.ground is None or self._lattice is None:
             return None
-        return relief_in(self.terrain.dem, self.start.position, self.fence.polygon, hull=True)
+        return relief_in(self._lattice, self.start.position, self.fence.polygon, hull=True)
 
     @property
     def home(self) -> LatLon:
@@ -355,7 +357,7 @@ class Mission(Section):
     @model_validator(mode="after")
     def _layers_in_order(self) -> Mission:
         numbers = [vehicle.layer for vehicle in self.vehicles]
-        if all(number is None for number in numbers):
+        if set(numbers) == {None}:
             return self
         steps = list(zip([0, *numbers], numbers, strict=False))
         if any(b is None or a is None or b - a not in (0, 1) for a, b in steps) or numbers[0] != 0:

@@ -7,7 +7,7 @@ from typing import Final
 
 from missions.geo.grid import Grid
 from missions.mission.energy import CLIMB_SPEED_M_S, LANDING_SPEED_M_S, EnergyModel
-from missions.mission.height_and_speed import footprint_over, headway_m_s, speed_limit_m_s
+from missions.mission.height_and_speed import footprint_over, headway_m_s, speed_limits
 from missions.mission.schema import Mission
 
 MOST_M_S: Final = 8.0
@@ -30,7 +30,7 @@ def path_speed_m_s(mission: Mission, height_m: float, wind_m_s: float = 0.0) -> 
     """
     held = mission.camera.mounting == "gimbal"
     most_m_s = min(MOST_LEVEL_M_S if held else MOST_M_S, headway_m_s(mission, wind_m_s))
-    return max(LEAST_M_S, min(most_m_s, speed_limit_m_s(mission, height_m)))
+    return max(LEAST_M_S, min(most_m_s, speed_limits(mission, height_m).least_m_s))
 
 
 def seen_whole_m(mission: Mission, height_m: float, *, east_ahead: bool) -> tuple[float, float]:

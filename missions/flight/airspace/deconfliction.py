@@ -11,11 +11,12 @@ such a claim changes, orders under way are checked again (`revise`).
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from missions.flight.airspace.volumes import Volume, is_free
+from missions.flight.airspace.volumes import Volume
 from missions.flight.lane_progress import lane_left
 from missions.flight.setting import Setting
 from missions.flight.state import Column, Phase, State, VehicleState
@@ -46,8 +47,6 @@ _PLACES: dict[tuple[int, float, float], tuple[Trajectory, tuple[GridPoint, ...]]
 with its answer, so that no other can have its number."""
 CLOSED_S = 3.0
 """So much longer than was asked for air stays closed: clocks of members differ a little."""
-UNTOLD = (Phase.YIELDED, Phase.OFFLINE, Phase.GUARDED)
-"""Phases of vehicles that, in the air, cannot be told to make way."""
 
 
 def give_if_clear(setting: Setting, state: State, vehicle: VehicleState, order: Order) -> State:
@@ -67,7 +66,8 @@ def is_clear(setting: Setting, state: State, vehicle: VehicleState, order: Order
     others = _claims_of_others(setting, state, vehicle, order)
     if not others:
         return True
-    return is_free(_volume(setting, state, vehicle, order), others, *_apart(setting))
+    needs, apart = _volume(setting, state, vehicle, order), _apart(setting)
+    return not any(needs.meets(claim, *apart) for claim in others)
 
 
 def revise(setting: Setting, state: State) -> State:
@@ -86,12 +86,7 @@ def leads_into_untold(setting: Setting, state: State, vehicle: VehicleState, ord
 
     Who is in such air already may leave it.
     """
-    others = [
-        other
-        for other in state.vehicles.values()
-        if other.phase in UNTOLD and not other.landed and other.vehicle != vehicle.vehicle
-    ]
-    closed = _closed(state)
+    others, closed = untold_but(state, vehicle), _closed(state)
     if not others and not closed:
         return False
     apart, here = _apart(setting), _here(vehicle)
@@ -110,31 +105,31 @@ def leads_into_untold(setting: Setting, state: State, vehicle: VehicleState, ord
     return False
 
 
+def untold_but(state: State, vehicle: VehicleState) -> list[VehicleState]:
+    """The others in the air that cannot be told to make way."""
+    others = (v for v in state.vehicles.values() if v.vehicle != vehicle.vehicle)
+    return [other for other in others if other.untold]
+
+
 def give_way(setting: Setting, state: State, vehicle: VehicleState) -> State | None:
     """Order a vehicle out of air that is claimed by one that cannot be told to make way.
 
     None where it is in no such air, or where no place beside it is free.
     """
-    distance_m, apart = _distance_m(setting), _apart(setting)
-    claims = [
-        claim
-        for other in state.vehicles.values()
-        if other.vehicle != vehicle.vehicle and other.phase in UNTOLD and not other.landed
-        for claim in _untold_claims(setting, state, other)
-    ]
+    apart = _apart(setting)
+    untold = untold_but(state, vehicle)
+    claims = [claim for other in untold for claim in _untold_claims(setting, state, other)]
     claims += _closed(state)
     if not any(_here(vehicle).meets(claim, *apart) for claim in claims):
         return None
-    for times in WAY_TIMES:
-        for eighth in range(8):
-            spot = _around(vehicle.position, eighth, times * distance_m)
-            route = setting.fence.route(vehicle.position, spot)
-            order = FlyTo(route or (spot,), None, stop=True, height_m=vehicle.cruise_height_m)
-            at_spot = replace(vehicle, position=spot)
-            free = not any(_here(at_spot).meets(claim, *apart) for claim in claims)
-            if free and route is not None and is_clear(setting, state, vehicle, order):
-                off_lane = lane_left(vehicle, setting.grid.cell_m)
-                return state.with_vehicle(replace(off_lane, order=order, at_target=False))
+    for spot in _ring(setting, vehicle.position, WAY_TIMES):
+        route = setting.fence.route(vehicle.position, spot)
+        if route is None or any(_here(vehicle, spot).meets(claim, *apart) for claim in claims):
+            continue
+        order = FlyTo(route, None, stop=True, height_m=vehicle.cruise_height_m)
+        if is_clear(setting, state, vehicle, order):
+            off_lane = lane_left(vehicle, setting.grid.cell_m)
+            return state.with_vehicle(replace(off_lane, order=order, at_target=False))
     return None
 
 
@@ -151,31 +146,23 @@ def where(setting: Setting, state: State, cell: Cell) -> GridPoint:
 
 def spots_beside(setting: Setting, vehicle: VehicleState) -> list[GridPoint]:
     """Places inside the fence where a vehicle can land beside its pad, the nearest first."""
-    spots = [
-        _around(vehicle.home, eighth, times * _distance_m(setting))
-        for times in (1.5, 2.5)
-        for eighth in range(8)
-    ]
-    allowed = [spot for spot in spots if setting.fence.allows(spot)]
+    allowed = filter(setting.fence.allows, _ring(setting, vehicle.home, (1.5, 2.5)))
     return sorted(allowed, key=lambda spot: (vehicle.position.distance_to(spot), spot))
 
 
 def spots_around(setting: Setting, vehicle: VehicleState) -> list[GridPoint]:
     """Places inside the fence around a vehicle, just out of the air that it is in, and farther."""
-    spots = [
-        _around(vehicle.position, eighth, times * _distance_m(setting))
-        for times in (1.5, 4.0)
-        for eighth in range(8)
-    ]
-    return [spot for spot in spots if setting.fence.allows(spot)]
+    return list(filter(setting.fence.allows, _ring(setting, vehicle.position, (1.5, 4.0))))
 
 
-def _around(centre: GridPoint, eighth: int, distance_m: float) -> GridPoint:
-    turn_rad = eighth * math.tau / 8
-    return GridPoint(
-        round(centre.east_m + distance_m * math.sin(turn_rad), 2),
-        round(centre.north_m + distance_m * math.cos(turn_rad), 2),
-    )
+def _ring(setting: Setting, centre: GridPoint, times: Iterable[float]) -> Iterator[GridPoint]:
+    """Eight places around a centre, from north on, at so many times the distance of claims."""
+    for each, eighth in itertools.product(times, range(8)):
+        distance_m, turn_rad = each * _distance_m(setting), eighth * math.tau / 8
+        yield GridPoint(
+            round(centre.east_m + distance_m * math.sin(turn_rad), 2),
+            round(centre.north_m + distance_m * math.cos(turn_rad), 2),
+        )
 
 
 def _detours(
@@ -186,11 +173,9 @@ def _detours(
     A landing takes half a minute: a vehicle that comes home for a battery cannot always wait so
     long.
     """
-    fence, away_m = setting.fence, 2 * _distance_m(setting)
-    ways = []
+    fence, ways = setting.fence, []
     for centre in {volume.path[0] for volume in others if len(set(volume.path)) == 1}:
-        for eighth in range(8):
-            via = _around(centre, eighth, away_m)
+        for via in _ring(setting, centre, (2.0,)):
             there, back = fence.route(vehicle.position, via), fence.route(via, vehicle.pad)
             if there is not None and back is not None:
                 ways.append((*there, *back))
@@ -241,12 +226,6 @@ def _next_places(order: FlyPath, t_s: float, ahead_s: float = AHEAD_S) -> tuple[
     return places
 
 
-def _last_places(order: FlyPath, silent: VehicleState) -> tuple[GridPoint, ...]:
-    """Where a vehicle may have come along its path since it was heard last: its stream is sent on
-    until its link is called lost, and then it brakes."""
-    return (silent.position, *_next_places(order, silent.tracked_s, SILENT_AHEAD_S))
-
-
 def _volume(setting: Setting, state: State, vehicle: VehicleState, order: Order | None) -> Volume:
     """The air that an order needs."""
     top_m = max(vehicle.cruise_altitude_m, vehicle.level_m)
@@ -268,8 +247,10 @@ def _stray_m(setting: Setting) -> float:
 
 
 # --- what others claim ------------------------------------------------------------------------
-def _here(vehicle: VehicleState) -> Volume:
-    return Volume((vehicle.position,), vehicle.cruise_altitude_m, vehicle.cruise_altitude_m)
+def _here(vehicle: VehicleState, spot: GridPoint | None = None) -> Volume:
+    """The air of a vehicle that hovers in its layer where it is, or at a spot."""
+    layer_m = vehicle.cruise_altitude_m
+    return Volume((spot or vehicle.position,), layer_m, layer_m)
 
 
 def _claims_of_others(
@@ -294,14 +275,14 @@ def _claims(
     if other.phase is Phase.LOST or (other.landed and not climbing):
         return []
     here, apart = _here(asking), _apart(setting)
-    if other.phase not in UNTOLD and not state.is_ours(other.vehicle):
-        return []  # each keeps to air that nobody else may enter (`missions.geo.columns`)
-    if other.phase in UNTOLD:
+    if other.untold:
         claims = _untold_claims(setting, state, other)
         if asking.landed or isinstance(order, Land):
             return claims
         # nobody can tell it to make way: who is near it must be free to leave
         return [claim for claim in claims if not here.meets(claim, *apart)]
+    if not state.is_ours(other.vehicle):
+        return []  # each keeps to air that nobody else may enter (`missions.geo.columns`)
     claims = [_volume(setting, state, other, other.order)]
     if other.idle and _leads_out(setting, state, asking, order, claims[0]):
         claims = []  # two that a pilot has left too near would else wait for each other
@@ -343,8 +324,10 @@ def _untold_claims(setting: Setting, state: State, other: VehicleState) -> list[
     column = Volume((other.home,), low_m, top_m)
     if other.phase is Phase.OFFLINE:
         leg = _volume(setting, state, other, order)
-        if isinstance(order, FlyPath):  # its stream ended soon after it was heard last
-            leg = replace(leg, path=_last_places(order, other), stray_m=_stray_m(setting))
+        if isinstance(order, FlyPath):
+            # its stream is sent on until its link is called lost, and then it brakes
+            along = _next_places(order, other.tracked_s, SILENT_AHEAD_S)
+            leg = replace(leg, path=(other.position, *along), stray_m=_stray_m(setting))
         way = Volume((*leg.path, other.home), min(leg.low_m, other.level_m), top_m, leg.stray_m)
         return [leg, way, column]
     if other.returns_by_itself or isinstance(order, ReturnToLaunch):
@@ -359,21 +342,23 @@ def _untold_claims(setting: Setting, state: State, other: VehicleState) -> list[
 def _closed(state: State) -> list[Volume]:
     """The columns that are closed to ours now."""
     return [
-        Volume((column.place,), column.low_m, column.high_m)
+        _air(column)
         for _, column in sorted(state.closed.items())
         if column.until_s + CLOSED_S > state.t_s
     ]
 
 
+def _air(column: Column) -> Volume:
+    return Volume((column.place,), column.low_m, column.high_m)
+
+
 def clear_of(setting: Setting, state: State, vehicle: VehicleState, column: Column) -> bool:
     """Whether a vehicle is out of a column, and what it does next does not lead into it."""
-    air = Volume((column.place,), column.low_m, column.high_m)
     here = replace(_here(vehicle), stray_m=_stray_m(setting))
     needs = _volume(setting, state, vehicle, vehicle.order)
-    return not here.meets(air, *_apart(setting)) and not needs.meets(air, *_apart(setting))
+    return not any(each.meets(_air(column), *_apart(setting)) for each in (here, needs))
 
 
 def meets(setting: Setting, one: Column, other: Column) -> bool:
     """Whether two columns come too near to each other."""
-    air, there = (Volume((c.place,), c.low_m, c.high_m) for c in (one, other))
-    return air.meets(there, *_apart(setting))
+    return _air(one).meets(_air(other), *_apart(setting))

@@ -8,7 +8,7 @@ while somebody is in it, and nobody enters a column while a leg passes through i
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from shapely.geometry import LineString, Point
@@ -52,13 +52,6 @@ class Volume:
         there = _line(other.path)
         nearest_m = float(_line(self.path).distance(there))
         return nearest_m >= float(Point(self.path[0]).distance(there)) - _ROUNDING_M
-
-
-def is_free(
-    volume: Volume, others: Iterable[Volume], distance_m: float, layer_m: float = math.inf
-) -> bool:
-    """Whether a volume keeps its distance from all others."""
-    return not any(volume.meets(other, distance_m, layer_m) for other in others)
 
 
 def _line(path: Sequence[GridPoint]) -> LineString | Point:

@@ -18,7 +18,6 @@ from missions.flight.strategy.flyers import gate_of, over_pad
 from missions.flight.strategy.two_heights import at_map_height
 from missions.flight.strip import Strip
 from missions.flight.whole_box import asked_for
-from missions.orders import FlyPath
 from missions.planning.sweep.chart import Chart, Flags, Known
 from missions.units import Cell
 
@@ -83,8 +82,7 @@ def _ways(setting: Setting, begin_s: float, team: Mapping[int, VehicleState]) ->
     grid, cell_m = setting.grid, setting.mission.grid.cell_m
     cells = []
     for vehicle in team.values():
-        order = vehicle.order
-        end_s = order.trajectory.end_s if isinstance(order, FlyPath) else begin_s
+        end_s = begin_s if vehicle.path is None else vehicle.path.end_s
         places = [
             grid.to_moving(vehicle.position, begin_s),
             grid.to_moving(vehicle.pad, begin_s),

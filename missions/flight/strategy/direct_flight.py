@@ -10,16 +10,19 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from missions.flight.optics import kinematics
-from missions.flight.path_orders import NOTICE_S, allowed, through
+from missions.flight.path_orders import NOTICE_S, allowed, along_route
 from missions.flight.setting import Setting
 from missions.flight.state import State, VehicleState
 from missions.geo.fence import route_length_m
 from missions.geo.trajectory import Piece, Trajectory
 from missions.planning.sweep.chart import Known
 from missions.units import Cell, GridPoint
+
+if TYPE_CHECKING:
+    from missions.planning.sweep.planned_team import Valued
 
 MOST_ROUTES: Final = 12
 """So many places, the nearest first, are tried for a way inside the fence."""
@@ -64,14 +67,21 @@ def fetch(
 
 def _needed(setting: Setting, known: Known) -> list[Cell]:
     """The cells that have to be decided, and are not."""
+    from missions.planning.sweep.planned_team import Tuning  # noqa: PLC0415 - numba takes a second
+
+    worth, need, candidates, _ = value_of(setting, known)
+    least_s = 0.5 * Tuning().penalty_s
+    return [known.chart.cell(int(i)) for i in candidates if worth[i] * need[i] > least_s]
+
+
+def value_of(setting: Setting, known: Known) -> Valued:
+    """What a frame of each cell is worth, and how many cells have to be decided still."""
     from missions.planning.sweep.memo import valued  # noqa: PLC0415 - numba takes a second
     from missions.planning.sweep.planned_team import Tuning  # noqa: PLC0415, as above
     from missions.planning.sweep.sweep_planner import Planner  # noqa: PLC0415, as above
 
-    votes, tuning = setting.mission.votes, Tuning()
-    worth, need, candidates, _ = valued(Planner(tuning), known, votes.frames, votes.positive)
-    work = [int(i) for i in candidates if worth[i] * need[i] > 0.5 * tuning.penalty_s]
-    return [known.chart.cell(index) for index in work]
+    votes = setting.mission.votes
+    return valued(Planner(Tuning()), known, votes.frames, votes.positive)
 
 
 def _vantages(
@@ -106,8 +116,7 @@ def _path(
     setting: Setting, state: State, vehicle: VehicleState, route: tuple[GridPoint, ...]
 ) -> Trajectory:
     """Along a route, and a rest at its end for the frames of a cell."""
-    corners = [True] * (len(route) - 1) + [False]
-    path = through(setting, vehicle, list(route), corners, state.t_s + NOTICE_S)
+    path = along_route(setting, vehicle, route, state.t_s + NOTICE_S)
     mission = setting.mission
     rest_s = (mission.votes.frames + 1) * mission.camera.interval_s
     end = path.at(path.end_s).place

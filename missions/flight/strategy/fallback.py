@@ -19,8 +19,7 @@ from dataclasses import replace
 from typing import Final
 
 from missions.flight.setting import Setting
-from missions.flight.state import Phase, State
-from missions.orders import FlyPath
+from missions.flight.state import State
 from missions.planning.stepwise.rdfs import drift_factor, rdfs_bound_moves
 
 LEAST_PATIENCE_S: Final = 120.0
@@ -64,8 +63,7 @@ def fall_back(state: State) -> State:
     root = None if state.tree is None else state.tree.root
     vehicles = {}
     for number, vehicle in state.vehicles.items():
-        explores = vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None
-        leaves = explores and isinstance(vehicle.order, FlyPath)
+        leaves = vehicle.works and vehicle.path is not None
         vehicles[number] = replace(
             vehicle.interrupted(state.t_s) if leaves else vehicle, vertex=root, at_target=False
         )

@@ -8,16 +8,14 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
-from shapely.geometry import LineString, Point, Polygon
+from shapely.geometry import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
-from shapely.ops import nearest_points
 
 from missions.flight.optics import kinematics
 from missions.flight.setting import Setting
 from missions.flight.state import VehicleState
 from missions.geo.fence import Fence
 from missions.geo.trajectory import Trajectory
-from missions.orders import FlyPath
 from missions.units import GridPoint
 
 if TYPE_CHECKING:
@@ -50,7 +48,7 @@ def flyer_of(
     from missions.planning.sweep.planned_team import Flyer  # noqa: PLC0415 - numba takes a second to load
 
     grid = setting.grid
-    path = vehicle.order.trajectory if isinstance(vehicle.order, FlyPath) else None
+    path = vehicle.path
     # at the end of a path it is where that ends, until it is seen to have arrived
     place = vehicle.position if path is None else path.place_at(begin_s)
     mine = path is not None and _is_planned(path, planned, begin_s)
@@ -81,7 +79,7 @@ def over_home_s(vehicle: VehicleState, planned: Trajectory | None, begin_s: floa
 
     The path of a search may end minutes later than the plan that replaces it.
     """
-    path = vehicle.order.trajectory if isinstance(vehicle.order, FlyPath) else None
+    path = vehicle.path
     if path is None or planned is None or not _is_planned(path, planned, begin_s):
         return begin_s
     return min(max(begin_s, planned.end_s), begin_s + LONGEST_S)
@@ -122,10 +120,8 @@ def in_frame(path: Trajectory, drift_m_s: tuple[float, float], at_s: float) -> T
 
 def over_pad(setting: Setting, vehicle: VehicleState) -> GridPoint:
     """Where a path ends: over the pad, or beside it where the fence allows."""
-    if setting.fence.allows(vehicle.pad):
-        return vehicle.pad
-    near = nearest_points(setting.fence.inner, Point(vehicle.pad))[0]
-    return GridPoint(float(near.x), float(near.y))
+    fence, pad = setting.fence, vehicle.pad
+    return pad if fence.allows(pad) else fence.nearest(pad)
 
 
 def gate_of(setting: Setting, vehicle: VehicleState) -> GridPoint:

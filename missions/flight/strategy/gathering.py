@@ -57,13 +57,7 @@ def _part_to_come(state: State, vehicle: VehicleState, others: Sequence[VehicleS
     back_s = max(other.back_s for other in others) if others else -math.inf
     if not back_s <= state.t_s < back_s + TELLS_S + TOLD_S:
         return False
-    somebody = any(
-        other.vehicle < vehicle.vehicle
-        and other.phase is Phase.AIRBORNE
-        and other.return_reason is None
-        and not other.lanes
-        for other in others
-    )
+    somebody = any(o.vehicle < vehicle.vehicle and o.works and not o.lanes for o in others)
     found = state.allotment
     told = found is not None and found.made_s >= back_s and vehicle.vehicle in found.parts
     return somebody and not told

@@ -232,7 +232,7 @@ def _is_open(setting: Setting, state: State, lane: Lane) -> bool:
     strip = Strip.of(setting.grid, lane, setting.lane_rows, setting.lane_time_s(state.t_s))
     if setting.surveys:
         return not strip.is_known(lambda cell: state.belief.verdict(cell) is not None)
-    return not strip.is_known(searched(setting, state).__contains__)
+    return not strip.is_known(searched(setting, state))
 
 
 def _shown_from_inside(setting: Setting, vehicle: VehicleState, lane: Lane) -> Lane:

@@ -33,7 +33,6 @@ from missions.flight.strip import Strip
 from missions.flight.whole_box import open_cells
 from missions.geo.fence import Fence
 from missions.geo.trajectory import ACCELERATION_M_S2
-from missions.mapping.belief import Belief
 from missions.mission.leapfrog_checks import tracker_view
 from missions.mission.views import path_speed_m_s
 from missions.orders import FlyTo
@@ -76,11 +75,8 @@ def both_ready(setting: Setting, state: State) -> bool:
     if not setting.leapfrogs:
         return True
     return all(
-        vehicle.return_reason is None
-        and (
-            vehicle.phase is Phase.AIRBORNE or (vehicle.phase is Phase.GROUNDED and vehicle.cleared)
-        )
-        for vehicle in state.vehicles.values()
+        v.works or (v.phase is Phase.GROUNDED and v.cleared and v.return_reason is None)
+        for v in state.vehicles.values()
     )
 
 
@@ -93,7 +89,7 @@ def take_turns(setting: Setting, state: State) -> State:
     memory = state.memory if isinstance(state.memory, LeapfrogMemory) else LeapfrogMemory()
     if state.exhausted:
         return state
-    if not all(_able(vehicle) for vehicle in (mapper, tracker)):
+    if not (mapper.works and tracker.works):
         # the next sortie begins anew, along what is left then
         fresh = LeapfrogMemory(open=memory.open)
         return state if memory == fresh else replace(state, memory=fresh)
@@ -117,10 +113,6 @@ def take_turns(setting: Setting, state: State) -> State:
     return _move(setting, state, memory)
 
 
-def _able(vehicle: VehicleState) -> bool:
-    return vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None
-
-
 def _together(setting: Setting, state: State) -> State:
     """Send home whose partner comes home or was taken away; end it when one takes no more part."""
     vehicles = state.vehicles.values()
@@ -128,7 +120,7 @@ def _together(setting: Setting, state: State) -> State:
         return give_up_rest(setting, state)
     for number, other in ((MAPPER, TRACKER), (TRACKER, MAPPER)):
         vehicle, partner = state.vehicles[number], state.vehicles[other]
-        if _able(vehicle) and _is_leaving(partner):
+        if vehicle.works and _is_leaving(partner):
             note = vehicle.note or f"vehicle {other} does not go on, and nobody maps alone"
             alone = replace(vehicle, note=note)
             state = send_home(setting, state, alone, ReturnReason.BATTERY)
@@ -197,22 +189,13 @@ def _move(setting: Setting, state: State, memory: LeapfrogMemory) -> State:
 
 
 # --- the way ------------------------------------------------------------------------------------
-@dataclass(frozen=True, slots=True)
-class _Done:
-    """The cells that nobody has to look at any more: decided, or outside of the box."""
-
-    belief: Belief
-    box: frozenset[Cell]
-
-    def __contains__(self, cell: object) -> bool:
-        return cell not in self.box or (
-            isinstance(cell, Cell) and self.belief.verdict(cell) is not None
-        )
-
-
 def lanes_left(setting: Setting, state: State) -> tuple[Lane, ...]:
     """The stretches of lanes with a column in which a cell of the box is not decided."""
-    grid, done = setting.grid, _Done(state.belief, setting.in_box)
+    grid, box, belief = setting.grid, setting.in_box, state.belief
+
+    def done(cell: Cell) -> bool:
+        return cell not in box or belief.verdict(cell) is not None
+
     found: list[Lane] = []
     for lane in setting.lanes:
         seen_m = Strip.of(grid, lane, setting.lane_rows, state.t_s).judged_m(done)

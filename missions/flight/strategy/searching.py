@@ -11,7 +11,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.flight.strategy.lane_passes import still_open
 from missions.flight.strategy.visiting import visit
-from missions.orders import FlyPath, FlyTo, Order, Sweep
+from missions.orders import FlyTo, Order, Sweep
 from missions.planning.search.lanes import Lane
 
 
@@ -73,7 +73,7 @@ def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
         return state.with_vehicle(replace(vehicle, lanes=(orphan,), on_lane=False))
 
     def spare(other: VehicleState) -> int:
-        if setting.sees_box and other.on_lane and isinstance(other.order, FlyPath):
+        if setting.sees_box and other.on_lane and other.path is not None:
             return 0
         if other.phase is Phase.APART and state.t_s < other.held_until_s:
             return 0  # out of contact: it should still be at it

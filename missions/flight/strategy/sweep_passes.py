@@ -17,18 +17,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
-from missions.flight.path_orders import (
-    NOTICE_S,
-    allowed,
-    give_path,
-    is_outside,
-    through,
-)
+from missions.flight.path_orders import NOTICE_S, allowed, along_route, give_path, is_outside
 from missions.flight.setting import Setting
 from missions.flight.sightings import grown
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.flight.strategy.charting import chart_of
-from missions.flight.strategy.direct_flight import fetch
+from missions.flight.strategy.direct_flight import fetch, value_of
 from missions.flight.strategy.fallback import fall_back, patience_s
 from missions.flight.strategy.flyers import flyer_of, gate_of, over_home_s, over_pad
 from missions.flight.strategy.gathering import gathers
@@ -152,7 +146,7 @@ def explore_passes(setting: Setting, state: State) -> State:
         plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and others_part is not None:
         known.chart.closed[others_part] = 0
-        if _work(setting, known) > 0:  # others see to it: nothing is in vain yet
+        if value_of(setting, known)[3] > 0:  # others see to it: nothing is in vain yet
             state = replace(state, memory=replace(memory, waiting=waiting, vain_s=0.0))
             return _homeward(setting, state, waiting)
     if plan.work == 0:
@@ -178,8 +172,7 @@ def _homeward(setting: Setting, state: State, waiting: frozenset[int]) -> State:
         vehicle = state.vehicles[number]
         route = setting.fence.route(vehicle.position, over_pad(setting, vehicle))
         if route and vehicle.position.distance_to(route[-1]) > NEAR_PAD_M:
-            corners = [True] * (len(route) - 1) + [False]
-            path = through(setting, vehicle, list(route), corners, state.t_s + NOTICE_S)
+            path = along_route(setting, vehicle, route, state.t_s + NOTICE_S)
             state = give_path(setting, state, vehicle, path)
     return state
 
@@ -189,7 +182,7 @@ def _to_gate(setting: Setting, state: State, vehicle: VehicleState) -> State:
     gate = gate_of(setting, vehicle)
     if vehicle.position.distance_to(gate) < STEP_M:
         return state
-    path = through(setting, vehicle, [gate], [False], state.t_s + NOTICE_S)
+    path = along_route(setting, vehicle, [gate], state.t_s + NOTICE_S)
     return give_path(setting, state, vehicle, path)
 
 
@@ -210,7 +203,7 @@ def _fetch(
             return replace(state, memory=replace(memory, waiting=idle))
         return give_up_rest(setting, replace(state, memory=memory))
     state = give_path(setting, state, waiting[found.vehicle], found.path)
-    if isinstance(state.vehicles[found.vehicle].order, FlyPath):
+    if state.vehicles[found.vehicle].path is not None:
         memory = replace(
             memory,
             tried=memory.tried | {found.vantage},
@@ -230,9 +223,8 @@ def awaits_others(setting: Setting, state: State, vehicle: VehicleState) -> bool
 
 def _able(vehicle: VehicleState) -> bool:
     """Whether a vehicle explores, or may again after a battery swap."""
-    return vehicle.phase in (Phase.AIRBORNE, Phase.GROUNDED) and (
-        vehicle.return_reason is None or vehicle.return_reason is ReturnReason.BATTERY
-    )
+    here = vehicle.phase in (Phase.AIRBORNE, Phase.GROUNDED)
+    return here and vehicle.return_reason in (None, ReturnReason.BATTERY)
 
 
 def _gone_on(memory: PassMemory, state: State, team: Mapping[int, VehicleState]) -> PassMemory:
@@ -241,7 +233,7 @@ def _gone_on(memory: PassMemory, state: State, team: Mapping[int, VehicleState])
     since_s = min(state.t_s - memory.planned_s, RETRY_S)
     memory, vain_s = replace(memory, flown_s=memory.flown_s + since_s), memory.vain_s + since_s
     if votes != memory.votes:
-        ends = (v.order.trajectory.end_s for v in team.values() if isinstance(v.order, FlyPath))
+        ends = (v.path.end_s for v in team.values() if v.path is not None)
         left_s = max((end_s - state.t_s for end_s in ends), default=0.0)
         memory, vain_s = replace(memory, votes=votes, longest_s=left_s, tried=frozenset()), 0.0
     return replace(memory, planned_s=state.t_s, vain_s=vain_s, decisions=memory.decisions + 1)
@@ -253,8 +245,8 @@ def _in_vain(memory: PassMemory) -> bool:
 
 
 def _takes_part(setting: Setting, state: State, vehicle: VehicleState, memory: PassMemory) -> bool:
-    if isinstance(vehicle.order, FlyPath):
-        apart = memory.fetching.get(vehicle.vehicle) is vehicle.order.trajectory
+    if vehicle.path is not None:
+        apart = memory.fetching.get(vehicle.vehicle) is vehicle.path
     else:
         # ours comes inside first; over the pad of another only that one may be
         whole = setting.whole_fence if not state.is_ours(vehicle.vehicle) else None
@@ -262,11 +254,10 @@ def _takes_part(setting: Setting, state: State, vehicle: VehicleState, memory: P
     if state.is_ours(vehicle.vehicle) and vehicle.idle and gathers(setting, state, vehicle):
         return False
     return not (apart or (setting.sees_box and vehicle.lanes)) and (
-        vehicle.phase is Phase.AIRBORNE
+        vehicle.works
         and in_layer(setting, state, vehicle)
-        and vehicle.return_reason is None
         and vehicle.braking_until_s is None
-        and (vehicle.idle or isinstance(vehicle.order, FlyPath))
+        and (vehicle.idle or vehicle.path is not None)
     )
 
 
@@ -288,16 +279,6 @@ def _plan(
         setting.plans, Tuning(penalty_s=penalty_s), known, tuple(flyers.values()), votes.frames,
         votes.positive, begin_s, memory.decisions, tours,
     )  # fmt: skip
-
-
-def _work(setting: Setting, known: Known) -> int:
-    """How many cells have to be decided still."""
-    from missions.planning.sweep.memo import valued  # noqa: PLC0415 - numba takes a second to load
-    from missions.planning.sweep.planned_team import Tuning  # noqa: PLC0415, as above
-    from missions.planning.sweep.sweep_planner import Planner  # noqa: PLC0415, as above
-
-    votes = setting.mission.votes
-    return valued(Planner(Tuning()), known, votes.frames, votes.positive)[3]
 
 
 def _fly(

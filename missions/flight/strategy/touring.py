@@ -13,16 +13,15 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from missions.flight.setting import Setting
-from missions.flight.state import State, VehicleState
+from missions.flight.state import State
 from missions.flight.strategy.flyers import flyer_of
 from missions.flight.strategy.two_heights import at_map_height
-from missions.orders import FlyPath
 from missions.planning.sweep.chart import Known
 from missions.units import Cell
 
 if TYPE_CHECKING:
     from missions.planning.sweep.planned_team import Flyer
-    from missions.planning.sweep.tours import Tour, Waypoints
+    from missions.planning.sweep.tours import Tour, Tours, Waypoints
 
 EVERY_S: Final = 4.0
 """Between two decisions on who is to see what."""
@@ -62,25 +61,15 @@ def shared_out(
     Returns:
         What is decided now, and waypoints for the team; none where the last plan goes on.
     """
-    from missions.planning.sweep.memo import tours_once  # noqa: PLC0415 - numba takes a second to load
-
     if not setting.finds_all:
         return memory, ()
     waypoints: Waypoints = ()
     numbers = frozenset(team)
     if state.t_s >= memory.laid_s + EVERY_S or not numbers <= memory.team:
         begin_s = round(state.t_s + 1.0, 3)
-        later = _later(setting, state, numbers, begin_s)
-        flyers = (*team.values(), *(flyer for _, flyer, _ in later))
-        delays_s = (*(0.0 for _ in team), *(delay_s for _, _, delay_s in later))
-        votes = setting.mission.votes
-        numbered = (*team, *(number for number, _, _ in later))
-        before = tuple(memory.tours.get(number, ()) for number in numbered)
-        tours = tours_once(
-            setting.plans, known, flyers, delays_s, votes.frames, votes.positive, begin_s,
-            decision, before,
-        )  # fmt: skip
-        laid = {} if tours is None else dict(zip(numbered, tours.waypoints, strict=True))
+        everyone = at_once(team) | _later(setting, state, numbers, begin_s)
+        tours = tours_of(setting, known, everyone, begin_s, decision, memory.tours)
+        laid = {} if tours is None else dict(zip(everyone, tours.waypoints, strict=True))
         others: frozenset[Cell] = frozenset()
         if tours is not None:
             waypoints = tours.waypoints[: len(team)]
@@ -92,20 +81,45 @@ def shared_out(
     return memory, waypoints
 
 
+def at_once(team: Mapping[int, Flyer]) -> dict[int, tuple[Flyer, float]]:
+    """Those who can begin to map now."""
+    return {number: (flyer, 0.0) for number, flyer in team.items()}
+
+
+def tours_of(
+    setting: Setting,
+    known: Known,
+    everyone: Mapping[int, tuple[Flyer, float]],
+    begin_s: float,
+    decision: int,
+    before: Mapping[int, Tour],
+    **how: float,
+) -> Tours | None:
+    """Lay a tour for everyone, who each begins so much later than `begin_s`, seconds.
+
+    `before` are the tours that were laid last, `how` are options of `tours_once`. None where there
+    is too little to be seen.
+    """
+    from missions.planning.sweep.memo import tours_once  # noqa: PLC0415 - numba takes a second to load
+
+    votes = setting.mission.votes
+    flyers, delays_s = zip(*everyone.values(), strict=True)
+    return tours_once(
+        setting.plans, known, flyers, delays_s, votes.frames, votes.positive, begin_s, decision,
+        tuple(before.get(number, ()) for number in everyone), **how,  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
 def _later(
     setting: Setting, state: State, team: frozenset[int], begin_s: float
-) -> list[tuple[int, Flyer, float]]:
+) -> dict[int, tuple[Flyer, float]]:
     """Those who will map once their lanes are flown, and how much later than `begin_s`."""
-    found = []
+    found = {}
     for number, vehicle in sorted(state.vehicles.items()):
-        if number in team or not vehicle.lanes or vehicle.return_reason is not None:
+        returns = vehicle.return_reason is not None
+        if number in team or not vehicle.lanes or returns or vehicle.path is None:
             continue
-        if not isinstance(vehicle.order, FlyPath):
-            continue
-        delay_s = max(vehicle.order.trajectory.end_s - begin_s, 0.0)
-        found.append((number, _flyer(setting, vehicle, begin_s), delay_s))
+        delay_s = max(vehicle.path.end_s - begin_s, 0.0)
+        low = at_map_height(setting, vehicle)
+        found[number] = flyer_of(setting, low, None, None, begin_s), delay_s
     return found
-
-
-def _flyer(setting: Setting, vehicle: VehicleState, begin_s: float) -> Flyer:
-    return flyer_of(setting, at_map_height(setting, vehicle), None, None, begin_s)

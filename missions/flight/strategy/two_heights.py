@@ -18,8 +18,8 @@ flies to what has to be mapped while it comes down.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Container
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Container
+from dataclasses import replace
 from typing import Final
 
 from missions.flight.airspace.deconfliction import OFF_LAYER_M, hold, is_clear, spots_around
@@ -40,21 +40,12 @@ ON_THE_WAY: Final = 0.8
 """So much of what a vehicle can climb on its way to its first lane is left for it at take-off."""
 
 
-@dataclass(frozen=True, slots=True)
-class Either:
-    """Cells that one or the other holds."""
-
-    one: Container[Cell]
-    other: Container[Cell]
-
-    def __contains__(self, cell: object) -> bool:
-        return cell in self.one or cell in self.other
-
-
-def searched(setting: Setting, state: State) -> Container[Cell]:
-    """The cells that any frame has judged, from on high or from below."""
-    low = state.belief.open_ballots
-    return Either(state.overview.open_ballots, low) if setting.searches_high else low
+def searched(setting: Setting, state: State) -> Callable[[Cell], bool]:
+    """Whether any frame has judged a cell, from on high or from below."""
+    low, high = state.belief.open_ballots, state.overview.open_ballots
+    if not setting.searches_high:
+        return low.__contains__
+    return lambda cell: cell in high or cell in low
 
 
 def layer_of(setting: Setting, vehicle: VehicleState) -> float:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
 
 MOST_CELLS = 1 << 20
 """Of the rectangle in which the cells of a fact lie; a larger one is no fact."""
@@ -53,7 +56,7 @@ class Writer:
     def flags(self, bits: Sequence[bool]) -> None:
         """A row of bits whose number the reader knows: as runs or one by one, what is shorter."""
         runs = _runs(bits)
-        one_by_one = _packed(bits)
+        one_by_one = np.packbits(np.array(bits, np.bool_), bitorder="little").tobytes()
         as_runs = Writer()
         as_runs.count(2 * len(runs))
         for run in runs:
@@ -97,9 +100,11 @@ class Reader:
 
     def raw(self) -> bytes:
         """Bytes with their number before them."""
-        length = self.count()
+        return self._part(self.count(), "bytes")
+
+    def _part(self, length: int, what: str) -> bytes:
         if length > len(self.data) - self.place:
-            raise BytesError("bytes are missing")
+            raise BytesError(f"{what} are missing")
         self.place += length
         return self.data[self.place - length : self.place]
 
@@ -107,12 +112,9 @@ class Reader:
         """A row of so many bits."""
         head = self.count()
         if head % 2:
-            length = (number + 7) // 8
-            if length > len(self.data) - self.place:
-                raise BytesError("bits are missing")
-            part = self.data[self.place : self.place + length]
-            self.place += length
-            return [bool(part[k // 8] >> (k % 8) & 1) for k in range(number)]
+            part = np.frombuffer(self._part((number + 7) // 8, "bits"), np.uint8)
+            unpacked = np.unpackbits(part, count=number, bitorder="little")
+            return [bool(bit) for bit in unpacked.tolist()]
         bits: list[bool] = []
         for turn in range(head // 2):
             run = self.count()
@@ -147,19 +149,7 @@ def inflated(data: bytes, most: int) -> bytes:
     return found
 
 
-def _runs(bits: Iterable[bool]) -> list[int]:
+def _runs(bits: Sequence[bool]) -> list[int]:
     """How many are off, then on, then off, ..."""
-    runs, last = [0], False
-    for bit in bits:
-        if bit != last:
-            runs.append(0)
-            last = bit
-        runs[-1] += 1
-    return runs
-
-
-def _packed(bits: Sequence[bool]) -> bytes:
-    packed = bytearray((len(bits) + 7) // 8)
-    for k, bit in enumerate(bits):
-        packed[k // 8] |= bit << (k % 8)
-    return bytes(packed)
+    runs = [len(list(same)) for _, same in groupby(bits)]
+    return runs if bits and not bits[0] else [0, *runs]

@@ -206,9 +206,7 @@ def bytes_to_facts(data: bytes) -> tuple[Fact, ...]:
 
 
 def _put_presence(out: Writer, presence: Presence) -> None:
-    east, north = _steps(presence.position)
-    out.signed(east)
-    out.signed(north)
+    at = _put_places(out, (presence.position,), STEP_M)
     out.signed(round(presence.height_m / STEP_M))
     out.count(round(100 * min(max(presence.charge, 0.0), 1.0)))
     out.count(max(round(presence.layer_m / STEP_M), 0))
@@ -216,25 +214,17 @@ def _put_presence(out: Writer, presence: Presence) -> None:
     for lane in presence.lanes:
         out.count(lane)
     out.count(len(presence.path))
-    for place in presence.path:
-        there_east, there_north = _steps(place)
-        out.signed(there_east - east)
-        out.signed(there_north - north)
-        east, north = there_east, there_north
+    _put_places(out, presence.path, STEP_M, at)
 
 
 def _presence(inp: Reader, does: Does) -> Presence:
-    east, north = inp.signed(), inp.signed()
-    position = GridPoint(east * STEP_M, north * STEP_M)
+    (position,), at = _places(inp, 1, STEP_M)
     height_m, charge, layer_m = inp.signed() * STEP_M, inp.count() / 100, inp.count() * STEP_M
     if charge > 1.0:
         raise BytesError("no battery is fuller than full")
     lanes = tuple(inp.count() for _ in range(_few(inp.count())))
-    path = []
-    for _ in range(_few(inp.count())):
-        east, north = east + inp.signed(), north + inp.signed()
-        path.append(GridPoint(east * STEP_M, north * STEP_M))
-    return Presence(does, position, height_m, charge, layer_m, lanes, tuple(path))
+    path, _ = _places(inp, inp.count(), STEP_M, at)
+    return Presence(does, position, height_m, charge, layer_m, lanes, path)
 
 
 def _put_holding(out: Writer, holding: Holding) -> None:
@@ -260,41 +250,34 @@ def _holding(inp: Reader) -> Holding:
 
 def _put_ask(out: Writer, ask: Ask) -> None:
     out.count(ask.number)
-    for steps in _steps(ask.place):
-        out.signed(steps)
+    _put_places(out, (ask.place,), STEP_M)
     out.signed(math.floor(ask.low_m / STEP_M))
     out.signed(math.ceil(ask.high_m / STEP_M))
     out.count(math.ceil(ask.until_s))
 
 
 def _ask(inp: Reader) -> Ask:
-    number, east, north = inp.count(), inp.signed(), inp.signed()
+    number = inp.count()
+    (place,), _ = _places(inp, 1, STEP_M)
     low_m, high_m = inp.signed() * STEP_M, inp.signed() * STEP_M
-    return Ask(number, GridPoint(east * STEP_M, north * STEP_M), low_m, high_m, float(inp.count()))
+    return Ask(number, place, low_m, high_m, float(inp.count()))
 
 
 def _put_parts(out: Writer, parts: Sequence[Part]) -> None:
     out.count(len(parts))
-    east, north = 0, 0
+    at = (0, 0)
     for part in parts:
         out.count(part.vehicle)
         out.count(len(part.places))
-        for place in part.places:
-            there_east, there_north = round(place.east_m / PART_M), round(place.north_m / PART_M)
-            out.signed(there_east - east)
-            out.signed(there_north - north)
-            east, north = there_east, there_north
+        at = _put_places(out, part.places, PART_M, at)
 
 
 def _parts(inp: Reader) -> tuple[Part, ...]:
-    parts = []
-    east, north = 0, 0
+    parts, at = [], (0, 0)
     for _ in range(_few(inp.count())):
-        vehicle, places = inp.count(), []
-        for _ in range(_few(inp.count())):
-            east, north = east + inp.signed(), north + inp.signed()
-            places.append(GridPoint(east * PART_M, north * PART_M))
-        parts.append(Part(vehicle, tuple(places)))
+        vehicle = inp.count()
+        places, at = _places(inp, inp.count(), PART_M, at)
+        parts.append(Part(vehicle, places))
     if not parts:
         raise BytesError("a share-out among nobody")
     return tuple(parts)
@@ -317,5 +300,24 @@ def _ms(t_s: float) -> int:
     return round(t_s * 1000)
 
 
-def _steps(place: GridPoint) -> tuple[int, int]:
-    return round(place.east_m / STEP_M), round(place.north_m / STEP_M)
+def _put_places(
+    out: Writer, places: Sequence[GridPoint], step_m: float, at: tuple[int, int] = (0, 0)
+) -> tuple[int, int]:
+    """Write places in steps from the one before, `at` first; returns the last."""
+    for place in places:
+        east, north = round(place.east_m / step_m), round(place.north_m / step_m)
+        out.signed(east - at[0])
+        out.signed(north - at[1])
+        at = east, north
+    return at
+
+
+def _places(
+    inp: Reader, number: int, step_m: float, at: tuple[int, int] = (0, 0)
+) -> tuple[tuple[GridPoint, ...], tuple[int, int]]:
+    """The inverse of `_put_places`."""
+    places = []
+    for _ in range(_few(number)):
+        at = at[0] + inp.signed(), at[1] + inp.signed()
+        places.append(GridPoint(at[0] * step_m, at[1] * step_m))
+    return tuple(places), at

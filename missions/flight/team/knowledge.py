@@ -8,8 +8,9 @@ datagram held is told again, and nothing else.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 from missions.fleet_events import Fact
@@ -140,12 +141,6 @@ def runs_of(numbers: Sequence[int]) -> list[Sequence[int]]:
     >>> runs_of([1, 2, 5])
     [[1, 2], [5]]
     """
-    return list(_runs_of(numbers))
-
-
-def _runs_of(numbers: Sequence[int]) -> Iterator[Sequence[int]]:
-    begin = 0
-    for k in range(1, len(numbers) + 1):
-        if k == len(numbers) or numbers[k] != numbers[k - 1] + 1:
-            yield numbers[begin:k]
-            begin = k
+    ends = [k for k in range(1, len(numbers)) if numbers[k] != numbers[k - 1] + 1]
+    parts = pairwise([0, *ends, len(numbers)]) if numbers else ()
+    return [numbers[begin:end] for begin, end in parts]

@@ -85,13 +85,13 @@ def apart(setting: Setting, state: State, event: Apart) -> State:
     return state.with_vehicle(gone)
 
 
-def allotted(state: State, event: Allotted) -> State:
+def allotted(setting: Setting, state: State, event: Allotted) -> State:
     """The state after another member has laid out who is to map what."""
     parts = {part.vehicle: part.places for part in event.parts}
     return replace(state, allotment=Allotment(event.vehicle, event.t_s, parts))
 
 
-def asked(state: State, event: Asked) -> State:
+def asked(setting: Setting, state: State, event: Asked) -> State:
     """The state with air closed to ours that another has asked for, or open again."""
     closed = {n: c for n, c in state.closed.items() if n != event.vehicle and c.until_s > event.t_s}
     if event.until_s > event.t_s:
@@ -101,7 +101,7 @@ def asked(state: State, event: Asked) -> State:
     return replace(state, closed=closed)
 
 
-def leased(state: State, event: Leased) -> State:
+def leased(setting: Setting, state: State, event: Leased) -> State:
     """The state in which the air that ours asked for is its own for a time."""
     vehicle = state.vehicles[event.vehicle]
     if vehicle.asks is None or vehicle.asks.place != event.place:

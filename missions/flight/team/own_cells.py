@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Literal
 
 from missions.events import FrameSeen, Vote
 from missions.fleet_events import Fact
@@ -104,14 +104,13 @@ def as_frames(vehicle: int, fact: Fact, frames: int, positive: int) -> list[Fram
     [2, 2, 1, 1]
     """
     needed = {True: positive, False: frames - positive + 1}
+    high: Literal[True] | None = True if fact.overview else None
     told = []
     for k in range(max(needed.values())):
         votes = tuple(
             Vote(cell, says, float(says)) for cell, says in fact.votes if k < needed[says]
         )
         if votes:
-            seen = FrameSeen(vehicle, round(fact.t_s + k / 1000.0, 3), None, votes)
-            if fact.overview:
-                seen = FrameSeen(vehicle, seen.t_s, None, votes, overview=True)
-            told.append(seen)
+            t_s = round(fact.t_s + k / 1000.0, 3)
+            told.append(FrameSeen(vehicle, t_s, None, votes, overview=high))
     return told

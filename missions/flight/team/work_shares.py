@@ -15,7 +15,7 @@ told nothing for `KNOWN_S` by one who should tell plans for all that it hears.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
@@ -28,17 +28,17 @@ from missions.flight.optics import kinematics
 from missions.flight.setting import Setting
 from missions.flight.state import Allotment, Phase, State, VehicleState
 from missions.flight.strategy.flyers import flyer_of
-from missions.flight.strategy.touring import TourMemory
+from missions.flight.strategy.touring import TourMemory, at_once, tours_of
 from missions.flight.strategy.two_heights import at_map_height, layer_of
+from missions.geo.trajectory import Trajectory
 from missions.mission.views import path_speed_m_s, seen_whole_m
-from missions.orders import FlyPath
 from missions.planning.search.lanes import Lane
 from missions.planning.sweep.chart import Chart, Ints, Known
 from missions.units import Cell, GridPoint
 
 if TYPE_CHECKING:
     from missions.planning.sweep.planned_team import Flyer
-    from missions.planning.sweep.tours import Waypoints
+    from missions.planning.sweep.tours import Tour, Waypoints
 
 EVERY_S: Final = 4.0
 """Between two decisions on who is to map what."""
@@ -62,9 +62,6 @@ def share_parts(
     setting: Setting, state: State, known: Known, flyers: Mapping[int, Flyer], decision: int
 ) -> State:
     """The state with what is left to map laid out anew, if that is ours to do, and is due."""
-    from missions.planning.sweep.memo import tours_once  # noqa: PLC0415 - numba takes a second to load
-    from missions.planning.sweep.tours import CUT_M  # noqa: PLC0415, as above
-
     mine, last = setting.member, state.allotment
     if mine != min(flyers):
         return state
@@ -73,26 +70,20 @@ def share_parts(
     if ours and last is not None and state.t_s < last.made_s + EVERY_S:
         return state
     begin_s = round(state.t_s + 1.0, 3)
-    later = _later(setting, state, frozenset(flyers), begin_s)
-    numbers = (*flyers, *(number for number, _, _ in later))
-    held = {n: part for n, part in before.items() if n not in numbers and _maps(state, n)}
+    everyone = at_once(flyers) | _later(setting, state, frozenset(flyers), begin_s)
+    held = {n: part for n, part in before.items() if n not in everyone and _maps(state, n)}
     chart = known.chart
     open_ = chart.closed.copy()
     if held:
         chart.closed[_of(setting, chart, before, state, frozenset(held))] = 1
-    votes = setting.mission.votes
-    cuts = tuple(tuple((p.east_m, p.north_m, CUT_M) for p in before.get(n, ())) for n in numbers)
-    tours = tours_once(
-        setting.plans, known, (*flyers.values(), *(flyer for _, flyer, _ in later)),
-        (*(0.0 for _ in flyers), *(delay_s for _, _, delay_s in later)),
-        votes.frames, votes.positive, begin_s, decision, cuts, least=1, keep_s=KEEP_S,
-    )  # fmt: skip
+    cuts = {number: _tour(places) for number, places in before.items()}
+    tours = tours_of(setting, known, everyone, begin_s, decision, cuts, least=1, keep_s=KEEP_S)
     chart.closed[:] = open_
     if tours is None:
         return state
     laid = {
         number: tuple(GridPoint(x, y) for x, y, _ in tour)
-        for number, tour in zip(numbers, tours.waypoints, strict=True)
+        for number, tour in zip(everyone, tours.waypoints, strict=True)
     }
     return replace(state, allotment=Allotment(mine, state.t_s, {**held, **laid}))
 
@@ -106,23 +97,24 @@ def own_part(
         The cells that were closed, None where there is no part to keep to; what is to be remembered
         of it; and what a plan for ours may begin with, none where the last one goes on.
     """
-    from missions.planning.sweep.tours import CUT_M  # noqa: PLC0415 - numba takes a second to load
-
     found, mine = state.allotment, setting.member
-    if (
-        found is None
-        or mine is None
-        or mine not in found.parts
-        or state.t_s >= found.made_s + KNOWN_S
-    ):
+    if found is None or mine is None or mine not in found.parts:
+        return None, memory, ()
+    if state.t_s >= found.made_s + KNOWN_S:
         return None, memory, ()
     others = frozenset(n for n in found.parts if n != mine and _maps(state, n))
     theirs = _of(setting, chart, found.parts, state, others) & (chart.closed == 0)
     chart.closed[theirs] = 1
-    places = found.parts[mine]
-    fresh = bool(places) and found.made_s > memory.laid_s
-    tour = tuple((place.east_m, place.north_m, CUT_M) for place in places)
+    tour = _tour(found.parts[mine])
+    fresh = bool(tour) and found.made_s > memory.laid_s
     return theirs, replace(memory, laid_s=found.made_s), (tour,) if fresh else ()
+
+
+def _tour(places: Sequence[GridPoint]) -> Tour:
+    """Places to see something from as the planner of tours has them."""
+    from missions.planning.sweep.tours import CUT_M  # noqa: PLC0415 - numba takes a second to load
+
+    return tuple((place.east_m, place.north_m, CUT_M) for place in places)
 
 
 def want_told(setting: Setting, state: State, known: Known) -> bool:
@@ -176,7 +168,7 @@ def _maps(state: State, number: int) -> bool:
     vehicle = state.vehicles[number]
     if vehicle.phase is Phase.APART:
         return state.t_s < vehicle.held_until_s
-    return vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None
+    return vehicle.works
 
 
 def _of(
@@ -221,30 +213,28 @@ def _nearest(mapping: Parts, grid: tuple[int, int, int, int, float], high: float
 
 def _later(
     setting: Setting, state: State, team: frozenset[int], begin_s: float
-) -> list[tuple[int, Flyer, float]]:
-    """Those who will map once their lanes are flown: when, from now, and where that will be."""
-    found = []
+) -> dict[int, tuple[Flyer, float]]:
+    """Those who will map once their lanes are flown: where that will be, and when, from now."""
+    found = {}
     for number, vehicle in sorted(state.vehicles.items()):
-        flies = vehicle.phase is Phase.AIRBORNE and vehicle.return_reason is None
-        if number in team or not flies:
+        if number in team or not vehicle.works:
             continue
         left_s, place = _lanes_left(setting, vehicle)
         low = replace(at_map_height(setting, vehicle), order=None)
         flyer = flyer_of(setting, low, None, None, begin_s)
-        found.append((number, replace(flyer, place=place), left_s))
+        found[number] = replace(flyer, place=place), left_s
     return found
 
 
 def _lanes_left(setting: Setting, vehicle: VehicleState) -> tuple[float, GridPoint]:
     """How long a vehicle will still fly lanes and change its layer, and where it will be then."""
-    order = vehicle.order
     high = replace(vehicle, cruise_altitude_m=layer_of(setting, vehicle))
     speed_m_s = path_speed_m_s(setting.mission, high.cruise_height_m)
     now_s = vehicle.tracked_s
     at, way_m = setting.grid.to_moving(vehicle.position, now_s), 0.0
     for k, lane in enumerate(vehicle.lanes):
-        if k == 0 and isinstance(order, FlyPath):
-            ends: tuple[Lane, ...] = (_ahead(at, order, lane),)
+        if k == 0 and vehicle.path is not None:
+            ends: tuple[Lane, ...] = (_ahead(at, vehicle.path, lane),)
         else:
             ends = (lane, (lane[1], lane[0]))
         start, end = min(ends, key=lambda way: at.distance_to(way[0]))
@@ -254,11 +244,10 @@ def _lanes_left(setting: Setting, vehicle: VehicleState) -> tuple[float, GridPoi
     return way_m / speed_m_s + down_m / setting.energy.climb_m_s, at
 
 
-def _ahead(at: GridPoint, order: FlyPath, lane: Lane) -> Lane:
+def _ahead(at: GridPoint, path: Trajectory, lane: Lane) -> Lane:
     """What is left of the lane that is flown, towards where the path leads."""
-    path = order.trajectory
-    east_m = path.place_at(path.begin_s + AHEAD_S).east_m - path.place_at(path.begin_s).east_m
-    north_m = path.place_at(path.begin_s + AHEAD_S).north_m - path.place_at(path.begin_s).north_m
+    begin, ahead = path.place_at(path.begin_s), path.place_at(path.begin_s + AHEAD_S)
+    east_m, north_m = ahead.east_m - begin.east_m, ahead.north_m - begin.north_m
     along = [
         east_m * (end.east_m - at.east_m) + north_m * (end.north_m - at.north_m) for end in lane
     ]

@@ -108,22 +108,6 @@ def small_setting(member: int | None) -> Setting:
     return Setting.of(parse_mission(text, "test"), member)
 
 
-def test_who_decides_first_by_facts_errs_no_more_often_than_one_that_is_alone() -> None:
-    """Two vehicles see the same cells that are no region; every tenth vote errs."""
-    chance = random.Random(3)
-    alone = first = 0
-    for _ in range(20_000):
-        decisions = []
-        for _vehicle in range(2):
-            votes = [chance.random() < 0.1 for _ in range(5)]
-            count = next(k for k in range(3, 6) if max(sum(votes[:k]), k - sum(votes[:k])) >= 3)
-            decisions.append((count, sum(votes[:count]) >= 3))
-        alone += decisions[0][1]
-        first += min(decisions)[1]
-    assert alone == pytest.approx(20_000 * 0.00856, rel=0.2)
-    assert first <= alone
-
-
 facts = st.lists(st.booleans(), max_size=30).map(
     lambda says: [Fact(float(k), ((Cell(k, 0), v),)) for k, v in enumerate(says)]
 )

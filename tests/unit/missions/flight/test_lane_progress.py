@@ -37,7 +37,7 @@ def flown(until: GridPoint, lost: bool = False) -> VehicleState:
         east, north = round(place.east_m / CELL_M), round(place.north_m / CELL_M)
         shown = [Cell(east + e, north + n) for e in range(-2, 3) for n in range(-2, 3)]
         judged.update(shown)
-        vehicle = lane_passed(vehicle, GRID, 3, judged, shown, t_s)
+        vehicle = lane_passed(vehicle, GRID, 3, judged.__contains__, shown, t_s)
     return vehicle
 
 
@@ -69,6 +69,6 @@ def test_a_column_counts_once_all_its_rows_are_judged_by_whichever_frames() -> N
         rows = (6, 7) if k % 2 else (7, 8)
         shown = [Cell(k + e, north) for e in (-1, 0, 1) for north in rows if k + e != 9]
         judged.update(shown)
-        vehicle = lane_passed(vehicle, GRID, 3, judged, shown, 10.0 + k)
+        vehicle = lane_passed(vehicle, GRID, 3, judged.__contains__, shown, 10.0 + k)
     left = unseen(NEAR, vehicle.lane_seen_m, CELL_M)
     assert [(a.east_m, b.east_m) for a, b in left] == [(32.0, 40.0)]  # the ninth column

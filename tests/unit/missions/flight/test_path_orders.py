@@ -27,22 +27,22 @@ from missions.flight.path_orders import (
     is_outside,
 )
 from missions.flight.return_home import turn_back
-from missions.flight.state import Phase, ReturnReason, VehicleState
+from missions.flight.state import ReturnReason, VehicleState
 from missions.flight.strategy.flyers import flyer_of
 from missions.flight.transitions import BEHIND_S, MOST_BEHIND
 from missions.geo.course import Course
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
 from missions.geo.trajectory import Trajectory, rounded_path
-from missions.guardian import OFF_PLAN_M, Guard, Limits, Seen, Task, watch
+from missions.guardian import Guard, Limits, Seen, Task, watch
 from missions.guardian.measures import is_behind
+from missions.guardian.thresholds import OFF_PLAN_M
 from missions.orders import FlyPath, FlyTo, Hold
 from missions.planning.sweep.paths import Route
 from missions.units import Cell, GridPoint
-from tests.support.small_missions import START, mission, square
-from tests.unit.missions.flight.test_step import Service
+from tests.support.small_missions import START, square
+from tests.unit.missions.flight.test_step import Service, over
 
-BOX, FENCE = square(-10, 16, 40, 30), square(-60, -60, 160, 160)
 EDGES = [GridPoint(*corner) for corner in square(0, 0, 60, 60)]
 
 
@@ -52,15 +52,11 @@ def line(*points: tuple[float, float], begin_s: float = 10.0) -> Trajectory:
 
 def flying(vehicles: int = 1, **how: object) -> Service:
     """A vehicle in the air, on a path of 90 m along its layer."""
-    chosen = {"capacity_wh": 60.0, "strategy": "swath", "mounting": "gimbal", **how}
-    made = Service(mission(BOX, FENCE, vehicles=vehicles, **chosen))
+    made = over(vehicles=vehicles, strategy="swath", mounting="gimbal", **how)
     for number in range(1, vehicles + 1):
         made.connect(number, at=GridPoint(8.0 * (number - 1), 0.0))
     order = FlyPath(line((-40, 30), (50, 30)), 12.0, 90.0, 0.25)
-    made.put(
-        1, phase=Phase.AIRBORNE, landed=False, height_m=12.0, order=order, judged_s=10.0,
-        position=GridPoint(-40.0, 30.0),
-    )  # fmt: skip
+    made.fly(1, GridPoint(-40.0, 30.0), order=order, judged_s=10.0)
     return made
 
 
@@ -115,10 +111,8 @@ def test_who_waits_outside_of_the_margin_comes_inside_first() -> None:
 def test_it_brakes_along_its_path_before_air_that_somebody_claims() -> None:
     made = flying(2)
     made.now_s = made.state.vehicles[1].tracked_s + 14.0
-    made.put(
-        2, phase=Phase.AIRBORNE, landed=False, height_m=6.0, position=GridPoint(25.0, 30.0),
-        home=GridPoint(25.0, 30.0), return_reason=ReturnReason.BATTERY, over_home=True, order=None,
-    )  # fmt: skip
+    at, low = GridPoint(25.0, 30.0), ReturnReason.BATTERY
+    made.fly(2, at, height_m=6.0, home=at, return_reason=low, over_home=True)
     before = made.state.vehicles[1].order
     assert isinstance(before, FlyPath)
     at = before.trajectory.at(15.0).place
@@ -137,10 +131,7 @@ def test_the_air_that_a_silent_one_may_have_come_to_along_its_path_stays_claimed
     at = GridPoint(-20.0, 30.0)
     made.post(Tracked(1, 15.0, at, 12.0, 50.0), LinkLost(1, 20.0))
     where = GridPoint(20.0, 30.0)  # twelve seconds on, and what it takes to brake
-    made.put(
-        2, phase=Phase.AIRBORNE, landed=False, height_m=18.0, position=where, home=where,
-        return_reason=ReturnReason.BATTERY, over_home=True, order=None,
-    )  # fmt: skip
+    made.fly(2, where, home=where, return_reason=ReturnReason.BATTERY, over_home=True)
     made.post(Tracked(2, 60.0, where, 18.0, 50.0))
     assert made.order(2) == Hold()
 
@@ -277,11 +268,11 @@ def test_a_lane_is_searched_where_a_frame_shows_all_of_its_rows() -> None:
     grid, lane = Grid.at(START, 4.0), (GridPoint(0, 20), GridPoint(40, 20))
     vehicle = VehicleState(1, 12.0, lanes=(lane,), on_lane=True)
     whole = [Cell(e, n) for e in (4, 5, 6) for n in (4, 5, 6)]
-    assert lane_passed(vehicle, grid, 3, set(whole), whole, 0.0).lane_seen_m == (20.0,)
     aside = [Cell(e, n) for e in (4, 5, 6) for n in (5, 6, 7)]
-    assert lane_passed(vehicle, grid, 3, set(aside), aside, 0.0).lane_seen_m == ()
-    assert lane_passed(vehicle, grid, 1, set(aside), aside, 0.0).lane_seen_m == (20.0,)
-    assert lane_passed(vehicle, grid, 3, set(), [], 0.0) == vehicle
+    one_m = (20.0,)
+    for cells, rows, seen_m in ((whole, 3, one_m), (aside, 3, ()), (aside, 1, one_m), ([], 3, ())):
+        passed = lane_passed(vehicle, grid, rows, cells.__contains__, cells, 0.0)
+        assert passed == replace(vehicle, lane_seen_m=seen_m)
 
 
 def test_what_is_unseen_of_a_lane_that_lies_behind_is_flown_after_the_others() -> None:
@@ -289,7 +280,7 @@ def test_what_is_unseen_of_a_lane_that_lies_behind_is_flown_after_the_others() -
     lanes = ((GridPoint(0, 20), GridPoint(40, 20)), (GridPoint(40, 32), GridPoint(0, 32)))
     vehicle = VehicleState(1, 12.0, lanes=lanes, on_lane=True)
     second = [Cell(e, n) for e in (8, 9, 10) for n in (7, 8, 9)]
-    passed = lane_passed(vehicle, grid, 3, set(second), second, 0.0)
+    passed = lane_passed(vehicle, grid, 3, set(second).__contains__, second, 0.0)
     assert passed.lanes == (lanes[1], lanes[0])
     assert passed.lane_seen_m == (4.0, 0.0)  # its end, too: there is no column behind it
 

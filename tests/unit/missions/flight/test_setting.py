@@ -7,7 +7,7 @@ import pytest
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.mission.flyable import fence_of, look_s, search_area
-from missions.planning.search.lanes import lanes, share_out
+from missions.planning.search.lanes import share_out
 from missions.units import Cell, GridPoint
 from tests.support.small_missions import CELL_M, mission, square
 
@@ -33,16 +33,6 @@ def test_checks_and_flights_have_the_same_fence_and_lanes() -> None:
     checked = fence_of(made, flown.grid)
     assert checked.inner.equals(flown.fence.inner)
     assert search_area(made, flown.grid).lanes == flown.lanes
-
-
-def test_lanes_lie_over_the_box() -> None:
-    made = setting()
-    box = [GridPoint(*map(float, corner)) for corner in BOX]
-    expected = lanes(box, CELL_M, made.fence)
-    assert len(made.lanes) == len(expected) == 3
-    for lane, other in zip(made.lanes, expected, strict=True):
-        for point, near in zip(lane, other, strict=True):
-            assert point.distance_to(near) < 0.01  # through degrees of nine digits and back
 
 
 # --- what planners reckon with ---------------------------------------------------------------
@@ -83,14 +73,3 @@ def test_the_lanes_are_shared_out_among_all(vehicles: int) -> None:
     blocks = [state.vehicles[n].lanes for n in sorted(state.vehicles)]
     assert tuple(lane for block in blocks for lane in block) == made.lanes
     assert tuple(blocks) == share_out(made.lanes, vehicles)
-
-
-def test_at_first_nothing_is_known_and_nothing_is_done() -> None:
-    state = State.initial(setting(vehicles=2, capacity_wh=60.0))
-    assert state.belief.roi == frozenset()
-    assert (state.belief.frames, state.belief.positive) == (5, 3)
-    assert state.tree is None
-    assert not state.exploration_finished
-    assert not state.completed
-    assert not state.over
-    assert state.robots() == {}

@@ -22,19 +22,14 @@ from missions.flight.return_home import energy_of, has_energy_for
 from missions.flight.state import Phase, ReturnReason
 from missions.orders import AwaitBattery, FlyTo, Hold, Land, Look, TakeOff
 from missions.units import Cell, GridPoint
-from tests.support.small_missions import mission, square
-from tests.unit.missions.flight.test_step import HOME, Service, frame
+from tests.support.small_missions import square
+from tests.unit.missions.flight.test_step import HOME, Service, frame, over
 
-BOX, FENCE = square(-10, 16, 40, 30), square(-60, -60, 160, 160)
 PAD = GridPoint(8.0, 0.0)
 
 
-def service(**how: object) -> Service:
-    return Service(mission(BOX, FENCE, **{"capacity_wh": 60.0, **how}))  # type: ignore[arg-type]
-
-
 def test_a_take_off_that_fails_in_the_air_is_a_vehicle_in_the_air() -> None:
-    made = service()
+    made = over()
     made.connect()
     made.track(1, HOME, 4.0)
     made.track(1, HOME, 11.0)
@@ -50,18 +45,12 @@ def test_a_take_off_that_fails_in_the_air_is_a_vehicle_in_the_air() -> None:
 
 
 def test_the_leg_of_a_silent_vehicle_stays_claimed() -> None:
-    made = service(vehicles=2)
+    made = over(vehicles=2)
     made.connect(1)
     made.connect(2, at=PAD)
     leg = FlyTo((GridPoint(40.0, 0.0),), None, stop=True, height_m=12.0)
-    made.put(
-        1, phase=Phase.AIRBORNE, landed=False, order=leg, height_m=12.0,
-        position=GridPoint(-15.0, 0.0),
-    )  # fmt: skip
-    made.put(
-        2, phase=Phase.AIRBORNE, landed=False, order=Hold(), height_m=18.0, position=PAD,
-        return_reason=ReturnReason.BATTERY, over_home=True,
-    )  # fmt: skip
+    made.fly(1, GridPoint(-15.0, 0.0), order=leg)
+    made.fly(2, PAD, order=Hold(), return_reason=ReturnReason.BATTERY, over_home=True)
     made.track(2, PAD, 18.0)
     assert made.order(2) == Hold()
     made.post(LinkLost(1, made.now_s + 5.0))
@@ -70,24 +59,18 @@ def test_the_leg_of_a_silent_vehicle_stays_claimed() -> None:
 
 
 def test_who_flies_towards_air_that_a_failsafe_takes_is_stopped() -> None:
-    made = service(vehicles=2)
+    made = over(vehicles=2)
     made.connect(1)
     made.connect(2, at=PAD)
     leg = FlyTo((GridPoint(40.0, 0.0),), None, stop=True, height_m=18.0)
-    made.put(
-        1, phase=Phase.AIRBORNE, landed=False, order=Hold(), height_m=12.0,
-        position=GridPoint(0.0, 0.0),
-    )  # fmt: skip
-    made.put(
-        2, phase=Phase.AIRBORNE, landed=False, order=leg, height_m=18.0,
-        position=GridPoint(-30.0, 0.0),
-    )  # fmt: skip
+    made.fly(1, HOME, order=Hold())
+    made.fly(2, GridPoint(-30.0, 0.0), order=leg)
     orders = dict(made.post(Overridden(1, made.now_s + 1.0, "RTL")))
     assert orders[2] == Hold()  # the return climbs through its layer
 
 
 def test_layers_are_level_where_homes_are_not() -> None:
-    made = service(vehicles=2)
+    made = over(vehicles=2)
     for number, at, amsl_m in ((1, HOME, 106.0), (2, PAD, 100.0)):
         made.post(Connected(number, 0.0, at, at, 0.0, False, True, 60.0, home_amsl_m=amsl_m))
     heights = [made.state.vehicles[number].cruise_height_m for number in (1, 2)]
@@ -97,7 +80,7 @@ def test_layers_are_level_where_homes_are_not() -> None:
 
 def test_no_look_is_given_over_a_cell_that_has_left_the_fence() -> None:
     """It has hovered over it, and has waited for a neighbour to land."""
-    made = service(drift_m_s=0.4, toward_deg=0.0)
+    made = over(drift_m_s=0.4, toward_deg=0.0)
     root = Cell(0, 23)  # 92 m north; the margin of the fence begins at 98
     made.exploring(at=root)
     made.put(1, order=Hold(), at_target=True)
@@ -133,12 +116,10 @@ def looking(made: Service) -> Look:
 
 def test_a_look_that_lasts_ends_before_its_cell_drifts_out_of_the_fence() -> None:
     """The pictures that were judged count, and nobody calls the map whole."""
-    made = service(drift_m_s=0.4, toward_deg=0.0)
+    made = over(drift_m_s=0.4, toward_deg=0.0)
     looking(made)
     north = Cell(0, 18)
-    made.post(frame(1, 2.0, DRIFTING, DRIFTING, north))
-    made.post(frame(1, 3.0, DRIFTING, DRIFTING, north))
-    made.post(frame(1, 4.0, DRIFTING, DRIFTING, north))
+    made.post(*(frame(1, t_s, DRIFTING, DRIFTING, north) for t_s in (2.0, 3.0, 4.0)))
     # 30 m at 0.4 m/s are 75 s, and the fence begins 3 s earlier for who follows
     assert followed(made) == pytest.approx(73.0, abs=1.5)
     assert made.state.undecided == {DRIFTING}
@@ -149,7 +130,7 @@ def test_a_look_that_lasts_ends_before_its_cell_drifts_out_of_the_fence() -> Non
 
 
 def test_a_look_without_a_picture_is_given_up_at_the_fence_and_named() -> None:
-    made = service(drift_m_s=0.4, toward_deg=0.0)
+    made = over(drift_m_s=0.4, toward_deg=0.0)
     looking(made)
     followed(made)
     assert made.state.abandoned == {DRIFTING}
@@ -157,16 +138,16 @@ def test_a_look_without_a_picture_is_given_up_at_the_fence_and_named() -> None:
 
 
 def test_a_suspicion_that_drifts_out_while_it_is_looked_at_is_dropped() -> None:
-    made = service(drift_m_s=0.4, toward_deg=0.0)
+    made = over(drift_m_s=0.4, toward_deg=0.0)
     made.connect()
-    made.put(1, phase=Phase.AIRBORNE, landed=False, candidate=DRIFTING, at_target=True,
-            order=Look(DRIFTING, 30, 12.0), lanes=(), height_m=12.0)  # fmt: skip
+    look = Look(DRIFTING, 30, 12.0)
+    made.fly(1, HOME, candidate=DRIFTING, at_target=True, order=look, lanes=())
     followed(made)
     assert made.state.vehicles[1].candidate is None
 
 
 def test_a_leg_against_the_wind_does_not_follow_its_cell_out_of_the_fence() -> None:
-    made = service(drift_m_s=0.4, toward_deg=0.0)
+    made = over(drift_m_s=0.4, toward_deg=0.0)
     made.exploring(at=DRIFTING)
     leg = FlyTo((), DRIFTING, stop=True, height_m=12.0)
     made.put(1, order=leg, at_target=False)
@@ -180,7 +161,7 @@ def test_a_leg_against_the_wind_does_not_follow_its_cell_out_of_the_fence() -> N
 
 
 def test_a_region_at_rest_is_looked_at_for_as_long_as_it_takes() -> None:
-    made = service()
+    made = over()
     order = looking(made)
     here = made.setting.grid.centre_of(DRIFTING)
     for _ in range(100):
@@ -190,11 +171,11 @@ def test_a_region_at_rest_is_looked_at_for_as_long_as_it_takes() -> None:
 
 def test_the_way_to_a_pad_in_the_margin_goes_round_a_hole() -> None:
     hole = square(20, -6, 10, 30)
-    made = Service(mission(square(40, 16, 30, 30), FENCE, [hole], capacity_wh=60.0))
+    made = over(square(40, 16, 30, 30), holes=[hole])
     home, far = GridPoint(18.5, 0.0), GridPoint(50.0, 0.0)  # 1.5 m from the hole, margin 2
     made.post(Connected(1, 0.0, home, home, 0.0, False, True, 60.0))
     made.post(Airborne(1, 8.0))
-    made.put(1, phase=Phase.AIRBORNE, landed=False, order=None, position=far)
+    made.fly(1, far)
     made.state = replace(made.state, recalled=True)
     for _ in range(12):  # it comes to rest first
         made.now_s += 1.0
@@ -207,7 +188,7 @@ def test_the_way_to_a_pad_in_the_margin_goes_round_a_hole() -> None:
 
 
 def test_the_worse_of_measured_and_given_wind_counts() -> None:
-    made = service(wind_m_s=3.0)
+    made = over(wind_m_s=3.0)
     made.exploring()
     here = made.state.vehicles[1].position
     for wind_m_s, counted_m_s in ((1.0, 3.0), (9.0, 9.0)):
@@ -220,7 +201,7 @@ def test_consumption_of_wavering_estimate_is_what_is_drawn() -> None:
     """A real PX4's two estimates of its charge differed by a percent: 113 falls and 77 rises were
     1,744 W where 300 were drawn, and the vehicle came home with 79 %.
     """
-    made = service()
+    made = over()
     made.exploring()
     here, drawn = made.state.vehicles[1].position, []
     made.post(Tracked(1, made.now_s, here, 12.0, 50.0))
@@ -235,7 +216,7 @@ def test_consumption_of_wavering_estimate_is_what_is_drawn() -> None:
 
 
 def test_a_landing_away_from_home_is_no_battery_swap() -> None:
-    made = service()
+    made = over()
     made.exploring()
     made.put(1, return_reason=ReturnReason.BATTERY)
     made.post(Landed(1, 61.0, 0.0, position=GridPoint(50.0, 50.0)))
@@ -247,14 +228,11 @@ def test_a_landing_away_from_home_is_no_battery_swap() -> None:
 
 
 def test_above_a_blocked_pad_it_lands_beside_while_the_reserve_is_whole() -> None:
-    made = service(vehicles=2)
+    made = over(vehicles=2)
     made.connect(1)
     made.connect(2, at=PAD)
     made.put(1, phase=Phase.OFFLINE, landed=False, position=PAD, height_m=12.0)
-    made.put(
-        2, phase=Phase.AIRBORNE, landed=False, order=None, position=PAD, height_m=18.0,
-        return_reason=ReturnReason.BATTERY, over_home=True,
-    )  # fmt: skip
+    made.fly(2, PAD, return_reason=ReturnReason.BATTERY, over_home=True)
     reserve_wh = made.setting.energy.reserve_wh
     for tenths in range(400, int(10 * reserve_wh), -1):
         made.now_s += 1.2
@@ -267,7 +245,7 @@ def test_above_a_blocked_pad_it_lands_beside_while_the_reserve_is_whole() -> Non
 
 def test_a_battery_that_counts_as_fresh_is_not_asked_for_again() -> None:
     """Between what the crew's swap takes for full and what the next target needs."""
-    made = service(capacity_wh=14.0, speed_m_s=1.0)
+    made = over(capacity_wh=14.0, speed_m_s=1.0)
     made.post(Connected(1, 0.0, HOME, HOME, 0.0, False, True, 12.9))
     for _ in range(3):
         made.post(BatterySwapped(1, 1.0, 12.9))
@@ -276,7 +254,7 @@ def test_a_battery_that_counts_as_fresh_is_not_asked_for_again() -> None:
 
 def test_a_vehicle_that_was_moved_at_its_swap_comes_home_to_its_new_place() -> None:
     """An autopilot sets its home where it is armed."""
-    made = service()
+    made = over()
     made.connect()
     moved = GridPoint(6.0, -8.0)
     made.post(LiftedOff(1, 8.0))
@@ -294,7 +272,7 @@ def test_a_vehicle_that_was_moved_at_its_swap_comes_home_to_its_new_place() -> N
 def test_who_is_higher_than_its_layer_turns_back_for_the_longer_descent() -> None:
     """As when a pilot gives it back high up."""
 
-    made = service()
+    made = over()
     made.exploring()
     here = made.state.vehicles[1]
 

@@ -50,7 +50,7 @@ from missions.orders import (
 from missions.planning.stepwise import EXPLORERS
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import fleet
-from tests.support.small_missions import mission, square
+from tests.support.small_missions import Points, mission, square
 from uavmap.output.facts.figures import aircraft_down
 
 HOME = GridPoint(0.0, 0.0)
@@ -82,25 +82,31 @@ class Service:
         wh = self.state.vehicles[vehicle].remaining_wh - 0.1
         return self.post(Tracked(vehicle, self.now_s, at, height_m, wh))
 
+    def take_off(self, vehicle: int = 1) -> Orders:
+        self.connect(vehicle)
+        return self.post(Airborne(vehicle, 8.0))
+
     def put(self, vehicle: int, **how: Any) -> None:
         """Change what is known of a vehicle."""
         there = replace(self.state.vehicles[vehicle], **how)
         self.state = self.state.with_vehicle(there)
+
+    def fly(self, vehicle: int, at: GridPoint, **how: Any) -> None:
+        """Put a vehicle somewhere into the air of its layer, without an order."""
+        layer_m = self.state.vehicles[vehicle].cruise_height_m
+        there = {"order": None, "height_m": layer_m, "position": at, **how}
+        self.put(vehicle, phase=Phase.AIRBORNE, landed=False, **there)
 
     def order(self, vehicle: int = 1) -> Order | None:
         return self.state.vehicles[vehicle].order
 
     def exploring(self, vehicle: int = 1, *, at: Cell = ROOT) -> None:
         """As if the ROI had just been found and the vehicle hovered over its root."""
-        here = self.setting.grid.centre_of(at)
-        state = replace(self.state, tree=Tree.rooted(at), found_s=self.now_s)
-        there = replace(
-            state.vehicles[vehicle],
-            phase=Phase.AIRBORNE, landed=False, vertex=at, at_target=True, order=None,
-            position=here, height_m=12.0, lanes=(),
-            remaining_wh=self.setting.mission.battery.capacity_wh,
-        )  # fmt: skip
-        self.state = state.with_vehicle(there)
+        here, full_wh = self.setting.grid.centre_of(at), self.setting.mission.battery.capacity_wh
+        self.state = replace(self.state, tree=Tree.rooted(at), found_s=self.now_s)
+        self.fly(
+            vehicle, here, vertex=at, at_target=True, height_m=12.0, lanes=(), remaining_wh=full_wh
+        )
         self.track(vehicle, here)
 
 
@@ -112,17 +118,22 @@ def frame(
     return FrameSeen(vehicle, t_s, vantage, votes)
 
 
+BOX, FENCE = square(-10, 16, 40, 30), square(-60, -60, 160, 160)
+
+
+def over(box: Points = BOX, fence: Points = FENCE, **how: Any) -> Service:
+    """The service of a small mission."""
+    return Service(mission(box, fence, **{"capacity_wh": 60.0, **how}))
+
+
 @pytest.fixture
 def service() -> Service:
-    return Service(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160), capacity_wh=60.0))
+    return over()
 
 
 @pytest.fixture
 def pair() -> Service:
-    made = mission(
-        square(-10, 16, 40, 30), square(-60, -60, 160, 160), capacity_wh=60.0, vehicles=2
-    )
-    return Service(made)
+    return over(vehicles=2)
 
 
 # --- taking off, searching -------------------------------------------------------------------
@@ -135,8 +146,7 @@ def test_a_sortie_begins_with_take_off_flight_and_sweep(service: Service) -> Non
 
 
 def test_a_suspicion_is_looked_at_and_the_find_becomes_the_root(service: Service) -> None:
-    service.connect()
-    service.post(Airborne(1, 8.0))
+    service.take_off()
     start = service.setting.lanes[0][0]
     service.post(Arrived(1, 12.0, start))
     suspect = Cell(0, 6)
@@ -160,8 +170,8 @@ def test_a_suspicion_is_looked_at_and_the_find_becomes_the_root(service: Service
 
 def test_a_frame_from_anywhere_is_evidence_and_nothing_more(service: Service) -> None:
     """It is of no lane and no look; what it elects is ROI of the map."""
-    service.connect()
-    service.post(Airborne(1, 8.0), Arrived(1, 12.0, service.setting.lanes[0][0]))
+    service.take_off()
+    service.post(Arrived(1, 12.0, service.setting.lanes[0][0]))
     order, seen = service.order(), Cell(0, 6)
     votes = (Vote(seen, True, 1.0), Vote(Cell(1, 6), False, 0.0))
     for i in range(3):
@@ -188,8 +198,8 @@ def test_a_box_without_roi_is_exhausted_which_is_a_result(service: Service) -> N
 def test_a_frame_that_comes_late_on_the_way_home_is_a_suspicion_for_the_next_sortie(
     service: Service,
 ) -> None:
-    service.connect()
-    service.post(Airborne(1, 8.0), Arrived(1, 12.0, service.setting.lanes[0][0]))
+    service.take_off()
+    service.post(Arrived(1, 12.0, service.setting.lanes[0][0]))
     low_wh = service.setting.energy.reserve_wh
     service.post(Tracked(1, 13.0, service.setting.lanes[0][0], 12.0, low_wh))
     assert service.state.vehicles[1].return_reason is ReturnReason.BATTERY
@@ -239,18 +249,9 @@ def test_who_has_nothing_to_search_waits_over_its_own_pad(pair: Service) -> None
     pad = GridPoint(8.0, 0.0)
     pair.connect(1)
     pair.connect(2, at=pad)
-    idle = replace(
-        pair.state.vehicles[1],
-        phase=Phase.AIRBORNE, landed=False, order=None, position=pad, height_m=12.0, lanes=(),
-    )  # fmt: skip
-    full = pair.state.vehicles[2]
-    landing = replace(
-        full,
-        phase=Phase.AIRBORNE, landed=False, order=Hold(), over_home=True,
-        return_reason=ReturnReason.BATTERY,
-        position=pad, height_m=18.0, lanes=full.lanes[-1:],
-    )  # fmt: skip
-    pair.state = pair.state.with_vehicle(idle).with_vehicle(landing)
+    pair.fly(1, pad, lanes=())
+    lanes, reason = pair.state.vehicles[2].lanes[-1:], ReturnReason.BATTERY
+    pair.fly(2, pad, order=Hold(), over_home=True, return_reason=reason, lanes=lanes)
     pair.track(2, pad, 18.0)
     assert isinstance(pair.order(1), FlyTo)
     pair.post(Arrived(1, pair.now_s + 2.0, HOME))
@@ -321,11 +322,7 @@ def test_a_silent_camera_brings_the_vehicle_home_for_good(service: Service) -> N
 
 def test_a_vertex_that_drifted_out_of_the_fence_does_not_stop_the_exploration() -> None:
     """It was looked from; its child is still inside. (This once recursed for ever.)"""
-    made = mission(
-        square(-10, 16, 40, 20), square(-60, -60, 160, 160), capacity_wh=60.0,
-        drift_m_s=0.4, toward_deg=0.0,
-    )  # fmt: skip
-    service = Service(made)
+    service = over(square(-10, 16, 40, 20), drift_m_s=0.4, toward_deg=0.0)
     root, far, near = Cell(0, 20), Cell(0, 21), Cell(0, 19)
     service.exploring(at=root)
     tree = Tree.rooted(root).looked(root, [far, near]).looked(far, [])
@@ -342,13 +339,9 @@ def test_a_vertex_that_drifted_out_of_the_fence_does_not_stop_the_exploration() 
     assert service.state.exploration_finished or service.state.vehicles[1].vertex == near
 
 
-def test_nobody_flies_past_a_cell_that_drifts_out_of_the_fence_before(service: Service) -> None:
+def test_nobody_flies_past_a_cell_that_drifts_out_of_the_fence_before() -> None:
     """Its way back leads over a cell that was inside when the leg would begin."""
-    made = mission(
-        square(-10, 16, 40, 20), square(-60, -60, 160, 160), capacity_wh=60.0,
-        drift_m_s=0.4, toward_deg=0.0, speed_m_s=5.0,
-    )  # fmt: skip
-    service = Service(made)
+    service = over(square(-10, 16, 40, 20), drift_m_s=0.4, toward_deg=0.0)
     root, far = Cell(0, 3), Cell(0, 24)
     service.exploring(at=root)
     tree = Tree.rooted(root).looked(root, [far]).looked(far, [Cell(1, 24)])
@@ -375,8 +368,7 @@ def test_who_cannot_fly_to_a_cell_abandons_it_and_the_result_says_so() -> None:
 
 # --- other hands -----------------------------------------------------------------------------
 def test_nothing_is_ordered_while_a_pilot_flies(service: Service) -> None:
-    service.connect()
-    service.post(Airborne(1, 8.0))
+    service.take_off()
     assert service.post(Overridden(1, 9.0, "LOITER")) == ((1, StandDown()),)
     stale = (
         Arrived(1, 9.5, HOME),
@@ -398,17 +390,16 @@ def test_a_fresh_battery_does_not_start_one_who_failed(service: Service) -> None
 
 
 def test_given_back_on_the_ground_it_takes_off_once_the_crew_is_clear(service: Service) -> None:
-    service.connect()
-    service.post(Airborne(1, 8.0), Overridden(1, 9.0, "LAND"), Landed(1, 30.0, 50.0))
+    service.take_off()
+    service.post(Overridden(1, 9.0, "LAND"), Landed(1, 30.0, 50.0))
     assert service.post(Released(1, 60.0, HOME, 0.2)) == ((1, AwaitBattery()),)
     assert service.post(BatterySwapped(1, 90.0, 60.0)) == ((1, TakeOff(12.0)),)
 
 
 def test_a_link_that_comes_back_on_the_ground_does_not_take_off_by_itself(service: Service) -> None:
-    service.connect()
-    service.post(Airborne(1, 8.0), LinkLost(1, 20.0))
-    back = Connected(1, 60.0, HOME, HOME, 0.0, False, True, 58.0)
-    assert service.post(back) == ((1, AwaitBattery()),)
+    service.take_off()
+    service.post(LinkLost(1, 20.0))
+    assert service.post(found(60.0, wh=58.0)) == ((1, AwaitBattery()),)
 
 
 def test_one_that_lands_while_the_mission_is_resumed_goes_on_after_it(service: Service) -> None:
@@ -426,22 +417,24 @@ def test_one_that_came_down_unheard_away_from_its_pad_is_fetched_not_flown(
 ) -> None:
     service.exploring()
     service.post(LinkLost(1, 20.0))
-    field = GridPoint(20.0, 20.0)
-    back = Connected(1, 90.0, HOME, field, 0.0, False, True, 30.0)
-    assert service.post(back) == ((1, StandDown()),)
+    assert service.post(found(90.0, GridPoint(20.0, 20.0))) == ((1, StandDown()),)
     assert service.state.vehicles[1].phase is Phase.DOWN
     assert service.state.over
+
+
+def found(t_s: float, at: GridPoint = HOME, wh: float = 30.0, home: GridPoint = HOME) -> Connected:
+    """It is connected to on the ground."""
+    return Connected(1, t_s, home, at, 0.0, False, True, wh)
 
 
 @pytest.mark.parametrize("field", [GridPoint(20.0, 20.0), GridPoint(0.0, 7.0)])
 def test_one_that_lies_there_is_not_flown_by_a_resume(service: Service, field: GridPoint) -> None:
     service.exploring()
     service.post(Crashed(1, 20.0, field, "it fell"), Resumed(60.0))
-    service.post(Connected(1, 61.0, HOME, field, 0.0, False, True, 30.0))
+    service.post(found(61.0, field))
     assert service.state.vehicles[1].phase is Phase.DOWN
     service.post(Resumed(200.0))
-    fetched = Connected(1, 201.0, HOME, HOME, 0.0, False, True, 60.0)
-    assert service.post(fetched) == ((1, AwaitBattery()),), "its crew says when"
+    assert service.post(found(201.0, wh=60.0)) == ((1, AwaitBattery()),), "its crew says when"
 
 
 @pytest.mark.parametrize("resumed", [True, False])
@@ -453,12 +446,11 @@ def test_one_that_fell_on_its_pad_waits_for_a_fresh_battery(
     service.post(Tracked(1, 19.0, HOME, 6.0, 30.0))
     service.post(Crashed(1, 20.0, HOME, "it fell, 0 m from home"))
     between = Resumed(60.0) if resumed else LinkLost(1, 60.0)
-    service.post(between, Connected(1, 61.0, HOME, HOME, 0.0, False, True, 33.0))
+    service.post(between, found(61.0, wh=33.0))
     assert service.state.vehicles[1].phase is Phase.DOWN
     assert "fresh battery" in service.state.vehicles[1].note
     service.post(Resumed(200.0))
-    looked_at = Connected(1, 201.0, HOME, HOME, 0.0, False, True, 60.0)
-    assert service.post(looked_at) == ((1, AwaitBattery()),)
+    assert service.post(found(201.0, wh=60.0)) == ((1, AwaitBattery()),)
 
 
 def test_one_that_a_failsafe_has_set_down_afield_is_not_flown_by_a_resume(
@@ -468,12 +460,11 @@ def test_one_that_a_failsafe_has_set_down_afield_is_not_flown_by_a_resume(
     service.exploring()
     service.post(Overridden(1, 20.0, "LAND failsafe"), Landed(1, 40.0, 30.0, position=field))
     assert service.state.vehicles[1].landed_away_m > 20.0
-    service.post(Resumed(60.0), Connected(1, 61.0, HOME, field, 0.0, False, True, 30.0))
+    service.post(Resumed(60.0), found(61.0, field))
     assert service.state.vehicles[1].phase is Phase.DOWN
     assert "lies there still" in service.state.vehicles[1].note
     service.post(Resumed(200.0))
-    fetched = Connected(1, 201.0, HOME, HOME, 0.0, False, True, 30.0)
-    assert service.post(fetched) == ((1, AwaitBattery()),), "as it was: nothing broke"
+    assert service.post(found(201.0)) == ((1, AwaitBattery()),), "as it was: nothing broke"
 
 
 def test_one_that_landed_afield_while_nobody_watched_needs_its_crew(service: Service) -> None:
@@ -481,8 +472,7 @@ def test_one_that_landed_afield_while_nobody_watched_needs_its_crew(service: Ser
     field = GridPoint(12.0, 20.0)
     service.exploring()
     service.post(Resumed(60.0))
-    there = Connected(1, 61.0, field, field, 0.0, False, True, 60.0)
-    assert service.post(there) == ((1, AwaitBattery()),)
+    assert service.post(found(61.0, field, 60.0, home=field)) == ((1, AwaitBattery()),)
 
 
 def test_one_that_lies_there_is_not_flown_because_its_pilot_lets_go(service: Service) -> None:
@@ -511,8 +501,8 @@ def test_a_box_without_a_lane_ends_with_a_word(service: Service) -> None:
 
 
 def test_given_back_in_the_air_it_comes_to_rest_and_goes_on(service: Service) -> None:
-    service.connect()
-    service.post(Airborne(1, 8.0), Overridden(1, 9.0, "LOITER"))
+    service.take_off()
+    service.post(Overridden(1, 9.0, "LOITER"))
     at = GridPoint(3.0, 9.0)
     assert service.post(Released(1, 20.0, at, 12.0)) == ((1, Hold()),)
     service.track(1, at)
@@ -520,8 +510,8 @@ def test_given_back_in_the_air_it_comes_to_rest_and_goes_on(service: Service) ->
 
 
 def test_given_back_just_above_the_ground_it_is_in_the_air(service: Service) -> None:
-    service.connect()
-    service.post(Airborne(1, 8.0), Overridden(1, 9.0, "LOITER"))
+    service.take_off()
+    service.post(Overridden(1, 9.0, "LOITER"))
     service.post(Recalled(12.0), Released(1, 20.0, HOME, 0.6))
     assert service.state.vehicles[1].phase is Phase.AIRBORNE
     assert not service.state.over
@@ -536,8 +526,7 @@ def test_interrupted_while_climbing_it_counts_as_airborne(service: Service) -> N
 
 
 def test_an_order_that_fails_in_the_air_brings_the_vehicle_home(service: Service) -> None:
-    service.connect()
-    service.post(Airborne(1, 8.0))
+    service.take_off()
     service.post(OrderFailed(1, 9.0, "fly to", "denied"))
     assert service.state.vehicles[1].return_reason is ReturnReason.FAULT
     service.track(1, HOME)
@@ -621,8 +610,7 @@ def test_the_cell_of_one_whose_battery_ends_is_looked_at_by_one_who_waited(pair:
 
 def test_who_flies_past_a_point_comes_to_rest_before_it_turns_home(service: Service) -> None:
     """It swings out as far as the margin is wide; what it holds to is planned from rest."""
-    service.connect()
-    service.post(Airborne(1, 8.0))
+    service.take_off()
     leg = service.order()
     assert isinstance(leg, FlyTo)
     assert not leg.stop
@@ -654,11 +642,7 @@ def test_a_recall_ends_everything_and_a_resume_begins_again(pair: Service) -> No
 def test_nobody_climbs_through_a_leg_below_its_layer(pair: Service) -> None:
     pair.connect(1)
     leg = FlyTo((GridPoint(30.0, 0.0),), None, stop=True, height_m=12.0)
-    pair.put(
-        1,
-        phase=Phase.AIRBORNE, landed=False, order=leg, position=GridPoint(-30.0, 0.0),
-        height_m=12.0,
-    )  # fmt: skip
+    pair.fly(1, GridPoint(-30.0, 0.0), order=leg)
     assert pair.connect(2, at=GridPoint(8.0, 0.0)) == ()
     pair.track(1, GridPoint(16.0, 0.0))
     assert pair.order(2) == TakeOff(18.0)
@@ -667,27 +651,16 @@ def test_nobody_climbs_through_a_leg_below_its_layer(pair: Service) -> None:
 def test_nobody_climbs_beside_one_whose_stop_is_not_known_yet(pair: Service) -> None:
     """Its last report is a second old, and it needs metres to stop."""
     pair.connect(1)
-    pair.put(
-        1,
-        phase=Phase.AIRBORNE, landed=False, order=Hold(), position=GridPoint(0.0, 0.0),
-        height_m=12.0, braking_until_s=9.0,
-    )  # fmt: skip
+    pair.fly(1, HOME, order=Hold(), braking_until_s=9.0)
     assert pair.connect(2, at=GridPoint(8.0, 0.0)) == ()
 
 
 def test_layers_closer_than_the_buffer_do_not_block_each_other() -> None:
     """Two that want to change places would otherwise wait for each other for ever."""
-    made = mission(
-        square(-10, 16, 40, 30), square(-60, -60, 160, 160), vehicles=2,
-        capacity_wh=60.0, layer_m=4.5,
-    )  # fmt: skip
-    pair = Service(made)
+    pair = over(vehicles=2, layer_m=4.5)
     north = Cell(ROOT.east, ROOT.north + 1)
-    pair.put(
-        2,
-        phase=Phase.AIRBORNE, landed=False, order=Look(north, 15, 16.5), height_m=16.5,
-        lanes=(), position=pair.setting.grid.centre_of(north), vertex=ROOT, remaining_wh=60.0,
-    )  # fmt: skip
+    there, look = pair.setting.grid.centre_of(north), Look(north, 15, 16.5)
+    pair.fly(2, there, order=look, lanes=(), vertex=ROOT, remaining_wh=60.0)
     pair.exploring()
     for t in range(5):
         pair.post(frame(1, 20.0 + t, ROOT, ROOT, north))
@@ -699,11 +672,7 @@ def test_layers_closer_than_the_buffer_do_not_block_each_other() -> None:
 def test_homes_that_are_nearly_level_leave_close_layers_their_distance() -> None:
     """What may pass for level depends on the room between the layers."""
     for layer_m, home_level_m in ((4.5, 0.9), (6.0, 0.0)):
-        made = mission(
-            square(-10, 16, 40, 30), square(-60, -60, 160, 160), vehicles=2,
-            capacity_wh=60.0, layer_m=layer_m,
-        )  # fmt: skip
-        pair = Service(made)
+        pair = over(vehicles=2, layer_m=layer_m)
         pad = GridPoint(8.0, 0.0)
         pair.post(Connected(1, 0.0, HOME, HOME, 0.0, False, True, 60.0, home_amsl_m=500.0))
         pair.post(Connected(2, 0.0, pad, pad, 0.0, False, True, 60.0, home_amsl_m=500.9))
@@ -714,16 +683,9 @@ def test_who_comes_home_for_a_battery_flies_round_one_who_lands(pair: Service) -
     pad = GridPoint(8.0, 0.0)
     pair.connect(1)
     pair.connect(2, at=pad)
-    pair.put(
-        2,
-        phase=Phase.AIRBORNE, landed=False, order=Land(), position=pad, height_m=9.0,
-        return_reason=ReturnReason.BATTERY, over_home=True,
-    )  # fmt: skip
-    pair.put(
-        1,
-        phase=Phase.AIRBORNE, landed=False, order=None, position=GridPoint(60.0, 0.0),
-        height_m=12.0, return_reason=ReturnReason.BATTERY,
-    )  # fmt: skip
+    low = ReturnReason.BATTERY
+    pair.fly(2, pad, order=Land(), height_m=9.0, return_reason=low, over_home=True)
+    pair.fly(1, GridPoint(60.0, 0.0), return_reason=low)
     pair.track(1, GridPoint(60.0, 0.0))
     order = pair.order(1)
     assert isinstance(order, FlyTo)
@@ -741,12 +703,9 @@ def test_who_is_in_the_air_that_a_failsafe_takes_leaves_it_and_comes_back(pair: 
     pair.connect(2, at=GridPoint(8.0, 0.0))
     pair.exploring(1)
     tree = Tree.rooted(ROOT).looked(ROOT, [east])
+    pair.state = replace(pair.state, tree=tree)
     look = Look(east, 30, 18.0)
-    above = replace(
-        pair.state.vehicles[2], phase=Phase.AIRBORNE, landed=False, vertex=east, at_target=True,
-        order=look, position=centre(east), height_m=18.0, lanes=(), remaining_wh=60.0,
-    )  # fmt: skip
-    pair.state = replace(pair.state, tree=tree).with_vehicle(above)
+    pair.fly(2, centre(east), order=look, vertex=east, at_target=True, lanes=(), remaining_wh=60.0)
     pair.post(Overridden(1, pair.now_s + 0.5, "RTL"))
     pair.track(2, centre(east), 18.0)
     order = pair.order(2)
@@ -770,25 +729,22 @@ def test_apply_does_not_change_the_state_it_is_given(service: Service) -> None:
     assert repr(before) == text
 
 
-def test_a_vehicle_that_stands_outside_of_the_fence_stays_there(service: Service) -> None:
-    far = GridPoint(5000.0, 0.0)
-    orders = service.post(Connected(1, 1.0, far, far, 0.0, False, True, 60.0))
-    assert orders == ((1, StandDown()),)
-    assert "outside of the geofence" in service.state.vehicles[1].note
-
-
-def test_a_vehicle_that_stands_at_the_edge_of_the_fence_stays_there(service: Service) -> None:
+@pytest.mark.parametrize(
+    ("east_m", "said"),
+    [(5000.0, "outside of the geofence"), (-59.6, "m from the edge of the geofence")],
+)
+def test_a_vehicle_that_stands_outside_of_the_fence_or_at_its_edge_stays_there(
+    service: Service, east_m: float, said: str
+) -> None:
     """A climb strays by some decimetres."""
-    x, y, _, _ = service.setting.fence.outer.bounds
-    near = GridPoint(x + 0.4, y + 30.0)
-    orders = service.post(Connected(1, 1.0, near, near, 0.0, False, True, 60.0))
-    assert orders == ((1, StandDown()),)
-    assert "m from the edge of the geofence" in service.state.vehicles[1].note
+    there = GridPoint(east_m, -30.0)
+    assert service.post(found(1.0, there, 60.0, home=there)) == ((1, StandDown()),)
+    assert said in service.state.vehicles[1].note
 
 
 def test_when_not_even_the_way_home_can_be_flown_the_autopilot_takes_over(service: Service) -> None:
-    service.connect()
-    service.post(Airborne(1, 8.0), Recalled(9.0))
+    service.take_off()
+    service.post(Recalled(9.0))
     far = GridPoint(9.0, 0.0)
     for t_s in (10.0, 16.0):  # it waits, and tries again
         service.post(Tracked(1, t_s, far, 10.0, 50.0))
@@ -807,12 +763,9 @@ def test_when_not_even_the_way_home_can_be_flown_the_autopilot_takes_over(servic
 
 def test_over_what_the_fence_forbids_the_autopilot_returns_only_after_more_patience() -> None:
     hole = square(20.0, -6.0, 8.0, 12.0)
-    made = mission(
-        square(-10, 16, 60, 30), square(-60, -60, 160, 160), [hole], capacity_wh=60.0, vehicles=1
-    )
-    service = Service(made)
-    service.connect()
-    service.post(Airborne(1, 8.0), Recalled(9.0))
+    service = over(square(-10, 16, 60, 30), holes=[hole])
+    service.take_off()
+    service.post(Recalled(9.0))
     behind, t_s = GridPoint(44.0, 0.0), 10.0
     for _ in range(MOST_HOME_REFUSED_AROUND):
         service.post(Tracked(1, t_s, behind, 12.0, 50.0), Tracked(1, t_s + 4.0, behind, 12.0, 50.0))
@@ -824,8 +777,7 @@ def test_over_what_the_fence_forbids_the_autopilot_returns_only_after_more_patie
 
 
 def test_blown_out_of_the_fence_it_comes_home(service: Service) -> None:
-    service.connect()
-    service.post(Airborne(1, 8.0))
+    service.take_off()
     service.track(1, GridPoint(0.0, -500.0))
     assert service.state.vehicles[1].return_reason is ReturnReason.FAULT
 
@@ -833,7 +785,7 @@ def test_blown_out_of_the_fence_it_comes_home(service: Service) -> None:
 @pytest.mark.parametrize(("east_m", "away"), [(1.0, False), (40.0, True)])
 def test_who_is_set_down_elsewhere_by_a_failsafe_is_named(east_m: float, away: bool) -> None:
     """Nobody of ours lands it, so nobody of ours calls it down: but it has to be fetched."""
-    service = Service(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
+    service = over(capacity_wh=25.0)
     service.exploring()
     service.post(Overridden(1, 30.0, "LAND"))
     service.post(Landed(1, 60.0, 10.0, position=GridPoint(east_m, 0.0)))
@@ -865,13 +817,9 @@ def test_who_waits_in_vain_for_its_way_home_returns_by_its_autopilot(pair: Servi
     """A silent vehicle claims the air of its return for as long as its battery may last."""
     pair.connect(1)
     pair.connect(2, at=GridPoint(8.0, 0.0))
-    over = GridPoint(40.0, 0.0)
-    for number, at, height_m in ((1, GridPoint(25.0, 0.0), 12.0), (2, over, 18.0)):
-        flying = replace(
-            pair.state.vehicles[number],
-            phase=Phase.AIRBORNE, landed=False, order=Hold(), position=at, height_m=height_m,
-        )  # fmt: skip
-        pair.state = pair.state.with_vehicle(flying)
+    above = GridPoint(40.0, 0.0)
+    for number, at in ((1, GridPoint(25.0, 0.0)), (2, above)):
+        pair.fly(number, at, order=Hold())
     pair.post(LinkLost(1, pair.now_s + 1.0))
     pair.post(Recalled(pair.now_s + 2.0))
     pair.now_s += 30.0
@@ -879,7 +827,7 @@ def test_who_waits_in_vain_for_its_way_home_returns_by_its_autopilot(pair: Servi
     for tenths in range(600, 0, -1):
         charge_wh = tenths / 10.0
         pair.now_s += 1.2
-        pair.post(Tracked(2, pair.now_s, over, 18.0, charge_wh))
+        pair.post(Tracked(2, pair.now_s, above, 18.0, charge_wh))
         seen.append((charge_wh, pair.order(2)))
         if isinstance(pair.order(2), ReturnToLaunch):
             break

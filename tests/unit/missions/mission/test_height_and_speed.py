@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from missions.geo.grid import Grid
 from missions.mission import flyable
-from missions.mission.height_and_speed import blur_px, speed_limit_m_s, speed_limits
+from missions.mission.height_and_speed import blur_px, speed_limits
 from missions.mission.schema import Mission
 from missions.units import GridPoint
 from tests.support.footprints import whole_cells
@@ -39,7 +39,7 @@ def test_by_hand_from_12_m() -> None:
     assert limits.frames_m_s == pytest.approx(480 * gsd_m - 1.0 - 4.0)
     assert limits.frames_m_s == pytest.approx(10.1, abs=0.01)
     assert limits.flight_m_s == 30.0
-    assert limits.least_m_s == speed_limit_m_s(PLAIN, 12.0) == limits.frames_m_s
+    assert limits.least_m_s == limits.frames_m_s
     assert limits.reason == "votes.frames"
 
 
@@ -81,8 +81,8 @@ def test_a_region_that_drifts_takes_its_speed_from_the_limits() -> None:
 
 
 def test_where_no_cell_is_ever_whole_no_speed_is_slow_enough() -> None:
-    assert speed_limit_m_s(changed(PLAIN, camera={"pose_error_m": 6.0}), 12.0) == 0.0
-    assert speed_limit_m_s(PLAIN, 3.0) == 0.0
+    assert speed_limits(changed(PLAIN, camera={"pose_error_m": 6.0}), 12.0).least_m_s == 0.0
+    assert speed_limits(PLAIN, 3.0).least_m_s == 0.0
 
 
 @FAST

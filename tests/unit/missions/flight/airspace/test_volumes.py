@@ -2,108 +2,79 @@
 
 from __future__ import annotations
 
-import math
+import itertools
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.flight.airspace.volumes import Volume, is_free
+from missions.flight.airspace.volumes import Volume
 from missions.units import GridPoint
 
 FAST = settings(max_examples=120, deadline=None)
 APART_M = 6.0
 
-ORIGIN = GridPoint(0.0, 0.0)
-LEG = Volume((GridPoint(-20.0, 0.0), GridPoint(20.0, 0.0)), 12.0, 12.0)
+
+def claim(*path: tuple[float, float], low_m: float = 12.0, high_m: float | None = None,
+          stray_m: float = 0.0) -> Volume:  # fmt: skip
+    """A path over ground, at one height unless it is told otherwise."""
+    places = tuple(GridPoint(*place) for place in path)
+    return Volume(places, low_m, low_m if high_m is None else high_m, stray_m)
 
 
 def column(east_m: float, north_m: float, high_m: float = 18.0) -> Volume:
-    return Volume((GridPoint(east_m, north_m),), 0.0, high_m)
+    return claim((east_m, north_m), low_m=0.0, high_m=high_m)
 
 
-def spot(east_m: float, north_m: float, height_m: float, stray_m: float = 0.0) -> Volume:
-    return Volume((GridPoint(east_m, north_m),), height_m, height_m, stray_m)
+LEG = claim((-20, 0), (20, 0))
+CORNER = claim((-50, 50), (0, 0), (50, 50))
+HERE = claim((0, 0))
+TWICE = claim((0, 0), (0, 0))
+"""Who hovers at the end of its leg has a path of two equal points."""
 
 
 @pytest.mark.parametrize(
-    ("east_m", "north_m", "meets"),
-    [(0, 0, True), (0, 5.9, True), (0, 6.1, False), (25.9, 0, True), (26.1, 0, False),
-     (24.3, 4.3, False), (24.2, 4.2, True)],
+    ("one", "other", "meets"),
+    [
+        # a column and a leg: by the distance over ground, from the ends, too
+        (column(0, 0), LEG, True), (column(0, 5.9), LEG, True), (column(0, 6.1), LEG, False),
+        (column(25.9, 0), LEG, True), (column(26.1, 0), LEG, False),
+        (column(24.3, 4.3), LEG, False), (column(24.2, 4.2), LEG, True),
+        # a column that ends below a layer leaves it free
+        (column(0, 0, high_m=6.0), LEG, False), (column(0, 0, high_m=6.1), LEG, True),
+        # a leg over another keeps its distance by height
+        (claim((0, -20), (0, 20)), LEG, True),
+        (claim((0, -20), (0, 20), low_m=6.1), LEG, True),
+        (claim((0, -20), (0, 20), low_m=6.0), LEG, False),
+        (claim((0, -20), (0, 20), low_m=17.9), LEG, True),
+        (claim((0, -20), (0, 20), low_m=18.0), LEG, False),
+        # either is enough alone; the diagonal is not taken, which is on the safe side
+        (claim((5, 0), low_m=0.0), claim((0, 0), low_m=5.0), True),
+        # legs side by side, and legs that cross
+        (claim((-20, 7), (20, 7)), LEG, False), (claim((-20, 7), (20, 5)), LEG, True),
+        (claim((30, -9), (30, 9)), LEG, False),
+        # the whole route is claimed and not its ends only
+        (CORNER, claim((0, 5)), True), (CORNER, claim((0, 50)), False),
+        (TWICE, claim((5, 0)), True), (TWICE, claim((7, 0)), False),
+        # who strays claims more around it, and no more height
+        (HERE, claim((8, 0)), False), (claim((0, 0), stray_m=3.0), claim((8, 0)), True),
+        (HERE, claim((8, 0), stray_m=3.0), True),
+        (claim((0, 0), stray_m=1.5), claim((8, 0), stray_m=1.5), True),
+        (claim((0, 0), stray_m=9.0), claim((0, 0), low_m=18.0, stray_m=9.0), False),
+    ],
 )  # fmt: skip
-def test_a_column_and_a_leg_meet_by_the_distance_over_ground(
-    east_m: float, north_m: float, meets: bool
+def test_claims_meet_that_come_nearer_than_a_distance(
+    one: Volume, other: Volume, meets: bool
 ) -> None:
-    assert column(east_m, north_m).meets(LEG, APART_M) is meets
-
-
-@pytest.mark.parametrize(
-    ("height_m", "meets"), [(12, True), (6.1, True), (6.0, False), (17.9, True), (18.0, False)]
-)
-def test_a_leg_over_another_keeps_its_distance_by_height(height_m: float, meets: bool) -> None:
-    over = Volume((GridPoint(0.0, -20.0), GridPoint(0.0, 20.0)), height_m, height_m)
-    assert over.meets(LEG, APART_M) is meets
-
-
-def test_height_and_distance_do_not_add_up() -> None:
-    """Either is enough alone; the diagonal is not taken, which is on the safe side."""
-    assert spot(5.0, 0.0, 0.0).meets(spot(0.0, 0.0, 5.0), APART_M)
-    assert math.hypot(5.0, 5.0) > APART_M
-
-
-def test_a_column_that_ends_below_a_layer_leaves_it_free() -> None:
-    assert not column(0.0, 0.0, high_m=6.0).meets(LEG, APART_M)
-    assert column(0.0, 0.0, high_m=6.1).meets(LEG, APART_M)
-
-
-def test_legs_side_by_side_and_legs_that_cross() -> None:
-    def leg(a: tuple[float, float], b: tuple[float, float]) -> Volume:
-        return Volume((GridPoint(*a), GridPoint(*b)), 12.0, 12.0)
-
-    assert leg((0, -9), (0, 9)).meets(LEG, APART_M)
-    assert not leg((-20, 7), (20, 7)).meets(LEG, APART_M)
-    assert leg((-20, 7), (20, 5)).meets(LEG, APART_M)
-    assert not leg((30, -9), (30, 9)).meets(LEG, APART_M)
-
-
-def test_the_whole_route_is_claimed_and_not_its_ends_only() -> None:
-    round_a_corner = Volume(
-        (GridPoint(-50.0, 50.0), GridPoint(0.0, 0.0), GridPoint(50.0, 50.0)), 12.0, 12.0
-    )
-    assert round_a_corner.meets(spot(0.0, 5.0, 12.0), APART_M)
-    assert not round_a_corner.meets(spot(0.0, 50.0, 12.0), APART_M)
-
-
-@pytest.mark.parametrize(("one_m", "other_m"), [(3.0, 0.0), (0.0, 3.0), (1.5, 1.5)])
-def test_who_strays_claims_more_around_it(one_m: float, other_m: float) -> None:
-    gap_m = 8.0
-    assert not spot(0, 0, 12).meets(spot(gap_m, 0, 12), APART_M)
-    assert spot(0, 0, 12, one_m).meets(spot(gap_m, 0, 12, other_m), APART_M)
-
-
-def test_straying_does_not_change_heights() -> None:
-    assert not spot(0, 0, 12, 9.0).meets(spot(0, 0, 18, 9.0), APART_M)
+    assert one.meets(other, APART_M) is meets
+    assert other.meets(one, APART_M) is meets
 
 
 def test_low_layers_bring_nobody_nearer_over_ground() -> None:
     """A column 5 m beside a leg, layers 4.5 m apart: the claims lie 6 m apart over ground still."""
     assert column(0.0, 5.0).meets(LEG, 6.0, 4.5)
-    assert not is_free(LEG, [column(0.0, 5.0)], 6.0, 4.5)
-    assert not spot(0.0, 0.0, 12.0).meets(spot(0.0, 0.0, 16.5), 6.0, 4.5)
-    assert spot(0.0, 0.0, 12.0).meets(spot(0.0, 0.0, 16.0), 6.0, 4.5)
-
-
-def test_a_repeated_point_is_a_claim_like_any_other() -> None:
-    """Who hovers at the end of its leg has a path of two equal points."""
-    twice = Volume((ORIGIN, ORIGIN), 12.0, 12.0)
-    assert twice.meets(spot(5.0, 0.0, 12.0), APART_M)
-    assert not twice.meets(spot(7.0, 0.0, 12.0), APART_M)
-
-
-def test_free_is_free_of_all() -> None:
-    far, near = column(40.0, 0.0), column(0.0, 3.0)
-    assert is_free(LEG, [far], APART_M)
-    assert not is_free(LEG, [far, near], APART_M)
+    assert not HERE.meets(claim((0, 0), low_m=16.5), 6.0, 4.5)
+    assert HERE.meets(claim((0, 0), low_m=16.0), 6.0, 4.5)
 
 
 points = st.builds(GridPoint, st.floats(-40, 40), st.floats(-40, 40))
@@ -115,21 +86,13 @@ claims = st.builds(
 
 
 @FAST
-@given(claims, claims, st.floats(1, 8), st.floats(0, 6))
-def test_asking_for_more_distance_never_frees_air(
-    one: Volume, other: Volume, distance_m: float, more_m: float
-) -> None:
-    if one.meets(other, distance_m):
-        assert one.meets(other, distance_m + more_m)
-
-
-@FAST
-@given(claims, claims, st.floats(1, 8), st.floats(0, 5), st.floats(0, 5))
-def test_a_larger_claim_meets_whatever_the_smaller_did(
-    one: Volume, other: Volume, distance_m: float, wider_m: float, higher_m: float
+@given(claims, claims, st.floats(1, 8), st.floats(0, 6), st.floats(0, 5), st.floats(0, 5))
+def test_more_distance_or_a_larger_claim_never_frees_air(
+    one: Volume, other: Volume, distance_m: float, more_m: float, wider_m: float, higher_m: float
 ) -> None:
     larger = Volume(one.path, one.low_m - higher_m, one.high_m + higher_m, one.stray_m + wider_m)
     if one.meets(other, distance_m):
+        assert one.meets(other, distance_m + more_m)
         assert larger.meets(other, distance_m)
 
 
@@ -152,9 +115,6 @@ def test_moving_both_changes_nothing(
 @given(st.integers(1, 6), st.floats(4.5, 20), st.floats(2, 40))
 def test_layers_a_distance_apart_never_meet(vehicles: int, layer_m: float, lowest_m: float) -> None:
     """What lets vehicles fly across each other: whatever their legs, their layers keep apart."""
-    legs = [
-        Volume((GridPoint(-50, 0), GridPoint(50, 0)), h, h)
-        for h in (lowest_m + i * layer_m for i in range(vehicles))
-    ]
-    for i, leg in enumerate(legs):
-        assert is_free(leg, legs[:i] + legs[i + 1 :], min(layer_m, APART_M))
+    legs = [claim((-50, 0), (50, 0), low_m=lowest_m + i * layer_m) for i in range(vehicles)]
+    least_m = min(layer_m, APART_M)
+    assert not any(one.meets(other, least_m) for one, other in itertools.combinations(legs, 2))

@@ -15,19 +15,15 @@ from missions.flight.strategy.lane_passes import flown_along, search_passes, sti
 from missions.mission.fleet_checks import with_own_air
 from missions.orders import FlyPath, FlyTo
 from missions.units import Cell, GridPoint
-from tests.support.small_missions import mission, square
-from tests.unit.missions.flight.test_step import Service
+from tests.support.small_missions import square
+from tests.unit.missions.flight.test_step import Service, over
 from uavmap.load.mission_source import load
 
 BOX, FENCE = square(-10, 16, 90, 40), square(-60, -60, 200, 200)
 
 
 def service(strategy: str, vehicles: int = 1) -> Service:
-    made = Service(
-        mission(
-            BOX, FENCE, vehicles=vehicles, capacity_wh=60.0, strategy=strategy, mounting="gimbal"
-        )
-    )
+    made = over(BOX, FENCE, vehicles=vehicles, strategy=strategy, mounting="gimbal")
     for number in range(1, vehicles + 1):
         made.connect(number, at=GridPoint(8.0 * (number - 1), 0.0))
     return made
@@ -43,14 +39,6 @@ def rows_of(made: Service, k: int) -> range:
     middle = made.setting.lanes[k][0].north_m / made.setting.grid.cell_m
     rows = made.setting.lane_rows
     return range(round(middle - (rows - 1) / 2), round(middle + (rows - 1) / 2) + 1)
-
-
-def airborne(made: Service, vehicle: int, **how: object) -> None:
-    there = replace(
-        made.state.vehicles[vehicle],
-        phase=Phase.AIRBORNE, landed=False, height_m=12.0, order=None, **how,
-    )  # type: ignore[arg-type]  # fmt: skip
-    made.state = made.state.with_vehicle(there)
 
 
 def first(state: State) -> VehicleState:
@@ -97,7 +85,7 @@ def test_who_waits_in_a_survey_flies_the_lanes_of_who_dropped_out() -> None:
     made = service("survey", vehicles=2)
     failed = replace(first(made.state), phase=Phase.FAILED, lanes=made.setting.lanes)
     made.state = made.state.with_vehicle(failed)
-    airborne(made, 2, lanes=(), position=GridPoint(40.0, 30.0))
+    made.fly(2, GridPoint(40.0, 30.0), lanes=())
     made.track(2, GridPoint(40.0, 30.0), 18.0)
     assert isinstance(made.order(2), FlyPath)
     assert len(made.state.vehicles[2].lanes) == 1
@@ -106,12 +94,12 @@ def test_who_waits_in_a_survey_flies_the_lanes_of_who_dropped_out() -> None:
 
 def test_in_a_survey_nobody_takes_a_lane_that_a_path_leads_along() -> None:
     made = service("survey", vehicles=2)
-    airborne(made, 1)
+    made.fly(1, GridPoint(0.0, 0.0))
     made.track(1, GridPoint(0.0, 0.0), 12.0)
     path = made.order(1)
     assert isinstance(path, FlyPath)
     lanes = first(made.state).lanes
-    airborne(made, 2, lanes=(), position=GridPoint(40.0, 30.0))
+    made.fly(2, GridPoint(40.0, 30.0), lanes=())
     made.track(2, GridPoint(40.0, 30.0), 18.0)
     assert first(made.state).lanes == lanes
     assert made.state.vehicles[2].lanes == ()
@@ -119,7 +107,7 @@ def test_in_a_survey_nobody_takes_a_lane_that_a_path_leads_along() -> None:
 
 def test_who_flies_lanes_that_others_have_seen_meanwhile_brakes() -> None:
     made = service("survey", vehicles=2)
-    airborne(made, 1)
+    made.fly(1, GridPoint(0.0, 0.0))
     made.track(1, GridPoint(0.0, 0.0), 12.0)
     path = made.order(1)
     assert isinstance(path, FlyPath)
