@@ -135,11 +135,6 @@ def test_cells_and_points_come_back_as_what_they_were() -> None:
     assert isinstance(tracked.position, GridPoint)
 
 
-def test_text_from_outside_is_kept_as_it_came() -> None:
-    reason = 'a "quoted" \\ line\nand \u00e9\u4e2d\U0001f681'
-    assert from_json(to_json(FrameLost(1, 0.0, reason))) == FrameLost(1, 0.0, reason)
-
-
 @given(anything, wild)
 def test_a_time_that_is_none_is_refused(event: Event, value: float) -> None:
     with pytest.raises(EventError, match=f"{event.kind}: t_s = "):

@@ -211,23 +211,6 @@ def test_no_cell_was_ever_false_more_often_than_three_of_five_allow(order: str) 
     assert len(ever) / len(cells) == pytest.approx(exact, abs=four_sigma)
 
 
-def test_a_joined_map_goes_by_the_first_votes_of_both() -> None:
-    here = Cell(0, 0)
-    no = belief_of([(here, FrameId(1, float(t)), {here: False}) for t in range(3)])
-    yes = belief_of([(here, FrameId(2, 10.0 + t), {here: True}) for t in range(3)])
-    assert here in yes.roi
-    assert yes.join(no).roi == no.join(yes).roi == frozenset()
-
-
-def test_another_vantage_keeps_a_cell_that_one_vantage_takes_back() -> None:
-    here, there = Cell(0, 0), Cell(0, 1)
-    yes = [(vantage, FrameId(1, 10.0 + t), {there: True}) for vantage in (here, there)
-           for t in range(3)]  # fmt: skip
-    no = [(here, FrameId(2, float(t)), {there: False}) for t in range(3)]
-    assert belief_of([*yes, *no]).roi == {there}
-    assert belief_of([*yes[:3], *no]).roi == frozenset()
-
-
 # --- tree ------------------------------------------------------------------------------------
 def grown(roi: set[Cell], looks: int, rng: np.random.Generator) -> Tree:
     """A tree from the root by a random walk: any known vertex is looked from next."""

@@ -56,12 +56,6 @@ def test_a_hole_is_outside_and_keeps_a_margin_of_its_own() -> None:
     assert not fence.allows(GridPoint(38.5, 38.5))  # corners of the margin are square
 
 
-def test_without_a_margin_the_fence_itself_is_the_limit() -> None:
-    fence = Fence.of(SQUARE, [], 0.0)
-    assert fence.allows(GridPoint(0, 50))
-    assert not fence.allows(GridPoint(-0.1, 50))
-
-
 def test_a_margin_that_fills_the_fence_allows_nothing() -> None:
     fence = Fence.of(SQUARE, [], 60.0)
     assert not fence.allows(GridPoint(50, 50))
@@ -97,23 +91,31 @@ def test_a_leg_between_two_allowed_places_may_leave_a_hollow_fence() -> None:
 
 
 # --- routes by hand --------------------------------------------------------------------------
-def test_a_straight_way_is_one_leg() -> None:
-    fence = Fence.of(SQUARE, [], 2.0)
-    assert fence.route(GridPoint(10, 10), GridPoint(90, 40)) == (GridPoint(90, 40),)
+HOLE, WALL = ring(40, 20, 60, 90), ring(40, -1, 60, 101)
+ROUTES = {
+    # the hole, the margin, from, and the places of the way, the last where it leads to
+    "a straight way is one leg": (None, 2.0, (10, 10), [(90, 40)]),
+    "where it is already is a leg of no length": (None, 2.0, (10, 10), [(10, 10)]),
+    "round a hole the shorter side is taken": (HOLE, 2.0, (20, 50), [(38, 18), (62, 18), (80, 50)]),
+    "or the other": (HOLE, 2.0, (20, 88), [(38, 92), (62, 92), (80, 88)]),
+    "on one side of a wall": (WALL, 2.0, (20, 50), [(20, 90)]),
+    # a vehicle that was blown there comes in by the nearest way
+    "from the margin": (None, 5.0, (1, 50), [(5, 50), (50, 50)]),
+    "from beyond the fence": (None, 5.0, (-30, 120), [(5, 95), (50, 50)]),
+}
 
 
-def test_where_it_is_already_is_a_leg_of_no_length() -> None:
-    fence = Fence.of(SQUARE, [], 2.0)
-    here = GridPoint(10, 10)
-    assert fence.route(here, here) == (here,)
+@pytest.mark.parametrize("name", ROUTES)
+def test_a_route_leads_the_shortest_way_inside_of_the_margin(name: str) -> None:
+    hole, margin_m, start, way = ROUTES[name]
+    fence = Fence.of(SQUARE, [] if hole is None else [hole], margin_m)
+    places = tuple(GridPoint(*place) for place in way)
+    assert fence.route(GridPoint(*start), places[-1]) == places
 
 
-def test_round_a_hole_the_shorter_side_is_taken() -> None:
-    fence = Fence.of(SQUARE, [ring(40, 20, 60, 90)], 2.0)
-    route = fence.route(GridPoint(20, 50), GridPoint(80, 50))
-    assert route == (GridPoint(38, 18), GridPoint(62, 18), GridPoint(80, 50))
-    high = fence.route(GridPoint(20, 88), GridPoint(80, 88))
-    assert high == (GridPoint(38, 92), GridPoint(62, 92), GridPoint(80, 88))
+def test_nobody_is_sent_into_the_margin_or_through_a_wall() -> None:
+    assert Fence.of(SQUARE, [], 5.0).route(GridPoint(50, 50), GridPoint(1, 50)) is None
+    assert Fence.of(SQUARE, [WALL], 2.0).route(GridPoint(20, 50), GridPoint(80, 50)) is None
 
 
 def test_between_two_holes_there_may_be_a_way_or_none() -> None:
@@ -125,31 +127,6 @@ def test_between_two_holes_there_may_be_a_way_or_none() -> None:
 
     assert through(5.0) == pytest.approx(60.0, abs=0.2)
     assert through(3.0) is None  # narrower than two margins
-
-
-def test_a_hole_from_edge_to_edge_parts_the_fence() -> None:
-    fence = Fence.of(SQUARE, [ring(40, -1, 60, 101)], 2.0)
-    assert fence.route(GridPoint(20, 50), GridPoint(80, 50)) is None
-    assert fence.route(GridPoint(20, 50), GridPoint(20, 90)) == (GridPoint(20, 90),)
-
-
-def test_a_place_in_the_margin_is_left_and_never_gone_to() -> None:
-    """A vehicle that was blown there comes in by the nearest way; nobody is sent there."""
-    fence = Fence.of(SQUARE, [], 5.0)
-    edge, middle = GridPoint(1, 50), GridPoint(50, 50)
-    assert fence.route(edge, middle) == (GridPoint(5, 50), middle)
-    assert fence.route(middle, edge) is None
-
-
-def test_from_beyond_the_fence_the_way_leads_in_first() -> None:
-    fence = Fence.of(SQUARE, [], 5.0)
-    route = fence.route(GridPoint(-30, 120), GridPoint(50, 50))
-    assert route == (GridPoint(5, 95), GridPoint(50, 50))
-
-
-def test_the_length_of_a_route_counts_from_where_one_stands() -> None:
-    assert route_length_m(GridPoint(0, 0), [GridPoint(3, 4), GridPoint(3, 10)]) == 11.0
-    assert route_length_m(GridPoint(0, 0), []) == 0.0
 
 
 # --- routes beside a plain search ------------------------------------------------------------

@@ -1,8 +1,6 @@
-"""The grid on the ground: true metres, true bearings, and a drift that carries the cells along."""
+"""The grid on the ground: true metres, across the edges of zones, and one cell for each point."""
 
 from __future__ import annotations
-
-import math
 
 import pyproj
 import pytest
@@ -26,8 +24,6 @@ PLACES = [
 ]
 starts = st.sampled_from(PLACES)
 points = st.builds(GridPoint, st.floats(-2000, 2000), st.floats(-2000, 2000))
-drifts = st.tuples(st.floats(0, 3), st.floats(0, 360))
-times = st.floats(0, 7200)
 
 
 # --- metres ----------------------------------------------------------------------------------
@@ -42,14 +38,6 @@ def test_a_metre_of_the_grid_is_a_metre_on_the_ground(
     metres = GEOD.inv(one.lon_deg, one.lat_deg, other.lon_deg, other.lat_deg)[2]
     # the scale is that of the start: 2 km away it is off by at most a few parts in 100,000
     assert a.distance_to(b) == pytest.approx(metres, rel=1e-4, abs=1e-3)
-
-
-@FAST
-@given(starts, points)
-def test_there_and_back_again(start: LatLon, point: GridPoint) -> None:
-    grid = Grid.at(start, 4.0)
-    again = grid.fixed(grid.position(point))
-    assert again.distance_to(point) < 1e-5
 
 
 def test_a_place_beyond_the_edge_of_the_zone_stays_in_the_grid_of_the_start() -> None:
@@ -71,60 +59,3 @@ def test_a_place_beyond_the_edge_of_the_zone_stays_in_the_grid_of_the_start() ->
 def test_every_point_is_in_one_cell(east_m: float, north_m: float, cell: tuple[int, int]) -> None:
     """The western and southern edges belong to a cell, the others to its neighbours."""
     assert Grid.at(PLACES[0], 4.0).cell_of(GridPoint(east_m, north_m)) == Cell(*cell)
-
-
-@FAST
-@given(st.integers(-500, 500), st.integers(-500, 500), st.floats(0.5, 20))
-def test_a_cell_is_a_square_round_its_centre(east: int, north: int, cell_m: float) -> None:
-    grid = Grid.at(PLACES[0], cell_m)
-    cell = Cell(east, north)
-    centre = grid.centre_of(cell)
-    south_west, south_east, north_east, north_west = grid.corners_of(cell)
-    assert south_east.east_m - south_west.east_m == pytest.approx(cell_m)
-    assert north_west.north_m - south_west.north_m == pytest.approx(cell_m)
-    assert (north_east.east_m, north_east.north_m) == pytest.approx(
-        (south_east.east_m, north_west.north_m)
-    )
-    for corner in grid.corners_of(cell):
-        assert corner.distance_to(centre) == pytest.approx(cell_m / math.sqrt(2))
-    assert grid.cell_of(centre) == cell
-
-
-@FAST
-@given(st.integers(-99, 99), st.integers(-99, 99))
-def test_neighbours_share_an_edge(east: int, north: int) -> None:
-    grid = Grid.at(PLACES[0], 4.0)
-    cell = Cell(east, north)
-    for near in cell.neighbours():
-        assert len(set(grid.corners_of(cell)) & set(grid.corners_of(near))) == 2
-        assert grid.centre_of(cell).distance_to(grid.centre_of(near)) == pytest.approx(4.0)
-
-
-# --- drift -----------------------------------------------------------------------------------
-@FAST
-@given(starts, drifts, points, times)
-def test_the_two_frames_are_inverse_to_each_other(
-    start: LatLon, drift: tuple[float, float], point: GridPoint, t_s: float
-) -> None:
-    grid = Grid.at(start, 4.0, *drift)
-    again = grid.to_moving(grid.to_fixed(point, t_s), t_s)
-    assert again.distance_to(point) < 1e-6
-    assert grid.to_fixed(point, 0.0) == point
-
-
-@FAST
-@given(starts, drifts, times)
-def test_the_speed_of_the_drift_is_what_was_given(
-    start: LatLon, drift: tuple[float, float], t_s: float
-) -> None:
-    grid = Grid.at(start, 4.0, *drift)
-    assert grid.drift_speed_m_s == pytest.approx(drift[0], abs=1e-12)
-    moved = grid.to_fixed(GridPoint(0, 0), t_s)
-    assert moved.distance_to(GridPoint(0, 0)) == pytest.approx(drift[0] * t_s, abs=1e-6)
-
-
-def test_without_a_drift_time_does_not_matter() -> None:
-    grid = Grid.at(PLACES[0], 4.0)
-    point = GridPoint(3.0, -8.0)
-    assert grid.to_fixed(point, 9999.0) == grid.to_moving(point, 9999.0) == point
-    assert grid.drift_speed_m_s == 0.0

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from missions.mapping.belief import Belief, FrameId, Tally
 from missions.units import Cell
 
-FAST = settings(max_examples=100, deadline=None)
 HERE = Cell(0, 0)
 NORTH = Cell(0, 1)
 EMPTY = Belief(frames=5, positive=3)
@@ -57,26 +54,6 @@ def test_all_votes_are_in_the_map() -> None:
     belief = more(voted("---++"), "++++", first_s=10.0)
     assert belief.cells() == {HERE: Tally(6, 9)}
     assert belief.roi == frozenset()
-
-
-def test_who_never_voted_has_no_ballot() -> None:
-    assert EMPTY.tally(HERE, NORTH) == Tally(0, 0)
-    assert EMPTY.cells() == {}
-    assert EMPTY.detections() == []
-    assert EMPTY.frames_taken(HERE) == 0
-
-
-def test_two_of_one_vantage_and_two_of_another_are_not_three() -> None:
-    belief = more(voted("++---"), "++---", at=NORTH, first_s=50.0)
-    assert belief.roi == frozenset()
-    assert belief.cells()[HERE] == Tally(4, 10)
-
-
-def test_a_vantage_is_no_ground() -> None:
-    """Looking at a cell's neighbour from it says nothing of the cell itself."""
-    belief = voted("+++++", on=NORTH)
-    assert belief.roi == {NORTH}
-    assert HERE not in belief.cells()
 
 
 # --- frames from anywhere --------------------------------------------------------------------
@@ -132,41 +109,7 @@ def test_open_ballots_are_found_by_cell_and_told_among_the_detections() -> None:
     assert belief.cells_searched == 3  # one frames were taken over, two that others showed
 
 
-def test_at_one_instant_the_vehicle_of_the_lower_number_votes_first() -> None:
-    lone = Belief(frames=1, positive=1)
-    for order in ((1, 2), (2, 1)):
-        belief = lone
-        for vehicle in order:
-            belief = belief.with_frame(HERE, FrameId(vehicle, 3.0), {HERE: vehicle == 1})
-        assert belief.roi == {HERE}
-
-
-def test_frames_are_ordered_by_time_before_vehicle() -> None:
-    frames = [FrameId(2, 1.0), FrameId(1, 2.0), FrameId(1, 1.0)]
-    assert sorted(frames, key=lambda frame: frame.exposed) == [
-        FrameId(1, 1.0),
-        FrameId(2, 1.0),
-        FrameId(1, 2.0),
-    ]
-
-
 # --- one frame twice -------------------------------------------------------------------------
-def test_a_frame_that_is_reported_twice_counts_once() -> None:
-    belief = voted("++")
-    assert belief.with_frame(HERE, FrameId(1, 1.0), {HERE: True}) == belief
-    assert belief.roi == frozenset()
-
-
-def test_two_reports_of_a_frame_are_put_together() -> None:
-    frame = FrameId(1, 0.0)
-    belief = EMPTY.with_frame(HERE, frame, {HERE: False}).with_frame(HERE, frame, {NORTH: True})
-    assert belief.looks[HERE][frame] == {HERE: False, NORTH: True}
-    again = belief.with_frame(HERE, frame, {HERE: True})
-    assert again.looks[HERE][frame][HERE] is True
-    assert again.tally(HERE, HERE) == Tally(1, 1)
-    assert again.with_frame(HERE, frame, {HERE: False}) == again
-
-
 def test_what_is_left_of_a_late_frame_takes_nothing_back() -> None:
     early = voted("--+++", first_s=10.0)
     frame = FrameId(2, 0.0)
@@ -175,12 +118,6 @@ def test_what_is_left_of_a_late_frame_takes_nothing_back() -> None:
     after = early.with_frame(HERE, frame, early.in_time(HERE, frame, {HERE: False}))
     assert after.roi == early.roi
     assert after.frames_taken(HERE) == 6  # that it was taken is remembered
-
-
-def test_a_late_vote_counts_as_long_as_the_ballot_has_room() -> None:
-    early = voted("++--", first_s=10.0)
-    assert early.in_time(HERE, FrameId(1, 0.0), {HERE: True}) == {HERE: True}
-    assert HERE in early.with_frame(HERE, FrameId(1, 0.0), {HERE: True}).roi
 
 
 def test_a_frame_of_the_same_instant_as_the_last_is_in_time() -> None:
@@ -215,20 +152,3 @@ def test_detections_are_full_ballots_in_a_fixed_order() -> None:
     belief = more(belief, "+++", at=NORTH, first_s=200.0)  # not full: no detection
     assert belief.detections() == [(HERE, HERE, True), (HERE, NORTH, False)]
     assert belief.roi == {HERE}
-
-
-@FAST
-@given(st.lists(st.booleans(), max_size=30), st.integers(1, 7), st.data())
-def test_votes_after_a_full_ballot_might_as_well_not_have_been_cast(
-    votes: list[bool], frames: int, data: st.DataObject
-) -> None:
-    positive = data.draw(st.integers(1, frames))
-    first, rest = votes[:frames], votes[frames:]
-    belief = Belief(frames, positive)
-    for t, vote in enumerate(first):
-        belief = belief.with_frame(HERE, FrameId(1, float(t)), {HERE: vote})
-    before = belief.roi
-    for t, vote in enumerate(rest, start=frames):
-        belief = belief.with_frame(HERE, FrameId(1, float(t)), {HERE: vote})
-    assert belief.roi == before
-    assert belief.tally(HERE, HERE) == Tally(sum(first), len(first))

@@ -7,7 +7,7 @@ import itertools
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.mapping.tree import Tree, Vertex, VertexState
+from missions.mapping.tree import Tree
 from missions.units import Cell
 
 FAST = settings(max_examples=120, deadline=None)
@@ -16,27 +16,6 @@ NORTH, EAST, SOUTH, WEST = ROOT.neighbours()
 
 
 # --- by hand ---------------------------------------------------------------------------------
-def test_a_root_alone_is_unexplored_until_somebody_looks() -> None:
-    tree = Tree.rooted(ROOT)
-    assert len(tree) == 1
-    assert tree.state(ROOT) is VertexState.UNEXPLORED
-    assert not tree.has_looked(ROOT)
-    assert tree.parent(ROOT) is None
-    assert tree.depth == 0
-    done = tree.looked(ROOT, [])
-    assert done.state(ROOT) is VertexState.EXPLORED
-    assert tree.state(ROOT) is VertexState.UNEXPLORED  # the old one is as it was
-
-
-def test_a_cell_that_turns_positive_late_opens_the_branch_again() -> None:
-    tree = Tree.rooted(ROOT).looked(ROOT, [NORTH]).looked(NORTH, [])
-    assert tree.is_explored(ROOT)
-    tree = tree.looked(NORTH, [Cell(0, 2)])
-    assert tree.state(ROOT) is VertexState.UNDER_EXPLORATION
-    assert tree.state(NORTH) is VertexState.UNDER_EXPLORATION
-    assert tree.state(Cell(0, 2)) is VertexState.UNEXPLORED
-
-
 def test_a_cycle_is_not_closed() -> None:
     """Lines 9 to 13: round a block the last cell hangs on one side only."""
     tree = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST])
@@ -130,31 +109,3 @@ def test_the_tree_says_what_a_plain_one_says(roi: set[Cell], data: st.DataObject
         assert tree.is_explored(cell) == (plain.below(cell) <= plain.seen)
         assert set(tree.children(cell)) == {c for c, up in plain.parent.items() if up == cell}
     assert Tree.of(ROOT, tree.vertices) == tree
-
-
-@FAST
-@given(rois, st.data())
-def test_facts_only_grow(roi: set[Cell], data: st.DataObject) -> None:
-    """What the reducer relies on: nothing that was found or looked from is ever taken back."""
-    roi = roi | {ROOT}
-    tree = Tree.rooted(ROOT)
-    for _ in range(data.draw(st.integers(1, 14))):
-        cell = data.draw(st.sampled_from(sorted(tree.vertices)))
-        after = tree.looked(cell, [n for n in cell.neighbours() if n in roi])
-        for known, vertex in tree.vertices.items():
-            assert after.parent(known) == vertex.parent
-            assert after.vertices[known].depth == vertex.depth
-            assert after.has_looked(known) >= vertex.looked
-        tree = after
-
-
-def test_a_tree_from_its_facts_counts_what_is_open() -> None:
-    facts = {
-        ROOT: Vertex(None, 0, looked=True),
-        NORTH: Vertex(ROOT, 1, looked=True),
-        Cell(0, 2): Vertex(NORTH, 2),
-        WEST: Vertex(ROOT, 1, looked=True),
-    }
-    tree = Tree.of(ROOT, facts)
-    assert [tree.is_explored(cell) for cell in facts] == [False, False, False, True]
-    assert tree.children(ROOT) == (NORTH, WEST)

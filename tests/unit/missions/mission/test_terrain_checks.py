@@ -40,37 +40,42 @@ def test_a_mission_that_says_nothing_of_the_ground_is_as_before():
     assert Setting.of(made).relief_m == 0.0
 
 
-def test_above_the_ground_needs_a_ground():
-    content = text().replace("[flight]", '[flight]\nheight_above = "ground"')
-    assert 'flight.height_above = "ground": nothing says how high' in faults(content)
+def over_slope(percent, **how):
+    return text_over(text(), slope(percent, 0.0), **how)
+
+
+REFUSED = {
+    "nothing says how high the ground is": (
+        text().replace("[flight]", '[flight]\nheight_above = "ground"'),
+        'flight.height_above = "ground": nothing says how high',
+    ),
+    "a damaged lattice": (over_slope(5.0).replace('heights = "e', 'heights = "f'), "terrain.dem"),
+    "steep ground": (over_slope(70.0), "rises by 70% near 48.0", "up to 60% is followed"),
+    "a ceiling is above the start, layers above the ground": (
+        over_slope(20.0).replace("[fence]", "[fence]\nceiling_m = 25.0"),
+        "above ground that rises 14.4 m above the start, above fence.ceiling_m = 25",
+    ),
+    "level flight into a hill": (
+        over_slope(20.0, above="home"),
+        "rises to 14.4 m above the start", 'set flight.height_above = "ground"',
+    ),
+    "heights that were kept for another fence": (
+        text_over(mission_text(BOX, square(-40, -40, 100, 400), altitude_m=14.0), slope(5.0, 0.0)),
+        "terrain.dem: its heights do not reach over 12000 m2 of fence.polygon",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_ground_that_cannot_be_followed_is_refused(what):
+    content, *said = REFUSED[what]
+    line = faults(content)
+    assert all(part in line for part in said)
 
 
 def test_a_geotiff_is_not_read_without_its_mission_file():
     with pytest.raises(MissionFileError, match=r"terrain.dem = 'dem.tif': a GeoTIFF"):
         parse_fields(text() + '\n[terrain]\ndem = "dem.tif"', "x.toml")
-
-
-def test_a_damaged_lattice_is_named():
-    content = text_over(text(), slope(5.0, 0.0))
-    assert "terrain.dem" in faults(content.replace('heights = "e', 'heights = "f'))
-
-
-def test_steep_ground_is_refused_with_its_place():
-    said = faults(text_over(text(), slope(70.0, 0.0)))
-    assert "rises by 70% near 48.0" in said
-    assert "up to 60% is followed" in said
-
-
-def test_the_ceiling_is_above_the_start_and_the_layers_above_the_ground():
-    content = text_over(text(), slope(20.0, 0.0)).replace("[fence]", "[fence]\nceiling_m = 25.0")
-    said = faults(content)
-    assert "above ground that rises 14.4 m above the start, above fence.ceiling_m = 25" in said
-
-
-def test_level_flight_into_a_hill_is_refused():
-    said = faults(text_over(text(), slope(20.0, 0.0), above="home"))
-    assert "rises to 14.4 m above the start" in said
-    assert 'set flight.height_above = "ground"' in said
 
 
 def test_level_flight_over_lower_ground_is_warned_of_with_what_it_costs():
@@ -128,12 +133,6 @@ def test_layers_by_themselves_keep_below_the_ceiling_over_the_highest_ground():
     assert altitude_reason(made) == "fence.ceiling_m"
     low = sloped.replace("ceiling_m = 30.0", "ceiling_m = 16.0")
     assert "1.6 m above ground that rises 14.4 m above the start" in faults(low)
-
-
-def test_heights_that_were_kept_for_another_fence_are_refused():
-    wide = mission_text(BOX, square(-40, -40, 100, 400), altitude_m=14.0)
-    said = faults(text_over(wide, slope(5.0, 0.0)))
-    assert "terrain.dem: its heights do not reach over 12000 m2 of fence.polygon" in said
 
 
 def test_who_returns_above_the_highest_ground_is_expected_so_high_above_the_lowest():
