@@ -195,10 +195,7 @@ def _first_target(setting: Setting, state: State, vehicle: VehicleState) -> Grid
     cell = vehicle.vertex or vehicle.candidate
     if cell is not None:
         return where(setting, state, cell)
-    if not vehicle.lanes:
-        return None
-    lanes_s = setting.lane_time_s(state.t_s)
-    return setting.grid.to_fixed(vehicle.lanes[0][0], state.t_s - lanes_s)
+    return setting.over_ground(vehicle.lanes[0][0], state.t_s) if vehicle.lanes else None
 
 
 def _beside_patches(state: State) -> set[Cell]:

@@ -211,6 +211,14 @@ class Setting:
         """The time at which lanes lie where they are told to be, seen from the cells."""
         return 0.0 if self.lanes_drift else t_s
 
+    def to_lanes(self, place: GridPoint, t_s: float) -> GridPoint:
+        """A place over ground at a time in the frame in which lanes lie."""
+        return self.grid.to_moving(place, t_s - self.lane_time_s(t_s))
+
+    def over_ground(self, place: GridPoint, t_s: float) -> GridPoint:
+        """The inverse of `to_lanes`."""
+        return self.grid.to_fixed(place, t_s - self.lane_time_s(t_s))
+
     @cached_property
     def box_cells(self) -> tuple[Cell, ...]:
         """The cells whose centre lies in the search box, at mission time 0."""

@@ -266,7 +266,7 @@ def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
         return replace(arrived, at_target=event.position.distance_to(target) <= near_m)
     if not vehicle.on_lane:
         lanes = vehicle.lanes
-        here = setting.grid.to_moving(event.position, event.t_s - setting.lane_time_s(event.t_s))
+        here = setting.to_lanes(event.position, event.t_s)
         begun = bool(lanes) and here.distance_to(lanes[0][0]) <= near_m
         return replace(arrived, on_lane=begun)
     flown = lane_flown(arrived, setting.grid.cell_m)

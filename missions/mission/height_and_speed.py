@@ -150,6 +150,8 @@ def speed_limits(mission: Mission, height_m: float) -> SpeedLimits:
     way of k intervals holds at least k frames.
     """
     camera, drift_m_s = mission.camera, mission.drift.speed_m_s
+    relief = None if mission.ground is None else mission.relief
+    steepest = 0.0 if relief is None else relief.steepest
     blur_m = camera.max_blur_px * camera.optics.gsd_m(height_m)
     side_m = footprint_over(mission, height_m).short_m - 2.0 * camera.pose_error_m
     seen_s = mission.votes.frames * camera.interval_s
@@ -158,13 +160,8 @@ def speed_limits(mission: Mission, height_m: float) -> SpeedLimits:
         max(blur_m / camera.exposure_s - drift_m_s, 0.0),
         max((side_m - mission.grid.cell_m) / seen_s - drift_m_s, 0.0),
         headway_m_s(mission, mission.wind.speed_m_s),
-        _climb_limit_m_s(mission),
+        CLIMB_M_S / steepest if steepest > 0.0 else math.inf,
     )
-
-
-def _climb_limit_m_s(mission: Mission) -> float:
-    relief = None if mission.ground is None else mission.relief
-    return math.inf if relief is None or relief.steepest <= 0.0 else CLIMB_M_S / relief.steepest
 
 
 def headway_m_s(mission: Mission, wind_m_s: float) -> float:

@@ -227,14 +227,9 @@ FARTHEST_SPREADS: Final = 3.0
 
 def prior_of(mission: Mission, grid: Grid) -> tuple[Spot | Area, ...]:
     """The places where the region may be, in the fixed frame; empty without a prior."""
-    spread_m = default_spread_m(mission, grid)
-    return tuple(_on_ground(place, grid, spread_m) for place in mission.search.prior)
-
-
-def default_spread_m(mission: Mission, grid: Grid) -> float:
-    """Of a point that has none of its own: half of the box's shorter side, along the grid."""
     west, south, east, north = drawn(mission.search.box, grid).bounds
-    return min(east - west, north - south) / 2.0
+    spread_m = min(east - west, north - south) / 2.0
+    return tuple(_on_ground(place, grid, spread_m) for place in mission.search.prior)
 
 
 def _on_ground(place: PriorPlace, grid: Grid, spread_m: float) -> Spot | Area:

@@ -37,7 +37,7 @@ WORTH_S: Final = 8.0
 
 def search_passes(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """Give an idle vehicle a path along its lanes, as many as its battery is good for."""
-    at = to_lanes(setting, vehicle.position, state.t_s)
+    at = setting.to_lanes(vehicle.position, state.t_s)
     lanes = turned(setting, at, still_open(setting, state, vehicle.lanes))
     if lanes != vehicle.lanes:
         vehicle = replace(vehicle, lanes=lanes, on_lane=False, lane_seen_m=())
@@ -45,12 +45,8 @@ def search_passes(setting: Setting, state: State, vehicle: VehicleState) -> Stat
         return hold(state, vehicle)
     points, corners = _way_along(setting, state, vehicle)
     if not points:  # a part of the box that no way inside the fence leads to
-        lost = (*state.unreachable_lanes, vehicle.lanes[0])
-        state = replace(state, unreachable_lanes=lost)
-        return hold(state, replace(vehicle, lanes=vehicle.lanes[1:]))
-    first = points[0]
-    if setting.lanes_drift:
-        first = setting.grid.to_fixed(first, state.t_s)
+        return give_up_lane(state, vehicle)
+    first = setting.over_ground(points[0], state.t_s)
     if not has_energy_for(setting, vehicle, first, REACTION_S):
         return go_home(setting, state, vehicle, ReturnReason.BATTERY)
     path = _lane_path(setting, state, vehicle, points, corners)
@@ -59,9 +55,16 @@ def search_passes(setting: Setting, state: State, vehicle: VehicleState) -> Stat
         round_at = corners.index(True)
         if round_at == 0:
             start = points[corners.index(False)]
-            return _to_first_lane(setting, state, vehicle, over_ground(setting, start, state.t_s))
+            return _to_first_lane(setting, state, vehicle, setting.over_ground(start, state.t_s))
         path = _lane_path(setting, state, vehicle, points[:round_at], corners[:round_at])
     return give_path(setting, state, replace(vehicle, on_lane=True), path)
+
+
+def give_up_lane(state: State, vehicle: VehicleState) -> State:
+    """Note that no way leads to the first lane of a vehicle, which waits where it is."""
+    lost = (*state.unreachable_lanes, vehicle.lanes[0])
+    state = replace(state, unreachable_lanes=lost)
+    return hold(state, replace(vehicle, lanes=vehicle.lanes[1:]))
 
 
 def _lane_path(
@@ -88,16 +91,6 @@ def _to_first_lane(
     return give_if_clear(setting, state, replace(vehicle, on_lane=False), order)
 
 
-def to_lanes(setting: Setting, place: GridPoint, t_s: float) -> GridPoint:
-    """A place over ground at a time in the frame in which lanes lie."""
-    return setting.grid.to_moving(place, t_s - setting.lane_time_s(t_s))
-
-
-def over_ground(setting: Setting, place: GridPoint, t_s: float) -> GridPoint:
-    """The inverse of `to_lanes`."""
-    return setting.grid.to_fixed(place, t_s - setting.lane_time_s(t_s))
-
-
 def _way_along(
     setting: Setting, state: State, vehicle: VehicleState
 ) -> tuple[list[GridPoint], list[bool]]:
@@ -111,22 +104,22 @@ def _way_along(
     speed_m_s = path_speed_m_s(setting.mission, vehicle.cruise_height_m, vehicle.wind_m_s)
     pause_s = speed_m_s / setting.energy.accel_m_s2  # at a corner it nearly stops
     t_s = state.t_s + NOTICE_S
-    at = to_lanes(setting, vehicle.position, t_s)
+    at = setting.to_lanes(vehicle.position, t_s)
     for lane in vehicle.lanes:
         start, end = flown_along(setting, state, vehicle, lane)
         legs = []
         for a, b in ((at, start), (start, end)):
             end_s = t_s + a.distance_to(b) / speed_m_s
-            here = over_ground(setting, a, t_s)
-            route = setting.fence.route(here, over_ground(setting, b, end_s))
+            here = setting.over_ground(a, t_s)
+            route = setting.fence.route(here, setting.over_ground(b, end_s))
             if route is None:
                 return points, corners
             leg = []
             for place in route[:-1]:
                 t_s += here.distance_to(place) / speed_m_s
-                leg.append(to_lanes(setting, place, t_s))
+                leg.append(setting.to_lanes(place, t_s))
                 t_s, here = t_s + pause_s, place
-            t_s = max(end_s, t_s + here.distance_to(over_ground(setting, b, end_s)) / speed_m_s)
+            t_s = max(end_s, t_s + here.distance_to(setting.over_ground(b, end_s)) / speed_m_s)
             legs.append([*leg, b])
         for leg in legs:
             points.extend(leg)
@@ -267,7 +260,7 @@ def flown_along(setting: Setting, state: State, vehicle: VehicleState, lane: Lan
         away_m = share * beside_m
         east_m, north_m = (0.0, away_m) if strip.eastward else (away_m, 0.0)
         start, end = (GridPoint(p.east_m + east_m, p.north_m + north_m) for p in lane)
-        legs = (over_ground(setting, place, state.t_s) for place in (start, end))
+        legs = (setting.over_ground(place, state.t_s) for place in (start, end))
         if setting.fence.allows_leg(*legs):
             return start, end
     return lane

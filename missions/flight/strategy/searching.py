@@ -9,7 +9,7 @@ from missions.flight.lane_progress import lane_left, lanes_held
 from missions.flight.return_home import OVER_HOME_M, REACTION_S, go_home, has_energy_for, home_order
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
-from missions.flight.strategy.lane_passes import still_open
+from missions.flight.strategy.lane_passes import give_up_lane, still_open
 from missions.flight.strategy.visiting import visit
 from missions.orders import FlyTo, Order, Sweep
 from missions.planning.search.lanes import Lane
@@ -40,9 +40,7 @@ def search(setting: Setting, state: State, vehicle: VehicleState) -> State:
         start, end = vehicle.lanes[0]
     route = setting.fence.route(vehicle.position, start)
     if route is None:  # a part of the box that no way inside the fence leads to
-        lost = (*state.unreachable_lanes, vehicle.lanes[0])
-        state = replace(state, unreachable_lanes=lost)
-        return hold(state, replace(vehicle, lanes=vehicle.lanes[1:]))
+        return give_up_lane(state, vehicle)
     if not has_energy_for(setting, vehicle, start, REACTION_S):
         return go_home(setting, state, vehicle, ReturnReason.BATTERY)
     order = FlyTo(route, None, stop=False, height_m=vehicle.cruise_height_m)

@@ -85,6 +85,11 @@ class PassMemory:
     """Where they looked from since a vote was last added."""
     tour: TourMemory = field(default_factory=TourMemory)
 
+    @property
+    def in_vain(self) -> bool:
+        """Whether plans have been flown to their ends, and on, without a vote that counts."""
+        return self.vain_s > VAIN_S + VAIN_SHARE * self.longest_s
+
 
 # --- exploration -------------------------------------------------------------------------------
 def explore_passes(setting: Setting, state: State) -> State:
@@ -121,7 +126,7 @@ def explore_passes(setting: Setting, state: State) -> State:
     memory = _gone_on(memory, state, team)
     if tree is not None and memory.flown_s > patience_s(setting, state):
         return fall_back(state)
-    if _in_vain(memory) and not lanes_left:
+    if memory.in_vain and not lanes_left:
         return give_up_rest(setting, replace(state, memory=memory))
     if memory.tried and waiting == ours:
         return _fetch(setting, state, memory, known, waiting)
@@ -237,11 +242,6 @@ def _gone_on(memory: PassMemory, state: State, team: Mapping[int, VehicleState])
         left_s = max((end_s - state.t_s for end_s in ends), default=0.0)
         memory, vain_s = replace(memory, votes=votes, longest_s=left_s, tried=frozenset()), 0.0
     return replace(memory, planned_s=state.t_s, vain_s=vain_s, decisions=memory.decisions + 1)
-
-
-def _in_vain(memory: PassMemory) -> bool:
-    """Whether plans have been flown to their ends, and on, without a vote that counts."""
-    return memory.vain_s > VAIN_S + VAIN_SHARE * memory.longest_s
 
 
 def _takes_part(setting: Setting, state: State, vehicle: VehicleState, memory: PassMemory) -> bool:

@@ -82,8 +82,7 @@ def climbed_on_the_way_m(setting: Setting, state: State, vehicle: VehicleState) 
     climb_m_s = setting.mission.flight.climb_m_s
     if climb_m_s is None or not vehicle.lanes or setting.member is not None:
         return 0.0
-    lanes_s = setting.lane_time_s(state.t_s)
-    start = setting.grid.to_fixed(vehicle.lanes[0][0], state.t_s - lanes_s)
+    start = setting.over_ground(vehicle.lanes[0][0], state.t_s)
     return climb_m_s * vehicle.position.distance_to(start) / setting.energy.speed_m_s
 
 
@@ -153,7 +152,9 @@ def back_to_layer(setting: Setting, state: State, vehicle: VehicleState) -> Stat
     """
     layer_m = vehicle.cruise_altitude_m
     if not _has_air(state, vehicle, layer_m):
-        own_m = (layer_m, *_own_layers_m(setting, vehicle))
+        mission, index = setting.mission, vehicle.vehicle - 1
+        high_m = mission.search_altitude_m(index)
+        own_m = [layer_m, mission.altitude_m(index), *([high_m] if high_m else [])]
         layer_m = min(own_m, key=lambda own: abs(own - vehicle.level_m))
         vehicle, granted = _air_asked_for(state, vehicle, layer_m)
         if granted is None:
@@ -161,11 +162,6 @@ def back_to_layer(setting: Setting, state: State, vehicle: VehicleState) -> Stat
     moved = replace(vehicle, cruise_altitude_m=layer_m)
     order = FlyTo((vehicle.position,), None, stop=True, height_m=moved.cruise_height_m)
     return state.with_vehicle(replace(moved, order=order, at_target=False))
-
-
-def _own_layers_m(setting: Setting, vehicle: VehicleState) -> list[float]:
-    mission, index = setting.mission, vehicle.vehicle - 1
-    return [own for own in (mission.altitude_m(index), mission.search_altitude_m(index)) if own]
 
 
 def _change_among_others(setting: Setting, state: State, vehicle: VehicleState) -> State:
