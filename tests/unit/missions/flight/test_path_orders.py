@@ -117,9 +117,7 @@ def test_it_brakes_along_its_path_before_air_that_somebody_claims() -> None:
     assert isinstance(before, FlyPath)
     at = before.trajectory.at(15.0).place
     made.post(Tracked(1, 15.0, at, 12.0, 50.0))
-    order = made.order(1)
-    assert isinstance(order, FlyPath)
-    stop = order.trajectory
+    stop = made.path(1)
     assert stop.begin_s == pytest.approx(15.0 + NOTICE_S)
     assert stop.at(stop.begin_s).place == before.trajectory.at(stop.begin_s).place
     assert stop.at(stop.end_s).east_m < 25.0 - 6.0
@@ -311,9 +309,8 @@ def test_a_path_that_arrives_leaves_nothing_to_wait_for() -> None:
     """Who waits is planned for again, though no picture has come since."""
     made = flying()
     made.exploring(at=Cell(0, 6))
-    first = made.order()
-    assert isinstance(first, FlyPath)
-    made.post(Arrived(1, 60.0, first.trajectory.at(first.trajectory.end_s).place))
+    first = made.path()
+    made.post(Arrived(1, 60.0, first.at(first.end_s).place))
     for t_s in (61.0, 62.0, 63.0):
         made.post(Tracked(1, t_s, GridPoint(0.0, 0.0), 12.0, 50.0))
     assert isinstance(made.order(), FlyPath)

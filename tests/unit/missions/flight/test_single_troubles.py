@@ -180,8 +180,7 @@ def test_the_way_to_a_pad_in_the_margin_goes_round_a_hole() -> None:
     for _ in range(12):  # it comes to rest first
         made.now_s += 1.0
         made.track(1, far)
-    order = made.order()
-    assert isinstance(order, FlyTo)
+    order = made.leg()
     way = LineString([(p.east_m, p.north_m) for p in (far, *order.route)])
     assert order.route[-1].distance_to(home) < 0.1
     assert way.intersection(Polygon(hole)).length < 0.1
@@ -264,9 +263,7 @@ def test_a_vehicle_that_was_moved_at_its_swap_comes_home_to_its_new_place() -> N
     for _ in range(12):  # it comes to rest first
         made.now_s += 1.0
         made.track(1, GridPoint(10.0, 20.0))
-    order = made.order()
-    assert isinstance(order, FlyTo)
-    assert order.route[-1].distance_to(moved) < 0.1
+    assert made.leg().route[-1].distance_to(moved) < 0.1
 
 
 def test_who_is_higher_than_its_layer_turns_back_for_the_longer_descent() -> None:

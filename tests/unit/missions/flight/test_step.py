@@ -33,6 +33,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State
 from missions.flight.step import Orders, step
 from missions.flight.transitions import MOST_HOME_REFUSED_AROUND, apply
+from missions.geo.trajectory import Trajectory
 from missions.mapping.tree import Tree
 from missions.mission.schema import Mission
 from missions.orders import (
@@ -100,6 +101,18 @@ class Service:
     def order(self, vehicle: int = 1) -> Order | None:
         return self.state.vehicles[vehicle].order
 
+    def leg(self, vehicle: int = 1) -> FlyTo:
+        """The leg that a vehicle flies, and nothing else."""
+        order = self.order(vehicle)
+        assert isinstance(order, FlyTo)
+        return order
+
+    def path(self, vehicle: int = 1) -> Trajectory:
+        """The path that a vehicle flies without stopping."""
+        path = self.state.vehicles[vehicle].path
+        assert path is not None
+        return path
+
     def exploring(self, vehicle: int = 1, *, at: Cell = ROOT) -> None:
         """As if the ROI had just been found and the vehicle hovered over its root."""
         here, full_wh = self.setting.grid.centre_of(at), self.setting.mission.battery.capacity_wh
@@ -154,8 +167,7 @@ def test_a_suspicion_is_looked_at_and_the_find_becomes_the_root(service: Service
     assert service.order() == Hold()  # it comes to rest first
     service.track(1, start)
     service.track(1, start)
-    order = service.order()
-    assert isinstance(order, FlyTo)
+    order = service.leg()
     assert order.cell == suspect
     t_s = service.now_s
     service.post(Arrived(1, t_s, service.setting.grid.centre_of(suspect)))
@@ -412,59 +424,41 @@ def test_one_that_lands_while_the_mission_is_resumed_goes_on_after_it(service: S
     assert service.order() == AwaitBattery()
 
 
-def test_one_that_came_down_unheard_away_from_its_pad_is_fetched_not_flown(
-    service: Service,
-) -> None:
-    service.exploring()
-    service.post(LinkLost(1, 20.0))
-    assert service.post(found(90.0, GridPoint(20.0, 20.0))) == ((1, StandDown()),)
-    assert service.state.vehicles[1].phase is Phase.DOWN
-    assert service.state.over
-
-
 def found(t_s: float, at: GridPoint = HOME, wh: float = 30.0, home: GridPoint = HOME) -> Connected:
     """It is connected to on the ground."""
     return Connected(1, t_s, home, at, 0.0, False, True, wh)
 
 
-@pytest.mark.parametrize("field", [GridPoint(20.0, 20.0), GridPoint(0.0, 7.0)])
-def test_one_that_lies_there_is_not_flown_by_a_resume(service: Service, field: GridPoint) -> None:
+FIELD, NEAR = GridPoint(20.0, 20.0), GridPoint(0.0, 7.0)
+ON_PAD = [Tracked(1, 19.0, HOME, 6.0, 30.0), Crashed(1, 20.0, HOME, "it fell, 0 m from home")]
+LIES, NO_BATTERY = "lies there still", "fresh battery"
+LYING: dict[str, tuple[list[Event], str]] = {
+    # what happened, the last where it is found, and what is said of it
+    "down unheard": ([LinkLost(1, 20.0), found(90.0, FIELD)], LIES),
+    "fell": ([Crashed(1, 20.0, FIELD, "it fell"), Resumed(60.0), found(61.0, FIELD)], LIES),
+    "fell near": ([Crashed(1, 20.0, NEAR, "it fell"), Resumed(60.0), found(61.0, NEAR)], LIES),
+    # it is found where people would have put it back: a fresh battery tells that they have
+    "fell on its pad": ([*ON_PAD, Resumed(60.0), found(61.0, wh=33.0)], NO_BATTERY),
+    "fell on its pad unheard": ([*ON_PAD, LinkLost(1, 60.0), found(61.0, wh=33.0)], NO_BATTERY),
+    "set down by a failsafe": (
+        [Overridden(1, 20.0, "LAND failsafe"), Landed(1, 40.0, 30.0, position=FIELD),
+         Resumed(60.0), found(61.0, FIELD)],
+        LIES,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("how", LYING)
+def test_one_that_lies_there_is_fetched_and_not_flown(service: Service, how: str) -> None:
+    events, said = LYING[how]
     service.exploring()
-    service.post(Crashed(1, 20.0, field, "it fell"), Resumed(60.0))
-    service.post(found(61.0, field))
+    assert service.post(*events) == ((1, StandDown()),)
     assert service.state.vehicles[1].phase is Phase.DOWN
+    assert said in service.state.vehicles[1].note
+    assert service.state.over
     service.post(Resumed(200.0))
-    assert service.post(found(201.0, wh=60.0)) == ((1, AwaitBattery()),), "its crew says when"
-
-
-@pytest.mark.parametrize("resumed", [True, False])
-def test_one_that_fell_on_its_pad_waits_for_a_fresh_battery(
-    service: Service, resumed: bool
-) -> None:
-    """It is found where people would have put it back: a fresh battery tells that they have."""
-    service.exploring()
-    service.post(Tracked(1, 19.0, HOME, 6.0, 30.0))
-    service.post(Crashed(1, 20.0, HOME, "it fell, 0 m from home"))
-    between = Resumed(60.0) if resumed else LinkLost(1, 60.0)
-    service.post(between, found(61.0, wh=33.0))
-    assert service.state.vehicles[1].phase is Phase.DOWN
-    assert "fresh battery" in service.state.vehicles[1].note
-    service.post(Resumed(200.0))
-    assert service.post(found(201.0, wh=60.0)) == ((1, AwaitBattery()),)
-
-
-def test_one_that_a_failsafe_has_set_down_afield_is_not_flown_by_a_resume(
-    service: Service,
-) -> None:
-    field = GridPoint(12.0, 20.0)
-    service.exploring()
-    service.post(Overridden(1, 20.0, "LAND failsafe"), Landed(1, 40.0, 30.0, position=field))
-    assert service.state.vehicles[1].landed_away_m > 20.0
-    service.post(Resumed(60.0), found(61.0, field))
-    assert service.state.vehicles[1].phase is Phase.DOWN
-    assert "lies there still" in service.state.vehicles[1].note
-    service.post(Resumed(200.0))
-    assert service.post(found(201.0)) == ((1, AwaitBattery()),), "as it was: nothing broke"
+    left_wh = 30.0 if "set down" in how else 60.0  # nothing broke
+    assert service.post(found(201.0, wh=left_wh)) == ((1, AwaitBattery()),), "its crew says when"
 
 
 def test_one_that_landed_afield_while_nobody_watched_needs_its_crew(service: Service) -> None:
@@ -555,9 +549,7 @@ def test_a_lost_link_is_taken_up_where_the_vehicle_is(service: Service) -> None:
     service.now_s = 30.0
     service.connect(at=here, height_m=12.0)
     service.track(1, here)
-    order = service.order()
-    assert isinstance(order, FlyTo)
-    assert order.cell == ROOT
+    assert service.leg().cell == ROOT
 
 
 def test_half_way_down_over_home_it_lands_without_climbing_first(service: Service) -> None:
@@ -574,8 +566,7 @@ def test_the_battery_turns_a_vehicle_back_to_a_swap_and_out_again(service: Servi
     service.exploring()
     far = service.setting.grid.centre_of(ROOT)
     service.post(Tracked(1, 30.0, far, 12.0, service.setting.energy.reserve_wh + 2.0))
-    order = service.order()
-    assert isinstance(order, FlyTo)
+    order = service.leg()
     assert order.route[-1] == HOME
     service.post(Arrived(1, 40.0, HOME))
     assert service.order() == Land()
@@ -583,9 +574,7 @@ def test_the_battery_turns_a_vehicle_back_to_a_swap_and_out_again(service: Servi
     assert service.order() == AwaitBattery()
     assert service.post(BatterySwapped(1, 90.0, 60.0)) == ((1, TakeOff(12.0)),)
     service.post(Airborne(1, 98.0))
-    order = service.order()
-    assert isinstance(order, FlyTo)
-    assert order.cell == ROOT
+    assert service.leg().cell == ROOT
 
 
 def test_the_cell_of_one_whose_battery_ends_is_looked_at_by_one_who_waited(pair: Service) -> None:
@@ -611,8 +600,7 @@ def test_the_cell_of_one_whose_battery_ends_is_looked_at_by_one_who_waited(pair:
 def test_who_flies_past_a_point_comes_to_rest_before_it_turns_home(service: Service) -> None:
     """It swings out as far as the margin is wide; what it holds to is planned from rest."""
     service.take_off()
-    leg = service.order()
-    assert isinstance(leg, FlyTo)
+    leg = service.leg()
     assert not leg.stop
     low_wh = service.setting.energy.reserve_wh + 1.0
     service.post(Arrived(1, 12.0, leg.route[-1]))
@@ -664,9 +652,7 @@ def test_layers_closer_than_the_buffer_do_not_block_each_other() -> None:
     pair.exploring()
     for t in range(5):
         pair.post(frame(1, 20.0 + t, ROOT, ROOT, north))
-    order = pair.order(1)
-    assert isinstance(order, FlyTo)
-    assert order.cell == north
+    assert pair.leg(1).cell == north
 
 
 def test_homes_that_are_nearly_level_leave_close_layers_their_distance() -> None:
@@ -687,8 +673,7 @@ def test_who_comes_home_for_a_battery_flies_round_one_who_lands(pair: Service) -
     pair.fly(2, pad, order=Land(), height_m=9.0, return_reason=low, over_home=True)
     pair.fly(1, GridPoint(60.0, 0.0), return_reason=low)
     pair.track(1, GridPoint(60.0, 0.0))
-    order = pair.order(1)
-    assert isinstance(order, FlyTo)
+    order = pair.leg(1)
     assert order.route[-1] == HOME
     way = LineString([(60.0, 0.0), *order.route])
     assert way.distance(Point(pad)) >= 6.0
@@ -708,8 +693,7 @@ def test_who_is_in_the_air_that_a_failsafe_takes_leaves_it_and_comes_back(pair: 
     pair.fly(2, centre(east), order=look, vertex=east, at_target=True, lanes=(), remaining_wh=60.0)
     pair.post(Overridden(1, pair.now_s + 0.5, "RTL"))
     pair.track(2, centre(east), 18.0)
-    order = pair.order(2)
-    assert isinstance(order, FlyTo)
+    order = pair.leg(2)
     assert order.cell is None
     away = LineString([centre(ROOT), HOME]).distance(Point(order.route[-1]))
     assert away >= 6.0
@@ -717,9 +701,7 @@ def test_who_is_in_the_air_that_a_failsafe_takes_leaves_it_and_comes_back(pair: 
     assert not pair.state.vehicles[2].at_target
     assert pair.order(2) == Hold()
     pair.post(Landed(1, pair.now_s + 40.0, 40.0, position=HOME))
-    again = pair.order(2)
-    assert isinstance(again, FlyTo)
-    assert again.cell == east
+    assert pair.leg(2).cell == east
 
 
 def test_apply_does_not_change_the_state_it_is_given(service: Service) -> None:

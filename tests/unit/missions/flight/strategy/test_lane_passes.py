@@ -96,8 +96,7 @@ def test_in_a_survey_nobody_takes_a_lane_that_a_path_leads_along() -> None:
     made = service("survey", vehicles=2)
     made.fly(1, GridPoint(0.0, 0.0))
     made.track(1, GridPoint(0.0, 0.0), 12.0)
-    path = made.order(1)
-    assert isinstance(path, FlyPath)
+    assert made.path(1).end_s > made.now_s
     lanes = first(made.state).lanes
     made.fly(2, GridPoint(40.0, 30.0), lanes=())
     made.track(2, GridPoint(40.0, 30.0), 18.0)
@@ -109,15 +108,12 @@ def test_who_flies_lanes_that_others_have_seen_meanwhile_brakes() -> None:
     made = service("survey", vehicles=2)
     made.fly(1, GridPoint(0.0, 0.0))
     made.track(1, GridPoint(0.0, 0.0), 12.0)
-    path = made.order(1)
-    assert isinstance(path, FlyPath)
+    path = made.path(1)
     for k in range(3):
         seen(made, made.now_s + 0.1 * (k + 1), made.setting.box_cells, vehicle=2)
         rim = [Cell(e, n) for e in range(-6, 26) for n in range(2, 18)]
         seen(made, made.now_s + 0.05, rim, vehicle=2)
-    stop = made.order(1)
-    assert isinstance(stop, FlyPath)
-    assert stop.trajectory.end_s < path.trajectory.end_s - 20.0
+    assert made.path(1).end_s < path.end_s - 20.0
 
 
 @pytest.mark.parametrize("t_s", [20.0, 90.0, 300.0])
