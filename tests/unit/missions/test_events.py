@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import types
 import typing
 
 import pytest
@@ -36,7 +37,7 @@ texts = st.text(max_size=20).map(lambda s: s.encode("utf-8", "ignore").decode())
 
 
 def field_values(kind: type) -> dict[str, st.SearchStrategy[object]]:
-    """Something for every field of an event that has no value of its own."""
+    """Something for every field of an event."""
     of_type: dict[object, st.SearchStrategy[object]] = {
         int: st.integers(1, 50),
         float: finite,
@@ -44,8 +45,9 @@ def field_values(kind: type) -> dict[str, st.SearchStrategy[object]]:
         str: texts,
         GridPoint: points,
         Cell: cells,
-        Cell | None: st.none() | cells,
+        tuple[int, ...]: st.lists(st.integers(0, 50), max_size=6).map(tuple),
         tuple[float, ...]: st.lists(finite, max_size=6).map(tuple),
+        tuple[GridPoint, ...]: st.lists(points, max_size=4).map(tuple),
         tuple[Vote, ...]: st.lists(votes, max_size=6).map(tuple),
         tuple[Fact, ...]: st.lists(facts, max_size=4).map(tuple),
         tuple[Part, ...]: st.lists(
@@ -55,15 +57,14 @@ def field_values(kind: type) -> dict[str, st.SearchStrategy[object]]:
     hints = typing.get_type_hints(kind)
 
     def value(hint: object) -> st.SearchStrategy[object]:
+        of = typing.get_args(hint)
         if typing.get_origin(hint) is typing.Literal:
-            return st.sampled_from(typing.get_args(hint))
+            return st.sampled_from(of)
+        if types.NoneType in of:
+            return st.none() | value(of[0])
         return of_type[hint]
 
-    return {
-        field.name: value(hints[field.name])
-        for field in dataclasses.fields(kind)
-        if field.default is dataclasses.MISSING
-    }
+    return {name: value(hint) for name, hint in hints.items() if name != "kind"}
 
 
 anything = st.one_of([st.builds(kind, **field_values(kind)) for kind in KINDS])

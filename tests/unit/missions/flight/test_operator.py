@@ -17,8 +17,6 @@ from missions.events import (
     Resumed,
     Told,
     VehicleRecalled,
-    from_json,
-    to_json,
 )
 from missions.flight.state import Phase, ReturnReason
 from missions.flight.step import fold, step
@@ -192,21 +190,6 @@ def fold_after(service: Service, *events: Overridden | Told) -> str:
     for event in events:
         state, _ = step(service.setting, state, event)
     return state.vehicles[1].note
-
-
-@pytest.mark.parametrize(
-    "event",
-    [
-        Paused(1.0),
-        Continued(2.0),
-        VehicleRecalled(2, 3.0),
-        CellSkipped(1, 4.0, Cell(3, -4)),
-        Told(1, 5.0, 2, "Fence Breached", times=3, cause="fence breached"),
-        Overridden(1, 6.0, "RTL", cause="fence breached"),
-    ],
-)
-def test_what_the_journal_says_of_it_is_read_back(event: Paused) -> None:
-    assert from_json(to_json(event)) == event
 
 
 # --- whole flights -----------------------------------------------------------------------------

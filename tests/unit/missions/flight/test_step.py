@@ -198,15 +198,6 @@ def test_a_frame_from_anywhere_is_evidence_and_nothing_more(service: Service) ->
     assert service.state.belief.verdict(Cell(1, 6)) is False
 
 
-def test_a_box_without_roi_is_exhausted_which_is_a_result(service: Service) -> None:
-    flight = fleet(service.setting.mission, roi=())
-    flight.start()
-    flight.run()
-    assert flight.state.exhausted
-    assert flight.state.completed
-    assert flight.state.belief.roi == frozenset()
-
-
 def test_a_frame_that_comes_late_on_the_way_home_is_a_suspicion_for_the_next_sortie(
     service: Service,
 ) -> None:
@@ -245,6 +236,7 @@ def test_a_lane_behind_a_wall_is_given_up_not_flown_through_it() -> None:
 
 
 def test_a_lane_too_long_for_one_battery_is_searched_in_pieces() -> None:
+    """And a box without a ROI is exhausted, which is a result."""
     made = mission(
         square(-140, 20, 280, 8), square(-200, -60, 400, 160), capacity_wh=14.0, speed_m_s=5.0
     )
@@ -253,6 +245,8 @@ def test_a_lane_too_long_for_one_battery_is_searched_in_pieces() -> None:
     flight.run()
     assert flight.faults == []
     assert flight.state.exhausted
+    assert flight.state.completed
+    assert flight.state.belief.roi == frozenset()
     assert sum(isinstance(order, TakeOff) for _, _, order in flight.orders) > 1
 
 

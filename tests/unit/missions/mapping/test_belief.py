@@ -27,28 +27,6 @@ def more(
     return belief
 
 
-# --- who decides -----------------------------------------------------------------------------
-@pytest.mark.parametrize(
-    ("pattern", "roi"),
-    [
-        ("", False),
-        ("++", False),
-        ("+++", True),  # three are three, whatever comes
-        ("+++--", True),
-        ("--+++", True),
-        ("+-+-+", True),
-        ("---++", False),
-        ("---+++++++++++", False),  # the first five said no
-        ("--+--++++++", False),
-        ("..+.+..+", True),  # frames that do not show the cell do not count
-        ("..---..++", False),
-        ("-.-.-.++++", False),
-    ],
-)
-def test_the_first_five_votes_decide(pattern: str, roi: bool) -> None:
-    assert (HERE in voted(pattern).roi) is roi
-
-
 def test_all_votes_are_in_the_map() -> None:
     """What a cell shows to a reader is everything that was seen of it."""
     belief = more(voted("---++"), "++++", first_s=10.0)
