@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from missions.events import Airborne, Connected, GivenUp, LinkLost, Overridden, Released
-from missions.flight.lane_progress import lane_left
+from missions.flight.lane_progress import lane_left, set_free
 from missions.flight.return_home import BESIDE_M
 from missions.flight.setting import Setting
 from missions.flight.state import BRAKING_S, Phase, ReturnReason, State, VehicleState
@@ -30,14 +30,11 @@ def resume(setting: Setting, state: State) -> State:
         number: replace(v, phase=Phase.APART, order=None, on_lane=False)
         if not state.is_ours(number)
         else replace(
-            lane_left(v, setting.grid.cell_m),
+            set_free(v, setting.grid.cell_m),
             phase=Phase.OFFLINE,
             order=None,
             last_order=None,
-            return_reason=None,
-            over_home=False,
             spare_pad=None,
-            at_target=False,
             vertex=v.vertex or root,
             cleared=v.phase is not Phase.DOWN and not v.was_down,
             was_down=_lies_somewhere(v),  # perhaps nobody has fetched it
@@ -63,7 +60,7 @@ def connected(event: Connected, vehicle: VehicleState, setting: Setting) -> Vehi
     if event.airborne:
         phase = Phase.AIRBORNE if event.ours else Phase.YIELDED
     taken_up = replace(
-        lane_left(vehicle, setting.grid.cell_m),
+        set_free(vehicle, setting.grid.cell_m),
         phase=phase,
         tracked_s=event.t_s,
         home=event.home,
@@ -75,9 +72,6 @@ def connected(event: Connected, vehicle: VehicleState, setting: Setting) -> Vehi
         landed_away_m=0.0,
         order=StandDown() if phase is Phase.YIELDED else None,
         last_order=None,
-        return_reason=None,
-        over_home=False,
-        at_target=False,
         braking_until_s=event.t_s + BRAKING_S if phase is Phase.AIRBORNE else None,
         fruitless_sorties=0,
         frames_lost=0,
@@ -205,12 +199,9 @@ def taken_away(
 ) -> VehicleState:
     """Somebody else flies it, who may have its autopilot return (`returns`)."""
     return replace(
-        lane_left(vehicle, setting.grid.cell_m),
+        set_free(vehicle, setting.grid.cell_m),
         phase=phase,
         order=StandDown(),
-        return_reason=None,
-        over_home=False,
-        at_target=False,
         returns_by_itself=returns,
         note=note,
     )

@@ -128,6 +128,12 @@ def lane_left(vehicle: VehicleState, cell_m: float) -> VehicleState:
     return replace(vehicle, lanes=(*rest, *vehicle.lanes[1:]), on_lane=False, lane_seen_m=())
 
 
+def set_free(vehicle: VehicleState, cell_m: float) -> VehicleState:
+    """The vehicle without what it did: it left its lane, and neither looks nor comes home."""
+    left = lane_left(vehicle, cell_m)
+    return replace(left, return_reason=None, over_home=False, at_target=False)
+
+
 def lane_flown(vehicle: VehicleState, cell_m: float) -> VehicleState:
     """The vehicle at the end of its lane: stretches without a judged frame are flown again.
 

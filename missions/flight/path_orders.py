@@ -27,7 +27,7 @@ from missions.geo.braking import braked, cut_short
 from missions.geo.fence import Fence
 from missions.geo.trajectory import LANE_CUTS_M, Trajectory, rounded_path
 from missions.mission.views import path_speed_m_s
-from missions.orders import FlyPath, FlyTo
+from missions.orders import FlyPath
 from missions.units import GridPoint
 
 NOTICE_S: Final = 1.0
@@ -204,8 +204,7 @@ def come_inside(setting: Setting, state: State, vehicle: VehicleState) -> State 
     route = fence.route(vehicle.position, GridPoint(float(near.x), float(near.y)))
     if route is None:
         return None
-    order = FlyTo(route, None, stop=True, height_m=vehicle.cruise_height_m)
-    return give_if_clear(setting, state, vehicle, order)
+    return give_if_clear(setting, state, vehicle, vehicle.leg(route))
 
 
 def keep_clear(setting: Setting, state: State) -> State:

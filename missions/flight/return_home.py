@@ -13,13 +13,13 @@ from missions.flight.airspace.deconfliction import (
     spots_beside,
     untold_but,
 )
-from missions.flight.lane_progress import lane_left
+from missions.flight.lane_progress import set_free
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.geo.braking import braked
 from missions.geo.fence import route_length_m
 from missions.mission.energy import EnergyModel
-from missions.orders import FlyTo, Hold, Land, Order, TakeOff
+from missions.orders import Hold, Land, Order, TakeOff
 from missions.planning.search.lanes import point_on
 from missions.units import GridPoint
 
@@ -159,8 +159,7 @@ def _come_nearer(setting: Setting, state: State, waiting: State, vehicle: Vehicl
     for share in NEARER_SHARES:
         if share * length_m < NEARER_M:
             break
-        part = _first_of(vehicle.position, route, share * length_m)
-        order = FlyTo(part, None, stop=True, height_m=vehicle.cruise_height_m)
+        order = vehicle.leg(_first_of(vehicle.position, route, share * length_m))
         if is_clear(setting, state, vehicle, order):
             return state.with_vehicle(replace(vehicle, order=order))
     return waiting
@@ -221,13 +220,11 @@ def send_home(setting: Setting, state: State, vehicle: VehicleState, reason: Ret
     fruitless = vehicle.fruitless_sorties
     if vehicle.on_lane and vehicle.lane_seen_m:
         fruitless = 0
-    left = lane_left(vehicle, setting.grid.cell_m)  # the next sortie goes on with what is unseen
+    left = set_free(vehicle, setting.grid.cell_m)  # the next sortie goes on with what is unseen
     return state.with_vehicle(
         replace(
             left.interrupted(state.t_s),
             return_reason=reason,
-            over_home=False,
-            at_target=False,
             fruitless_sorties=fruitless + (reason is ReturnReason.BATTERY),
         )
     )
@@ -237,5 +234,4 @@ def home_order(setting: Setting, vehicle: VehicleState) -> Order:
     """Fly over the pad, or land when there."""
     if vehicle.over_home:
         return Land()
-    route = way_home(setting, vehicle.position, vehicle.pad)
-    return FlyTo(route, None, stop=True, height_m=vehicle.cruise_height_m)
+    return vehicle.leg(way_home(setting, vehicle.position, vehicle.pad))

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
@@ -180,6 +180,10 @@ class VehicleState:
     def cruise_height_m(self) -> float:
         """Its layer, above its own home."""
         return self.cruise_altitude_m - self.home_level_m
+
+    def leg(self, route: Iterable[GridPoint]) -> FlyTo:
+        """The order to fly along places in its layer, and to stop at the last."""
+        return FlyTo(tuple(route), None, stop=True, height_m=self.cruise_height_m)
 
     @property
     def ended(self) -> bool:

@@ -42,7 +42,7 @@ from missions.flight.connections import (
     resume,
     taken_away,
 )
-from missions.flight.lane_progress import lane_flown, lane_left
+from missions.flight.lane_progress import lane_flown, lane_left, set_free
 from missions.flight.operator_orders import called_home, paused, skip, skipped_for_good
 from missions.flight.setting import Setting
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
@@ -92,14 +92,11 @@ def landed(event: Landed, vehicle: VehicleState, setting: Setting) -> VehicleSta
 def crashed(event: Crashed, vehicle: VehicleState, setting: Setting) -> VehicleState:
     """A crash: it is down, wherever that is."""
     return replace(
-        lane_left(vehicle, setting.grid.cell_m),
+        set_free(vehicle, setting.grid.cell_m),
         phase=Phase.DOWN,
         order=StandDown(),
         position=event.position,
         landed=True,
-        return_reason=None,
-        over_home=False,
-        at_target=False,
         braking_until_s=None,
         note=f"it is down: {event.reason}",
     )
@@ -299,9 +296,8 @@ def _nothing_s(setting: Setting) -> float:
 
 def _comes_home(vehicle: VehicleState, t_s: float, setting: Setting, note: str) -> VehicleState:
     """A vehicle that cannot go on leaves what it does, and takes no further part."""
-    left = lane_left(vehicle.interrupted(t_s), setting.grid.cell_m)
-    return replace(left, return_reason=ReturnReason.FAULT, over_home=False, at_target=False,
-                   note=note)  # fmt: skip
+    left = set_free(vehicle.interrupted(t_s), setting.grid.cell_m)
+    return replace(left, return_reason=ReturnReason.FAULT, note=note)
 
 
 @_changed.register

@@ -77,9 +77,9 @@ class EnergyModel:
         """Energy for staying up for a while."""
         return self.power_w(drawn_w) * duration_s / 3600.0
 
-    def climb_wh(self, height_m: float, drawn_w: float = 0.0) -> float:
+    def climb_wh(self, height_m: float) -> float:
         """Energy to take off and climb."""
-        return self.hover_wh(height_m / self.climb_m_s + CLIMB_OVERHEAD_S, drawn_w)
+        return self.hover_wh(height_m / self.climb_m_s + CLIMB_OVERHEAD_S)
 
     def relief_wh(self, ups_and_downs_m: float, drawn_w: float = 0.0) -> float:
         """What ups and downs cost besides the length of a way: as if climbed apart from it, for on

@@ -126,7 +126,7 @@ def give_way(setting: Setting, state: State, vehicle: VehicleState) -> State | N
         route = setting.fence.route(vehicle.position, spot)
         if route is None or any(_here(vehicle, spot).meets(claim, *apart) for claim in claims):
             continue
-        order = FlyTo(route, None, stop=True, height_m=vehicle.cruise_height_m)
+        order = vehicle.leg(route)
         if is_clear(setting, state, vehicle, order):
             off_lane = lane_left(vehicle, setting.grid.cell_m)
             return state.with_vehicle(replace(off_lane, order=order, at_target=False))

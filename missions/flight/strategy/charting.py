@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Final
 
 import numpy as np
 import shapely
@@ -14,7 +13,7 @@ from shapely.geometry import LineString
 from missions.flight.optics import kinematics
 from missions.flight.setting import Setting
 from missions.flight.state import State, VehicleState
-from missions.flight.strategy.flyers import gate_of, over_pad
+from missions.flight.strategy.flyers import LONGEST_S, gate_of, over_pad
 from missions.flight.strategy.two_heights import at_map_height
 from missions.flight.strip import Strip
 from missions.flight.whole_box import asked_for
@@ -22,8 +21,6 @@ from missions.planning.sweep.chart import Chart, Flags, Known
 from missions.units import Cell
 
 Metres = NDArray[np.float64]
-LONGEST_S: Final = 300.0
-"""A path that ends later, of a search, is not flown to its end."""
 
 
 def chart_of(

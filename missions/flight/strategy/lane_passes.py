@@ -19,7 +19,7 @@ from missions.flight.strategy.two_heights import searched
 from missions.flight.strip import Strip
 from missions.geo.trajectory import LANE_CUTS_M, Trajectory
 from missions.mission.views import beside_rows_m, path_speed_m_s, seen_whole_m
-from missions.orders import FlyPath, FlyTo
+from missions.orders import FlyPath
 from missions.planning.search.lanes import Lane, point_on, unseen
 from missions.units import GridPoint
 
@@ -87,8 +87,7 @@ def _to_first_lane(
     route = setting.fence.route(vehicle.position, start)
     if route is None:
         return hold(state, vehicle)
-    order = FlyTo(route, None, stop=True, height_m=vehicle.cruise_height_m)
-    return give_if_clear(setting, state, replace(vehicle, on_lane=False), order)
+    return give_if_clear(setting, state, replace(vehicle, on_lane=False), vehicle.leg(route))
 
 
 def _way_along(

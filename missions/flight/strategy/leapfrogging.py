@@ -35,7 +35,6 @@ from missions.geo.fence import Fence
 from missions.geo.trajectory import ACCELERATION_M_S2
 from missions.mission.leapfrog_checks import tracker_view
 from missions.mission.views import path_speed_m_s
-from missions.orders import FlyTo
 from missions.planning.leapfrog_geometry import Role, Step, TrackerView, plan_leapfrog
 from missions.planning.search.lanes import Lane, unseen
 from missions.units import Cell, GridPoint
@@ -174,8 +173,7 @@ def _move(setting: Setting, state: State, memory: LeapfrogMemory) -> State:
     places = [GridPoint(*place) for place in step.way[1:]]
     if step.mover is Role.TRACKER:
         mover = state.vehicles[TRACKER]
-        order = FlyTo(tuple(places), None, stop=True, height_m=mover.cruise_height_m)
-        state = give_if_clear(setting, state, mover, order)
+        state = give_if_clear(setting, state, mover, mover.leg(places))
     else:
         mover = state.vehicles[MAPPER]
         if mover.position.distance_to(places[0]) < _LEAST_M and len(places) > 1:

@@ -27,8 +27,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import Column, Phase, State, VehicleState
 from missions.mapping.belief import Belief, FrameId
 from missions.mission.energy import CLIMB_SPEED_M_S
-from missions.orders import FlyTo, Order
-from missions.units import Cell
+from missions.units import Cell, GridPoint
 
 ASK_S = 12.0
 """So long a member waits for the air that it has asked for..."""
@@ -119,9 +118,8 @@ def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State
         return hold(state, moved)
     for spot in (vehicle.position, *spots_around(setting, vehicle)):
         route = setting.fence.route(vehicle.position, spot) or (vehicle.position,)
-        order: Order = FlyTo(route, None, stop=True, height_m=moved.cruise_height_m)
-        if is_clear(setting, state, moved, order):
-            return state.with_vehicle(replace(moved, order=order, at_target=False))
+        if is_clear(setting, state, moved, moved.leg(route)):
+            return _sent(state, moved, route)
     return hold(state, vehicle)
 
 
@@ -133,8 +131,11 @@ def is_over_pad(vehicle: VehicleState) -> bool:
 def over_own_pad(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """Have a vehicle of a fleet fly to the column that is its own, in its layer."""
     way = setting.fence.route(vehicle.position, vehicle.pad) or (vehicle.pad,)
-    order = FlyTo(way, None, stop=True, height_m=vehicle.cruise_height_m)
-    return state.with_vehicle(replace(vehicle, order=order, at_target=False))
+    return _sent(state, vehicle, way)
+
+
+def _sent(state: State, vehicle: VehicleState, way: tuple[GridPoint, ...]) -> State:
+    return state.with_vehicle(replace(vehicle, order=vehicle.leg(way), at_target=False))
 
 
 def strays_from_layer(vehicle: VehicleState) -> bool:
@@ -159,9 +160,7 @@ def back_to_layer(setting: Setting, state: State, vehicle: VehicleState) -> Stat
         vehicle, granted = _air_asked_for(state, vehicle, layer_m)
         if granted is None:
             return hold(state, vehicle)
-    moved = replace(vehicle, cruise_altitude_m=layer_m)
-    order = FlyTo((vehicle.position,), None, stop=True, height_m=moved.cruise_height_m)
-    return state.with_vehicle(replace(moved, order=order, at_target=False))
+    return _sent(state, replace(vehicle, cruise_altitude_m=layer_m), (vehicle.position,))
 
 
 def _change_among_others(setting: Setting, state: State, vehicle: VehicleState) -> State:
@@ -176,9 +175,7 @@ def _change_among_others(setting: Setting, state: State, vehicle: VehicleState) 
         return hold(state, vehicle)
     if not granted or vehicle.asks is None:
         return over_own_pad(setting, state, replace(vehicle, asks=None))
-    moved = replace(vehicle, cruise_altitude_m=layer_m)
-    order: Order = FlyTo((vehicle.asks.place,), None, stop=True, height_m=moved.cruise_height_m)
-    return state.with_vehicle(replace(moved, order=order, at_target=False))
+    return _sent(state, replace(vehicle, cruise_altitude_m=layer_m), (vehicle.asks.place,))
 
 
 def _has_air(state: State, vehicle: VehicleState, layer_m: float) -> bool:
