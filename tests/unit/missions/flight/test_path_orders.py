@@ -53,8 +53,7 @@ def line(*points: tuple[float, float], begin_s: float = 10.0) -> Trajectory:
 def flying(vehicles: int = 1, **how: object) -> Service:
     """A vehicle in the air, on a path of 90 m along its layer."""
     made = over(vehicles=vehicles, strategy="swath", mounting="gimbal", **how)
-    for number in range(1, vehicles + 1):
-        made.connect(number, at=GridPoint(8.0 * (number - 1), 0.0))
+    made.connect_all()
     order = FlyPath(line((-40, 30), (50, 30)), 12.0, 90.0, 0.25)
     made.fly(1, GridPoint(-40.0, 30.0), order=order, judged_s=10.0)
     return made

@@ -46,8 +46,7 @@ def test_a_take_off_that_fails_in_the_air_is_a_vehicle_in_the_air() -> None:
 
 def test_the_leg_of_a_silent_vehicle_stays_claimed() -> None:
     made = over(vehicles=2)
-    made.connect(1)
-    made.connect(2, at=PAD)
+    made.connect_all()
     leg = FlyTo((GridPoint(40.0, 0.0),), None, stop=True, height_m=12.0)
     made.fly(1, GridPoint(-15.0, 0.0), order=leg)
     made.fly(2, PAD, order=Hold(), return_reason=ReturnReason.BATTERY, over_home=True)
@@ -60,8 +59,7 @@ def test_the_leg_of_a_silent_vehicle_stays_claimed() -> None:
 
 def test_who_flies_towards_air_that_a_failsafe_takes_is_stopped() -> None:
     made = over(vehicles=2)
-    made.connect(1)
-    made.connect(2, at=PAD)
+    made.connect_all()
     leg = FlyTo((GridPoint(40.0, 0.0),), None, stop=True, height_m=18.0)
     made.fly(1, HOME, order=Hold())
     made.fly(2, GridPoint(-30.0, 0.0), order=leg)
@@ -228,8 +226,7 @@ def test_a_landing_away_from_home_is_no_battery_swap() -> None:
 
 def test_above_a_blocked_pad_it_lands_beside_while_the_reserve_is_whole() -> None:
     made = over(vehicles=2)
-    made.connect(1)
-    made.connect(2, at=PAD)
+    made.connect_all()
     made.put(1, phase=Phase.OFFLINE, landed=False, position=PAD, height_m=12.0)
     made.fly(2, PAD, return_reason=ReturnReason.BATTERY, over_home=True)
     reserve_wh = made.setting.energy.reserve_wh

@@ -78,6 +78,11 @@ class Service:
         t_s = self.now_s
         return self.post(Connected(vehicle, t_s, at, at, height_m, height_m > 0.0, True, wh))
 
+    def connect_all(self) -> None:
+        """Everybody answers from its pad, 8 m apart."""
+        for vehicle in self.state.vehicles:
+            self.connect(vehicle, at=GridPoint(8.0 * (vehicle - 1), 0.0))
+
     def track(self, vehicle: int, at: GridPoint, height_m: float = 12.0) -> Orders:
         self.now_s += 1.0
         wh = self.state.vehicles[vehicle].remaining_wh - 0.1
@@ -212,8 +217,7 @@ def test_a_frame_that_comes_late_on_the_way_home_is_a_suspicion_for_the_next_sor
 
 
 def test_the_suspicion_of_one_who_dropped_out_is_looked_at_by_another(pair: Service) -> None:
-    pair.connect(1)
-    pair.connect(2, at=GridPoint(8.0, 0.0))
+    pair.connect_all()
     suspect = Cell(0, 6)
     pair.put(1, candidate=suspect, lanes=())
     pair.put(2, lanes=())
@@ -253,8 +257,7 @@ def test_a_lane_too_long_for_one_battery_is_searched_in_pieces() -> None:
 def test_who_has_nothing_to_search_waits_over_its_own_pad(pair: Service) -> None:
     """Below somebody else's column it would keep a vehicle with a low battery from landing."""
     pad = GridPoint(8.0, 0.0)
-    pair.connect(1)
-    pair.connect(2, at=pad)
+    pair.connect_all()
     pair.fly(1, pad, lanes=())
     lanes, reason = pair.state.vehicles[2].lanes[-1:], ReturnReason.BATTERY
     pair.fly(2, pad, order=Hold(), over_home=True, return_reason=reason, lanes=lanes)
@@ -608,8 +611,7 @@ def test_who_flies_past_a_point_comes_to_rest_before_it_turns_home(service: Serv
 
 
 def test_a_recall_ends_everything_and_a_resume_begins_again(pair: Service) -> None:
-    pair.connect(1)
-    pair.connect(2, at=GridPoint(8.0, 0.0))
+    pair.connect_all()
     pair.post(Airborne(1, 8.0), Recalled(9.0))
     assert pair.state.vehicles[1].return_reason is ReturnReason.RECALLED
     assert pair.state.vehicles[2].order == Land(), "its take-off is called off, wherever it is"
@@ -661,8 +663,7 @@ def test_homes_that_are_nearly_level_leave_close_layers_their_distance() -> None
 
 def test_who_comes_home_for_a_battery_flies_round_one_who_lands(pair: Service) -> None:
     pad = GridPoint(8.0, 0.0)
-    pair.connect(1)
-    pair.connect(2, at=pad)
+    pair.connect_all()
     low = ReturnReason.BATTERY
     pair.fly(2, pad, order=Land(), height_m=9.0, return_reason=low, over_home=True)
     pair.fly(1, GridPoint(60.0, 0.0), return_reason=low)
@@ -678,8 +679,7 @@ def test_who_is_in_the_air_that_a_failsafe_takes_leaves_it_and_comes_back(pair: 
     """Two look from neighbouring cells; one returns by itself, and climbs through the layers."""
     centre = pair.setting.grid.centre_of
     east = Cell(ROOT.east + 1, ROOT.north)
-    pair.connect(1)
-    pair.connect(2, at=GridPoint(8.0, 0.0))
+    pair.connect_all()
     pair.exploring(1)
     tree = Tree.rooted(ROOT).looked(ROOT, [east])
     pair.state = replace(pair.state, tree=tree)
@@ -791,8 +791,7 @@ def test_set_down_on_higher_ground_by_its_pilot_it_stands(service: Service) -> N
 
 def test_who_waits_in_vain_for_its_way_home_returns_by_its_autopilot(pair: Service) -> None:
     """A silent vehicle claims the air of its return for as long as its battery may last."""
-    pair.connect(1)
-    pair.connect(2, at=GridPoint(8.0, 0.0))
+    pair.connect_all()
     above = GridPoint(40.0, 0.0)
     for number, at in ((1, GridPoint(25.0, 0.0)), (2, above)):
         pair.fly(number, at, order=Hold())

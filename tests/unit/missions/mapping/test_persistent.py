@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import pickle
-from collections.abc import Iterator, Mapping
 
 import numpy as np
 import pytest
@@ -61,33 +60,6 @@ def test_copies_hold_the_same(again: object) -> None:
     assert again(two) == two
     assert list(again(one)) == list(one)
     assert again(PersistentSet(one)) == PersistentSet(one)
-
-
-class Breaks(Mapping[str, int]):
-    """A change that fails after its first key, the second time it is read."""
-
-    def __init__(self) -> None:
-        self.read = 0
-
-    def __iter__(self) -> Iterator[str]:
-        self.read += 1
-        yield "a"
-        if self.read > 1:
-            raise RuntimeError
-        yield "c"
-
-    def __getitem__(self, key: str) -> int:
-        return 7
-
-    def __len__(self) -> int:
-        return 2
-
-
-def test_a_change_that_fails_half_way_changes_nothing() -> None:
-    one = PersistentMap(ONE)
-    with pytest.raises(RuntimeError):
-        one.updated(Breaks())
-    assert dict(one) == ONE
 
 
 def test_a_long_history_is_freed_and_read() -> None:

@@ -16,28 +16,11 @@ NORTH, EAST, SOUTH, WEST = ROOT.neighbours()
 
 
 # --- by hand ---------------------------------------------------------------------------------
-def test_a_cycle_is_not_closed() -> None:
-    """Lines 9 to 13: round a block the last cell hangs on one side only."""
-    tree = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST])
-    tree = tree.looked(NORTH, [ROOT, Cell(1, 1)])
-    tree = tree.looked(EAST, [ROOT, Cell(1, 1)])
-    assert tree.parent(Cell(1, 1)) == NORTH
-    assert tree.children(EAST) == ()
-    assert len(tree) == 4
-    assert tree.is_explored(EAST)
-
-
 def test_children_come_north_east_south_west_whatever_the_order_they_were_told_in() -> None:
     for order in itertools.permutations(ROOT.neighbours()):
         assert Tree.rooted(ROOT).looked(ROOT, order).children(ROOT) == (NORTH, EAST, SOUTH, WEST)
     late = Tree.rooted(ROOT).looked(ROOT, [WEST]).looked(ROOT, [NORTH])
     assert late.children(ROOT) == (NORTH, WEST)
-
-
-def test_looking_twice_at_the_same_changes_nothing() -> None:
-    once = Tree.rooted(ROOT).looked(ROOT, [NORTH, EAST])
-    assert once.looked(ROOT, [NORTH, EAST]) == once
-    assert once.looked(ROOT, []) == once
 
 
 # --- joining ---------------------------------------------------------------------------------

@@ -151,15 +151,6 @@ def test_a_volume_meets_itself(volume: Volume, distance_m: float) -> None:
     assert volume.meets(volume, distance_m)
 
 
-def test_layers_do_not_meet_by_a_rounding_of_their_heights() -> None:
-    spot = (GridPoint(0, 0),)
-    for tenths in range(20, 300):
-        base_m = tenths / 10
-        layers = [base_m + i * 6.0 for i in range(6)]
-        for low_m, high_m in itertools.pairwise(layers):
-            assert not Volume(spot, low_m, low_m).meets(Volume(spot, high_m, high_m), 6.0)
-
-
 # --- lanes -----------------------------------------------------------------------------------
 def rectangle(east_m: float, north_m: float, width_m: float, depth_m: float) -> list[GridPoint]:
     return [

@@ -24,8 +24,7 @@ BOX, FENCE = square(-10, 16, 90, 40), square(-60, -60, 200, 200)
 
 def service(strategy: str, vehicles: int = 1) -> Service:
     made = over(BOX, FENCE, vehicles=vehicles, strategy=strategy, mounting="gimbal")
-    for number in range(1, vehicles + 1):
-        made.connect(number, at=GridPoint(8.0 * (number - 1), 0.0))
+    made.connect_all()
     return made
 
 
