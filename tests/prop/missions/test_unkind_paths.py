@@ -151,9 +151,8 @@ BORNE: dict[str, Act] = {
 
 
 @pytest.mark.parametrize("trouble", RECOVERED)
-@pytest.mark.parametrize("vehicles", [2])
-def test_a_trouble_that_passes_leaves_no_gap(trouble: str, vehicles: int) -> None:
-    flight, scenario = made(vehicles=vehicles)
+def test_a_trouble_that_passes_leaves_no_gap(trouble: str) -> None:
+    flight, scenario = made(vehicles=2)
     flight.run(LIMIT_S, until=on_path)
     RECOVERED[trouble](flight)
     ended(flight, scenario)

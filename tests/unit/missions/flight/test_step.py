@@ -284,18 +284,6 @@ def test_a_late_positive_still_grows_the_tree(service: Service) -> None:
     assert not service.state.exploration_finished
 
 
-def test_votes_beyond_a_full_ballot_do_not_grow_the_tree(service: Service) -> None:
-    service.exploring()
-    for t in range(5):
-        service.post(frame(1, 20.0 + t, ROOT, ROOT))
-    north = Cell(ROOT.east, ROOT.north + 1)
-    for t in range(30):
-        service.post(frame(1, 30.0 + t, ROOT, ROOT, north))
-    assert service.state.tree is not None
-    assert service.state.tree.children(ROOT) == ()
-    assert north not in service.state.belief.roi
-
-
 def test_what_was_confirmed_is_not_taken_back_by_a_frame_that_comes_late(service: Service) -> None:
     service.exploring()
     north = Cell(ROOT.east, ROOT.north + 1)

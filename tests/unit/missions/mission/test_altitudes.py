@@ -26,6 +26,10 @@ def parsed(**changes: str) -> Mission:
     return parse_mission(text(**{"flight__altitude_m": "'auto'", **changes}), "m.toml")
 
 
+def flown_by(vehicles: int, made: Mission) -> Mission:
+    return made.model_copy(update={"vehicles": (VehicleSection(),) * vehicles})
+
+
 def test_by_hand() -> None:
     """80 degrees over 640 px are 381.4 px of focal length: 4 m have 80 px from 19.07 m."""
     mission = parsed()
@@ -44,8 +48,7 @@ def test_the_ceiling_holds_it_down() -> None:
 
 
 def test_the_layers_of_a_team_lie_below_the_highest() -> None:
-    alone = parsed(camera__pixels_per_cell="60")
-    three = alone.model_copy(update={"vehicles": (VehicleSection(),) * 3})
+    three = flown_by(3, parsed(camera__pixels_per_cell="60"))
     assert [three.altitude_m(i) for i in range(3)] == [13.4, 19.4, 25.4]
     state = State.initial(Setting.of(three))
     assert [v.cruise_altitude_m for v in state.vehicles.values()] == [13.4, 19.4, 25.4]
@@ -98,19 +101,14 @@ def test_a_layer_above_the_ceiling_is_refused() -> None:
 
 def test_the_highest_layer_counts() -> None:
     mission = parse_mission(text(flight__altitude_m="110.0"), "m.toml")
-    two = mission.model_copy(update={"vehicles": (VehicleSection(),) * 2})
-    check(two, "m.toml")
-    three = mission.model_copy(update={"vehicles": (VehicleSection(),) * 3})
+    check(flown_by(2, mission), "m.toml")
     with pytest.raises(MissionFileError, match=r"2 layers of 6 m above it, is at 122 m"):
-        check(three, "m.toml")
+        check(flown_by(3, mission), "m.toml")
 
 
 def test_a_team_too_large_for_the_room_below_is_refused() -> None:
-    five = parsed(camera__pixels_per_cell="60").model_copy(
-        update={"vehicles": (VehicleSection(),) * 5}
-    )
     with pytest.raises(MissionFileError) as caught:
-        check(five, "m.toml")
+        check(flown_by(5, parsed(camera__pixels_per_cell="60")), "m.toml")
     (line,) = str(caught.value).splitlines()
     assert line == (
         'm.toml: flight.altitude_m = "auto": camera.pixels_per_cell sets the highest layer to '
@@ -164,10 +162,7 @@ def test_a_cell_with_too_few_pixels_is_warned_of() -> None:
 
 
 def test_the_figures_of_the_layers() -> None:
-    mission = parsed(camera__pixels_per_cell="60").model_copy(
-        update={"vehicles": (VehicleSection(),) * 2}
-    )
-    low, high = layers(mission)
+    low, high = layers(flown_by(2, parsed(camera__pixels_per_cell="60")))
     assert (low.altitude_m, high.altitude_m) == (19.4, 25.4)
     assert high.gsd_m == pytest.approx(25.4 * math.tan(math.radians(40.0)) / 320.0)
     assert high.footprint == pytest.approx((640 * high.gsd_m, 480 * high.gsd_m))

@@ -6,6 +6,8 @@ import math
 from dataclasses import replace
 from functools import lru_cache
 
+import pytest
+
 from missions.events import Arrived, FrameSeen, Vote
 from missions.fleet_events import Apart, Heard, Leased
 from missions.flight.setting import Setting
@@ -63,17 +65,11 @@ def test_a_lane_that_is_given_away_in_flight_is_not_counted_as_flown() -> None:
     assert state.vehicles[OURS].order is None
 
 
-def test_who_is_on_a_lane_keeps_it() -> None:
-    for does in ("flies", "stands", "down", "ended", "pilot", "guarded"):
-        state = heard(setting(), in_the_air(on_lane=True), told(does))
-        assert state.vehicles[OURS].lanes == setting().lanes[:1], does
-        assert state.vehicles[OURS].lane_seen_m == (4.0,), does
-
-
-def test_who_flies_keeps_its_lanes_from_one_that_stands_or_lies() -> None:
-    for does in ("stands", "down", "ended", "pilot", "guarded"):
-        state = heard(setting(), in_the_air(on_lane=False), told(does))
-        assert state.vehicles[OURS].lanes == setting().lanes[:1], does
+@pytest.mark.parametrize("on_lane", [True, False])
+def test_who_is_on_a_lane_keeps_it_and_who_flies_from_all_that_do_not_fly(*, on_lane: bool) -> None:
+    for does in ("stands", "down", "ended", "pilot", "guarded", *(["flies"] if on_lane else [])):
+        ours = heard(setting(), in_the_air(on_lane=on_lane), told(does)).vehicles[OURS]
+        assert (ours.lanes, ours.lane_seen_m) == (setting().lanes[:1], (4.0,)), does
 
 
 def test_what_one_that_is_down_holds_is_not_flown_again_once_it_is_seen() -> None:
