@@ -217,13 +217,11 @@ def _battery(mission: Mission, grid: Grid) -> Iterator[str]:
     box = drawn(mission.search.box, grid)
     worst_wh, worst = 0.0, ""
     for i, place in enumerate(homes(mission)):
-        near_m = float(box.distance(Point(grid.fixed(place))))
-        layer_m = mission.top_altitude_m(i)
+        home = grid.fixed(place)
+        near_m, layer_m = float(box.distance(Point(home))), mission.top_altitude_m(i)
         needed_wh = energy.sortie_wh(near_m, near_m, layer_m, look_s(mission)) - energy.reserve_wh
-        if mission.ground is not None:
-            home = Point(grid.fixed(place))
-            nearest = GridPoint(*nearest_points(box, home)[0].coords[0])
-            needed_wh += energy.relief_wh(_ups_and_downs_m(mission, grid.fixed(place), (nearest,)))
+        nearest = GridPoint(*nearest_points(box, Point(home))[0].coords[0])
+        needed_wh += energy.relief_wh(_ups_and_downs_m(mission, home, (nearest,)))
         if needed_wh > worst_wh:
             worst_wh = needed_wh
             worst = (
