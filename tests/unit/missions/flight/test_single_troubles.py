@@ -174,10 +174,7 @@ def test_the_way_to_a_pad_in_the_margin_goes_round_a_hole() -> None:
     made.post(Connected(1, 0.0, home, home, 0.0, False, True, 60.0))
     made.post(Airborne(1, 8.0))
     made.fly(1, far)
-    made.state = replace(made.state, recalled=True)
-    for _ in range(12):  # it comes to rest first
-        made.now_s += 1.0
-        made.track(1, far)
+    made.recall(1, far)
     order = made.leg()
     way = LineString([(p.east_m, p.north_m) for p in (far, *order.route)])
     assert order.route[-1].distance_to(home) < 0.1
@@ -256,10 +253,7 @@ def test_a_vehicle_that_was_moved_at_its_swap_comes_home_to_its_new_place() -> N
     made.post(LiftedOff(1, 8.0))
     made.post(Airborne(1, 15.0, home=moved))
     assert made.state.vehicles[1].pad == moved
-    made.state = replace(made.state, recalled=True)
-    for _ in range(12):  # it comes to rest first
-        made.now_s += 1.0
-        made.track(1, GridPoint(10.0, 20.0))
+    made.recall(1, GridPoint(10.0, 20.0))
     assert made.leg().route[-1].distance_to(moved) < 0.1
 
 

@@ -112,6 +112,13 @@ class Service:
         assert isinstance(order, FlyTo)
         return order
 
+    def recall(self, vehicle: int, at: GridPoint) -> None:
+        """Everybody comes home, one of them from a place where it comes to rest first."""
+        self.state = replace(self.state, recalled=True)
+        for _ in range(12):
+            self.now_s += 1.0
+            self.track(vehicle, at)
+
     def path(self, vehicle: int = 1) -> Trajectory:
         """The path that a vehicle flies without stopping."""
         path = self.state.vehicles[vehicle].path
@@ -386,19 +393,6 @@ def test_a_fresh_battery_does_not_start_one_who_failed(service: Service) -> None
     assert service.state.vehicles[1].phase is Phase.FAILED
 
 
-def test_given_back_on_the_ground_it_takes_off_once_the_crew_is_clear(service: Service) -> None:
-    service.take_off()
-    service.post(Overridden(1, 9.0, "LAND"), Landed(1, 30.0, 50.0))
-    assert service.post(Released(1, 60.0, HOME, 0.2)) == ((1, AwaitBattery()),)
-    assert service.post(BatterySwapped(1, 90.0, 60.0)) == ((1, TakeOff(12.0)),)
-
-
-def test_a_link_that_comes_back_on_the_ground_does_not_take_off_by_itself(service: Service) -> None:
-    service.take_off()
-    service.post(LinkLost(1, 20.0))
-    assert service.post(found(60.0, wh=58.0)) == ((1, AwaitBattery()),)
-
-
 def test_one_that_lands_while_the_mission_is_resumed_goes_on_after_it(service: Service) -> None:
     service.exploring()
     service.post(Resumed(20.0))
@@ -417,6 +411,23 @@ def found(t_s: float, at: GridPoint = HOME, wh: float = 30.0, home: GridPoint = 
 FIELD, NEAR = GridPoint(20.0, 20.0), GridPoint(0.0, 7.0)
 ON_PAD = [Tracked(1, 19.0, HOME, 6.0, 30.0), Crashed(1, 20.0, HOME, "it fell, 0 m from home")]
 LIES, NO_BATTERY = "lies there still", "fresh battery"
+CLEARED: dict[str, list[Event]] = {
+    "given back": [Overridden(1, 9.0, "LAND"), Landed(1, 30.0, 50.0), Released(1, 60.0, HOME, 0.2)],
+    "heard again": [LinkLost(1, 20.0), found(60.0, wh=58.0)],
+    # a real PX4 takes the place where it landed for its home
+    "landed afield unheard": [Resumed(59.0), found(60.0, FIELD, 60.0, home=FIELD)],
+}
+
+
+@pytest.mark.parametrize("how", CLEARED)
+def test_who_is_found_on_the_ground_takes_off_once_its_crew_is_clear(
+    service: Service, how: str
+) -> None:
+    service.take_off()
+    assert service.post(*CLEARED[how]) == ((1, AwaitBattery()),)
+    assert service.post(BatterySwapped(1, 90.0, 60.0)) == ((1, TakeOff(12.0)),)
+
+
 LYING: dict[str, tuple[list[Event], str]] = {
     # what happened, the last where it is found, and what is said of it
     "down unheard": ([LinkLost(1, 20.0), found(90.0, FIELD)], LIES),
@@ -444,14 +455,6 @@ def test_one_that_lies_there_is_fetched_and_not_flown(service: Service, how: str
     service.post(Resumed(200.0))
     left_wh = 30.0 if "set down" in how else 60.0  # nothing broke
     assert service.post(found(201.0, wh=left_wh)) == ((1, AwaitBattery()),), "its crew says when"
-
-
-def test_one_that_landed_afield_while_nobody_watched_needs_its_crew(service: Service) -> None:
-    """A real PX4 takes the place where it landed for its home."""
-    field = GridPoint(12.0, 20.0)
-    service.exploring()
-    service.post(Resumed(60.0))
-    assert service.post(found(61.0, field, 60.0, home=field)) == ((1, AwaitBattery()),)
 
 
 def test_one_that_lies_there_is_not_flown_because_its_pilot_lets_go(service: Service) -> None:
