@@ -18,18 +18,6 @@ class Battery:
     50
     """
 
-    __slots__ = (
-        "_dead_cells",
-        "_sag_v",
-        "_set_v",
-        "_unnoticed_wh",
-        "_voltage_v",
-        "capacity_wh",
-        "consumed_mah",
-        "energy_wh",
-        "power_w",
-    )
-
     def __init__(self, capacity_wh: float) -> None:
         if not capacity_wh > 0.0:
             raise ValueError(f"a battery holds more than nothing: {capacity_wh} Wh")

@@ -88,8 +88,6 @@ class Estimate:
 class Controller:
     """State of the loops between two steps."""
 
-    __slots__ = ("_ref_east", "_ref_north", "_ref_up", "_wind_east", "_wind_north", "yaw_target")
-
     def __init__(self) -> None:
         self.yaw_target: float | None = None
         self.reset()

@@ -88,8 +88,6 @@ class ShapedFollower:
     # of its plan in 95 % of the time; with this one within 0.45, 0.51 and 0.87
     wind_tau_s = 3.0
 
-    __slots__ = ("_acceleration", "_active", "_jerk_m_s3", "_place", "_target", "_velocity")
-
     def __init__(self, jerk_m_s3: Callable[[], float]) -> None:
         self._jerk_m_s3 = jerk_m_s3
         self._active = False
@@ -154,8 +152,6 @@ class DelayedFollower:
     """
 
     wind_tau_s = WIND_TAU_S
-
-    __slots__ = ("_begun_s", "_coming", "_delay_s", "_first_s", "_flown")
 
     def __init__(self, delay_s: float, first_s: float) -> None:
         self._delay_s, self._first_s = delay_s, first_s

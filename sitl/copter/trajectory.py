@@ -62,8 +62,6 @@ def px4_speed(distance_m: float, accel_m_s2: float, jerk_m_s3: float) -> float:
 class Shaper:
     """Place, velocity and acceleration of the point that is followed, metres and seconds."""
 
-    __slots__ = ("_acceleration", "_law", "_place", "_velocity", "active")
-
     def __init__(self, law: SpeedLaw = copter_speed) -> None:
         self._law = law
         self.active = False
