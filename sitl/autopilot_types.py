@@ -16,6 +16,7 @@ from sitl.body.estimator import Estimator
 from sitl.body.physics import Body
 from sitl.codec.wire import Packed
 from sitl.copter.aircraft import Aircraft, Notice
+from sitl.copter.motion import Airframe
 from sitl.mavlink.base_commands import BaseCommands
 from sitl.mavlink.commands import Commands
 from sitl.mavlink.flight_commands import FlightCommands
@@ -46,6 +47,14 @@ class Kit:
     wind: Callable[[], tuple[float, float]]
     seed: tuple[int, ...]
 
+    @property
+    def airframe(self) -> Airframe:
+        """What the autopilot cannot change."""
+        spec = self.spec
+        return Airframe(
+            spec.max_speed_m_s, spec.max_accel_m_s2, spec.ready_after_s, spec.quirks.stick
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flavour:
@@ -75,10 +84,7 @@ def _ardupilot(kit: Kit) -> Flavour:
         kit.body,
         kit.error,
         kit.battery,
-        ready_after_s=spec.ready_after_s,
-        max_speed_m_s=spec.max_speed_m_s,
-        max_accel_m_s2=spec.max_accel_m_s2,
-        stick=spec.quirks.stick,
+        kit.airframe,
     )
     if spec.quirks.camera == "autopilot":
         autopilot.parameters.preset("CAM1_TYPE", 1)
@@ -100,11 +106,8 @@ def _px4(kit: Kit) -> Flavour:
         kit.body,
         kit.error,
         kit.battery,
+        kit.airframe,
         system_id=spec.system_id,
-        ready_after_s=spec.ready_after_s,
-        max_speed_m_s=spec.max_speed_m_s,
-        max_accel_m_s2=spec.max_accel_m_s2,
-        stick=spec.quirks.stick,
         correction=HomeCorrection((*kit.seed, _HOME_SEED), spec.quirks.home_moves_m),
     )
     telemetry = Px4Telemetry(autopilot, kit.plane, kit.altimeter, kit.wind, spec.quirks)

@@ -16,7 +16,7 @@ from sitl.codec.wire import Message
 from sitl.copter.aiding import Answer
 from sitl.copter.aircraft import Aircraft
 from sitl.copter.fence import Place, zones
-from sitl.copter.mission_items import FENCE, RALLY, Item
+from sitl.copter.mission_items import FENCE, RALLY, SPEEDS, Item
 
 ACCEPTED: int = mav.MAV_RESULT_ACCEPTED
 DENIED: int = mav.MAV_RESULT_DENIED
@@ -63,7 +63,6 @@ HIGHEST_M = 10_000.0
 _AMSL_FRAMES = (mav.MAV_FRAME_GLOBAL, mav.MAV_FRAME_GLOBAL_INT)
 _HOME_FRAMES = (mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 _TERRAIN_FRAMES = (mav.MAV_FRAME_GLOBAL_TERRAIN_ALT, mav.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT)
-_SPEED_KINDS = {0: "speed_m_s", 1: "speed_m_s", 2: "climb_m_s", 3: "descent_m_s"}
 
 
 class BaseCommands(ABC):
@@ -144,7 +143,7 @@ class BaseCommands(ABC):
         return self.target(item.frame, item.x, item.y, item.z)
 
     def _change_speed(self, request: Request) -> Reply:
-        kind = _SPEED_KINDS.get(request.integer(1) or 0)
+        kind = SPEEDS.get(request.integer(1) or 0)
         speed = request.p[1]
         if kind is None or not math.isfinite(speed):
             return Reply(DENIED)

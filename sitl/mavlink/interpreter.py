@@ -16,6 +16,7 @@ from sitl.codec.wire import Message, Packer
 from sitl.copter.aircraft import Aircraft
 from sitl.copter.mission_items import Item
 from sitl.copter.params import Parameter
+from sitl.copter.streaming import Setpoint
 from sitl.copter.transfer import Transfer
 from sitl.mavlink.commands import Commands, Request
 from sitl.mavlink.positions import ARDUPILOT_FRAMES, ToldPositions
@@ -174,9 +175,9 @@ class Interpreter:
             elif m.type_mask & NO_VELOCITY:
                 self._ap.go_to(*target, yaw)
             elif all(map(math.isfinite, velocity)):
-                self._ap.go_along(target, velocity, yaw)
+                self._ap.go_along(Setpoint(target, velocity), yaw)
         elif not m.type_mask & NO_VELOCITY and all(map(math.isfinite, (m.vx, m.vy, m.vz))):
-            self._ap.go_with(m.vy, m.vx, -m.vz)
+            self._ap.go_along(Setpoint(None, (m.vy, m.vx, -m.vz)))
         return b""
 
     # --- missions -------------------------------------------------------------------------------

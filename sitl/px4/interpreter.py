@@ -11,6 +11,7 @@ from sitl.codec.wire import Message
 from sitl.copter.mission_items import IDLE_COMMANDS, MISSION, Item
 from sitl.copter.mission_items import check as check_any
 from sitl.copter.params import INT32, Parameter
+from sitl.copter.streaming import Setpoint
 from sitl.copter.transfer import Transfer
 from sitl.mavlink.commands import Commands
 from sitl.mavlink.interpreter import AUTOPILOT, NO_POSITION, NO_VELOCITY, NO_YAW, Interpreter
@@ -126,14 +127,14 @@ class Px4Interpreter(Interpreter):
                 if m.type_mask & NO_VELOCITY:
                     self._ap.go_to(*place, yaw)
                 else:
-                    self._ap.go_along(place, (m.vy, m.vx, -m.vz), yaw)
+                    self._ap.go_along(Setpoint(place, (m.vy, m.vx, -m.vz)), yaw)
         elif not m.type_mask & NO_VELOCITY:
             v_north, v_east = m.vx, m.vy
             if m.coordinate_frame == mav.MAV_FRAME_BODY_NED:
                 heading = self._ap.body.heading
                 v_north = m.vx * math.cos(heading) - m.vy * math.sin(heading)
                 v_east = m.vx * math.sin(heading) + m.vy * math.cos(heading)
-            self._ap.go_with(v_east, v_north, -m.vz)
+            self._ap.go_along(Setpoint(None, (v_east, v_north, -m.vz)))
         return b""
 
     def _is_setpoint(self, m: Message) -> bool:

@@ -16,7 +16,7 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.copter.params import BY_NAME
+from sitl.copter.params import Parameters
 
 SHARED = os.environ.get("UAVMAP_SHARED") or Path(__file__).resolve().parents[4] / "../shared"
 LOG = Path(SHARED) / "data/arducopter/flight-4.6.tlog"
@@ -72,7 +72,7 @@ def story(flight):
 def fly(client, flight):
     """The recorded plan; the times of its targets and of the return."""
     for _, m in of(flight, "PARAM_VALUE"):
-        if m.param_id in BY_NAME and m.param_id.startswith(SETTINGS):
+        if m.param_id in Parameters() and m.param_id.startswith(SETTINGS):
             client.send(mav.MAVLink_param_set_message(1, 1, m.param_id.encode(), m.param_value, 9))
     for _, m in of(flight, "REQUEST_DATA_STREAM", 255, 190):
         client.send(m)
