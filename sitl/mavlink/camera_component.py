@@ -51,7 +51,7 @@ class Payload:
         telemetry: Telemetry,
         url_prefix: str,
         expose: Callable[[int], Exposure],
-        quirks: Quirks = Quirks(),  # noqa: B008 - a value that nobody changes
+        quirks: Quirks,
     ) -> None:
         self.spec = spec
         self._clock_s, self._tells_pose = quirks.camera_clock_s, quirks.camera_tells_pose

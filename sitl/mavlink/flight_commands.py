@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.geo.geodesy import LocalPlane
 from sitl.ardupilot.autopilot import Autopilot
-from sitl.body.altimeter import Altimeter
 from sitl.copter.modes import Mode
-from sitl.mavlink.base_commands import (
+from sitl.mavlink.commands import (
     ACCEPTED,
     DENIED,
     FAILED,
     HIGHEST_M,
     UNSUPPORTED,
-    BaseCommands,
+    Commands,
     Reply,
     Request,
 )
@@ -25,27 +24,25 @@ _GLOBAL_FRAMES = (mav.MAV_FRAME_GLOBAL, mav.MAV_FRAME_GLOBAL_INT)
 _FORCE_ARM, _FORCE_DISARM = 2989.0, 21196.0
 
 
-class FlightCommands(BaseCommands):
+class FlightCommands(Commands):
     """An ArduCopter's."""
 
-    def __init__(self, autopilot: Autopilot, plane: LocalPlane, altimeter: Altimeter) -> None:
-        super().__init__(autopilot, plane, altimeter)
-        self._ap = autopilot
-        self.table.update(
-            {
-                mav.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
-                mav.MAV_CMD_DO_SET_MODE: self._set_mode,
-                mav.MAV_CMD_NAV_TAKEOFF: self._take_off,
-                mav.MAV_CMD_NAV_LAND: lambda _: self._mode(Mode.LAND),
-                mav.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: self._mode(Mode.RTL),
-                mav.MAV_CMD_DO_REPOSITION: self._reposition,
-                mav.MAV_CMD_CONDITION_YAW: self._yaw,
-                mav.MAV_CMD_MISSION_START: self._mission_start,
-                mav.MAV_CMD_DO_PAUSE_CONTINUE: self._pause,
-                mav.MAV_CMD_DO_FENCE_ENABLE: self._fence_enable,
-                mav.MAV_CMD_SET_EKF_SOURCE_SET: self._choose_sources,
-            }
-        )
+    _ap: Autopilot
+
+    def _flight_table(self) -> dict[int, Callable[[Request], Reply]]:
+        return {
+            mav.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
+            mav.MAV_CMD_DO_SET_MODE: self._set_mode,
+            mav.MAV_CMD_NAV_TAKEOFF: self._take_off,
+            mav.MAV_CMD_NAV_LAND: lambda _: self._mode(Mode.LAND),
+            mav.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: self._mode(Mode.RTL),
+            mav.MAV_CMD_DO_REPOSITION: self._reposition,
+            mav.MAV_CMD_CONDITION_YAW: self._yaw,
+            mav.MAV_CMD_MISSION_START: self._mission_start,
+            mav.MAV_CMD_DO_PAUSE_CONTINUE: self._pause,
+            mav.MAV_CMD_DO_FENCE_ENABLE: self._fence_enable,
+            mav.MAV_CMD_SET_EKF_SOURCE_SET: self._choose_sources,
+        }
 
     def _arm_disarm(self, request: Request) -> Reply:
         if request.p[0] == 1.0:

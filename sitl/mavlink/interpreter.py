@@ -13,12 +13,12 @@ from typing import ClassVar
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.codec.wire import Message, Packer
-from sitl.copter.aircraft import Aircraft
+from sitl.copter.aircraft import Aircraft, Notice
 from sitl.copter.mission_items import Item
 from sitl.copter.params import Parameter
 from sitl.copter.streaming import Setpoint
 from sitl.copter.transfer import Transfer
-from sitl.mavlink.commands import Commands, Request
+from sitl.mavlink.commands import Commands, Request, statustext
 from sitl.mavlink.positions import ARDUPILOT_FRAMES, ToldPositions
 from sitl.mavlink.streams import STREAM_GROUPS, Streams
 from sitl.mavlink.telemetry import Telemetry
@@ -38,6 +38,12 @@ class Interpreter:
     """The vehicle's end of the link."""
 
     odometry_frames: ClassVar[tuple[int, ...]] = ARDUPILOT_FRAMES
+    banner: ClassVar[bytes] = b"\r\n\r\nInit ArduCopter V4.6.0\r\n\r\nFree RAM: 131072\r\n"
+    """What a TCP client is greeted with."""
+    tells_mode_at_once: ClassVar[bool] = True
+    camera_feedback: ClassVar[bool] = True
+    texts_to_stations: ClassVar[bool] = False
+    """Texts go to links on which a ground station was heard."""
 
     def __init__(
         self,
@@ -76,7 +82,7 @@ class Interpreter:
             "MISSION_SET_CURRENT": self._set_current,
             **dict.fromkeys(self._transfer.handled, self._mission),
             **ToldPositions(
-                autopilot, lambda: telemetry.origin, commands.flight.locate, self.odometry_frames
+                autopilot, lambda: telemetry.origin, commands.locate, self.odometry_frames
             ).handlers,
         }
 
@@ -86,7 +92,7 @@ class Interpreter:
             ap.plans,
             home=self._home_item,
             running=lambda: ap.in_mission and ap.armed,
-            changed=self._commands.flight.plans_changed,
+            changed=self._commands.plans_changed,
             say=ap.say,
         )
 
@@ -116,6 +122,10 @@ class Interpreter:
         ap.route.reached.clear()
         ap.parameters.untold.clear()
         return b"".join(sent)
+
+    def tell(self, notice: Notice) -> bytes:
+        """What the autopilot says, as a text."""
+        return self.autopilot_wire.pack(statustext(notice.severity, notice.text))
 
     def _ours(self, message: Message) -> bool:
         return message.target_system in (0, self.system_id)
@@ -159,7 +169,7 @@ class Interpreter:
     def _set_mode(self, m: Message) -> bytes:
         if not self._ours(m) or not m.base_mode & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
             return b""
-        reply = self._commands.flight.set_mode(m.custom_mode)
+        reply = self._commands.set_mode(m.custom_mode)
         return b"".join(self.autopilot_wire.pack(message) for message in reply.messages)
 
     def _position_target(self, m: Message) -> bytes:
@@ -167,7 +177,7 @@ class Interpreter:
         if not self._ours(m) or m.target_component not in (0, AUTOPILOT):
             return b""
         if not m.type_mask & NO_POSITION:
-            target = self._commands.flight.target(m.coordinate_frame, m.lat_int, m.lon_int, m.alt)
+            target = self._commands.target(m.coordinate_frame, m.lat_int, m.lon_int, m.alt)
             yaw = None if m.type_mask & NO_YAW or not math.isfinite(m.yaw) else m.yaw
             velocity = (m.vy, m.vx, -m.vz)
             if target is None:

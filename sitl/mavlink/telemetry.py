@@ -10,7 +10,6 @@ from collections.abc import Callable, Collection
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.geo.geodesy import LocalPlane
 from missions.units import LatLon
 from sitl.body.altimeter import Altimeter
 from sitl.codec import fast_packing as layouts
@@ -19,6 +18,7 @@ from sitl.codec.wire import Message, Packed
 from sitl.copter.aircraft import Aircraft
 from sitl.copter.modes import Mode, Phase
 from sitl.quirks import Quirks
+from sitl.world.world import World
 
 _CLAIMS_ACTIVE_S = 3.0  # after boot the heartbeat says ACTIVE although nothing flies
 _AUTO = Mode.AUTO
@@ -74,19 +74,17 @@ class Telemetry:
     def __init__(
         self,
         autopilot: Aircraft,
-        plane: LocalPlane,
+        world: World,
         altimeter: Altimeter,
         wind: Callable[[], tuple[float, float]],
-        quirks: Quirks = Quirks(),  # noqa: B008 - a value that nobody changes
+        quirks: Quirks,
     ) -> None:
         self._ap = autopilot
-        self._plane = plane
+        self._world = world
+        self.plane = world.plane
         self._altimeter = altimeter
         self._wind = wind
-        self.clock_rate = 1.0
-        """Of the vehicle's clock, beside time."""
-        self.ground_m: Callable[[float, float], float] = lambda east_m, north_m: 0.0
-        """The height of the ground in the world's plane, as a terrain database has it."""
+        self._clock_rate = 1.0 + quirks.clock_ppm * 1e-6  # beside time
         self._boot_home = autopilot.home
         self._places: dict[tuple[float, float], tuple[int, int]] = {}
         self._builders: dict[int, Callable[[], Packed | None]] = {
@@ -109,11 +107,16 @@ class Telemetry:
             mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self.extended_sys_state,
             mav.MAVLINK_MSG_ID_FENCE_STATUS: self.fence_status,
         }
+        self._builders |= self._own_builders()
         if not quirks.landed_state:
             del self._builders[mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE]
 
+    def _own_builders(self) -> dict[int, Callable[[], Packed | None]]:
+        """What another autopilot sends besides, or otherwise."""
+        return {}
+
     @property
-    def _amsl_m(self) -> float:
+    def amsl_m(self) -> float:
         """The height of the world's plane above the sea, as the autopilot has it."""
         return self._altimeter.amsl_m
 
@@ -138,7 +141,7 @@ class Telemetry:
     @property
     def boot_ms(self) -> int:
         """Milliseconds since boot, as in `time_boot_ms`."""
-        return round(self._ap.t_s * self.clock_rate * 1000.0) & 0xFFFFFFFF
+        return round(self._ap.t_s * self._clock_rate * 1000.0) & 0xFFFFFFFF
 
     def place(self, east_m: float, north_m: float, up_m: float) -> tuple[int, int, int]:
         """Latitude, longitude (1e7 degrees) and AMSL (mm) of a place in the world's plane."""
@@ -147,17 +150,17 @@ class Telemetry:
         if found is None:
             if len(self._places) >= _KEPT_PLACES:
                 self._places.clear()
-            position = self._plane.to_wgs84(east_m, north_m)
+            position = self.plane.to_wgs84(east_m, north_m)
             found = int32(position.lat_deg * 1e7), int32(position.lon_deg * 1e7)
             self._places[east_m, north_m] = found
-        return found[0], found[1], int32((self._amsl_m + up_m) * 1000.0)
+        return found[0], found[1], int32((self.amsl_m + up_m) * 1000.0)
 
     def terrain_report(self, lat_e7: int, lon_e7: int, *, loaded: bool) -> Message:
         """TERRAIN_REPORT of a place; what is still to be loaded from the card has no spacing."""
         if not loaded:
             return mav.MAVLink_terrain_report_message(lat_e7, lon_e7, 0, 0.0, 0.0, 56, 0)
-        east, north = self._plane.to_plane(LatLon(lat_e7 / 1e7, lon_e7 / 1e7))
-        ground_m = self.ground_m(east, north)
+        east, north = self.plane.to_plane(LatLon(lat_e7 / 1e7, lon_e7 / 1e7))
+        ground_m = self._world.ground_m(east, north)
         return mav.MAVLink_terrain_report_message(
             lat_e7,
             lon_e7,
@@ -320,7 +323,7 @@ class Telemetry:
         return layouts.vfr_hud(
             body.air_speed_m_s, math.hypot(now.v_east, now.v_north),
             int16(math.degrees(body.heading)) % 360, 50 if self._ap.airborne else 0,
-            self._amsl_m + now.up, now.v_up,
+            self.amsl_m + now.up, now.v_up,
         )  # fmt: skip
 
     def position_target(self) -> Packed | None:
@@ -330,14 +333,14 @@ class Telemetry:
             lat, lon, _ = self.place(*ap.target)
             return layouts.position_target_global_int(
                 self.boot_ms, mav.MAV_FRAME_GLOBAL, _TARGET_POSITION_ONLY, lat, lon,
-                self._amsl_m + ap.target[2], *([0.0] * 8),
+                self.amsl_m + ap.target[2], *([0.0] * 8),
             )  # fmt: skip
         if ap.stream is not None:
             place, (east, north, up) = ap.stream
             lat, lon, amsl_m = 0, 0, 0.0
             if place is not None:
                 lat, lon, _ = self.place(*place)
-                amsl_m = self._amsl_m + place[2]
+                amsl_m = self.amsl_m + place[2]
             mask = _TARGET_VELOCITY_ONLY if place is None else _TARGET_BOTH
             return layouts.position_target_global_int(
                 self.boot_ms, mav.MAV_FRAME_GLOBAL, mask, lat, lon, amsl_m,

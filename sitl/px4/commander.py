@@ -66,8 +66,8 @@ class HomeCorrection:
     """By how much the height of home is off, as a seed has it.
 
     >>> home = HomeCorrection([1], most_m=1.5)
-    >>> home.height_m(None), home.height_m(1.9)
-    (0.0, 0.0)
+    >>> home.height_m(1.9)
+    0.0
     >>> home.height_m(2.0) == home.height_m(3.9) != home.height_m(4.0)
     True
     >>> abs(home.height_m(500.0)) <= 1.5
@@ -80,10 +80,8 @@ class HomeCorrection:
         drawn = rng.standard_normal(count) * (0.5 * most_m)
         self._heights_m: list[float] = [0.0, *np.clip(drawn, -most_m, most_m).tolist()]
 
-    def height_m(self, flown_s: float | None) -> float:
-        """The error so long after take-off; None: before it."""
-        if flown_s is None:
-            return 0.0
+    def height_m(self, flown_s: float) -> float:
+        """The error so long after take-off."""
         at = min(int(flown_s / EVERY_S + 1e-9), len(self._heights_m) - 1)
         return self._heights_m[max(at, 0)]
 

@@ -8,41 +8,43 @@ GLOBAL_INT only, which is right for all.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.geo.geodesy import LocalPlane
-from sitl.body.altimeter import Altimeter
-from sitl.mavlink.base_commands import (
+from sitl.mavlink.commands import (
     ACCEPTED,
     DENIED,
     FAILED,
     HIGHEST_M,
     UNSUPPORTED,
-    BaseCommands,
+    Commands,
     Reply,
     Request,
 )
 from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.modes import Px4Mode, wanted
+from sitl.px4.telemetry import DEFAULT_S
 
 _FORCE = 21196.0
 _NAN_AS_INT = 0x7FF80000
 _GLOBAL: int = mav.MAV_FRAME_GLOBAL
 
 
-class Px4Commands(BaseCommands):
+class Px4Commands(Commands):
     """A PX4's."""
 
-    refused: int = mav.MAV_RESULT_TEMPORARILY_REJECTED
-    nowhere: int = FAILED
+    refused = int(mav.MAV_RESULT_TEMPORARILY_REJECTED)
+    nowhere = FAILED
     unknown_rally_frames = (mav.MAV_FRAME_GLOBAL_INT, mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 
-    def __init__(self, autopilot: Px4Autopilot, plane: LocalPlane, altimeter: Altimeter) -> None:
-        super().__init__(autopilot, plane, altimeter)
-        self._ap = autopilot
-        self.table.update({
+    _ap: Px4Autopilot
+    default_s = DEFAULT_S
+    answers_for_camera = False
+
+    def _flight_table(self) -> dict[int, Callable[[Request], Reply]]:
+        return {
             mav.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
             mav.MAV_CMD_DO_SET_MODE: self._set_mode,
             mav.MAV_CMD_NAV_TAKEOFF: self._take_off,
@@ -51,7 +53,7 @@ class Px4Commands(BaseCommands):
             mav.MAV_CMD_DO_REPOSITION: self._reposition,
             mav.MAV_CMD_MISSION_START: self._mission_start,
             mav.MAV_CMD_DO_SET_HOME: self._set_home_amsl,
-        })  # fmt: skip
+        }
 
     def answer(self, refusal: str | None) -> Reply:
         """ACK; the text that explains a refusal is told behind it, as any other."""
@@ -87,7 +89,7 @@ class Px4Commands(BaseCommands):
 
     def _take_off(self, request: Request) -> Reply:
         amsl_m = request.p[6]
-        up_m = amsl_m - self._amsl_m if abs(amsl_m) <= HIGHEST_M else None
+        up_m = amsl_m - self._telemetry.amsl_m if abs(amsl_m) <= HIGHEST_M else None
         return self.answer(self._ap.take_off((*self._flat_or_none(request), up_m)))
 
     def _reposition(self, request: Request) -> Reply:
@@ -101,7 +103,7 @@ class Px4Commands(BaseCommands):
                 return self.answer("Reposition command rejected")
         east, north = self._flat_or_none(request)
         amsl_m, speed_m_s, yaw_rad = request.p[6], request.p[0], request.p[3]
-        up = amsl_m - self._amsl_m if abs(amsl_m) <= HIGHEST_M else None
+        up = amsl_m - self._telemetry.amsl_m if abs(amsl_m) <= HIGHEST_M else None
         text = self._ap.reposition((east, north, up), yaw_rad if math.isfinite(yaw_rad) else None)
         if text is not None:
             self._ap.say(mav.MAV_SEVERITY_CRITICAL, text)

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.codec.wire import Message
+from sitl.copter.aircraft import Notice
 from sitl.copter.mission_items import IDLE_COMMANDS, MISSION, Item
 from sitl.copter.mission_items import check as check_any
 from sitl.copter.params import INT32, Parameter
 from sitl.copter.streaming import Setpoint
 from sitl.copter.transfer import Transfer
-from sitl.mavlink.commands import Commands
 from sitl.mavlink.interpreter import AUTOPILOT, NO_POSITION, NO_VELOCITY, NO_YAW, Interpreter
 from sitl.mavlink.positions import PX4_FRAMES
-from sitl.mavlink.streams import Streams
-from sitl.mavlink.telemetry import Telemetry
 from sitl.px4.autopilot import Px4Autopilot
+from sitl.px4.events import Events
 from sitl.px4.params import bytewise, from_bytewise
 
 _TERRAIN = (mav.MAV_FRAME_GLOBAL_TERRAIN_ALT, mav.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT)
@@ -63,22 +63,25 @@ _RETRY_S, _GIVE_UP_S = 0.25, 5.0
 class Px4Interpreter(Interpreter):
     """A PX4's end of the link."""
 
+    _ap: Px4Autopilot
     odometry_frames = PX4_FRAMES
+    banner = b""
+    tells_mode_at_once = False
+    camera_feedback = False
+    texts_to_stations = True
 
-    def __init__(
-        self,
-        system_id: int,
-        autopilot: Px4Autopilot,
-        commands: Commands,
-        streams: Streams,
-        telemetry: Telemetry,
-    ) -> None:
-        super().__init__(system_id, autopilot, commands, streams, telemetry)
-        self._px4 = autopilot
+    def __init__(self, *parts: Any) -> None:
+        super().__init__(*parts)
         self._copies: list[bytes] = []  # of parameters that have just been set
+        self._events = Events()
         self._handlers["SET_POSITION_TARGET_LOCAL_NED"] = self._local_target
         del self._handlers["REQUEST_DATA_STREAM"]
         del self._handlers["TERRAIN_CHECK"]
+
+    def tell(self, notice: Notice) -> bytes:
+        """What the autopilot says: a text, and an event for everybody."""
+        event = self._events.of(notice, self._ap.t_s)
+        return super().tell(notice) + self.autopilot_wire.pack(event)
 
     def _make_transfer(self) -> Transfer:
         ap = self._ap
@@ -91,7 +94,7 @@ class Px4Interpreter(Interpreter):
             ap.plans,
             home=None,
             running=lambda: False,
-            changed=self._commands.flight.plans_changed,
+            changed=self._commands.plans_changed,
             say=complain,
             ask_int=True,
             retry_s=_RETRY_S,
@@ -111,14 +114,14 @@ class Px4Interpreter(Interpreter):
 
     def _position_target(self, m: Message) -> bytes:
         if self._is_setpoint(m):
-            self._px4.setpoints.hear(self._ap.t_s)
+            self._ap.setpoints.hear(self._ap.t_s)
         return super()._position_target(m)
 
     def _local_target(self, m: Message) -> bytes:
         """SET_POSITION_TARGET_LOCAL_NED, around the place of booting; BODY_NED for velocities."""
         if not self._is_setpoint(m):
             return b""
-        self._px4.setpoints.hear(self._ap.t_s)
+        self._ap.setpoints.hear(self._ap.t_s)
         if not m.type_mask & NO_POSITION:
             if m.coordinate_frame == mav.MAV_FRAME_LOCAL_NED:
                 east, north, up = self._telemetry.origin

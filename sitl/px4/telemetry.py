@@ -8,13 +8,10 @@ from collections.abc import Callable, Collection
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.geo.geodesy import LocalPlane
-from sitl.body.altimeter import Altimeter
 from sitl.codec.wire import CURRENT_MODE, Message, Packed, crc_extra_of
 from sitl.mavlink.telemetry import IDENTITY, Telemetry
 from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.modes import UNARMABLE, Px4Mode
-from sitl.quirks import Quirks
 
 _VERSION_1_15_4 = (1 << 24) | (15 << 16) | (4 << 8) | 255  # FIRMWARE_VERSION_TYPE_OFFICIAL
 _CAPABILITIES = (
@@ -65,23 +62,16 @@ DEFAULT_S = {int(message_id): 1.0 / hz for message_id, hz in DEFAULT_HZ.items()}
 class Px4Telemetry(Telemetry):
     """Builds a PX4's messages."""
 
-    def __init__(
-        self,
-        autopilot: Px4Autopilot,
-        plane: LocalPlane,
-        altimeter: Altimeter,
-        wind: Callable[[], tuple[float, float]],
-        quirks: Quirks,
-    ) -> None:
-        super().__init__(autopilot, plane, altimeter, wind, quirks)
-        self._px4 = autopilot
+    _ap: Px4Autopilot
+
+    def _own_builders(self) -> dict[int, Callable[[], Packed | None]]:
         for message_id in (
             mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
             mav.MAVLINK_MSG_ID_WIND,
             mav.MAVLINK_MSG_ID_FENCE_STATUS,
         ):
             del self._builders[message_id]
-        self._builders |= {
+        return {
             mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self.estimator_status,
             mav.MAVLINK_MSG_ID_ALTITUDE: self.altitude,
             mav.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self.attitude_quaternion,
@@ -96,13 +86,13 @@ class Px4Telemetry(Telemetry):
 
     def current_mode(self) -> Packed:
         """CURRENT_MODE, which the dialect does not know: the mode, and the one asked for."""
-        payload = _CURRENT_MODE.pack(int(self.told_mode), int(self._px4.intended), 0)
+        payload = _CURRENT_MODE.pack(int(self.told_mode), int(self._ap.intended), 0)
         return CURRENT_MODE, crc_extra_of(CURRENT_MODE), payload
 
     @property
     def told_mode(self) -> Px4Mode:
         """The mode; one that comes down blind out of OFFBOARD calls that ALTITUDE."""
-        ap = self._px4
+        ap = self._ap
         blind = ap.failsafes.engaged and ap.mode == Px4Mode.LAND and not ap.position_ok
         return Px4Mode.ALTITUDE if blind and ap.intended == Px4Mode.OFFBOARD else ap.mode
 
@@ -157,7 +147,7 @@ class Px4Telemetry(Telemetry):
 
     def altitude(self) -> Message:
         """ALTITUDE: over the sea, the origin and home; the terrain is not known."""
-        up, amsl = self._ap.estimate.up, self._amsl_m + self._ap.estimate.up
+        up, amsl = self._ap.estimate.up, self.amsl_m + self._ap.estimate.up
         return mav.MAVLink_altitude_message(
             round(self._ap.t_s * 1e6), amsl, amsl, up - self._boot_home[2],
             up - self._ap.home[2], math.nan, math.nan,
