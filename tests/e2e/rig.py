@@ -19,6 +19,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from sitl.sockets.background import free_ports
 from tests.e2e.preloaded import Process
 from uavmap.journal.event_log import JournalReader
 from uavmap.runner.aircraft_process import ADDRESS
@@ -174,22 +175,6 @@ def stop_after(
 
 
 # --- sockets ---------------------------------------------------------------------------------
-def free_ports(vehicles: int) -> tuple[int, int]:
-    """A UDP port whose neighbours, ten further each, are free too, and a TCP port."""
-    with contextlib.ExitStack() as stack:
-        tcp = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
-        tcp.bind((LOOPBACK, 0))
-        while True:
-            with contextlib.ExitStack() as row, contextlib.suppress(OSError, OverflowError):
-                first = row.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-                first.bind((LOOPBACK, 0))
-                port = first.getsockname()[1]
-                for i in range(1, vehicles):
-                    other = row.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-                    other.bind((LOOPBACK, port + 10 * i))
-                return port, tcp.getsockname()[1]
-
-
 @contextlib.contextmanager
 def simulator(
     name: str, *, speedup: float, vehicles: int = 1, autopilot: str = "ardupilot"

@@ -47,25 +47,6 @@ def in_mid_flight(speck):
     return kinds.index("look_ended") if "look_ended" in kinds else len(kinds) // 2
 
 
-def test_a_killed_client_is_taken_up_in_the_air(speck, tmp_path):
-    folder = tmp_path / "out"
-    with simulator("speck", speedup=SPEEDUP) as urls:
-        with started(*fly_arguments("speck", urls, folder)) as process:
-            stop_after(process, folder, in_mid_flight(speck), signal.SIGKILL)
-        before = bodies(folder)
-        done = uavmap("resume", folder, "--json")
-    assert done.code == 0
-    assert done.summary["completed"] is True
-    assert done.summary["seed"] is None
-    assert done.summary["cells_missed"] is None  # nobody knows the truth of a real flight
-    assert bodies(folder)[: len(before)] == before
-    again = since_resumed(folder)
-    (connected,) = (event for event in again[:3] if event["kind"] == "connected")
-    assert connected["airborne"] is True  # it has waited where it was
-    assert sum(event["kind"] == "airborne" for event in events(folder)) == 1
-    assert close_to(roi_cells(folder), roi_cells(speck.folder), 2)
-
-
 def test_a_recall_brings_home_who_is_in_the_air_and_sends_nobody_out(speck, tmp_path):
     """What a computer on board may do by itself after it has been started anew."""
     folder = tmp_path / "out"
@@ -91,39 +72,6 @@ def test_a_simulated_flight_is_not_recalled(speck):
     done = uavmap("resume", speck.folder, "--recall")
     assert done.code == 2
     assert "--recall is for aircraft at the end of a link" in done.err
-
-
-def test_control_c_brings_it_home_and_resume_sends_it_out_again(speck, tmp_path):
-    folder = tmp_path / "out"
-    with simulator("speck", speedup=SPEEDUP) as urls:
-        with started(*fly_arguments("speck", urls, folder)) as process:
-            stopped = stop_after(process, folder, in_mid_flight(speck), signal.SIGINT)
-        assert stopped is not None
-        assert stopped.code == 3
-        assert stopped.summary["completed"] is False
-        assert "home" in stopped.err
-        kinds = [event["kind"] for event in events(folder)]
-        assert "landed" in kinds[kinds.index("recalled") :]
-        before = bodies(folder)
-        done = uavmap("resume", folder, "--json", *arguments_of(urls))
-    assert done.code == 0
-    assert done.summary["completed"] is True
-    assert done.summary["sorties"] > stopped.summary["sorties"]
-    assert bodies(folder)[: len(before)] == before
-    assert close_to(roi_cells(folder), roi_cells(speck.folder), 2)
-
-
-def test_two_vehicles_over_sockets(speck, tmp_path):
-    folder = tmp_path / "out"
-    speedup = 6.0  # on a busy machine a second without a turn is as many of the flight
-    with simulator("speck", speedup=speedup, vehicles=2) as urls:
-        assert len(set(urls)) == 2
-        done = uavmap(*fly_arguments("speck", urls, folder, "--vehicles", 2, "--speedup", speedup))
-    assert done.code == 0, done.err
-    assert done.summary["completed"] is True
-    assert done.summary["vehicles"] == 2
-    assert {event["vehicle"] for event in events(folder, "landed")} == {1, 2}
-    assert close_to(roi_cells(folder), roi_cells(speck.folder), 2)
 
 
 # (in LOITER an ArduPilot would sink to the ground: there is no radio control)

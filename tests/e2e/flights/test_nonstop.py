@@ -166,19 +166,6 @@ def test_killed_on_its_path_it_ends_as_if_nothing_had_been(
     assert done.summary == {**tiny_passed.summary, "out": str(folder)}
 
 
-def test_from_home_nothing_that_was_seen_is_lost(tiny_passed: Flight, tmp_path: Path) -> None:
-    folder = tmp_path / "out"
-    arguments = ("fly", mission("tiny"), "--sim", "--json", "--out", folder, *SWATH)
-    with started(*arguments) as process:
-        stop_after(process, folder, amid_a_path(tiny_passed, "tiny"), signal.SIGKILL)
-    before = bodies(folder)
-    done = uavmap("resume", folder, "--from-home", "--json")
-    assert done.code == 0, done.err
-    assert (done.summary["completed"], done.summary["cells_missed"]) == (True, 0)
-    assert bodies(folder)[: len(before)] == before
-    assert maps_alike(folder, tiny_passed.folder)
-
-
 # --- over sockets ----------------------------------------------------------------------------
 def fly_arguments(
     name: str, urls: list[str], folder: Path, speedup: float, *more: object
