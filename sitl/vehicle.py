@@ -167,11 +167,6 @@ class SimVehicle:
         self._links.append(link)
         return link
 
-    @property
-    def links(self) -> tuple[Link, ...]:
-        """All links, that of `receive` and `step` first."""
-        return tuple(self._links)
-
     def disconnect(self, link: Link) -> None:
         """Forget a client's link; what signatures it has seen is kept."""
         self._links.remove(link)

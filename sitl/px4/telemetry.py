@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from missions.units import Quaternion
 from sitl.codec.wire import CURRENT_MODE, Message, Packed, crc_extra_of
 from sitl.mavlink.telemetry import IDENTITY, Telemetry
 from sitl.px4.autopilot import Px4Autopilot
@@ -157,15 +158,10 @@ class Px4Telemetry(Telemetry):
         """ATTITUDE_QUATERNION, from the body to north, east and down."""
         body = self._ap.body
         roll, pitch = body.roll_pitch
-        cr, sr = math.cos(roll / 2.0), math.sin(roll / 2.0)
-        cp, sp = math.cos(pitch / 2.0), math.sin(pitch / 2.0)
-        cy, sy = math.cos(body.heading / 2.0), math.sin(body.heading / 2.0)
+        attitude = Quaternion.from_euler(roll, pitch, body.heading)
         return mav.MAVLink_attitude_quaternion_message(
-            self.boot_ms,
-            cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy,
-            0.0, 0.0, body.yaw_rate,
-        )  # fmt: skip
+            self.boot_ms, *attitude, 0.0, 0.0, body.yaw_rate
+        )
 
     def _position_when_known(self) -> Message | None:
         return self.global_position_int() if self._ap.home_known else None

@@ -155,7 +155,7 @@ def test_more_udp_clients_than_it_keeps():
             for client in others:
                 client.say(command(mav.MAV_CMD_REQUEST_MESSAGE, 148), listener.peer)
                 await client.wait("AUTOPILOT_VERSION")
-            assert len(vehicles[0].links) == 1 + 8
+            assert len(vehicles[0]._links) == 1 + 8
             await listener.wait("HEARTBEAT")  # the first is never forgotten
             await others[-1].wait("HEARTBEAT")
             for client in (listener, *others):
