@@ -30,7 +30,6 @@ from tests.e2e.rig import (
 )
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import FlightPlan
-from uavmap.ui.cli import main
 
 
 def moments(seed: int, count: int, last: int) -> list[int]:
@@ -136,13 +135,6 @@ def test_resuming_a_finished_mission_writes_its_results_anew(speck, tmp_path):
     for name in ("map.png", "map.kml", "map.geojson"):
         assert (folder / name).read_bytes() == (speck.folder / name).read_bytes()
     assert done.summary["cells_roi"] == speck.summary["cells_roi"]
-
-
-def test_a_second_flight_into_the_same_folder_is_refused(speck, capsys):
-    before = bodies(speck.folder)
-    assert main(["fly", mission("speck"), "--sim", "--out", str(speck.folder)]) == 2
-    assert "resume" in capsys.readouterr().err
-    assert bodies(speck.folder) == before
 
 
 def test_random_kills_once_and_twice_and_a_disk_that_fills():
