@@ -174,7 +174,7 @@ class Payload:
         return Geotag(
             LatLon(lat_e7 / 1e7, lon_e7 / 1e7), amsl_mm / 1000.0, exposure.believed_height_m,
             exposure.attitude, exposure.body_rad, exposure.shot.t_s,
-            math.radians(self.spec.hfov_deg),
+            math.radians(self.spec.hfov_deg), self.spec.width_px,
         )  # fmt: skip
 
     def build(self, message_id: int, index: int) -> Message | None:

@@ -485,18 +485,6 @@ def test_the_fence_refuses_targets_and_stops_what_leaves(sitl):
     assert sitl.expect("HEARTBEAT", autopilot=12).system_status == mav.MAV_STATE_CRITICAL
 
 
-def test_a_silent_ground_station(sitl):
-    set_param(sitl, "NAV_DLL_ACT", 2)
-    take_off(sitl, 4.0)
-    sitl.ground_station()
-    sitl.run(9.5)
-    assert sitl.truth.mode == Px4Mode.HOLD
-    sitl.run(1.0)
-    said(sitl, "Connection to ground station lost")
-    sitl.run(5.0)
-    assert sitl.truth.mode == Px4Mode.RTL
-
-
 def test_the_pilot_calls_off_a_failsafe_while_it_waits_in_hold(sitl):
     set_param(sitl, "NAV_RCL_ACT", 2)
     take_off(sitl)
@@ -506,14 +494,6 @@ def test_the_pilot_calls_off_a_failsafe_while_it_waits_in_hold(sitl):
     sitl.run(8.0)
     assert sitl.truth.mode == Px4Mode.HOLD
     assert sitl.expect("HEARTBEAT", autopilot=12).system_status == mav.MAV_STATE_ACTIVE
-
-
-def test_without_satellites_it_comes_down(sitl):
-    take_off(sitl)
-    sitl.fail.gps()
-    sitl.until(lambda: sitl.truth.mode == Px4Mode.LAND, timeout_s=6.0)
-    sitl.until(lambda: not sitl.truth.armed)
-    assert sitl.command(ARM, 1) == REJECTED
 
 
 @pytest.mark.parametrize(("action", "then"), [(0, "HOLD"), (2, "LAND"), (3, "RTL")])
@@ -528,14 +508,6 @@ def test_the_battery_ends(action, then):
     assert sitl.truth.mode.name == ("HOLD" if then == "LAND" else then)
     sitl.run(5.5)
     assert sitl.truth.mode.name == then
-
-
-def test_a_weak_pack_by_its_voltage(sitl):
-    set_param(sitl, "COM_LOW_BAT_ACT", 2)
-    take_off(sitl)
-    sitl.fail.battery_sag(8.0)
-    said(sitl, "Dangerous battery level")
-    sitl.until(lambda: sitl.truth.mode == Px4Mode.LAND, timeout_s=7.0)
 
 
 def test_failure_injection_wants_its_parameter(sitl):
