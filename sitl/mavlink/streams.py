@@ -39,6 +39,9 @@ class Streams:
     >>> streams.set(33, 0.1, now_s=0.0)
     >>> streams.due(0.05), streams.due(0.1), streams.due(0.15), streams.due(0.2)
     ([], [33], [], [33])
+    >>> streams.set(30, 0.01, now_s=0.2)  # shorter than a step: once a step
+    >>> streams.due(0.25), streams.due(0.3)
+    ([30], [33, 30])
     """
 
     def __init__(self) -> None:
