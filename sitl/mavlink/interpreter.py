@@ -89,7 +89,7 @@ class Interpreter:
     def _make_transfer(self) -> Transfer:
         ap = self._ap
         return Transfer(
-            ap.plans,
+            plans=ap.plans,
             home=self._home_item,
             running=lambda: ap.in_mission and ap.armed,
             changed=self._commands.plans_changed,

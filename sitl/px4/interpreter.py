@@ -91,7 +91,7 @@ class Px4Interpreter(Interpreter):
                 ap.say(severity, text)
 
         return Transfer(
-            ap.plans,
+            plans=ap.plans,
             home=None,
             running=lambda: False,
             changed=self._commands.plans_changed,

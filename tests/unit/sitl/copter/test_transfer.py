@@ -264,7 +264,7 @@ def _message(draw):
 def test_any_messages_leave_a_sane_state(messages, pauses):
     plans, changes = Plans(), []
     transfer = Transfer(
-        plans, home=lambda: Item(WP), running=lambda: False, changed=changes.append,
+        plans=plans, home=lambda: Item(WP), running=lambda: False, changed=changes.append,
         say=lambda *_: None,
     )  # fmt: skip
     link, now_s = mav.MAVLink(None, 255, 190), 0.0
