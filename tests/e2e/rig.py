@@ -161,6 +161,11 @@ def roi_cells(folder: Path) -> set[tuple[int, int]]:
     }
 
 
+def maps_alike(one: Path, other: Path, most: int = 2) -> bool:
+    """Two maps of one place, by different noise."""
+    return len(roi_cells(one) ^ roi_cells(other)) <= most
+
+
 def stop_after(
     process: Process, folder: Path, count: int, number: signal.Signals
 ) -> Finished | None:
@@ -257,3 +262,11 @@ class Relay(threading.Thread):
 def arguments_of(urls: Sequence[str]) -> list[str]:
     """`--connect` once a vehicle."""
     return [word for url in urls for word in ("--connect", url)]
+
+
+def flying(
+    source: object, urls: Sequence[str], folder: Path, speedup: float, *more: object
+) -> list[object]:
+    """The words that fly a mission over sockets into a folder."""
+    told = ("--speedup", speedup, "--json", "--out", folder)
+    return ["fly", source, *arguments_of(urls), *told, *more]

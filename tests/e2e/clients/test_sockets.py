@@ -12,12 +12,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from tests.e2e.rig import (
     LOOPBACK,
     Relay,
-    arguments_of,
     bodies,
     ended,
     events,
+    flying,
+    maps_alike,
     mission,
-    roi_cells,
     simulator,
     since_resumed,
     started,
@@ -31,16 +31,6 @@ GUIDED, BRAKE = 4, 17
 PX4_HOLD, PX4_RTL = (4, 3), (4, 5)
 
 
-def fly_arguments(name, urls, folder, *more):
-    connect = arguments_of(urls)
-    return ["fly", mission(name), *connect, "--speedup", SPEEDUP, "--json", "--out", folder, *more]
-
-
-def close_to(found, expected, most):
-    """Two maps of one place, by different noise."""
-    return len(found ^ expected) <= most
-
-
 def in_mid_flight(speck):
     """A number of events at which a vehicle looks at the region."""
     kinds = [event["kind"] for event in events(speck.folder)]
@@ -51,7 +41,7 @@ def test_a_recall_brings_home_who_is_in_the_air_and_sends_nobody_out(speck, tmp_
     """What a computer on board may do by itself after it has been started anew."""
     folder = tmp_path / "out"
     with simulator("speck", speedup=SPEEDUP) as urls:
-        with started(*fly_arguments("speck", urls, folder)) as process:
+        with started(*flying(mission("speck"), urls, folder, SPEEDUP)) as process:
             stop_after(process, folder, in_mid_flight(speck), signal.SIGKILL)
         home = uavmap("resume", folder, "--recall", "--json")
         again = since_resumed(folder)
@@ -96,7 +86,7 @@ def test_a_pilot_takes_over_and_gives_back(
         pilot = mavutil.mavlink_connection(
             f"udpout:{LOOPBACK}:{relay.vehicle[1]}", source_system=250, dialect="ardupilotmega"
         )
-        arguments = fly_arguments("speck", [relay.url], folder, "--speedup", speedup)
+        arguments = flying(mission("speck"), [relay.url], folder, speedup)
         try:
             with started(*arguments) as process:
                 wait_until(lambda: len(bodies(folder)) >= in_mid_flight(speck), "the exploration")
@@ -121,7 +111,7 @@ def test_a_pilot_takes_over_and_gives_back(
     after = bodies(folder).index(json.dumps(events(folder, "released")[0], separators=(",", ":")))
     looks = [e for e in events(folder)[after:] if e["kind"] == "frame_seen"]
     assert len(looks) > 5  # it has taken up its work
-    assert close_to(roi_cells(folder), roi_cells(speck.folder), 2)
+    assert maps_alike(folder, speck.folder)
 
 
 def _stops_camera(command):
