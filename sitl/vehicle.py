@@ -220,12 +220,10 @@ class SimVehicle:
         )
 
     def _hear(self, messages: list[Message]) -> None:
-        replies = bytearray()
         for message in messages:
             if message.get_msgId() == mav.MAVLINK_MSG_ID_SETUP_SIGNING:
                 self._set_up_signing(message)
-        replies += self._interpreter.handle(messages)
-        self._tell(bytes(replies) + self._announce())
+        self._tell(self._interpreter.handle(messages) + self._announce())
 
     def _tell(self, frames: bytes) -> None:
         if frames:

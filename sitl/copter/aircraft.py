@@ -17,7 +17,7 @@ from sitl.body.physics import Body, Command
 from sitl.copter.aiding import Aiding
 from sitl.copter.failsafes import Failsafes
 from sitl.copter.fence import Fence
-from sitl.copter.mission_items import Item
+from sitl.copter.mission_items import FENCE, MISSION, RALLY, Item
 from sitl.copter.modes import Phase
 from sitl.copter.motion import Airframe, Motion
 from sitl.copter.params import Parameters
@@ -75,13 +75,14 @@ class Aircraft(Motion, ABC):
         self.aiding = aiding
         self.battery = battery
         self.armed = False
-        self.plans = Plans()
-        self.route = Route(self.plans.mission, first_item)
+        self.plans: Plans = {MISSION: [], FENCE: [], RALLY: []}
+        self.route = Route(self.plans[MISSION], first_item)
         self.fence = fence
         self.texts: list[Notice] = []
         self.mode_changed = False
         self.home_changed = False
-        self._home_known = False
+        self.home_known = False
+        """Satellite navigation has had a fix and home is set."""
         self._resets = 0  # of the position that have been planned anew for
 
     # --- what it knows of itself ---------------------------------------------------------------
@@ -110,11 +111,6 @@ class Aircraft(Motion, ABC):
     def satellites_lost(self) -> bool:
         """No satellites, although the position is meant to come from them."""
         return self.error.lost and self.error.satellites_used
-
-    @property
-    def home_known(self) -> bool:
-        """Satellite navigation has had a fix and home is set."""
-        return self._home_known
 
     @property
     @abstractmethod
@@ -164,7 +160,7 @@ class Aircraft(Motion, ABC):
     def set_home(self, east_m: float, north_m: float, up_m: float) -> None:
         """DO_SET_HOME."""
         self.home = (east_m, north_m, up_m)
-        self._home_known = self.home_changed = True
+        self.home_known = self.home_changed = True
 
     # --- what follows from it -------------------------------------------------------------------
 
@@ -195,8 +191,8 @@ class Aircraft(Motion, ABC):
     def step(self, wind: tuple[float, float], dt_s: float) -> None:
         """One step of estimate, decision, control, physics and battery."""
         self.t_s += dt_s
-        if not self._home_known and self.t_s >= _HOME_SHARE * self._airframe.ready_after_s:
-            self._home_known = self.home_changed = True
+        if not self.home_known and self.t_s >= _HOME_SHARE * self._airframe.ready_after_s:
+            self.home_known = self.home_changed = True
         self.aiding.step(self.t_s)
         self.error.move(dt_s, self.body.v_east, self.body.v_north)
         if self.error.resets != self._resets:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -31,16 +32,8 @@ _INT_FRAMES: dict[int, int] = {
 }
 
 
-class Plans:
-    """The three lists. Item 0 of a mission is home; the mission begins with item 1."""
-
-    def __init__(self) -> None:
-        self.items: dict[int, list[Item]] = {MISSION: [], FENCE: [], RALLY: []}
-
-    @property
-    def mission(self) -> list[Item]:
-        """Home and the items behind it; empty when there is no mission."""
-        return self.items[MISSION]
+Plans: TypeAlias = dict[int, list[Item]]
+"""A list for each MAV_MISSION_TYPE. Where item 0 of a mission is home, it begins with item 1."""
 
 
 @dataclass(slots=True)
@@ -99,7 +92,7 @@ class Transfer:
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """A message of the protocol that is for this vehicle; the answers."""
-        known = message.mission_type in self.plans.items
+        known = message.mission_type in self.plans
         if not known and not (
             message.mission_type == ALL and message.get_type() == "MISSION_CLEAR_ALL"
         ):
@@ -138,7 +131,7 @@ class Transfer:
             self._keep(upload)
             return [_ack(m, OK)]
         if upload.kind in self._at_once:
-            self.plans.items[upload.kind].clear()
+            self.plans[upload.kind].clear()
             self.changed(upload.kind)
         self._upload = upload
         return [self._ask(upload, now_s)]
@@ -180,7 +173,7 @@ class Transfer:
             upload.received.append(item)
             upload.heard_s = now_s
             if upload.kind in self._at_once:
-                self.plans.items[upload.kind].append(item)
+                self.plans[upload.kind].append(item)
             if len(upload.received) < upload.count:
                 return [self._ask(upload, now_s)]
             result = self._keep(upload)
@@ -201,7 +194,7 @@ class Transfer:
         """The upload is complete."""
         result = check_fence(upload.received) if upload.kind == FENCE else OK
         if result == OK:
-            self.plans.items[upload.kind][:] = upload.received
+            self.plans[upload.kind][:] = upload.received
             self.changed(upload.kind)
             self.say(mav.MAV_SEVERITY_INFO, _DONE[upload.kind])
         return result
@@ -211,11 +204,11 @@ class Transfer:
     def _list(self, m: Message, _now_s: float) -> list[Message]:
         if self._upload is not None:
             return [_ack(m, _DENIED)]
-        count = len(self.plans.items[m.mission_type])
+        count = len(self.plans[m.mission_type])
         return [mav.MAVLink_mission_count_message(*_sender(m), count, m.mission_type)]
 
     def _request(self, m: Message, _now_s: float) -> list[Message]:
-        items = self.plans.items[m.mission_type]
+        items = self.plans[m.mission_type]
         if m.mission_type == MISSION and m.seq == 0 and self.home is not None:
             item = self.home()
         elif m.seq < len(items):
@@ -230,13 +223,13 @@ class Transfer:
     # --- the rest -------------------------------------------------------------------------------
 
     def _clear(self, m: Message, _now_s: float) -> list[Message]:
-        kinds = list(self.plans.items) if m.mission_type == ALL else [m.mission_type]
+        kinds = list(self.plans) if m.mission_type == ALL else [m.mission_type]
         if self._upload is not None:
             return [_ack(m, _DENIED)]
         if MISSION in kinds and self.running():
             return [_ack(m, int(mav.MAV_MISSION_ERROR))]
         for kind in kinds:
-            self.plans.items[kind].clear()
+            self.plans[kind].clear()
             self.changed(kind)
         self._finished = None
         return [_ack(m, OK)]

@@ -349,7 +349,7 @@ class Commands(ABC):
     def plans_changed(self, kind: int) -> None:
         """A mission, a fence or the rally points have come or gone."""
         ap = self._ap
-        items = ap.plans.items[kind]
+        items = ap.plans[kind]
         if kind == FENCE:
             ap.fence.zones = zones(items, self._flat)
         elif kind == RALLY:

@@ -85,7 +85,8 @@ class Telemetry:
         self._altimeter = altimeter
         self._wind = wind
         self._clock_rate = 1.0 + quirks.clock_ppm * 1e-6  # beside time
-        self._boot_home = autopilot.home
+        self.origin = autopilot.home
+        """Of LOCAL_POSITION_NED, in the world's plane: the place of booting."""
         self._places: dict[tuple[float, float], tuple[int, int]] = {}
         self._builders: dict[int, Callable[[], Packed | None]] = {
             mav.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
@@ -132,11 +133,6 @@ class Telemetry:
     def build(self, message_id: int) -> Packed | None:
         """The message, or None while there is nothing to say in it."""
         return self._builders[message_id]()
-
-    @property
-    def origin(self) -> tuple[float, float, float]:
-        """Of LOCAL_POSITION_NED, in the world's plane: the place of booting."""
-        return self._boot_home
 
     @property
     def boot_ms(self) -> int:
@@ -273,7 +269,7 @@ class Telemetry:
         """LOCAL_POSITION_NED around the place of booting."""
         if not self._ap.home_known:
             return None
-        now, (east, north, up) = self._ap.estimate, self._boot_home
+        now, (east, north, up) = self._ap.estimate, self.origin
         return layouts.local_position_ned(
             self.boot_ms, now.north - north, now.east - east, up - now.up,
             now.v_north, now.v_east, -now.v_up,
@@ -315,7 +311,7 @@ class Telemetry:
         """GPS_GLOBAL_ORIGIN: the origin of LOCAL_POSITION_NED."""
         if not self._ap.home_known:
             return None
-        return layouts.gps_global_origin(*self.place(*self._boot_home))
+        return layouts.gps_global_origin(*self.place(*self.origin))
 
     def vfr_hud(self) -> Packed:
         """VFR_HUD."""
@@ -372,7 +368,7 @@ class Telemetry:
         if not ap.home_known:
             return None
         east, north, up = ap.home
-        boot_east, boot_north, boot_up = self._boot_home
+        boot_east, boot_north, boot_up = self.origin
         return layouts.home_position(
             *self.place(east, north, up), north - boot_north, east - boot_east, boot_up - up,
             *_NAN4, 0.0, 0.0, 0.0, int(ap.t_s * 1e6),

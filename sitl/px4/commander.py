@@ -13,7 +13,7 @@ from sitl.body.estimator import Estimator
 from sitl.body.physics import Body
 from sitl.copter.aircraft import SEVERITY_INFO, Aircraft
 from sitl.copter.failsafes import CHARGE_CRITICAL
-from sitl.copter.fence import ALT_MAX, CIRCLE, POLYGON, Fence, Place, names
+from sitl.copter.fence import ALT_MAX, CIRCLE, POLYGON, Fence, names
 from sitl.copter.modes import Phase
 from sitl.copter.motion import Airframe
 from sitl.copter.params import Parameters
@@ -41,21 +41,11 @@ class Px4Fence(Fence):
         """There is none."""
         return -math.inf
 
-    def violations(
-        self, parameters: Parameters, home: Place, place: Place, *, low: bool = True
-    ) -> int:
-        """Bits of `sitl.copter.fence` that a place breaks."""
-        if not self.enabled(parameters):
-            return 0
-        broken = 0
-        highest_m, farthest_m = parameters["GF_MAX_VER_DIST"], parameters["GF_MAX_HOR_DIST"]
-        if highest_m > 0.0 and place[2] - home[2] > highest_m:
-            broken |= ALT_MAX
-        if farthest_m > 0.0 and math.dist(place[:2], home[:2]) > farthest_m:
-            broken |= CIRCLE
-        if any(zone.broken_at(place[0], place[1]) for zone in self.zones):
-            broken |= POLYGON
-        return broken
+    def _limits(self, parameters: Parameters) -> tuple[int, float, float, float]:
+        """Distances that are not positive are none."""
+        farthest = (parameters[name] for name in ("GF_MAX_VER_DIST", "GF_MAX_HOR_DIST"))
+        high_m, far_m = (limit_m if limit_m > 0.0 else math.inf for limit_m in farthest)
+        return ALT_MAX | CIRCLE | POLYGON, -math.inf, high_m, far_m
 
 
 LASTS_S = 120.0

@@ -150,7 +150,7 @@ class Px4Telemetry(Telemetry):
         """ALTITUDE: over the sea, the origin and home; the terrain is not known."""
         up, amsl = self._ap.estimate.up, self.amsl_m + self._ap.estimate.up
         return mav.MAVLink_altitude_message(
-            round(self._ap.t_s * 1e6), amsl, amsl, up - self._boot_home[2],
+            round(self._ap.t_s * 1e6), amsl, amsl, up - self.origin[2],
             up - self._ap.home[2], math.nan, math.nan,
         )  # fmt: skip
 
