@@ -83,6 +83,7 @@ _TRIGGERS = (
 )
 
 
+@dataclass(eq=False)
 class Commands(ABC):
     """The commands of an autopilot and of its camera.
 
@@ -101,30 +102,23 @@ class Commands(ABC):
     answers_for_camera: ClassVar[bool] = True
     """The autopilot answers what a camera is asked that is not there."""
 
-    def __init__(
-        self,
-        aircraft: Aircraft,
-        telemetry: Telemetry,
-        streams: Streams,
-        payload: Payload,
-        camera: CameraKind,
-        intercept: Callable[[Request], int | None],
-    ) -> None:
-        self._ap = aircraft
-        self._telemetry = telemetry
-        self._streams = streams
-        self._payload = payload
-        self._camera = camera
-        self._intercept = intercept
-        aircraft.route.locate = self._item_place
-        aircraft.route.camera = self._route_camera
+    ap: Aircraft
+    telemetry: Telemetry
+    streams: Streams
+    payload: Payload
+    camera: CameraKind
+    intercept: Callable[[Request], int | None]
+
+    def __post_init__(self) -> None:
+        self.ap.route.locate = self._item_place
+        self.ap.route.camera = self._route_camera
         self._table: dict[int, Callable[[Request], Reply]] = {
             mav.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
             mav.MAV_CMD_DO_SET_MISSION_CURRENT: self._mission_current,
             mav.MAV_CMD_DO_SET_HOME: self._set_home,
             mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE: self._external_position,
             mav.MAV_CMD_RUN_PREARM_CHECKS: lambda _: Reply(
-                self.refused if aircraft.armed else ACCEPTED, self._prearm_texts()
+                self.refused if self.ap.armed else ACCEPTED, self._prearm_texts()
             ),
             mav.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
             mav.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
@@ -138,7 +132,7 @@ class Commands(ABC):
         self._camera_table: dict[int, Callable[[Request], Reply]] = {
             mav.MAV_CMD_IMAGE_START_CAPTURE: self._start_capture,
             mav.MAV_CMD_DO_DIGICAM_CONTROL: self._digicam,
-            mav.MAV_CMD_IMAGE_STOP_CAPTURE: lambda _: Reply(self._payload.stop()),
+            mav.MAV_CMD_IMAGE_STOP_CAPTURE: lambda _: Reply(self.payload.stop()),
             mav.MAV_CMD_REQUEST_CAMERA_INFORMATION: lambda _: self._camera_message(
                 mav.MAVLINK_MSG_ID_CAMERA_INFORMATION, 0
             ),
@@ -151,10 +145,10 @@ class Commands(ABC):
 
     def carry_out(self, request: Request, for_camera: bool) -> Reply:
         """Do it. The autopilot passes the camera's commands on, the camera knows only its own."""
-        if (result := self._intercept(request)) is not None:
+        if (result := self.intercept(request)) is not None:
             return Reply(result)
         function = self._camera_table.get(request.command)
-        if self._camera != "component" and (for_camera or request.command in _TRIGGERS):
+        if self.camera != "component" and (for_camera or request.command in _TRIGGERS):
             return self._without_component(request, for_camera)
         if not for_camera:
             function = self._table.get(request.command, function)
@@ -164,7 +158,7 @@ class Commands(ABC):
         """What becomes of a camera's command where no camera is on the link."""
         if not self.answers_for_camera:
             return Reply(UNSUPPORTED, silent=for_camera)
-        if self._camera == "none" or request.command not in _TRIGGERS:
+        if self.camera == "none" or request.command not in _TRIGGERS:
             return Reply(FAILED, by_autopilot=True)
         return replace(self._camera_table[request.command](request), by_autopilot=True)
 
@@ -172,21 +166,21 @@ class Commands(ABC):
 
     def _set_interval(self, request: Request) -> Reply:
         message_id, interval_us = request.integer(1), request.p[1]
-        if message_id is None or message_id not in self._telemetry.streamable:
+        if message_id is None or message_id not in self.telemetry.streamable:
             return Reply(DENIED)
         if not math.isfinite(interval_us):
             return Reply(DENIED)
         interval_s = interval_us / 1e6 if interval_us > 0.0 else None
         if interval_us == 0.0:
             interval_s = self.default_s.get(message_id)
-        self._streams.set(message_id, interval_s, self._ap.t_s)
+        self.streams.set(message_id, interval_s, self.ap.t_s)
         return Reply(ACCEPTED)
 
     def _get_interval(self, request: Request) -> Reply:
         message_id = request.integer(1)
-        if message_id is None or not self._telemetry.knows(message_id):
+        if message_id is None or not self.telemetry.knows(message_id):
             return Reply(DENIED)
-        interval_s = self._streams.interval_s(message_id)
+        interval_s = self.streams.interval_s(message_id)
         interval_us = -1 if interval_s is None else min(round(interval_s * 1e6), 2**31 - 1)
         return Reply(ACCEPTED, (mav.MAVLink_message_interval_message(message_id, interval_us),))
 
@@ -199,16 +193,16 @@ class Commands(ABC):
         return self._send(message_id)
 
     def _send(self, message_id: int) -> Reply:
-        if not self._telemetry.knows(message_id):
+        if not self.telemetry.knows(message_id):
             return Reply(FAILED)
-        message = self._telemetry.build(message_id)
+        message = self.telemetry.build(message_id)
         return Reply(FAILED) if message is None else Reply(ACCEPTED, (message,))
 
     # --- camera ---------------------------------------------------------------------------------
 
     def _start_capture(self, request: Request) -> Reply:
         _, interval_s, count, sequence = request.p[:4]
-        return Reply(self._payload.start(interval_s, count, sequence, self._ap.t_s))
+        return Reply(self.payload.start(interval_s, count, sequence, self.ap.t_s))
 
     def _digicam(self, request: Request) -> Reply:
         """DO_DIGICAM_CONTROL: a picture when parameter 5 is 1; there is nothing to zoom or focus.
@@ -218,7 +212,7 @@ class Commands(ABC):
         shoot = request.p[4] if request.place is None else request.place[1]
         if shoot != 1:
             return Reply(ACCEPTED)
-        return Reply(self._payload.start(0.0, 1.0, 0.0, self._ap.t_s))
+        return Reply(self.payload.start(0.0, 1.0, 0.0, self.ap.t_s))
 
     def _route_camera(self, series: tuple[float, int] | None) -> None:
         """What a mission asks of the camera: interval and count, or None to stop.
@@ -226,14 +220,14 @@ class Commands(ABC):
         A camera that is still busy loses the picture, and says so.
         """
         if series is None:
-            self._payload.stop()
+            self.payload.stop()
             return
-        result = self._payload.start(series[0], series[1], 0.0, self._ap.t_s)
+        result = self.payload.start(series[0], series[1], 0.0, self.ap.t_s)
         if result != ACCEPTED:
-            self._ap.say(mav.MAV_SEVERITY_WARNING, "Camera: not ready, picture lost")
+            self.ap.say(mav.MAV_SEVERITY_WARNING, "Camera: not ready, picture lost")
 
     def _camera_message(self, message_id: int, index: int) -> Reply:
-        message = self._payload.build(message_id, index)
+        message = self.payload.build(message_id, index)
         if message is None:
             return Reply(FAILED)
         return Reply(ACCEPTED, (message,), from_camera=True)
@@ -251,7 +245,7 @@ class Commands(ABC):
         return Reply(self.refused, (statustext(mav.MAV_SEVERITY_CRITICAL, refusal),))
 
     def _prearm_texts(self) -> tuple[object, ...]:
-        refusal = None if self._ap.armed else self._ap.prearm_refusal()
+        refusal = None if self.ap.armed else self.ap.prearm_refusal()
         return () if refusal is None else (statustext(mav.MAV_SEVERITY_CRITICAL, refusal),)
 
     def target(self, frame: int, lat_e7: int, lon_e7: int, altitude_m: float) -> Place | None:
@@ -265,17 +259,17 @@ class Commands(ABC):
         if not (abs(lat_e7) <= 900_000_000 and abs(lon_e7) <= 1_800_000_000):
             return None
         if frame in _AMSL_FRAMES:
-            up = altitude_m - self._telemetry.amsl_m
+            up = altitude_m - self.telemetry.amsl_m
         elif frame in _HOME_FRAMES:
-            up = altitude_m + self._ap.home[2]
+            up = altitude_m + self.ap.home[2]
         elif frame in _TERRAIN_FRAMES:
-            up = altitude_m - self._telemetry.amsl_m
+            up = altitude_m - self.telemetry.amsl_m
         else:
             return None
         return (*self._flat(lat_e7, lon_e7), up)
 
     def _flat(self, lat_e7: int, lon_e7: int) -> tuple[float, float]:
-        return self._telemetry.plane.to_plane(LatLon(lat_e7 / 1e7, lon_e7 / 1e7))
+        return self.telemetry.plane.to_plane(LatLon(lat_e7 / 1e7, lon_e7 / 1e7))
 
     def locate(self, lat_e7: int, lon_e7: int) -> Place | None:
         """Latitude and longitude in the world's plane; None when it is nowhere."""
@@ -290,7 +284,7 @@ class Commands(ABC):
         if kind is None or not math.isfinite(speed):
             return Reply(DENIED)
         if speed > 0.0:  # -1: no change
-            self._ap.set_speed(kind, speed)
+            self.ap.set_speed(kind, speed)
         return Reply(ACCEPTED)
 
     def _external_position(self, request: Request) -> Reply:
@@ -298,7 +292,7 @@ class Commands(ABC):
 
         The time of transmission is taken for the time of arrival.
         """
-        ap, (_, delay_s, sigma_m) = self._ap, request.p[:3]
+        ap, (_, delay_s, sigma_m) = self.ap, request.p[:3]
         place = None
         if request.place is not None:
             place = self.locate(*request.place[1:])
@@ -323,15 +317,15 @@ class Commands(ABC):
         if seq is None:
             return Reply(DENIED)
         if request.p[1] == 1.0:
-            self._ap.route.reset()
-        return Reply(ACCEPTED if self._ap.route.jump_to(seq, self._ap) else self.refused)
+            self.ap.route.reset()
+        return Reply(ACCEPTED if self.ap.route.jump_to(seq, self.ap) else self.refused)
 
     def _set_home(self, request: Request) -> Reply:
-        if not self._ap.home_known:
+        if not self.ap.home_known:
             return Reply(self.refused)
         if request.p[0] == 1.0:
-            now = self._ap.estimate
-            self._ap.set_home(now.east, now.north, now.up)
+            now = self.ap.estimate
+            self.ap.set_home(now.east, now.north, now.up)
             return Reply(ACCEPTED)
         if request.place is None:
             lat, lon = request.p[4], request.p[5]
@@ -343,12 +337,12 @@ class Commands(ABC):
         home = self.target(*place, request.p[6])
         if home is None or place[1:] == (0, 0):
             return Reply(self.refused)
-        self._ap.set_home(*home)
+        self.ap.set_home(*home)
         return Reply(ACCEPTED)
 
     def plans_changed(self, kind: int) -> None:
         """A mission, a fence or the rally points have come or gone."""
-        ap = self._ap
+        ap = self.ap
         items = ap.plans[kind]
         if kind == FENCE:
             ap.fence.zones = zones(items, self._flat)

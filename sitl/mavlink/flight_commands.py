@@ -27,7 +27,7 @@ _FORCE_ARM, _FORCE_DISARM = 2989.0, 21196.0
 class FlightCommands(Commands):
     """An ArduCopter's."""
 
-    _ap: Autopilot
+    ap: Autopilot
 
     def _flight_table(self) -> dict[int, Callable[[Request], Reply]]:
         return {
@@ -46,9 +46,9 @@ class FlightCommands(Commands):
 
     def _arm_disarm(self, request: Request) -> Reply:
         if request.p[0] == 1.0:
-            refusal = self._ap.arm(force=request.p[1] == _FORCE_ARM)
+            refusal = self.ap.arm(force=request.p[1] == _FORCE_ARM)
         elif request.p[0] == 0.0:
-            refusal = self._ap.disarm(force=request.p[1] == _FORCE_DISARM)
+            refusal = self.ap.disarm(force=request.p[1] == _FORCE_DISARM)
         else:
             return Reply(UNSUPPORTED)
         return self.answer(refusal)
@@ -68,27 +68,27 @@ class FlightCommands(Commands):
         return self._mode(mode)
 
     def _mode(self, mode: Mode) -> Reply:
-        return self.answer(self._ap.set_mode(mode))
+        return self.answer(self.ap.set_mode(mode))
 
     def _take_off(self, request: Request) -> Reply:
         height_m = request.p[6]
         if not height_m <= HIGHEST_M:
             return Reply(FAILED)
-        return Reply(ACCEPTED if self._ap.take_off(height_m) is None else FAILED)
+        return Reply(ACCEPTED if self.ap.take_off(height_m) is None else FAILED)
 
     def _reposition(self, request: Request) -> Reply:
         if request.place is None:
             return Reply(int(mav.MAV_RESULT_COMMAND_INT_ONLY))
         change_mode = request.integer(2) or 0
-        if self._ap.mode != Mode.GUIDED:
+        if self.ap.mode != Mode.GUIDED:
             if not change_mode & mav.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
                 return Reply(DENIED)
-            if (refusal := self._ap.set_mode(Mode.GUIDED)) is not None:
+            if (refusal := self.ap.set_mode(Mode.GUIDED)) is not None:
                 return self.answer(refusal)
         target = self.target(*request.place, request.p[6])
         if target is None:
             return Reply(DENIED)
-        return Reply(ACCEPTED if self._ap.go_to(*target) else FAILED)
+        return Reply(ACCEPTED if self.ap.go_to(*target) else FAILED)
 
     def _yaw(self, request: Request) -> Reply:
         angle, _speed, direction, relative = request.p[:4]
@@ -96,26 +96,26 @@ class FlightCommands(Commands):
             return Reply(DENIED)
         goal = math.radians(angle)
         if relative:
-            goal = self._ap.yaw_goal + math.copysign(1.0, direction) * goal
-        return Reply(ACCEPTED if self._ap.turn_to(goal) else FAILED)
+            goal = self.ap.yaw_goal + math.copysign(1.0, direction) * goal
+        return Reply(ACCEPTED if self.ap.turn_to(goal) else FAILED)
 
     # --- missions, fence, home ------------------------------------------------------------------
 
     def _mission_start(self, request: Request) -> Reply:
         if request.p[0] or request.p[1]:  # a part of a mission cannot be flown
             return Reply(DENIED)
-        return self.answer(self._ap.start_mission())
+        return self.answer(self.ap.start_mission())
 
     def _pause(self, request: Request) -> Reply:
         wanted = request.integer(1)
         if wanted not in (0, 1):
             return Reply(DENIED)
-        return Reply(ACCEPTED if self._ap.pause_mission(wanted == 0) else FAILED)
+        return Reply(ACCEPTED if self.ap.pause_mission(wanted == 0) else FAILED)
 
     def _choose_sources(self, request: Request) -> Reply:
         number = request.integer(1)
         return Reply(
-            ACCEPTED if number is not None and self._ap.aiding.choose_sources(number) else DENIED
+            ACCEPTED if number is not None and self.ap.aiding.choose_sources(number) else DENIED
         )
 
     def _external_position(self, request: Request) -> Reply:
@@ -128,5 +128,5 @@ class FlightCommands(Commands):
         wanted = request.integer(1)
         if wanted not in (0, 1):
             return Reply(FAILED)
-        self._ap.enable_fence(wanted == 1)
+        self.ap.enable_fence(wanted == 1)
         return Reply(ACCEPTED)

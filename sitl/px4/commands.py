@@ -39,7 +39,7 @@ class Px4Commands(Commands):
     nowhere = FAILED
     unknown_rally_frames = (mav.MAV_FRAME_GLOBAL_INT, mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 
-    _ap: Px4Autopilot
+    ap: Px4Autopilot
     default_s = DEFAULT_S
     answers_for_camera = False
 
@@ -59,15 +59,15 @@ class Px4Commands(Commands):
         """ACK; the text that explains a refusal is told behind it, as any other."""
         if refusal is None:
             return Reply(ACCEPTED)
-        self._ap.say(mav.MAV_SEVERITY_CRITICAL, refusal)
+        self.ap.say(mav.MAV_SEVERITY_CRITICAL, refusal)
         return Reply(self.refused)
 
     def _arm_disarm(self, request: Request) -> Reply:
         force = request.p[1] == _FORCE
         if request.p[0] == 1.0:
-            return self.answer(self._ap.arm(force))
+            return self.answer(self.ap.arm(force))
         if request.p[0] == 0.0:
-            return self.answer(self._ap.disarm(force))
+            return self.answer(self.ap.disarm(force))
         return Reply(UNSUPPORTED)
 
     def _set_mode(self, request: Request) -> Reply:
@@ -85,12 +85,12 @@ class Px4Commands(Commands):
         return self.answer("Unsupported mode") if mode is None else self._mode(mode)
 
     def _mode(self, mode: Px4Mode) -> Reply:
-        return self.answer(self._ap.set_mode(mode))
+        return self.answer(self.ap.set_mode(mode))
 
     def _take_off(self, request: Request) -> Reply:
         amsl_m = request.p[6]
-        up_m = amsl_m - self._telemetry.amsl_m if abs(amsl_m) <= HIGHEST_M else None
-        return self.answer(self._ap.take_off((*self._flat_or_none(request), up_m)))
+        up_m = amsl_m - self.telemetry.amsl_m if abs(amsl_m) <= HIGHEST_M else None
+        return self.answer(self.ap.take_off((*self._flat_or_none(request), up_m)))
 
     def _reposition(self, request: Request) -> Reply:
         place = request.place
@@ -98,18 +98,18 @@ class Px4Commands(Commands):
             return Reply(DENIED)
         changes_mode = (request.integer(2) or 0) & mav.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
         if changes_mode:
-            refusal = self._ap.set_mode(Px4Mode.HOLD)
+            refusal = self.ap.set_mode(Px4Mode.HOLD)
             if refusal is not None:
                 return self.answer("Reposition command rejected")
         east, north = self._flat_or_none(request)
         amsl_m, speed_m_s, yaw_rad = request.p[6], request.p[0], request.p[3]
-        up = amsl_m - self._telemetry.amsl_m if abs(amsl_m) <= HIGHEST_M else None
-        text = self._ap.reposition((east, north, up), yaw_rad if math.isfinite(yaw_rad) else None)
+        up = amsl_m - self.telemetry.amsl_m if abs(amsl_m) <= HIGHEST_M else None
+        text = self.ap.reposition((east, north, up), yaw_rad if math.isfinite(yaw_rad) else None)
         if text is not None:
-            self._ap.say(mav.MAV_SEVERITY_CRITICAL, text)
+            self.ap.say(mav.MAV_SEVERITY_CRITICAL, text)
             return Reply(ACCEPTED)
         if math.isfinite(speed_m_s) and speed_m_s > 0.0:
-            self._ap.set_speed("speed_m_s", speed_m_s)
+            self.ap.set_speed("speed_m_s", speed_m_s)
         # without the flag it flies there in Hold, and says that it does not
         return Reply(ACCEPTED if changes_mode else UNSUPPORTED)
 
@@ -133,14 +133,14 @@ class Px4Commands(Commands):
 
     def _mission_start(self, request: Request) -> Reply:
         first = request.p[0]
-        total = self._ap.route.total
+        total = self.ap.route.total
         if total == 0:
             return replace(self.answer("Mission start denied! No valid mission"), result=DENIED)
         if not (math.isfinite(first) and -1.0 <= first < total):
             return Reply(DENIED)
         if first > 0.0:
-            self._ap.route.jump_to(int(first), self._ap)
-        return self.answer(self._ap.start_mission())
+            self.ap.route.jump_to(int(first), self.ap)
+        return self.answer(self.ap.start_mission())
 
     def _set_home_amsl(self, request: Request) -> Reply:
         if request.place is not None:
