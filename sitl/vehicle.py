@@ -27,7 +27,7 @@ from sitl.codec.wire import Message
 from sitl.faults.faults import Faults
 from sitl.faults.injection import SIM_PARAMETERS, inject
 from sitl.mavlink.camera_component import Exposure, Payload
-from sitl.mavlink.commands import Commands, Request, statustext
+from sitl.mavlink.commands import Request
 from sitl.mavlink.links import Link
 from sitl.mavlink.signing import Signing
 from sitl.mavlink.streams import Streams
@@ -72,43 +72,33 @@ class SimVehicle:
         self._altimeter = Altimeter(
             world.spec.origin_amsl_m, (*self._seed, _HEIGHT_SEED), spec.quirks.height_sigma_m
         )
-        flavour = FLAVOURS[spec.autopilot](
-            Kit(
-                spec, self._body, self._error, self._battery, world.plane, self._altimeter,
-                self._wind, self._seed,
-            )
-        )  # fmt: skip
-        self._flavour = flavour
-        self._ap = flavour.aircraft
-        self._telemetry = flavour.telemetry
+        flavour = FLAVOURS[spec.autopilot]
+        kit = Kit(spec, self._body, self._error, self._battery, self._seed)
+        self._ap = flavour.aircraft(kit)
+        self._telemetry = flavour.telemetry(
+            self._ap, world, self._altimeter, self._wind, spec.quirks
+        )
         self._streams = Streams()
-        for message_id, interval_s in flavour.default_s.items():
+        for message_id, interval_s in flavour.commands.default_s.items():
             if self._telemetry.knows(message_id):
                 self._streams.set(message_id, interval_s, 0.0)
         prefix = f"{spec.image_url_prefix}{spec.system_id}/"
-        self._telemetry.ground_m = world.ground_m
-        self._telemetry.clock_rate = 1.0 + spec.quirks.clock_ppm * 1e-6
         self._payload = Payload(
             spec.camera, world, self._telemetry, prefix, self._expose, spec.quirks
         )
-        commands = Commands(
-            self._ap,
-            self._telemetry,
-            self._streams,
-            self._payload,
-            flavour.flight,
-            flavour.default_s,
-            camera=spec.quirks.camera,
-            answers_for_camera=flavour.answers_for_camera,
-        )
-        commands.intercept = self._intercept
+        commands = flavour.commands(
+            self._ap, self._telemetry, self._streams, self._payload, spec.quirks.camera,
+            self._intercept,
+        )  # fmt: skip
         self._ap.parameters.watch = self._parameter_set
         if spec.optical_flow:
             for name in ("FLOW_TYPE", "EK3_SRC_OPTIONS", "EKF2_OF_CTRL"):
                 if name in self._ap.parameters:
                     self._ap.parameters.preset(name, 1.0)
         self._ap.parameters.set_up(spec.parameters)
-        self._interpreter = flavour.interpreter(commands, self._streams)
+        self._interpreter = flavour.interpreter(
+            spec.system_id, self._ap, commands, self._streams, self._telemetry
+        )
         self._next_heartbeat_s = 0.0
         self._next_timesync_s = 0.0
         self._resting_s = 0.0
@@ -172,15 +162,10 @@ class SimVehicle:
             raise ValueError(f"a vehicle has at most {_MAX_LINKS} links")
         link = Link(
             link_id, self._seed, self.fail, self._signing, self._hear, trusted=trusted,
-            texts_to_stations=self._flavour.texts_to_stations,
+            texts_to_stations=self._interpreter.texts_to_stations,
         )  # fmt: skip
         self._links.append(link)
         return link
-
-    @property
-    def links(self) -> tuple[Link, ...]:
-        """All links, that of `receive` and `step` first."""
-        return tuple(self._links)
 
     def disconnect(self, link: Link) -> None:
         """Forget a client's link; what signatures it has seen is kept."""
@@ -204,7 +189,7 @@ class SimVehicle:
     @property
     def banner(self) -> bytes:
         """What a TCP client is greeted with."""
-        return self._flavour.banner
+        return self._interpreter.banner
 
     @property
     def up_m(self) -> float:
@@ -235,12 +220,10 @@ class SimVehicle:
         )
 
     def _hear(self, messages: list[Message]) -> None:
-        replies = bytearray()
         for message in messages:
             if message.get_msgId() == mav.MAVLINK_MSG_ID_SETUP_SIGNING:
                 self._set_up_signing(message)
-        replies += self._interpreter.handle(messages)
-        self._tell(bytes(replies) + self._announce())
+        self._tell(self._interpreter.handle(messages) + self._announce())
 
     def _tell(self, frames: bytes) -> None:
         if frames:
@@ -299,7 +282,7 @@ class SimVehicle:
         if picture is not None:
             if self.spec.quirks.camera == "component":
                 sent += self._interpreter.camera_wire.pack(picture)
-            if self._flavour.camera_feedback:
+            if self._interpreter.camera_feedback:
                 sent += wire.pack(self._payload.feedback)
             if fail.picture:
                 self._spoiler.note(picture.file_url, fail.picture)
@@ -312,16 +295,14 @@ class SimVehicle:
             return b""
         wire = self._interpreter.autopilot_wire
         sent = bytearray()
-        if ap.mode_changed and self._flavour.tells_mode_at_once:
+        if ap.mode_changed and self._interpreter.tells_mode_at_once:
             sent += wire.pack(self._telemetry.heartbeat())
         if ap.home_changed and ap.home_known:
             sent += wire.pack(self._telemetry.gps_global_origin())
             sent += wire.pack(self._telemetry.home_position())
         if self._interpreter.heard:  # nobody has listened before: no texts
             for notice in ap.texts:
-                sent += wire.pack(statustext(notice.severity, notice.text))
-                if self._flavour.event is not None:
-                    sent += wire.pack(self._flavour.event(notice, ap.t_s))
+                sent += self._interpreter.tell(notice)
         ap.mode_changed = ap.home_changed = False
         ap.texts.clear()
         return bytes(sent)

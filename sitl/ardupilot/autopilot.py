@@ -11,11 +11,12 @@ from sitl.copter.aircraft import SEVERITY_CRITICAL, SEVERITY_INFO, Aircraft
 from sitl.copter.fence import Fence, names
 from sitl.copter.mission_items import FENCE, MISSION, RALLY, Item
 from sitl.copter.modes import LEVEL, UNARMABLE, Mode, Phase
-from sitl.copter.motion import Place
+from sitl.copter.motion import Airframe
 from sitl.copter.params import Parameters
 from sitl.copter.route import Progress
-from sitl.copter.streaming import Setpoint
-from sitl.copter.tuning import CopterTuning
+from sitl.copter.streaming import Setpoint, ShapedFollower
+from sitl.copter.trajectory import MOST_JERK_M_S3, copter_speed, shaping_jerk
+from sitl.copter.tuning import copter_tuning
 
 _LANDED, _AUTO = Phase.LANDED, Mode.AUTO  # looked up once, not at every step
 _ARM_IN_AUTO, _TAKE_OFF_IN_AUTO = 1, 2  # AUTO_OPTIONS
@@ -34,26 +35,24 @@ class Autopilot(Aircraft):
         body: Body,
         error: Estimator,
         battery: Battery,
-        *,
-        ready_after_s: float,
-        max_speed_m_s: float,
-        max_accel_m_s2: float,
-        stick: bool,
+        airframe: Airframe,
     ) -> None:
         parameters = Parameters()
         super().__init__(
             body,
             error,
             battery,
+            airframe,
             parameters,
-            CopterTuning(parameters),
             Fence(),
             Ek3Aiding(body, error, parameters),
+            tune=copter_tuning,
+            speed_law=copter_speed,
+            # PSC_JERK_XY of 0 leaves it to what the vehicle can do
+            follower=ShapedFollower(
+                lambda: shaping_jerk(parameters["PSC_JERK_XY"] or MOST_JERK_M_S3)
+            ),
             first_item=1,
-            ready_after_s=ready_after_s,
-            max_speed_m_s=max_speed_m_s,
-            max_accel_m_s2=max_accel_m_s2,
-            stick=stick,
         )
         self.mode = Mode.STABILIZE
         self.failsafes = ArduPilotFailsafes()
@@ -217,27 +216,16 @@ class Autopilot(Aircraft):
         self.fly_to(place, yaw_rad)
         return True
 
-    def go_with(self, v_east: float, v_north: float, v_up: float) -> bool:
-        """A guided velocity, m/s, kept for GUID_TIMEOUT; False when it is dropped."""
+    def go_along(self, setpoint: Setpoint, yaw_rad: float | None = None) -> bool:
+        """A guided velocity, with or without a place, kept for GUID_TIMEOUT."""
+        place = setpoint.place
         if self.mode != Mode.GUIDED or not self.airborne:
             return False
-        self._enter_submode("velocity")
-        self.follow(Setpoint(None, (v_east, v_north, v_up)), self._stream_ends_s)
-        return True
-
-    def go_along(self, place: Place, velocity: Place, yaw_rad: float | None = None) -> bool:
-        """A guided place and velocity, kept for GUID_TIMEOUT; False when it is dropped."""
-        if self.mode != Mode.GUIDED or not self.airborne:
+        if place is not None and self.fence.violations(self.parameters, self.home, place):
             return False
-        if self.fence.violations(self.parameters, self.home, place):
-            return False
-        self._enter_submode("place and velocity")
-        self.follow(Setpoint(place, velocity), self._stream_ends_s, yaw_rad)
+        self._enter_submode("velocity" if place is None else "place and velocity")
+        self.follow(setpoint, self.t_s + self.parameters["GUID_TIMEOUT"], yaw_rad)
         return True
-
-    @property
-    def _stream_ends_s(self) -> float:
-        return self.t_s + self.parameters["GUID_TIMEOUT"]
 
     def _enter_submode(self, submode: str) -> None:
         """What a speed was changed to is lost with a change: WPNAV_SPEED is read then."""

@@ -18,18 +18,6 @@ class Battery:
     50
     """
 
-    __slots__ = (
-        "_dead_cells",
-        "_sag_v",
-        "_set_v",
-        "_unnoticed_wh",
-        "_voltage_v",
-        "capacity_wh",
-        "consumed_mah",
-        "energy_wh",
-        "power_w",
-    )
-
     def __init__(self, capacity_wh: float) -> None:
         if not capacity_wh > 0.0:
             raise ValueError(f"a battery holds more than nothing: {capacity_wh} Wh")
@@ -41,19 +29,16 @@ class Battery:
         self._set_v = 0.0
         self._dead_cells = 0
         self._unnoticed_wh = 0.0  # gone with a cell, but the autopilot only counts what flows
-        self._voltage_v: float | None = None  # asked for several times a step
 
     def draw(self, power_w: float, dt_s: float) -> None:
         """Take `power_w` for `dt_s`; an empty battery stays empty."""
         self.power_w = power_w
-        self._voltage_v = None
         if power_w <= 0.0:
             return
         hours = dt_s / 3600.0
         self.consumed_mah += 1000.0 * self.current_a * hours
         left_wh = self.energy_wh - power_w * hours
         self.energy_wh = left_wh if left_wh > 0.0 else 0.0
-        self._voltage_v = None
 
     def swap(self) -> None:
         """Put in a full pack; the autopilot's counters start again."""
@@ -62,7 +47,6 @@ class Battery:
         self.power_w = 0.0
         self._dead_cells = 0
         self._unnoticed_wh = 0.0
-        self._voltage_v = None
 
     def fail_cell(self) -> None:
         """A cell becomes a wire: its voltage and its share of the energy are gone."""
@@ -71,13 +55,11 @@ class Battery:
         self.energy_wh -= lost_wh
         self._unnoticed_wh += lost_wh
         self._dead_cells = min(CELLS - 1, self._dead_cells + 1)
-        self._voltage_v = None
 
     def disturb(self, *, sag_v: float, set_v: float) -> None:
         """Faults: the voltage is lower by `sag_v`; at rest it is `set_v`, if not 0, whatever the
         charge."""
         self._sag_v, self._set_v = sag_v, set_v
-        self._voltage_v = None
 
     @property
     def empty(self) -> bool:
@@ -107,11 +89,6 @@ class Battery:
     @property
     def voltage_v(self) -> float:
         """Open-circuit voltage by charge, less what the load drops."""
-        if self._voltage_v is None:
-            self._voltage_v = self._loaded_voltage()
-        return self._voltage_v
-
-    def _loaded_voltage(self) -> float:
         cells = CELLS - self._dead_cells
         charge = self.energy_wh / (self.capacity_wh * (cells / CELLS))
         rest = cells * (_CELL_EMPTY_V + (_CELL_FULL_V - _CELL_EMPTY_V) * charge)

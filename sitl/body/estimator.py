@@ -43,8 +43,6 @@ class DeadReckoning:
 
     MOST = _MOST_SIGMAS + math.sqrt(2.0) * _MOST_WANDER * _CHANGING_SHARE
 
-    __slots__ = ("_at", "_noise", "_rng", "_rotation", "_scale", "_wander", "drift")
-
     def __init__(self, seed: list[int], drift: float) -> None:
         self._rng = np.random.default_rng(seed)
         self.drift = drift
@@ -102,24 +100,6 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
     there is optical flow, whose way errs by the share `drift` of the distance. `satellites_used`
     and `aided` say what the autopilot lets count, from one step to the next.
     """
-
-    __slots__ = (
-        "_flow_m",
-        "_pending",
-        "_plain",
-        "_reckoning",
-        "_regained_s",
-        "_unaided_s",
-        "_variance",
-        "aided",
-        "fix",
-        "flow",
-        "no_fix_s",
-        "outage_s",
-        "resets",
-        "satellites_used",
-        "still_near",
-    )
 
     def __init__(
         self,

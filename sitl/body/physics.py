@@ -49,36 +49,6 @@ class Body:
     lags use their exact decay, so any step up to `MAX_STEP_S` is stable.
     """
 
-    __slots__ = (
-        "_lag_step_s",
-        "_thrust_share",
-        "_tilt_share",
-        "_yaw_share",
-        "air_speed_m_s",
-        "compass_rad",
-        "crashed",
-        "drag_east",
-        "drag_north",
-        "east",
-        "ground",
-        "max_tilt_m_s2",
-        "motor_share",
-        "motors_on",
-        "north",
-        "on_ground",
-        "thrust_east",
-        "thrust_east_rate",
-        "thrust_north",
-        "thrust_north_rate",
-        "thrust_up",
-        "up",
-        "v_east",
-        "v_north",
-        "v_up",
-        "yaw",
-        "yaw_rate",
-    )
-
     def __init__(
         self,
         east_m: float,

@@ -21,32 +21,6 @@ class PositionError:
     no satellite navigation.
     """
 
-    __slots__ = (
-        "_at",
-        "_drift",
-        "_drifted",
-        "_follow",
-        "_glitch",
-        "_keep",
-        "_kick",
-        "_lost_s",
-        "_noise",
-        "_raw",
-        "_rng",
-        "_sigma",
-        "_step_s",
-        "_tau_s",
-        "_wander",
-        "disturbed",
-        "east",
-        "lost",
-        "north",
-        "up",
-        "v_east",
-        "v_north",
-        "v_up",
-    )
-
     def __init__(self, rng: np.random.Generator, sigma_m: float, tau_s: float) -> None:
         self._rng = rng
         # smoothing takes away variance: tau / (tau + smoothing) of it is left

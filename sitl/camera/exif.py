@@ -52,6 +52,7 @@ class Geotag:
     body_rad: tuple[float, float, float]
     taken_s: float
     hfov_rad: float
+    width_px: int
 
 
 def tagged(jpeg: bytes, tag: Geotag) -> bytes:
@@ -65,8 +66,7 @@ def tagged(jpeg: bytes, tag: Geotag) -> bytes:
     at = 2
     if jpeg[2:4] == _APP0:
         at = 4 + int.from_bytes(jpeg[4:6], "big")
-    exif = _segment(_exif(tag, _width_px(jpeg)))
-    return b"".join((jpeg[:at], exif, _segment(_xmp(tag)), jpeg[at:]))
+    return b"".join((jpeg[:at], _segment(_exif(tag)), _segment(_xmp(tag)), jpeg[at:]))
 
 
 def camera_angles(attitude: Quaternion) -> tuple[float, float, float]:
@@ -89,17 +89,6 @@ def camera_angles(attitude: Quaternion) -> tuple[float, float, float]:
     return yaw, math.asin(sine), roll
 
 
-def _width_px(jpeg: bytes) -> int:
-    """How many columns a JPEG has, by its frame header."""
-    at = 2
-    while jpeg[at] == 0xFF:
-        kind, length = jpeg[at + 1], int.from_bytes(jpeg[at + 2 : at + 4], "big")
-        if 0xC0 <= kind <= 0xC3:
-            return int.from_bytes(jpeg[at + 7 : at + 9], "big")
-        at += 2 + length
-    raise ValueError("a JPEG without a frame header")
-
-
 def _segment(payload: bytes) -> bytes:
     return _APP1 + (len(payload) + 2).to_bytes(2, "big") + payload
 
@@ -118,7 +107,7 @@ def _xmp(tag: Geotag) -> bytes:
 _Entry = tuple[int, int, bytes]
 
 
-def _exif(tag: Geotag, width_px: int) -> bytes:
+def _exif(tag: Geotag) -> bytes:
     milliseconds = round(tag.taken_s * 1000.0)
     date = time.strftime("%Y:%m:%d %H:%M:%S", time.gmtime(EPOCH_UTC_S + milliseconds // 1000))
     film_mm = _FILM_WIDTH_MM / 2.0 / math.tan(tag.hfov_rad / 2.0)
@@ -129,7 +118,11 @@ def _exif(tag: Geotag, width_px: int) -> bytes:
         (0x920A, _RATIONAL, struct.pack("<II", round(film_mm * 10_000.0), 10_000)),  # FocalLength
         (0x9291, _ASCII, _text(f"{milliseconds % 1000:03d}")),  # SubsecTimeOriginal
         # on a sensor as wide as film: whole numbers of millimetres are too coarse to map by
-        (0xA20E, _RATIONAL, struct.pack("<II", width_px * 1000, round(_FILM_WIDTH_MM * 1000.0))),
+        (
+            0xA20E,
+            _RATIONAL,
+            struct.pack("<II", tag.width_px * 1000, round(_FILM_WIDTH_MM * 1000.0)),
+        ),
         (0xA210, _SHORT, b"\x04\x00"),  # FocalPlaneResolutionUnit: millimetres
         (0xA405, _SHORT, struct.pack("<H", round(film_mm))),  # FocalLengthIn35mmFilm
     ]

@@ -103,10 +103,8 @@ def _paint(world: World, camera: CameraSpec, shot: Shot, homography: Matrix) -> 
     outlines = _outlines(world, camera, homography, to_ground, east, north)
     if not outlines:
         return ground
-    mask = np.zeros((camera.height_px, camera.width_px), np.uint8)
-    cv2.fillPoly(mask, outlines, 255, cv2.LINE_AA, _SHIFT)
     roi = _warp(world.roi_texture, to_ground, east, north, size)
-    return _blend(roi if ground.ndim == 2 else _coloured(world, roi), ground, mask)
+    return _with_roi(roi if ground.ndim == 2 else _coloured(world, roi), ground, outlines)
 
 
 def _paint_relief(
@@ -131,16 +129,25 @@ def _paint_relief(
     if not world.roi_at_rest.intersects(box):
         return ground
     clipped = shapely.segmentize(shapely.clip_by_rect(world.roi_at_rest, *box.bounds), 1.0)
-    outlines = []
-    for ring in _rings(shapely.get_parts(clipped)):
-        places = ring[:, 0] - from_east, ring[:, 1] - from_north
-        pixels = pixels_of(homography, shot, relief, *places)
-        outlines.append(np.round(pixels * (1 << _SHIFT)).astype(np.int32))
+    outlines = [
+        _fixed(pixels_of(homography, shot, relief, ring[:, 0] - from_east, ring[:, 1] - from_north))
+        for ring in _rings(shapely.get_parts(clipped))
+    ]
     if not outlines:
         return ground
-    mask = np.zeros((camera.height_px, camera.width_px), np.uint8)
-    cv2.fillPoly(mask, outlines, 255, cv2.LINE_AA, _SHIFT)
     roi = _wrapped(world.roi_texture, east + from_east, north + from_north)
+    return _with_roi(roi, ground, outlines)
+
+
+def _fixed(pixels: Matrix) -> npt.NDArray[np.int32]:
+    """Pixels in fixed point, as polygons are filled."""
+    return np.round(pixels * (1 << _SHIFT)).astype(np.int32)
+
+
+def _with_roi(roi: Picture, ground: Picture, outlines: list[npt.NDArray[np.int32]]) -> Picture:
+    """The ROI over the ground, within its outlines."""
+    mask = np.zeros(ground.shape[:2], np.uint8)
+    cv2.fillPoly(mask, outlines, 255, cv2.LINE_AA, _SHIFT)
     return _blend(roi, ground, mask)
 
 
@@ -238,7 +245,7 @@ def _outlines(
         points[0], points[1] = ring[:, 0] - east_m, ring[:, 1] - north_m
         pixels = homography @ points
         pixels = pixels[:2] / np.maximum(pixels[2], 1e-3)
-        outlines.append(np.round(pixels.T * (1 << _SHIFT)).astype(np.int32))
+        outlines.append(_fixed(pixels.T))
     return outlines
 
 

@@ -74,16 +74,6 @@ def crc_extra_of(message_id: int) -> int:
     return int(mav.mavlink_map[message_id].crc_extra) if known is None else known
 
 
-def cut(frames: bytes) -> list[bytes]:
-    """The frames of bytes that begin with a frame and hold only whole ones."""
-    pieces, at = [], 0
-    while at < len(frames):
-        size = _frame_size(frames, at) or len(frames) - at
-        pieces.append(frames[at : at + size])
-        at += size
-    return pieces
-
-
 class Cutter:
     """Cuts a stream into pieces that are, as far as headers tell, a frame each.
 
@@ -116,6 +106,11 @@ class Cutter:
             at = end
         self._rest = data[at:]
         return pieces
+
+
+def cut(frames: bytes) -> list[bytes]:
+    """The frames of bytes that begin with a frame and hold only whole ones."""
+    return Cutter().feed(frames)
 
 
 class Framer:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import NamedTuple
 
 from sitl.body.battery import Battery
@@ -16,11 +17,13 @@ from sitl.body.physics import Body, Command
 from sitl.copter.aiding import Aiding
 from sitl.copter.failsafes import Failsafes
 from sitl.copter.fence import Fence
-from sitl.copter.mission_items import Item
+from sitl.copter.mission_items import FENCE, MISSION, RALLY, Item
 from sitl.copter.modes import Phase
-from sitl.copter.motion import Motion, Place
+from sitl.copter.motion import Airframe, Motion
 from sitl.copter.params import Parameters
 from sitl.copter.route import Route
+from sitl.copter.streaming import Follower, Setpoint
+from sitl.copter.trajectory import SpeedLaw
 from sitl.copter.transfer import Plans
 from sitl.copter.tuning import Tuning
 
@@ -57,30 +60,29 @@ class Aircraft(Motion, ABC):
         body: Body,
         error: Estimator,
         battery: Battery,
+        airframe: Airframe,
         parameters: Parameters,
-        tuning: Tuning,
         fence: Fence,
         aiding: Aiding,
         *,
+        tune: Callable[[Parameters], Tuning],
+        speed_law: SpeedLaw,
+        follower: Follower,
         first_item: int,
-        stick: bool,
-        ready_after_s: float,
-        max_speed_m_s: float,
-        max_accel_m_s2: float,
     ) -> None:
-        super().__init__(body, parameters, tuning, max_speed_m_s, max_accel_m_s2, stick)
+        super().__init__(body, airframe, parameters, tune, speed_law, follower)
         self.error = error
         self.aiding = aiding
         self.battery = battery
         self.armed = False
-        self.plans = Plans()
-        self.route = Route(self.plans.mission, first_item)
+        self.plans: Plans = {MISSION: [], FENCE: [], RALLY: []}
+        self.route = Route(self.plans[MISSION], first_item)
         self.fence = fence
         self.texts: list[Notice] = []
         self.mode_changed = False
         self.home_changed = False
-        self._ready_after_s = ready_after_s
-        self._home_known = False
+        self.home_known = False
+        """Satellite navigation has had a fix and home is set."""
         self._resets = 0  # of the position that have been planned anew for
 
     # --- what it knows of itself ---------------------------------------------------------------
@@ -88,7 +90,7 @@ class Aircraft(Motion, ABC):
     @property
     def prearm_ok(self) -> bool:
         """The prearm bit of SYS_STATUS."""
-        settled = self.t_s >= _PREARM_SHARE * self._ready_after_s
+        settled = self.t_s >= _PREARM_SHARE * self._airframe.ready_after_s
         if not settled or self.body.crashed or self.position_lost:
             return False
         return self.armed or not self.error.lost or self.error.aided
@@ -96,7 +98,9 @@ class Aircraft(Motion, ABC):
     @property
     def position_ok(self) -> bool:
         """The navigation filter has an absolute position."""
-        return self.t_s >= self._ready_after_s and not self.failsafes.position_gone(self.t_s)
+        return self.t_s >= self._airframe.ready_after_s and not self.failsafes.position_gone(
+            self.t_s
+        )
 
     @property
     def position_lost(self) -> bool:
@@ -107,11 +111,6 @@ class Aircraft(Motion, ABC):
     def satellites_lost(self) -> bool:
         """No satellites, although the position is meant to come from them."""
         return self.error.lost and self.error.satellites_used
-
-    @property
-    def home_known(self) -> bool:
-        """Satellite navigation has had a fix and home is set."""
-        return self._home_known
 
     @property
     @abstractmethod
@@ -143,12 +142,8 @@ class Aircraft(Motion, ABC):
         """A target by SET_POSITION_TARGET_*; False when it is dropped."""
 
     @abstractmethod
-    def go_with(self, v_east: float, v_north: float, v_up: float) -> bool:
-        """A velocity by SET_POSITION_TARGET_*, m/s; False when it is dropped."""
-
-    @abstractmethod
-    def go_along(self, place: Place, velocity: Place, yaw_rad: float | None = None) -> bool:
-        """A place and the velocity there by SET_POSITION_TARGET_*; False when it is dropped."""
+    def go_along(self, setpoint: Setpoint, yaw_rad: float | None = None) -> bool:
+        """A setpoint of a stream by SET_POSITION_TARGET_*; False when it is dropped."""
 
     @abstractmethod
     def mission_done(self) -> None:
@@ -165,7 +160,7 @@ class Aircraft(Motion, ABC):
     def set_home(self, east_m: float, north_m: float, up_m: float) -> None:
         """DO_SET_HOME."""
         self.home = (east_m, north_m, up_m)
-        self._home_known = self.home_changed = True
+        self.home_known = self.home_changed = True
 
     # --- what follows from it -------------------------------------------------------------------
 
@@ -196,8 +191,8 @@ class Aircraft(Motion, ABC):
     def step(self, wind: tuple[float, float], dt_s: float) -> None:
         """One step of estimate, decision, control, physics and battery."""
         self.t_s += dt_s
-        if not self._home_known and self.t_s >= _HOME_SHARE * self._ready_after_s:
-            self._home_known = self.home_changed = True
+        if not self.home_known and self.t_s >= _HOME_SHARE * self._airframe.ready_after_s:
+            self.home_known = self.home_changed = True
         self.aiding.step(self.t_s)
         self.error.move(dt_s, self.body.v_east, self.body.v_north)
         if self.error.resets != self._resets:

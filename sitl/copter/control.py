@@ -11,7 +11,6 @@ import math
 from dataclasses import dataclass
 
 from sitl.body.physics import Body, Command
-from sitl.copter.params import Parameters
 
 _VELOCITY_GAIN_1_S = 2.0
 _CLIMB_GAIN_1_S = 3.0
@@ -36,21 +35,6 @@ class Limits:
     p_z: float
     yaw_rate_rad_s: float
 
-    @classmethod
-    def of(cls, parameters: Parameters, max_speed_m_s: float, max_accel_m_s2: float) -> Limits:
-        """From the parameter table and the airframe's own limits."""
-        get = parameters.positive
-        return cls(
-            speed_m_s=min(max_speed_m_s, get("WPNAV_SPEED", 10, 5000) / 100),
-            climb_m_s=get("WPNAV_SPEED_UP", 10, 1000) / 100,
-            descent_m_s=get("WPNAV_SPEED_DN", 10, 500) / 100,
-            accel_m_s2=min(max_accel_m_s2, get("WPNAV_ACCEL", 50, 500) / 100),
-            accel_z_m_s2=get("WPNAV_ACCEL_Z", 50, 200) / 100,
-            p_xy=get("PSC_POSXY_P", 0.5, 2.0),
-            p_z=get("PSC_POSZ_P", 0.5, 2.0),
-            yaw_rate_rad_s=math.radians(get("ATC_SLEW_YAW", 500, 9000) / 100),
-        )
-
 
 def sqrt_controller(error: float, p_1_s: float, accel_m_s2: float) -> float:
     """Speed at which to approach over a distance `error >= 0` metres and still stop.
@@ -66,6 +50,14 @@ def sqrt_controller(error: float, p_1_s: float, accel_m_s2: float) -> float:
     if error <= linear_m:
         return p_1_s * error
     return math.sqrt(2.0 * accel_m_s2 * (error - 0.5 * linear_m))
+
+
+def held(east: float, north: float, most: float) -> tuple[float, float]:
+    """A vector of at most this length."""
+    length = math.hypot(east, north)
+    if length <= most:
+        return east, north
+    return east * most / length, north * most / length
 
 
 def _within(value: float, most: float) -> float:
@@ -87,8 +79,6 @@ class Estimate:
 
 class Controller:
     """State of the loops between two steps."""
-
-    __slots__ = ("_ref_east", "_ref_north", "_ref_up", "_wind_east", "_wind_north", "yaw_target")
 
     def __init__(self) -> None:
         self.yaw_target: float | None = None

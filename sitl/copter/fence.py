@@ -94,18 +94,20 @@ class Fence:
         """
         if not self.enabled(parameters):
             return 0
-        wanted, broken = int(parameters["FENCE_TYPE"]), 0
+        wanted, lowest_m, highest_m, farthest_m = self._limits(parameters)
         height_m = place[2] - home[2]
-        if wanted & ALT_MAX and height_m > parameters["FENCE_ALT_MAX"]:
-            broken |= ALT_MAX
-        if wanted & ALT_MIN and low and height_m < parameters["FENCE_ALT_MIN"]:
-            broken |= ALT_MIN
         away_m = math.hypot(place[0] - home[0], place[1] - home[1])
-        if wanted & CIRCLE and away_m > parameters["FENCE_RADIUS"]:
-            broken |= CIRCLE
+        broken = ALT_MAX * (height_m > highest_m) | CIRCLE * (away_m > farthest_m)
+        if low and height_m < lowest_m:
+            broken |= ALT_MIN
         if wanted & POLYGON and any(z.broken_at(place[0], place[1]) for z in self.zones):
             broken |= POLYGON
-        return broken
+        return broken & wanted
+
+    def _limits(self, parameters: Parameters) -> tuple[int, float, float, float]:
+        """Which fences there are, the lowest and the highest height, the farthest distance."""
+        low_m, high_m = parameters["FENCE_ALT_MIN"], parameters["FENCE_ALT_MAX"]
+        return int(parameters["FENCE_TYPE"]), low_m, high_m, parameters["FENCE_RADIUS"]
 
     def watch(
         self, parameters: Parameters, home: Place, place: Place, now_s: float, *, flying: bool

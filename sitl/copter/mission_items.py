@@ -61,6 +61,9 @@ IDLE_COMMANDS = {
 }
 NAMES = {**NAVIGATION, **DOING, **IDLE_COMMANDS}
 
+SPEEDS = {0: "speed_m_s", 1: "speed_m_s", 2: "climb_m_s", 3: "descent_m_s"}
+"""What DO_CHANGE_SPEED changes, by its first parameter."""
+
 POLYGONS = (
     mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION,
     mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION,

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from enum import IntEnum
+from typing import NamedTuple
 
 from sitl.body.physics import Body, Command
 from sitl.copter.control import WIND_TAU_S, Controller, Estimate
+from sitl.copter.fence import Place
 from sitl.copter.modes import Mode, Phase
 from sitl.copter.params import Parameters
-from sitl.copter.streaming import Setpoint
-from sitl.copter.trajectory import shaping_jerk
+from sitl.copter.streaming import Follower, Setpoint
+from sitl.copter.trajectory import Shaper, SpeedLaw, shaping_jerk
 from sitl.copter.tuning import Tuning
 
 _SPOOL_S = 2.5  # motors up to speed, before the climb
@@ -27,7 +30,17 @@ _DESCEND = Phase.DESCEND
 _BY_THROTTLE = (Mode.LOITER, Mode.POSHOLD, Mode.ALT_HOLD)
 _STANDING = (_LANDED, _SPOOL)
 
-Place = tuple[float, float, float]
+
+class Airframe(NamedTuple):
+    """What an autopilot is built into, whatever its parameters say: m/s, m/s^2, s from boot.
+
+    `stick`: a pilot's radio control is on.
+    """
+
+    max_speed_m_s: float
+    max_accel_m_s2: float
+    ready_after_s: float
+    stick: bool
 
 
 class Motion:
@@ -38,15 +51,14 @@ class Motion:
     def __init__(
         self,
         body: Body,
+        airframe: Airframe,
         parameters: Parameters,
-        tuning: Tuning,
-        max_speed_m_s: float,
-        max_accel_m_s2: float,
-        stick: bool,
+        tune: Callable[[Parameters], Tuning],
+        speed_law: SpeedLaw,
+        follower: Follower,
     ) -> None:
         self.body = body
         self.parameters = parameters
-        self.tuning = tuning
         self.t_s = 0.0
         self.phase = Phase.LANDED
         self.estimate = Estimate(body.east, body.north, body.up)
@@ -58,19 +70,25 @@ class Motion:
         self.stream: Setpoint | None = None
         self.hold: Place = self.home
         self.radio_lost = False  # set by a fault
-        self._stick = stick
-        self._airframe = (max_speed_m_s, max_accel_m_s2)
-        self._limits = tuning.limits(*self._airframe)
-        self._chase = self._limits
+        self._airframe = airframe
+        self._tune, self._tuned_version = tune, -1
         self._speeds: dict[str, float] = {}
-        self._limits_version = 0
+        self._refresh_limits()
         self._control = Controller()
-        self._shaper = tuning.shaper()
+        self._shaper = Shaper(speed_law)
         self._since_s = 0.0  # when the present phase began
         self._contact_s = 0.0
-        self._follower = tuning.follower()
+        self._follower = follower
         self._stream_until_s = 0.0
         self._return_to = self.home
+
+    @property
+    def tuning(self) -> Tuning:
+        """What the parameters say now."""
+        if self._tuned_version != self.parameters.version:
+            self._tuned_version = self.parameters.version
+            self._tuning = self._tune(self.parameters)
+        return self._tuning
 
     @property
     def airborne(self) -> bool:
@@ -80,7 +98,7 @@ class Motion:
     @property
     def by_hand(self) -> bool:
         """A pilot's radio control is on; its sticks are centred."""
-        return self._stick and not self.radio_lost
+        return self._airframe.stick and not self.radio_lost
 
     @property
     def yaw_goal(self) -> float:
@@ -128,7 +146,7 @@ class Motion:
         if yaw_rad is not None:
             self._control.yaw_target = yaw_rad
         v_east, v_north, v_up = setpoint.velocity
-        scale = min(1.0, self._airframe[0] / max(1e-9, math.hypot(v_east, v_north)))
+        scale = min(1.0, self._airframe.max_speed_m_s / max(1e-9, math.hypot(v_east, v_north)))
         setpoint = Setpoint(setpoint.place, (v_east * scale, v_north * scale, v_up))
         if yaw_rad is None and self.tuning.turns_nose and scale * math.hypot(v_east, v_north) > 1.0:
             self._control.yaw_target = math.atan2(v_east, v_north)
@@ -180,7 +198,7 @@ class Motion:
 
     def set_speed(self, kind: str, speed_m_s: float) -> None:
         """Change "speed_m_s", "climb_m_s" or "descent_m_s" until the mode changes."""
-        high = self._airframe[0] if kind == "speed_m_s" else 5.0
+        high = self._airframe.max_speed_m_s if kind == "speed_m_s" else 5.0
         self._speeds[kind] = max(0.1, min(high, speed_m_s))
         self._limits_version = -1
 
@@ -278,7 +296,12 @@ class Motion:
         return command._replace(east_m_s2=0.0, north_m_s2=0.0)
 
     def _refresh_limits(self) -> None:
-        self._limits = replace(self.tuning.limits(*self._airframe), **self._speeds)
+        limits = self.tuning.limits
+        held: dict[str, float] = {
+            "speed_m_s": min(self._airframe.max_speed_m_s, limits.speed_m_s),
+            "accel_m_s2": min(self._airframe.max_accel_m_s2, limits.accel_m_s2),
+        }
+        self._limits = replace(limits, **(held | self._speeds))
         # what follows a shaped path needs more than the path itself uses
         self._chase = replace(self._limits, accel_m_s2=_CHASE_SHARE * self._limits.accel_m_s2)
         self._limits_version = self.parameters.version

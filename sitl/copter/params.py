@@ -197,6 +197,3 @@ class Parameters:
     def positive(self, name: str, low: float, high: float) -> float:
         """A value held to a range in which flying is possible."""
         return max(low, min(high, self._values[name]))
-
-
-BY_NAME = {p.name: p for p in TABLE}

@@ -11,11 +11,10 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, TypeAlias
 
-from sitl.copter.control import WIND_TAU_S, Estimate, Limits, sqrt_controller
-
-Place = tuple[float, float, float]
+from sitl.copter.control import WIND_TAU_S, Estimate, Limits, held, sqrt_controller
+from sitl.copter.fence import Place
 
 _PLACE_SHARE, _PLACE_BRAKING = 0.5, 0.5  # of jerk over acceleration, and of the acceleration
 _SETTLES_S = 4.0
@@ -29,14 +28,6 @@ class Setpoint(NamedTuple):
     velocity: Place
 
 
-def _held(east: float, north: float, most: float) -> tuple[float, float]:
-    """A vector of at most this length."""
-    length = math.hypot(east, north)
-    if length <= most:
-        return east, north
-    return east * most / length, north * most / length
-
-
 def _cornered(
     along: tuple[float, float], accel: tuple[float, float], most: float
 ) -> tuple[float, float]:
@@ -47,7 +38,7 @@ def _cornered(
     length = math.hypot(*accel)
     speed = math.hypot(*along)
     if length <= most or speed < 1e-6:
-        return _held(*accel, most)
+        return held(*accel, most)
     east, north = along[0] / speed, along[1] / speed
     forward = accel[0] * east + accel[1] * north
     across = accel[0] * -north + accel[1] * east
@@ -61,34 +52,15 @@ def _cornered(
     return forward * east - across * north, forward * north + across * east
 
 
-class Follower(Protocol):
-    """How setpoints become the wanted velocity of the vehicle.
+class ShapedFollower:
+    """ArduCopter's: place, velocity and acceleration of the point that is followed.
 
     After `wind_tau_s` the loop below makes up for what the air does.
     """
 
-    wind_tau_s: float
-
-    def hear(self, setpoint: Setpoint, now_s: float) -> None:
-        """A new setpoint."""
-
-    def stop(self) -> None:
-        """Something else is flown now."""
-
-    def velocity(
-        self, setpoint: Setpoint, now: Estimate, limits: Limits, now_s: float, dt_s: float
-    ) -> tuple[float, float]:
-        """Wanted velocity (east, north) of the vehicle, the setpoint in force being this one."""
-
-
-class ShapedFollower:
-    """ArduCopter's: place, velocity and acceleration of the point that is followed."""
-
     # A real one at 6 m/s, at 6 m/s in a wind of 3.6, and at 10 m/s is within 0.54, 0.60 and 0.94 m
     # of its plan in 95 % of the time; with this one within 0.45, 0.51 and 0.87
     wind_tau_s = 3.0
-
-    __slots__ = ("_acceleration", "_active", "_jerk_m_s3", "_place", "_target", "_velocity")
 
     def __init__(self, jerk_m_s3: Callable[[], float]) -> None:
         self._jerk_m_s3 = jerk_m_s3
@@ -139,7 +111,7 @@ class ShapedFollower:
             self._velocity, (error_east * scale, error_north * scale), limits.accel_m_s2
         )
         a_east, a_north = self._acceleration
-        j_east, j_north = _held(accel[0] - a_east, accel[1] - a_north, jerk_m_s3 * dt_s)
+        j_east, j_north = held(accel[0] - a_east, accel[1] - a_north, jerk_m_s3 * dt_s)
         self._acceleration = a_east, a_north = a_east + j_east, a_north + j_north
         self._velocity = v_east, v_north = v_east + a_east * dt_s, v_north + a_north * dt_s
         (east, north), p_1_s = self._place, limits.p_xy
@@ -154,8 +126,6 @@ class DelayedFollower:
     """
 
     wind_tau_s = WIND_TAU_S
-
-    __slots__ = ("_begun_s", "_coming", "_delay_s", "_first_s", "_flown")
 
     def __init__(self, delay_s: float, first_s: float) -> None:
         self._delay_s, self._first_s = delay_s, first_s
@@ -192,3 +162,7 @@ class DelayedFollower:
             v_east + limits.p_xy * (place[0] + v_east * age_s - now.east),
             v_north + limits.p_xy * (place[1] + v_north * age_s - now.north),
         )
+
+
+Follower: TypeAlias = ShapedFollower | DelayedFollower
+"""How setpoints become the wanted velocity of the vehicle."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from sitl.copter.control import Estimate, Limits, sqrt_controller
+from sitl.copter.control import Estimate, Limits, held, sqrt_controller
 
 # Found by flying the legs of a recorded flight of the real one: 4, 5 and 20 m at 4 m/s
 _BRAKING_SHARE = 0.8  # of the acceleration: the rest is for the jerk
@@ -22,14 +22,6 @@ MOST_JERK_M_S3 = 20.0
 def shaping_jerk(parameter: float) -> float:
     """PSC_JERK_XY, held to a range in which flying is possible."""
     return max(1.0, min(MOST_JERK_M_S3, parameter))
-
-
-def _held(east: float, north: float, most: float) -> tuple[float, float]:
-    """A vector of at most this length."""
-    length = math.hypot(east, north)
-    if length <= most:
-        return east, north
-    return east * most / length, north * most / length
 
 
 SpeedLaw = Callable[[float, float, float], float]
@@ -62,8 +54,6 @@ def px4_speed(distance_m: float, accel_m_s2: float, jerk_m_s3: float) -> float:
 class Shaper:
     """Place, velocity and acceleration of the point that is followed, metres and seconds."""
 
-    __slots__ = ("_acceleration", "_law", "_place", "_velocity", "active")
-
     def __init__(self, law: SpeedLaw = copter_speed) -> None:
         self._law = law
         self.active = False
@@ -91,12 +81,12 @@ class Shaper:
         speed = min(limits.speed_m_s, self._law(distance, limits.accel_m_s2, jerk_m_s3))
         scale = speed / max(distance, 1e-9)
         gain_1_s = _SPEED_SHARE * rate_1_s
-        wanted_east, wanted_north = _held(
+        wanted_east, wanted_north = held(
             gain_1_s * (d_east * scale - v_east),
             gain_1_s * (d_north * scale - v_north),
             limits.accel_m_s2,
         )
-        j_east, j_north = _held(wanted_east - a_east, wanted_north - a_north, jerk_m_s3 * dt_s)
+        j_east, j_north = held(wanted_east - a_east, wanted_north - a_north, jerk_m_s3 * dt_s)
         a_east, a_north = a_east + j_east, a_north + j_north
         v_east, v_north = v_east + a_east * dt_s, v_north + a_north * dt_s
         east, north = east + v_east * dt_s, north + v_north * dt_s

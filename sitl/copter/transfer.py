@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -31,16 +32,8 @@ _INT_FRAMES: dict[int, int] = {
 }
 
 
-class Plans:
-    """The three lists. Item 0 of a mission is home; the mission begins with item 1."""
-
-    def __init__(self) -> None:
-        self.items: dict[int, list[Item]] = {MISSION: [], FENCE: [], RALLY: []}
-
-    @property
-    def mission(self) -> list[Item]:
-        """Home and the items behind it; empty when there is no mission."""
-        return self.items[MISSION]
+Plans: TypeAlias = dict[int, list[Item]]
+"""A list for each MAV_MISSION_TYPE. Where item 0 of a mission is home, it begins with item 1."""
 
 
 @dataclass(slots=True)
@@ -53,6 +46,7 @@ class _Upload:
     received: list[Item] = field(default_factory=list)
 
 
+@dataclass(kw_only=True)
 class Transfer:
     """Answers the messages of the mission protocol, and asks for what is missing.
 
@@ -66,34 +60,22 @@ class Transfer:
     `check` gives the MAV_MISSION_RESULT for an item of a list.
     """
 
-    def __init__(
-        self,
-        plans: Plans,
-        *,
-        home: Callable[[], Item] | None,
-        running: Callable[[], bool],
-        changed: Callable[[int], None],
-        say: Callable[[int, str], None],
-        ask_int: bool = False,
-        retry_s: float = _RETRY_S,
-        give_up_s: float = _GIVE_UP_S,
-        whole: bool = False,
-        int_frames: bool = False,
-        answers_copies: bool = True,
-        check: Callable[[int, Item], int] = check,
-    ) -> None:
-        self._plans = plans
-        self._home = home
-        self._running = running
-        self._changed = changed
-        self._say = say
-        self._ask_int = ask_int
-        self._retry_s = retry_s
-        self._give_up_s = give_up_s
-        self._at_once = () if whole else (MISSION, RALLY)  # these change while they arrive
-        self._frames = _INT_FRAMES if int_frames else {}
-        self._answers_copies = answers_copies
-        self._check = check
+    plans: Plans
+    home: Callable[[], Item] | None
+    running: Callable[[], bool]
+    changed: Callable[[int], None]
+    say: Callable[[int, str], None]
+    ask_int: bool = False
+    retry_s: float = _RETRY_S
+    give_up_s: float = _GIVE_UP_S
+    whole: bool = False
+    int_frames: bool = False
+    answers_copies: bool = True
+    check: Callable[[int, Item], int] = check
+
+    def __post_init__(self) -> None:
+        self._at_once = () if self.whole else (MISSION, RALLY)  # these change while they arrive
+        self._frames = _INT_FRAMES if self.int_frames else {}
         self._upload: _Upload | None = None
         self._finished: tuple[int, int, tuple[int, int]] | None = None
         self._handlers: dict[str, Callable[[Message, float], list[Message]]] = {
@@ -110,7 +92,7 @@ class Transfer:
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
         """A message of the protocol that is for this vehicle; the answers."""
-        known = message.mission_type in self._plans.items
+        known = message.mission_type in self.plans
         if not known and not (
             message.mission_type == ALL and message.get_type() == "MISSION_CLEAR_ALL"
         ):
@@ -122,12 +104,12 @@ class Transfer:
         upload = self._upload
         if upload is None:
             return []
-        if now_s - upload.heard_s >= self._give_up_s - _SOON_S:
+        if now_s - upload.heard_s >= self.give_up_s - _SOON_S:
             self._break_off(upload)
-            self._say(mav.MAV_SEVERITY_WARNING, f"{_NAMES[upload.kind]} upload timeout")
+            self.say(mav.MAV_SEVERITY_WARNING, f"{_NAMES[upload.kind]} upload timeout")
             result = mav.MAV_MISSION_OPERATION_CANCELLED
             return [mav.MAVLink_mission_ack_message(*upload.partner, result, upload.kind)]
-        if now_s - upload.asked_s >= self._retry_s - _SOON_S:
+        if now_s - upload.asked_s >= self.retry_s - _SOON_S:
             return [self._ask(upload, now_s)]
         return []
 
@@ -149,8 +131,8 @@ class Transfer:
             self._keep(upload)
             return [_ack(m, OK)]
         if upload.kind in self._at_once:
-            self._plans.items[upload.kind].clear()
-            self._changed(upload.kind)
+            self.plans[upload.kind].clear()
+            self.changed(upload.kind)
         self._upload = upload
         return [self._ask(upload, now_s)]
 
@@ -161,13 +143,13 @@ class Transfer:
         silence it may, and with other items; what has come is not mixed with those.
         """
         same = (m.mission_type, m.count) == (upload.kind, upload.count)
-        return same and now_s - upload.heard_s < self._retry_s
+        return same and now_s - upload.heard_s < self.retry_s
 
     def _ask(self, upload: _Upload, now_s: float) -> Message:
         upload.asked_s = now_s
         build = (
             mav.MAVLink_mission_request_int_message
-            if self._ask_int
+            if self.ask_int
             else mav.MAVLink_mission_request_message
         )
         return build(*upload.partner, len(upload.received), upload.kind)
@@ -181,17 +163,17 @@ class Transfer:
         if partner != upload.partner or m.mission_type != upload.kind:
             return [_ack(m, _DENIED)]
         expected = len(upload.received)
-        if m.seq < expected and not self._answers_copies:
+        if m.seq < expected and not self.answers_copies:
             return []  # a second copy; the next one has been asked for
         if m.seq != expected:
             return [_ack(m, int(mav.MAV_MISSION_INVALID_SEQUENCE))]
         item = Item.of(m)
-        result = self._check(upload.kind, item)
+        result = self.check(upload.kind, item)
         if result == OK:
             upload.received.append(item)
             upload.heard_s = now_s
             if upload.kind in self._at_once:
-                self._plans.items[upload.kind].append(item)
+                self.plans[upload.kind].append(item)
             if len(upload.received) < upload.count:
                 return [self._ask(upload, now_s)]
             result = self._keep(upload)
@@ -206,15 +188,15 @@ class Transfer:
         """What has come of a mission or of rally points stays."""
         self._upload = None
         if upload.kind in self._at_once:
-            self._changed(upload.kind)
+            self.changed(upload.kind)
 
     def _keep(self, upload: _Upload) -> int:
         """The upload is complete."""
         result = check_fence(upload.received) if upload.kind == FENCE else OK
         if result == OK:
-            self._plans.items[upload.kind][:] = upload.received
-            self._changed(upload.kind)
-            self._say(mav.MAV_SEVERITY_INFO, _DONE[upload.kind])
+            self.plans[upload.kind][:] = upload.received
+            self.changed(upload.kind)
+            self.say(mav.MAV_SEVERITY_INFO, _DONE[upload.kind])
         return result
 
     # --- download -------------------------------------------------------------------------------
@@ -222,13 +204,13 @@ class Transfer:
     def _list(self, m: Message, _now_s: float) -> list[Message]:
         if self._upload is not None:
             return [_ack(m, _DENIED)]
-        count = len(self._plans.items[m.mission_type])
+        count = len(self.plans[m.mission_type])
         return [mav.MAVLink_mission_count_message(*_sender(m), count, m.mission_type)]
 
     def _request(self, m: Message, _now_s: float) -> list[Message]:
-        items = self._plans.items[m.mission_type]
-        if m.mission_type == MISSION and m.seq == 0 and self._home is not None:
-            item = self._home()
+        items = self.plans[m.mission_type]
+        if m.mission_type == MISSION and m.seq == 0 and self.home is not None:
+            item = self.home()
         elif m.seq < len(items):
             item = items[m.seq]
         else:
@@ -241,14 +223,14 @@ class Transfer:
     # --- the rest -------------------------------------------------------------------------------
 
     def _clear(self, m: Message, _now_s: float) -> list[Message]:
-        kinds = list(self._plans.items) if m.mission_type == ALL else [m.mission_type]
+        kinds = list(self.plans) if m.mission_type == ALL else [m.mission_type]
         if self._upload is not None:
             return [_ack(m, _DENIED)]
-        if MISSION in kinds and self._running():
+        if MISSION in kinds and self.running():
             return [_ack(m, int(mav.MAV_MISSION_ERROR))]
         for kind in kinds:
-            self._plans.items[kind].clear()
-            self._changed(kind)
+            self.plans[kind].clear()
+            self.changed(kind)
         self._finished = None
         return [_ack(m, OK)]
 

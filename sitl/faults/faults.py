@@ -93,7 +93,8 @@ class Faults:
         """How often the companion's connections have been cut."""
         # a test may set faults while another thread serves the vehicle
         self._lock = threading.RLock()
-        self._scheduled: list[Fault] = []
+        self.scheduled: list[Fault] = []
+        """The faults that are on or to come."""
         self._active: list[Fault] = []
         self._rejections: dict[int, int] = {}
         self._cells_to_fail = 0
@@ -218,14 +219,14 @@ class Faults:
         """End the faults of these kinds ("link" is both ways), scheduled ones too; none: all."""
         wanted = {way for kind in kinds for way in kinds_of(kind)}
         with self._lock:
-            self._scheduled = [f for f in self._scheduled if wanted and f.kind not in wanted]
+            self.scheduled = [f for f in self.scheduled if wanted and f.kind not in wanted]
             self._refresh()
 
     def swap_battery(self) -> None:
         """What was wrong with the pack is wrong no more."""
         with self._lock:
-            self._scheduled = [
-                f for f in self._scheduled if f.kind != "battery_sag" or f.begin_s > self.t_s
+            self.scheduled = [
+                f for f in self.scheduled if f.kind != "battery_sag" or f.begin_s > self.t_s
             ]
             self._refresh()
 
@@ -234,19 +235,14 @@ class Faults:
     ) -> None:
         """A fault that `source` (a parameter) sets and takes back; it replaces its last one."""
         with self._lock:
-            self._scheduled = [f for f in self._scheduled if f.source != source]
+            self.scheduled = [f for f in self.scheduled if f.source != source]
             if on:
-                self._scheduled.append(Fault(kind, self.t_s, math.inf, numbers, source=source))
+                self.scheduled.append(Fault(kind, self.t_s, math.inf, numbers, source=source))
             self._refresh()
 
     def held(self, source: str) -> tuple[float, ...] | None:
         """The numbers of the fault that a source holds, None when it holds none."""
-        return next((f.numbers for f in self._scheduled if f.source == source), None)
-
-    @property
-    def scheduled(self) -> tuple[Fault, ...]:
-        """The faults that are on or to come."""
-        return tuple(self._scheduled)
+        return next((f.numbers for f in self.scheduled if f.source == source), None)
 
     def active(self, kind: Kind) -> Iterator[Fault]:
         """The faults of a kind that are on now."""
@@ -280,23 +276,23 @@ class Faults:
             raise ValueError(f"after_s is not negative: {after_s}")
         if for_s is not None and not for_s >= 0.0:
             raise ValueError(f"for_s is not negative: {for_s}")
-        if len(self._scheduled) >= _MAX_SCHEDULED:
+        if len(self.scheduled) >= _MAX_SCHEDULED:
             raise ValueError(f"more than {_MAX_SCHEDULED} faults")
         with self._lock:
             begin_s = self.t_s + after_s
             end_s = math.inf if for_s is None else begin_s + for_s
-            self._scheduled.append(Fault(kind, begin_s, end_s, numbers, quality))
+            self.scheduled.append(Fault(kind, begin_s, end_s, numbers, quality))
             self._refresh()
 
     def _refresh(self) -> None:
         """Sort out what is on now, and when that changes next."""
         now_s = self.t_s + _SOON_S
-        begun = [f for f in self._scheduled if f.begin_s <= now_s]
+        begun = [f for f in self.scheduled if f.begin_s <= now_s]
         self._cells_to_fail += sum(f.kind == "battery_cell" for f in begun)
         self.reboots += sum(f.kind == "companion_reboot" for f in begun)
         self._active = [f for f in begun if f.end_s > now_s]
-        self._scheduled = [f for f in self._scheduled if max(f.begin_s, f.end_s) > now_s]
-        edges = [f.begin_s if f.begin_s > now_s else f.end_s for f in self._scheduled]
+        self.scheduled = [f for f in self.scheduled if max(f.begin_s, f.end_s) > now_s]
+        edges = [f.begin_s if f.begin_s > now_s else f.end_s for f in self.scheduled]
         self._next_s = min(edges, default=math.inf)
         self._changed = True
         self._look()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -46,15 +46,7 @@ class LinkQuality:
         >>> LinkQuality(loss=0.2).worse(LinkQuality(loss=0.1, delay_s=0.5)).loss
         0.2
         """
-        return LinkQuality(
-            max(self.loss, other.loss),
-            max(self.duplicate, other.duplicate),
-            max(self.reorder, other.reorder),
-            max(self.delay_s, other.delay_s),
-            max(self.jitter_s, other.jitter_s),
-            max(self.corrupt, other.corrupt),
-            self.silent or other.silent,
-        )
+        return LinkQuality(*map(max, astuple(self), astuple(other)))
 
 
 CLEAN = LinkQuality()

@@ -51,7 +51,7 @@ class Payload:
         telemetry: Telemetry,
         url_prefix: str,
         expose: Callable[[int], Exposure],
-        quirks: Quirks = Quirks(),  # noqa: B008 - a value that nobody changes
+        quirks: Quirks,
     ) -> None:
         self.spec = spec
         self._clock_s, self._tells_pose = quirks.camera_clock_s, quirks.camera_tells_pose
@@ -174,7 +174,7 @@ class Payload:
         return Geotag(
             LatLon(lat_e7 / 1e7, lon_e7 / 1e7), amsl_mm / 1000.0, exposure.believed_height_m,
             exposure.attitude, exposure.body_rad, exposure.shot.t_s,
-            math.radians(self.spec.hfov_deg),
+            math.radians(self.spec.hfov_deg), self.spec.width_px,
         )  # fmt: skip
 
     def build(self, message_id: int, index: int) -> Message | None:

@@ -1,4 +1,4 @@
-"""MAV_CMD_*: a table of commands, each a small function.
+"""MAV_CMD_*: a table of commands, each a small function; and places on the wire.
 
 A function gets a `Request` and returns a `Reply`: the MAV_RESULT of the COMMAND_ACK and the
 messages that follow it.
@@ -7,29 +7,69 @@ messages that follow it.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from missions.units import LatLon
+from sitl.codec.wire import Message
+from sitl.copter.aiding import Answer
 from sitl.copter.aircraft import Aircraft
-from sitl.mavlink.base_commands import (
-    ACCEPTED,
-    DENIED,
-    FAILED,
-    UNSUPPORTED,
-    BaseCommands,
-    Reply,
-    Request,
-    statustext,
-)
+from sitl.copter.fence import Place, zones
+from sitl.copter.mission_items import FENCE, RALLY, SPEEDS, Item
 from sitl.mavlink.camera_component import Payload
 from sitl.mavlink.streams import Streams
 from sitl.mavlink.telemetry import Telemetry
 from sitl.quirks import CameraKind
 
-__all__ = ["Commands", "Reply", "Request", "statustext"]
+ACCEPTED: int = mav.MAV_RESULT_ACCEPTED
+DENIED: int = mav.MAV_RESULT_DENIED
+FAILED: int = mav.MAV_RESULT_FAILED
+UNSUPPORTED: int = mav.MAV_RESULT_UNSUPPORTED
 
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A COMMAND_LONG or COMMAND_INT; `place` is the INT's frame, latitude and longitude (1e7)."""
+
+    command: int
+    p: tuple[float, float, float, float, float, float, float]
+    place: tuple[int, int, int] | None
+
+    def integer(self, index: int) -> int | None:
+        """Parameter `index` (from 1) as an integer, None when it is no finite number."""
+        value = self.p[index - 1]
+        return int(value) if math.isfinite(value) and abs(value) < 2**31 else None
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """Result of a command, and what is sent behind the ACK by whom.
+
+    `before` are results that are told before that one, by whoever looks at the command first.
+    `by_autopilot`: the autopilot answers, although its camera was asked.
+    """
+
+    result: int
+    messages: tuple[Message, ...] = ()
+    from_camera: bool = False
+    before: tuple[int, ...] = ()
+    by_autopilot: bool = False
+    silent: bool = False
+
+
+def statustext(severity: int, text: str) -> Message:
+    """STATUSTEXT of at most 50 bytes."""
+    return mav.MAVLink_statustext_message(severity, text.encode("ascii", "replace")[:50])
+
+
+HIGHEST_M = 10_000.0
+_AMSL_FRAMES = (mav.MAV_FRAME_GLOBAL, mav.MAV_FRAME_GLOBAL_INT)
+_HOME_FRAMES = (mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
+_TERRAIN_FRAMES = (mav.MAV_FRAME_GLOBAL_TERRAIN_ALT, mav.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT)
 _CAMERA_MESSAGES = (
     mav.MAVLINK_MSG_ID_CAMERA_INFORMATION,
     mav.MAVLINK_MSG_ID_CAMERA_SETTINGS,
@@ -43,37 +83,43 @@ _TRIGGERS = (
 )
 
 
-class Commands:
-    """The commands of the autopilot and of its camera.
+@dataclass(eq=False)
+class Commands(ABC):
+    """The commands of an autopilot and of its camera.
 
-    `default_s` has the messages that are streamed unasked, and their intervals. `camera`: see
-    `sitl.quirks.Quirks`. `answers_for_camera`: the autopilot answers what a camera is asked that
-    is not there.
+    `camera`: see `sitl.quirks.Quirks`. `intercept` is asked first: the result of a command that a
+    fault answers, None for all others.
     """
 
-    def __init__(
-        self,
-        autopilot: Aircraft,
-        telemetry: Telemetry,
-        streams: Streams,
-        payload: Payload,
-        flight: BaseCommands,
-        default_s: Mapping[int, float],
-        camera: CameraKind,
-        answers_for_camera: bool,
-    ) -> None:
-        self._ap = autopilot
-        self._telemetry = telemetry
-        self._streams = streams
-        self._payload = payload
-        self.flight = flight
-        self._default_s = default_s
-        self._camera, self._answers_for_camera = camera, answers_for_camera
-        autopilot.route.camera = self._route_camera
-        # asked first: the result of a command that a fault answers, None for all others
-        self.intercept: Callable[[Request], int | None] | None = None
+    refused: ClassVar[int] = FAILED
+    """The MAV_RESULT of a command that is understood and cannot be done now."""
+    nowhere: ClassVar[int] = DENIED
+    """The MAV_RESULT of EXTERNAL_POSITION_ESTIMATE for what is no place on earth."""
+    unknown_rally_frames: ClassVar[tuple[int, ...]] = ()
+    """Frames of rally points that are taken, and that no return knows."""
+    default_s: ClassVar[Mapping[int, float]] = {}
+    """The messages that are streamed unasked, and their intervals."""
+    answers_for_camera: ClassVar[bool] = True
+    """The autopilot answers what a camera is asked that is not there."""
+
+    ap: Aircraft
+    telemetry: Telemetry
+    streams: Streams
+    payload: Payload
+    camera: CameraKind
+    intercept: Callable[[Request], int | None]
+
+    def __post_init__(self) -> None:
+        self.ap.route.locate = self._item_place
+        self.ap.route.camera = self._route_camera
         self._table: dict[int, Callable[[Request], Reply]] = {
-            **self.flight.table,
+            mav.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
+            mav.MAV_CMD_DO_SET_MISSION_CURRENT: self._mission_current,
+            mav.MAV_CMD_DO_SET_HOME: self._set_home,
+            mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE: self._external_position,
+            mav.MAV_CMD_RUN_PREARM_CHECKS: lambda _: Reply(
+                self.refused if self.ap.armed else ACCEPTED, self._prearm_texts()
+            ),
             mav.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
             mav.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
             mav.MAV_CMD_REQUEST_MESSAGE: self._request_message,
@@ -81,23 +127,28 @@ class Commands:
                 mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION
             ),
             mav.MAV_CMD_GET_HOME_POSITION: lambda _: self._send(mav.MAVLINK_MSG_ID_HOME_POSITION),
+            **self._flight_table(),
         }
         self._camera_table: dict[int, Callable[[Request], Reply]] = {
             mav.MAV_CMD_IMAGE_START_CAPTURE: self._start_capture,
             mav.MAV_CMD_DO_DIGICAM_CONTROL: self._digicam,
-            mav.MAV_CMD_IMAGE_STOP_CAPTURE: lambda _: Reply(self._payload.stop()),
+            mav.MAV_CMD_IMAGE_STOP_CAPTURE: lambda _: Reply(self.payload.stop()),
             mav.MAV_CMD_REQUEST_CAMERA_INFORMATION: lambda _: self._camera_message(
                 mav.MAVLINK_MSG_ID_CAMERA_INFORMATION, 0
             ),
             mav.MAV_CMD_REQUEST_MESSAGE: self._request_message,
         }
 
+    @abstractmethod
+    def _flight_table(self) -> dict[int, Callable[[Request], Reply]]:
+        """The commands that only this autopilot has, or has otherwise."""
+
     def carry_out(self, request: Request, for_camera: bool) -> Reply:
         """Do it. The autopilot passes the camera's commands on, the camera knows only its own."""
-        if self.intercept is not None and (result := self.intercept(request)) is not None:
+        if (result := self.intercept(request)) is not None:
             return Reply(result)
         function = self._camera_table.get(request.command)
-        if self._camera != "component" and (for_camera or request.command in _TRIGGERS):
+        if self.camera != "component" and (for_camera or request.command in _TRIGGERS):
             return self._without_component(request, for_camera)
         if not for_camera:
             function = self._table.get(request.command, function)
@@ -105,9 +156,9 @@ class Commands:
 
     def _without_component(self, request: Request, for_camera: bool) -> Reply:
         """What becomes of a camera's command where no camera is on the link."""
-        if not self._answers_for_camera:
+        if not self.answers_for_camera:
             return Reply(UNSUPPORTED, silent=for_camera)
-        if self._camera == "none" or request.command not in _TRIGGERS:
+        if self.camera == "none" or request.command not in _TRIGGERS:
             return Reply(FAILED, by_autopilot=True)
         return replace(self._camera_table[request.command](request), by_autopilot=True)
 
@@ -115,21 +166,21 @@ class Commands:
 
     def _set_interval(self, request: Request) -> Reply:
         message_id, interval_us = request.integer(1), request.p[1]
-        if message_id is None or message_id not in self._telemetry.streamable:
+        if message_id is None or message_id not in self.telemetry.streamable:
             return Reply(DENIED)
         if not math.isfinite(interval_us):
             return Reply(DENIED)
         interval_s = interval_us / 1e6 if interval_us > 0.0 else None
         if interval_us == 0.0:
-            interval_s = self._default_s.get(message_id)
-        self._streams.set(message_id, interval_s, self._ap.t_s)
+            interval_s = self.default_s.get(message_id)
+        self.streams.set(message_id, interval_s, self.ap.t_s)
         return Reply(ACCEPTED)
 
     def _get_interval(self, request: Request) -> Reply:
         message_id = request.integer(1)
-        if message_id is None or not self._telemetry.knows(message_id):
+        if message_id is None or not self.telemetry.knows(message_id):
             return Reply(DENIED)
-        interval_s = self._streams.interval_s(message_id)
+        interval_s = self.streams.interval_s(message_id)
         interval_us = -1 if interval_s is None else min(round(interval_s * 1e6), 2**31 - 1)
         return Reply(ACCEPTED, (mav.MAVLink_message_interval_message(message_id, interval_us),))
 
@@ -142,16 +193,16 @@ class Commands:
         return self._send(message_id)
 
     def _send(self, message_id: int) -> Reply:
-        if not self._telemetry.knows(message_id):
+        if not self.telemetry.knows(message_id):
             return Reply(FAILED)
-        message = self._telemetry.build(message_id)
+        message = self.telemetry.build(message_id)
         return Reply(FAILED) if message is None else Reply(ACCEPTED, (message,))
 
     # --- camera ---------------------------------------------------------------------------------
 
     def _start_capture(self, request: Request) -> Reply:
         _, interval_s, count, sequence = request.p[:4]
-        return Reply(self._payload.start(interval_s, count, sequence, self._ap.t_s))
+        return Reply(self.payload.start(interval_s, count, sequence, self.ap.t_s))
 
     def _digicam(self, request: Request) -> Reply:
         """DO_DIGICAM_CONTROL: a picture when parameter 5 is 1; there is nothing to zoom or focus.
@@ -161,7 +212,7 @@ class Commands:
         shoot = request.p[4] if request.place is None else request.place[1]
         if shoot != 1:
             return Reply(ACCEPTED)
-        return Reply(self._payload.start(0.0, 1.0, 0.0, self._ap.t_s))
+        return Reply(self.payload.start(0.0, 1.0, 0.0, self.ap.t_s))
 
     def _route_camera(self, series: tuple[float, int] | None) -> None:
         """What a mission asks of the camera: interval and count, or None to stop.
@@ -169,14 +220,138 @@ class Commands:
         A camera that is still busy loses the picture, and says so.
         """
         if series is None:
-            self._payload.stop()
+            self.payload.stop()
             return
-        result = self._payload.start(series[0], series[1], 0.0, self._ap.t_s)
+        result = self.payload.start(series[0], series[1], 0.0, self.ap.t_s)
         if result != ACCEPTED:
-            self._ap.say(mav.MAV_SEVERITY_WARNING, "Camera: not ready, picture lost")
+            self.ap.say(mav.MAV_SEVERITY_WARNING, "Camera: not ready, picture lost")
 
     def _camera_message(self, message_id: int, index: int) -> Reply:
-        message = self._payload.build(message_id, index)
+        message = self.payload.build(message_id, index)
         if message is None:
             return Reply(FAILED)
         return Reply(ACCEPTED, (message,), from_camera=True)
+
+    # --- flight ---------------------------------------------------------------------------------
+
+    @abstractmethod
+    def set_mode(self, number: int) -> Reply:
+        """A custom mode by its number, as SET_MODE asks for it."""
+
+    def answer(self, refusal: str | None) -> Reply:
+        """ACK, then (for a refusal) the text that explains it."""
+        if refusal is None:
+            return Reply(ACCEPTED)
+        return Reply(self.refused, (statustext(mav.MAV_SEVERITY_CRITICAL, refusal),))
+
+    def _prearm_texts(self) -> tuple[object, ...]:
+        refusal = None if self.ap.armed else self.ap.prearm_refusal()
+        return () if refusal is None else (statustext(mav.MAV_SEVERITY_CRITICAL, refusal),)
+
+    def target(self, frame: int, lat_e7: int, lon_e7: int, altitude_m: float) -> Place | None:
+        """A global position in the world's plane (east, north, up); None when it is nowhere.
+
+        Heights above terrain are taken from the home altitude's sea level without terrain data:
+        as on the real one, the vehicle then comes down.
+        """
+        if not (math.isfinite(altitude_m) and abs(altitude_m) <= HIGHEST_M):
+            return None
+        if not (abs(lat_e7) <= 900_000_000 and abs(lon_e7) <= 1_800_000_000):
+            return None
+        if frame in _AMSL_FRAMES:
+            up = altitude_m - self.telemetry.amsl_m
+        elif frame in _HOME_FRAMES:
+            up = altitude_m + self.ap.home[2]
+        elif frame in _TERRAIN_FRAMES:
+            up = altitude_m - self.telemetry.amsl_m
+        else:
+            return None
+        return (*self._flat(lat_e7, lon_e7), up)
+
+    def _flat(self, lat_e7: int, lon_e7: int) -> tuple[float, float]:
+        return self.telemetry.plane.to_plane(LatLon(lat_e7 / 1e7, lon_e7 / 1e7))
+
+    def locate(self, lat_e7: int, lon_e7: int) -> Place | None:
+        """Latitude and longitude in the world's plane; None when it is nowhere."""
+        return self.target(mav.MAV_FRAME_GLOBAL, lat_e7, lon_e7, 0.0)
+
+    def _item_place(self, item: Item) -> Place | None:
+        return self.target(item.frame, item.x, item.y, item.z)
+
+    def _change_speed(self, request: Request) -> Reply:
+        kind = SPEEDS.get(request.integer(1) or 0)
+        speed = request.p[1]
+        if kind is None or not math.isfinite(speed):
+            return Reply(DENIED)
+        if speed > 0.0:  # -1: no change
+            self.ap.set_speed(kind, speed)
+        return Reply(ACCEPTED)
+
+    def _external_position(self, request: Request) -> Reply:
+        """EXTERNAL_POSITION_ESTIMATE: the delay, the accuracy, the place; its height is not used.
+
+        The time of transmission is taken for the time of arrival.
+        """
+        ap, (_, delay_s, sigma_m) = self.ap, request.p[:3]
+        place = None
+        if request.place is not None:
+            place = self.locate(*request.place[1:])
+        elif abs(request.p[4]) <= 90.0 and abs(request.p[5]) <= 180.0:
+            place = self.locate(round(request.p[4] * 1e7), round(request.p[5] * 1e7))
+        if place is None:
+            return Reply(self.nowhere)
+        if not ap.home_known:
+            return Reply(self.refused)
+        delay_s = delay_s if math.isfinite(delay_s) else 0.0
+        answer = ap.aiding.told(
+            place[0], place[1], sigma_m if math.isfinite(sigma_m) else None,
+            max(0.0, min(ap.aiding.most_delay_s, delay_s)), flying=ap.airborne,
+        )  # fmt: skip
+        results = {Answer.TAKEN: ACCEPTED, Answer.REFUSED: self.refused}
+        return Reply(results.get(answer, self.nowhere))
+
+    # --- missions, fence, home ------------------------------------------------------------------
+
+    def _mission_current(self, request: Request) -> Reply:
+        seq = request.integer(1)
+        if seq is None:
+            return Reply(DENIED)
+        if request.p[1] == 1.0:
+            self.ap.route.reset()
+        return Reply(ACCEPTED if self.ap.route.jump_to(seq, self.ap) else self.refused)
+
+    def _set_home(self, request: Request) -> Reply:
+        if not self.ap.home_known:
+            return Reply(self.refused)
+        if request.p[0] == 1.0:
+            now = self.ap.estimate
+            self.ap.set_home(now.east, now.north, now.up)
+            return Reply(ACCEPTED)
+        if request.place is None:
+            lat, lon = request.p[4], request.p[5]
+            if not (abs(lat) <= 90.0 and abs(lon) <= 180.0):
+                return Reply(self.refused)
+            place = (int(mav.MAV_FRAME_GLOBAL), round(lat * 1e7), round(lon * 1e7))
+        else:
+            place = request.place
+        home = self.target(*place, request.p[6])
+        if home is None or place[1:] == (0, 0):
+            return Reply(self.refused)
+        self.ap.set_home(*home)
+        return Reply(ACCEPTED)
+
+    def plans_changed(self, kind: int) -> None:
+        """A mission, a fence or the rally points have come or gone."""
+        ap = self.ap
+        items = ap.plans[kind]
+        if kind == FENCE:
+            ap.fence.zones = zones(items, self._flat)
+        elif kind == RALLY:
+            found = [(item.frame, self._item_place(item)) for item in items]
+            ap.rally = tuple(place for _, place in found if place is not None)
+            ap.rally_unknown = frozenset(
+                place for frame, place in found if place and frame in self.unknown_rally_frames
+            )
+        else:
+            ap.route.plan_changed()
+        ap.count_items(kind, items)

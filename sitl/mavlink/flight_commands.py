@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.geo.geodesy import LocalPlane
 from sitl.ardupilot.autopilot import Autopilot
-from sitl.body.altimeter import Altimeter
 from sitl.copter.modes import Mode
-from sitl.mavlink.base_commands import (
+from sitl.mavlink.commands import (
     ACCEPTED,
     DENIED,
     FAILED,
     HIGHEST_M,
     UNSUPPORTED,
-    BaseCommands,
+    Commands,
     Reply,
     Request,
 )
@@ -25,33 +24,31 @@ _GLOBAL_FRAMES = (mav.MAV_FRAME_GLOBAL, mav.MAV_FRAME_GLOBAL_INT)
 _FORCE_ARM, _FORCE_DISARM = 2989.0, 21196.0
 
 
-class FlightCommands(BaseCommands):
+class FlightCommands(Commands):
     """An ArduCopter's."""
 
-    def __init__(self, autopilot: Autopilot, plane: LocalPlane, altimeter: Altimeter) -> None:
-        super().__init__(autopilot, plane, altimeter)
-        self._ap = autopilot
-        self.table.update(
-            {
-                mav.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
-                mav.MAV_CMD_DO_SET_MODE: self._set_mode,
-                mav.MAV_CMD_NAV_TAKEOFF: self._take_off,
-                mav.MAV_CMD_NAV_LAND: lambda _: self._mode(Mode.LAND),
-                mav.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: self._mode(Mode.RTL),
-                mav.MAV_CMD_DO_REPOSITION: self._reposition,
-                mav.MAV_CMD_CONDITION_YAW: self._yaw,
-                mav.MAV_CMD_MISSION_START: self._mission_start,
-                mav.MAV_CMD_DO_PAUSE_CONTINUE: self._pause,
-                mav.MAV_CMD_DO_FENCE_ENABLE: self._fence_enable,
-                mav.MAV_CMD_SET_EKF_SOURCE_SET: self._choose_sources,
-            }
-        )
+    ap: Autopilot
+
+    def _flight_table(self) -> dict[int, Callable[[Request], Reply]]:
+        return {
+            mav.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
+            mav.MAV_CMD_DO_SET_MODE: self._set_mode,
+            mav.MAV_CMD_NAV_TAKEOFF: self._take_off,
+            mav.MAV_CMD_NAV_LAND: lambda _: self._mode(Mode.LAND),
+            mav.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: self._mode(Mode.RTL),
+            mav.MAV_CMD_DO_REPOSITION: self._reposition,
+            mav.MAV_CMD_CONDITION_YAW: self._yaw,
+            mav.MAV_CMD_MISSION_START: self._mission_start,
+            mav.MAV_CMD_DO_PAUSE_CONTINUE: self._pause,
+            mav.MAV_CMD_DO_FENCE_ENABLE: self._fence_enable,
+            mav.MAV_CMD_SET_EKF_SOURCE_SET: self._choose_sources,
+        }
 
     def _arm_disarm(self, request: Request) -> Reply:
         if request.p[0] == 1.0:
-            refusal = self._ap.arm(force=request.p[1] == _FORCE_ARM)
+            refusal = self.ap.arm(force=request.p[1] == _FORCE_ARM)
         elif request.p[0] == 0.0:
-            refusal = self._ap.disarm(force=request.p[1] == _FORCE_DISARM)
+            refusal = self.ap.disarm(force=request.p[1] == _FORCE_DISARM)
         else:
             return Reply(UNSUPPORTED)
         return self.answer(refusal)
@@ -71,27 +68,27 @@ class FlightCommands(BaseCommands):
         return self._mode(mode)
 
     def _mode(self, mode: Mode) -> Reply:
-        return self.answer(self._ap.set_mode(mode))
+        return self.answer(self.ap.set_mode(mode))
 
     def _take_off(self, request: Request) -> Reply:
         height_m = request.p[6]
         if not height_m <= HIGHEST_M:
             return Reply(FAILED)
-        return Reply(ACCEPTED if self._ap.take_off(height_m) is None else FAILED)
+        return Reply(ACCEPTED if self.ap.take_off(height_m) is None else FAILED)
 
     def _reposition(self, request: Request) -> Reply:
         if request.place is None:
             return Reply(int(mav.MAV_RESULT_COMMAND_INT_ONLY))
         change_mode = request.integer(2) or 0
-        if self._ap.mode != Mode.GUIDED:
+        if self.ap.mode != Mode.GUIDED:
             if not change_mode & mav.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
                 return Reply(DENIED)
-            if (refusal := self._ap.set_mode(Mode.GUIDED)) is not None:
+            if (refusal := self.ap.set_mode(Mode.GUIDED)) is not None:
                 return self.answer(refusal)
         target = self.target(*request.place, request.p[6])
         if target is None:
             return Reply(DENIED)
-        return Reply(ACCEPTED if self._ap.go_to(*target) else FAILED)
+        return Reply(ACCEPTED if self.ap.go_to(*target) else FAILED)
 
     def _yaw(self, request: Request) -> Reply:
         angle, _speed, direction, relative = request.p[:4]
@@ -99,26 +96,26 @@ class FlightCommands(BaseCommands):
             return Reply(DENIED)
         goal = math.radians(angle)
         if relative:
-            goal = self._ap.yaw_goal + math.copysign(1.0, direction) * goal
-        return Reply(ACCEPTED if self._ap.turn_to(goal) else FAILED)
+            goal = self.ap.yaw_goal + math.copysign(1.0, direction) * goal
+        return Reply(ACCEPTED if self.ap.turn_to(goal) else FAILED)
 
     # --- missions, fence, home ------------------------------------------------------------------
 
     def _mission_start(self, request: Request) -> Reply:
         if request.p[0] or request.p[1]:  # a part of a mission cannot be flown
             return Reply(DENIED)
-        return self.answer(self._ap.start_mission())
+        return self.answer(self.ap.start_mission())
 
     def _pause(self, request: Request) -> Reply:
         wanted = request.integer(1)
         if wanted not in (0, 1):
             return Reply(DENIED)
-        return Reply(ACCEPTED if self._ap.pause_mission(wanted == 0) else FAILED)
+        return Reply(ACCEPTED if self.ap.pause_mission(wanted == 0) else FAILED)
 
     def _choose_sources(self, request: Request) -> Reply:
         number = request.integer(1)
         return Reply(
-            ACCEPTED if number is not None and self._ap.aiding.choose_sources(number) else DENIED
+            ACCEPTED if number is not None and self.ap.aiding.choose_sources(number) else DENIED
         )
 
     def _external_position(self, request: Request) -> Reply:
@@ -131,5 +128,5 @@ class FlightCommands(BaseCommands):
         wanted = request.integer(1)
         if wanted not in (0, 1):
             return Reply(FAILED)
-        self._ap.enable_fence(wanted == 1)
+        self.ap.enable_fence(wanted == 1)
         return Reply(ACCEPTED)

@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.codec.wire import Message, Packer
-from sitl.copter.aircraft import Aircraft
+from sitl.copter.aircraft import Aircraft, Notice
 from sitl.copter.mission_items import Item
 from sitl.copter.params import Parameter
+from sitl.copter.streaming import Setpoint
 from sitl.copter.transfer import Transfer
-from sitl.mavlink.commands import Commands, Request
+from sitl.mavlink.commands import Commands, Request, statustext
 from sitl.mavlink.positions import ARDUPILOT_FRAMES, ToldPositions
 from sitl.mavlink.streams import STREAM_GROUPS, Streams
 from sitl.mavlink.telemetry import Telemetry
@@ -33,31 +35,32 @@ _TERRAIN_READ_S = 1.0
 _UNASKED = 65535  # index of a parameter that nobody has asked for
 
 
+@dataclass(eq=False)
 class Interpreter:
     """The vehicle's end of the link."""
 
     odometry_frames: ClassVar[tuple[int, ...]] = ARDUPILOT_FRAMES
+    banner: ClassVar[bytes] = b"\r\n\r\nInit ArduCopter V4.6.0\r\n\r\nFree RAM: 131072\r\n"
+    """What a TCP client is greeted with."""
+    tells_mode_at_once: ClassVar[bool] = True
+    camera_feedback: ClassVar[bool] = True
+    texts_to_stations: ClassVar[bool] = False
+    """Texts go to links on which a ground station was heard."""
 
-    def __init__(
-        self,
-        system_id: int,
-        autopilot: Aircraft,
-        commands: Commands,
-        streams: Streams,
-        telemetry: Telemetry,
-    ) -> None:
-        self.system_id = system_id
+    system_id: int
+    ap: Aircraft
+    commands: Commands
+    streams: Streams
+    telemetry: Telemetry
+
+    def __post_init__(self) -> None:
         self.heard = False
-        self._ap = autopilot
-        self._commands = commands
-        self._streams = streams
-        self._telemetry = telemetry
         self._reads = 0
         self._terrain_s: float | None = None
         """When its terrain database has been read; nobody has asked for it yet."""
         self._transfer = self._make_transfer()
-        self.autopilot_wire = Packer(system_id, AUTOPILOT)
-        self.camera_wire = Packer(system_id, CAMERA)
+        self.autopilot_wire = Packer(self.system_id, AUTOPILOT)
+        self.camera_wire = Packer(self.system_id, CAMERA)
         self._handlers: dict[str, Callable[[Message], bytes]] = {
             "COMMAND_LONG": self._command_long,
             "COMMAND_INT": self._command_int,
@@ -75,17 +78,17 @@ class Interpreter:
             "MISSION_SET_CURRENT": self._set_current,
             **dict.fromkeys(self._transfer.handled, self._mission),
             **ToldPositions(
-                autopilot, lambda: telemetry.origin, commands.flight.locate, self.odometry_frames
+                self.ap, lambda: self.telemetry.origin, self.commands.locate, self.odometry_frames
             ).handlers,
         }
 
     def _make_transfer(self) -> Transfer:
-        ap = self._ap
+        ap = self.ap
         return Transfer(
-            ap.plans,
+            plans=ap.plans,
             home=self._home_item,
             running=lambda: ap.in_mission and ap.armed,
-            changed=self._commands.flight.plans_changed,
+            changed=self.commands.plans_changed,
             say=ap.say,
         )
 
@@ -102,7 +105,7 @@ class Interpreter:
     def step(self) -> bytes:
         """What the passing of time brings: missing mission items asked for again, news."""
         self._reads = 0
-        ap = self._ap
+        ap = self.ap
         sent = [self.autopilot_wire.pack(m) for m in self._transfer.step(ap.t_s)]
         if not (ap.route.reached or ap.parameters.untold):
             return b"".join(sent)
@@ -116,16 +119,20 @@ class Interpreter:
         ap.parameters.untold.clear()
         return b"".join(sent)
 
+    def tell(self, notice: Notice) -> bytes:
+        """What the autopilot says, as a text."""
+        return self.autopilot_wire.pack(statustext(notice.severity, notice.text))
+
     def _ours(self, message: Message) -> bool:
         return message.target_system in (0, self.system_id)
 
     def _terrain_check(self, m: Message) -> bytes:
         """What its terrain database knows of a place; it takes a moment to be read."""
-        now_s = self._ap.t_s
+        now_s = self.ap.t_s
         if self._terrain_s is None:
             self._terrain_s = now_s + _TERRAIN_READ_S
         loaded = now_s >= self._terrain_s
-        return self.autopilot_wire.pack(self._telemetry.terrain_report(m.lat, m.lon, loaded=loaded))
+        return self.autopilot_wire.pack(self.telemetry.terrain_report(m.lat, m.lon, loaded=loaded))
 
     # --- commands -------------------------------------------------------------------------------
 
@@ -141,7 +148,7 @@ class Interpreter:
         if not self._ours(m) or m.target_component not in (0, AUTOPILOT, CAMERA):
             return b""
         for_camera = m.target_component == CAMERA
-        reply = self._commands.carry_out(request, for_camera)
+        reply = self.commands.carry_out(request, for_camera)
         if reply.silent:
             return b""
         as_camera = for_camera and not reply.by_autopilot
@@ -158,7 +165,7 @@ class Interpreter:
     def _set_mode(self, m: Message) -> bytes:
         if not self._ours(m) or not m.base_mode & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
             return b""
-        reply = self._commands.flight.set_mode(m.custom_mode)
+        reply = self.commands.set_mode(m.custom_mode)
         return b"".join(self.autopilot_wire.pack(message) for message in reply.messages)
 
     def _position_target(self, m: Message) -> bytes:
@@ -166,17 +173,17 @@ class Interpreter:
         if not self._ours(m) or m.target_component not in (0, AUTOPILOT):
             return b""
         if not m.type_mask & NO_POSITION:
-            target = self._commands.flight.target(m.coordinate_frame, m.lat_int, m.lon_int, m.alt)
+            target = self.commands.target(m.coordinate_frame, m.lat_int, m.lon_int, m.alt)
             yaw = None if m.type_mask & NO_YAW or not math.isfinite(m.yaw) else m.yaw
             velocity = (m.vy, m.vx, -m.vz)
             if target is None:
                 pass
             elif m.type_mask & NO_VELOCITY:
-                self._ap.go_to(*target, yaw)
+                self.ap.go_to(*target, yaw)
             elif all(map(math.isfinite, velocity)):
-                self._ap.go_along(target, velocity, yaw)
+                self.ap.go_along(Setpoint(target, velocity), yaw)
         elif not m.type_mask & NO_VELOCITY and all(map(math.isfinite, (m.vx, m.vy, m.vz))):
-            self._ap.go_with(m.vy, m.vx, -m.vz)
+            self.ap.go_along(Setpoint(None, (m.vy, m.vx, -m.vz)))
         return b""
 
     # --- missions -------------------------------------------------------------------------------
@@ -184,25 +191,25 @@ class Interpreter:
     def _mission(self, m: Message) -> bytes:
         if not self._ours(m) or m.target_component not in (0, AUTOPILOT):
             return b""
-        answers = self._transfer.receive(m, self._ap.t_s)
+        answers = self._transfer.receive(m, self.ap.t_s)
         return b"".join(self.autopilot_wire.pack(answer) for answer in answers)
 
     def _set_current(self, m: Message) -> bytes:
         """MISSION_SET_CURRENT: answered with MISSION_CURRENT; an unknown item meets silence."""
-        if not self._ours(m) or not self._ap.route.jump_to(m.seq, self._ap):
+        if not self._ours(m) or not self.ap.route.jump_to(m.seq, self.ap):
             return b""
-        return self.autopilot_wire.pack(self._telemetry.mission_current())
+        return self.autopilot_wire.pack(self.telemetry.mission_current())
 
     def _home_item(self) -> Item:
-        lat, lon, amsl_mm = self._telemetry.place(*self._ap.home)
+        lat, lon, amsl_mm = self.telemetry.place(*self.ap.home)
         return Item(
             mav.MAV_CMD_NAV_WAYPOINT, mav.MAV_FRAME_GLOBAL, x=lat, y=lon, z=amsl_mm / 1000.0
         )
 
     def _heartbeat(self, m: Message) -> bytes:
         """Whoever has the number of its ground station is that, whatever it calls itself."""
-        if m.get_srcSystem() == int(self._ap.parameters["SYSID_MYGCS"]):
-            self._ap.failsafes.hear_station(self._ap.t_s)
+        if m.get_srcSystem() == int(self.ap.parameters["SYSID_MYGCS"]):
+            self.ap.failsafes.hear_station(self.ap.t_s)
         return b""
 
     # --- streams --------------------------------------------------------------------------------
@@ -216,7 +223,7 @@ class Interpreter:
         interval_s = 1.0 / rate_hz if rate_hz > 0 else None
         for group in groups:
             for message_id in group:
-                self._streams.set(message_id, interval_s, self._ap.t_s)
+                self.streams.set(message_id, interval_s, self.ap.t_s)
         return b""
 
     # --- parameters -----------------------------------------------------------------------------
@@ -224,7 +231,7 @@ class Interpreter:
     def _param_list(self, m: Message) -> bytes:
         if not self._ours(m):
             return b""
-        return b"".join(self._param_value(p.name) for p in self._ap.parameters.table)
+        return b"".join(self._param_value(p.name) for p in self.ap.parameters.table)
 
     def _param_read(self, m: Message) -> bytes:
         if not self._ours(m):
@@ -233,19 +240,19 @@ class Interpreter:
         if self._reads > _READS_A_STEP:
             return b""
         if m.param_index >= 0:
-            table = self._ap.parameters.table
+            table = self.ap.parameters.table
             known = m.param_index < len(table)
             return self._param_value(table[m.param_index].name) if known else b""
-        return self._param_value(m.param_id) if m.param_id in self._ap.parameters else b""
+        return self._param_value(m.param_id) if m.param_id in self.ap.parameters else b""
 
     def _param_set(self, m: Message) -> bytes:
         """The new value is the answer; an unknown name or a NaN meets silence."""
-        if not self._ours(m) or not self._ap.parameters.set(m.param_id, m.param_value):
+        if not self._ours(m) or not self.ap.parameters.set(m.param_id, m.param_value):
             return b""
         return self._param_value(m.param_id)
 
     def _param_value(self, name: str, told_index: int | None = None) -> bytes:
-        parameters = self._ap.parameters
+        parameters = self.ap.parameters
         parameter, index = parameters.by_name[name], parameters.index[name]
         return self.autopilot_wire.pack(
             mav.MAVLink_param_value_message(
@@ -271,7 +278,7 @@ class Interpreter:
         if m.tc1 != 0:  # an answer to ours
             return b""
         return self.autopilot_wire.pack(
-            mav.MAVLink_timesync_message(round(self._ap.t_s * 1e9), m.ts1)
+            mav.MAVLink_timesync_message(round(self.ap.t_s * 1e9), m.ts1)
         )
 
     def _ftp(self, m: Message) -> bytes:

@@ -9,6 +9,7 @@ A vehicle has a link a client, as an autopilot has ports; all hear the same tele
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -22,6 +23,7 @@ _LINK_SEED = 41
 _MAX_OUTBOX = 1 << 20  # of a client that does not take what it is sent
 
 
+@dataclass(eq=False)
 class Link:
     """Bytes in by `receive`, bytes out by `take`, in vehicle time.
 
@@ -29,37 +31,30 @@ class Link:
     `texts_to_stations`: STATUSTEXT goes out only once a ground station's heartbeat came in.
     """
 
-    def __init__(
-        self,
-        link_id: int,
-        seed: tuple[int, int],
-        faults: Faults,
-        signing: Signing,
-        hear: Callable[[list[Message]], None],
-        *,
-        trusted: bool = False,
-        texts_to_stations: bool = False,
-    ) -> None:
-        self.link_id = link_id
-        self._tells_texts = not texts_to_stations
-        self.trusted = trusted
-        self._faults = faults
-        self._signing = signing
-        self._hear = hear
+    link_id: int
+    seed: tuple[int, int]
+    faults: Faults
+    signing: Signing
+    hear: Callable[[list[Message]], None]
+    trusted: bool
+    texts_to_stations: bool
+
+    def __post_init__(self) -> None:
+        self._tells_texts = not self.texts_to_stations
         self._framer = Framer()
         self._cutter = Cutter()
-        self._up = Lossy((*seed, _LINK_SEED, link_id, _UP))
-        self._down = Lossy((*seed, _LINK_SEED, link_id, _DOWN))
+        self._up = Lossy((*self.seed, _LINK_SEED, self.link_id, _UP))
+        self._down = Lossy((*self.seed, _LINK_SEED, self.link_id, _DOWN))
         self._outbox = bytearray()
 
     def receive(self, data: bytes) -> None:
         """Bytes from the client, in any pieces."""
-        quality = self._faults.up
+        quality = self.faults.up
         if quality is CLEAN and self._up.idle and self._cutter.empty:
             self._listen(data)
             return
-        self._up.put(self._cutter.feed(data), quality, self._faults.t_s)
-        self._listen(b"".join(self._up.due(self._faults.t_s)))
+        self._up.put(self._cutter.feed(data), quality, self.faults.t_s)
+        self._listen(b"".join(self._up.due(self.faults.t_s)))
 
     def take(self) -> bytes:
         """What has arrived at the client since the last call: whole frames, if none is garbled."""
@@ -71,37 +66,37 @@ class Link:
         """Whole unsigned frames from the vehicle; more than a client takes are lost."""
         if not self._tells_texts:
             frames = b"".join(frame for frame in cut(frames) if not _is_text(frame))
-        quality = self._faults.down
-        if quality is CLEAN and self._down.idle and not self._signing.active:
+        quality = self.faults.down
+        if quality is CLEAN and self._down.idle and not self.signing.active:
             self._arrive(frames)
             return
-        signed = [self._signing.sign(frame, self.link_id) for frame in cut(frames)]
-        self._down.put(signed, quality, self._faults.t_s)
-        self._arrive(b"".join(self._down.due(self._faults.t_s)))
+        signed = [self.signing.sign(frame, self.link_id) for frame in cut(frames)]
+        self._down.put(signed, quality, self.faults.t_s)
+        self._arrive(b"".join(self._down.due(self.faults.t_s)))
 
     def step(self) -> None:
         """Let arrive what is due now, in both directions."""
         if not self._up.idle:
-            if self._faults.up.silent:
+            if self.faults.up.silent:
                 self._up.drop()
-            if data := b"".join(self._up.due(self._faults.t_s)):
+            if data := b"".join(self._up.due(self.faults.t_s)):
                 self._listen(data)
         if not self._down.idle:
-            if self._faults.down.silent:
+            if self.faults.down.silent:
                 self._down.drop()
-            self._arrive(b"".join(self._down.due(self._faults.t_s)))
+            self._arrive(b"".join(self._down.due(self.faults.t_s)))
 
     def _listen(self, data: bytes) -> None:
         messages = self._framer.feed(data)
-        if self._signing.active:
+        if self.signing.active:
             messages = [
                 message
                 for message in messages
-                if self._signing.accepts(message.get_msgbuf(), self.trusted)
+                if self.signing.accepts(message.get_msgbuf(), self.trusted)
             ]
         self._tells_texts = self._tells_texts or any(map(_is_station, messages))
         if messages:
-            self._hear(messages)
+            self.hear(messages)
 
     def _arrive(self, frames: bytes) -> None:
         if len(self._outbox) + len(frames) <= _MAX_OUTBOX:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -20,6 +21,7 @@ PX4_FRAMES: tuple[int, ...] = (mav.MAV_FRAME_LOCAL_FRD, mav.MAV_FRAME_LOCAL_NED)
 """In which ODOMETRY is taken; both lie north here."""
 
 
+@dataclass
 class ToldPositions:
     """What arrives, put into the world's plane.
 
@@ -27,17 +29,13 @@ class ToldPositions:
     counts. `locate` puts a latitude and longitude (1e7) there, None where there is no such place.
     """
 
-    def __init__(
-        self,
-        aircraft: Aircraft,
-        origin: Callable[[], Place],
-        locate: Callable[[int, int], Place | None],
-        odometry_frames: Collection[int],
-    ) -> None:
-        self._aircraft = aircraft
-        self._origin = origin
-        self._locate = locate
-        self._frames = odometry_frames
+    aircraft: Aircraft
+    origin: Callable[[], Place]
+    locate: Callable[[int, int], Place | None]
+    frames: Collection[int]
+    """Of ODOMETRY that are taken."""
+
+    def __post_init__(self) -> None:
         self.handlers: dict[str, Callable[[Message], bytes]] = {
             "GPS_INPUT": self._gps_input,
             "VISION_POSITION_ESTIMATE": self._vision,
@@ -45,10 +43,10 @@ class ToldPositions:
         }
 
     def _gps_input(self, m: Message) -> bytes:
-        place = self._locate(m.lat, m.lon)
+        place = self.locate(m.lat, m.lon)
         if place is not None:
             sigma_m = 0.0 if m.ignore_flags & _NO_ACCURACY else _told(m.horiz_accuracy)
-            self._aircraft.aiding.receiver(place[0], place[1], sigma_m, m.fix_type)
+            self.aircraft.aiding.receiver(place[0], place[1], sigma_m, m.fix_type)
         return b""
 
     def _vision(self, m: Message) -> bytes:
@@ -57,16 +55,16 @@ class ToldPositions:
 
     def _odometry(self, m: Message) -> bytes:
         bodily = m.child_frame_id == mav.MAV_FRAME_BODY_FRD
-        if m.frame_id in self._frames and bodily and m.quality != _BAD_QUALITY:
+        if m.frame_id in self.frames and bodily and m.quality != _BAD_QUALITY:
             self._local(m.x, m.y, m.pose_covariance, m.reset_counter)
         return b""
 
     def _local(self, x: float, y: float, covariance: Sequence[float], resets: int) -> None:
-        if not (math.isfinite(x) and math.isfinite(y) and self._aircraft.home_known):
+        if not (math.isfinite(x) and math.isfinite(y) and self.aircraft.home_known):
             return
-        east, north, _ = self._origin()
+        east, north, _ = self.origin()
         variance = 0.5 * (_told(covariance[_NORTH_NORTH]) + _told(covariance[_EAST_EAST]))
-        self._aircraft.aiding.vision(east + y, north + x, math.sqrt(variance), resets)
+        self.aircraft.aiding.vision(east + y, north + x, math.sqrt(variance), resets)
 
 
 def _told(value: float) -> float:

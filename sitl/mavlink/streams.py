@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -33,15 +32,6 @@ STREAM_GROUPS = {
 """What REQUEST_DATA_STREAM's groups hold."""
 
 
-@dataclass(slots=True)
-class _Group:
-    """Messages that are always due together."""
-
-    interval_s: float
-    next_s: float
-    message_ids: list[int] = field(default_factory=list)
-
-
 class Streams:
     """Message ids and their intervals.
 
@@ -49,27 +39,25 @@ class Streams:
     >>> streams.set(33, 0.1, now_s=0.0)
     >>> streams.due(0.05), streams.due(0.1), streams.due(0.15), streams.due(0.2)
     ([], [33], [], [33])
+    >>> streams.set(30, 0.01, now_s=0.2)  # shorter than a step: once a step
+    >>> streams.due(0.25), streams.due(0.3)
+    ([30], [33, 30])
     """
 
     def __init__(self) -> None:
         self._interval_s: dict[int, float] = {}
-        self._groups: list[_Group] = []
+        self._next_s: dict[int, float] = {}
         self._earliest_s = math.inf
 
     def set(self, message_id: int, interval_s: float | None, now_s: float) -> None:
         """Send a message every `interval_s` from now on; None stops it."""
-        next_s = {number: group.next_s for group in self._groups for number in group.message_ids}
         if interval_s is None:
             self._interval_s.pop(message_id, None)
+            self._next_s.pop(message_id, None)
         else:
             self._interval_s[message_id] = interval_s
-            next_s[message_id] = now_s + interval_s
-        groups: dict[tuple[float, float], _Group] = {}
-        for number, every_s in self._interval_s.items():
-            key = (every_s, next_s[number])
-            groups.setdefault(key, _Group(*key)).message_ids.append(number)
-        self._groups = list(groups.values())
-        self._earliest_s = min((group.next_s for group in self._groups), default=math.inf)
+            self._next_s[message_id] = now_s + interval_s
+        self._earliest_s = min(self._next_s.values(), default=math.inf)
 
     def interval_s(self, message_id: int) -> float | None:
         """The interval of a message, None while it is not streamed."""
@@ -83,12 +71,9 @@ class Streams:
         now_s += _SOON_S
         if now_s < self._earliest_s:
             return []
-        groups = [group for group in self._groups if group.next_s <= now_s]
-        for group in groups:
-            following_s = group.next_s + group.interval_s
-            group.next_s = following_s if following_s > now_s else now_s
-        self._earliest_s = min([group.next_s for group in self._groups])
-        if len(groups) == 1:
-            return groups[0].message_ids.copy()
-        due = {message_id for group in groups for message_id in group.message_ids}
-        return [message_id for message_id in self._interval_s if message_id in due]
+        due = [message_id for message_id, next_s in self._next_s.items() if next_s <= now_s]
+        for message_id in due:
+            following_s = self._next_s[message_id] + self._interval_s[message_id]
+            self._next_s[message_id] = max(following_s, now_s)
+        self._earliest_s = min(self._next_s.values())
+        return due

@@ -10,7 +10,6 @@ from collections.abc import Callable, Collection
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.geo.geodesy import LocalPlane
 from missions.units import LatLon
 from sitl.body.altimeter import Altimeter
 from sitl.codec import fast_packing as layouts
@@ -19,6 +18,7 @@ from sitl.codec.wire import Message, Packed
 from sitl.copter.aircraft import Aircraft
 from sitl.copter.modes import Mode, Phase
 from sitl.quirks import Quirks
+from sitl.world.world import World
 
 _CLAIMS_ACTIVE_S = 3.0  # after boot the heartbeat says ACTIVE although nothing flies
 _AUTO = Mode.AUTO
@@ -74,20 +74,19 @@ class Telemetry:
     def __init__(
         self,
         autopilot: Aircraft,
-        plane: LocalPlane,
+        world: World,
         altimeter: Altimeter,
         wind: Callable[[], tuple[float, float]],
-        quirks: Quirks = Quirks(),  # noqa: B008 - a value that nobody changes
+        quirks: Quirks,
     ) -> None:
         self._ap = autopilot
-        self._plane = plane
+        self._world = world
+        self.plane = world.plane
         self._altimeter = altimeter
         self._wind = wind
-        self.clock_rate = 1.0
-        """Of the vehicle's clock, beside time."""
-        self.ground_m: Callable[[float, float], float] = lambda east_m, north_m: 0.0
-        """The height of the ground in the world's plane, as a terrain database has it."""
-        self._boot_home = autopilot.home
+        self._clock_rate = 1.0 + quirks.clock_ppm * 1e-6  # beside time
+        self.origin = autopilot.home
+        """Of LOCAL_POSITION_NED, in the world's plane: the place of booting."""
         self._places: dict[tuple[float, float], tuple[int, int]] = {}
         self._builders: dict[int, Callable[[], Packed | None]] = {
             mav.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
@@ -109,11 +108,16 @@ class Telemetry:
             mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self.extended_sys_state,
             mav.MAVLINK_MSG_ID_FENCE_STATUS: self.fence_status,
         }
+        self._builders |= self._own_builders()
         if not quirks.landed_state:
             del self._builders[mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE]
 
+    def _own_builders(self) -> dict[int, Callable[[], Packed | None]]:
+        """What another autopilot sends besides, or otherwise."""
+        return {}
+
     @property
-    def _amsl_m(self) -> float:
+    def amsl_m(self) -> float:
         """The height of the world's plane above the sea, as the autopilot has it."""
         return self._altimeter.amsl_m
 
@@ -131,14 +135,9 @@ class Telemetry:
         return self._builders[message_id]()
 
     @property
-    def origin(self) -> tuple[float, float, float]:
-        """Of LOCAL_POSITION_NED, in the world's plane: the place of booting."""
-        return self._boot_home
-
-    @property
     def boot_ms(self) -> int:
         """Milliseconds since boot, as in `time_boot_ms`."""
-        return round(self._ap.t_s * self.clock_rate * 1000.0) & 0xFFFFFFFF
+        return round(self._ap.t_s * self._clock_rate * 1000.0) & 0xFFFFFFFF
 
     def place(self, east_m: float, north_m: float, up_m: float) -> tuple[int, int, int]:
         """Latitude, longitude (1e7 degrees) and AMSL (mm) of a place in the world's plane."""
@@ -147,17 +146,17 @@ class Telemetry:
         if found is None:
             if len(self._places) >= _KEPT_PLACES:
                 self._places.clear()
-            position = self._plane.to_wgs84(east_m, north_m)
+            position = self.plane.to_wgs84(east_m, north_m)
             found = int32(position.lat_deg * 1e7), int32(position.lon_deg * 1e7)
             self._places[east_m, north_m] = found
-        return found[0], found[1], int32((self._amsl_m + up_m) * 1000.0)
+        return found[0], found[1], int32((self.amsl_m + up_m) * 1000.0)
 
     def terrain_report(self, lat_e7: int, lon_e7: int, *, loaded: bool) -> Message:
         """TERRAIN_REPORT of a place; what is still to be loaded from the card has no spacing."""
         if not loaded:
             return mav.MAVLink_terrain_report_message(lat_e7, lon_e7, 0, 0.0, 0.0, 56, 0)
-        east, north = self._plane.to_plane(LatLon(lat_e7 / 1e7, lon_e7 / 1e7))
-        ground_m = self.ground_m(east, north)
+        east, north = self.plane.to_plane(LatLon(lat_e7 / 1e7, lon_e7 / 1e7))
+        ground_m = self._world.ground_m(east, north)
         return mav.MAVLink_terrain_report_message(
             lat_e7,
             lon_e7,
@@ -270,7 +269,7 @@ class Telemetry:
         """LOCAL_POSITION_NED around the place of booting."""
         if not self._ap.home_known:
             return None
-        now, (east, north, up) = self._ap.estimate, self._boot_home
+        now, (east, north, up) = self._ap.estimate, self.origin
         return layouts.local_position_ned(
             self.boot_ms, now.north - north, now.east - east, up - now.up,
             now.v_north, now.v_east, -now.v_up,
@@ -312,7 +311,7 @@ class Telemetry:
         """GPS_GLOBAL_ORIGIN: the origin of LOCAL_POSITION_NED."""
         if not self._ap.home_known:
             return None
-        return layouts.gps_global_origin(*self.place(*self._boot_home))
+        return layouts.gps_global_origin(*self.place(*self.origin))
 
     def vfr_hud(self) -> Packed:
         """VFR_HUD."""
@@ -320,7 +319,7 @@ class Telemetry:
         return layouts.vfr_hud(
             body.air_speed_m_s, math.hypot(now.v_east, now.v_north),
             int16(math.degrees(body.heading)) % 360, 50 if self._ap.airborne else 0,
-            self._amsl_m + now.up, now.v_up,
+            self.amsl_m + now.up, now.v_up,
         )  # fmt: skip
 
     def position_target(self) -> Packed | None:
@@ -330,14 +329,14 @@ class Telemetry:
             lat, lon, _ = self.place(*ap.target)
             return layouts.position_target_global_int(
                 self.boot_ms, mav.MAV_FRAME_GLOBAL, _TARGET_POSITION_ONLY, lat, lon,
-                self._amsl_m + ap.target[2], *([0.0] * 8),
+                self.amsl_m + ap.target[2], *([0.0] * 8),
             )  # fmt: skip
         if ap.stream is not None:
             place, (east, north, up) = ap.stream
             lat, lon, amsl_m = 0, 0, 0.0
             if place is not None:
                 lat, lon, _ = self.place(*place)
-                amsl_m = self._amsl_m + place[2]
+                amsl_m = self.amsl_m + place[2]
             mask = _TARGET_VELOCITY_ONLY if place is None else _TARGET_BOTH
             return layouts.position_target_global_int(
                 self.boot_ms, mav.MAV_FRAME_GLOBAL, mask, lat, lon, amsl_m,
@@ -369,7 +368,7 @@ class Telemetry:
         if not ap.home_known:
             return None
         east, north, up = ap.home
-        boot_east, boot_north, boot_up = self._boot_home
+        boot_east, boot_north, boot_up = self.origin
         return layouts.home_position(
             *self.place(east, north, up), north - boot_north, east - boot_east, boot_up - up,
             *_NAN4, 0.0, 0.0, 0.0, int(ap.t_s * 1e6),

@@ -8,7 +8,6 @@ from sitl.body.physics import IDLE, Command
 from sitl.copter.aircraft import SEVERITY_CRITICAL
 from sitl.copter.mission_items import Item
 from sitl.copter.modes import Phase
-from sitl.copter.motion import Place
 from sitl.copter.route import Progress
 from sitl.copter.streaming import Setpoint
 from sitl.px4.commander import LASTS_S, Commander, Wish
@@ -95,30 +94,21 @@ class Px4Autopilot(Commander):
             self.climb_to(up_m)
         return True
 
-    def go_with(self, v_east: float, v_north: float, v_up: float) -> bool:
-        """A velocity of the offboard stream, m/s; False when it is dropped."""
+    def go_along(self, setpoint: Setpoint, yaw_rad: float | None = None) -> bool:
+        """A velocity of the offboard stream, with or without a place; on the ground it starts."""
+        place, velocity = setpoint
+        if place is not None and not self.airborne:
+            return self.go_to(*place, yaw_rad)
         if self.mode != Px4Mode.OFFBOARD or not self.armed:
             return False
         if not self.airborne:
-            if self.phase == Phase.LANDED and v_up > 0.0:
+            if self.phase == Phase.LANDED and velocity[2] > 0.0:
                 self.climb_to(self.estimate.up + _OFFBOARD_CLIMB_M)
             return True
-        self.follow(Setpoint(None, (v_east, v_north, v_up)), self._stream_ends_s)
+        if place is not None and yaw_rad is None:
+            yaw_rad = self.yaw_goal
+        self.follow(setpoint, self.t_s + self.parameters["COM_OF_LOSS_T"], yaw_rad)
         return True
-
-    def go_along(self, place: Place, velocity: Place, yaw_rad: float | None = None) -> bool:
-        """A setpoint of place and velocity; False when it is dropped."""
-        if not self.airborne:
-            return self.go_to(*place, yaw_rad)
-        if self.mode != Px4Mode.OFFBOARD:
-            return False
-        yaw_rad = self.yaw_goal if yaw_rad is None else yaw_rad
-        self.follow(Setpoint(place, velocity), self._stream_ends_s, yaw_rad)
-        return True
-
-    @property
-    def _stream_ends_s(self) -> float:
-        return self.t_s + self.parameters["COM_OF_LOSS_T"]
 
     # --- missions -------------------------------------------------------------------------------
 

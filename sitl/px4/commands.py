@@ -8,41 +8,43 @@ GLOBAL_INT only, which is right for all.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.geo.geodesy import LocalPlane
-from sitl.body.altimeter import Altimeter
-from sitl.mavlink.base_commands import (
+from sitl.mavlink.commands import (
     ACCEPTED,
     DENIED,
     FAILED,
     HIGHEST_M,
     UNSUPPORTED,
-    BaseCommands,
+    Commands,
     Reply,
     Request,
 )
 from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.modes import Px4Mode, wanted
+from sitl.px4.telemetry import DEFAULT_S
 
 _FORCE = 21196.0
 _NAN_AS_INT = 0x7FF80000
 _GLOBAL: int = mav.MAV_FRAME_GLOBAL
 
 
-class Px4Commands(BaseCommands):
+class Px4Commands(Commands):
     """A PX4's."""
 
-    refused: int = mav.MAV_RESULT_TEMPORARILY_REJECTED
-    nowhere: int = FAILED
+    refused = int(mav.MAV_RESULT_TEMPORARILY_REJECTED)
+    nowhere = FAILED
     unknown_rally_frames = (mav.MAV_FRAME_GLOBAL_INT, mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 
-    def __init__(self, autopilot: Px4Autopilot, plane: LocalPlane, altimeter: Altimeter) -> None:
-        super().__init__(autopilot, plane, altimeter)
-        self._ap = autopilot
-        self.table.update({
+    ap: Px4Autopilot
+    default_s = DEFAULT_S
+    answers_for_camera = False
+
+    def _flight_table(self) -> dict[int, Callable[[Request], Reply]]:
+        return {
             mav.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
             mav.MAV_CMD_DO_SET_MODE: self._set_mode,
             mav.MAV_CMD_NAV_TAKEOFF: self._take_off,
@@ -51,21 +53,21 @@ class Px4Commands(BaseCommands):
             mav.MAV_CMD_DO_REPOSITION: self._reposition,
             mav.MAV_CMD_MISSION_START: self._mission_start,
             mav.MAV_CMD_DO_SET_HOME: self._set_home_amsl,
-        })  # fmt: skip
+        }
 
     def answer(self, refusal: str | None) -> Reply:
         """ACK; the text that explains a refusal is told behind it, as any other."""
         if refusal is None:
             return Reply(ACCEPTED)
-        self._ap.say(mav.MAV_SEVERITY_CRITICAL, refusal)
+        self.ap.say(mav.MAV_SEVERITY_CRITICAL, refusal)
         return Reply(self.refused)
 
     def _arm_disarm(self, request: Request) -> Reply:
         force = request.p[1] == _FORCE
         if request.p[0] == 1.0:
-            return self.answer(self._ap.arm(force))
+            return self.answer(self.ap.arm(force))
         if request.p[0] == 0.0:
-            return self.answer(self._ap.disarm(force))
+            return self.answer(self.ap.disarm(force))
         return Reply(UNSUPPORTED)
 
     def _set_mode(self, request: Request) -> Reply:
@@ -83,12 +85,12 @@ class Px4Commands(BaseCommands):
         return self.answer("Unsupported mode") if mode is None else self._mode(mode)
 
     def _mode(self, mode: Px4Mode) -> Reply:
-        return self.answer(self._ap.set_mode(mode))
+        return self.answer(self.ap.set_mode(mode))
 
     def _take_off(self, request: Request) -> Reply:
         amsl_m = request.p[6]
-        up_m = amsl_m - self._amsl_m if abs(amsl_m) <= HIGHEST_M else None
-        return self.answer(self._ap.take_off((*self._flat_or_none(request), up_m)))
+        up_m = amsl_m - self.telemetry.amsl_m if abs(amsl_m) <= HIGHEST_M else None
+        return self.answer(self.ap.take_off((*self._flat_or_none(request), up_m)))
 
     def _reposition(self, request: Request) -> Reply:
         place = request.place
@@ -96,18 +98,18 @@ class Px4Commands(BaseCommands):
             return Reply(DENIED)
         changes_mode = (request.integer(2) or 0) & mav.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
         if changes_mode:
-            refusal = self._ap.set_mode(Px4Mode.HOLD)
+            refusal = self.ap.set_mode(Px4Mode.HOLD)
             if refusal is not None:
                 return self.answer("Reposition command rejected")
         east, north = self._flat_or_none(request)
         amsl_m, speed_m_s, yaw_rad = request.p[6], request.p[0], request.p[3]
-        up = amsl_m - self._amsl_m if abs(amsl_m) <= HIGHEST_M else None
-        text = self._ap.reposition((east, north, up), yaw_rad if math.isfinite(yaw_rad) else None)
+        up = amsl_m - self.telemetry.amsl_m if abs(amsl_m) <= HIGHEST_M else None
+        text = self.ap.reposition((east, north, up), yaw_rad if math.isfinite(yaw_rad) else None)
         if text is not None:
-            self._ap.say(mav.MAV_SEVERITY_CRITICAL, text)
+            self.ap.say(mav.MAV_SEVERITY_CRITICAL, text)
             return Reply(ACCEPTED)
         if math.isfinite(speed_m_s) and speed_m_s > 0.0:
-            self._ap.set_speed("speed_m_s", speed_m_s)
+            self.ap.set_speed("speed_m_s", speed_m_s)
         # without the flag it flies there in Hold, and says that it does not
         return Reply(ACCEPTED if changes_mode else UNSUPPORTED)
 
@@ -131,14 +133,14 @@ class Px4Commands(BaseCommands):
 
     def _mission_start(self, request: Request) -> Reply:
         first = request.p[0]
-        total = self._ap.route.total
+        total = self.ap.route.total
         if total == 0:
             return replace(self.answer("Mission start denied! No valid mission"), result=DENIED)
         if not (math.isfinite(first) and -1.0 <= first < total):
             return Reply(DENIED)
         if first > 0.0:
-            self._ap.route.jump_to(int(first), self._ap)
-        return self.answer(self._ap.start_mission())
+            self.ap.route.jump_to(int(first), self.ap)
+        return self.answer(self.ap.start_mission())
 
     def _set_home_amsl(self, request: Request) -> Reply:
         if request.place is not None:

@@ -8,16 +8,16 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.codec.wire import Message
+from sitl.copter.aircraft import Notice
 from sitl.copter.mission_items import IDLE_COMMANDS, MISSION, Item
 from sitl.copter.mission_items import check as check_any
 from sitl.copter.params import INT32, Parameter
+from sitl.copter.streaming import Setpoint
 from sitl.copter.transfer import Transfer
-from sitl.mavlink.commands import Commands
 from sitl.mavlink.interpreter import AUTOPILOT, NO_POSITION, NO_VELOCITY, NO_YAW, Interpreter
 from sitl.mavlink.positions import PX4_FRAMES
-from sitl.mavlink.streams import Streams
-from sitl.mavlink.telemetry import Telemetry
 from sitl.px4.autopilot import Px4Autopilot
+from sitl.px4.events import Events
 from sitl.px4.params import bytewise, from_bytewise
 
 _TERRAIN = (mav.MAV_FRAME_GLOBAL_TERRAIN_ALT, mav.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT)
@@ -62,35 +62,38 @@ _RETRY_S, _GIVE_UP_S = 0.25, 5.0
 class Px4Interpreter(Interpreter):
     """A PX4's end of the link."""
 
+    ap: Px4Autopilot
     odometry_frames = PX4_FRAMES
+    banner = b""
+    tells_mode_at_once = False
+    camera_feedback = False
+    texts_to_stations = True
 
-    def __init__(
-        self,
-        system_id: int,
-        autopilot: Px4Autopilot,
-        commands: Commands,
-        streams: Streams,
-        telemetry: Telemetry,
-    ) -> None:
-        super().__init__(system_id, autopilot, commands, streams, telemetry)
-        self._px4 = autopilot
+    def __post_init__(self) -> None:
+        super().__post_init__()
         self._copies: list[bytes] = []  # of parameters that have just been set
+        self._events = Events()
         self._handlers["SET_POSITION_TARGET_LOCAL_NED"] = self._local_target
         del self._handlers["REQUEST_DATA_STREAM"]
         del self._handlers["TERRAIN_CHECK"]
 
+    def tell(self, notice: Notice) -> bytes:
+        """What the autopilot says: a text, and an event for everybody."""
+        event = self._events.of(notice, self.ap.t_s)
+        return super().tell(notice) + self.autopilot_wire.pack(event)
+
     def _make_transfer(self) -> Transfer:
-        ap = self._ap
+        ap = self.ap
 
         def complain(severity: int, text: str) -> None:
             if severity < mav.MAV_SEVERITY_INFO:  # it does not tell when all is well
                 ap.say(severity, text)
 
         return Transfer(
-            ap.plans,
+            plans=ap.plans,
             home=None,
             running=lambda: False,
-            changed=self._commands.flight.plans_changed,
+            changed=self.commands.plans_changed,
             say=complain,
             ask_int=True,
             retry_s=_RETRY_S,
@@ -103,37 +106,37 @@ class Px4Interpreter(Interpreter):
 
     def _heartbeat(self, m: Message) -> bytes:
         if m.type == mav.MAV_TYPE_GCS:
-            self._ap.failsafes.hear_station(self._ap.t_s)
+            self.ap.failsafes.hear_station(self.ap.t_s)
         return b""
 
     # --- setpoints ------------------------------------------------------------------------------
 
     def _position_target(self, m: Message) -> bytes:
         if self._is_setpoint(m):
-            self._px4.setpoints.hear(self._ap.t_s)
+            self.ap.setpoints.hear(self.ap.t_s)
         return super()._position_target(m)
 
     def _local_target(self, m: Message) -> bytes:
         """SET_POSITION_TARGET_LOCAL_NED, around the place of booting; BODY_NED for velocities."""
         if not self._is_setpoint(m):
             return b""
-        self._px4.setpoints.hear(self._ap.t_s)
+        self.ap.setpoints.hear(self.ap.t_s)
         if not m.type_mask & NO_POSITION:
             if m.coordinate_frame == mav.MAV_FRAME_LOCAL_NED:
-                east, north, up = self._telemetry.origin
+                east, north, up = self.telemetry.origin
                 yaw = None if m.type_mask & NO_YAW else m.yaw
                 place = (east + m.y, north + m.x, up - m.z)
                 if m.type_mask & NO_VELOCITY:
-                    self._ap.go_to(*place, yaw)
+                    self.ap.go_to(*place, yaw)
                 else:
-                    self._ap.go_along(place, (m.vy, m.vx, -m.vz), yaw)
+                    self.ap.go_along(Setpoint(place, (m.vy, m.vx, -m.vz)), yaw)
         elif not m.type_mask & NO_VELOCITY:
             v_north, v_east = m.vx, m.vy
             if m.coordinate_frame == mav.MAV_FRAME_BODY_NED:
-                heading = self._ap.body.heading
+                heading = self.ap.body.heading
                 v_north = m.vx * math.cos(heading) - m.vy * math.sin(heading)
                 v_east = m.vx * math.sin(heading) + m.vy * math.cos(heading)
-            self._ap.go_with(v_east, v_north, -m.vz)
+            self.ap.go_along(Setpoint(None, (v_east, v_north, -m.vz)))
         return b""
 
     def _is_setpoint(self, m: Message) -> bool:
@@ -151,14 +154,14 @@ class Px4Interpreter(Interpreter):
         """The new value is the answer; an unknown name is told, another type meets silence."""
         if not self._ours(m):
             return b""
-        parameter = self._ap.parameters.by_name.get(m.param_id)
+        parameter = self.ap.parameters.by_name.get(m.param_id)
         if parameter is None:
-            self._ap.say(mav.MAV_SEVERITY_ERROR, f"unknown param: {m.param_id}")
+            self.ap.say(mav.MAV_SEVERITY_ERROR, f"unknown param: {m.param_id}")
             return b""
         if m.param_type != parameter.type:
             return b""
         value = from_bytewise(m.param_value) if parameter.type == INT32 else m.param_value
-        if not self._ap.parameters.set(m.param_id, value):
+        if not self.ap.parameters.set(m.param_id, value):
             return b""
         answer = self._param_value(m.param_id)
         self._copies.append(self._param_value(m.param_id))

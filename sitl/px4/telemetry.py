@@ -8,13 +8,11 @@ from collections.abc import Callable, Collection
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.geo.geodesy import LocalPlane
-from sitl.body.altimeter import Altimeter
+from missions.units import Quaternion
 from sitl.codec.wire import CURRENT_MODE, Message, Packed, crc_extra_of
 from sitl.mavlink.telemetry import IDENTITY, Telemetry
 from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.modes import UNARMABLE, Px4Mode
-from sitl.quirks import Quirks
 
 _VERSION_1_15_4 = (1 << 24) | (15 << 16) | (4 << 8) | 255  # FIRMWARE_VERSION_TYPE_OFFICIAL
 _CAPABILITIES = (
@@ -65,23 +63,16 @@ DEFAULT_S = {int(message_id): 1.0 / hz for message_id, hz in DEFAULT_HZ.items()}
 class Px4Telemetry(Telemetry):
     """Builds a PX4's messages."""
 
-    def __init__(
-        self,
-        autopilot: Px4Autopilot,
-        plane: LocalPlane,
-        altimeter: Altimeter,
-        wind: Callable[[], tuple[float, float]],
-        quirks: Quirks,
-    ) -> None:
-        super().__init__(autopilot, plane, altimeter, wind, quirks)
-        self._px4 = autopilot
+    _ap: Px4Autopilot
+
+    def _own_builders(self) -> dict[int, Callable[[], Packed | None]]:
         for message_id in (
             mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
             mav.MAVLINK_MSG_ID_WIND,
             mav.MAVLINK_MSG_ID_FENCE_STATUS,
         ):
             del self._builders[message_id]
-        self._builders |= {
+        return {
             mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self.estimator_status,
             mav.MAVLINK_MSG_ID_ALTITUDE: self.altitude,
             mav.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self.attitude_quaternion,
@@ -96,13 +87,13 @@ class Px4Telemetry(Telemetry):
 
     def current_mode(self) -> Packed:
         """CURRENT_MODE, which the dialect does not know: the mode, and the one asked for."""
-        payload = _CURRENT_MODE.pack(int(self.told_mode), int(self._px4.intended), 0)
+        payload = _CURRENT_MODE.pack(int(self.told_mode), int(self._ap.intended), 0)
         return CURRENT_MODE, crc_extra_of(CURRENT_MODE), payload
 
     @property
     def told_mode(self) -> Px4Mode:
         """The mode; one that comes down blind out of OFFBOARD calls that ALTITUDE."""
-        ap = self._px4
+        ap = self._ap
         blind = ap.failsafes.engaged and ap.mode == Px4Mode.LAND and not ap.position_ok
         return Px4Mode.ALTITUDE if blind and ap.intended == Px4Mode.OFFBOARD else ap.mode
 
@@ -157,9 +148,9 @@ class Px4Telemetry(Telemetry):
 
     def altitude(self) -> Message:
         """ALTITUDE: over the sea, the origin and home; the terrain is not known."""
-        up, amsl = self._ap.estimate.up, self._amsl_m + self._ap.estimate.up
+        up, amsl = self._ap.estimate.up, self.amsl_m + self._ap.estimate.up
         return mav.MAVLink_altitude_message(
-            round(self._ap.t_s * 1e6), amsl, amsl, up - self._boot_home[2],
+            round(self._ap.t_s * 1e6), amsl, amsl, up - self.origin[2],
             up - self._ap.home[2], math.nan, math.nan,
         )  # fmt: skip
 
@@ -167,15 +158,10 @@ class Px4Telemetry(Telemetry):
         """ATTITUDE_QUATERNION, from the body to north, east and down."""
         body = self._ap.body
         roll, pitch = body.roll_pitch
-        cr, sr = math.cos(roll / 2.0), math.sin(roll / 2.0)
-        cp, sp = math.cos(pitch / 2.0), math.sin(pitch / 2.0)
-        cy, sy = math.cos(body.heading / 2.0), math.sin(body.heading / 2.0)
+        attitude = Quaternion.from_euler(roll, pitch, body.heading)
         return mav.MAVLink_attitude_quaternion_message(
-            self.boot_ms,
-            cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy,
-            0.0, 0.0, body.yaw_rate,
-        )  # fmt: skip
+            self.boot_ms, *attitude, 0.0, 0.0, body.yaw_rate
+        )
 
     def _position_when_known(self) -> Message | None:
         return self.global_position_int() if self._ap.home_known else None

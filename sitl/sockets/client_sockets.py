@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import OrderedDict, deque
-from typing import Protocol, cast
+from typing import cast
 
 from sitl.codec.wire import cut
 from sitl.mavlink.links import Link
@@ -22,23 +22,6 @@ _MAX_WAITING = 8  # TCP clients behind the one that is served
 _MAX_UNSENT = 1 << 18  # bytes that wait for a client; then frames are dropped
 
 Address = tuple[str, int]
-
-
-class Port(Protocol):
-    """The sockets of one vehicle."""
-
-    @property
-    def url(self) -> str:
-        """What a client connects with, as MAVSDK writes it."""
-
-    async def open(self, port: int) -> None:
-        """Open at a loopback port. Raises `OSError` when it is taken."""
-
-    def flush(self) -> None:
-        """Send what the vehicle has to say to its clients."""
-
-    async def close(self) -> None:
-        """Close all sockets."""
 
 
 class UdpPort(asyncio.DatagramProtocol):

@@ -14,7 +14,7 @@ from typing import Literal, TypeAlias
 from urllib.parse import urlsplit
 
 from sitl.camera.http import PictureServer
-from sitl.sockets.client_sockets import LOOPBACK, Port, TcpPort, UdpPort
+from sitl.sockets.client_sockets import LOOPBACK, TcpPort, UdpPort
 from sitl.vehicle import SimVehicle
 
 __all__ = ["LOOPBACK", "PORTS_BETWEEN_VEHICLES", "Transport", "serve"]
@@ -27,6 +27,7 @@ _TICK_S = 0.01  # how often to look whether a step is due
 _BURST_S = 0.1  # wall time of stepping before the sockets get their turn
 
 Transport: TypeAlias = Literal["udp", "tcp"]
+Port: TypeAlias = UdpPort | TcpPort
 
 
 async def serve(
@@ -66,7 +67,7 @@ async def serve(
             await pictures.open(http_port)
         for i, vehicle in enumerate(vehicles):
             vehicle.set_speedup(speedup)
-            port: Port = UdpPort(vehicle) if transport == "udp" else TcpPort(vehicle)
+            port = UdpPort(vehicle) if transport == "udp" else TcpPort(vehicle)
             ports.append(port)
             await port.open(first + PORTS_BETWEEN_VEHICLES * i)
         on_ready([port.url for port in ports])

@@ -69,14 +69,6 @@ class Orthophoto:
         lon, lat = self._to_wgs84.transform(x, y)
         return LatLon(float(lat), float(lon))
 
-    @property
-    def corners(self) -> tuple[LatLon, LatLon, LatLon, LatLon]:
-        """The centres of the corner pixels, around the picture."""
-        rows, columns = self.pixels.shape[:2]
-        right, low = columns - 1, rows - 1
-        at = self.position
-        return at(0, 0), at(right, 0), at(right, low), at(0, low)
-
     def pixel(self, position: LatLon) -> tuple[float, float]:
         """Column and row of a position, also outside the picture."""
         x, y = self._to_wgs84.transform(position.lon_deg, position.lat_deg, direction="INVERSE")

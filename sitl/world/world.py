@@ -133,7 +133,8 @@ class World:
         self._light = _Swell.of(np.random.default_rng([spec.seed, _LIGHT]), 40.0, 400.0, 4)
         # all vehicles of a fleet ask for the wind of the same moment
         self._wind_cache = (-1.0, self._wind)
-        self._roi = self._build_roi()
+        self.roi_at_rest = self._build_roi()
+        """The ROI at time 0; the renderer moves the camera instead of the polygon."""
 
     def _build_roi(self) -> BaseGeometry:
         polygons = []
@@ -156,11 +157,6 @@ class World:
     def drift_at(self, t_s: float) -> tuple[float, float]:
         """How far the ROI has moved since time 0, metres (true east, true north)."""
         return self._drift[0] * t_s, self._drift[1] * t_s
-
-    @property
-    def roi_at_rest(self) -> BaseGeometry:
-        """The ROI at time 0; the renderer moves the camera instead of the polygon."""
-        return self._roi
 
     def wind_at(self, t_s: float) -> tuple[float, float]:
         """The velocity of the air, m/s (east, north), the same everywhere."""

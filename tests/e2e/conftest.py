@@ -29,21 +29,12 @@ def _flown(tmp: pytest.TempPathFactory, name: str) -> Flight:
     return Flight(done, folder)
 
 
-@pytest.fixture(scope="session")
-def tiny(tmp_path_factory: pytest.TempPathFactory) -> Flight:
-    return _flown(tmp_path_factory, "tiny")
+def _flight(name: str) -> Any:
+    @pytest.fixture(scope="session", name=name)
+    def flown(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+        return _flown(tmp_path_factory, name)
+
+    return flown
 
 
-@pytest.fixture(scope="session")
-def pair(tmp_path_factory: pytest.TempPathFactory) -> Flight:
-    return _flown(tmp_path_factory, "pair")
-
-
-@pytest.fixture(scope="session")
-def drift(tmp_path_factory: pytest.TempPathFactory) -> Flight:
-    return _flown(tmp_path_factory, "drift")
-
-
-@pytest.fixture(scope="session")
-def speck(tmp_path_factory: pytest.TempPathFactory) -> Flight:
-    return _flown(tmp_path_factory, "speck")
+tiny, pair, drift, speck = map(_flight, ("tiny", "pair", "drift", "speck"))

@@ -1,32 +1,32 @@
 """The command as a process that need not import itself anew.
 
-Most of what a short run of `uavmap` costs is its imports. So one process for each worker of the
-tests imports the command once and makes a copy of itself for every run (`preloading`). The copy has
-a process id, arguments, a working directory, signals, standard streams and an end of its own, and
-goes through the same `main` as the command from a shell. `rig.command` is the latter, for tests
-that look at the beginning itself.
+Most of what a short run of `uavmap` costs is its imports. So the standard library's fork server has
+imported the command once (`preloading`), and each run is a fork of it, with a process id,
+arguments, a working directory, signals, standard streams and an end of its own; it goes through the
+same `main` as the command from a shell. `rig.command` is the latter, for tests that look at the
+beginning itself.
 """
 
 from __future__ import annotations
 
-import atexit
 import contextlib
-import functools
-import json
+import multiprocessing
 import os
-import select
 import signal
-import socket
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from multiprocessing import forkserver
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import IO
+from unittest import mock
 
 _ROOT = Path(__file__).resolve().parents[2]
-_MOST_BYTES = 1 << 16
+_RUNS = multiprocessing.get_context("forkserver")
+_RUNS.set_forkserver_preload([__name__, "tests.e2e.preloading"])
 
 
 class Process:
@@ -37,43 +37,33 @@ class Process:
     ) -> None:
         """Start `uavmap` with these arguments."""
         self.args = ["uavmap", *arguments]
-        self.returncode: int | None = None
-        self._end, told = socket.socketpair()
-        out, out_end = os.pipe()
-        err, err_end = os.pipe()
-        self.stdout: IO[str] = open(out, encoding="utf-8", errors="replace")  # noqa: SIM115
-        self.stderr: IO[str] = open(err, encoding="utf-8", errors="replace")  # noqa: SIM115
-        asked = {
-            "arguments": list(arguments),
-            "environment": dict(environment),
-            "cwd": str(cwd or Path.cwd()),
-        }
-        handed = [out_end, err_end, told.fileno()]
-        try:
-            control = _server()
-            socket.send_fds(control, [json.dumps(asked).encode()], handed)
-            self.pid = int(control.recv(_MOST_BYTES))
-        finally:
-            told.close()
-            os.close(out_end)
-            os.close(err_end)
+        with mock.patch.dict(os.environ, PYTHONPATH=str(_ROOT)):
+            forkserver.ensure_running()
+        (out, out_end), (err, err_end) = _RUNS.Pipe(duplex=False), _RUNS.Pipe(duplex=False)
+        told = (self.args, dict(environment), str(cwd or Path.cwd()), out_end, err_end)
+        self._process = _RUNS.Process(target=_run, args=told)
+        self._process.start()
+        self.stdout, self.stderr = _text(out), _text(err)
+        for end in (out, out_end, err, err_end):
+            end.close()
+        assert self._process.pid is not None
+        self.pid = self._process.pid
+
+    @property
+    def returncode(self) -> int | None:
+        """The exit code, negative for a signal, or None while it runs."""
+        return self._process.exitcode
 
     def poll(self) -> int | None:
-        """The exit code, negative for a signal, or None while it runs."""
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self.wait(0.0)
-        return self.returncode
+        """The same."""
+        return self._process.exitcode
 
     def wait(self, timeout: float | None = None) -> int:
         """Wait for the end. Raises `subprocess.TimeoutExpired`."""
-        if self.returncode is None:
-            if not select.select([self._end], [], [], timeout)[0]:
-                raise subprocess.TimeoutExpired(self.args, timeout or 0.0)
-            status = self._end.recv(_MOST_BYTES)
-            assert status, "the process that starts the runs is gone"
-            self._end.close()
-            self.returncode = os.waitstatus_to_exitcode(int(status))
-        return self.returncode
+        self._process.join(timeout)
+        if self._process.exitcode is None:
+            raise subprocess.TimeoutExpired(self.args, timeout or 0.0)
+        return self._process.exitcode
 
     def send_signal(self, number: int) -> None:
         """Send a signal, if it still runs."""
@@ -110,24 +100,26 @@ class Process:
         return texts[0], texts[1]
 
 
-@functools.cache
-def _server() -> socket.socket:
-    """The process that starts the runs of this worker of the tests; its socket."""
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with theirs:
-        # it ends when our end of the socket is closed, at the latest with this process
-        process = subprocess.Popen(
-            [sys.executable, "-m", "tests.e2e.preloading", str(theirs.fileno())],
-            cwd=_ROOT,
-            env={**os.environ, "PYTHONPATH": str(_ROOT)},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            pass_fds=[theirs.fileno()],
-        )
+def _text(end: Connection) -> IO[str]:
+    return open(os.dup(end.fileno()), encoding="utf-8", errors="replace")
 
-    def end() -> None:
-        ours.close()
-        process.wait()
 
-    atexit.register(end)
-    return ours
+def _run(
+    arguments: list[str], environment: dict[str, str], cwd: str, out: Connection, err: Connection
+) -> None:
+    """Be the command, in the fork."""
+    for end, number in ((out, 1), (err, 2)):
+        os.dup2(end.fileno(), number)
+        end.close()
+    # as an interpreter that begins with these streams would have made them
+    sys.stdout = sys.__stdout__ = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
+    sys.stderr = sys.__stderr__ = open(  # noqa: SIM115
+        2, "w", encoding="utf-8", errors="backslashreplace", buffering=1, closefd=False
+    )
+    os.chdir(cwd)
+    os.environ.clear()
+    os.environ.update(environment)
+    sys.argv = arguments
+    from uavmap.__main__ import main  # noqa: PLC0415 - loaded by now
+
+    sys.exit(main())

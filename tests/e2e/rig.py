@@ -19,6 +19,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from sitl.sockets.background import free_ports
 from tests.e2e.preloaded import Process
 from uavmap.journal.event_log import JournalReader
 from uavmap.runner.aircraft_process import ADDRESS
@@ -160,6 +161,11 @@ def roi_cells(folder: Path) -> set[tuple[int, int]]:
     }
 
 
+def maps_alike(one: Path, other: Path, most: int = 2) -> bool:
+    """Two maps of one place, by different noise."""
+    return len(roi_cells(one) ^ roi_cells(other)) <= most
+
+
 def stop_after(
     process: Process, folder: Path, count: int, number: signal.Signals
 ) -> Finished | None:
@@ -174,22 +180,6 @@ def stop_after(
 
 
 # --- sockets ---------------------------------------------------------------------------------
-def free_ports(vehicles: int) -> tuple[int, int]:
-    """A UDP port whose neighbours, ten further each, are free too, and a TCP port."""
-    with contextlib.ExitStack() as stack:
-        tcp = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
-        tcp.bind((LOOPBACK, 0))
-        while True:
-            with contextlib.ExitStack() as row, contextlib.suppress(OSError, OverflowError):
-                first = row.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-                first.bind((LOOPBACK, 0))
-                port = first.getsockname()[1]
-                for i in range(1, vehicles):
-                    other = row.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-                    other.bind((LOOPBACK, port + 10 * i))
-                return port, tcp.getsockname()[1]
-
-
 @contextlib.contextmanager
 def simulator(
     name: str, *, speedup: float, vehicles: int = 1, autopilot: str = "ardupilot"
@@ -272,3 +262,11 @@ class Relay(threading.Thread):
 def arguments_of(urls: Sequence[str]) -> list[str]:
     """`--connect` once a vehicle."""
     return [word for url in urls for word in ("--connect", url)]
+
+
+def flying(
+    source: object, urls: Sequence[str], folder: Path, speedup: float, *more: object
+) -> list[object]:
+    """The words that fly a mission over sockets into a folder."""
+    told = ("--speedup", speedup, "--json", "--out", folder)
+    return ["fly", source, *arguments_of(urls), *told, *more]

@@ -2,13 +2,15 @@
 
     python pymavlink_client.py ADDRESS
 
-Prints what it saw as JSON.
+Flies an ArduCopter or a PX4 and prints what it saw as JSON.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import os
+import struct
 import sys
 import time
 from collections.abc import Callable
@@ -19,6 +21,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 M_PER_DEG = 111_200.0
 PATIENCE_S = 240.0
+NORTH_E7 = round(15.0 / M_PER_DEG * 1e7)
+INT32 = mav.MAV_PARAM_TYPE_INT32
+PX4_HOLD = 4 << 16 | 3 << 24
 
 
 def wait(link: Any, kind: str, **fields: Any) -> Any:
@@ -84,24 +89,31 @@ def item(seq: int, number: int, lat_e7: int, lon_e7: int, height_m: float) -> An
     )
 
 
-def main(address: str) -> None:
-    """Fly."""
-    link = mavutil.mavlink_connection(address)
-    seen: dict[str, Any] = {"autopilot": link.wait_heartbeat(timeout=PATIENCE_S).autopilot}
+def typed(value: Any) -> float:
+    """What a PARAM_VALUE says, by its type."""
+    if value.param_type == INT32:
+        return int(struct.unpack("<i", struct.pack("<f", value.param_value))[0])
+    return float(value.param_value)
+
+
+def mode(link: Any, name: str) -> int:
+    """DO_SET_MODE by pymavlink's own table; the result."""
+    return command(link, mav.MAV_CMD_DO_SET_MODE, *mavutil.px4_map[name])
+
+
+def fly_copter(link: Any, home: Any, seen: dict[str, Any]) -> None:
+    """Parameters, a mission, guided flight, then the mission."""
     link.mav.request_data_stream_send(1, 1, mav.MAV_DATA_STREAM_ALL, 10, 1)
     command(link, mav.MAV_CMD_SET_MESSAGE_INTERVAL, mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 100_000)
-    home = wait(link, "GLOBAL_POSITION_INT")
-
     found = parameters(link)
     seen["parameters"] = len(found)
     link.param_set_send("RTL_ALT", 1200)
     seen["rtl_alt"] = wait(link, "PARAM_VALUE", param_id="RTL_ALT").param_value
 
-    north = round(15.0 / M_PER_DEG * 1e7)
     items = [
         item(0, mav.MAV_CMD_NAV_WAYPOINT, home.lat, home.lon, 0.0),
         item(1, mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 8.0),
-        item(2, mav.MAV_CMD_NAV_WAYPOINT, home.lat + north, home.lon, 8.0),
+        item(2, mav.MAV_CMD_NAV_WAYPOINT, home.lat + NORTH_E7, home.lon, 8.0),
         item(3, mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, 0, 0, 0.0),
     ]
     seen["upload"] = upload(link, items)
@@ -116,14 +128,64 @@ def main(address: str) -> None:
     while wait(link, "GLOBAL_POSITION_INT").relative_alt < 7_500:
         pass
     link.mav.set_position_target_global_int_send(
-        0, 1, 1, 6, 0x0DF8, home.lat + north, home.lon, 8.0, *([0.0] * 8)
+        0, 1, 1, 6, 0x0DF8, home.lat + NORTH_E7, home.lon, 8.0, *([0.0] * 8)
     )
-    while abs(wait(link, "GLOBAL_POSITION_INT").lat - home.lat - north) > 150:
+    while abs(wait(link, "GLOBAL_POSITION_INT").lat - home.lat - NORTH_E7) > 150:
         pass
 
     seen["auto"] = command(link, mav.MAV_CMD_DO_SET_MODE, 1, 3)
     seen["reached"] = wait(link, "MISSION_ITEM_REACHED", seq=2).seq
     wait(link, "EXTENDED_SYS_STATE", landed_state=mav.MAV_LANDED_STATE_ON_GROUND)
+
+
+def fly_px4(link: Any, home: Any, seen: dict[str, Any]) -> None:
+    """The same by a PX4's parameters, modes and commands."""
+    seen["parameters"] = len(parameters(link, typed))
+    bits = struct.unpack("<f", struct.pack("<i", 3))[0]
+    link.mav.param_set_send(1, 1, b"GF_ACTION", bits, INT32)
+    seen["gf_action"] = typed(wait(link, "PARAM_VALUE", param_id="GF_ACTION"))
+    link.param_set_send("MIS_TAKEOFF_ALT", 8.0, mav.MAV_PARAM_TYPE_REAL32)
+    seen["take_off_alt"] = typed(wait(link, "PARAM_VALUE", param_id="MIS_TAKEOFF_ALT"))
+
+    items = [
+        item(0, mav.MAV_CMD_NAV_WAYPOINT, home.lat + NORTH_E7, home.lon, 10.0),
+        item(1, mav.MAV_CMD_NAV_WAYPOINT, home.lat, home.lon, 10.0),
+        item(2, mav.MAV_CMD_NAV_LAND, home.lat, home.lon, 0.0),
+    ]
+    seen["upload"] = upload(link, items)
+    seen["download"] = [one.command for one in download(link)]
+
+    seen["hold"] = mode(link, "LOITER")
+    seen["arm"] = command(link, mav.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+    nan = math.nan
+    seen["take_off"] = command(link, mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, nan, nan, nan, nan)
+    while wait(link, "GLOBAL_POSITION_INT").relative_alt < 7_500:
+        pass
+    wait(link, "HEARTBEAT", custom_mode=PX4_HOLD)
+    amsl_m = home.alt / 1000.0 + 12.0
+    link.mav.command_int_send(
+        1, 1, mav.MAV_FRAME_GLOBAL_INT, mav.MAV_CMD_DO_REPOSITION, 0, 0,
+        -1, 1, 0, nan, home.lat, home.lon + NORTH_E7, amsl_m,
+    )  # fmt: skip
+    seen["reposition"] = int(wait(link, "COMMAND_ACK", command=192).result)
+    while abs(wait(link, "GLOBAL_POSITION_INT").lon - home.lon - NORTH_E7) > 150:
+        pass
+    seen["mission"] = mode(link, "MISSION")
+    seen["reached"] = [wait(link, "MISSION_ITEM_REACHED").seq for _ in items]
+
+
+def main(address: str) -> None:
+    """Fly."""
+    # now and not at the first frame: it takes seconds, in which what a PX4 streams piles up
+    os.environ["MAVLINK20"] = "1"
+    mavutil.set_dialect("ardupilotmega")
+    link = mavutil.mavlink_connection(address)
+    seen: dict[str, Any] = {"autopilot": link.wait_heartbeat(timeout=PATIENCE_S).autopilot}
+    px4 = seen["autopilot"] == mav.MAV_AUTOPILOT_PX4
+    if not px4:
+        link.mav.request_data_stream_send(1, 1, mav.MAV_DATA_STREAM_POSITION, 10, 1)
+    home = wait(link, "GLOBAL_POSITION_INT")
+    (fly_px4 if px4 else fly_copter)(link, home, seen)
     while wait(link, "HEARTBEAT", type=mav.MAV_TYPE_QUADROTOR).base_mode & 128:
         pass
     last = wait(link, "GLOBAL_POSITION_INT")

@@ -13,10 +13,11 @@ import pytest
 
 from tests.e2e.rig import (
     aircraft_process,
-    arguments_of,
+    command,
     ended,
     environment,
     events,
+    flying,
     mission,
     simulator,
     started,
@@ -25,12 +26,8 @@ from tests.e2e.rig import (
 )
 
 SPEEDUP = 10.0
+BY_MAVSDK = ("--driver", "mavsdk")
 linux_only = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
-
-
-def fly_arguments(urls: list[str], folder: Path) -> list[object]:
-    flown = ["fly", mission("speck"), *arguments_of(urls), "--speedup", SPEEDUP]
-    return [*flown, "--driver", "mavsdk", "--json", "--out", folder]
 
 
 def children_of(pid: int) -> list[int]:
@@ -56,7 +53,7 @@ def test_a_killed_aircraft_process_takes_its_mavsdk_with_it_and_the_next_goes_on
     folder = tmp_path / "out"
     with (
         simulator("speck", speedup=SPEEDUP, autopilot="px4") as urls,
-        started(*fly_arguments(urls, folder)) as process,
+        started(*flying(mission("speck"), urls, folder, SPEEDUP, *BY_MAVSDK)) as process,
     ):
         wait_until(lambda: bool(events(folder, "frame_seen")), "a picture")
         (child,) = children_of(aircraft_process(folder))
@@ -76,7 +73,7 @@ def test_control_c_brings_it_home_and_leaves_nothing_behind(tmp_path):
     with simulator("speck", speedup=SPEEDUP) as urls:
         # a terminal sends Ctrl-C to all of its processes
         process = subprocess.Popen(
-            [sys.executable, "-m", "uavmap", *map(str, fly_arguments(urls, folder))],
+            command(*flying(mission("speck"), urls, folder, SPEEDUP, *BY_MAVSDK)),
             env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             start_new_session=True,
         )  # fmt: skip

@@ -10,10 +10,10 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from tests.e2e.rig import (
-    arguments_of,
     bodies,
+    flying,
+    maps_alike,
     mission,
-    roi_cells,
     simulator,
     uavmap,
 )
@@ -39,7 +39,7 @@ def test_a_mission_in_one_process(tiny, tiny_px4, tmp_path):
     assert summary["completed"] is True
     assert (summary["cells_missed"], summary["fence_breaches"]) == (0, 0)
     assert summary["bound_held"] is True
-    assert len(roi_cells(tmp_path / "one") ^ roi_cells(tiny.folder)) <= 2
+    assert maps_alike(tmp_path / "one", tiny.folder)
     assert bodies(tmp_path / "one") == bodies(tmp_path / "two")
     log = mavutil.mavlink_connection(str(tmp_path / "one" / "flight.tlog"))
     with contextlib.closing(log.f):
@@ -50,8 +50,8 @@ def test_a_mission_in_one_process(tiny, tiny_px4, tmp_path):
 def test_two_over_sockets(speck, tmp_path):
     # (slower than the others: on a busy machine one of two once landed away from home)
     with simulator("speck", speedup=SLOWER, vehicles=2, autopilot="px4") as urls:
-        arguments = ["--speedup", SLOWER, "--json", "--out", tmp_path / "out", "--vehicles", 2]
-        done = uavmap("fly", mission("speck"), *arguments_of(urls), *arguments)
+        words = flying(mission("speck"), urls, tmp_path / "out", SLOWER, "--vehicles", 2)
+        done = uavmap(*words)
     assert done.code == 0
     assert done.summary["completed"] is True
-    assert len(roi_cells(tmp_path / "out") ^ roi_cells(speck.folder)) <= 2
+    assert maps_alike(tmp_path / "out", speck.folder)

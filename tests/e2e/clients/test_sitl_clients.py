@@ -49,74 +49,46 @@ def pymavlink_address(url):
     return url.replace("tcpout://", "tcp:").replace("udpin://", "udpin:")
 
 
-def run_client(script, address):
-    """Run a client to its end; what it printed."""
-    done = subprocess.run(
-        [sys.executable, HERE / script, address],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=2 * PATIENCE_S,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return json.loads(done.stdout.splitlines()[-1])
+ALL = dict.fromkeys(("upload", "hold", "arm", "take_off", "reposition", "mission"), 0)
+FLOWN = {
+    ("mavsdk", "ardupilot", "udp"): {
+        "rtl_alt": 1200, "download": [16, 22, 16, 20], "same": True, "fence": 4,
+    },
+    ("mavsdk", "px4", "tcp"): {
+        "int": 3, "float": 8.0, "download": [22, 16, 20], "same": True, "fence": 4,
+        "offboard_height_m": pytest.approx(10.0, abs=1.5),
+    },
+    ("pymavlink", "ardupilot", "tcp"): {
+        "autopilot": 3, "rtl_alt": 1200, "upload": 0, "arm": 0, "take_off": 0, "auto": 0,
+        "download": [16, 22, 16, 20], "same": True, "reached": 2,
+    },
+    ("pymavlink", "px4", "udp"): {
+        "autopilot": 12, "gf_action": 3, "take_off_alt": 8.0, **ALL, "download": [16, 16, 21],
+        "reached": [0, 1, 2],
+    },
+}  # fmt: skip
+"""What each client has to see, by autopilot and transport."""
 
 
-def test_mavsdk_flies_a_mission():
-    with vehicle(tcp=False) as sitl:
-        seen = run_client("mavsdk_mission_client.py", sitl.url)
+@pytest.mark.parametrize(("client", "autopilot", "transport"), FLOWN)
+def test_a_client_flies_by_all_that_it_offers(client, autopilot, transport):
+    with vehicle(tcp=transport == "tcp", autopilot=autopilot) as sitl:
+        address = sitl.url if client == "mavsdk" else pymavlink_address(sitl.url)
+        done = subprocess.run(
+            [sys.executable, HERE / f"{client}_client.py", address, autopilot],
+            env=environment(),
+            capture_output=True,
+            text=True,
+            timeout=2 * PATIENCE_S,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
         assert sitl.truth.landed
         assert not sitl.truth.armed
-    assert seen["parameters"] > 50
-    assert seen["rtl_alt"] == 1200
-    assert seen["download"] == [16, 22, 16, 20]
-    assert seen["same"] is True
-    assert seen["fence"] == 4
-    assert seen["back_m"] < 1.5
-
-
-def test_mavsdk_on_a_px4():
-    with vehicle(tcp=True, autopilot="px4") as sitl:
-        seen = run_client("mavsdk_px4_client.py", sitl.url)
-        assert sitl.truth.landed
-        assert not sitl.truth.armed
-    assert (seen["int_params"] > 15, seen["float_params"] > 15) == (True, True)
-    assert (seen["int"], seen["float"]) == (3, 8.0)
-    assert seen["download"] == [22, 16, 20]
-    assert seen["same"] is True
-    assert seen["fence"] == 4
-    assert seen["offboard_height_m"] == pytest.approx(10.0, abs=1.5)
-    assert seen["back_m"] < 1.5
-
-
-def test_pymavlink_on_a_px4():
-    with vehicle(tcp=False, autopilot="px4") as sitl:
-        seen = run_client("pymavlink_px4_client.py", pymavlink_address(sitl.url))
-        assert sitl.truth.landed
-        assert not sitl.truth.armed
-    assert seen["autopilot"] == 12
-    assert seen["parameters"] > 40
-    assert (seen["gf_action"], seen["take_off_alt"]) == (3, 8.0)
-    results = ("upload", "hold", "arm", "take_off", "reposition", "mission")
-    assert [seen[name] for name in results] == [0] * len(results)
-    assert seen["download"] == [16, 16, 21]
-    assert seen["reached"] == [0, 1, 2]
-    assert seen["back_m"] < 1.5
-
-
-def test_pymavlink():
-    with vehicle(tcp=True) as sitl:
-        seen = run_client("pymavlink_client.py", pymavlink_address(sitl.url))
-        assert sitl.truth.landed
-        assert not sitl.truth.armed
-    assert seen["autopilot"] == 3
-    assert seen["parameters"] > 50
-    assert seen["rtl_alt"] == 1200
-    assert (seen["upload"], seen["arm"], seen["take_off"], seen["auto"]) == (0, 0, 0, 0)
-    assert seen["download"] == [16, 22, 16, 20]
-    assert seen["same"] is True
-    assert seen["reached"] == 2
+    seen = json.loads(done.stdout.splitlines()[-1])
+    expected = FLOWN[client, autopilot, transport]
+    assert {name: seen.get(name) for name in expected} == expected
+    assert seen["parameters"] > (50 if autopilot == "ardupilot" else 40)
     assert seen["back_m"] < 1.5
 
 

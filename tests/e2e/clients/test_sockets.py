@@ -12,12 +12,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from tests.e2e.rig import (
     LOOPBACK,
     Relay,
-    arguments_of,
     bodies,
     ended,
     events,
+    flying,
+    maps_alike,
     mission,
-    roi_cells,
     simulator,
     since_resumed,
     started,
@@ -31,46 +31,17 @@ GUIDED, BRAKE = 4, 17
 PX4_HOLD, PX4_RTL = (4, 3), (4, 5)
 
 
-def fly_arguments(name, urls, folder, *more):
-    connect = arguments_of(urls)
-    return ["fly", mission(name), *connect, "--speedup", SPEEDUP, "--json", "--out", folder, *more]
-
-
-def close_to(found, expected, most):
-    """Two maps of one place, by different noise."""
-    return len(found ^ expected) <= most
-
-
 def in_mid_flight(speck):
     """A number of events at which a vehicle looks at the region."""
     kinds = [event["kind"] for event in events(speck.folder)]
     return kinds.index("look_ended") if "look_ended" in kinds else len(kinds) // 2
 
 
-def test_a_killed_client_is_taken_up_in_the_air(speck, tmp_path):
-    folder = tmp_path / "out"
-    with simulator("speck", speedup=SPEEDUP) as urls:
-        with started(*fly_arguments("speck", urls, folder)) as process:
-            stop_after(process, folder, in_mid_flight(speck), signal.SIGKILL)
-        before = bodies(folder)
-        done = uavmap("resume", folder, "--json")
-    assert done.code == 0
-    assert done.summary["completed"] is True
-    assert done.summary["seed"] is None
-    assert done.summary["cells_missed"] is None  # nobody knows the truth of a real flight
-    assert bodies(folder)[: len(before)] == before
-    again = since_resumed(folder)
-    (connected,) = (event for event in again[:3] if event["kind"] == "connected")
-    assert connected["airborne"] is True  # it has waited where it was
-    assert sum(event["kind"] == "airborne" for event in events(folder)) == 1
-    assert close_to(roi_cells(folder), roi_cells(speck.folder), 2)
-
-
 def test_a_recall_brings_home_who_is_in_the_air_and_sends_nobody_out(speck, tmp_path):
     """What a computer on board may do by itself after it has been started anew."""
     folder = tmp_path / "out"
     with simulator("speck", speedup=SPEEDUP) as urls:
-        with started(*fly_arguments("speck", urls, folder)) as process:
+        with started(*flying(mission("speck"), urls, folder, SPEEDUP)) as process:
             stop_after(process, folder, in_mid_flight(speck), signal.SIGKILL)
         home = uavmap("resume", folder, "--recall", "--json")
         again = since_resumed(folder)
@@ -91,39 +62,6 @@ def test_a_simulated_flight_is_not_recalled(speck):
     done = uavmap("resume", speck.folder, "--recall")
     assert done.code == 2
     assert "--recall is for aircraft at the end of a link" in done.err
-
-
-def test_control_c_brings_it_home_and_resume_sends_it_out_again(speck, tmp_path):
-    folder = tmp_path / "out"
-    with simulator("speck", speedup=SPEEDUP) as urls:
-        with started(*fly_arguments("speck", urls, folder)) as process:
-            stopped = stop_after(process, folder, in_mid_flight(speck), signal.SIGINT)
-        assert stopped is not None
-        assert stopped.code == 3
-        assert stopped.summary["completed"] is False
-        assert "home" in stopped.err
-        kinds = [event["kind"] for event in events(folder)]
-        assert "landed" in kinds[kinds.index("recalled") :]
-        before = bodies(folder)
-        done = uavmap("resume", folder, "--json", *arguments_of(urls))
-    assert done.code == 0
-    assert done.summary["completed"] is True
-    assert done.summary["sorties"] > stopped.summary["sorties"]
-    assert bodies(folder)[: len(before)] == before
-    assert close_to(roi_cells(folder), roi_cells(speck.folder), 2)
-
-
-def test_two_vehicles_over_sockets(speck, tmp_path):
-    folder = tmp_path / "out"
-    speedup = 6.0  # on a busy machine a second without a turn is as many of the flight
-    with simulator("speck", speedup=speedup, vehicles=2) as urls:
-        assert len(set(urls)) == 2
-        done = uavmap(*fly_arguments("speck", urls, folder, "--vehicles", 2, "--speedup", speedup))
-    assert done.code == 0, done.err
-    assert done.summary["completed"] is True
-    assert done.summary["vehicles"] == 2
-    assert {event["vehicle"] for event in events(folder, "landed")} == {1, 2}
-    assert close_to(roi_cells(folder), roi_cells(speck.folder), 2)
 
 
 # (in LOITER an ArduPilot would sink to the ground: there is no radio control)
@@ -148,7 +86,7 @@ def test_a_pilot_takes_over_and_gives_back(
         pilot = mavutil.mavlink_connection(
             f"udpout:{LOOPBACK}:{relay.vehicle[1]}", source_system=250, dialect="ardupilotmega"
         )
-        arguments = fly_arguments("speck", [relay.url], folder, "--speedup", speedup)
+        arguments = flying(mission("speck"), [relay.url], folder, speedup)
         try:
             with started(*arguments) as process:
                 wait_until(lambda: len(bodies(folder)) >= in_mid_flight(speck), "the exploration")
@@ -173,7 +111,7 @@ def test_a_pilot_takes_over_and_gives_back(
     after = bodies(folder).index(json.dumps(events(folder, "released")[0], separators=(",", ":")))
     looks = [e for e in events(folder)[after:] if e["kind"] == "frame_seen"]
     assert len(looks) > 5  # it has taken up its work
-    assert close_to(roi_cells(folder), roi_cells(speck.folder), 2)
+    assert maps_alike(folder, speck.folder)
 
 
 def _stops_camera(command):

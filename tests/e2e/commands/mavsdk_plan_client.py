@@ -12,8 +12,9 @@ import json
 import sys
 from typing import Any
 
-from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
 from mavsdk.asyncio.plugins.mission_raw import MissionRawAsync
+
+from tests.e2e.clients.mavsdk_client import connected
 
 
 def places(items: Any) -> list[tuple[int, int, int, float]]:
@@ -22,11 +23,7 @@ def places(items: Any) -> list[tuple[int, int, int, float]]:
 
 
 async def main(url: str, plan: str, waypoints: str) -> None:
-    configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
-    async with Mavsdk(configuration) as mavsdk:
-        await mavsdk.add_any_connection(url)
-        system = await mavsdk.first_autopilot(timeout_s=20.0)
-        assert system is not None, "no autopilot"
+    async with connected(url) as system:
         raw = MissionRawAsync(system)
         read = await raw.import_qgroundcontrol_mission(plan)
         old = await raw.import_mission_planner_mission(waypoints)

@@ -184,28 +184,6 @@ def test_check_tells_the_layers_to_programs_too(tmp_path):
     assert {layer["speed_set_by"] for layer in found["layers"]} == {"flight.speed_m_s"}
 
 
-def test_a_faulty_mission_file_stops_a_flight_before_it_begins(tmp_path):
-    text = Path(mission("tiny")).read_text("utf-8")
-    file = tmp_path / "my mission.toml"
-    file.write_text(text.replace("cell_m = 4.0", "cel_m = 4.0", 1), "utf-8")
-    done = uavmap("fly", file, "--sim", cwd=tmp_path)
-    assert done.code == 2
-    assert done.out == ""
-    (line,) = done.err.splitlines()
-    assert "grid.cel_m" in line
-    assert str(file) in line
-    assert [path.name for path in tmp_path.iterdir()] == [file.name]  # no results folder
-
-
-def test_nobody_answers(tmp_path):
-    port, _ = free_ports(1)
-    url = f"udpout://{LOOPBACK}:{port}"
-    folder = tmp_path / "out"
-    done = uavmap("fly", mission("speck"), "--connect", url, "--speedup", 20, "--out", folder)
-    assert done.code == 2
-    assert url in done.err.splitlines()[-1]
-
-
 def test_a_port_that_is_taken_is_named():
     with simulator("speck", speedup=1.0) as (url,):
         port = int(url.rpartition(":")[2])

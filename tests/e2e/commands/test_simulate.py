@@ -25,18 +25,6 @@ def test_a_simulation_repeats_itself(tmp_path):
     assert rows == rows_again
 
 
-def test_a_broken_roi_file_has_its_line(tmp_path):
-    path = tmp_path / "rois.json"
-    path.write_text('{"rois": [{"start": [0, 0], "cells": [[0, 0], [0, "north"]]}]}')
-    done = uavmap("simulate", "--roi", path)
-    assert (done.code, done.out) == (2, "")
-    (line,) = done.err.splitlines()
-    assert line == (
-        f'uavmap: {path}: rois[0].cells[1] = [0, "north"]: expected two whole numbers, '
-        "[east, north]"
-    )
-
-
 def test_what_takes_long_to_load_is_loaded_when_it_is_needed():
     code = "import sys, uavmap.ui.cli; print(sorted({'numba', 'matplotlib'} & set(sys.modules)))"
     done = subprocess.run(

@@ -17,9 +17,9 @@ from tests.e2e.preloaded import Process
 from tests.e2e.rig import (
     Relay,
     aircraft_process,
-    arguments_of,
     ended,
     events,
+    flying,
     mission,
     simulator,
     started,
@@ -49,20 +49,13 @@ def under_way(process: Process, folder: Path) -> None:
     assert process.poll() is None, process.communicate()
 
 
-def flying(source: object, urls: list[str], folder: Path) -> list[object]:
-    return [
-        "fly", source, *arguments_of(urls), "--speedup", SPEEDUP, "--auto-swap", "--json",
-        "--out", folder,
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_a_mission_process_that_dies_leaves_nobody_in_the_air(
     autopilot: str, patient: Path, tmp_path: Path
 ) -> None:
     folder = tmp_path / "out"
     with simulator("speck", speedup=SPEEDUP, autopilot=autopilot) as urls:
-        with started(*flying(patient, urls, folder)) as process:
+        with started(*flying(patient, urls, folder, SPEEDUP, "--auto-swap")) as process:
             under_way(process, folder)
             process.send_signal(signal.SIGKILL)
             process.communicate()
@@ -84,7 +77,7 @@ def test_a_mission_process_that_dies_leaves_nobody_in_the_air(
 def test_the_next_process_takes_over_the_aircraft_in_the_air(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     with simulator("speck", speedup=SPEEDUP) as urls:
-        with started(*flying(mission("speck"), urls, folder)) as process:
+        with started(*flying(mission("speck"), urls, folder, SPEEDUP, "--auto-swap")) as process:
             under_way(process, folder)
             aircraft = aircraft_process(folder)
             process.send_signal(signal.SIGKILL)
@@ -103,7 +96,7 @@ def test_a_process_of_the_aircraft_that_dies_is_started_again(tmp_path: Path) ->
     folder = tmp_path / "out"
     with (
         simulator("speck", speedup=SPEEDUP) as urls,
-        started(*flying(mission("speck"), urls, folder)) as process,
+        started(*flying(mission("speck"), urls, folder, SPEEDUP, "--auto-swap")) as process,
     ):
         under_way(process, folder)
         os.kill(aircraft_process(folder), signal.SIGKILL)

@@ -19,6 +19,7 @@ from tests.e2e.rig import (
     ended,
     environment,
     events,
+    flying,
     mission,
     simulator,
     uavmap,
@@ -31,12 +32,11 @@ ROOM_BLOCKS = 16
 
 
 @contextlib.contextmanager
-def flying(
+def under_way(
     urls: list[str], folder: Path, room_blocks: int | None = None
 ) -> Iterator[subprocess.Popen[str]]:
     """A flight with the first pictures taken."""
-    arguments = ["fly", mission("speck"), *arguments_of(urls), "--speedup", SPEEDUP, "--json"]
-    words = command(*arguments, "--out", folder)
+    words = command(*flying(mission("speck"), urls, folder, SPEEDUP))
     if room_blocks is not None:
         words = ["sh", "-c", f'ulimit -f {room_blocks}; exec "$@"', "sh", *words]
     process = subprocess.Popen(
@@ -74,7 +74,7 @@ def test_a_full_disk_brings_it_home_before_the_process_ends(tmp_path: Path) -> N
     folder = tmp_path / "out"
 
     with simulator("speck", speedup=SPEEDUP) as urls:
-        with flying(urls, folder, ROOM_BLOCKS) as process:
+        with under_way(urls, folder, ROOM_BLOCKS) as process:
             done = ended(process)
         assert done.code == 2
         assert done.out == ""
@@ -92,7 +92,7 @@ def test_a_full_disk_brings_it_home_before_the_process_ends(tmp_path: Path) -> N
 def test_who_does_not_wait_is_told_where_each_aircraft_is(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     with simulator("speck", speedup=SPEEDUP) as urls:
-        with flying(urls, folder) as process:
+        with under_way(urls, folder) as process:
             process.send_signal(signal.SIGINT)
             wait_until(lambda: bool(events(folder, "recalled")), "the first to be heard")
             process.send_signal(signal.SIGINT)
@@ -115,7 +115,7 @@ def test_a_terminal_that_is_gone_ends_no_flight_badly(
     """Without a signal the flight goes on to its end; with one it comes home."""
     folder = tmp_path / "out"
     with simulator("speck", speedup=SPEEDUP) as urls:
-        with flying(urls, folder) as process:
+        with under_way(urls, folder) as process:
             for stream in (process.stdout, process.stderr):
                 assert stream is not None
                 stream.close()

@@ -27,9 +27,10 @@ from tests.e2e.rig import (
     ended,
     environment,
     events,
+    flying,
     kinder,
+    maps_alike,
     mission,
-    roi_cells,
     simulator,
     since_resumed,
     started,
@@ -79,11 +80,6 @@ def amid_a_path(flight: Flight, name: str) -> int:
     seen = [json.loads(line)["kind"] == "frame_seen" for line in lines]
     on_path = [n for n, orders in enumerate(told) if seen[n] and isinstance(orders[0], FlyPath)]
     return on_path[len(on_path) * 2 // 3]
-
-
-def maps_alike(one: Path, other: Path, most: int = 2) -> bool:
-    """Two maps of one place, by different noise."""
-    return len(roi_cells(one) ^ roi_cells(other)) <= most
 
 
 # --- in one process --------------------------------------------------------------------------
@@ -166,34 +162,13 @@ def test_killed_on_its_path_it_ends_as_if_nothing_had_been(
     assert done.summary == {**tiny_passed.summary, "out": str(folder)}
 
 
-def test_from_home_nothing_that_was_seen_is_lost(tiny_passed: Flight, tmp_path: Path) -> None:
-    folder = tmp_path / "out"
-    arguments = ("fly", mission("tiny"), "--sim", "--json", "--out", folder, *SWATH)
-    with started(*arguments) as process:
-        stop_after(process, folder, amid_a_path(tiny_passed, "tiny"), signal.SIGKILL)
-    before = bodies(folder)
-    done = uavmap("resume", folder, "--from-home", "--json")
-    assert done.code == 0, done.err
-    assert (done.summary["completed"], done.summary["cells_missed"]) == (True, 0)
-    assert bodies(folder)[: len(before)] == before
-    assert maps_alike(folder, tiny_passed.folder)
-
-
 # --- over sockets ----------------------------------------------------------------------------
-def fly_arguments(
-    name: str, urls: list[str], folder: Path, speedup: float, *more: object
-) -> list[object]:
-    connect = arguments_of(urls)
-    out = ("--json", "--out", folder)
-    return ["fly", mission(name), *SWATH, *connect, "--speedup", speedup, *out, *more]
-
-
 def stopped_on_a_path(
     name: str, urls: list[str], folder: Path, number: signal.Signals, speedup: float, frames: int
 ) -> Finished | None:
     """A flight that is sent a signal on a path, once so many frames were judged."""
     journey = Journey(folder, name, strategy="swath")
-    with started(*fly_arguments(name, urls, folder, speedup)) as process:
+    with started(*flying(mission(name), urls, folder, speedup, *SWATH)) as process:
 
         def there() -> bool:
             if process.poll() is not None:
@@ -287,7 +262,7 @@ def test_control_c_on_a_path_brings_it_home_and_resume_sends_it_out_again(
 def test_two_vehicles_over_sockets(tiny_passed: Flight, tmp_path: Path) -> None:
     folder = tmp_path / "out"
     with simulator("tiny", speedup=SPEEDUP, vehicles=2) as urls:
-        done = uavmap(*fly_arguments("tiny", urls, folder, SPEEDUP, "--vehicles", 2))
+        done = uavmap(*flying(mission("tiny"), urls, folder, SPEEDUP, *SWATH, "--vehicles", 2))
     assert done.code == 0, done.err
     assert done.summary["completed"] is True
     assert {event["vehicle"] for event in events(folder, "landed")} == {1, 2}

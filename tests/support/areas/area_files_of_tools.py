@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import math
 import xml.etree.ElementTree as ET
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -43,62 +44,31 @@ def by_gdal(path: Path, driver: str, ring: Ring = FIELD, epsg: int = 4326, **opt
     return path
 
 
-@kind
-def gdal_geopackage(folder: Path) -> Path:
-    """With the spatial index, the triggers and the extensions of a real one."""
-    return by_gdal(folder / "g.gpkg", "GPKG")
+GDAL: dict[str, tuple[str, str, int, dict[str, str]]] = {
+    # with the spatial index, the triggers and the extensions of a real one
+    "gdal_geopackage": ("g.gpkg", "GPKG", 4326, {}),
+    "gdal_geopackage_of_europe": ("e.gpkg", "GPKG", 3035, {}),
+    "gdal_shapefile_in_utm": ("u.shp", "ESRI Shapefile", 25833, {}),
+    "gdal_shapefile_of_berlin": ("b.shp", "ESRI Shapefile", 3068, {}),  # Soldner's system
+    "gdal_kml": ("k.kml", "KML", 4326, {}),
+    "gdal_libkml_archive": ("l.kmz", "LIBKML", 4326, {}),
+    "gdal_geojson": ("j.geojson", "GeoJSON", 4326, {"RFC7946": "YES", "WRITE_BBOX": "YES"}),
+    "gdal_geojson_sequence_by_the_rfc": ("s.geojsonl", "GeoJSONSeq", 4326, {"RS": "YES"}),
+    "gdal_geojson_in_national_grid": ("n.geojson", "GeoJSON", 25832, {}),
+    "gdal_kml_by_libkml": ("lib.kml", "LIBKML", 4326, {}),
+    # as QGIS saves a layer as CSV with its geometry
+    "gdal_csv_with_wkt": ("w.csv", "CSV", 4326, {"GEOMETRY": "AS_WKT", "SEPARATOR": "SEMICOLON"}),
+}
+"""File, driver, coordinate system and options of each kind."""
 
 
-@kind
-def gdal_geopackage_of_europe(folder: Path) -> Path:
-    return by_gdal(folder / "e.gpkg", "GPKG", files.in_crs(FIELD, 3035), 3035)
+def _written(row: tuple[str, str, int, dict[str, str]], folder: Path) -> Path:
+    name, driver, epsg, options = row
+    ring = FIELD if epsg == 4326 else files.in_crs(FIELD, epsg)
+    return by_gdal(folder / name, driver, ring, epsg, **options)
 
 
-@kind
-def gdal_shapefile_in_utm(folder: Path) -> Path:
-    return by_gdal(folder / "u.shp", "ESRI Shapefile", files.in_crs(FIELD, 25833), 25833)
-
-
-@kind
-def gdal_shapefile_of_berlin(folder: Path) -> Path:
-    """Soldner's system, which only this city had."""
-    return by_gdal(folder / "b.shp", "ESRI Shapefile", files.in_crs(FIELD, 3068), 3068)
-
-
-@kind
-def gdal_kml(folder: Path) -> Path:
-    return by_gdal(folder / "k.kml", "KML")
-
-
-@kind
-def gdal_libkml_archive(folder: Path) -> Path:
-    return by_gdal(folder / "l.kmz", "LIBKML")
-
-
-@kind
-def gdal_geojson(folder: Path) -> Path:
-    return by_gdal(folder / "j.geojson", "GeoJSON", RFC7946="YES", WRITE_BBOX="YES")
-
-
-@kind
-def gdal_geojson_sequence_by_the_rfc(folder: Path) -> Path:
-    return by_gdal(folder / "s.geojsonl", "GeoJSONSeq", RS="YES")
-
-
-@kind
-def gdal_geojson_in_national_grid(folder: Path) -> Path:
-    return by_gdal(folder / "n.geojson", "GeoJSON", files.in_crs(FIELD, 25832), 25832)
-
-
-@kind
-def gdal_kml_by_libkml(folder: Path) -> Path:
-    return by_gdal(folder / "lib.kml", "LIBKML")
-
-
-@kind
-def gdal_csv_with_wkt(folder: Path) -> Path:
-    """As QGIS saves a layer as CSV with its geometry."""
-    return by_gdal(folder / "w.csv", "CSV", GEOMETRY="AS_WKT", SEPARATOR="SEMICOLON")
+files.KINDS.update({name: partial(_written, row) for name, row in GDAL.items()})
 
 
 # --- ground stations ----------------------------------------------------------------------------

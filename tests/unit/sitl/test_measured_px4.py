@@ -182,18 +182,6 @@ def test_no_current_no_energy_and_whole_percents(sitl):
             assert m.current_battery == -1
 
 
-def test_it_returns_at_30_m(sitl):
-    take_off(sitl)
-    assert reposition(sitl, 473977420 + 9000, 85455940, 498.0) == ACCEPTED
-    sitl.run(30.0)
-    assert sitl.command(20) == ACCEPTED
-    highest_m = 0.0
-    for _ in range(300):
-        sitl.run(0.1)
-        highest_m = max(highest_m, sitl.truth.height_m)
-    assert highest_m == pytest.approx(30.0, abs=2.0)  # above a home that moves
-
-
 def test_without_a_ground_station_one_that_needs_it_does_not_arm(sitl):
     set_param(sitl, "NAV_DLL_ACT", 2)
     assert sitl.command(ARM, 1) == REJECTED

@@ -119,8 +119,3 @@ def test_a_real_client_on_a_real_socket(threads, make):
         vehicle.run(1.0)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as again:
         again.bind(("127.0.0.1", int(vehicle.url.rpartition(":")[2])))
-
-
-def test_faults_are_passed_through(make):
-    (vehicle,) = make()
-    assert vehicle.fail is vehicle._vehicle.fail

@@ -47,6 +47,7 @@ def a_tag(**changes):
         "body_rad": (0.02, -0.1, 0.7),
         "taken_s": 61.25,
         "hfov_rad": math.radians(70.0),
+        "width_px": 64,
     }
     return Geotag(**{**values, **changes})
 

@@ -9,7 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.copter.params import BY_NAME, INT8, INT16, INT32, REAL32, TABLE, Parameters
+from sitl.copter.params import INT8, INT16, INT32, REAL32, TABLE, Parameters
+
+BY_NAME = Parameters().by_name
 
 
 def read(client, name):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.copter.mission_items import FENCE, MISSION, RALLY, Item
-from sitl.copter.transfer import Plans, Transfer
+from sitl.copter.transfer import Transfer
 
 ACCEPTED, CANCELLED = mav.MAV_MISSION_ACCEPTED, mav.MAV_MISSION_OPERATION_CANCELLED
 WP, TAKEOFF, RTL = mav.MAV_CMD_NAV_WAYPOINT, mav.MAV_CMD_NAV_TAKEOFF, 20
@@ -262,9 +262,9 @@ def _message(draw):
 @settings(max_examples=150, deadline=None)
 @given(messages=st.lists(_message(), max_size=25), pauses=st.lists(st.floats(0, 9), max_size=25))
 def test_any_messages_leave_a_sane_state(messages, pauses):
-    plans, changes = Plans(), []
+    plans, changes = {MISSION: [], FENCE: [], RALLY: []}, []
     transfer = Transfer(
-        plans, home=lambda: Item(WP), running=lambda: False, changed=changes.append,
+        plans=plans, home=lambda: Item(WP), running=lambda: False, changed=changes.append,
         say=lambda *_: None,
     )  # fmt: skip
     link, now_s = mav.MAVLink(None, 255, 190), 0.0
@@ -277,7 +277,7 @@ def test_any_messages_leave_a_sane_state(messages, pauses):
             now_s += pauses[i]
             for answer in transfer.step(now_s):
                 answer.pack(mav.MAVLink(None, 1, 1))
-    for kept in (i for items in plans.items.values() for i in items):
+    for kept in (i for items in plans.values() for i in items):
         assert all(math.isfinite(v) for v in (*kept.p[:3], kept.z))
-    assert len(plans.items[MISSION]) <= 65535
+    assert len(plans[MISSION]) <= 65535
     assert set(changes) <= {MISSION, FENCE, RALLY}

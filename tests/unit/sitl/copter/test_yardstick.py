@@ -16,7 +16,7 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.copter.params import BY_NAME
+from sitl.copter.params import Parameters
 
 SHARED = os.environ.get("UAVMAP_SHARED") or Path(__file__).resolve().parents[4] / "../shared"
 LOG = Path(SHARED) / "data/arducopter/flight-4.6.tlog"
@@ -72,7 +72,7 @@ def story(flight):
 def fly(client, flight):
     """The recorded plan; the times of its targets and of the return."""
     for _, m in of(flight, "PARAM_VALUE"):
-        if m.param_id in BY_NAME and m.param_id.startswith(SETTINGS):
+        if m.param_id in Parameters() and m.param_id.startswith(SETTINGS):
             client.send(mav.MAVLink_param_set_message(1, 1, m.param_id.encode(), m.param_value, 9))
     for _, m in of(flight, "REQUEST_DATA_STREAM", 255, 190):
         client.send(m)
@@ -111,7 +111,7 @@ def stands_at(position, target):
     return math.hypot(east, north) < ARRIVED_M and speed < STANDING_M_S
 
 
-def test_the_recorded_flight_flown_again(make_client, capsys):
+def test_the_recorded_flight_flown_again(make_client):
     flight = recorded()
     client = make_client(ready_after_s=41.0)
     times, legs = fly(client, flight)
@@ -132,17 +132,6 @@ def test_the_recorded_flight_flown_again(make_client, capsys):
         ("return to ground", real["return_s"], here["return_s"]),
     ]
     common = sorted(real["rates"].keys() & here["rates"].keys() - {"HOME_POSITION", "TIMESYNC"})
-    with capsys.disabled():
-        print()
-        for key in ("modes", "armed", "landed_state", "texts"):
-            print(f"{key:14} real {real[key]}\n{'':14} here {here[key]}")
-        print(f"{'seconds':26} {'real':>7} {'here':>7} {'':>7}")
-        for name, a, b in rows:
-            print(f"{name:26} {a:7.2f} {b:7.2f} {100 * (b / a - 1):+6.1f}%")
-        print(f"{'messages a second':26} {'real':>7} {'here':>7}")
-        for kind in common:
-            print(f"{kind:26} {real['rates'][kind]:7.2f} {here['rates'][kind]:7.2f}")
-        print("only there:", ", ".join(sorted(real["rates"].keys() - here["rates"].keys())))
     assert real["modes"] == here["modes"] == [0, 4, 6]
     assert real["armed"] == here["armed"]
     assert real["landed_state"] == here["landed_state"]

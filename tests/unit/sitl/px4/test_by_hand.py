@@ -163,15 +163,15 @@ HOLDS, RETURNS, LANDS = 5, 6, 7  # failsafe_action_t
 
 
 @pytest.mark.parametrize(
-    ("what", "name", "arguments"),
+    ("what", "text", "name", "arguments"),
     [
-        ("radio", "_hold", ("<IBHB", Px4Mode.HOLD, RETURNS, 5, 1)),
-        ("station", "_hold", ("<IBHB", Px4Mode.HOLD, RETURNS, 5, 2)),
-        ("battery", "_hold", ("<IBHB", Px4Mode.HOLD, LANDS, 5, 5)),
-        ("position", "_generic", ("<IB", Px4Mode.HOLD, LANDS)),
+        ("radio", "Manual control lost", "_hold", ("<IBHB", Px4Mode.HOLD, RETURNS, 5, 1)),
+        ("station", "ground station lost", "_hold", ("<IBHB", Px4Mode.HOLD, RETURNS, 5, 2)),
+        ("battery", "Dangerous battery", "_hold", ("<IBHB", Px4Mode.HOLD, LANDS, 5, 5)),
+        ("position", "", "_generic", ("<IB", Px4Mode.HOLD, LANDS)),
     ],
 )
-def test_why_a_failsafe_came_is_in_the_arguments_of_its_event_alone(what, name, arguments):
+def test_why_a_failsafe_came_is_in_the_arguments_of_its_event_alone(what, text, name, arguments):
     """`failsafe/framework.cpp`, `notifyUser`: the text is the same for all."""
     sitl = px4()
     set_param(sitl, "COM_LOW_BAT_ACT", 3)
@@ -185,12 +185,20 @@ def test_why_a_failsafe_came_is_in_the_arguments_of_its_event_alone(what, name, 
         sitl.fail.battery_sag(8.0)
     elif what == "position":
         sitl.fail.gps()
-    data = b""
-    for _ in range(12):
+    data, modes = b"", []
+    for _ in range(20):
         sitl.run(1.0)
         data += sitl.receive_bytes()
+        modes.append(sitl.truth.mode)
     layout, *values = arguments
     assert failsafes(data)[0] == (name, struct.pack(layout, *values).ljust(12, b"\0"))
+    assert text.encode() in data
+    then = Px4Mode.RTL if values[1] == RETURNS else Px4Mode.LAND
+    assert list(dict.fromkeys(modes))[:2] == [Px4Mode.HOLD, then]  # it waits in Hold, or holds out
+    assert 4 <= modes.index(then) <= 17
+    if what == "position":
+        sitl.until(lambda: not sitl.truth.armed)
+        assert sitl.command(ARM, 1) == REJECTED
 
 
 def test_the_text_of_a_failsafe_names_no_cause():

@@ -292,19 +292,18 @@ def test_return_lands_disarms_and_can_be_armed_again(sitl):
     assert reposition(sitl, NORTH, LON, AMSL_M + 10.0) == ACCEPTED
     sitl.run(12.0)
     assert sitl.command(RTL) == ACCEPTED
-    sitl.until(lambda: sitl.truth.height_m > 25.0)  # the cone, then RTL_RETURN_ALT
-    sitl.until(lambda: not sitl.truth.armed)
+    heights_m = []
+
+    def returned():
+        heights_m.append(sitl.truth.height_m)
+        return not sitl.truth.armed
+
+    sitl.until(returned)
+    assert max(heights_m) == pytest.approx(30.0, abs=2.0)  # RTL_RETURN_ALT over a home that moves
     assert sitl.truth.landed
     assert sitl.truth.position.lat_deg == pytest.approx(LAT / 1e7, abs=5e-6)
     assert sitl.truth.mode == Px4Mode.HOLD
     assert sitl.command(ARM, 1) == ACCEPTED
-
-
-def test_the_heartbeat_tells_a_mode_in_its_own_time(sitl):
-    sitl.expect("HEARTBEAT", autopilot=12)
-    assert mode(sitl, "RTL") == ACCEPTED
-    assert not [m for m in sitl.receive() if m.get_type() == "HEARTBEAT"]
-    assert sitl.expect("HEARTBEAT", autopilot=12).custom_mode == Px4Mode.RTL
 
 
 # --- offboard ------------------------------------------------------------------------------------
@@ -486,18 +485,6 @@ def test_the_fence_refuses_targets_and_stops_what_leaves(sitl):
     assert sitl.expect("HEARTBEAT", autopilot=12).system_status == mav.MAV_STATE_CRITICAL
 
 
-def test_a_silent_ground_station(sitl):
-    set_param(sitl, "NAV_DLL_ACT", 2)
-    take_off(sitl, 4.0)
-    sitl.ground_station()
-    sitl.run(9.5)
-    assert sitl.truth.mode == Px4Mode.HOLD
-    sitl.run(1.0)
-    said(sitl, "Connection to ground station lost")
-    sitl.run(5.0)
-    assert sitl.truth.mode == Px4Mode.RTL
-
-
 def test_the_pilot_calls_off_a_failsafe_while_it_waits_in_hold(sitl):
     set_param(sitl, "NAV_RCL_ACT", 2)
     take_off(sitl)
@@ -507,14 +494,6 @@ def test_the_pilot_calls_off_a_failsafe_while_it_waits_in_hold(sitl):
     sitl.run(8.0)
     assert sitl.truth.mode == Px4Mode.HOLD
     assert sitl.expect("HEARTBEAT", autopilot=12).system_status == mav.MAV_STATE_ACTIVE
-
-
-def test_without_satellites_it_comes_down(sitl):
-    take_off(sitl)
-    sitl.fail.gps()
-    sitl.until(lambda: sitl.truth.mode == Px4Mode.LAND, timeout_s=6.0)
-    sitl.until(lambda: not sitl.truth.armed)
-    assert sitl.command(ARM, 1) == REJECTED
 
 
 @pytest.mark.parametrize(("action", "then"), [(0, "HOLD"), (2, "LAND"), (3, "RTL")])
@@ -529,14 +508,6 @@ def test_the_battery_ends(action, then):
     assert sitl.truth.mode.name == ("HOLD" if then == "LAND" else then)
     sitl.run(5.5)
     assert sitl.truth.mode.name == then
-
-
-def test_a_weak_pack_by_its_voltage(sitl):
-    set_param(sitl, "COM_LOW_BAT_ACT", 2)
-    take_off(sitl)
-    sitl.fail.battery_sag(8.0)
-    said(sitl, "Dangerous battery level")
-    sitl.until(lambda: sitl.truth.mode == Px4Mode.LAND, timeout_s=7.0)
 
 
 def test_failure_injection_wants_its_parameter(sitl):
@@ -561,20 +532,6 @@ def test_garbage(flying):
         assert outcome.changes == []
     sitl._vehicle.receive(bytes(300))  # ends a frame that garbage may have begun
     assert sitl.command(512, 148) == ACCEPTED
-
-
-def test_the_same_seed_gives_the_same_bytes():
-    def flight():
-        sitl = Fleet(Setup(autopilot="px4", seed=3, wind_speed_m_s=4.0, gust_m_s=1.0))[0]
-        sitl.run(6.0)
-        sitl.command(ARM, 1)
-        sitl.command(TAKEOFF, 0, 0, 0, NAN, NAN, NAN, NAN)
-        sitl.run(10.0)
-        return sitl.receive_bytes()
-
-    first = flight()
-    assert len(first) > 10_000
-    assert first == flight()
 
 
 def test_an_autopilot_that_is_not_there():

@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.units import LatLon
 from sitl.codec.wire import Packer, cut
 from sitl.mavlink.signing import Signing
+from sitl.sockets.background import free_ports
 from sitl.sockets.client_sockets import Connection, TcpPort, datagrams
 from sitl.sockets.server import serve
 from sitl.vehicle import SimVehicle, VehicleSpec
@@ -21,30 +22,12 @@ HOME = LatLon(48.0, 11.0)
 GLOBAL_POSITION_INT = mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
 
 
-def free_port(kind, count=1):
-    """The first of `count` ports, ten apart, that are all free."""
-    while True:
-        with contextlib.ExitStack() as probes:
-            sockets = [
-                probes.enter_context(socket.socket(socket.AF_INET, kind)) for _ in range(count)
-            ]
-            sockets[0].bind(("127.0.0.1", 0))
-            first = sockets[0].getsockname()[1]
-            try:
-                for i, probe in enumerate(sockets[1:], start=1):
-                    probe.bind(("127.0.0.1", first + 10 * i))
-            except (OSError, OverflowError):
-                continue
-            return first
-
-
 @contextlib.asynccontextmanager
 async def served(transport, count=1, speedup=20.0):
     """Vehicles on sockets and their first port."""
     world = World(WorldSpec(HOME, 500.0, ()))
     vehicles = [SimVehicle(VehicleSpec(i + 1, HOME), world) for i in range(count)]
-    kind = socket.SOCK_DGRAM if transport == "udp" else socket.SOCK_STREAM
-    port = free_port(kind, count)
+    port, _ = free_ports(count, tcp=transport == "tcp")
     ready = asyncio.get_running_loop().create_future()
     task = asyncio.create_task(
         serve(
@@ -172,7 +155,7 @@ def test_more_udp_clients_than_it_keeps():
             for client in others:
                 client.say(command(mav.MAV_CMD_REQUEST_MESSAGE, 148), listener.peer)
                 await client.wait("AUTOPILOT_VERSION")
-            assert len(vehicles[0].links) == 1 + 8
+            assert len(vehicles[0]._links) == 1 + 8
             await listener.wait("HEARTBEAT")  # the first is never forgotten
             await others[-1].wait("HEARTBEAT")
             for client in (listener, *others):
@@ -289,7 +272,7 @@ def test_a_companion_that_reboots_loses_its_connection():
 
 def test_a_port_that_is_taken_leaves_none_open():
     async def scenario():
-        port = free_port(socket.SOCK_STREAM, 2)
+        port, _ = free_ports(2, tcp=True)
         with socket.socket() as taken:
             taken.bind(("127.0.0.1", port + 10))
             taken.listen()
