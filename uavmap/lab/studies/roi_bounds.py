@@ -99,11 +99,10 @@ def conclude(found: Sequence[Explored]) -> Page:
     large = [f for f in found if f.job.cells == largest]
     ours, plain = ([f for f in large if f.job.strategy == s] for s in ("rdfs", PLAIN))
     of = {strategy: [f for f in found if f.job.strategy == strategy] for strategy in SIZES}
-    rows = tuple((strategy, len(fs), *_above(fs), _below(fs)) for strategy, fs in of.items())
     counts = Table(
         ("strategy", "runs", "above Lemma 1", "above Lemma 1 with ecc for depth_T",
          "above Theorem 1's ratio", "below the lower bound"),
-        rows,
+        tuple((name, len(fs), *_above(fs), _below(fs)) for name, fs in of.items()),
     )  # fmt: skip
     deep, plain_deep = (mean(f.found.tree_depth for f in fs) for fs in (ours, plain))
     above, plain_above = _above(ours), _above(plain)
