@@ -106,19 +106,6 @@ def test_greedy_goes_to_the_nearest_and_two_not_to_the_same() -> None:
     assert both == {1: Cell(0, 2), 2: START}  # the second is on its way to the east
 
 
-def test_more_robots_than_cells_double_up_rather_than_wait() -> None:
-    moves = decide("greedy", fork(NORTH), {1: START, 2: START, 3: START}).moves
-    assert set(moves.values()) == {NORTH}
-
-
-def test_greedy_keeps_to_its_goal_among_equally_near_ones() -> None:
-    """Otherwise it may turn round in the middle of the way, for ever."""
-    row = {Cell(e, 0) for e in range(-6, 7)}
-    done = run(EXPLORERS["greedy"], row, START, 1)
-    ends = [leg.end.east for leg in done.legs]
-    assert ends.index(6 if 6 in ends[:6] else -6) == 5
-
-
 def test_in_flight_the_nearest_is_as_the_crow_flies() -> None:
     """Three steps round the corner are 1.4 cells in flight."""
     hook = {START, Cell(1, 0), Cell(1, 1), Cell(0, -1), Cell(0, -2)}

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.lab.arena.arena_run import Comms, run
+from missions.lab.arena.arena_run import run
 from missions.lab.arena.certificate import Certificate, certify
 from missions.lab.arena.roi import grown
 from missions.mapping.tree import Tree
@@ -132,16 +132,6 @@ def test_promises_are_for_the_tree_that_came_out() -> None:
     tree = Tree.rooted(START).looked(START, list(START.neighbours()))
     assert promised_moves(EXPLORERS["rdfs"], tree, 1, Metric()) == 8.0
     assert promised_moves(EXPLORERS["rdfs-paper"], tree, 1, Metric()) is None
-
-
-def test_where_robots_only_meet_nothing_is_promised() -> None:
-    roi = grown("eden", 30, 4)
-    static = LowerBounds.of(roi.cells, roi.start)
-    for comms, promised in ((Comms.SHARED, True), (Comms.MEETING, False)):
-        done = run(EXPLORERS["rdfs"], roi.cells, roi.start, 3, comms=comms)
-        certificate = certify(done, EXPLORERS["rdfs"], 3, Metric(), static, comms)
-        assert (certificate.bound is not None) is promised
-        assert certificate.makespan >= certificate.lower_bound
 
 
 def test_in_straight_flight_the_bound_in_steps_does_not_count() -> None:
