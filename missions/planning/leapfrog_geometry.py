@@ -131,11 +131,6 @@ class Leapfrog:
         """How far a vehicle flies in all."""
         return sum(step.length_m for step in self.steps if step.mover is role)
 
-    @property
-    def farthest_m(self) -> float:
-        """The greatest distance aside between both, at any time: at most `view.reach_m`."""
-        return max(math.dist(place, step.hovering) for step in self.steps for place in step.way)
-
 
 def plan_leapfrog(path: Sequence[Point], view: TrackerView) -> Leapfrog:
     """The fewest hops along the mapper's path, two or more corners in metres east and north, such

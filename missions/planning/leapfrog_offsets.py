@@ -36,7 +36,7 @@ _GATE: Final = 20.0
 
 @dataclass(frozen=True, slots=True)
 class OffsetNoise:
-    """Standard deviations of what the filter rests on.
+    """Standard deviations of what the filter rests on: at least 0, `start_m` above 0.
 
     Attributes:
         start_m: Of a place told by satellites, in each direction.
@@ -58,15 +58,6 @@ class OffsetNoise:
     heading_rad: float = math.radians(1.0)
     mount_rad: float = math.radians(0.5)
     alike_s: float = 2.0
-
-    def __post_init__(self) -> None:
-        """Refuse what is no error with `ValueError`."""
-        least = min(
-            self.odometer, self.changing, self.wander_m_s, self.wander_s, self.heading_rad,
-            self.mount_rad, self.alike_s,
-        )  # fmt: skip
-        if not (self.start_m > 0.0 and least >= 0.0):
-            raise ValueError(f"start_m is above 0, the rest at least 0: {self}")
 
 
 class Offsets:

@@ -11,14 +11,10 @@ fence that was left without a cause that no rule can see.
 
 from __future__ import annotations
 
-import argparse
 import functools
 import json
 import sys
-import tempfile
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 from typing import Any
 
 from missions.events import Event, FrameSeen
@@ -26,11 +22,11 @@ from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.step import step
 from missions.orders import FlyTo
-from tests.benchmarks.watched import EXPLAINED, Flown, flown, mission_text, table
-from tests.support.plans import named_text, plan_of
+from tests.benchmarks import frame
+from tests.benchmarks.watched import Flown, flown, mission_text, report
+from tests.e2e.rig import mission
 from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
-from uavmap.runner.flight import fly as fly_plan
+from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 
 MISSION = "tiny"
 PHASES = ("search", "explore", "return")
@@ -72,19 +68,11 @@ Job = tuple[str, str, float | None, int, int]
 @functools.cache
 def begins(vehicles: int) -> dict[str, float]:
     """When each phase is in full swing for the vehicle with the fault, without any fault."""
-    source = named_text(mission_path())
-    plan = plan_of(
-        source.source, source.text, None, vehicles, 1, (), None, SIM_EPOCH_UTC_S
-    )  # fmt: skip
-    setting = plan.setting(lambda text: None)
-    with tempfile.TemporaryDirectory() as folder:
-        fly_plan(plan, Path(folder))
-        with Journal.open(Path(folder) / JOURNAL) as journal:
-            return _phases(setting, list(journal.events()), vehicles)
-
-
-def mission_path() -> str:
-    return str(Path(__file__).parents[1] / "data" / f"{MISSION}.toml")
+    source = mission(MISSION)
+    with frame.flown(source, vehicles=vehicles) as (_, folder):
+        with Journal.open(folder / JOURNAL) as journal:
+            setting = FlightPlan.read(journal).known_setting()
+        return _phases(setting, frame.events_of(folder), vehicles)
 
 
 def _phases(setting: Setting, events: Sequence[Event], vehicles: int) -> dict[str, float]:
@@ -107,7 +95,7 @@ def jobs(vehicles: Sequence[int], seeds: int, only: Sequence[str]) -> list[Job]:
     return [
         (fault, phase, for_s, count, seed)
         for fault, how in FAULTS.items()
-        if not only or any(fault.startswith(word) for word in only)
+        if fault.startswith(tuple(only))
         for count in vehicles
         for phase in PHASES
         for for_s in how.get("for_s", FOR_S)
@@ -145,27 +133,13 @@ def forbidden(flight: Flown) -> frozenset[str]:
     return flight.columns & (FORBIDDEN | more) - unseen
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main() -> int:
     """Fly and print."""
-    parser = argparse.ArgumentParser(description="Every fault in every phase.")
-    parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--vehicles", type=int, nargs="+", default=[1, 3])
-    parser.add_argument("--only", nargs="+", default=[])
-    parser.add_argument("--verbose", action="store_true", help="a line for every flight")
-    options = parser.parse_args(arguments)
-    rows, bad = [], 0
+    options = frame.asked(__doc__, seeds=1, workers=2, vehicles=(1, 3), only=("",), verbose=False)
     todo = jobs(options.vehicles, options.seeds, options.only)
-    with ProcessPoolExecutor(options.workers) as pool:
-        for (fault, *_), flight in zip(todo, pool.map(fly, todo), strict=True):
-            rows.append((fault, flight))
-            wrong = forbidden(flight)
-            bad += bool(wrong)
-            if wrong or options.verbose:
-                print(*(["FORBIDDEN", *sorted(wrong)] if wrong else []), flight.line(), flush=True)
-    print(table(rows), EXPLAINED, sep="\n\n")
-    print(f"{bad} of {len(rows)} flights with something forbidden")
-    return int(bool(bad))
+    found = frame.in_turn(fly, todo, options.workers)
+    flights = ((fault, flight) for (fault, *_), flight in found)
+    return int(report(flights, forbidden, verbose=options.verbose) > 0)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ fence, the reserve, somebody in the air at the end. The exit status is 1 if anyt
 
 from __future__ import annotations
 
-import argparse
 import random
 import sys
 import tempfile
@@ -22,6 +21,7 @@ from collections import Counter
 from pathlib import Path
 
 from missions.partition import Partition
+from tests.benchmarks.frame import asked
 from tests.support.fleet_rig import Death, Mishaps, field_text, flown
 from uavmap.fleet.simulated_radio import LinkModel
 
@@ -68,13 +68,9 @@ def _partitions(rng: random.Random) -> tuple[Partition, ...]:
 
 def main() -> int:
     """Fly all seeds."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("--seeds", type=int, default=50, help="how many (default: 50)")
-    parser.add_argument("--first", type=int, default=1, help="the first of them (default: 1)")
-    parser.add_argument("--say", action="store_true", help="what the members said, too")
-    asked = parser.parse_args()
+    options = asked(__doc__, seeds=50, first=1, say=False)
     counts: Counter[str] = Counter()
-    for seed in range(asked.first, asked.first + asked.seeds):
+    for seed in range(options.first, options.first + options.seeds):
         text, mishaps = scenario(seed)
         begun_s = time.process_time()
         with tempfile.TemporaryDirectory() as folder:
@@ -84,18 +80,16 @@ def main() -> int:
         print(
             f"{seed:3d} {'high' if seed % 3 == 0 else 'low ':4s} {took_s:4.1f} s  "
             f"{figures['makespan_s']:5.0f} s, {figures.get('min_separation_m') or 0.0:4.1f} m, "
-            f"{figures['missed']} wrong  "
-            f"{mishaps}",
-            flush=True,
+            f"{figures['missed']} wrong  {mishaps}"
         )
-        if asked.say:
-            print("\n".join(f"      {line}" for line in outcome.said))
-        for text in outcome.forbidden:
-            print(f"    FORBIDDEN {text}", flush=True)
+        said = [f"    FORBIDDEN {text}" for text in outcome.forbidden]
+        print(
+            *(f"      {line}" for line in outcome.said if options.say), *said, sep="\n", flush=True
+        )
         counts.update({text.split(":")[0] for text in outcome.forbidden})
         counts["flights with something forbidden"] += bool(outcome.forbidden)
-    print(f"{asked.seeds} flights; " + ", ".join(f"{k}: {v}" for k, v in sorted(counts.items())))
-    return 1 if counts["flights with something forbidden"] else 0
+    print(f"{options.seeds} flights; " + ", ".join(f"{k}: {v}" for k, v in sorted(counts.items())))
+    return int(counts["flights with something forbidden"] > 0)
 
 
 if __name__ == "__main__":

@@ -12,21 +12,19 @@ the 40 m of `bay`, and map from higher. A line of JSON is printed for each team;
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import re
 import sys
-import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
 from missions.geo.grid import Grid
 from missions.units import GridPoint
-from tests.benchmarks.planning.height_and_speed_picture import BLUE, INK, PALE, RED, line, words
-from tests.support.plans import MissionText, named_text, plan_of
-from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
+from tests.benchmarks import frame
+from tests.benchmarks.svg import BLUE, INK, PALE, RED, dot, drawing, line, words
+from tests.support.plans import named_text
 from uavmap.load.mission_source import load
 from uavmap.runner.flight import fly
 from uavmap.runner.simulated_fleet import fly_fleet
@@ -69,15 +67,11 @@ def text_for(vehicles: int, *, apart: bool = False) -> str:
 
 def flown(vehicles: int, comms: str | None, seed: int) -> dict[str, Any]:
     """What a flight came to."""
-    source = MissionText("bay", text_for(vehicles, apart=comms is not None))
-    plan = plan_of(
-        source.source, source.text, None, vehicles, seed, (), None, SIM_EPOCH_UTC_S, comms=comms
-    )
+    text, flying = text_for(vehicles, apart=comms is not None), fly if comms is None else fly_fleet
     begun_s = time.process_time()
-    with tempfile.TemporaryDirectory() as folder:
-        found = (fly if comms is None else fly_fleet)(plan, Path(folder))
-    result = {"vehicles": vehicles, "comms": comms, "seed": seed}
-    result |= {name: found[name] for name in FIGURES}
+    how = {"vehicles": vehicles, "comms": comms, "seed": seed}
+    found = frame.summary_of("bay", text, fly=flying, **how)
+    result = how | {name: found[name] for name in FIGURES}
     result["patches"] = len(found["patches"])
     result["cpu_s"] = round(time.process_time() - begun_s)
     if "bytes_on_air" in found:
@@ -104,8 +98,7 @@ def picture(rows: list[dict[str, Any]]) -> str:
 
     def curve(points: list[tuple[float, float]], colour: str) -> None:
         parts.append(line(points, colour))
-        for a, b in points:
-            parts.append(f'<circle cx="{a:.1f}" cy="{b:.1f}" r="3" fill="{colour}"/>')
+        parts.extend(dot(a, b, 3, colour) for a, b in points)
 
     for minutes in (4, 8, 16, 32, 64):
         parts.append(line([(left, y(minutes)), (right, y(minutes))], PALE, 1.0))
@@ -128,31 +121,21 @@ def picture(rows: list[dict[str, Any]]) -> str:
             parts.append(words(at_x + 10, at_y + below, name, anchor="start", colour=colour))
     told = [row for row in ordered if "most_kb_min" in row]
     curve([(x(row["vehicles"]), y_of_bytes(row["most_kb_min"])) for row in told], RED)
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
-        f'width="{width}" height="{height}" '
-        'font-family="sans-serif" font-size="13">\n'
-        f'<rect width="{width}" height="{height}" fill="white"/>\n'
-        + "\n".join(parts)
-        + "\n</svg>\n"
-    )
+    return drawing(width, height, parts)
 
 
-def main() -> int:
+def main() -> None:
     """Fly the teams, or draw what was flown."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("--vehicles", default=",".join(map(str, TEAMS)), help="such as 2,5")
-    parser.add_argument("--comms", help="a service on each, and what becomes of what they say")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--picture", type=Path, help="draw the lines of standard input")
-    asked = parser.parse_args()
-    if asked.picture is not None:
-        asked.picture.write_text(picture([json.loads(text) for text in sys.stdin if text.strip()]))
-        return 0
-    for vehicles in map(int, asked.vehicles.split(",")):
-        print(json.dumps(flown(vehicles, asked.comms, asked.seed)), flush=True)
-    return 0
+    options = frame.asked(
+        __doc__, vehicles=",".join(map(str, TEAMS)), comms=str, seed=1, picture=Path
+    )
+    if options.picture is not None:
+        rows = [json.loads(text) for text in sys.stdin if text.strip()]
+        options.picture.write_text(picture(rows))
+        return
+    for vehicles in map(int, options.vehicles.split(",")):
+        print(json.dumps(flown(vehicles, options.comms, options.seed)), flush=True)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -1,6 +1,6 @@
 """A fleet as it flies: a process a vehicle, each in a network namespace of its own.
 
-    python -m tests.benchmarks.fleet_processes MISSION [--network group] [--loss 0.1]
+    python -m tests.benchmarks.fleet_processes --mission FILE [--network group] [--loss 0.1]
 
 Needs root, `ip` and /dev/net/tun. Each namespace holds a simulated vehicle, reached by its own
 loopback, and `uavmap onboard`; the only way to another is a TAP device, whose other end is here: an
@@ -16,6 +16,7 @@ import contextlib
 import fcntl
 import heapq
 import json
+import math
 import os
 import random
 import selectors
@@ -25,15 +26,16 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from missions.events import Landed, LiftedOff
 from missions.flight.joined_map import joined
 from missions.flight.setting import Setting
 from missions.flight.state import State
+from tests.benchmarks.frame import asked
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.load.mission_source import load
@@ -161,6 +163,15 @@ def serve(mission_file: str, number: int, speedup: float, seed: int) -> None:
     )  # fmt: skip
 
 
+def begun(number: int, words: Sequence[str], stderr: IO[str] | None) -> subprocess.Popen[str]:
+    """A module of Python in the namespace of a vehicle."""
+    return subprocess.Popen(
+        ["ip", "netns", "exec", _name(number), sys.executable, "-m", *words],
+        env={**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"},
+        text=True, stdout=subprocess.PIPE, stderr=stderr, cwd=ROOT,
+    )  # fmt: skip
+
+
 def flown(options: argparse.Namespace, folder: Path, count: int, taps: dict[int, int]) -> Any:
     """Fly, and measure."""
     key = folder / "key"
@@ -168,37 +179,27 @@ def flown(options: argparse.Namespace, folder: Path, count: int, taps: dict[int,
     air = Air(taps, options.loss, options.delay)
     carrying = threading.Thread(target=air.carry, daemon=True)
     carrying.start()
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
     served: list[subprocess.Popen[str]] = []
     members: dict[int, subprocess.Popen[str]] = {}
-    python = [sys.executable, "-m"]
     speedup = ["--speedup", str(options.speedup)]
     try:
         for number in range(1, count + 1):
-            inside = ["ip", "netns", "exec", _name(number)]
-            words = ["tests.benchmarks.fleet_processes", options.mission, "--serve", str(number)]
-            simulator = subprocess.Popen(
-                [*inside, *python, *words, *speedup], env=environment, text=True,
-                stdout=subprocess.PIPE, cwd=ROOT,
-            )  # fmt: skip
-            served.append(simulator)
+            words = ["tests.benchmarks.fleet_processes", "--mission", options.mission]
+            words += ["--serve", str(number), *speedup]
+            served.append(begun(number, words, stderr=None))
         for number, simulator in enumerate(served, start=1):
             assert simulator.stdout is not None
             url = simulator.stdout.readline().strip()
-            inside = ["ip", "netns", "exec", _name(number)]
             words = ["uavmap", "onboard", options.mission, "--vehicle", str(number)]
             words += ["--connect", url, "--fleet-key", str(key), *speedup, "--json", "--yes"]
             words += ["--out", str(folder / f"vehicle-{number}"), *network(options.network, number)]
-            members[number] = subprocess.Popen(
-                [*inside, *python, *words], env=environment, text=True, stdout=subprocess.PIPE,
-                stderr=(folder / f"vehicle-{number}.txt").open("w"), cwd=ROOT,
-            )  # fmt: skip
+            said = (folder / f"vehicle-{number}.txt").open("w")
+            members[number] = begun(number, words, stderr=said)
         begin_s, before = time.monotonic(), {n: sent_bytes(n) for n in members}
-        parts = list(options.parted or ())
         while any(member.poll() is None for member in members.values()):
             now_s = time.monotonic() - begin_s
             assert now_s < PATIENCE_S, "still flying"
-            air.parted = bool(parts) and parts[0] <= now_s < parts[1]
+            air.parted = options.parted_from <= now_s < options.parted_until
             time.sleep(0.1)
         minutes = {n: (last - first) / 60.0 for n, (first, last) in air.spoken_s.items()}
         sent = {n: sent_bytes(n) - before[n] for n in members}
@@ -238,17 +239,10 @@ def journals(folder: Path, count: int) -> Any:
 
 def main() -> int:
     """Fly one mission and print the figures."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("mission")
-    parser.add_argument("--network", default="group", choices=("group", "tcp", "udp"))
-    parser.add_argument("--loss", type=float, default=0.0)
-    parser.add_argument("--delay", type=float, default=0.0, help="seconds")
-    parser.add_argument("--parted", type=float, nargs=2, metavar="S", help="nobody hears anybody")
-    parser.add_argument("--speedup", type=float, default=2.0)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--out", help="keep the results here")
-    parser.add_argument("--serve", type=int, metavar="K", help=argparse.SUPPRESS)
-    options = parser.parse_args()
+    options = asked(
+        __doc__, mission="bay", network="group", loss=0.0, delay=0.0, parted_from=math.inf,
+        parted_until=math.inf, speedup=2.0, seed=1, out=str, serve=int,
+    )  # fmt: skip
     options.mission = str(Path(options.mission).absolute())
     if options.serve is not None:
         serve(options.mission, options.serve, options.speedup, options.seed)

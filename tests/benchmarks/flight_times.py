@@ -16,26 +16,20 @@ as many vehicles. A flight that was not complete is counted in the last column.
 
 from __future__ import annotations
 
-import argparse
 import re
 import sys
-import tempfile
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Sequence
 from statistics import fmean, median
-from typing import Any
+from typing import Any, NamedTuple
 
 from shapely.geometry import MultiPoint, Point, Polygon, box
 
 from missions.geo.grid import Grid
 from missions.mission.schema import positions
 from missions.units import GridPoint
-from tests.support.plans import named_text, plan_of
-from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
+from tests.benchmarks import frame
+from tests.support.plans import named_text
 from uavmap.load.mission_source import load
-from uavmap.runner.flight import fly
 
 MISSIONS = ("runway", "burn", "spill")
 TIGHT, WIDE = "survey, tight", "survey, wide"
@@ -47,8 +41,7 @@ ROOM_M = 25.0
 """Between the box of a survey and its fence."""
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
+class Job(NamedTuple):
     """One flight."""
 
     mission: str
@@ -85,81 +78,64 @@ def _ring(grid: Grid, polygon: Polygon) -> str:
 # --- flights -----------------------------------------------------------------------------------
 def flight(job: Job) -> dict[str, Any]:
     """The summary of a flight."""
-    source = named_text(job.mission)
-    text, strategy = source.text, job.strategy
+    text, strategy = named_text(job.mission).text, job.strategy
     if strategy in (TIGHT, WIDE):
         text, strategy = survey_text(text, job.mission, strategy), "survey"
-    plan = plan_of(source.source, text, strategy, job.vehicles, job.seed, (), None, SIM_EPOCH_UTC_S)
-    with tempfile.TemporaryDirectory() as folder:
-        return fly(plan, Path(folder))
+    return frame.summary_of(
+        job.mission, text, strategy=strategy, vehicles=job.vehicles, seed=job.seed
+    )
+
+
+HEAD = frame.head(
+    "strategy", "min", "ratio", "exploration, s", "sorties", "cells missed", "IoU, %",
+    "false positives", "false negatives", "incomplete",
+)  # fmt: skip
 
 
 def row(name: str, found: Sequence[dict[str, Any]], base_s: float | None) -> str:
     """A row of the table."""
-    flown_s = median(f["makespan_s"] for f in found)
-    ratio = "" if base_s is None else f"{flown_s / base_s:.2f}"
-    incomplete = sum(not f["completed"] for f in found)
-    return " | ".join(
-        (
-            f"| {name}",
-            f"{flown_s / 60.0:.1f}",
-            ratio,
-            f"{median(f['exploration_s'] for f in found):.0f}",
-            f"{median(f['sorties'] for f in found):g}",
-            f"{fmean(f['cells_missed'] for f in found):.2g}",
-            f"{100.0 * fmean(f['iou_cells'] for f in found):.1f}",
-            f"{fmean(f['false_positives'] for f in found):.2g}",
-            f"{fmean(f['false_negatives'] for f in found):.2g}",
-            f"{incomplete or ''} |",
-        )
+    values = {key: [f[key] for f in found] for key in found[0]}
+    flown_s = median(values["makespan_s"])
+    return frame.row(
+        name,
+        f"{flown_s / 60.0:.1f}",
+        "" if base_s is None else f"{flown_s / base_s:.2f}",
+        f"{median(values['exploration_s']):.0f}",
+        f"{median(values['sorties']):g}",
+        f"{fmean(values['cells_missed']):.2g}",
+        f"{100.0 * fmean(values['iou_cells']):.1f}",
+        f"{fmean(values['false_positives']):.2g}",
+        f"{fmean(values['false_negatives']):.2g}",
+        values["completed"].count(False) or "",
     )
 
 
-HEAD = (
-    "| strategy | min | ratio | exploration, s | sorties | cells missed | IoU, % | "
-    "false positives | false negatives | incomplete |"
-)
-
-
-def tables(jobs: Sequence[Job], workers: int) -> Iterator[str]:
-    """Lines of Markdown: a table for each mission and team."""
-    flown: dict[tuple[str, int], dict[str, list[dict[str, Any]]]] = {}
-    with ProcessPoolExecutor(workers) as pool:
-        for job, found in zip(jobs, pool.map(flight, jobs), strict=True):
-            rows = flown.setdefault((job.mission, job.vehicles), {})
-            rows.setdefault(job.strategy, []).append(found)
-            print(job, f"{found['makespan_s']:.0f} s", file=sys.stderr, flush=True)
-    for (mission, vehicles), rows in flown.items():
-        yield f"\n{mission}, {vehicles} vehicle{'s' * (vehicles > 1)}\n"
-        yield HEAD
-        yield "|---" * HEAD.count(" | ") + "|---|"
-        base = rows.get(TIGHT)
-        base_s = None if base is None else median(f["makespan_s"] for f in base)
-        for strategy, found in rows.items():
-            yield row(strategy, found, base_s)
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Fly and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--mission", action="append", choices=MISSIONS)
-    parser.add_argument("--strategy", action="append", choices=STRATEGIES)
-    parser.add_argument("--vehicles", action="append", type=int)
-    parser.add_argument("--seeds", type=int, default=10, help="as many flights of each kind")
-    parser.add_argument("--workers", type=int, default=1, help="processes")
-    parser.add_argument("--quick", action="store_true", help="one seed of a small part")
-    options = parser.parse_args(arguments)
+def main() -> None:
+    """Fly, and print a table for each mission and team."""
+    options = frame.asked(
+        __doc__, mission=MISSIONS, strategy=STRATEGIES, vehicles=TEAMS, seeds=10, workers=1,
+        quick=False,
+    )  # fmt: skip
+    if options.quick:
+        options.mission, options.vehicles, options.seeds = MISSIONS[:1], TEAMS[:2], 1
     jobs = [
         Job(mission, vehicles, strategy, seed)
-        for mission in options.mission or (MISSIONS[:1] if options.quick else MISSIONS)
-        for vehicles in options.vehicles or (TEAMS[:2] if options.quick else TEAMS)
-        for strategy in options.strategy or STRATEGIES
-        for seed in range(1, 2 if options.quick else options.seeds + 1)
+        for mission in options.mission
+        for vehicles in options.vehicles
+        for strategy in options.strategy
+        for seed in range(1, options.seeds + 1)
     ]
-    for line in tables(jobs, options.workers):
-        print(line, flush=True)
-    return 0
+    flown: dict[tuple[str, int], dict[str, list[dict[str, Any]]]] = {}
+    for job, found in frame.in_turn(flight, jobs, options.workers):
+        rows = flown.setdefault((job.mission, job.vehicles), {})
+        rows.setdefault(job.strategy, []).append(found)
+        print(job, f"{found['makespan_s']:.0f} s", file=sys.stderr, flush=True)
+    for (mission, vehicles), rows in flown.items():
+        print(f"\n{mission}, {vehicles} vehicle{'s' * (vehicles > 1)}\n\n{HEAD}")
+        base_s = median(f["makespan_s"] for f in rows[TIGHT]) if TIGHT in rows else None
+        for strategy, several in rows.items():
+            print(row(strategy, several, base_s))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -1,12 +1,9 @@
-"""Ten million hostile bytes: `python -m tests.benchmarks.fuzz [BYTES]` prints a table.
+"""Ten million hostile bytes: `python -m tests.benchmarks.fuzz [--bytes N]` prints a table.
 
 Half of them for an ArduCopter, half for a PX4. A vehicle in the air gets noise, broken frames,
 unknown messages and messages for others; one on the ground gets besides these messages of every
 type with the worst values. The exit status is 1 when anything raised or changed, or memory grew by
 more than a megabyte.
-
-`python -m tests.benchmarks.fuzz --picture FILE [COUNT]`: copies of a photograph with damage, for
-the reader of recorded pictures; the exit status is 1 when one raised anything but its own refusal.
 """
 
 from __future__ import annotations
@@ -14,14 +11,13 @@ from __future__ import annotations
 import itertools
 import math
 import sys
-from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
 from sitl.vehicle import SimVehicle, VehicleSpec
 from sitl.world.world import World, WorldSpec
-from tests.benchmarks.photos.replay import fuzz_pictures
+from tests.benchmarks.frame import asked, head, row
 from tests.support.hostile import bombard
 
 _HOME = LatLon(48.0, 11.0)
@@ -54,32 +50,27 @@ def _vehicle(autopilot: str, *, airborne: bool) -> SimVehicle:
     return vehicle
 
 
-def main(size: int) -> int:
+def main() -> int:
     """Run and print; the exit status."""
+    size = asked(__doc__, bytes=10_000_000).bytes
     bad = False
-    print(
-        f"{'':24}{'bytes':>12}{'seconds':>9}{'MB/s':>7}{'crashes':>9}{'changes':>9}{'grown kB':>10}"
-    )
+    print(head("", "bytes", "seconds", "MB/s", "crashes", "changes", "grown kB"))
     for autopilot, airborne in itertools.product(_TAKE_OFF, (True, False)):
-        name = f"{autopilot}, {'flying' if airborne else 'on the ground'}"
         vehicle = _vehicle(autopilot, airborne=airborne)
         outcome = bombard(vehicle, size // 4, seed=11, well_addressed=not airborne)
-        sent = sum(outcome.sent.values())
+        sent, grown = sum(outcome.sent.values()), outcome.grown_bytes
         print(
-            f"{name:24}{sent:12,d}{outcome.seconds:9.1f}{sent / outcome.seconds / 1e6:7.2f}"
-            f"{len(outcome.crashes):9d}{len(outcome.changes):9d}{outcome.grown_bytes / 1e3:10.1f}"
-        )
-        for line in (*outcome.crashes, *outcome.changes):
-            print(f"  {line}")
-        for kind, count in sorted(outcome.sent.items()):
-            print(f"  {kind:22}{count:12,d}")
-        grown = outcome.grown_bytes > _ALLOWED_GROWTH
-        bad |= bool(outcome.crashes or outcome.changes) or grown
+            row(
+                f"{autopilot}, {'flying' if airborne else 'on the ground'}", f"{sent:,d}",
+                f"{outcome.seconds:.1f}", f"{sent / outcome.seconds / 1e6:.2f}",
+                len(outcome.crashes), len(outcome.changes), f"{grown / 1e3:.1f}",
+            )
+        )  # fmt: skip
+        kinds = (f"{kind}: {count:,d}" for kind, count in sorted(outcome.sent.items()))
+        print(*outcome.crashes, *outcome.changes, *kinds, sep="\n  ")
+        bad |= bool(outcome.crashes or outcome.changes) or grown > _ALLOWED_GROWTH
     return int(bad)
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--picture"]:
-        fuzz_pictures(Path(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 1000)
-        sys.exit(0)
-    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 10_000_000))
+    sys.exit(main())

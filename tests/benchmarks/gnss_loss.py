@@ -11,28 +11,19 @@ of the place that the autopilot tells. All figures are the simulator's truth.
 
 from __future__ import annotations
 
-import argparse
-import bisect
 import math
-import tempfile
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Sequence
+from functools import partial
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
-import pytest
+import numpy as np
 
 from missions.events import Navigated, Tracked
 from missions.flight.setting import Setting
-from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
-from tests.support.plans import named_text, plan_of
-from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
-from uavmap.runner.flight import fly
-from uavmap.runner.simulation import Truth
+from tests.benchmarks import frame
+from tests.support.plans import named_text
 
 FLOW = "optical_flow = true\nodometry_drift = 0.02\n"
 DRIFT = '[[sim.faults]]\nkind = "gps_drift"\nm_s = 0.1\nat_s = {at_s}\ntoward_deg = {deg}\n'
@@ -50,149 +41,106 @@ CASES = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
+class Job(NamedTuple):
     """One flight."""
 
-    mission: str
     case: str
-    gnss_loss: str
     seed: int
     at_s: float
-    autopilot: str = "ardupilot"
 
 
-@dataclass(slots=True)
-class Course:
-    """Where vehicles truly were, by mission time."""
-
-    true: list[tuple[float, GridPoint, bool]] = field(default_factory=list)
-
-
-def text_of(job: Job) -> str:
+def text_of(job: Job, mission: str, gnss_loss: str, autopilot: str) -> str:
     """The mission file of a flight."""
-    text = named_text(job.mission).text
     more, fault = CASES[job.case]
     fault = fault.format(at_s=job.at_s, deg=(job.seed * 77) % 360)
-    if job.autopilot == "px4":
+    if autopilot == "px4":
         more = f'autopilot = "px4"\n{more}parameters = {{ COM_POS_FS_EPH = -1 }}\n'
-    text = text.replace("[sim]\n", f"[sim]\n{more}", 1)
+    text = named_text(mission).text.replace("[sim]\n", f"[sim]\n{more}", 1)
     watch = "watch = false\n" if job.case == "reckoned" else ""
-    return f'{text}\n[navigation]\ngnss_loss = "{job.gnss_loss}"\n{watch}{fault}'
+    return f'{text}\n[navigation]\ngnss_loss = "{gnss_loss}"\n{watch}{fault}'
 
 
-def flown(job: Job) -> dict[str, Any]:
-    """What came of a flight."""
-    course = Course()
-    watch = Truth.watch
+def flown(job: Job, mission: str, gnss_loss: str, autopilot: str) -> dict[str, Any]:
+    """The summary of a flight, and how far off it believed itself."""
+    course: list[tuple[float, float, float]] = []
+    pad_m = math.nan
 
-    def watching(self: Truth, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
+    def look(vehicles: Sequence[SimVehicle], setting: Setting) -> None:
+        nonlocal pad_m
         truth = vehicles[0].truth
-        course.true.append((truth.t_s, setting.grid.fixed(truth.position), truth.landed))
-        watch(self, vehicles, setting)
+        course.append((truth.t_s, *setting.grid.fixed(truth.position)))
+        if truth.landed:
+            pad_m = math.hypot(*course[-1][1:])
 
-    plan = plan_of(
-        job.mission, text_of(job), None, None, job.seed, (), None, SIM_EPOCH_UTC_S
-    )  # fmt: skip
-    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patched:
-        patched.setattr(Truth, "watch", watching)
-        summary = fly(plan, Path(folder))
-        with Journal.open(Path(folder) / JOURNAL) as journal:
-            events = list(journal.events())
-    found = dict(summary)
+    text = text_of(job, mission, gnss_loss, autopilot)
+    with frame.truth_shown(look), frame.flown(mission, text, seed=job.seed) as (summary, folder):
+        events = frame.events_of(folder)
     noticed = next((e for e in events if isinstance(e, Navigated) and e.gnss != "good"), None)
-    found["noticed_s"] = None if noticed is None else noticed.t_s
-    found["gnss"] = None if noticed is None else noticed.gnss
-    off_m = [
-        e.position.distance_to(_true(course, e.t_s))
-        for e in events
-        if isinstance(e, Tracked) and e.t_s > job.at_s and e.height_m > 3.0
-    ]
-    before = [
-        e.position.distance_to(_true(course, e.t_s))
-        for e in events
-        if isinstance(e, Tracked) and noticed is not None and job.at_s < e.t_s <= noticed.t_s
-    ]
-    found["off_m"] = off_m
-    found["noticed_off_m"] = before[-1] if before else None
-    last = next(place for _, place, landed in reversed(course.true) if landed)
-    found["pad_m"] = math.hypot(*last)
-    return found
+    tracked = [e for e in events if isinstance(e, Tracked) and e.t_s > job.at_s]
+    t_s, east, north = np.array(course).T
+    off_m = {
+        e.t_s: math.hypot(
+            e.position.east_m - np.interp(e.t_s, t_s, east),
+            e.position.north_m - np.interp(e.t_s, t_s, north),
+        )
+        for e in tracked
+    }
+    before = [] if noticed is None else [m for at_s, m in off_m.items() if at_s <= noticed.t_s]
+    return summary | {
+        "noticed_s": None if noticed is None else noticed.t_s,
+        "gnss": None if noticed is None else noticed.gnss,
+        "off_m": [off_m[e.t_s] for e in tracked if e.height_m > 3.0],
+        "noticed_off_m": round(before[-1], 1) if before else None,
+        "pad_m": pad_m,
+    }
 
 
-def _true(course: Course, t_s: float) -> GridPoint:
-    """Where the vehicle truly was; between two looks on the straight line."""
-    times = [at_s for at_s, _, _ in course.true]
-
-    k = min(max(bisect.bisect_left(times, t_s), 1), len(times) - 1)
-    (a_s, a, _), (b_s, b, _) = course.true[k - 1], course.true[k]
-    share = min(max((t_s - a_s) / max(b_s - a_s, 1e-9), 0.0), 1.0)
-    return GridPoint(
-        a.east_m + share * (b.east_m - a.east_m), a.north_m + share * (b.north_m - a.north_m)
+def line(job: Job, found: dict[str, Any]) -> str:
+    """What came of a flight."""
+    noticed = found["noticed_s"]
+    after = "-" if noticed is None else f"{noticed - job.at_s:.0f}"
+    return (
+        f"{job.case} seed {job.seed} at {job.at_s:.0f}: complete {found['completed']}, "
+        f"{found['makespan_s']:.0f} s, noticed {found['gnss']} after {after} s at "
+        f"{found['noticed_off_m']} m, off {frame.spread(found['off_m'])}, pad "
+        f"{found['pad_m']:.2f} m, breaches {found['fence_breaches']}, missed "
+        f"{found['cells_missed']}, IoU {found['iou_cells']:.3f}, {found['navigation']} "
+        f"{found['notes']}"
     )
 
 
-def lines(jobs: Sequence[Job], workers: int) -> Iterator[str]:
-    """A line for every flight, and one for each case."""
-    with ProcessPoolExecutor(workers) as pool:
-        cases: dict[tuple[str, str], list[dict[str, Any]]] = {}
-        for job, found in zip(jobs, pool.map(flown, jobs), strict=True):
-            cases.setdefault((job.case, job.gnss_loss), []).append(found)
-            noticed = found["noticed_s"]
-            after = "-" if noticed is None else f"{noticed - job.at_s:.0f}"
-            off = found["noticed_off_m"]
-            yield (
-                f"{job.case} {job.gnss_loss} seed {job.seed} at {job.at_s:.0f}: "
-                f"complete {found['completed']}, {found['makespan_s']:.0f} s, "
-                f"noticed {found['gnss']} after {after} s"
-                f" at {off if off is None else round(off, 1)} m, off p50 "
-                f"{_share(found['off_m'], 0.5):.2f} p95 {_share(found['off_m'], 0.95):.2f} max "
-                f"{max(found['off_m'], default=0.0):.2f}, pad {found['pad_m']:.2f} m, breaches "
-                f"{found['fence_breaches']}, missed {found['cells_missed']}, IoU "
-                f"{found['iou_cells']:.3f}, {found['navigation']} {found['notes']}"
-            )
-        for (case, gnss_loss), rows in cases.items():
-            yield (
-                f"{case} {gnss_loss}: {len(rows)} flights, {sum(r['completed'] for r in rows)} "
-                f"complete, pad median {median(r['pad_m'] for r in rows):.2f} max "
-                f"{max(r['pad_m'] for r in rows):.2f} m, breaches "
-                f"{sum(r['fence_breaches'] for r in rows)}, IoU "
-                f"{median(r['iou_cells'] for r in rows):.3f}, "
-                f"noticed {sum(r['noticed_s'] is not None for r in rows)}"
-            )
-
-
-def _share(values: Sequence[float], share: float) -> float:
-    return sorted(values)[min(int(share * len(values)), len(values) - 1)] if values else 0.0
+def together(case: str, rows: Sequence[dict[str, Any]]) -> str:
+    """What came of all flights of a case."""
+    pads_m = [r["pad_m"] for r in rows]
+    return (
+        f"{case}: {len(rows)} flights, {sum(r['completed'] for r in rows)} complete, pad median "
+        f"{median(pads_m):.2f} max {max(pads_m):.2f} m, breaches "
+        f"{sum(r['fence_breaches'] for r in rows)}, IoU "
+        f"{median(r['iou_cells'] for r in rows):.3f}, noticed "
+        f"{sum(r['noticed_s'] is not None for r in rows)}"
+    )
 
 
 def main() -> None:
     """Fly and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--mission", default="runway")
-    parser.add_argument("--case", choices=CASES, action="append")
-    parser.add_argument("--gnss-loss", default="map")
-    parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--first", type=int, default=1)
-    parser.add_argument("--at-s", type=float, default=None)
-    parser.add_argument("--autopilot", default="ardupilot", choices=("ardupilot", "px4"))
-    parser.add_argument("--workers", type=int, default=2)
-    given = parser.parse_args()
-    seeds = range(given.first, given.first + given.seeds)
+    options = frame.asked(
+        __doc__, mission="runway", case=tuple(CASES), gnss_loss="map", seeds=10, first=1,
+        at_s=float, autopilot="ardupilot", workers=2,
+    )  # fmt: skip
     jobs = [
-        Job(
-            given.mission,
-            case,
-            given.gnss_loss,
-            seed,
-            given.at_s or 100.0 + (seed * 37) % 60,
-            given.autopilot,
-        )
-        for case in given.case or CASES
-        for seed in seeds
+        Job(case, seed, options.at_s or 100.0 + (seed * 37) % 60)
+        for case in options.case
+        for seed in range(options.first, options.first + options.seeds)
     ]
-    for line in lines(jobs, given.workers):
-        print(line, flush=True)
+    work = partial(
+        flown, mission=options.mission, gnss_loss=options.gnss_loss, autopilot=options.autopilot
+    )
+    cases: dict[str, list[dict[str, Any]]] = {}
+    for job, found in frame.in_turn(work, jobs, options.workers):
+        cases.setdefault(job.case, []).append(found)
+        print(line(job, found), flush=True)
+    for case, rows in cases.items():
+        print(together(case, rows))
 
 
 if __name__ == "__main__":

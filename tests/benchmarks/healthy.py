@@ -7,18 +7,16 @@ status is 1 when there was one, or a flight was not complete.
 
 from __future__ import annotations
 
-import argparse
 import sys
-from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 
-from tests.benchmarks.watched import Flown, flown
+from tests.benchmarks.frame import asked, in_turn
+from tests.benchmarks.watched import Flown, flown, report
+from tests.e2e.rig import MISSIONS as DATA
 from tests.support.plans import named_text
 
 MISSIONS = ("runway", "runway-field", "spill", "tiny", "speck", "pair", "drift", "burn", "astray")
 ON_PX4 = ("tiny", "speck", "pair", "drift")
 ALARMS = ("order_failed", "guarded", "crashed", "overridden", "link_lost", "given_up")
-DATA = Path(__file__).parents[1] / "data"
 
 
 def fly(job: tuple[str, str, int]) -> Flown:
@@ -31,28 +29,23 @@ def fly(job: tuple[str, str, int]) -> Flown:
     return flown(f"{mission} {autopilot} seed {seed}", text, seed)
 
 
-def main(arguments: list[str] | None = None) -> int:
+def alarms(flight: Flown) -> list[str]:
+    """What a flight without a fault should not have."""
+    found = [f"{flight.kinds[kind]} {kind}" for kind in ALARMS if flight.kinds[kind]]
+    return found or ["not complete"] * (flight.code != 0)
+
+
+def main() -> int:
     """Fly and print."""
-    parser = argparse.ArgumentParser(description="Flights in which nothing goes wrong.")
-    parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--missions", nargs="+", choices=MISSIONS, default=MISSIONS)
-    options = parser.parse_args(arguments)
+    options = asked(__doc__, seeds=5, workers=2, missions=MISSIONS)
     jobs = [
         (mission, autopilot, seed)
         for mission in options.missions
         for autopilot in ("ardupilot", *(("px4",) if mission in ON_PX4 else ()))
         for seed in range(1, options.seeds + 1)
     ]
-    alarmed = 0
-    with ProcessPoolExecutor(options.workers) as pool:
-        for flight in pool.map(fly, jobs):
-            alarms = [f"{flight.kinds[kind]} {kind}" for kind in ALARMS if flight.kinds[kind]]
-            bad = bool(alarms) or flight.code != 0
-            alarmed += bad
-            print("ALARM" if bad else "fine ", *alarms, flight.line(), flush=True)
-    print(f"{alarmed} of {len(jobs)} flights with an alarm")
-    return int(alarmed > 0)
+    found = in_turn(fly, jobs, options.workers)
+    return int(report(((job[0], flight) for job, flight in found), alarms, verbose=True) > 0)
 
 
 if __name__ == "__main__":

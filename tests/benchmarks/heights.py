@@ -9,21 +9,15 @@ Every flight is a whole one in the simulator, with `flight.altitude_m = "auto"` 
 
 from __future__ import annotations
 
-import argparse
 import re
 import statistics
-import sys
-import tempfile
-from pathlib import Path
-from typing import Any
 
 from missions.mission.checks import parse_mission
-from tests.support.plans import named_text, plan_of
-from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
-from uavmap.runner.flight import fly
+from tests.benchmarks.frame import asked, head, row, summary_of
+from tests.support.plans import named_text
 
-PIXELS = (127, 80, 70, 60, 45, 30)
-STRATEGY = "horizon"
+PIXELS = (127.0, 80.0, 70.0, 60.0, 45.0, 30.0)
+COUNTS = ("cells_missed", "false_positives", "false_negatives", "detections")
 
 
 def text_of(pixels: float) -> str:
@@ -32,34 +26,22 @@ def text_of(pixels: float) -> str:
     return re.sub(r"pixels_per_cell = [0-9.]+", f"pixels_per_cell = {pixels:g}", text)
 
 
-def flight(text: str, seed: int) -> dict[str, Any]:
-    """The summary of a flight."""
-    plan = plan_of("runway", text, STRATEGY, 1, seed, (), None, SIM_EPOCH_UTC_S)
-    with tempfile.TemporaryDirectory() as folder:
-        return fly(plan, Path(folder))
-
-
-def main(arguments: list[str] | None = None) -> int:
+def main() -> None:
     """Fly and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--pixels", type=float, nargs="+", default=PIXELS)
-    parser.add_argument("--seeds", type=int, default=3)
-    options = parser.parse_args(arguments)
-    print("| pixels a cell | height, m | IoU, % | cells missed | false + | false - | verdicts |")
-    print("|---|---|---|---|---|---|---|")
+    options = asked(__doc__, pixels=PIXELS, seeds=3)
+    names = ("cells missed", "false +", "false -", "verdicts")
+    print(head("pixels a cell", "height, m", "IoU, %", *names))
     for pixels in options.pixels:
         text = text_of(pixels)
         height_m = parse_mission(text, "runway").altitude_m(0)
-        found = [flight(text, seed) for seed in range(1, options.seeds + 1)]
-        iou = 100.0 * statistics.fmean(f["iou_cells"] for f in found)
-        counts = [
-            sum(f[key] for f in found)
-            for key in ("cells_missed", "false_positives", "false_negatives", "detections")
+        found = [
+            summary_of("runway", text, strategy="horizon", vehicles=1, seed=seed)
+            for seed in range(1, options.seeds + 1)
         ]
-        cells = " | ".join(map(str, counts))
-        print(f"| {pixels:g} | {height_m:g} | {iou:.1f} | {cells} |", flush=True)
-    return 0
+        iou = 100.0 * statistics.fmean(f["iou_cells"] for f in found)
+        counts = [sum(f[key] for f in found) for key in COUNTS]
+        print(row(f"{pixels:g}", f"{height_m:g}", f"{iou:.1f}", *counts), flush=True)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

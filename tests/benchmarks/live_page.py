@@ -1,6 +1,6 @@
 """What a live page costs the flight, and how often a browser draws it: 20 vehicles, 5,000 cells.
 
-    python -m tests.benchmarks.live_page [FOLDER]
+    python -m tests.benchmarks.live_page [--out FOLDER]
 
 A picture of the page is left in the folder. The browser is a Chromium without a graphics card.
 """
@@ -8,8 +8,6 @@ A picture of the page is left in the folder. The browser is a Chromium without a
 from __future__ import annotations
 
 import math
-import statistics
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -23,11 +21,11 @@ from missions.mapping.belief import Belief, FrameId
 from missions.mapping.tree import Tree, Vertex
 from missions.orders import FlyPath
 from missions.units import Cell, GridPoint
+from tests.benchmarks.frame import asked, cpu_ms, spread
 from tests.support.browser import browser
 from tests.support.plans import named_text, plan_of
 from tests.support.said import Said
 from uavmap.base.messages import shown_on
-from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
 from uavmap.ui.page.feed import Feed, Wishes, opened
 from uavmap.ui.page.page_scene import scene_of
 from uavmap.ui.page.watching import Watcher
@@ -38,17 +36,8 @@ SECONDS = 10.0
 
 def busy() -> tuple[Setting, State]:
     """A mission with a large region, half of which is explored."""
-    source = named_text("runway")
-    plan = plan_of(
-        source.source,
-        f"{source.text}\n[team]\nlayer_m = 5.0\n",
-        "rdfs",
-        VEHICLES,
-        1,
-        (),
-        None,
-        SIM_EPOCH_UTC_S,
-    )
+    text = f"{named_text('runway').text}\n[team]\nlayer_m = 5.0\n"
+    plan = plan_of("runway", text, "rdfs", VEHICLES)
     setting = Setting.of(plan.mission)
     state, belief = State.initial(setting), Belief(5, 3)
     vertices = {}
@@ -105,17 +94,17 @@ class Team:
 def on_the_flight() -> None:
     """What the flight's own loop spends."""
     team, version, spent_ms = Team(), 0, []
-    for _ in range(400):
-        team.fly()
-        begin_s = time.process_time()
+
+    def show() -> None:
+        nonlocal version
         team.watcher.refresh()
         version = team.watcher.board.since(version)["v"]
-        spent_ms.append(1000.0 * (time.process_time() - begin_s))
-    print(
-        f"telling the page, ten times a second: {statistics.median(spent_ms):.2f} ms in the "
-        f"median, {max(spent_ms):.1f} ms at most, "
-        f"{sum(spent_ms) / 100 / len(spent_ms):.1%} of a core"
-    )
+
+    for _ in range(400):
+        team.fly()
+        spent_ms.append(cpu_ms(show))
+    share = sum(spent_ms) / 100 / len(spent_ms)
+    print(f"telling the page, ten times a second, ms: {spread(spent_ms)}; {share:.1%} of a core")
 
 
 def in_the_browser(out: Path) -> None:
@@ -160,4 +149,4 @@ def told(team: Team, feed: Feed, version: int, seconds: float, act: Any) -> int:
 
 if __name__ == "__main__":
     on_the_flight()
-    in_the_browser(Path(sys.argv[1] if len(sys.argv) > 1 else "."))
+    in_the_browser(asked(__doc__, out=Path()).out)

@@ -13,17 +13,19 @@ time from the plan's beginning until it stands within half a metre of the end.
 
 from __future__ import annotations
 
-import argparse
 import asyncio
+import itertools
 import math
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from statistics import fmean as mean
 
 from missions.events import Airborne, Arrived, OrderFailed
 from missions.geo.trajectory import Trajectory, rounded_path
 from missions.mission.schema import Mission
 from missions.orders import FlyPath, TakeOff
 from missions.units import GridPoint
+from tests.benchmarks.frame import asked, head, row
 from tests.support.flights import Flight, fly
 from tests.support.small_missions import mission, square
 
@@ -56,16 +58,16 @@ def path(cut_m: float = 2.5, **how: float) -> Trajectory:
     return rounded_path(points, cut_m=cut_m, **how)  # type: ignore[arg-type]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Followed:
-    """How a path was followed: sorted distances, metres; times, seconds; tilts, degrees."""
+    """How a path was followed: distances, metres; times, seconds; tilts, degrees."""
 
-    errors_m: list[float]
-    beside_m: list[float]
-    tilts_deg: list[float]
-    planned_s: float
-    flown_s: float
-    failed: bool
+    errors_m: list[float] = field(default_factory=list)
+    beside_m: list[float] = field(default_factory=list)
+    tilts_deg: list[float] = field(default_factory=list)
+    planned_s: float = math.nan
+    flown_s: float = math.inf
+    failed: bool = False
 
     @property
     def late(self) -> float:
@@ -73,14 +75,9 @@ class Followed:
         return self.flown_s / self.planned_s - 1.0
 
 
-def mean(values: list[float]) -> float:
-    """The mean."""
-    return sum(values) / len(values)
-
-
 def most(values: list[float]) -> float:
-    """What 95 % of sorted values do not exceed."""
-    return values[int(0.95 * len(values))]
+    """What 95 % of values do not exceed."""
+    return sorted(values)[int(0.95 * len(values))]
 
 
 def meadow(autopilot: str, wind_m_s: float, gps_sigma_m: float = 0.0) -> Mission:
@@ -94,11 +91,7 @@ def meadow(autopilot: str, wind_m_s: float, gps_sigma_m: float = 0.0) -> Mission
 
 def followed(autopilot: str, speed_m_s: float, wind_m_s: float = 0.0) -> Followed:
     """Fly the path."""
-    errors: list[float] = []
-    beside: list[float] = []
-    tilts: list[float] = []
-    times: list[float] = []
-    flown_s: list[float] = []
+    found = Followed()
 
     async def body(flight: Flight) -> None:
         await flight.after(TakeOff(HEIGHT_M), Airborne)
@@ -107,32 +100,25 @@ def followed(autopilot: str, speed_m_s: float, wind_m_s: float = 0.0) -> Followe
         dense = [plan.at(plan.begin_s + 0.05 * i).place for i in range(round(20 * _length_s(plan)))]
         flight.driver.give(FlyPath(plan, HEIGHT_M, 0.0, 2.0))
         end = plan.at(plan.end_s).place
-        while not flown_s and flight.now_s() < plan.end_s + 20.0:
+        found.planned_s = _length_s(plan)
+        while math.isinf(found.flown_s) and flight.now_s() < plan.end_s + 20.0:
             await asyncio.sleep(0.05)
             truth = flight.vehicle.truth
             now_s = boot_s + truth.t_s
             here = flight.setting.grid.fixed(truth.position)
             if plan.begin_s <= now_s < plan.end_s:
-                errors.append(here.distance_to(plan.at(now_s).place))
+                found.errors_m.append(here.distance_to(plan.at(now_s).place))
                 step = round(20 * (now_s - plan.begin_s))
                 near = dense[max(step - 40, 0) : step + 40]
-                beside.append(min(here.distance_to(place) for place in near))
-                tilts.append(math.degrees(math.hypot(truth.roll_rad, truth.pitch_rad)))
+                found.beside_m.append(min(here.distance_to(place) for place in near))
+                found.tilts_deg.append(math.degrees(math.hypot(truth.roll_rad, truth.pitch_rad)))
             stands = math.hypot(*truth.velocity_m_s[:2]) < STANDS_M_S
             if now_s > plan.end_s - 3.0 and stands and here.distance_to(end) < STANDS_M:
-                flown_s.append(now_s - plan.begin_s)
-        times.append(_length_s(plan))
+                found.flown_s = now_s - plan.begin_s
         await flight.sees(Arrived, within_s=20.0)
 
-    flight = fly(body, meadow(autopilot, wind_m_s))
-    return Followed(
-        sorted(errors),
-        sorted(beside),
-        sorted(tilts),
-        times[0],
-        flown_s[0] if flown_s else math.inf,
-        bool(flight.seen(OrderFailed)),
-    )
+    found.failed = bool(fly(body, meadow(autopilot, wind_m_s)).seen(OrderFailed))
+    return found
 
 
 async def _boot_s(flight: Flight) -> float:
@@ -148,30 +134,25 @@ def _length_s(plan: Trajectory) -> float:
     return plan.end_s - plan.begin_s
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main() -> int:
     """Fly and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--autopilot", action="append", choices=("ardupilot", "px4"))
-    parser.add_argument("--speed", action="append", type=float)
-    options = parser.parse_args(arguments)
-    print(
-        "| autopilot | speed, wind m/s | error m, mean / 95 % | beside m | tilt deg, 95 % |", end=""
-    )
-    print(" planned s | flown | measured |\n|" + "---|" * 8)
+    options = asked(__doc__, autopilot=("ardupilot", "px4"), speed=(3.0, 6.0, 8.0, 10.0))
+    columns = ("error m, mean / 95 %", "beside m", "tilt deg, 95 %", "planned s", "flown")
+    print(head("autopilot", "speed, wind m/s", *columns, "measured"))
     failed = False
-    for autopilot in options.autopilot or ("ardupilot", "px4"):
-        for speed_m_s in options.speed or (3.0, 6.0, 8.0, 10.0):
-            for wind_m_s in (0.0, 3.6) if speed_m_s == 6.0 else (0.0,):
-                f = followed(autopilot, speed_m_s, wind_m_s)
-                failed = failed or f.failed
-                print(
-                    f"| {autopilot} | {speed_m_s:g}, {wind_m_s:g} "
-                    f"| {mean(f.errors_m):.2f} / {most(f.errors_m):.2f} "
-                    f"| {mean(f.beside_m):.2f} / {most(f.beside_m):.2f} | {most(f.tilts_deg):.0f} "
-                    f"| {f.planned_s:.1f} | {100.0 * f.late:+.1f} %{' FAILED' * f.failed} "
-                    f"| {MEASURED.get((autopilot, speed_m_s, wind_m_s), '-')} |",
-                    flush=True,
-                )
+    for autopilot, speed_m_s in itertools.product(options.autopilot, options.speed):
+        for wind_m_s in (0.0, 3.6) if speed_m_s == 6.0 else (0.0,):
+            f = followed(autopilot, speed_m_s, wind_m_s)
+            failed |= f.failed
+            errors = (f"{mean(m):.2f} / {most(m):.2f}" for m in (f.errors_m, f.beside_m))
+            late = f"{100.0 * f.late:+.1f} %{' FAILED' * f.failed}"
+            measured = MEASURED.get((autopilot, speed_m_s, wind_m_s), "-")
+            tilt = f"{most(f.tilts_deg):.0f}"
+            where = f"{speed_m_s:g}, {wind_m_s:g}"
+            print(
+                row(autopilot, where, *errors, tilt, f"{f.planned_s:.1f}", late, measured),
+                flush=True,
+            )
     return int(failed)
 
 

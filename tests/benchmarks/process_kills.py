@@ -10,7 +10,6 @@ complete. The exit status is 1 when one of it does not hold.
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import math
 import os
@@ -24,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.benchmarks.frame import asked
 from tests.e2e.rig import (
     aircraft_process,
     arguments_of,
@@ -85,13 +85,9 @@ def one(number: int, who: str, autopilot: str, driver: str, at_s: float, below: 
         return "" if done.code == 0 else f"resume: exit {done.code}: {done.err[-300:]}"
 
 
-def main(argv: list[str] | None = None) -> int:
+def main() -> int:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kills", type=int, default=40)
-    parser.add_argument("--at-once", type=int, default=3)
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args(argv)
+    options = asked(__doc__, kills=40, at_once=3, seed=1)
     rng = np.random.default_rng(options.seed)
     kinds = itertools.cycle(itertools.product(("ardupilot", "px4"), ("pymavlink", "mavsdk")))
     count: Counter[tuple[str, str, str]] = Counter()

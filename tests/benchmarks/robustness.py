@@ -12,17 +12,12 @@ and most where they differ.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import re
 import statistics
-import sys
-import tempfile
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 from unittest import mock
 
@@ -33,14 +28,12 @@ from missions.errors import LinkError
 from missions.events import Vote
 from missions.flight.setting import Setting
 from missions.mission.schema import Mission
-from missions.units import Cell
 from sitl.scenario import Setup
-from tests.support.plans import named_text, plan_of
+from tests.benchmarks import frame
+from tests.support.plans import named_text
 from uavmap.aircraft.imaging.classifier import Classifier
-from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
 from uavmap.load.mission_source import load
 from uavmap.output.facts.score import CLEAR_SHARE, cells_near, shares_of, true_roi
-from uavmap.runner.flight import fly
 from vision.look import Frame
 
 MISSION = "runway"
@@ -83,34 +76,28 @@ def flipped_votes(seed: int, share: float) -> Iterator[None]:
         yield
 
 
-@dataclass(slots=True)
-class FalseFrame:
-    """Makes one frame of the search, outside of the region, say yes to every cell."""
-
-    region: Collection[Cell]
-    frames: int = 0
-    told: bool = field(default=False)
-
-    def __call__(self, votes: tuple[Vote, ...]) -> tuple[Vote, ...]:
-        self.frames += 1
-        beside = votes and not any(vote.cell in self.region for vote in votes)
-        if self.told or self.frames <= SEARCH_FRAMES or not beside:
-            return votes
-        self.told = True
-        return tuple(vote._replace(positive=True) for vote in votes)
-
-
 @contextlib.contextmanager
 def false_frame(_: int) -> Iterator[None]:
-    """One frame of the search sees region everywhere, where there is none."""
+    """One frame of the search, where there is no region, sees region everywhere."""
     mission = load(MISSION)
     grid = Setting.of(mission).grid
     truth = true_roi(mission, grid)
     shares = shares_of(cells_near(truth, grid), truth, grid)
-    liar = FalseFrame({cell for cell, share in shares.items() if share >= CLEAR_SHARE})
-    with _verdicts(liar):
+    region = {cell for cell, share in shares.items() if share >= CLEAR_SHARE}
+    frames, lied = 0, False
+
+    def change(votes: tuple[Vote, ...]) -> tuple[Vote, ...]:
+        nonlocal frames, lied
+        frames += 1
+        beside = votes and not any(vote.cell in region for vote in votes)
+        if lied or frames <= SEARCH_FRAMES or not beside:
+            return votes
+        lied = True
+        return tuple(vote._replace(positive=True) for vote in votes)
+
+    with _verdicts(change):
         yield
-    if not liar.told:
+    if not lied:
         raise RuntimeError("no frame of the search was outside of the region")
 
 
@@ -143,10 +130,9 @@ def slow_camera(_: int) -> Iterator[None]:
         yield
 
 
-@contextlib.contextmanager
-def nothing(_: int) -> Iterator[None]:
+def nothing(_: int) -> AbstractContextManager[None]:
     """All is well."""
-    yield
+    return contextlib.nullcontext()
 
 
 # --- mission files -------------------------------------------------------------------------------
@@ -198,9 +184,8 @@ def flight(job: tuple[str, int]) -> dict[str, Any]:
     text = change(named_text(MISSION).text)
     if (text == named_text(MISSION).text) != (change is _same):
         raise RuntimeError(f"{name}: the mission {MISSION} has no place for it")
-    plan = plan_of(MISSION, text, STRATEGY, 1, seed, (), None, SIM_EPOCH_UTC_S)
-    with inject(seed), tempfile.TemporaryDirectory() as folder:
-        return fly(plan, Path(folder))
+    with inject(seed):
+        return frame.summary_of(MISSION, text, strategy=STRATEGY, vehicles=1, seed=seed)
 
 
 def _median(values: Sequence[float], digits: int) -> str:
@@ -215,39 +200,38 @@ def _median(values: Sequence[float], digits: int) -> str:
     return middle if ends == [middle, middle] else f"{middle} [{', '.join(ends)}]"
 
 
+COLUMNS = {
+    "flight, min": ("flight_time_s", 1.0 / 60.0, 1),
+    "exploration, s": ("exploration_s", 1.0, 0),
+    "cells missed": ("cells_missed", 1.0, 0),
+    "IoU, %": ("iou_cells", 100.0, 1),
+    "false +": ("false_positives", 1.0, 0),
+    "false -": ("false_negatives", 1.0, 0),
+}
+"""By heading: the figure, its factor, and digits."""
+
+
 def row(name: str, found: Sequence[Mapping[str, Any]]) -> str:
     """A line of the table."""
-    cells = [name, f"{sum(bool(f['completed']) for f in found)} of {len(found)}"]
-    for key, factor, digits in (
-        ("flight_time_s", 1.0 / 60.0, 1),
-        ("exploration_s", 1.0, 0),
-        ("cells_missed", 1.0, 0),
-        ("iou_cells", 100.0, 1),
-        ("false_positives", 1.0, 0),
-        ("false_negatives", 1.0, 0),
-    ):
-        cells.append(_median([factor * f[key] for f in found], digits))
-    return f"| {' | '.join(cells)} |"
+    complete = f"{sum(bool(f['completed']) for f in found)} of {len(found)}"
+    cells = (
+        _median([factor * f[key] for f in found], digits)
+        for key, factor, digits in COLUMNS.values()
+    )
+    return frame.row(name, complete, *cells)
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main() -> None:
     """Fly and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--only", action="append", help="rows whose name holds this")
-    options = parser.parse_args(arguments)
-    names = [n for n in TROUBLES if not options.only or any(part in n for part in options.only)]
+    options = frame.asked(__doc__, seeds=3, workers=1, only=("",))
+    names = [name for name in TROUBLES if any(part in name for part in options.only)]
     jobs = [(name, seed) for name in names for seed in range(1, options.seeds + 1)]
-    columns = ["", "completed", "flight, min", "exploration, s", "cells missed", "IoU, %"]
-    print(f"| {' | '.join([*columns, 'false +', 'false -'])} |\n{'|---' * 8}|", flush=True)
-    with ProcessPoolExecutor(options.workers) as pool:
-        flights = pool.map(flight, jobs)
-        for name in names:
-            found = [next(flights) for _ in range(options.seeds)]
-            print(row(name, found), flush=True)
-    return 0
+    print(frame.head("", "completed", *COLUMNS), flush=True)
+    flights = frame.in_turn(flight, jobs, options.workers)
+    for name in names:
+        found = [next(flights)[1] for _ in range(options.seeds)]
+        print(row(name, found), flush=True)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

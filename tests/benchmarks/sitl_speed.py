@@ -1,8 +1,8 @@
 """How fast the simulator is; prints a table.
 
-    python tests/benchmarks/sitl_speed.py            everything, about two minutes
-    python tests/benchmarks/sitl_speed.py --virtual  without sockets
-    python tests/benchmarks/sitl_speed.py --sockets  sockets only
+    python -m tests.benchmarks.sitl_speed            everything, about two minutes
+    python -m tests.benchmarks.sitl_speed --virtual  without sockets
+    python -m tests.benchmarks.sitl_speed --sockets  sockets only
 
 On virtual time: simulated seconds per second of one processor, the median of seven flights in the
 wind with twelve messages at 10 Hz (what REQUEST_DATA_STREAM asks for). Over sockets: the speed-up
@@ -13,13 +13,11 @@ the exit status is 1 when one is missed.
 
 from __future__ import annotations
 
-import argparse
 import gc
-import signal
 import statistics
-import subprocess
 import sys
 import time
+from collections.abc import Callable
 
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -27,6 +25,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from sitl.scenario import Setup
 from sitl.sockets.background import free_ports
 from sitl.testing import Fleet
+from tests.benchmarks.frame import asked, cpu_ms, head, row
+from tests.e2e.rig import started
 
 RATE_HZ = 10
 ROUNDS, SOCKET_ROUNDS = 7, 3
@@ -48,9 +48,7 @@ def virtual(vehicles: int, seconds: float) -> float:
         assert vehicle.command(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 30) == 0
         vehicle.receive_bytes()
     gc.collect()
-    start_s = time.process_time()
-    fleet.run(seconds)
-    factor = seconds / (time.process_time() - start_s)
+    factor = 1e3 * seconds / cpu_ms(lambda: fleet.run(seconds))
     assert all(vehicle.truth.height_m > 1.0 for vehicle in fleet)
     assert len(fleet[0].receive()) > 12 * RATE_HZ * seconds * 0.8
     return factor
@@ -60,61 +58,50 @@ def over_sockets(vehicles: int, speedup: float) -> float:
     """The speed-up that is held, by the vehicles' own clocks; the slowest of them."""
     port, http_port = free_ports(vehicles)
     arguments = ["sitl", "--home", "47.4,8.5,488,0", "--speedup", speedup, "--vehicles", vehicles]
-    arguments += ["--port", port, "--http-port", http_port]
     links = [
         mavutil.mavlink_connection(f"udpin:127.0.0.1:{port + 10 * i}") for i in range(vehicles)
     ]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "uavmap", *map(str, arguments)], stdout=subprocess.DEVNULL
-    )
-    try:
+    with started(*arguments, "--port", port, "--http-port", http_port):
         for link in links:
             link.wait_heartbeat(timeout=20)
             link.mav.request_data_stream_send(link.target_system, 1, STREAM_ALL, RATE_HZ, 1)
-        first: dict[int, tuple[float, int]] = {}
-        last: dict[int, tuple[float, int]] = {}
+        heard: dict[int, list[tuple[float, int]]] = {}
         end_s = time.monotonic() + SOCKET_S
         while (now_s := time.monotonic()) < end_s:
             for i, link in enumerate(links):
                 while (message := link.recv_msg()) is not None:
                     if message.get_type() == "ATTITUDE":
-                        first.setdefault(i, (now_s, message.time_boot_ms))
-                        last[i] = (now_s, message.time_boot_ms)
+                        heard.setdefault(i, []).append((now_s, message.time_boot_ms))
             time.sleep(0.002)
-        return min(
-            (last[i][1] - first[i][1]) / 1000.0 / (last[i][0] - first[i][0])
-            for i in range(vehicles)
-        )
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(10)
-        for link in links:
-            link.close()
+    for link in links:
+        link.close()
+    return min(
+        (times[-1][1] - times[0][1]) / 1000.0 / (times[-1][0] - times[0][0])
+        for times in heard.values()
+    )
 
 
 def main() -> int:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--virtual", action="store_true", help="virtual time only")
-    parser.add_argument("--sockets", action="store_true", help="sockets only")
-    options = parser.parse_args()
-    both = options.virtual == options.sockets
-    rows: list[tuple[str, float, float, float, float]] = []
-    if both or options.virtual:
-        for vehicles, seconds, wanted in ((1, 120.0, 500.0), (20, 10.0, 25.0)):
-            found = sorted(virtual(vehicles, seconds) for _ in range(ROUNDS))
-            name = f"virtual time, {vehicles} vehicle{'s' * (vehicles > 1)}, {RATE_HZ} Hz"
-            rows.append((name, statistics.median(found), found[0], found[-1], wanted))
-    if both or options.sockets:
-        for vehicles, speedup in ((1, 50.0), (8, 10.0)):
-            found = sorted(over_sockets(vehicles, speedup) for _ in range(SOCKET_ROUNDS))
-            name = f"UDP sockets, {vehicles} vehicle{'s' * (vehicles > 1)}, {RATE_HZ} Hz"
-            rows.append((name, statistics.median(found), found[0], found[-1], 0.98 * speedup))
-    print(f"{'times real time':40} {'median':>8} {'least':>8} {'most':>8} {'target':>8}")
-    for name, median, least, most, wanted in rows:
-        verdict = "holds" if median >= wanted else "FALLS SHORT"
-        print(f"{name:40} {median:8.1f} {least:8.1f} {most:8.1f} {wanted:8.1f}  {verdict}")
-    return 0 if all(median >= wanted for _, median, _, _, wanted in rows) else 1
+    options = asked(__doc__, virtual=False, sockets=False)
+    # vehicles, what is measured, how often, and the least that is wanted
+    runs: list[tuple[str, int, Callable[[int, float], float], float, int, float]] = []
+    if options.virtual or not options.sockets:
+        runs += [("virtual time", 1, virtual, 120.0, ROUNDS, 500.0)]
+        runs += [("virtual time", 20, virtual, 10.0, ROUNDS, 25.0)]
+    if options.sockets or not options.virtual:
+        runs += [("UDP sockets", 1, over_sockets, 50.0, SOCKET_ROUNDS, 49.0)]
+        runs += [("UDP sockets", 8, over_sockets, 10.0, SOCKET_ROUNDS, 9.8)]
+    print(head("times real time", "median", "least", "most", "target", ""))
+    short = False
+    for name, vehicles, measure, how, rounds, wanted in runs:
+        found = [measure(vehicles, how) for _ in range(rounds)]
+        middle = statistics.median(found)
+        short |= middle < wanted
+        figures = (f"{value:.1f}" for value in (middle, min(found), max(found), wanted))
+        verdict = "holds" if middle >= wanted else "FALLS SHORT"
+        print(row(f"{name}, {vehicles} x {RATE_HZ} Hz", *figures, verdict), flush=True)
+    return int(short)
 
 
 if __name__ == "__main__":

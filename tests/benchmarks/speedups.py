@@ -9,21 +9,17 @@ the exit status is 1 when one was not complete.
 
 from __future__ import annotations
 
-import argparse
-import contextlib
 import itertools
 import json
-import queue
 import sys
 import tempfile
-import threading
 import time
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.e2e.rig import PATIENCE_S, arguments_of, free_ports, started
+from tests.benchmarks.frame import asked
+from tests.e2e.rig import arguments_of, simulator, started
 
 MOST_S = 3000.0
 """Of the vehicles' time: a flight that takes longer is ended."""
@@ -62,7 +58,9 @@ def flown(
 ) -> Landed:
     """Fly a mission (a name, or the path of a file) over sockets to its end."""
     with tempfile.TemporaryDirectory() as below:
-        with _simulator(mission, speedup, autopilot, vehicles, seed) as urls:
+        with simulator(
+            mission, speedup=speedup, vehicles=vehicles, autopilot=autopilot, seed=seed
+        ) as urls:
             begin_s = time.monotonic()
             arguments = ["fly", mission, *arguments_of(urls), "--vehicles", vehicles]
             arguments += ["--speedup", speedup, "--auto-swap", "--json", "--out", Path(below) / "o"]
@@ -73,41 +71,16 @@ def flown(
     return Landed(process.returncode, json.loads(out) if out else {}, said, wall_s)
 
 
-@contextlib.contextmanager
-def _simulator(
-    mission: str, speedup: float, autopilot: str, vehicles: int, seed: int
-) -> Iterator[list[str]]:
-    port, http_port = free_ports(vehicles)
-    arguments = ["sitl", "--mission", mission, "--speedup", speedup, "--vehicles", vehicles]
-    arguments += ["--autopilot", autopilot, "--seed", seed]
-    with started(*arguments, "--port", port, "--http-port", http_port) as process:
-        lines: queue.Queue[str] = queue.Queue()
-        stdout = process.stdout
-        assert stdout is not None
-        reader = threading.Thread(target=lambda: [lines.put(line) for line in stdout])
-        reader.start()
-        try:
-            yield [lines.get(timeout=PATIENCE_S).strip() for _ in range(vehicles)]
-        finally:
-            process.kill()
-            reader.join()
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
+def main() -> int:
     """Fly and print."""
-    parser = argparse.ArgumentParser(description="Missions over sockets at several speed-ups.")
-    parser.add_argument("--missions", nargs="+", default=["runway", "spill"])
-    parser.add_argument("--speedups", nargs="+", type=float, default=[1.0, 3.0, 10.0, 20.0])
-    parser.add_argument("--autopilots", nargs="+", default=["ardupilot", "px4"])
-    parser.add_argument("--drivers", nargs="+", default=["pymavlink", "mavsdk"])
-    parser.add_argument("--vehicles", type=int, default=1)
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args(arguments)
+    options = asked(
+        __doc__, missions=("runway", "spill"), speedups=(1.0, 3.0, 10.0, 20.0),
+        autopilots=("ardupilot", "px4"), drivers=("pymavlink", "mavsdk"), vehicles=1, seed=1,
+    )  # fmt: skip
     codes = []
-    cases = itertools.product(
+    for mission, autopilot, driver, speedup in itertools.product(
         options.missions, options.autopilots, options.drivers, options.speedups
-    )
-    for mission, autopilot, driver, speedup in cases:
+    ):
         flight = flown(
             mission, speedup, autopilot, driver, vehicles=options.vehicles, seed=options.seed
         )

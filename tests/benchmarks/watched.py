@@ -13,10 +13,12 @@ import json
 import tempfile
 import traceback
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import median
 from typing import Any
+from unittest import mock
 
 from shapely.geometry import Point
 
@@ -25,6 +27,7 @@ from missions.flight.setting import Setting
 from missions.guardian import PAD_M
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
+from tests.benchmarks.frame import head, row
 from tests.e2e.rig import MISSIONS
 from uavmap.journal.event_log import Journal
 from uavmap.runner.simulation import Truth
@@ -55,7 +58,7 @@ or somebody elsewhere; air in the air at the end; crash; breach somebody left th
 and was neither on the ground nor in RTL or LAND 60 s later; far ... nor before it was 150 m
 outside; res landed with less than the reserve; lie exit 0 with cells missed (beyond one of the
 rim) or somebody not at home; unrep a crash, or somebody in the air or elsewhere, of which no word
-was said (exit 4); end no end; tb a traceback."""
+was said (exit 4); end no end; tb a traceback; s of flight, the median of those with exit 0."""
 
 
 class NoEndError(Exception):
@@ -241,25 +244,45 @@ def _observed(observer: Observer) -> Iterator[None]:
             super().__init__(*values, **more)
             self.truth = observer
 
-    before = uavmap.runner.simulation.Simulation
-    uavmap.runner.simulation.Simulation = Watched  # type: ignore[misc]
-    try:
+    with mock.patch.object(uavmap.runner.simulation, "Simulation", Watched):
         yield
-    finally:
-        uavmap.runner.simulation.Simulation = before  # type: ignore[misc]
+
+
+def report(
+    flights: Iterable[tuple[str, Flown]],
+    forbidden: Callable[[Flown], Iterable[str]],
+    *,
+    verbose: bool = False,
+) -> int:
+    """Print flights with something forbidden, or all, as they end, and a table by label.
+
+    Returns how many had something forbidden.
+    """
+    rows, bad = [], 0
+    for label, flight in flights:
+        rows.append((label, flight))
+        wrong = sorted(forbidden(flight))
+        bad += bool(wrong)
+        if wrong or verbose:
+            last = flight.said.strip().splitlines()[-1:] if wrong else ()
+            print(*["FORBIDDEN"] * bool(wrong), *wrong, flight.line(), *last, flush=True)
+    print(table(rows), EXPLAINED, sep="\n\n")
+    print(f"{bad} of {len(rows)} flights with something forbidden")
+    return bad
 
 
 def table(rows: Iterable[tuple[str, Flown]]) -> str:
     """A row for each label, and one for all."""
     counts: dict[str, Counter[str]] = {}
+    times_s: dict[str, list[float]] = {}
     for label, flight in rows:
         for key in (label, "all"):
-            row = counts.setdefault(key, Counter())
-            row["n"] += 1
-            row.update(flight.columns)
-    width = max([len(label) for label in counts], default=0) + 2
-    lines = [" " * width + "".join(f"{column:>7s}" for column in COLUMNS)]
-    for label in [*(key for key in counts if key != "all"), *(["all"] if counts else [])]:
-        numbers = "".join(f"{counts[label][column]:7d}" for column in COLUMNS)
-        lines.append(f"{label:{width}s}{numbers}")
+            counts.setdefault(key, Counter()).update(["n", *flight.columns])
+            if flight.code == 0:
+                times_s.setdefault(key, []).append(flight.summary["flight_time_s"])
+    counts["all"] = counts.pop("all", Counter())  # the last
+    lines = [head("", *COLUMNS, "s")]
+    for label, found in counts.items():
+        middle_s = f"{median(times_s[label]):.0f}" if label in times_s else "-"
+        lines.append(row(label, *(found[column] for column in COLUMNS), middle_s))
     return "\n".join(lines)

@@ -182,12 +182,13 @@ def stop_after(
 # --- sockets ---------------------------------------------------------------------------------
 @contextlib.contextmanager
 def simulator(
-    name: str, *, speedup: float, vehicles: int = 1, autopilot: str = "ardupilot"
+    name: str, *, speedup: float, vehicles: int = 1, autopilot: str = "ardupilot", seed: int = 1
 ) -> Iterator[list[str]]:
-    """`uavmap sitl` in a process of its own; its URLs."""
+    """`uavmap sitl` in a process of its own; its URLs. The mission is one of the tests, or any."""
     port, http_port = free_ports(vehicles)
-    arguments = ["sitl", "--mission", mission(name), "--speedup", speedup, "--vehicles", vehicles]
-    arguments += ["--autopilot", autopilot]
+    file = mission(name) if Path(mission(name)).exists() else name
+    arguments = ["sitl", "--mission", file, "--speedup", speedup, "--vehicles", vehicles]
+    arguments += ["--autopilot", autopilot, "--seed", seed]
     with started(*arguments, "--port", port, "--http-port", http_port) as process:
         lines: queue.Queue[str] = queue.Queue()
         stdout = process.stdout

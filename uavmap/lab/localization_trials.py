@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from statistics import fmean
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from missions.lab.localization.localization_planner import Planner
 from missions.lab.localization.localization_run import Localized, localize
 from missions.lab.localization.methods import Method
 from missions.lab.localization.noisy_run import Errors, localize_with_errors
+from uavmap.lab.trials import Figures, Trial, means_of
 
 _MEANS: Final = ("cells", "moves_mean", "right", "confidence_mean")
 
@@ -32,54 +33,39 @@ class Terms:
     seed: int
 
 
-@dataclass(frozen=True, slots=True)
-class LocalizationTrial:
-    """One method on one ROI, from several starts."""
-
-    roi: str
-    method: str
-    cells: int
-    bound: int | None
-    """Moves that it promises to take at most."""
-    done: tuple[Localized, ...]
-
-    def figures(self) -> dict[str, Any]:
-        """Return the figures for the JSON of `uavmap simulate --localize`."""
-        moves = [one.moves for one in self.done]
-        return {
-            "roi": self.roi,
-            "cells": self.cells,
-            "trials": len(self.done),
-            "moves_mean": round(fmean(moves), 9),
-            "moves_max": max(moves),
-            "bound": self.bound,
-            "bound_held": None if self.bound is None else max(moves) <= self.bound,
-            "right": fmean(one.right for one in self.done),
-            "wrong": fmean(not one.right and one.answer is not None for one in self.done),
-            "gave_up": fmean(one.answer is None for one in self.done),
-            "confidence_mean": round(fmean(one.confidence for one in self.done), 9),
-        }
-
-
 def localization_trials(
     rois: Sequence[Roi], methods: Sequence[Method], terms: Terms
-) -> Iterator[LocalizationTrial]:
+) -> Iterator[Trial]:
     """Yield every method on every ROI, from the same starts and with the same random numbers."""
     for number, roi in enumerate(rois):
         known = GridMap.of(roi.cells)
         planner = Planner(known) if terms.with_map else None
         for method in methods:
-            bound = method.bound
-            yield LocalizationTrial(
-                roi.name,
-                method.name,
-                known.size,
-                None if bound is None or terms.errors is not None else bound(known.size),
-                tuple(
-                    _localized(known, planner, method, terms, (terms.seed, number, trial))
-                    for trial in range(terms.trials)
-                ),
-            )
+            done = [
+                _localized(known, planner, method, terms, (terms.seed, number, trial))
+                for trial in range(terms.trials)
+            ]
+            bound = None
+            if method.bound is not None and terms.errors is None:
+                bound = method.bound(known.size)
+            yield Trial(roi.name, method.name, _figures(roi, done, bound))
+
+
+def _figures(roi: Roi, done: Sequence[Localized], bound: int | None) -> Figures:
+    moves = [one.moves for one in done]
+    return {
+        "roi": roi.name,
+        "cells": len(roi.cells),
+        "trials": len(done),
+        "moves_mean": round(fmean(moves), 9),
+        "moves_max": max(moves),
+        "bound": bound,
+        "bound_held": None if bound is None else max(moves) <= bound,
+        "right": fmean(one.right for one in done),
+        "wrong": fmean(not one.right and one.answer is not None for one in done),
+        "gave_up": fmean(one.answer is None for one in done),
+        "confidence_mean": round(fmean(one.confidence for one in done), 9),
+    }
 
 
 def _localized(
@@ -92,14 +78,7 @@ def _localized(
     return localize(known, start, method, rng, planner)
 
 
-def localization_means(done: Sequence[LocalizationTrial]) -> dict[str, Any]:
-    """Return the means of the figures over ROIs, the most moves, and whether all kept their
-    bound."""
-    if not done:
-        return {}
-    rows = [trial.figures() for trial in done]
-    held = [row["bound_held"] for row in rows]
-    values: dict[str, Any] = {key: round(fmean(row[key] for row in rows), 9) for key in _MEANS}
-    values["moves_max"] = max(row["moves_max"] for row in rows)
-    values["bound_held"] = None if None in held else all(held)
-    return values
+def localization_means(rows: Sequence[Figures]) -> Figures:
+    """Return the means of the figures over ROIs, and the most moves."""
+    most = {"moves_max": max(row["moves_max"] for row in rows)}
+    return means_of(rows, _MEANS, 9) | most | means_of(rows, ("bound_held",), 9)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ from uavmap.base.arguments import Paths, number, path_text, whole
 from uavmap.base.extras import install_command
 from uavmap.lab.roi_files import load_rois
 from uavmap.lab.simulated_links import simulated_links
-from uavmap.lab.trials import Terms, means, trials
+from uavmap.lab.trials import Means, Terms, Trial, by_strategy, means, means_by_name, trials
 
 if TYPE_CHECKING:
     import pandas
@@ -178,12 +178,9 @@ def metric_of(speed: float, drift_speed: float, toward_deg: float, what: str) ->
     return Metric(speed, drift_speed * math.sin(bearing), drift_speed * math.cos(bearing))
 
 
-def _simulated(
-    done: Sequence[Any], names: Sequence[str], means_of: Callable[[Sequence[Any]], dict[str, Any]]
-) -> Simulated:
-    rows = ({"roi": t.roi, "strategy": t.strategy, **t.figures()} for t in done)
-    groups = {name: [t for t in done if t.strategy == name] for name in names}
-    return Simulated(tuple(rows), {name: means_of(some) for name, some in groups.items()})
+def _simulated(done: Sequence[Trial], names: Sequence[str], means: Means) -> Simulated:
+    rows = ({"roi": t.roi, "strategy": t.strategy, **t.figures} for t in done)
+    return Simulated(tuple(rows), means_by_name(by_strategy(done, names), means))
 
 
 def _rois(

@@ -1,20 +1,36 @@
-"""Trials: strategies on ROIs in the arena, each with its certificate."""
+"""Trials: strategies on ROIs in the arena, each with the figures of its certificate."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
 from missions.lab.arena.arena_run import Comms, Run, run
-from missions.lab.arena.certificate import Certificate, certify
+from missions.lab.arena.certificate import certify
 from missions.lab.arena.radio import Links
 from missions.lab.arena.roi import Roi
 from missions.planning.bounds.lower_bounds import LowerBounds
 from missions.planning.stepwise import Explorer
 from missions.planning.stepwise.metric import Metric
+
+Figures = dict[str, Any]
+"""As in the JSON of `uavmap simulate`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One strategy, or one method of localization, on one ROI."""
+
+    roi: str
+    strategy: str
+    figures: Figures
+
+
+Means = Callable[[Sequence[Figures]], Figures]
+"""The means of the figures of one trial or more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,34 +42,6 @@ class Terms:
     comms: Comms | Links = Comms.SHARED
 
 
-@dataclass(frozen=True, slots=True)
-class Trial:
-    """One strategy on one ROI; `moves` are those of all robots."""
-
-    roi: str
-    strategy: str
-    certificate: Certificate
-    moves: int
-    wall_s: float
-    """Real time of the run."""
-    lower_bound_wall_s: float
-    """Real time that the lower bounds of the ROI took, once for all strategies."""
-
-    def figures(self) -> dict[str, Any]:
-        """Return the figures for the JSON of `uavmap simulate`."""
-        known = self.certificate
-        return {
-            "makespan": round(known.makespan, 9),
-            "lower_bound": round(known.lower_bound, 9),
-            "bound": None if known.bound is None else round(known.bound, 9),
-            "bound_held": known.bound_held,
-            "moves": self.moves,
-            "tree_depth": known.tree_depth,
-            "wall_s": round(self.wall_s, 6),
-            "lower_bound_wall_s": round(self.lower_bound_wall_s, 6),
-        }
-
-
 def explored(roi: Roi, explorer: Explorer, terms: Terms) -> Run:
     """Explore in the arena."""
     return run(explorer, roi.cells, roi.start, terms.robots, metric=terms.metric, comms=terms.comms)
@@ -62,7 +50,9 @@ def explored(roi: Roi, explorer: Explorer, terms: Terms) -> Run:
 def trials(rois: Sequence[Roi], explorers: Sequence[Explorer], terms: Terms) -> Iterator[Trial]:
     """Yield every strategy on every ROI, one ROI after the other.
 
-    Raises `StrategyError` for a strategy that breaks its protocol.
+    `moves` are those of all robots, `wall_s` is the real time of the run, `lower_bound_wall_s` that
+    of the ROI's lower bounds, once for all strategies. Raises `StrategyError` for a strategy that
+    breaks its protocol.
     """
     for roi in rois:
         begin_s = time.perf_counter()
@@ -72,25 +62,48 @@ def trials(rois: Sequence[Roi], explorers: Sequence[Explorer], terms: Terms) -> 
             begin_s = time.perf_counter()
             done = explored(roi, explorer, terms)
             wall_s = time.perf_counter() - begin_s
-            certificate = certify(
-                done, explorer, terms.robots, terms.metric, static, comms=terms.comms
-            )
-            yield Trial(roi.name, explorer.name, certificate, len(done.legs), wall_s, static_s)
+            known = certify(done, explorer, terms.robots, terms.metric, static, comms=terms.comms)
+            figures = {
+                "makespan": round(known.makespan, 9),
+                "lower_bound": round(known.lower_bound, 9),
+                "bound": None if known.bound is None else round(known.bound, 9),
+                "bound_held": known.bound_held,
+                "moves": len(done.legs),
+                "tree_depth": known.tree_depth,
+                "wall_s": round(wall_s, 6),
+                "lower_bound_wall_s": round(static_s, 6),
+            }
+            yield Trial(roi.name, explorer.name, figures)
 
 
-def means(done: Sequence[Trial]) -> dict[str, Any]:
-    """Return the means of the figures; `ratio` is mean makespan over mean lower bound, and
-    `bound_held` whether all trials kept their bound."""
-    if not done:
-        return {}
-    rows = [trial.figures() for trial in done]
-    values: dict[str, Any] = {}
-    for key in rows[0]:
+def means(rows: Sequence[Figures]) -> Figures:
+    """Return the means; `ratio` is mean makespan over mean lower bound."""
+    values = means_of(rows, rows[0], 9)
+    return values | {"ratio": ratio(values["makespan"], values["lower_bound"], 9)}
+
+
+def means_of(rows: Sequence[Figures], keys: Iterable[str], digits: int) -> Figures:
+    """Return rounded means; None where a row has none, of `bound_held` whether all kept it."""
+    values: Figures = {}
+    for key in keys:
         column = [row[key] for row in rows]
         if None in column:
             values[key] = None
         else:
-            values[key] = all(column) if key == "bound_held" else round(fmean(column), 9)
-    lower = values["lower_bound"]
-    values["ratio"] = round(values["makespan"] / lower, 9) if lower else None
+            values[key] = all(column) if key == "bound_held" else round(fmean(column), digits)
     return values
+
+
+def ratio(value: float, of: float, digits: int) -> float | None:
+    """Return a rounded ratio; None of nothing."""
+    return round(value / of, digits) if of > 0.0 else None
+
+
+def by_strategy(done: Sequence[Trial], names: Iterable[str]) -> dict[str, list[Figures]]:
+    """Return the figures of the trials of each strategy."""
+    return {name: [t.figures for t in done if t.strategy == name] for name in names}
+
+
+def means_by_name(groups: Mapping[str, Sequence[Figures]], means: Means) -> dict[str, Figures]:
+    """Return the means of each group; nothing for one without trials."""
+    return {name: means(rows) if rows else {} for name, rows in groups.items()}

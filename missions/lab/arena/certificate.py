@@ -25,12 +25,6 @@ class Certificate:
     """The strategy's promise for this ROI; None without one."""
     tree_depth: int
     cells: int
-    robots: int
-
-    @property
-    def ratio(self) -> float | None:
-        """The makespan over the lower bound, 1 or more; None where there is nothing to do."""
-        return self.makespan / self.lower_bound if self.lower_bound > 0.0 else None
 
     @property
     def bound_held(self) -> bool | None:
@@ -66,5 +60,4 @@ def certify(
         bound=bound_time(moves, metric),
         tree_depth=tree.depth,
         cells=len(tree),
-        robots=robots,
     )

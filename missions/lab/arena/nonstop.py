@@ -56,8 +56,7 @@ class Camera:
     def kinematics(self, speed_m_s: float, accel_m_s2: float, cell_m: float) -> Kinematics:
         """The kinematics of a vehicle with this camera.
 
-        Raises:
-            StrategyError: a footprint that never shows a whole cell for long enough.
+        Raises `StrategyError` for a footprint that never shows a whole cell for long enough.
         """
         least_m = cell_m + 1.0
         if min(self.east_m, self.north_m) < least_m:
@@ -283,10 +282,7 @@ class Run:
 
 
 def flown(roi: Roi, team: Team, *, seed: int = 1, record: bool = False) -> Flown:
-    """One run of a team that plans in flight.
-
-    Raises:
-        StrategyError: a footprint that never shows a whole cell.
+    """One run of a team that plans in flight; raises as `Team.kinematics`.
 
     >>> from missions.units import Cell
     >>> lake = Roi("lake", Cell(0, 0), frozenset({Cell(0, 0), Cell(1, 0)}))

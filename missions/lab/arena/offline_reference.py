@@ -80,8 +80,7 @@ class _Search:
 def reference(roi: Roi, team: Team, *, moves_a_cell: int = MOVES_A_CELL, seed: int = 1) -> Flown:
     """The best run found for a team that knows the region; frames do not err or get lost.
 
-    Raises:
-        StrategyError: a footprint that never shows a whole cell, or nothing is found.
+    Raises `StrategyError` as `Team.kinematics`, and where nothing is found.
     """
     team = replace(team, camera=replace(team.camera, error_rate=0.0, loss_rate=0.0))
     best: Flown | None = None

@@ -119,8 +119,7 @@ KINDS: dict[str, Callable[[int, np.random.Generator], set[Cell]]] = {
 def grown(kind: str, cells: int, seed: int) -> Roi:
     """A ROI by its kind, size and seed: the same for the same three.
 
-    Raises:
-        RoiError: an unknown kind, or a number of cells outside 1 to `MAX_CELLS`.
+    Raises `RoiError` for an unknown kind, or a number of cells outside 1 to `MAX_CELLS`.
     """
     if kind not in KINDS:
         raise RoiError(f"{kind!r} is not a kind of ROI; choose one of {', '.join(KINDS)}")

@@ -65,8 +65,7 @@ def surveyed(
 ) -> Flown:
     """A survey of the box around a region, judged as `missions.lab.arena.nonstop.flown` is.
 
-    Raises:
-        StrategyError: a footprint that never shows a whole cell, or not for long enough.
+    Raises `StrategyError` for a footprint that never shows a whole cell, or not for long enough.
     """
     ground = team.over(roi, seed, record=record)
     return ground.along(survey_paths(Box.around(roi, box_factor), team.robots, ground))

@@ -29,7 +29,7 @@ _INDEX = {Role.MAPPER: 0, Role.TRACKER: _EACH}
 
 @dataclass(frozen=True, slots=True)
 class LeapfrogNoise:
-    """Standard deviations of what both measure.
+    """Standard deviations of what both measure; those of sightings are above 0.
 
     Attributes:
         scale: Of an odometer (optical flow over a height): the share of the distance that it reads
@@ -49,12 +49,6 @@ class LeapfrogNoise:
     yaw_rad: float = math.radians(0.12)
     hover_m: float = 0.02
     hover_rad: float = math.radians(0.05)
-
-    def __post_init__(self) -> None:
-        """Refuse negative ones, and sightings without an error, with `ValueError`."""
-        free = (self.scale, self.drift_rad, self.hover_m, self.hover_rad)
-        if not (min(free) >= 0.0 and self.place_m > 0.0 and self.yaw_rad > 0.0):
-            raise ValueError(f"place_m and yaw_rad are above 0, the rest at least 0: {self}")
 
     @classmethod
     def of_tracker(cls, above_m: float, tilt_rad: float = math.radians(0.5)) -> LeapfrogNoise:

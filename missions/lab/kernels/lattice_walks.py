@@ -8,8 +8,6 @@ walk starts at vertex 0, a corner.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -57,91 +55,81 @@ def shuffled(near: Ints, degree: Ints, seed: int) -> Ints:
     return near
 
 
-@kernel
-def least_recently_visited(
-    near: Ints, degree: Ints, marks: Ints, visited: Ints, coverage: int, place: int, state: int
-) -> tuple[int, int, int]:
-    """One coverage by LRV: (steps, place, state of the random numbers).
+LRV, LRTA, RANDOM = 0, 1, 2
+"""Rules of walks.
 
-    A vertex sends the robot in the direction that it has chosen least often, of equals the first in
-    `near`. Then these counts differ by one at most, and the directions follow each other round and
-    round: a pointer says the same.
+LRV: in the direction that the vertex has chosen least often, of equals the first in `near`. Then
+these counts differ by one at most, and the directions follow each other round and round: a pointer
+says the same. LRTA (1-LRTA*): to the neighbour of least weight; the vertex gets that weight and one
+more. Of equals one by chance, with the state 0 the first in `near`. RANDOM leaves no marks.
+"""
+
+
+@kernel
+def _step(
+    rule: int, near: Ints, degree: Ints, marks: Ints, place: int, state: int
+) -> tuple[int, int]:
+    """The next place by a rule, and the state of the random numbers then."""
+    if rule == LRV:
+        turn = marks[place]
+        marks[place] = turn + 1 if turn + 1 < degree[place] else 0
+        return near[place, turn], state
+    if rule == RANDOM:
+        state = _draw(state)
+        return near[place, state % int(degree[place])], state
+    best, equals = near[place, 0], 1
+    for i in range(1, degree[place]):
+        other = near[place, i]
+        if marks[other] < marks[best]:
+            best, equals = other, 1
+        elif state and marks[other] == marks[best]:
+            equals += 1
+            state = _draw(state)
+            if state % equals == 0:
+                best = other
+    marks[place] = marks[best] + 1
+    return best, state
+
+
+@kernel
+def coverage(
+    rule: int,
+    near: Ints,
+    degree: Ints,
+    marks: Ints,
+    visited: Ints,
+    number: int,
+    place: int,
+    state: int,
+) -> tuple[int, int, int]:
+    """One coverage: (steps, place, state of the random numbers).
 
     Args:
+        rule: of the walk.
         near: the neighbours of every vertex, `degree` of them used.
         degree: as `neighbours` returns it.
         marks: what the robot left at the vertices, changed; at first zeros.
         visited: the last coverage in which a vertex was visited, changed; at first -1.
-        coverage: the number of this one.
+        number: of this coverage.
         place: where the robot is.
-        state: of the random numbers, not 0.
+        state: of the random numbers, not 0 unless the rule says so.
     """
-    visited[place] = coverage
+    visited[place] = number
     left, steps = len(near) - 1, 0
     while left:
-        turn = marks[place]
-        marks[place] = turn + 1 if turn + 1 < degree[place] else 0
-        place = near[place, turn]
+        place, state = _step(rule, near, degree, marks, place, state)
         steps += 1
-        if visited[place] != coverage:
-            visited[place] = coverage
+        if visited[place] != number:
+            visited[place] = number
             left -= 1
     return steps, place, state
 
 
-@kernel
-def one_lrta(
-    near: Ints, degree: Ints, marks: Ints, visited: Ints, coverage: int, place: int, state: int
-) -> tuple[int, int, int]:
-    """One coverage by 1-LRTA*: to the neighbour of least weight; what is left gets that weight and
-    one more. Of equals one by chance, with the state 0 the first in `near`."""
-    visited[place] = coverage
-    left, steps = len(near) - 1, 0
-    while left:
-        best, equals = near[place, 0], 1
-        for i in range(1, degree[place]):
-            other = near[place, i]
-            if marks[other] < marks[best]:
-                best, equals = other, 1
-            elif state and marks[other] == marks[best]:
-                equals += 1
-                state = _draw(state)
-                if state % equals == 0:
-                    best = other
-        marks[place] = marks[best] + 1
-        place = best
-        steps += 1
-        if visited[place] != coverage:
-            visited[place] = coverage
-            left -= 1
-    return steps, place, state
-
-
-@kernel
-def random_walk(
-    near: Ints, degree: Ints, marks: Ints, visited: Ints, coverage: int, place: int, state: int
-) -> tuple[int, int, int]:
-    """One coverage by a random walk, which leaves no marks."""
-    visited[place] = coverage
-    left, steps = len(near) - 1, 0
-    while left:
-        state = _draw(state)
-        place = near[place, state % int(degree[place])]
-        steps += 1
-        if visited[place] != coverage:
-            visited[place] = coverage
-            left -= 1
-    return steps, place, state
-
-
-Walk = Callable[[Ints, Ints, Ints, Ints, int, int, int], tuple[int, int, int]]
-
-
-def cover(walk: Walk, near: Ints, degree: Ints, coverages: int, state: int) -> list[int]:
+def cover(rule: int, near: Ints, degree: Ints, coverages: int, state: int) -> list[int]:
     """Steps of each coverage; between two of them a run can be interrupted."""
     marks, visited = np.zeros(len(near), np.int32), np.full(len(near), -1, np.int32)
     found, place = [], 0
-    for coverage in range(coverages):
-        steps, place, state = walk(near, degree, marks, visited, coverage, place, state)
+    for number in range(coverages):
+        steps, place, state = coverage(rule, near, degree, marks, visited, number, place, state)
         found.append(steps)
     return found

@@ -27,8 +27,6 @@ class Method:
     only."""
     promise: str
     """The bound in words."""
-    memory: str
-    """What it has to remember, besides a map where it has one."""
     needs_map: bool = False
 
 
@@ -39,35 +37,16 @@ def _planned(pattern: int, planner: Planner | None, rng: np.random.Generator) ->
 
 
 _ALL = (
-    Method(
-        "homing",
-        lambda pattern, planner, rng: homing(pattern),
-        lambda n: 4 * n,
-        "4 n",
-        "O(log n)",
-    ),
-    Method(
-        "depth-first",
-        lambda pattern, planner, rng: depth_first(pattern),
-        lambda n: 2 * n - 2,
-        "2 n - 2",
-        "O(n log n)",
-    ),
+    Method("homing", lambda pattern, *_: homing(pattern), lambda n: 4 * n, "4 n"),
+    Method("depth-first", lambda pattern, *_: depth_first(pattern), lambda n: 2 * n - 2, "2 n - 2"),
     Method(
         "blum-kozen",
-        lambda pattern, planner, rng: blum_kozen(pattern),
+        lambda pattern, *_: blum_kozen(pattern),
         lambda n: 16 * n * n // 3 + 6 * n,
         "16/3 n^2 + 6 n",
-        "O(log n)",
     ),
-    Method(
-        "random",
-        lambda pattern, planner, rng: random_walk(pattern, rng),
-        None,
-        "O(n^2) in the mean",
-        "O(log n)",
-    ),
-    Method("plan", _planned, lambda n: 4 * n, "4 n", "the map", needs_map=True),
+    Method("random", lambda pattern, _, rng: random_walk(pattern, rng), None, "O(n^2) in the mean"),
+    Method("plan", _planned, lambda n: 4 * n, "4 n", needs_map=True),
 )
 
 METHODS: Final[Mapping[str, Method]] = MappingProxyType({m.name: m for m in _ALL})

@@ -16,7 +16,6 @@ STEP: Final = ((0, 1), (-1, 0), (0, -1), (1, 0))
 """Cells east and north, by direction."""
 RING: Final = ((0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1))
 """The same of the eight neighbours."""
-NAMES: Final = ("N", "NW", "W", "SW", "S", "SE", "E", "NE")
 FREE: Final = 0xFF
 """The pattern of a cell whose neighbours are all unobstructed."""
 

@@ -170,10 +170,8 @@ def localize_with_errors(
     It senses its first cell and each cell after a move, and believes by `Belief`. A method is
     shown the neighbours of the most probable cell, which a map makes more reliable than those that
     were sensed. It begins anew when it has no more moves, and when the most probable cell is not
-    the one where the last move should have led. `plan` is `NoisyPlanner`.
-
-    Raises:
-        KeyError: the start is not on the map.
+    the one where the last move should have led. `plan` is `NoisyPlanner`. Raises KeyError for a
+    start off the map.
     """
     here = known.index[start]
     walk = _Walk(known, method, errors, rng)

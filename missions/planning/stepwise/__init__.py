@@ -17,11 +17,7 @@ EXPLORERS: Final[dict[str, Explorer]] = {}
 
 
 def register(*explorers: Explorer) -> None:
-    """Add strategies to `EXPLORERS`.
-
-    Raises:
-        StrategyError: another strategy has this name.
-    """
+    """Add strategies to `EXPLORERS`. Raises `StrategyError` where another one has the name."""
     for explorer in explorers:
         if EXPLORERS.setdefault(explorer.name, explorer) != explorer:
             raise StrategyError(

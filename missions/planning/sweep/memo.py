@@ -51,7 +51,7 @@ def plan_once(
         planner = Planner(moves)
         worth = valued(planner, known, frames, majority)
         next_s = [max(flyer.kinematics.frame_s, flyer.blind_s) for flyer in team]
-        return planner.plan(known.chart, team, worth, begin_s, decision, next_s, None, tours)
+        return planner.plan(known.chart, team, worth, begin_s, decision, next_s, tours)
 
     asked = (astuple(tuning), frames, majority, begin_s, decision, tours)
     return memo.answer(_key("plan", known, team, *asked), plan)

@@ -14,7 +14,7 @@ Lengths are metres in the frame of the region.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -87,11 +87,10 @@ class _Search:
     cells: kernels.Cells
 
     @classmethod
-    def of(cls, rows: Floats, chart: Chart, valued: Valued, coming: Ints | None) -> _Search:
+    def of(cls, rows: Floats, chart: Chart, valued: Valued) -> _Search:
         """Nobody has begun or has waypoints yet."""
         count, begins = len(rows), kernels.LEADS
         worth, need, _, _ = valued
-        cover = np.zeros_like(need) if coming is None else coming.copy()
         return cls(
             kernels.Team(
                 rows,
@@ -106,7 +105,9 @@ class _Search:
                 np.full(count, begins - 1, np.int64),
                 np.zeros(count),
             ),
-            kernels.Cells(worth, need, cover, chart.allowed, chart.fenced, chart.grid),
+            kernels.Cells(
+                worth, need, np.zeros_like(need), chart.allowed, chart.fenced, chart.grid
+            ),
         )
 
 
@@ -155,27 +156,25 @@ class Planner:
         begin_s: float,
         seed: int,
         next_frame_s: Sequence[float],
-        coming: Ints | None = None,
         tours: Sequence[Sequence[tuple[float, float, float]]] = (),
     ) -> Plan:
         """Paths for a team that begin at `begin_s`, where the vehicles will be by then.
 
-        `coming` are frames by cell that were taken, or will be before then, and are not counted
-        yet. `tours` are waypoints for each vehicle, the end not among them, to begin another plan
-        with; the better one is taken. The same arguments give the same plan.
+        `tours` are waypoints for each vehicle, the end not among them, to begin another plan with;
+        the better one is taken. The same arguments give the same plan.
         """
         tuning = self.tuning
         valued = worth_the_way(tuning, chart, team, valued)
         rows = np.stack(
             [f.kinematics.row(tuning, s) for f, s in zip(team, next_frame_s, strict=True)]
         )
-        search = _Search.of(rows, chart, valued, coming)
+        search = _Search.of(rows, chart, valued)
         for k, flyer in enumerate(team):
             self._warm(flyer, search, k, begin_s)
         kept_s = self._cost_of_kept(team, search, begin_s)
         cost_s = self._improve(search, valued, seed)
         if tours:
-            other = _Search.of(rows, chart, valued, coming)
+            other = _Search.of(rows, chart, valued)
             for k, (flyer, tour) in enumerate(zip(team, tours, strict=True)):
                 self._warm(flyer, other, k, begin_s, tour)
             other_s = self._improve(other, valued, seed)
@@ -269,8 +268,3 @@ class Planner:
             for choice in range(kernels.LEADS)
         ]
         return seconds.index(min(seconds))
-
-
-def flyers(team: Mapping[int, Flyer]) -> tuple[Flyer, ...]:
-    """A team in the order of its numbers."""
-    return tuple(team[number] for number in sorted(team))

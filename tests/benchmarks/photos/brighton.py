@@ -10,16 +10,36 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+import shapely
+import tomlkit
 from numpy.typing import NDArray
 
+from missions.geo.grid import Grid
+from missions.units import Cell
+from uavmap.output.facts.map_model import NOT_ROI
 from uavmap.photos.tune.examples import Example, read_picture
+from uavmap.photos.tune.metrics import Counts
+from uavmap.photos.tune.selection import Choice
+from uavmap.photos.tune.tune_job import DETECTOR, MODEL, Wishes, learned
+from vision.detectors.learned_model import Model, model_bytes
 
 DATA = Path(__file__).parents[2] / "data" / "brighton"
 PHOTOGRAPHS = Path(__file__).parents[4] / "shared" / "data" / "brighton_beach"
 WIDTH_PX = 1000
+PAINTED = ((2, 7, 12), (0, 9, 16), (5, 11, 14))
+"""The photographs that are painted, three at a time."""
+PAVED: dict[str, Any] = {"greenness": 0.04, "intensity": 90, "dilations": 1}
+COLOR: dict[str, Any] = {
+    "samples": [[165, 160, 165], [125, 125, 140], [90, 95, 120]],
+    "not_samples": [[110, 140, 70], [60, 80, 40], [40, 60, 35]],
+}
+INDEX: dict[str, Any] = {"kind": "exg", "value": 0.05, "side": "below"}
+ADAPTIVE: dict[str, Any] = {"polarity": "bright", "offset": 10}
+"""Parameters of detectors, chosen by hand for a road."""
 
 
 def there() -> bool:
@@ -63,3 +83,48 @@ def examples(chosen: Sequence[str]) -> list[Example]:
         region = cv2.resize(drawn, (columns, rows), interpolation=cv2.INTER_NEAREST) > 0
         found.append(Example(name, picture, region, np.ones_like(region)))
     return found
+
+
+# --- detectors and maps --------------------------------------------------------------------------
+def learned_from(
+    every: Sequence[Example],
+    painted: Sequence[int],
+    others: Sequence[Example],
+    wishes: Wishes = Wishes(),  # noqa: B008 - frozen
+) -> tuple[Model, Choice]:
+    """A model learned from some photographs, for others that are not painted."""
+    pictures = [example.picture for example in others]
+    model, choice, _ = learned([every[i] for i in painted], pictures, wishes, lambda _: None)
+    return model, choice
+
+
+def detector_folder(folder: Path, section: dict[str, Any], model: Model | None = None) -> Path:
+    """A folder for `uavmap replay --detector`."""
+    folder.mkdir()
+    if model is not None:
+        section = {"name": "learned", "model": MODEL, **section}
+        (folder / MODEL).write_bytes(model_bytes(model))
+    (folder / DETECTOR).write_text(tomlkit.dumps({"detector": section}), "utf-8")
+    return folder
+
+
+def map_counts(out: Path, grid: Grid) -> Counts:
+    """The judged cells of a map against the painted region."""
+    roi, there = set(), set()
+    for feature in json.loads((out / "map.geojson").read_text("utf-8"))["features"]:
+        told = feature["properties"]
+        if told["kind"] == "cell":
+            cell = Cell(told["column"], told["row"])
+            if told["state"] not in NOT_ROI:
+                roi.add(cell)
+            if _region_share(grid, cell) >= 0.5:
+                there.add(cell)
+    return Counts(len(roi & there), len(roi - there), len(there - roi))
+
+
+def _region_share(grid: Grid, cell: Cell) -> float:
+    """The part of a cell that is region."""
+    outline, *holes = rings()
+    corners = [grid.position(grid.to_fixed(point, 0.0)) for point in grid.corners_of(cell)]
+    square = shapely.Polygon([(p.lon_deg, p.lat_deg) for p in corners])
+    return float(shapely.Polygon(outline, holes).intersection(square).area / square.area)

@@ -12,32 +12,27 @@ with other photographs; neighbours overlap, so ground is seen again from elsewhe
 
 from __future__ import annotations
 
-import argparse
-import json
 import tempfile
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
-import tomlkit
-from numpy.typing import NDArray
 
 from missions.geo.grid import Grid
-from missions.units import Cell
+from tests.benchmarks.frame import asked, cpu_ms
 from tests.benchmarks.photos import brighton
+from tests.benchmarks.photos.brighton import PAINTED, learned_from
 from uavmap.load.mission_source import load
-from uavmap.output.facts.map_model import NOT_ROI
 from uavmap.photos.tune.examples import Example
 from uavmap.photos.tune.metrics import Counts, cell_counts, total
 from uavmap.photos.tune.selection import KINDS, SETS
-from uavmap.photos.tune.tune_job import DETECTOR, MODEL, Wishes, learned
+from uavmap.photos.tune.tune_job import Wishes
 from uavmap.ui.cli import main as uavmap
 from vision.detectors import Detector, make_detector
-from vision.detectors.learned_model import LearnedDetector, model_bytes
+from vision.detectors.learned_model import LearnedDetector
 
-PAINTED = ((2, 7, 12), (0, 9, 16), (5, 11, 14))
 CELL_PX = 25.0
 Judged = tuple[Counts, Counts]
 
@@ -47,13 +42,9 @@ def fixed() -> dict[str, Detector]:
     return {
         "threshold (the paper's)": make_detector("threshold"),
         "paved (of the mission road)": make_detector("paved"),
-        "adaptive": make_detector("adaptive", polarity="bright", offset=10),
-        "color": make_detector(
-            "color",
-            samples=[[165, 160, 165], [125, 125, 140], [90, 95, 120]],
-            not_samples=[[110, 140, 70], [60, 80, 40], [40, 60, 35]],
-        ),
-        "index (exg)": make_detector("index", kind="exg", value=0.05, side="below"),
+        "adaptive": make_detector("adaptive", **brighton.ADAPTIVE),
+        "color": make_detector("color", **brighton.COLOR),
+        "index (exg)": make_detector("index", **brighton.INDEX),
     }
 
 
@@ -102,9 +93,7 @@ def by_picture(examples: list[Example]) -> None:
 def one_training(examples: list[Example], painted: Sequence[int], wishes: Wishes) -> list[Judged]:
     """Learn from some, judge the others."""
     others = [example for i, example in enumerate(examples) if i not in painted]
-    model, choice, _ = learned(
-        [examples[i] for i in painted], [e.picture for e in others], wishes, lambda _: None
-    )
+    model, choice = learned_from(examples, painted, others, wishes)
     found = [judged(LearnedDetector(model), example, choice.share) for example in others]
     row(f"learned from {painted}: {choice.kind}, {choice.features}", found)
     return found
@@ -117,12 +106,8 @@ def by_set(examples: list[Example]) -> None:
         every: dict[str, list[Judged]] = {kind: [] for kind in KINDS}
         for painted in PAINTED:
             others = [example for i, example in enumerate(examples) if i not in painted]
-            both, choice, _ = learned(
-                [examples[i] for i in painted],
-                [e.picture for e in others],
-                Wishes(kinds=("both",), sets=(names,)),
-                lambda _: None,
-            )
+            wishes = Wishes(kinds=("both",), sets=(names,))
+            both, choice = learned_from(examples, painted, others, wishes)
             parts = {"both": both.parts, "logistic": both.parts[:1], "trees": both.parts[1:]}
             for kind in KINDS:
                 detector = LearnedDetector(both.model_copy(update={"parts": parts[kind]}))
@@ -138,48 +123,22 @@ def by_map(examples: list[Example]) -> None:
     print("maps by the poses of the tags      precision recall IoU (cells of 2 m)")
     road = load("road")
     grid = Grid.at(road.home, road.grid.cell_m)
-    with tempfile.TemporaryDirectory() as folder:
-        print_map("paved", Path(folder) / "paved", [], grid)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        print_map("paved", folder / "paved", [], grid)
         for number, painted in enumerate(PAINTED):
-            model, choice, _ = learned(
-                [examples[i] for i in painted], [e.picture for e in examples], Wishes(),
-                lambda _: None,
-            )  # fmt: skip
-            where = Path(folder) / f"model-{number}"
-            where.mkdir()
-            (where / MODEL).write_bytes(model_bytes(model))
-            section = {"name": "learned", "model": MODEL, "share": choice.share}
-            (where / DETECTOR).write_text(tomlkit.dumps({"detector": section}), "utf-8")
-            out = Path(folder) / f"learned-{number}"
+            model, choice = learned_from(examples, painted, examples)
+            where = folder / f"model-{number}"
+            brighton.detector_folder(where, {"share": choice.share}, model)
+            out = folder / f"learned-{number}"
             print_map(f"learned from {painted}", out, ["--detector", str(where)], grid)
 
 
 def print_map(name: str, out: Path, more: list[str], grid: Grid) -> None:
     """Replay and hold the map against the painted region."""
     uavmap(["replay", str(brighton.PHOTOGRAPHS), "--mission", "road", "--out", str(out), *more])
-    features = json.loads((out / "map.geojson").read_text("utf-8"))["features"]
-    judged_cells, roi = set(), set()
-    for feature in features:
-        told = feature["properties"]
-        if told["kind"] == "cell":
-            cell = Cell(told["column"], told["row"])
-            judged_cells.add(cell)
-            if told["state"] not in NOT_ROI:
-                roi.add(cell)
-    there = {cell for cell in judged_cells if region_share(grid, cell) >= 0.5}
-    counts = Counts(len(roi & there), len(roi - there), len(there - roi))
+    counts = brighton.map_counts(out, grid)
     print(f"{name:34} {counts.precision:6.3f} {counts.recall:6.3f} {counts.iou:6.3f}")
-
-
-def region_share(grid: Grid, cell: Cell) -> float:
-    """The part of a cell that is region."""
-    import shapely  # noqa: PLC0415
-
-    outline, *holes = brighton.rings()
-    region = shapely.Polygon(outline, holes)
-    corners = [grid.position(grid.to_fixed(point, 0.0)) for point in grid.corners_of(cell)]
-    square = shapely.Polygon([(p.lon_deg, p.lat_deg) for p in corners])
-    return float(region.intersection(square).area / square.area)
 
 
 def times(examples: list[Example]) -> None:
@@ -189,33 +148,22 @@ def times(examples: list[Example]) -> None:
     for kind in KINDS:
         for names in SETS:
             wishes = Wishes(kinds=(kind,), sets=(names,))
-            model, _, _ = learned([examples[i] for i in PAINTED[0]], [], wishes, lambda _: None)
+            model, _ = learned_from(examples, PAINTED[0], [], wishes)
             detectors[f"learned: {kind}, {names}"] = LearnedDetector(model)
     for name, detector in detectors.items():
-        print(f"{name:44} {cost_ms(detector.probability, examples[9].picture):6.1f} ms")
+        ms = cpu_ms(partial(detector.probability, examples[9].picture), times=5)
+        print(f"{name:44} {ms:6.1f} ms")
 
 
-def cost_ms(judge: Callable[[NDArray[np.uint8]], object], picture: NDArray[np.uint8]) -> float:
-    """The least CPU time of five."""
-    costs = []
-    for _ in range(5):
-        began_s = time.process_time()
-        judge(picture)
-        costs.append(1000.0 * (time.process_time() - began_s))
-    return min(costs)
+def main() -> None:
+    """Print what is asked for."""
+    options = asked(__doc__, sets=False, map=False, time=False)
+    if not brighton.there():
+        raise SystemExit(f"{brighton.PHOTOGRAPHS}: the photographs are not here")
+    chosen = {by_set: options.sets, by_map: options.map, times: options.time}
+    show = next((show for show, on in chosen.items() if on), by_picture)
+    show(brighton.examples(brighton.names()))
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    for option in ("sets", "map", "time"):
-        parser.add_argument(f"--{option}", action="store_true")
-    options = parser.parse_args()
-    if not brighton.there():
-        raise SystemExit(f"{brighton.PHOTOGRAPHS}: the photographs are not here")
-    pictures = brighton.examples(brighton.names())
-    for asked, show in ((options.sets, by_set), (options.map, by_map), (options.time, times)):
-        if asked:
-            show(pictures)
-            break
-    else:
-        by_picture(pictures)
+    main()

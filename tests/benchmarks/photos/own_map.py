@@ -1,7 +1,7 @@
 """How well a vehicle knows where it is by its own pictures; prints a table.
 
     python -m tests.benchmarks.photos.own_map                 all of it, 20 flights a row
-    python -m tests.benchmarks.photos.own_map --flights 3 --rows drift,lost
+    python -m tests.benchmarks.photos.own_map --flights 3 --rows drift lost
 
 A flight of five minutes over the shipped world `runway`, at 12 m and 6 m/s with five pictures a
 second: lanes, and then lanes across them. Its pictures are rendered once; told positions differ
@@ -15,7 +15,7 @@ from flight to flight.
 
 from __future__ import annotations
 
-import argparse
+import itertools
 import math
 import time
 from collections.abc import Iterator
@@ -24,14 +24,14 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from missions.navigation import ToldErrors
 from missions.units import LatLon, Pose
 from sitl.body.sensors import PositionError
-from sitl.camera.pinhole import CameraSpec, Shot
+from sitl.camera.pinhole import Shot
 from sitl.camera.render import render
-from sitl.scenario import Setup
-from sitl.world.world import World
+from tests.benchmarks.frame import asked, spread
 from uavmap.load.mission_source import load
 from uavmap.runner.simulation import setup_of
 from vision.camera import Camera
@@ -58,14 +58,13 @@ class Taken:
 
 def corners() -> Iterator[tuple[float, float]]:
     """Lanes to the north and south, and then across them, for ever."""
-    lanes = int(LENGTH_M // LANE_M)
+    places_m = [k * LANE_M for k in range(int(LENGTH_M // LANE_M))]
+    there, back = (0.0, LENGTH_M), (LENGTH_M, 0.0)
     while True:
-        for k in range(lanes):
-            ends = (0.0, LENGTH_M) if k % 2 == 0 else (LENGTH_M, 0.0)
-            yield from ((k * LANE_M, end) for end in ends)
-        for k in range(lanes):
-            ends = (LENGTH_M, 0.0) if k % 2 == 0 else (0.0, LENGTH_M)
-            yield from ((end, LENGTH_M - k * LANE_M) for end in ends)
+        for k, place_m in enumerate(places_m):
+            yield from ((place_m, end) for end in (back if k % 2 else there))
+        for k, place_m in enumerate(places_m):
+            yield from ((end, LENGTH_M - place_m) for end in (there if k % 2 else back))
 
 
 def way(seconds: float, every_s: float) -> Iterator[tuple[float, float, float, float]]:
@@ -100,7 +99,7 @@ def flight(
     """The pictures of a flight; what is told of heading and height is off by so much."""
     mission = load("runway")
     setup = setup_of(mission, seed)
-    world = _world(setup)
+    world = setup.build()[0].world
     rng = np.random.default_rng(seed)
     start = world.plane.to_plane(LatLon(37.19755, -80.57890))
     spec = setup.camera
@@ -109,32 +108,17 @@ def flight(
     for k, (t_s, east_m, north_m, heading) in enumerate(way(SECONDS, every_s)):
         lean += 0.2 * (rng.normal(0.0, math.radians(3.0), 2) - lean)
         height_m = HEIGHT_M + 0.2 * math.sin(t_s / 7.0)
-        frame = _frame(
-            world, spec, camera, k, t_s, (east_m + start[0], north_m + start[1]), height_m,
-            (lean[0], lean[1], heading),
-            lean + rng.normal(0.0, math.radians(attitude_deg), 2),
-            heading + math.radians(heading_bias_deg),
-            height_m * (1.0 + height_bias) + rng.normal(0.0, 0.05),
-        )  # fmt: skip
+        told_lean = lean + rng.normal(0.0, math.radians(attitude_deg), 2)
+        told_heading = heading + math.radians(heading_bias_deg)
+        told_height_m = height_m * (1.0 + height_bias) + rng.normal(0.0, 0.05)
+        attitude = spec.attitude(float(lean[0]), float(lean[1]), heading)
+        shot = Shot(east_m + start[0], north_m + start[1], height_m, attitude, t_s, k)
+        data = np.frombuffer(render(world, spec, shot), np.uint8)
+        image = np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
+        told = spec.attitude(float(told_lean[0]), float(told_lean[1]), told_heading)
+        frame = Frame(image, Pose(LatLon(0.0, 0.0), told_height_m, told), t_s, camera)
         taken.append(Taken(t_s, east_m, north_m, patch(frame, metres_per_pixel=0.2)))
     return tuple(taken)
-
-
-def _world(setup: Setup) -> World:
-    (vehicle, *_) = setup.build()
-    return vehicle.world
-
-
-def _frame(
-    world: World, spec: CameraSpec, camera: Camera, k: int, t_s: float, at: tuple[float, float],
-    height_m: float, attitude: tuple[float, float, float], told_lean: np.ndarray,
-    told_heading: float, told_height_m: float,
-) -> Frame:  # fmt: skip
-    shot = Shot(at[0], at[1], height_m, spec.attitude(*attitude), t_s, k)
-    data = render(world, spec, shot)
-    image = np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR), np.uint8)
-    told = spec.attitude(float(told_lean[0]), float(told_lean[1]), told_heading)
-    return Frame(image, Pose(LatLon(0.0, 0.0), told_height_m, told), t_s, camera)
 
 
 # --- what is told -------------------------------------------------------------------------------
@@ -157,23 +141,25 @@ def told_errors(told: Told, taken: tuple[Taken, ...]) -> np.ndarray:
     bearing = rng.uniform(0.0, math.tau)
     toward = np.array([math.sin(bearing), math.cos(bearing)])
     scale, turn = 0.02 * rng.choice([-1.0, 1.0]), 0.02 * rng.normal()
-    errors, reckoned, before = [], None, taken[0]
+    errors, before = [], taken[0]
+    reckoned: NDArray[np.float64] | None = None
     for shot in taken:
         for _ in range(2):
             noise.step((shot.t_s - before.t_s) / 2.0 if shot is not before else 0.1)
         error = np.array([noise.east, noise.north])
         since_s = shot.t_s - told.begin_s
-        if since_s >= 0.0 and told.kind == "drift":
-            error = error + 0.1 * since_s * toward
-        elif since_s >= 0.0 and told.kind == "jump":
-            error = error + 5.0 * toward
-        elif since_s >= 0.0 and told.kind == "lost":
+        if since_s < 0.0 or told.kind == "none":
+            pass
+        elif told.kind == "drift":
+            error += 0.1 * since_s * toward
+        elif told.kind == "jump":
+            error += 5.0 * toward
+        else:
             step = np.array([shot.east_m - before.east_m, shot.north_m - before.north_m])
-            reckoned = error if reckoned is None else reckoned
             across = np.array([-step[1], step[0]])
             wander = rng.normal(0.0, 0.03 * math.sqrt(max(shot.t_s - before.t_s, 0.0)), 2)
-            reckoned = reckoned + scale * step + turn * across + wander
-            error = reckoned
+            reckoned = error if reckoned is None else reckoned
+            error = reckoned = reckoned + scale * step + turn * across + wander
         errors.append(error)
         before = shot
     return np.array(errors)
@@ -227,22 +213,18 @@ def _row(kind: str, sigma_m: float, bias: float, height: float, flights: int) ->
         latest_s = 95.0 if kind == "lost" else 240.0
         begin_s = float(np.random.default_rng([seed, 9]).uniform(40.0, latest_s))
         outs.append((begin_s, flown(Told(kind, begin_s, seed, sigma_m), taken)))
-    ms = np.concatenate([o.ms for _, o in outs])
-    cost = f"; {np.mean(ms):.1f} ms, p95 {np.percentile(ms, 95):.1f} ({_since_s(begin):.0f} s)"
+    took_s = time.perf_counter() - begin
     told = {"none": _undisturbed, "lost": _lost}.get(kind, _lied)
+    cost = f"; ms {spread(np.concatenate([o.ms for _, o in outs]))} ({took_s:.0f} s)"
     return f"{kind:6s} {sigma_m:4.1f} {bias:3.0f} {height:5.2f}  " + told(outs) + cost
-
-
-def _since_s(begin: float) -> float:
-    return time.perf_counter() - begin
 
 
 def _undisturbed(outs: list[tuple[float, Outcome]]) -> str:
     alarms = sum(o.alarm_s is not None for _, o in outs)
     nees = np.mean(np.concatenate([o.nees for _, o in outs]))
     rms, told = (
-        np.sqrt(np.mean(np.square(np.concatenate(values))))
-        for values in ([o.estimate_m for _, o in outs], [o.told_m for _, o in outs])
+        np.sqrt(np.mean(np.square(np.concatenate([getattr(o, name) for _, o in outs]))))
+        for name in ("estimate_m", "told_m")
     )
     lead = max(o.worst_lead for _, o in outs)
     return f"alarms {alarms}, worst lead {lead:.2f}, rms {rms:.2f} told {told:.2f}, NEES {nees:.2f}"
@@ -253,41 +235,27 @@ def _lost(outs: list[tuple[float, Outcome]]) -> str:
         np.concatenate([getattr(o, name)[-999:] for _, o in outs])
         for name in ("estimate_m", "told_m", "nees")
     )
-    texts = [
-        f"{name} p50 {np.median(v):.2f} p95 {np.percentile(v, 95):.2f} max {v.max():.2f}"
-        for name, v in (("corrected", corrected), ("told", told))
-    ]
-    return ", ".join((*texts, f"NEES {np.mean(nees):.2f}"))
+    return f"corrected {spread(corrected)}, told {spread(told)}, NEES {np.mean(nees):.2f}"
 
 
 def _lied(outs: list[tuple[float, Outcome]]) -> str:
-    early = sum(o.alarm_s is not None and o.alarm_s < b for b, o in outs)
-    late = [
-        (o.alarm_s - b, o.alarm_error_m)
-        for b, o in outs
-        if o.alarm_s is not None and o.alarm_s >= b
-    ]
+    alarms = [(o.alarm_s - b, o.alarm_error_m) for b, o in outs if o.alarm_s is not None]
+    late = [(after_s, off_m) for after_s, off_m in alarms if after_s >= 0.0]
+    false = f"false {len(alarms) - len(late)}, found {len(late)}"
     if not late:
-        return f"false {early}, found none"
-    seconds, at = (np.array(values) for values in zip(*late, strict=True))
-    return (
-        f"false {early}, found {len(late)}, after median {np.median(seconds):.1f} max "
-        f"{seconds.max():.1f} s, error there median {np.median(at):.2f} max {at.max():.2f} m"
-    )
+        return false
+    seconds, off_m = np.array(late).T
+    return f"{false}, after {spread(seconds)} s, error there {spread(off_m)} m"
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
-    parser.add_argument("--flights", type=int, default=20)
-    parser.add_argument("--rows", default="none,drift,jump,lost")
-    parser.add_argument("--sigmas", default="0.3,1.5")
-    parser.add_argument("--biases", default="0,2")
-    args = parser.parse_args()
-    for kind in args.rows.split(","):
-        for sigma in args.sigmas.split(","):
-            for bias in args.biases.split(","):
-                height = 0.02 if float(bias) else 0.0
-                print(_row(kind, float(sigma), float(bias), height, args.flights), flush=True)
+    """Print the table."""
+    options = asked(
+        __doc__, flights=20, rows=("none", "drift", "jump", "lost"), sigmas=(0.3, 1.5),
+        biases=(0.0, 2.0),
+    )  # fmt: skip
+    for kind, sigma, bias in itertools.product(options.rows, options.sigmas, options.biases):
+        print(_row(kind, sigma, bias, 0.02 if bias else 0.0, options.flights), flush=True)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ or when the process needed more than 500 MB.
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import contextlib
 import functools
@@ -21,13 +20,14 @@ import random
 import resource
 import sys
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from typing import Any
+from unittest import mock
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 import uavmap.runner.simulation
-from tests.benchmarks.watched import EXPLAINED, Flown, flown, mission_text, table
+from tests.benchmarks.frame import asked, in_turn
+from tests.benchmarks.watched import Flown, flown, mission_text, report
 from tests.support.hostile import Hostile
 from uavmap.aircraft.imaging.http_pictures import PictureFetcher
 
@@ -117,68 +117,53 @@ def forging(kind: str, seed: int, frames: int, lasts_s: float) -> Iterator[None]
                 return bytes(await super().fetch(url))
             return await fetcher(url)
 
-    uavmap.runner.simulation.Simulation = Forged  # type: ignore[misc]
-    try:
+    with mock.patch.object(uavmap.runner.simulation, "Simulation", Forged):
         yield
-    finally:
-        uavmap.runner.simulation.Simulation = before  # type: ignore[misc]
-
-
-class Network:
-    """Counts what this process tries to reach. There is no way to stop listening."""
-
-    def __init__(self) -> None:
-        self.reached: list[str] = []
-        sys.addaudithook(self._heard)
-
-    def _heard(self, event: str, arguments: tuple[object, ...]) -> None:
-        if event in ("socket.connect", "socket.getaddrinfo", "socket.sendto", "urllib.Request"):
-            self.reached.append(f"{event} {arguments[-1]}")
 
 
 @functools.cache
-def network() -> Network:
-    """The one of this process."""
-    return Network()
+def network() -> list[str]:
+    """What this process tries to reach from now on. There is no way to stop listening."""
+    reached: list[str] = []
+
+    def heard(event: str, arguments: tuple[object, ...]) -> None:
+        if event in ("socket.connect", "socket.getaddrinfo", "socket.sendto", "urllib.Request"):
+            reached.append(f"{event} {arguments[-1]}")
+
+    sys.addaudithook(heard)
+    return reached
 
 
 def fly(job: Job) -> tuple[Flown, float, tuple[str, ...]]:
     """One flight, the memory in MB that the process needed so far, and whom it tried to reach."""
     kind, seed, frames, mission = job
-    network().reached.clear()
+    network().clear()
     with forging(kind, seed, frames, LASTS_S[mission]):
         flight = flown(f"{kind} seed {seed}", mission_text(mission), seed)
     used_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    return flight, used_mb, tuple(network().reached)
+    return flight, used_mb, tuple(network())
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main() -> int:
     """Fly and print."""
-    parser = argparse.ArgumentParser(description="Flights while somebody forges frames.")
-    parser.add_argument("--flights", type=int, default=6, help="a kind")
-    parser.add_argument("--frames", type=int, default=10_000, help="a flight")
-    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--mission", choices=sorted(LASTS_S), default="tiny")
-    options = parser.parse_args(arguments)
+    options = asked(__doc__, flights=6, frames=10_000, kinds=KINDS, workers=1, mission="tiny")
     jobs = [
         (kind, seed, options.frames, options.mission)
         for kind in options.kinds
         for seed in range(1, options.flights + 1)
     ]
-    rows, most_mb, requests = [], 0.0, 0
-    with ProcessPoolExecutor(options.workers) as pool:
-        for (kind, *_), (flight, used_mb, reached) in zip(jobs, pool.map(fly, jobs), strict=True):
-            rows.append((kind, flight))
-            most_mb = max(most_mb, used_mb)
-            requests += len(reached)
-            print(f"{used_mb:.0f} MB {flight.line()}", *reached[:3], flush=True)
-            if flight.columns & {"tb", "end"}:
-                print(flight.raised, flush=True)
-    print(table(rows), EXPLAINED, sep="\n\n")
+    most_mb, requests = 0.0, 0
+
+    def flights() -> Iterator[tuple[str, Flown]]:
+        nonlocal most_mb, requests
+        for (kind, *_), (flight, used_mb, reached) in in_turn(fly, jobs, options.workers):
+            most_mb, requests = max(most_mb, used_mb), requests + len(reached)
+            print(f"{used_mb:.0f} MB", *reached[:3], flight.raised)
+            yield kind, flight
+
+    wrong = report(flights(), lambda flight: flight.columns & FORBIDDEN, verbose=True)
     print(f"{options.frames} frames a flight, at most {most_mb:.0f} MB, {requests} requests")
-    wrong = any(flight.columns & FORBIDDEN for _, flight in rows)
-    return int(wrong or most_mb > MOST_MB or requests > 0)
+    return int(wrong > 0 or most_mb > MOST_MB or requests > 0)
 
 
 if __name__ == "__main__":

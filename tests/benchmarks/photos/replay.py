@@ -26,9 +26,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from missions.errors import ImageError
 from missions.flight.setting import Setting
+from missions.mission.schema import Mission
 from tests.benchmarks.photos.many_pictures import write_survey
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
@@ -142,32 +144,40 @@ def _memory(counts: list[int], refine: str, around: int | None) -> None:
             shutil.rmtree(out)
 
 
+def result_costs(
+    gathered: Gathered, mission: Mission, source: str, path: Path
+) -> NDArray[np.float64]:
+    """Wall and CPU seconds (columns) of verdicts, results and GeoTIFFs (rows) of a replay."""
+    setting = Setting.of(mission)
+    with tempfile.TemporaryDirectory() as name, Spool() as spool:
+        folder = Path(name)
+        times = [(time.perf_counter(), time.process_time())]
+        judged = look_at_all(gathered, setting, spool)
+        times.append((time.perf_counter(), time.process_time()))
+        meta = journal_meta(mission, source, str(path)) | judged.taken()
+        with Journal.create(folder / JOURNAL, meta) as journal:
+            judged.written(journal, folder)
+        times.append((time.perf_counter(), time.process_time()))
+        judged.write_rasters(folder, Wishes())
+        times.append((time.perf_counter(), time.process_time()))
+    return np.diff(times, axis=0)
+
+
 def _results(path: Path, often: int) -> None:
     """Seconds from the last verdict to the last result, and of the GeoTIFFs after it."""
     gathered = gather(open_source(path))
     mission = mission_of_text(derived(gathered), "derived")
-    setting = Setting.of(mission)
     documents.load()  # a replay does so while it looks at pictures
     for _ in range(often):
-        with tempfile.TemporaryDirectory() as name, Spool() as spool:
-            folder = Path(name)
-            judged = look_at_all(gathered, setting, spool)
-            meta = journal_meta(mission, "derived", str(path)) | judged.taken()
-            times = [(time.perf_counter(), time.process_time())]
-            with Journal.create(folder / JOURNAL, meta) as journal:
-                judged.written(journal, folder)
-            times.append((time.perf_counter(), time.process_time()))
-            judged.write_rasters(folder, Wishes())
-            times.append((time.perf_counter(), time.process_time()))
-            (wall, cpu), (tiff_wall, tiff_cpu) = np.diff(times, axis=0).tolist()
-            print(
-                f"results {wall:.2f} s ({cpu:.2f} s CPU), GeoTIFFs {tiff_wall:.1f} s "
-                f"({tiff_cpu:.1f} s CPU)",
-                flush=True,
-            )
+        _, (wall, cpu), (tiff_wall, tiff_cpu) = result_costs(gathered, mission, "derived", path)
+        print(
+            f"results {wall:.2f} s ({cpu:.2f} s CPU), GeoTIFFs {tiff_wall:.1f} s "
+            f"({tiff_cpu:.1f} s CPU)",
+            flush=True,
+        )
 
 
-def fuzz_pictures(path: Path, count: int) -> None:
+def _fuzz(path: Path, count: int) -> None:
     """Print what becomes of damaged copies, and the memory that it took."""
     data, outcomes = path.read_bytes(), Counter[str]()
     with tempfile.TemporaryDirectory() as folder:
@@ -176,7 +186,8 @@ def fuzz_pictures(path: Path, count: int) -> None:
     print(f"{count} mutations: {dict(outcomes)}, peak {peak_mb():.0f} MB")
 
 
-def main() -> int:
+def main() -> None:
+    """Print what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("what", choices=("rate", "results", "memory", "fuzz"))
     parser.add_argument("path", type=Path, nargs="?")
@@ -187,17 +198,15 @@ def main() -> int:
     options = parser.parse_args()
     if options.what == "memory":
         _memory(options.pictures, options.refine, options.around)
-        return 0
-    if options.path is None:
+    elif options.path is None:
         parser.error(f"{options.what} needs pictures")
-    if options.what == "rate":
+    elif options.what == "rate":
         _rate(options.path, options.refine)
     elif options.what == "results":
         _results(options.path, 5)
     else:
-        fuzz_pictures(options.path, options.count)
-    return 0
+        _fuzz(options.path, options.count)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

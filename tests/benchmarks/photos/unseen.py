@@ -1,6 +1,6 @@
 """A drill for a set that nobody has seen: photographs that tell their positions and little else.
 
-    python -m tests.benchmarks.photos.unseen [SEED ...]         about a minute a seed
+    python -m tests.benchmarks.photos.unseen [--seeds 1 2 3 4]         about a minute a seed
 
 Of Brighton Beach: no heading, no height, no gimbal in the tags; each exposed up to a stop more or
 less than it was, and taken from up to 20 % higher or lower (cut out of the photograph, which was
@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import json
-import sys
 import tempfile
 from pathlib import Path
 
@@ -23,11 +21,9 @@ from numpy.typing import NDArray
 from PIL import ExifTags, Image
 
 from missions.geo.grid import Grid
-from missions.units import Cell
+from tests.benchmarks.frame import asked
 from tests.benchmarks.photos import brighton
-from tests.benchmarks.photos.detectors import region_share
 from uavmap.load.mission_source import load
-from uavmap.output.facts.map_model import NOT_ROI
 from uavmap.photos.tune.metrics import Counts
 from uavmap.ui.cli import main as uavmap
 
@@ -60,7 +56,8 @@ def drill(seed: int, folder: Path) -> Counts:
         made = uavmap(["replay", str(photos), "--detector", str(eyes), "--out", str(out)])
     if learned or made:
         raise SystemExit(f"seed {seed}: the drill has failed\n{said.getvalue()}")
-    return counted(out)
+    mission = load(str(out / "mission.toml"))
+    return brighton.map_counts(out, Grid.at(mission.home, mission.grid.cell_m))
 
 
 def cut(image: NDArray[np.uint8], part: float, size: tuple[int, int]) -> NDArray[np.uint8]:
@@ -94,35 +91,17 @@ def write(name: str, path: Path, part: float, stops: float) -> None:
     made.save(path, "JPEG", quality=90, exif=exif)
 
 
-def counted(out: Path) -> Counts:
-    """The cells of a map against the truth."""
-    mission = load(str(out / "mission.toml"))
-    grid = Grid.at(mission.home, mission.grid.cell_m)
-    roi, there = set(), set()
-    for feature in json.loads((out / "map.geojson").read_text("utf-8"))["features"]:
-        told = feature["properties"]
-        if told["kind"] != "cell":
-            continue
-        cell = Cell(told["column"], told["row"])
-        if told["state"] not in NOT_ROI:
-            roi.add(cell)
-        if region_share(grid, cell) >= 0.5:
-            there.add(cell)
-    return Counts(len(roi & there), len(roi - there), len(there - roi))
-
-
-def main(seeds: tuple[int, ...]) -> int:
+def main() -> None:
     """Print a line for each seed."""
+    seeds = asked(__doc__, seeds=SEEDS).seeds
     if not brighton.there():
-        print(f"{brighton.PHOTOGRAPHS}: the photographs are not here")
-        return 2
+        raise SystemExit(f"{brighton.PHOTOGRAPHS}: the photographs are not here")
     print("seed  precision recall IoU (cells)")
     for seed in seeds:
         with tempfile.TemporaryDirectory() as folder:
             found = drill(seed, Path(folder))
         print(f"{seed:4}  {found.precision:9.3f} {found.recall:6.3f} {found.iou:5.3f}", flush=True)
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(tuple(map(int, sys.argv[1:])) or SEEDS))
+    main()

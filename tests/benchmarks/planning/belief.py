@@ -11,11 +11,10 @@ where it goes next).
 
 from __future__ import annotations
 
-import argparse
 import statistics
-import time
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 from missions.events import Airborne, Arrived, Connected, Event, FrameSeen, Tracked, Vote
 from missions.flight.setting import Setting
@@ -25,6 +24,7 @@ from missions.mapping.belief import Belief, FrameId
 from missions.mapping.tree import Tree, Vertex
 from missions.orders import FlyTo, Look, Order, Sweep, TakeOff
 from missions.units import Cell, GridPoint
+from tests.benchmarks.frame import asked, cpu_ms, head, row
 from tests.support.small_missions import mission, square
 
 SIZES = (200, 2_000, 20_000)
@@ -84,9 +84,11 @@ class Flight:
 
     def post(self, event: Event) -> float:
         """Take an event in; CPU microseconds."""
-        began_ns = time.process_time_ns()
-        self.state, _ = step(self.setting, self.state, event)
-        return (time.process_time_ns() - began_ns) / 1e3
+
+        def fold() -> None:
+            self.state, _ = step(self.setting, self.state, event)
+
+        return 1e3 * cpu_ms(fold)
 
     def order(self) -> Order:
         """What the vehicle was told."""
@@ -163,9 +165,9 @@ def frames_alone(cells: int) -> Iterator[float]:
     for number in range(LOOKS * 5):
         vantage = Cell(-1 - number // 5, 0)
         seen = {cell: cell.north == 0 for cell in vantage.cross()}
-        began_ns = time.process_time_ns()
-        belief = belief.with_frame(vantage, FrameId(1, 10.0 + number), seen)
-        yield (time.process_time_ns() - began_ns) / 1e3
+        fold = partial(belief.with_frame, vantage, FrameId(1, 10.0 + number), seen)
+        yield 1e3 * cpu_ms(fold)
+        belief = fold()
 
 
 def search_frames(flight: Flight) -> Iterator[float]:
@@ -198,25 +200,18 @@ def exploration(flight: Flight, looks: int = LOOKS) -> Iterator[tuple[bool, floa
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cells", type=int, nargs="+", default=SIZES)
-    options = parser.parse_args()
     print("CPU microseconds, medians")
-    print(
-        f"{'cells':>7}{'with_frame':>12}{'search':>9}{'anywhere':>10}{'exploration':>13}"
-        f"{'other events':>14}"
-    )
-    for cells in options.cells:
-        alone = statistics.median(frames_alone(cells))
-        search = statistics.median(search_frames(searching(cells)))
-        anywhere = statistics.median(open_frames(searching(cells), cells))
+    print(head("cells", "with_frame", "search", "anywhere", "exploration", "other events"))
+    for cells in asked(__doc__, cells=SIZES).cells:
         times = list(exploration(exploring(cells)))
-        explored = statistics.median(us for is_frame, us in times if is_frame)
-        other = statistics.median(us for is_frame, us in times if not is_frame)
-        print(
-            f"{cells:7}{alone:12.1f}{search:9.1f}{anywhere:10.1f}{explored:13.1f}{other:14.1f}",
-            flush=True,
+        columns = (
+            frames_alone(cells),
+            search_frames(searching(cells)),
+            open_frames(searching(cells), cells),
+            (us for is_frame, us in times if is_frame),
+            (us for is_frame, us in times if not is_frame),
         )
+        print(row(cells, *(f"{statistics.median(us):.1f}" for us in columns)), flush=True)
 
 
 if __name__ == "__main__":

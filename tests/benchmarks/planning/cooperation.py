@@ -11,7 +11,7 @@ whether nothing was mapped before it was seen. The exit code is 1 where anything
 
 from __future__ import annotations
 
-import argparse
+import itertools
 import math
 import sys
 import time
@@ -27,6 +27,7 @@ from missions.lab.cooperation.exploration import Exploration, Move, along, unsee
 from missions.lab.cooperation.space import Point, Space
 from missions.lab.cooperation.tracking import Noise, followed, legs_of
 from missions.lab.cooperation.trapezoids import Cover, Pattern
+from tests.benchmarks.frame import asked, head, row
 from tests.support.polygons import random_space, random_start
 from uavmap.lab.studies.two_robots import Covering, covered
 
@@ -134,20 +135,16 @@ def many(polygons: int) -> bool:
 
 def table_1() -> None:
     """The rectangles of the study."""
-    print("covering   theta  path off %  steps off %  turns off % (corrected)")
-    for cover in Cover:
-        for theta in (20, 60, 90, 120):
-            row = covered(Covering(cover, theta, 20, 100))
-            said = row.formula
-            off = [
-                100.0 * (ours / theirs - 1.0)
-                for ours, theirs in (
-                    (row.path_m, said.path_m),
-                    (row.steps, said.steps),
-                    (row.turns, said.turns_corrected),
-                )
-            ]
-            print(f"{cover:10} {theta:5} {off[0]:11.2f} {off[1]:12.2f} {off[2]:12.2f}")
+    print(head("covering", "theta", "path off %", "steps off %", "turns off % (corrected)"))
+    for cover, theta in itertools.product(Cover, (20, 60, 90, 120)):
+        ours = covered(Covering(cover, theta, 20, 100))
+        said = ours.formula
+        pairs = (
+            (ours.path_m, said.path_m),
+            (ours.steps, said.steps),
+            (ours.turns, said.turns_corrected),
+        )
+        print(row(cover, theta, *(f"{100.0 * (a / b - 1.0):.2f}" for a, b in pairs)))
 
 
 def places(runs: int) -> None:
@@ -161,32 +158,26 @@ def places(runs: int) -> None:
         3.0 * (1.0 - 2.0 / (9.0 * free) + z * math.sqrt(2.0 / (9.0 * free))) ** 3
         for z in (-1.96, 1.96)
     )
-    print(
-        f"80 m square, {exploration.figures().path_m:.0f} m, {runs} runs; 95 % of means of NEES lie"
-    )
+    path_m = exploration.figures().path_m
+    print(f"80 m square, {path_m:.0f} m, {runs} runs; 95 % of means of NEES lie")
     print(f"between {low:.2f} and {high:.2f}")
-    print("tracker    watched m  alone m  ratio  NEES watched  alone (robot 1)")
+    columns = ("watched m", "alone m", "ratio", "NEES watched", "alone (robot 1)")
+    print(head("tracker, deg", *columns))
     for degrees in (0.02, 0.05, 0.1, 0.2, 0.5):
-        noise = replace(
-            Noise(), bearing_rad=math.radians(degrees), heading_rad=math.radians(degrees)
-        )
+        angle = math.radians(degrees)
+        noise = replace(Noise(), bearing_rad=angle, heading_rad=angle)
         ends = [followed(exploration, noise, seed, legs=legs) for seed in range(runs)]
         watched, alone = (
             math.sqrt(np.mean([pair[which].error_m(0) ** 2 for pair in ends])) for which in (0, 1)
         )
-        nees = [np.mean([pair[which].nees(0) for pair in ends]) for which in (0, 1)]
-        print(
-            f"{degrees:4.2f} deg {watched:12.3f} {alone:8.2f} {alone / watched:6.1f} "
-            f"{nees[0]:13.2f} {nees[1]:6.2f}"
-        )
+        nees = (np.mean([pair[which].nees(0) for pair in ends]) for which in (0, 1))
+        figures = (f"{value:.2f}" for value in (watched, alone, alone / watched, *nees))
+        print(row(degrees, *figures))
 
 
 def main() -> int:
     """Print it all."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--polygons", type=int, default=1000)
-    parser.add_argument("--runs", type=int, default=200)
-    options = parser.parse_args()
+    options = asked(__doc__, polygons=1000, runs=200)
     table_1()
     places(options.runs)
     return 0 if many(options.polygons) else 1

@@ -6,27 +6,16 @@ python -m tests.benchmarks.planning.height_and_speed_picture > docs/images/heigh
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 
 from missions.mission.checks import parse_mission
 from missions.mission.height_and_speed import speed_limits
 from missions.mission.schema import Mission
+from tests.benchmarks.svg import BLUE, GREEN, INK, PALE, RED, dot, drawing, line, words
 from tests.support.plans import named_text
 
 WIDTH, HEIGHT = 900, 340
-INK, BLUE, RED, GREEN, PALE = "#222222", "#1f6fb4", "#c0392b", "#2e8b57", "#dddddd"
 HIGHEST_M = 40.0
-
-
-def line(points: Iterable[tuple[float, float]], colour: str, width: float = 2.0) -> str:
-    """A polyline."""
-    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-    return f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="{width:g}"/>'
-
-
-def words(x: float, y: float, text: str, *, anchor: str = "middle", colour: str = INK) -> str:
-    """A line of text."""
-    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" fill="{colour}">{text}</text>'
 
 
 class Chart:
@@ -66,7 +55,7 @@ class Chart:
     ) -> None:
         """A point with its words, to the right of it."""
         x, y = self.x(height_m), self.y(value)
-        self.parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{colour}"/>')
+        self.parts.append(dot(x, y, 4, colour))
         self.parts.append(words(x + 10, y + 14 * below - 4, text, anchor="start", colour=colour))
 
 
@@ -121,12 +110,8 @@ def picture() -> str:
         found = speed_limits(mission, height_m).frames_m_s
         speeds.mark(height_m, found, f"{found:.1f}", colour, below=True)
     speeds.parts.append(words(speeds.x(34), speeds.y(33), "frames", anchor="start"))
-    body = "\n".join([*side_view(mission, (given_m, auto_m)), *pixels.parts, *speeds.parts])
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" '
-        f'width="{WIDTH}" height="{HEIGHT}" font-family="sans-serif" font-size="13">\n'
-        f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>\n{body}\n</svg>\n'
-    )
+    sides = side_view(mission, (given_m, auto_m))
+    return drawing(WIDTH, HEIGHT, [*sides, *pixels.parts, *speeds.parts])
 
 
 if __name__ == "__main__":

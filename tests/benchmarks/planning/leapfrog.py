@@ -13,18 +13,14 @@ by when they were lost, which nothing corrects. All figures are the simulator's 
 
 from __future__ import annotations
 
-import argparse
 import re
-import tempfile
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Sequence
+from functools import partial
 from statistics import median
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
+from unittest import mock
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from missions.flight.setting import Setting
@@ -32,39 +28,26 @@ from missions.geo.grid import Grid
 from missions.mission.schema import parse_fields
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
-from tests.support.plans import named_text, plan_of
+from tests.benchmarks import frame
+from tests.support.plans import named_text
 from uavmap.aircraft.map_navigation import Navigation
-from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
-from uavmap.runner.flight import fly
-from uavmap.runner.simulation import Truth
 from vision.look import Frame
 
 WAYS: Final = ("leapfrog", "alone")
 MAPPER: Final = 1
+ERRORS: Final = ("frames", "reckoned", "frames_since", "reckoned_since")
 Ring = Sequence[tuple[float, float]]
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
+class Job(NamedTuple):
     """One flight."""
 
     way: str
     seed: int
-    lost_s: float
-    layer_m: float
 
 
-@dataclass(slots=True)
-class Seen:
-    """What was watched: east, north and mission time of the mapper, and of its pictures."""
-
-    true: list[tuple[float, float, float]] = field(default_factory=list)
-    frames: list[tuple[float, float, float]] = field(default_factory=list)
-    reckoned: list[tuple[float, float, float]] = field(default_factory=list)
-
-
-def text_of(job: Job) -> str:
-    """The mission file of a flight."""
+def text_of(lost_s: float, layer_m: float) -> str:
+    """The mission file of the flights."""
     text = named_text("runway").text
     mission = parse_fields(text, "runway")
     grid = Grid.at(mission.home, mission.grid.cell_m)
@@ -88,105 +71,96 @@ def text_of(job: Job) -> str:
     text = text.replace("capacity_wh = 60.0", "capacity_wh = 120.0", 1)
     text = text.replace("[[vehicles]]\n", "[[vehicles]]\n\n[[vehicles]]\n", 1)
     sim = "[sim]\noptical_flow = true\nodometry_drift = 0.02\n"
-    tables = f'[team]\nlayer_m = {job.layer_m}\n\n[navigation]\ngnss_loss = "leapfrog"\n\n{sim}'
+    tables = f'[team]\nlayer_m = {layer_m}\n\n[navigation]\ngnss_loss = "leapfrog"\n\n{sim}'
     text = text.replace("[sim]\n", tables, 1)
     faults = "".join(
-        f'\n[[sim.faults]]\nkind = "gps"\nat_s = {job.lost_s}\nvehicle = {n}\n' for n in (1, 2)
+        f'\n[[sim.faults]]\nkind = "gps"\nat_s = {lost_s}\nvehicle = {n}\n' for n in (1, 2)
     )
     return text + faults
 
 
-def flown(job: Job) -> dict[str, Any]:
-    """What came of a flight."""
-    seen = Seen()
-    watch, placed = Truth.watch, Navigation.placed
+def flown(job: Job, text: str) -> dict[str, Any]:
+    """The summary of a flight, and the errors of the mapper's places."""
+    # time, east and north of the mapper, and of its pictures
+    true: list[tuple[float, float, float]] = []
+    frames: list[tuple[float, float, float]] = []
+    reckoned: list[tuple[float, float, float]] = []
+    placed = Navigation.placed
 
-    def watching(self: Truth, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
+    def look(vehicles: Sequence[SimVehicle], setting: Setting) -> None:
         truth = vehicles[MAPPER - 1].truth
-        seen.true.append((truth.t_s, *setting.grid.fixed(truth.position)))
-        watch(self, vehicles, setting)
+        true.append((truth.t_s, *setting.grid.fixed(truth.position)))
 
-    def placing(self: Navigation, frame: Frame) -> Frame:
-        found = placed(self, frame)
+    def placing(self: Navigation, taken: Frame) -> Frame:
+        found = placed(self, taken)
         if self.by_map and self._reporter.number == MAPPER:
             grid = self._reporter.grid
-            seen.frames.append((frame.t_s, *grid.fixed(found.pose.position)))
-            seen.reckoned.append((frame.t_s, *grid.fixed(frame.pose.position)))
+            frames.append((taken.t_s, *grid.fixed(found.pose.position)))
+            reckoned.append((taken.t_s, *grid.fixed(taken.pose.position)))
         return found
 
-    plan = plan_of("box", text_of(job), None, None, job.seed, (), None, SIM_EPOCH_UTC_S)
-    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patched:
-        patched.setattr(Truth, "watch", watching)
-        patched.setattr(Navigation, "placed", placing)
-        if job.way == "alone":
-            patched.setattr(Navigation, "_correct", lambda self, off: None)
-        summary = fly(plan, Path(folder))
-    found = dict(summary)
-    true = np.array(seen.true)
-    reckoned, frames = (_off(np.array(p), true) for p in (seen.reckoned, seen.frames))
-    for name, off in (("frames", frames), ("reckoned", reckoned)):
-        found[name] = np.hypot(*off.T)
-        found[f"{name}_since"] = np.hypot(*(off - reckoned[0]).T)
+    changes: dict[str, Any] = {"placed": placing}
+    if job.way == "alone":
+        changes["_correct"] = lambda self, off: None
+    with frame.truth_shown(look), mock.patch.multiple(Navigation, **changes):
+        found = frame.summary_of("box", text, seed=job.seed)
+    off = {"frames": _off(frames, true), "reckoned": _off(reckoned, true)}
+    for name, by in off.items():
+        found[name] = np.hypot(*by.T)
+        found[f"{name}_since"] = np.hypot(*(by - off["reckoned"][0]).T)
     return found
 
 
-def _off(places: NDArray[np.float64], true: NDArray[np.float64]) -> NDArray[np.float64]:
+def _off(
+    places: Sequence[tuple[float, float, float]], true: Sequence[tuple[float, float, float]]
+) -> NDArray[np.float64]:
     """By how much places are off at their times, metres east and north."""
-    there = [np.interp(places[:, 0], true[:, 0], true[:, k]) for k in (1, 2)]
-    return np.stack([places[:, 1] - there[0], places[:, 2] - there[1]], axis=1)
+    at_s, *at = np.array(places).T
+    t_s, *there = np.array(true).T
+    return np.stack([a - np.interp(at_s, t_s, b) for a, b in zip(at, there, strict=True)], axis=1)
 
 
-def lines(jobs: Sequence[Job], workers: int) -> Iterator[str]:
-    """A line for every flight, and one for each way."""
-    ways: dict[str, list[dict[str, Any]]] = {}
-    with ProcessPoolExecutor(workers) as pool:
-        for job, found in zip(jobs, pool.map(flown, jobs), strict=True):
-            ways.setdefault(job.way, []).append(found)
-            yield (
-                f"{job.way} seed {job.seed}: complete {found['completed']}, "
-                f"{found['makespan_s']:.0f} s, frames {_shares(found['frames'])}, reckoned "
-                f"{_shares(found['reckoned'])}, since {_shares(found['frames_since'])} and "
-                f"{_shares(found['reckoned_since'])}, IoU {found['iou_cells']:.3f}, missed "
-                f"{found['cells_missed']}, breaches {found['fence_breaches']}, apart "
-                f"{found['min_separation_m']:.1f} m, {found['navigation']} {found['notes']}"
-            )
-    for way, rows in ways.items():
-        names = ("frames", "reckoned", "frames_since", "reckoned_since")
-        frames, reckoned, since, drift = (np.concatenate([r[k] for r in rows]) for k in names)
-        rms = [float(np.sqrt(np.mean(np.square(v)))) for v in (frames, reckoned, since, drift)]
-        yield (
-            f"{way}: {len(rows)} flights, {sum(r['completed'] for r in rows)} complete, frames "
-            f"{_shares(frames)} rms {rms[0]:.2f}, reckoned {_shares(reckoned)} rms {rms[1]:.2f}, "
-            f"since {_shares(since)} rms {rms[2]:.2f} and {_shares(drift)} rms {rms[3]:.2f}, "
-            f"IoU {median(r['iou_cells'] for r in rows):.3f}, missed "
-            f"{sum(r['cells_missed'] for r in rows)}, breaches "
-            f"{sum(r['fence_breaches'] for r in rows)}, makespan "
-            f"{median(r['makespan_s'] for r in rows):.0f} s"
-        )
+def line(job: Job, found: dict[str, Any]) -> str:
+    """What came of a flight."""
+    errors = {name: frame.spread(found[name]) for name in ERRORS}
+    return (
+        f"{job.way} seed {job.seed}: complete {found['completed']}, {found['makespan_s']:.0f} s, "
+        f"{errors}, IoU {found['iou_cells']:.3f}, missed {found['cells_missed']}, breaches "
+        f"{found['fence_breaches']}, apart {found['min_separation_m']:.1f} m, "
+        f"{found['navigation']} {found['notes']}"
+    )
 
 
-def _shares(values: NDArray[np.float64]) -> str:
-    p50, p95, largest = np.percentile(values, [50, 95, 100])
-    return f"p50 {p50:.2f} p95 {p95:.2f} max {largest:.2f} m"
+def together(way: str, rows: Sequence[dict[str, Any]]) -> str:
+    """What came of all flights one way."""
+    values = {name: np.concatenate([r[name] for r in rows]) for name in ERRORS}
+    errors = {
+        name: f"{frame.spread(v)} rms {np.sqrt(np.mean(np.square(v))):.2f}"
+        for name, v in values.items()
+    }
+    return (
+        f"{way}: {len(rows)} flights, {sum(r['completed'] for r in rows)} complete, {errors}, IoU "
+        f"{median(r['iou_cells'] for r in rows):.3f}, missed "
+        f"{sum(r['cells_missed'] for r in rows)}, breaches "
+        f"{sum(r['fence_breaches'] for r in rows)}, makespan "
+        f"{median(r['makespan_s'] for r in rows):.0f} s"
+    )
 
 
 def main() -> None:
     """Fly and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--first", type=int, default=1)
-    parser.add_argument("--only", choices=WAYS, action="append")
-    parser.add_argument("--lost-s", type=float, default=25.0)
-    parser.add_argument("--layer-m", type=float, default=12.0)
-    parser.add_argument("--workers", type=int, default=2)
-    given = parser.parse_args()
-    jobs = [
-        Job(way, seed, given.lost_s, given.layer_m)
-        for way in given.only or WAYS
-        for seed in range(given.first, given.first + given.seeds)
-    ]
-    for line in lines(jobs, given.workers):
-        print(line, flush=True)
+    options = frame.asked(
+        __doc__, seeds=10, first=1, only=WAYS, lost_s=25.0, layer_m=12.0, workers=2
+    )
+    seeds = range(options.first, options.first + options.seeds)
+    jobs = [Job(way, seed) for way in options.only for seed in seeds]
+    work = partial(flown, text=text_of(options.lost_s, options.layer_m))
+    ways: dict[str, list[dict[str, Any]]] = {}
+    for job, found in frame.in_turn(work, jobs, options.workers):
+        ways.setdefault(job.way, []).append(found)
+        print(line(job, found), flush=True)
+    for way, rows in ways.items():
+        print(together(way, rows))
 
 
 if __name__ == "__main__":

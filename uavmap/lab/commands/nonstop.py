@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -11,19 +11,12 @@ from missions.errors import StrategyError, UavmapError
 from missions.lab.arena.nonstop import Camera, Team
 from missions.lab.arena.roi import Roi
 from missions.planning.sweep.strategies import WithoutStopping
-from uavmap.journal.results_folder import make_folder
-from uavmap.lab.commands.runs import figures_by_name, print_table, run_all, tell
+from uavmap.lab.commands.runs import Column, Outcome, print_means, run_trials, tell
 from uavmap.lab.commands.simulate_options import NONSTOP_DEFAULTS
-from uavmap.lab.nonstop_trials import (
-    FlightTerms,
-    NonstopTrial,
-    flown_under,
-    nonstop_means,
-    nonstop_trials,
-)
+from uavmap.lab.nonstop_trials import FlightTerms, flown_under, nonstop_means, nonstop_trials
 from uavmap.lab.run_film import film_of_nonstop
 from uavmap.load.planner_setup import tell_if_uncompiled
-from uavmap.ui.cli.common import pair, print_figures
+from uavmap.ui.cli.common import pair
 from uavmap.ui.cli.picture_options import wants_pictures, write_pictures
 
 _SPEED_M_S: Final = 6.0
@@ -37,23 +30,22 @@ def run_nonstop(
     out: Path | None,
 ) -> int:
     """Simulate; return the exit code."""
-    terms = _terms(options)
-    if out is not None:
-        make_folder(out.parent)  # before anything is computed
-    tell_if_uncompiled((s.name for s in strategies), tell)
-    runs = nonstop_trials(rois, strategies, terms)
-    done, code = run_all(runs, len(rois) * len(strategies))
-    groups = {s.name: [trial for trial in done if trial.strategy == s.name] for s in strategies}
-    if not print_figures(figures_by_name(groups, nonstop_means), out, as_json=options.json):
-        _print_tables(groups, terms)
-    if wants_pictures(options) and code == 0:
+    terms, names = _terms(options), [strategy.name for strategy in strategies]
+    tell_if_uncompiled(names, tell)
+    outcome = run_trials(
+        nonstop_trials(rois, strategies, terms), len(rois), names, nonstop_means, out,
+        as_json=options.json,
+    )  # fmt: skip
+    if not outcome.printed:
+        _print_tables(outcome, terms)
+    if wants_pictures(options) and outcome.code == 0:
         roi, strategy, team = rois[options.index], strategies[0], terms.team
         shown = flown_under(roi, strategy, terms, record=True)
         title = f"{roi.name}   ·   {strategy.name}, {_vehicles(terms)}"
         shows_m = (team.camera.east_m, team.camera.north_m)
         film = film_of_nonstop(shown, roi, team.cell_m, shows_m, title)
         write_pictures(options, film, None, tell)
-    return code
+    return outcome.code
 
 
 def _terms(options: argparse.Namespace) -> FlightTerms:
@@ -86,32 +78,26 @@ def _terms(options: argparse.Namespace) -> FlightTerms:
     return FlightTerms(team, value["box_factor"], offline=value["offline"], seed=seed)
 
 
-def _print_tables(groups: Mapping[str, Sequence[NonstopTrial]], terms: FlightTerms) -> None:
-    done = [trial for trials in groups.values() for trial in trials]
-    runs = len(done) // len(groups)
-    what = f"means of {runs} ROIs" if runs != 1 else done[0].roi
-    offline = ("offline, s", "T / offline") if terms.offline else ()
-    means = ((name, nonstop_means(trials)) for name, trials in groups.items())
-    rows = (
-        (
-            name,
-            f"{mean['makespan_s']:.1f}",
-            f"{mean['lower_bound_s']:.1f}",
-            "" if mean["ratio"] is None else f"{mean['ratio']:.2f}",
-            *(f"{mean[k]:.2f}" for k in ("offline_s", "ratio_offline") if k in mean),
-            f"{mean['cells_missed']:g}",
-            f"{mean['cells_wrong']:g}",
-            f"{mean['wall_s']:.3f}",
-        )
-        for name, mean in means
-        if mean
-    )
-    print_table(
-        f"{what}, {_vehicles(terms)}" if done else "",
-        ("strategy", "T, s", "LB, s", "T / LB", *offline, "missed", "wrong", "s"),
-        rows,
-        whole=("strategy",),
-    )
+_COLUMNS: Final = {
+    "T, s": Column("makespan_s", ".1f"),
+    "LB, s": Column("lower_bound_s", ".1f"),
+    "T / LB": Column("ratio", ".2f"),
+}
+_OFFLINE: Final = {
+    "offline, s": Column("offline_s", ".2f"),
+    "T / offline": Column("ratio_offline", ".2f"),
+}
+_LAST: Final = {
+    "missed": Column("cells_missed", "g"),
+    "wrong": Column("cells_wrong", "g"),
+    "s": Column("wall_s", ".3f"),
+}
+
+
+def _print_tables(outcome: Outcome, terms: FlightTerms) -> None:
+    title = f"{outcome.of}, {_vehicles(terms)}" if outcome.done else ""
+    columns = _COLUMNS | (_OFFLINE if terms.offline else {}) | _LAST
+    print_means(title, columns, outcome.means, ("strategy",))
     print("T makespan, LB lower bound for any strategy, s real time of a run; without take-off")
     print("and search: from the start cell until everything is decided and everybody is back")
     if terms.offline:

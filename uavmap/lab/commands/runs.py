@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 from rich.console import Console, JustifyMethod
 from rich.table import Table
 
 from missions.errors import OutputError
-from uavmap.ui.cli.common import overwrite_nothing
+from uavmap.journal.results_folder import make_folder
+from uavmap.lab.trials import Figures, Means, Trial, by_strategy, means_by_name
+from uavmap.ui.cli.common import overwrite_nothing, print_figures
 from uavmap.ui.cli.endings import INTERRUPTED
 
 T = TypeVar("T")
@@ -53,17 +55,76 @@ def free_file(out: str | None, names: Sequence[str]) -> Path | None:
     return Path(out) / names[0]
 
 
-def figures_by_name(
-    done: Mapping[str, Sequence[Any]],
-    means: Callable[[Sequence[Any]], dict[str, Any]],
+class Outcome(NamedTuple):
+    """What trials came to."""
+
+    done: list[Trial]
+    means: dict[str, Figures]
+    """By strategy or method."""
+    code: int
+    """The exit code."""
+    printed: bool
+    """Whether the figures are printed already, as JSON."""
+
+    @property
+    def of(self) -> str:
+        """The ROI, or how many there are; nothing without trials."""
+        runs = len(self.done) // len(self.means)
+        return "" if not self.done else self.done[0].roi if runs == 1 else f"means of {runs} ROIs"
+
+
+def run_trials(
+    trials: Iterator[Trial],
+    rois: int,
+    names: Sequence[str],
+    means: Means,
+    out: Path | None,
+    *,
+    as_json: bool,
     more: Mapping[str, Any] = MappingProxyType({}),
-) -> dict[str, Any]:
-    """Return the figures of the trials of one strategy or method, or of several by name."""
-    every = {
-        name: {**more, "rois": [trial.figures() for trial in some], "means": means(some)}
-        for name, some in done.items()
-    }
-    return every if len(every) > 1 else next(iter(every.values()))
+) -> Outcome:
+    """Run the trials of strategies or methods on so many ROIs; write and print their figures.
+
+    `more` is said of each strategy besides.
+    """
+    if out is not None:
+        make_folder(out.parent)  # before anything is computed
+    done, code = run_all(trials, rois * len(names))
+    groups = by_strategy(done, names)
+    mean = means_by_name(groups, means)
+    every = {n: {**more, "rois": rows, "means": mean[n]} for n, rows in groups.items()}
+    figures = every if len(every) > 1 else next(iter(every.values()))
+    return Outcome(done, mean, code, print_figures(figures, out, as_json=as_json))
+
+
+class Column(NamedTuple):
+    """A figure in a table of means."""
+
+    key: str
+    form: str = ""
+    absent: str = ""
+    """What is shown instead of None."""
+
+    def shown(self, figures: Figures) -> str:
+        """Return its text."""
+        value = figures[self.key]
+        if value is None:
+            return self.absent
+        return (
+            {True: "yes", False: "NO"}[value] if isinstance(value, bool) else f"{value:{self.form}}"
+        )
+
+
+def print_means(
+    title: str, columns: Mapping[str, Column], means: Mapping[str, Figures], whole: Sequence[str]
+) -> None:
+    """Print a row of means by heading, for each strategy that has any; the first is its name."""
+    rows = (
+        (name, *(column.shown(mean) for column in columns.values()))
+        for name, mean in means.items()
+        if mean
+    )
+    print_table(title, (whole[0], *columns), rows, whole=whole)
 
 
 def print_table(

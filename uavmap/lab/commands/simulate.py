@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -16,8 +16,7 @@ from missions.planning.stepwise import Explorer
 from missions.planning.stepwise.metric import Metric
 from missions.planning.sweep.strategies import NONSTOP
 from missions.units import LatLon
-from uavmap.journal.results_folder import make_folder
-from uavmap.lab.commands.runs import figures_by_name, free_file, print_table, run_all, tell
+from uavmap.lab.commands.runs import Column, Outcome, free_file, print_means, run_trials, tell
 from uavmap.lab.commands.simulate_options import (
     COOPERATION_OPTIONS,
     LOCALIZE_OPTIONS,
@@ -32,9 +31,9 @@ from uavmap.lab.roi_files import load_rois
 from uavmap.lab.run_film import film_of_run
 from uavmap.lab.simulated_links import draws, simulated_links
 from uavmap.lab.simulating import MOST_ROBOTS, known_strategies, metric_of, nonstop_among
-from uavmap.lab.trials import Terms, Trial, explored, means, trials
+from uavmap.lab.trials import Terms, explored, means, trials
 from uavmap.load.planner_setup import tell_if_uncompiled
-from uavmap.ui.cli.common import number_type, pair, print_figures, seed_number
+from uavmap.ui.cli.common import number_type, pair, seed_number
 from uavmap.ui.cli.picture_options import (
     add_picture_options,
     check_pictures,
@@ -156,20 +155,18 @@ def _run_stepwise(
     team += "s" * (options.robots > 1)
     radio = {"comms": options.comms} if isinstance(comms, Links) else {}
     team = ", ".join([team, *radio.values()])
-    rois = _rois(options, seeded=draws(comms))
-    if out is not None:
-        make_folder(out.parent)  # before anything is computed
-    tell_if_uncompiled((e.name for e in explorers), tell)
-    done, code = run_all(trials(rois, explorers, terms), len(rois) * len(explorers))
-    groups = {e.name: [trial for trial in done if trial.strategy == e.name] for e in explorers}
-    if not print_figures(figures_by_name(groups, means, radio), out, as_json=options.json):
-        _print_tables(groups, team)
-    if wants_pictures(options) and code == 0:
+    rois, names = _rois(options, seeded=draws(comms)), [e.name for e in explorers]
+    tell_if_uncompiled(names, tell)
+    runs = trials(rois, explorers, terms)
+    outcome = run_trials(runs, len(rois), names, means, out, as_json=options.json, more=radio)
+    if not outcome.printed:
+        _print_tables(outcome, team)
+    if wants_pictures(options) and outcome.code == 0:
         roi, explorer = rois[options.index], explorers[0]
         shown = explored(roi, explorer, terms)
         film = film_of_run(shown, roi.cells, f"{roi.name}   ·   {explorer.name}, {team}")
         write_pictures(options, film, shown.tree, tell)
-    return code
+    return outcome.code
 
 
 def _comms(options: argparse.Namespace) -> Comms | Links:
@@ -212,32 +209,22 @@ def _rois(options: argparse.Namespace, *, nonstop: bool = False, seeded: bool = 
     return found
 
 
-def _print_tables(groups: Mapping[str, Sequence[Trial]], team: str) -> None:
-    done = [trial for trials in groups.values() for trial in trials]
-    runs = len(done) // len(groups)
-    mean_of = ((name, means(trials)) for name, trials in groups.items())
-    rows = (
-        (
-            name,
-            f"{mean['makespan']:.1f}",
-            f"{mean['lower_bound']:.1f}",
-            "" if mean["ratio"] is None else f"{mean['ratio']:.3f}",
-            "none" if mean["bound"] is None else f"{mean['bound']:.1f}",
-            {True: "yes", False: "NO", None: ""}[mean["bound_held"]],
-            f"{mean['tree_depth']:.1f}",
-            f"{mean['moves']:.1f}",
-            f"{mean['wall_s']:.3f}",
-        )
-        for name, mean in mean_of
-        if mean
-    )
-    print_table(
-        f"{done[0].roi if runs == 1 else f'means of {runs} ROIs'}, {team}" if done else "",
-        ("strategy", "T", "LB", "T / LB", "bound", "held", "depth", "moves", "s"),
-        rows,
-        whole=("strategy",),
-    )
+_COLUMNS: Final = {
+    "T": Column("makespan", ".1f"),
+    "LB": Column("lower_bound", ".1f"),
+    "T / LB": Column("ratio", ".3f"),
+    "bound": Column("bound", ".1f", "none"),
+    "held": Column("bound_held"),
+    "depth": Column("tree_depth", ".1f"),
+    "moves": Column("moves", ".1f"),
+    "s": Column("wall_s", ".3f"),
+}
+
+
+def _print_tables(outcome: Outcome, team: str) -> None:
+    title = f"{outcome.of}, {team}" if outcome.done else ""
+    print_means(title, _COLUMNS, outcome.means, ("strategy",))
     print("T makespan, LB lower bound for any strategy, bound what the strategy promises")
-    if done:
-        mean_s = means(done)["lower_bound_wall_s"]
+    if outcome.done:
+        mean_s = means([trial.figures for trial in outcome.done])["lower_bound_wall_s"]
         print(f"s real time of a run; the lower bound of a ROI took another {mean_s:.3f} s")

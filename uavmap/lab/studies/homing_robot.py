@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import groupby
 from typing import Final
 
 import numpy as np
@@ -26,10 +25,12 @@ from uavmap.lab.studies.homing_robot_page import (
     MANY_GRIDS,
     NOISE,
     OPTIMUM,
+    SUMMED,
     WORST,
     Found,
     page,
 )
+from uavmap.lab.studies.outcomes import grouped
 from uavmap.lab.studies.study_model import Page, Study, trial_seed
 
 CHEVRONS: Final = ((4, 5), (10, 20), (20, 40), (40, 80), (60, 120))
@@ -155,7 +156,7 @@ def _many_grids(job: Job) -> list[Found]:
                 if of or name != "plan":
                     done = [localize(known, start, METHODS[name], rng, of)]
                     found.append(_count(job, name, of is not None, known, done))
-    return [_together(own) for own in _grouped(found)]
+    return _merged(found)
 
 
 def _methods(job: Job) -> list[Found]:
@@ -209,31 +210,27 @@ def _noise(job: Job) -> list[Found]:
     return found
 
 
-def _grouped(found: Sequence[Found]) -> list[list[Found]]:
-    def key(one: Found) -> tuple[str, str, int, int, bool]:
+def _merged(found: Sequence[Found]) -> list[Found]:
+    """What belongs together, added up."""
+
+    def key(one: Found) -> tuple[str, str, int, int, bool, str]:
         cells = 0 if one.part == MANY_GRIDS else one.cells
         method = list(METHODS).index(one.method) if one.method in METHODS else -1
-        return one.part, one.grid, cells, method, one.with_map
+        return one.part, one.grid, cells, method, one.with_map, one.method
 
-    ordered = sorted(found, key=lambda one: (*key(one), one.method))
-    return [list(group) for _, group in groupby(ordered, lambda one: (*key(one), one.method))]
-
-
-def _together(own: Sequence[Found]) -> Found:
-    return replace(
-        own[0],
-        runs=sum(one.runs for one in own),
-        moves=sum(one.moves for one in own),
-        most=max(one.most for one in own),
-        broken=sum(one.broken for one in own),
-        right=sum(one.right for one in own),
-        confidence=sum(one.confidence for one in own),
-    )
+    return [
+        replace(
+            own[0],
+            most=max(one.most for one in own),
+            **{name: sum(getattr(one, name) for one in own) for name in SUMMED},
+        )
+        for own in grouped(sorted(found, key=key), key).values()
+    ]
 
 
 def conclude(results: Sequence[Sequence[Found]]) -> Page:
     """Write the page, beside the paper's numbers."""
-    return page([_together(own) for own in _grouped([one for some in results for one in some])])
+    return page(_merged([one for some in results for one in some]))
 
 
 STUDY: Final = Study(

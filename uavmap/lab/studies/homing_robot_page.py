@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -32,6 +32,10 @@ class Found:
     right: int
     confidence: float
     """Of all runs together."""
+
+
+SUMMED: Final = ("runs", "moves", "broken", "right", "confidence")
+"""What is added up over jobs."""
 
 
 def page(rows: Sequence[Found]) -> Page:
@@ -118,22 +122,25 @@ def _ratios(rows: Sequence[Found]) -> Table:
     )
 
 
+def _by_region(rows: Sequence[Found], shown: Callable[[str, int, str], Value]) -> Table:
+    """A table with a row for each set of regions and a column for each method."""
+    names = list(dict.fromkeys(row.method for row in rows))
+    sets = dict.fromkeys((row.grid, row.cells) for row in rows)
+    return Table(
+        ("regions", "cells", *names),
+        tuple((grid, cells, *(shown(grid, cells, name) for name in names)) for grid, cells in sets),
+    )
+
+
 def _methods(rows: Sequence[Found]) -> Table:
     shown = [row for row in rows if row.part == COMPARED]
-    names = list(dict.fromkeys(row.method for row in shown))
     mean = {(r.grid, r.cells, r.method, r.with_map): r.moves / r.runs for r in shown}
 
     def both(grid: str, cells: int, name: str) -> str:
         values = (mean.get((grid, cells, name, with_map)) for with_map in (False, True))
         return " / ".join("-" if value is None else f"{value:.2f}" for value in values)
 
-    return Table(
-        ("regions", "cells", *names),
-        tuple(
-            (grid, cells, *(both(grid, cells, name) for name in names))
-            for grid, cells in dict.fromkeys((row.grid, row.cells) for row in shown)
-        ),
-    )
+    return _by_region(shown, both)
 
 
 def _mean(rows: Sequence[Found], grid: str, method: str) -> float:
@@ -157,19 +164,8 @@ def _best_of_homing(rows: Sequence[Found]) -> str:
 
 def _optimum(rows: Sequence[Found]) -> Table:
     shown = [row for row in rows if row.part == OPTIMUM]
-    names = list(dict.fromkeys(row.method for row in shown))
-    return Table(
-        ("regions", "cells", *names),
-        tuple(
-            (grid, cells, *(
-                round(row.moves / row.runs, 3)
-                for name in names
-                for row in shown
-                if (row.grid, row.cells, row.method) == (grid, cells, name)
-            ))
-            for grid, cells in dict.fromkeys((row.grid, row.cells) for row in shown)
-        ),
-    )  # fmt: skip
+    mean = {(row.grid, row.cells, row.method): row.moves / row.runs for row in shown}
+    return _by_region(shown, lambda *key: round(mean[key], 3))
 
 
 def _errors(rows: Sequence[Found]) -> Table:

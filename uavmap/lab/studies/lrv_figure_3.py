@@ -82,13 +82,9 @@ def trial(job: Job) -> Cover:
     coverages = skip + MEASURED[job.walk]
     seed = job.seed | 1  # the sequence of random numbers must not start at 0
     if job.walk == LRV:
-        order = walks.shuffled(near, degree, seed)
-        steps = walks.cover(walks.least_recently_visited, order, degree, coverages, seed)
-    elif job.walk == WALK:
-        steps = walks.cover(walks.random_walk, near, degree, coverages, seed)
-    else:
-        by_chance = seed if job.walk == LRTA else 0
-        steps = walks.cover(walks.one_lrta, near, degree, coverages, by_chance)
+        near = walks.shuffled(near, degree, seed)
+    rule = {LRV: walks.LRV, WALK: walks.RANDOM}.get(job.walk, walks.LRTA)
+    steps = walks.cover(rule, near, degree, coverages, 0 if job.walk == LRTA_FIXED else seed)
     return Cover(job.walk, job.m, mean(steps[skip:]))
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import groupby
+from typing import TypeVar
 
 from missions.lab.arena.arena_run import run
 from missions.lab.arena.certificate import Certificate, certify
@@ -14,6 +17,9 @@ from missions.mapping.breadth_first import distances
 from missions.planning.bounds.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
 from missions.planning.stepwise.interface import bound_time
 from missions.planning.stepwise.metric import Metric
+
+T = TypeVar("T")
+K = TypeVar("K")
 
 _SHARED_BY_TRIALS = 256
 MANY_CELLS = 5000
@@ -30,6 +36,11 @@ class Job:
     cells: int
     robots: int
     seed: int
+
+
+def grouped(found: Iterable[T], key: Callable[[T], K]) -> dict[K, list[T]]:
+    """Group results that follow each other, by their key."""
+    return {name: list(group) for name, group in groupby(found, key)}
 
 
 @lru_cache(_SHARED_BY_TRIALS)
@@ -56,6 +67,22 @@ def lattice_of(roi: Roi) -> Lattice:
     return Lattice.of(roi.cells)
 
 
+@dataclass(frozen=True, slots=True)
+class Explored:
+    """What came of a job."""
+
+    job: Job
+    found: Certificate
+    eccentricity: int
+    """Steps from the start to the farthest cell."""
+
+
+def explored(job: Job) -> Explored:
+    """Explore the ROI of a job."""
+    roi = roi_of(job.kind, job.cells, job.seed)
+    return Explored(job, explore(job.strategy, roi, job.robots), eccentricity(roi))
+
+
 def explore(strategy: str, roi: Roi, robots: int, metric: Metric | None = None) -> Certificate:
     """Explore a ROI with a strategy, or with `PLAIN`; `rdfs` is compiled."""
     metric = metric if metric is not None else Metric()
@@ -70,7 +97,6 @@ def explore(strategy: str, roi: Roi, robots: int, metric: Metric | None = None) 
         bound=bound_time(explorer.bound_moves(done.cells, done.depth, robots), metric),
         tree_depth=done.depth,
         cells=done.cells,
-        robots=robots,
     )
 
 

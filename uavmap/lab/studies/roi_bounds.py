@@ -9,14 +9,12 @@ of a grid with cycles may be far deeper than its graph.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import groupby
+from collections.abc import Callable, Sequence
 from statistics import mean
 from typing import Final
 
 from missions.planning.stepwise.rdfs import rdfs_bound_moves
-from uavmap.lab.studies.outcomes import PLAIN, Job, eccentricity, explore, roi_of
+from uavmap.lab.studies.outcomes import PLAIN, Explored, Job, explored, grouped
 from uavmap.lab.studies.study_model import COLOURS, MARKERS, Figure, Page, Study, Table, trial_seed
 
 KINDS: Final = ("eden", "ragged", "rectangle", "thin")
@@ -27,23 +25,6 @@ LARGE_KIND, LARGE, LARGE_TRIALS = "eden", 100_000, 5
 LARGE_ROBOTS: Final = (8, 20, 32, 64, 128)
 QUICK_LARGE: Final = 3_000
 _ROUNDING: Final = 1e-9
-
-
-@dataclass(frozen=True, slots=True)
-class Found:
-    """A run and its bounds, in moves."""
-
-    job: Job
-    makespan: float
-    lower: float
-    lemma_1: float
-    """With the depth of the tree."""
-    lemma_1_ecc: float
-    """With the distance of the farthest cell in its place."""
-    theorem_1: float
-    """The ratio of Theorem 1 times what an optimum needs at most."""
-    depth: int
-    eccentricity: int
 
 
 def jobs(quick: bool, seed: int) -> list[Job]:
@@ -65,72 +46,66 @@ def jobs(quick: bool, seed: int) -> list[Job]:
     ]
 
 
-def trial(job: Job) -> Found:
-    """Explore a ROI."""
-    roi = roi_of(job.kind, job.cells, job.seed)
-    done = explore(job.strategy, roi, job.robots)
-    farthest = eccentricity(roi)
-    edges, halvings = done.cells - 1, math.floor(math.log2(job.robots))
+def lemma_1(run: Explored) -> float:
+    """Return Lemma 1 with the depth of the tree, moves."""
+    return rdfs_bound_moves(run.found.cells, run.found.tree_depth, run.job.robots)
+
+
+def lemma_1_ecc(run: Explored) -> float:
+    """Return Lemma 1 with the distance of the farthest cell in place of the depth, moves."""
+    return rdfs_bound_moves(run.found.cells, run.eccentricity, run.job.robots)
+
+
+def theorem_1(run: Explored) -> float:
+    """Return the ratio of Theorem 1 times what an optimum needs at most, moves."""
+    robots, halvings = run.job.robots, math.floor(math.log2(run.job.robots))
     # a depth-first tour of the shortest-path tree, cut into R pieces, and the ways to and fro
-    optimum_at_most = 2 * farthest + 2 * math.ceil(edges / job.robots)
-    ratio = 2 * (job.robots + halvings) / (1 + halvings)
-    return Found(
-        job=job,
-        makespan=done.makespan,
-        lower=done.lower_bound,
-        lemma_1=rdfs_bound_moves(done.cells, done.tree_depth, job.robots),
-        lemma_1_ecc=rdfs_bound_moves(done.cells, farthest, job.robots),
-        theorem_1=ratio * optimum_at_most + 2 / (1 + halvings),
-        depth=done.tree_depth,
-        eccentricity=farthest,
+    optimum_at_most = 2 * run.eccentricity + 2 * math.ceil((run.found.cells - 1) / robots)
+    return 2 * (robots + halvings) / (1 + halvings) * optimum_at_most + 2 / (1 + halvings)
+
+
+def _above(runs: Sequence[Explored]) -> tuple[int, ...]:
+    """Return how many are above Lemma 1 with the depth, with the distance, above Theorem 1."""
+    return tuple(
+        sum(run.found.makespan > bound(run) * (1 + _ROUNDING) for run in runs)
+        for bound in (lemma_1, lemma_1_ecc, theorem_1)
     )
 
 
-def _broken(found: Sequence[Found], bound: str) -> int:
-    return sum(f.makespan > getattr(f, bound) * (1 + _ROUNDING) for f in found)
+def _below(runs: Sequence[Explored]) -> int:
+    return sum(r.found.makespan < r.found.lower_bound * (1 - _ROUNDING) for r in runs)
 
 
-def conclude(found: Sequence[Found]) -> Page:
+def conclude(found: Sequence[Explored]) -> Page:
     """Count the violations."""
-    groups = [
-        (key, list(group))
-        for key, group in groupby(
-            found, lambda f: (f.job.strategy, f.job.kind, f.job.cells, f.job.robots)
-        )
-    ]
+    groups = grouped(found, lambda f: (f.job.strategy, f.job.kind, f.job.cells, f.job.robots))
     table = Table(
         ("strategy", "ROI", "cells", "robots", "runs", "mean T", "mean lower bound", "mean T / LB",
          "max T / LB", "max T / Lemma 1", "above Lemma 1", "above Lemma 1 with ecc",
          "above Theorem 1", "below lower bound", "mean depth_T", "mean ecc"),
         tuple(
             (
-                *key, len(fs), mean(f.makespan for f in fs), mean(f.lower for f in fs),
-                mean(f.makespan / f.lower for f in fs), max(f.makespan / f.lower for f in fs),
-                max(f.makespan / f.lemma_1 for f in fs), _broken(fs, "lemma_1"),
-                _broken(fs, "lemma_1_ecc"), _broken(fs, "theorem_1"),
-                sum(f.makespan < f.lower * (1 - _ROUNDING) for f in fs),
-                mean(f.depth for f in fs), mean(f.eccentricity for f in fs),
+                *key, len(fs), mean(f.found.makespan for f in fs),
+                mean(f.found.lower_bound for f in fs),
+                mean(f.found.makespan / f.found.lower_bound for f in fs),
+                max(f.found.makespan / f.found.lower_bound for f in fs),
+                max(f.found.makespan / lemma_1(f) for f in fs), *_above(fs), _below(fs),
+                mean(f.found.tree_depth for f in fs), mean(f.eccentricity for f in fs),
             )
-            for key, fs in groups
+            for key, fs in groups.items()
         ),
     )  # fmt: skip
     largest = max(f.job.cells for f in found)
     large = [f for f in found if f.job.cells == largest]
     ours, plain = ([f for f in large if f.job.strategy == s] for s in ("rdfs", PLAIN))
-    rows = [
-        (
-            strategy, len(fs), _broken(fs, "lemma_1"), _broken(fs, "lemma_1_ecc"),
-            _broken(fs, "theorem_1"), sum(f.makespan < f.lower * (1 - _ROUNDING) for f in fs),
-        )
-        for strategy in SIZES
-        for fs in ([f for f in found if f.job.strategy == strategy],)
-    ]  # fmt: skip
+    of = {strategy: [f for f in found if f.job.strategy == strategy] for strategy in SIZES}
     counts = Table(
         ("strategy", "runs", "above Lemma 1", "above Lemma 1 with ecc for depth_T",
          "above Theorem 1's ratio", "below the lower bound"),
-        tuple(rows),
+        tuple((name, len(fs), *_above(fs), _below(fs)) for name, fs in of.items()),
     )  # fmt: skip
-    deep, plain_deep = (mean(f.depth for f in fs) for fs in (ours, plain))
+    deep, plain_deep = (mean(f.found.tree_depth for f in fs) for fs in (ours, plain))
+    above, plain_above = _above(ours), _above(plain)
     far = mean(f.eccentricity for f in large)
     text = f"""\
 Sung and Tokekar's bounds on Algorithm 1 on resting ROIs, in moves.
@@ -145,10 +120,10 @@ tree cut into R pieces.
 
 On {largest} cells, of which the farthest is on average {far:.0f} away, the tree of `{PLAIN}` is
 {plain_deep:.0f} deep. In {len(plain)} runs it exceeds Lemma 1 with depth_T
-{_broken(plain, "lemma_1")} times, with that distance {_broken(plain, "lemma_1_ecc")} times, and the
-ratio of Theorem 1 {_broken(plain, "theorem_1")} times. The tree of `rdfs` is {deep:.0f} deep there,
-and what it exceeds is {_broken(ours, "lemma_1")}, {_broken(ours, "lemma_1_ecc")} and
-{_broken(ours, "theorem_1")} times. No proof keeps its tree as shallow as the ROI; so this project
+{plain_above[0]} times, with that distance {plain_above[1]} times, and the
+ratio of Theorem 1 {plain_above[2]} times. The tree of `rdfs` is {deep:.0f} deep there,
+and what it exceeds is {above[0]}, {above[1]} and
+{above[2]} times. No proof keeps its tree as shallow as the ROI; so this project
 states Lemma 1 with depth_T, and prints depth_T.
 """
     return Page(
@@ -156,34 +131,30 @@ states Lemma 1 with depth_T, and prints depth_T.
     )
 
 
-def _draw(figure: Figure, found: Sequence[Found], large: Sequence[Found]) -> None:
+def _draw(figure: Figure, found: Sequence[Explored], large: Sequence[Explored]) -> None:
     left, right = figure.subplots(1, 2)
     small = [f for f in found if f.job.cells != large[0].job.cells]
     for i, strategy in enumerate(SIZES):
-        robots = sorted({f.job.robots for f in small if f.job.strategy == strategy})
-        worst = [
-            max(
-                f.makespan / f.lemma_1
-                for f in small
-                if (f.job.strategy, f.job.robots) == (strategy, r)
-            )
-            for r in robots
-        ]
-        left.plot(robots, worst, color=COLOURS[i], marker=MARKERS[i], label=strategy)
+        worst: dict[int, float] = {}
+        for f in small:
+            if f.job.strategy == strategy:
+                ratio = f.found.makespan / lemma_1(f)
+                worst[f.job.robots] = max(worst.get(f.job.robots, 0.0), ratio)
+        left.plot(*zip(*sorted(worst.items()), strict=True), color=COLOURS[i], marker=MARKERS[i],
+                  label=strategy)  # fmt: skip
     left.axhline(1.0, color="k", lw=1)
     left.set(xlabel="robots", ylabel="largest T / bound of Lemma 1")
     left.legend()
-    for i, (label, name) in enumerate(
-        (
-            ("T", "makespan"),
-            ("Lemma 1", "lemma_1"),
-            ("Lemma 1 with ecc", "lemma_1_ecc"),
-            ("Theorem 1 x optimum, at most", "theorem_1"),
-            ("lower bound", "lower"),
-        )
-    ):
-        robots = sorted({f.job.robots for f in large})
-        y = [mean(getattr(f, name) for f in large if f.job.robots == r) for r in robots]
+    curves: dict[str, Callable[[Explored], float]] = {
+        "T": lambda f: f.found.makespan,
+        "Lemma 1": lemma_1,
+        "Lemma 1 with ecc": lemma_1_ecc,
+        "Theorem 1 x optimum, at most": theorem_1,
+        "lower bound": lambda f: f.found.lower_bound,
+    }
+    robots = sorted({f.job.robots for f in large})
+    for i, (label, value) in enumerate(curves.items()):
+        y = [mean(value(f) for f in large if f.job.robots == r) for r in robots]
         right.plot(robots, y, color=COLOURS[i], marker=MARKERS[i], label=label)
     right.set(xscale="log", yscale="log", xlabel="robots", ylabel="moves")
     right.set_title(f"{PLAIN}: {LARGE_KIND}, {large[0].job.cells} cells")
@@ -191,5 +162,5 @@ def _draw(figure: Figure, found: Sequence[Found], large: Sequence[Found]) -> Non
 
 
 STUDY: Final = Study(
-    "roi-bounds", "which bounds on Algorithm 1 hold (Sung and Tokekar)", jobs, trial, conclude
+    "roi-bounds", "which bounds on Algorithm 1 hold (Sung and Tokekar)", jobs, explored, conclude
 )

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from itertools import groupby, pairwise
+from itertools import pairwise
 from statistics import mean
 from typing import Final
 
 from missions.planning.stepwise.metric import Metric
 from missions.planning.stepwise.rdfs import rdfs_bound_moves
 from missions.units import Cell
-from uavmap.lab.studies.outcomes import explore, roi_of
+from uavmap.lab.studies.outcomes import explore, grouped, roi_of
 from uavmap.lab.studies.study_model import COLOURS, Figure, Page, Study, Table, trial_seed
 
 KINDS: Final = ("eden", "ragged", "thin")
@@ -122,10 +122,8 @@ class Case:
 
 def conclude(times: Sequence[Times]) -> Page:
     """Compare means, least and most with the paper's statements."""
-    cases = [
-        Case(*key, tuple(group))
-        for key, group in groupby(times, lambda t: (t.job.kind, t.job.varied, t.job.value))
-    ]
+    groups = grouped(times, lambda t: (t.job.kind, t.job.varied, t.job.value))
+    cases = [Case(*key, tuple(group)) for key, group in groups.items()]
     table = Table(
         ("ROI", "varied", "value", "trials", "mean", "min", "max", "upper bound", "lower bound",
          "lawn mower", "paper's upper", "paper's lower", "violations"),

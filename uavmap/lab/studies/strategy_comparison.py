@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from itertools import groupby
 from statistics import mean
 from typing import Final
 
 from missions.lab.strategies import EXPLORERS
-from uavmap.lab.studies.outcomes import Job, explore, roi_of
+from uavmap.lab.studies.outcomes import Explored, Job, explored, grouped
 from uavmap.lab.studies.study_model import COLOURS, MARKERS, Figure, Page, Study, Table, trial_seed
 
 KINDS: Final = ("eden", "ragged", "rectangle", "thin")
@@ -60,16 +58,6 @@ def reference(kind: str, cells: int, robots: int, strategy: str) -> float | None
     return rows[ROBOTS.index(robots)][_COLUMNS.index(strategy)]
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
-    """The result of a trial."""
-
-    job: Job
-    makespan: float
-    lower: float
-    bound_held: bool | None
-
-
 def jobs(quick: bool, seed: int) -> list[Job]:
     """Return all strategies on the same ROIs."""
     sets = [(kind, QUICK_CELLS, QUICK_TRIALS) for kind in KINDS]
@@ -87,38 +75,26 @@ def jobs(quick: bool, seed: int) -> list[Job]:
     return found
 
 
-def trial(job: Job) -> Found:
-    """Explore a ROI."""
-    done = explore(job.strategy, roi_of(job.kind, job.cells, job.seed), job.robots)
-    return Found(job, done.makespan, done.lower_bound, done.bound_held)
-
-
-def conclude(found: Sequence[Found]) -> Page:
+def conclude(found: Sequence[Explored]) -> Page:
     """Set the ratios beside those of the prototypes."""
-    groups = {
-        key: list(group)
-        for key, group in groupby(
-            found, lambda f: (f.job.kind, f.job.cells, f.job.robots, f.job.strategy)
-        )
-    }
-    ratios = {
-        key: mean(f.makespan for f in fs) / mean(f.lower for f in fs) for key, fs in groups.items()
-    }
+    groups = grouped(found, lambda f: (f.job.kind, f.job.cells, f.job.robots, f.job.strategy))
+    makespans = {key: mean(f.found.makespan for f in fs) for key, fs in groups.items()}
+    lowers = {key: mean(f.found.lower_bound for f in fs) for key, fs in groups.items()}
+    ratios = {key: makespan / lowers[key] for key, makespan in makespans.items()}
     table = Table(
         ("ROI", "cells", "robots", "strategy", "runs", "mean T", "mean lower bound", "T / LB",
          "prototype", "offline", "bound broken"),
         tuple(
             (
-                *key, len(fs), mean(f.makespan for f in fs), mean(f.lower for f in fs),
-                ratios[key], reference(*key), reference(*key[:3], "offline"),
-                sum(f.bound_held is False for f in fs),
+                *key, len(fs), makespans[key], lowers[key], ratios[key], reference(*key),
+                reference(*key[:3], "offline"), _broken(fs),
             )
             for key, fs in groups.items()
         ),
     )  # fmt: skip
     names = list(dict.fromkeys(f.job.strategy for f in found))
     sets = list(dict.fromkeys(key[:3] for key in groups))
-    broken = sum(f.bound_held is False for f in found)
+    broken = _broken(found)
     text = f"""\
 Mean makespan over the mean lower bound on the optimum, resting ROIs at unit speed, from a random
 cell of the boundary, all robots sharing one map. In brackets: prototypes of the same strategies on
@@ -130,6 +106,10 @@ A strategy's stated bound was broken in {broken} of {len(found)} runs. Strategie
 on at most {PATIENT_TRIALS} ROIs each, and not on the largest.
 """
     return Page("Strategies", text, table, lambda figure: _draw(figure, names, ratios), (11.0, 8.0))
+
+
+def _broken(found: Sequence[Explored]) -> int:
+    return sum(f.found.bound_held is False for f in found)
 
 
 def _matrix(
@@ -174,6 +154,6 @@ STUDY: Final = Study(
     "strategies",
     "every strategy on every kind of ROI, beside the lower bound",
     jobs,
-    trial,
+    explored,
     conclude,
 )

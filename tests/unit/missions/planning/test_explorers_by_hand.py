@@ -12,7 +12,6 @@ from missions.mapping.tree import Tree
 from missions.planning.stepwise import EXPLORERS, Situation
 from missions.planning.stepwise.horizon import Retreat
 from missions.planning.stepwise.metric import Metric
-from missions.planning.stepwise.rdfs import rdfs_bound_moves
 from missions.units import Cell
 
 START = Cell(0, 0)
@@ -31,21 +30,20 @@ def decide(name: str, tree: Tree, at: dict[int, Cell], *robots: int, **more: obj
 
 
 # --- rdfs: Algorithm 1 -----------------------------------------------------------------------
-def test_two_robots_at_a_fork_part() -> None:
-    moves = decide("rdfs", fork(NORTH, EAST), {1: START, 2: START}).moves
-    assert set(moves.values()) == {NORTH, EAST}
-
-
-def test_three_at_a_fork_of_two_are_shared_two_to_one() -> None:
-    moves = decide("rdfs", fork(NORTH, EAST), {1: START, 2: START, 3: START}).moves
-    assert sorted(Counter(moves.values()).values()) == [1, 2]
-
-
-def test_four_at_a_fork_of_three_are_shared_through_a_dummy_vertex() -> None:
-    """As a binary tree: two on one side, two on the other, which is a pair of children."""
-    at = dict.fromkeys(range(1, 5), START)
-    moves = decide("rdfs", fork(NORTH, EAST, SOUTH), at).moves
-    assert sorted(Counter(moves.values()).values()) == [1, 1, 2]
+@pytest.mark.parametrize(
+    ("children", "robots", "shares"),
+    [
+        ((NORTH, EAST), 2, [1, 1]),
+        ((NORTH, EAST), 3, [1, 2]),
+        # a dummy vertex: two on one side, two on the other, which is a pair of children
+        ((NORTH, EAST, SOUTH), 4, [1, 1, 2]),
+    ],
+)
+def test_robots_at_a_fork_part_evenly(
+    children: tuple[Cell, ...], robots: int, shares: list[int]
+) -> None:
+    moves = decide("rdfs", fork(*children), dict.fromkeys(range(1, robots + 1), START)).moves
+    assert sorted(Counter(moves.values()).values()) == shares
 
 
 def test_an_unexplored_child_comes_before_one_under_exploration() -> None:
@@ -91,16 +89,6 @@ def test_below_its_anchor_a_robot_goes_on_in_depth() -> None:
     assert below.moves == {1: Cell(0, 2)}
 
 
-@pytest.mark.parametrize(
-    ("cells", "depth", "robots", "bound"),
-    [(10, 4, 1, 18.0), (10, 4, 2, 13.0), (10, 4, 3, 13.0), (10, 4, 4, (9 + 8) * 2 / 3)],
-)
-def test_the_bound_of_algorithm_1_by_hand(
-    cells: int, depth: int, robots: int, bound: float
-) -> None:
-    assert rdfs_bound_moves(cells, depth, robots) == pytest.approx(bound)
-
-
 def test_as_printed_a_robot_that_comes_alone_takes_the_first_child_wherever_the_others_are() -> (
     None
 ):
@@ -116,19 +104,6 @@ def test_greedy_goes_to_the_nearest_and_two_not_to_the_same() -> None:
     assert decide("greedy", tree, {1: NORTH}).moves == {1: Cell(0, 2)}
     both = decide("greedy", tree, {1: NORTH, 2: NORTH}).moves
     assert both == {1: Cell(0, 2), 2: START}  # the second is on its way to the east
-
-
-def test_more_robots_than_cells_double_up_rather_than_wait() -> None:
-    moves = decide("greedy", fork(NORTH), {1: START, 2: START, 3: START}).moves
-    assert set(moves.values()) == {NORTH}
-
-
-def test_greedy_keeps_to_its_goal_among_equally_near_ones() -> None:
-    """Otherwise it may turn round in the middle of the way, for ever."""
-    row = {Cell(e, 0) for e in range(-6, 7)}
-    done = run(EXPLORERS["greedy"], row, START, 1)
-    ends = [leg.end.east for leg in done.legs]
-    assert ends.index(6 if 6 in ends[:6] else -6) == 5
 
 
 def test_in_flight_the_nearest_is_as_the_crow_flies() -> None:
@@ -167,12 +142,14 @@ def test_anchors_are_spread_over_the_open_vertices_of_least_depth() -> None:
 
 
 @pytest.mark.parametrize(
-    ("cells", "depth", "robots", "bound"),
-    [(100, 5, 1, 200 + 25 * 3), (100, 5, 4, 50 + 25 * (math.log(4) + 3)),
-     (100, 5, 50, 4 + 25 * (math.log(4) + 3))],
+    ("name", "cells", "depth", "robots", "bound"),
+    [("rdfs", 10, 4, 1, 18.0), ("rdfs", 10, 4, 2, 13.0), ("rdfs", 10, 4, 3, 13.0),
+     ("rdfs", 10, 4, 4, (9 + 8) * 2 / 3), ("bfdn", 100, 5, 1, 200 + 25 * 3),
+     ("bfdn", 100, 5, 4, 50 + 25 * (math.log(4) + 3)),
+     ("bfdn", 100, 5, 50, 4 + 25 * (math.log(4) + 3))],
 )  # fmt: skip
-def test_the_bound_of_bfdn_by_hand(cells: int, depth: int, robots: int, bound: float) -> None:
-    assert EXPLORERS["bfdn"].bound_moves(cells, depth, robots) == pytest.approx(bound)
+def test_bounds_by_hand(name: str, cells: int, depth: int, robots: int, bound: float) -> None:
+    assert EXPLORERS[name].bound_moves(cells, depth, robots) == pytest.approx(bound)
 
 
 # --- marks in the world ----------------------------------------------------------------------
@@ -236,18 +213,13 @@ def test_a_retreat_leaves_out_what_is_explored() -> None:
 
 # --- what all say of themselves --------------------------------------------------------------
 @pytest.mark.parametrize("name", sorted(EXPLORERS))
-def test_a_strategy_names_itself_its_promise_and_its_source(name: str) -> None:
+def test_a_strategy_names_itself_and_a_promise_of_a_bound_is_one(name: str) -> None:
+    """Who states T <= or 'at most' for a number of robots gives a number there."""
     explorer = EXPLORERS[name]
     assert explorer.name == name
     for line in (explorer.guarantee, explorer.source, explorer.when):
         assert line
         assert "\n" not in line
-
-
-@pytest.mark.parametrize("name", sorted(EXPLORERS))
-def test_a_promise_of_a_bound_is_one(name: str) -> None:
-    """Who states T <= or 'at most' for a number of robots gives a number there."""
-    explorer = EXPLORERS[name]
     bound = explorer.bound_moves(40, 9, 1)
     assert bound is None or bound >= 2 * 9
     if explorer.guarantee.startswith("T <="):

@@ -101,14 +101,6 @@ FAULTS: dict[str, tuple[object, str]] = {
 }
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-def test_faults_are_told_with_their_place(tmp_path: Path, fault: str) -> None:
-    value, words = FAULTS[fault]
-    text = told(tmp_path, value)
-    assert words in text
-    assert len(text) < 200
-
-
 def test_what_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
     for name in (tmp_path, tmp_path / "binary", tmp_path / "nowhere", "x" * 5000, "a\0b"):
@@ -188,12 +180,6 @@ def test_a_start_at_the_rim_is_its_nearest_cell(
     assert len(roi.cells) == pytest.approx(50, abs=12)
 
 
-def test_a_start_in_a_region_smaller_than_half_a_cell_is_told(tmp_path: Path) -> None:
-    path = written(tmp_path, {"type": "Polygon", "coordinates": [block(0, 0, 2, 2)]}, "pond.json")
-    with pytest.raises(RoiError, match="covers half of no cell of 4 m"):
-        load_rois(path, cell_m=4.0, start=LatLon(LAT, LON))
-
-
 def polygon(*points: list[float]) -> dict[str, object]:
     return {"type": "Polygon", "coordinates": [list(points)]}
 
@@ -219,15 +205,23 @@ SHAPES: dict[str, tuple[object, str]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("fault", SHAPES)
-def test_shapes_that_are_no_roi(tmp_path: Path, fault: str) -> None:
-    value, words = SHAPES[fault]
-    assert words in told(tmp_path, value)
+@pytest.mark.parametrize(("value", "words"), [*FAULTS.values(), *SHAPES.values()],
+                         ids=[*FAULTS, *SHAPES])  # fmt: skip
+def test_faults_are_told_with_their_place(tmp_path: Path, value: object, words: str) -> None:
+    text = told(tmp_path, value)
+    assert words in text
+    assert len(text) < 200
 
 
-def test_a_start_is_for_geojson(tmp_path: Path) -> None:
-    value = {"rois": [{"start": [0, 0], "cells": [[0, 0]]}]}
-    assert "leave out --start" in told(tmp_path, value, start=LatLon(LAT, LON))
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (polygon(*block(0, 0, 2, 2)), "covers half of no cell of 4 m"),
+        ({"rois": [{"start": [0, 0], "cells": [[0, 0]]}]}, "leave out --start"),
+    ],
+)
+def test_a_start_that_is_none_is_told(tmp_path: Path, value: object, words: str) -> None:
+    assert words in told(tmp_path, value, start=LatLon(LAT, LON))
 
 
 # --- growths ---------------------------------------------------------------------------------

@@ -55,52 +55,45 @@ def out_and_back(situation: Situation) -> dict[int, Cell | None]:
     return moves
 
 
+def ahead_or_home(situation: Situation) -> dict[int, Cell | None]:
+    """Along the row, and home at once from its end."""
+    ahead = Cell(situation.at[0].east + 1, 0)
+    return {0: ahead if ahead in situation.tree else START}
+
+
 # --- time and looks --------------------------------------------------------------------------
-def test_one_robot_along_a_row() -> None:
+def test_one_robot_along_a_row_learns_and_remembers() -> None:
     explorer = Scripted(out_and_back)
     done = run(explorer, ROW, START, 1)
-    assert done.makespan == 6.0
     assert [leg.end.east for leg in done.legs] == [1, 2, 3, 2, 1, 0]
-    assert all(leg.end_t - leg.start_t == 1.0 for leg in done.legs)
     assert done.at == {0: START}
     assert set(done.tree.vertices) == set(ROW)
-
-
-def test_a_robot_learns_what_is_beside_the_cell_that_it_has_reached() -> None:
-    explorer = Scripted(out_and_back)
-    run(explorer, ROW, START, 1)
-    known = [len(situation.tree) for situation in explorer.asked]
-    assert known[:4] == [2, 3, 4, 4]
+    assert [len(situation.tree) for situation in explorer.asked][:4] == [2, 3, 4, 4]
     assert all(s.tree.has_looked(s.at[0]) for s in explorer.asked)
-
-
-def test_the_memory_comes_back_as_it_was_handed_over() -> None:
-    explorer = Scripted(out_and_back)
-    run(explorer, ROW, START, 1)
     assert [situation.memory for situation in explorer.asked] == [None, *range(1, 6)]
 
 
-def test_a_look_takes_time_at_the_first_visit_only() -> None:
-    done = run(Scripted(out_and_back), ROW, START, 1, metric=Metric(look=10.0))
-    lengths = [leg.end_t - leg.start_t for leg in done.legs]
-    assert lengths == [11.0, 11.0, 11.0, 1.0, 1.0, 1.0]
+@pytest.mark.parametrize(
+    ("metric", "legs"),
+    [
+        (Metric(), [1.0] * 6),
+        (Metric(look=10.0), [11.0] * 3 + [1.0] * 3),  # at the first visit only
+        (Metric(1.0, drift_east=0.5), [2.0] * 3 + [2 / 3] * 3),
+    ],
+    ids=["steps", "looks", "drift"],
+)
+def test_what_a_move_takes(metric: Metric, legs: list[float]) -> None:
+    done = run(Scripted(out_and_back), ROW, START, 1, metric=metric)
+    assert [leg.end_t - leg.start_t for leg in done.legs] == pytest.approx(legs)
+    assert done.makespan == pytest.approx(sum(legs))
 
 
-def test_with_a_drift_the_way_out_and_the_way_back_differ() -> None:
-    done = run(Scripted(out_and_back), ROW, START, 1, metric=Metric(1.0, drift_east=0.5))
-    assert [leg.end_t - leg.start_t for leg in done.legs] == pytest.approx([2.0] * 3 + [2 / 3] * 3)
-    assert done.makespan == pytest.approx(8.0)
-
-
-def test_in_straight_flight_a_move_may_lead_to_any_known_cell() -> None:
-    def home_at_once(situation: Situation) -> dict[int, Cell | None]:
-        tree = situation.tree
-        ahead = Cell(situation.at[0].east + 1, 0)
-        return {0: ahead if ahead in tree else START}
-
-    done = run(Scripted(home_at_once), ROW, START, 1, metric=Metric(straight=True))
+def test_in_straight_flight_alone_a_move_may_lead_to_any_known_cell() -> None:
+    done = run(Scripted(ahead_or_home), ROW, START, 1, metric=Metric(straight=True))
     assert [leg.end.east for leg in done.legs] == [1, 2, 3, 0]
     assert done.makespan == 6.0
+    with pytest.raises(StrategyError, match="jumps from"):
+        run(Scripted(ahead_or_home), ROW, START, 1)
 
 
 def test_what_is_known_beforehand_need_not_be_found() -> None:
@@ -133,36 +126,34 @@ def test_who_is_on_the_way_is_told_by_where_it_will_be() -> None:
     assert set(done.at.values()) == {START}
 
 
-def test_a_team_that_shares_knows_what_one_sees() -> None:
-    plus = {START, *START.neighbours(), Cell(0, 2), Cell(2, 0)}
+PLUS = {START, *START.neighbours(), Cell(0, 2), Cell(2, 0)}
 
-    def fan_out(situation: Situation) -> dict[int, Cell | None]:
+
+def fan_out(after: Cell | None, until: int) -> Rule:
+    """Two go north and east and then to a place, until so many cells are known."""
+
+    def rule(situation: Situation) -> Mapping[int, Cell | None]:
         goals = {0: Cell(0, 1), 1: Cell(1, 0)}
-        tree = situation.tree
-        if len(tree) == len(plus):
+        if len(situation.tree) >= until:
             return EXPLORERS["rdfs"].decide(situation).moves
-        return {r: goals[r] if situation.at[r] == START else None for r in situation.robots}
+        return {r: goals[r] if situation.at[r] == START else after for r in situation.robots}
 
-    explorer = Scripted(fan_out)
-    run(explorer, plus, START, 2)
-    assert len(explorer.asked[1].tree) == len(plus)
+    return rule
+
+
+def test_a_team_that_shares_knows_what_one_sees() -> None:
+    explorer = Scripted(fan_out(None, len(PLUS)))
+    run(explorer, PLUS, START, 2)
+    assert len(explorer.asked[1].tree) == len(PLUS)
 
 
 def test_robots_that_meet_only_know_nothing_of_the_others_meanwhile() -> None:
-    plus = {START, *START.neighbours(), Cell(0, 2), Cell(2, 0)}
-
-    def fan_out(situation: Situation) -> dict[int, Cell | None]:
-        goals = {0: Cell(0, 1), 1: Cell(1, 0)}
-        if len(situation.tree) > 6:
-            return EXPLORERS["rdfs"].decide(situation).moves
-        return {r: goals[r] if situation.at[r] == START else START for r in situation.robots}
-
-    explorer = Scripted(fan_out)
-    run(explorer, plus, START, 2, comms=Comms.MEETING)
+    explorer = Scripted(fan_out(START, 7))
+    run(explorer, PLUS, START, 2, comms=Comms.MEETING)
     alone = [s for s in explorer.asked if len(s.robots) == 1][:2]
     assert [len(s.tree) for s in alone] == [6, 6]  # each its own arm of the cross
     together = next(s for s in explorer.asked if s.robots == (0, 1) and len(s.tree) > 5)
-    assert len(together.tree) == len(plus)
+    assert len(together.tree) == len(PLUS)
 
 
 def test_who_takes_no_part_stays_where_it_is_and_goes_on_later() -> None:
@@ -198,17 +189,6 @@ def test_a_strategy_that_breaks_the_rules_is_stopped(rule: Rule, message: str) -
     with pytest.raises(StrategyError, match=message) as caught:
         run(Scripted(rule), ROW, START, 1)
     assert str(caught.value).startswith("scripted: ")
-
-
-def test_a_jump_is_allowed_in_straight_flight_only() -> None:
-    def jump(situation: Situation) -> dict[int, Cell | None]:
-        here = situation.at[0]
-        far = Cell(here.east + 1, 0)
-        return {0: far if far in situation.tree else START}
-
-    with pytest.raises(StrategyError, match="jumps from"):
-        run(Scripted(jump), ROW, START, 1)
-    run(Scripted(jump), ROW, START, 1, metric=Metric(straight=True))
 
 
 def test_a_limit_ends_a_run_that_would_have_ended_later() -> None:

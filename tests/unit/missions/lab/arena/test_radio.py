@@ -39,37 +39,35 @@ class Team:
         return [len(mind.tree) - 2 for mind in self.minds.values()]
 
 
-def test_who_is_in_range_knows_at_once() -> None:
-    assert Team(Links(range_cells=3.0), 0, 3, 7).instant(0.0) == [4, 4, 0]
-
-
-def test_news_goes_from_one_to_the_other() -> None:
-    assert Team(Links(range_cells=3.0), 0, 3, 6).instant(0.0) == [4, 4, 4]
-    assert Team(Links(range_cells=3.0, rate=100.0), 0, 3, 6).instant(0.0) == [4, 4, 4]
-
-
-def test_what_is_told_with_a_delay_is_known_at_the_first_instant_after_it() -> None:
-    team = Team(Links(delay=1.5), 0, 3)
-    assert [team.instant(t)[1] for t in (0.0, 1.0, 1.4, 1.5)] == [0, 0, 0, 4]
-
-
-def test_with_a_delay_each_hop_takes_it() -> None:
-    team = Team(Links(range_cells=3.0, delay=1.0), 0, 3, 6)
-    assert [team.instant(t) for t in (0.0, 1.0, 2.0)] == [[4, 0, 0], [4, 4, 0], [4, 4, 4]]
+@pytest.mark.parametrize(
+    ("links", "easts", "known"),
+    [
+        (Links(range_cells=3.0), (0, 3, 7), {0.0: [4, 4, 0]}),
+        # from one to the other
+        (Links(range_cells=3.0), (0, 3, 6), {0.0: [4, 4, 4]}),
+        (Links(range_cells=3.0, rate=100.0), (0, 3, 6), {0.0: [4, 4, 4]}),
+        # what is told with a delay is known at the first instant after it, and each hop takes it
+        (Links(delay=1.5), (0, 3), {0.0: [4, 0], 1.0: [4, 0], 1.4: [4, 0], 1.5: [4, 4]}),
+        (
+            Links(range_cells=3.0, delay=1.0),
+            (0, 3, 6),
+            {0.0: [4, 0, 0], 1.0: [4, 4, 0], 2.0: [4, 4, 4]},
+        ),
+        # a rate below one tells a cell now and then; all that hear share one message
+        (Links(rate=0.5), (0, 3), {float(t): [4, n] for t, n in enumerate((1, 1, 2, 2, 3))}),
+        (Links(rate=2.0), (0, 3, 6, 7), {0.0: [4, 2, 2, 2]}),
+    ],
+)
+def test_who_knows_what_when(
+    links: Links, easts: tuple[int, ...], known: dict[float, list[int]]
+) -> None:
+    team = Team(links, *easts)
+    assert {t: team.instant(t) for t in known} == known
 
 
 def test_a_rate_tells_what_hangs_nearest_to_the_root_first() -> None:
     team = Team(Links(rate=1.0), 0, 3, looks=6)
     assert [team.instant(t)[1] for t in (0.0, 1.0, 1.5, 2.0, 9.0, 10.0)] == [1, 2, 2, 3, 4, 5]
-
-
-def test_a_rate_below_one_tells_a_cell_now_and_then() -> None:
-    team = Team(Links(rate=0.5), 0, 3)
-    assert [team.instant(float(t))[1] for t in range(5)] == [1, 1, 2, 2, 3]
-
-
-def test_all_that_hear_share_one_message() -> None:
-    assert Team(Links(rate=2.0), 0, 3, 6, 7).instant(0.0) == [4, 2, 2, 2]
 
 
 def test_what_is_lost_is_told_again() -> None:

@@ -103,7 +103,7 @@ def test_lrv_is_least_counted_first():
             visited.add(v)
             taken += 1
         steps.append(taken)
-    assert cover(lattice_walks.least_recently_visited, near, degree, coverages, 1) == steps
+    assert cover(lattice_walks.LRV, near, degree, coverages, 1) == steps
 
 
 def test_a_shuffled_lattice_has_the_same_neighbours_in_other_orders():
@@ -118,19 +118,19 @@ def test_a_shuffled_lattice_has_the_same_neighbours_in_other_orders():
 
 def test_one_lrta_covers_a_lattice_at_once_in_a_fixed_order():
     near, degree = lattice_walks.neighbours(20)
-    assert cover(lattice_walks.one_lrta, near, degree, 1, 0) == [20 * 20 - 1]
+    assert cover(lattice_walks.LRTA, near, degree, 1, 0) == [20 * 20 - 1]
 
 
-def test_one_lrta_by_chance_hangs_on_its_seed_and_takes_longer():
-    near, degree = lattice_walks.neighbours(20)
-    one, same, other = (cover(lattice_walks.one_lrta, near, degree, 9, s) for s in (3, 3, 4))
+@pytest.mark.parametrize(
+    ("rule", "m", "coverages", "least", "most"),
+    [
+        (lattice_walks.LRTA, 20, 9, 2 * 20**2, np.inf),
+        (lattice_walks.RANDOM, 10, 5, 100 * np.log(100), 2 * 100**2),
+    ],
+)
+def test_a_walk_by_chance_hangs_on_its_seed_and_takes_longer(rule, m, coverages, least, most):
+    near, degree = lattice_walks.neighbours(m)
+    one, same, other = (cover(rule, near, degree, coverages, seed) for seed in (3, 3, 4))
     assert one == same != other
-    assert min(one + other) >= 20 * 20 - 1
-    assert np.mean(one) > 2 * 20 * 20
-
-
-def test_a_random_walk_hangs_on_its_seed():
-    near, degree = lattice_walks.neighbours(10)
-    one, same, other = (cover(lattice_walks.random_walk, near, degree, 5, s) for s in (3, 3, 4))
-    assert one == same != other
-    assert 100 * np.log(100) < np.mean(one) < 2 * 100**2
+    assert min(one + other) >= m * m - 1
+    assert least < np.mean(one) < most

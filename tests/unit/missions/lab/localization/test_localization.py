@@ -68,7 +68,7 @@ def test_the_planner_hands_over_to_homing_before_the_bound_is_broken(spare: int)
         pattern = known.patterns[known.index[start]]
         method = Method(
             "plan", lambda p, of, rng, at=start: plan(p, planner, lambda: told.append(at)),
-            lambda n: 4 * n, "", "", needs_map=True,
+            lambda n: 4 * n, "", needs_map=True,
         )  # fmt: skip
         done = localize(known, start, method, RNG(1), planner)
         assert done.right

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.lab.arena.arena_run import Comms, run
+from missions.lab.arena.arena_run import run
 from missions.lab.arena.certificate import Certificate, certify
-from missions.lab.arena.roi import KINDS, grown
+from missions.lab.arena.roi import grown
 from missions.mapping.tree import Tree
 from missions.planning.bounds.lower_bounds import (
     LowerBounds,
@@ -24,12 +24,7 @@ from missions.planning.stepwise.interface import bound_time, promised_moves
 from missions.planning.stepwise.metric import Metric
 from missions.units import Cell
 
-FAST = settings(max_examples=60, deadline=None)
 START = Cell(0, 0)
-
-kinds = st.sampled_from(sorted(KINDS))
-sizes = st.integers(2, 60)
-seeds = st.integers(0, 999)
 
 
 def row(length: int) -> set[Cell]:
@@ -76,32 +71,8 @@ def test_shells_count_what_lies_at_a_distance_or_farther() -> None:
     assert bounds.shells == (Shell(1, 2, 6), Shell(2, 1, 4), Shell(3, 1, 2))
 
 
-@FAST
-@given(kinds, sizes, seeds, st.integers(1, 8))
-def test_bounds_are_even_and_never_below_the_farthest_cell(
-    kind: str, size: int, seed: int, robots: int
-) -> None:
-    roi = grown(kind, size, seed)
-    bounds = LowerBounds.of(roi.cells, roi.start)
-    moves = bounds.moves(robots)
-    assert moves % 2 == 0
-    assert moves >= 2 * len(bounds.shells)  # one shell a step of distance
-
-
-@FAST
-@given(kinds, sizes, seeds, st.integers(1, 8))
-def test_more_robots_never_need_longer(kind: str, size: int, seed: int, robots: int) -> None:
-    roi = grown(kind, size, seed)
-    bounds = LowerBounds.of(roi.cells, roi.start)
-    assert bounds.moves(robots + 1) <= bounds.moves(robots)
-    metric = Metric(straight=True)
-    assert flight_lower_bound(roi.cells, roi.start, robots + 1, metric) <= flight_lower_bound(
-        roi.cells, roi.start, robots, metric
-    )
-
-
-@FAST
-@given(st.integers(2, 60), seeds)
+@settings(max_examples=60, deadline=None)
+@given(st.integers(2, 60), st.integers(0, 999))
 def test_on_a_tree_one_robot_walks_every_edge_twice(size: int, seed: int) -> None:
     """There the bound is the optimum, whatever the shape."""
     roi = grown("thin", size, seed)
@@ -146,9 +117,8 @@ def test_one_way_may_lead_with_the_drift() -> None:
 def test_a_bound_is_held_up_to_a_rounding(
     makespan: float, bound: float | None, held: bool | None
 ) -> None:
-    certificate = Certificate(makespan, 20.0, bound, tree_depth=9, cells=20, robots=1)
+    certificate = Certificate(makespan, 20.0, bound, tree_depth=9, cells=20)
     assert certificate.bound_held is held
-    assert certificate.ratio == makespan / 20.0
 
 
 def test_a_bound_in_moves_becomes_one_in_time() -> None:
@@ -162,17 +132,6 @@ def test_promises_are_for_the_tree_that_came_out() -> None:
     tree = Tree.rooted(START).looked(START, list(START.neighbours()))
     assert promised_moves(EXPLORERS["rdfs"], tree, 1, Metric()) == 8.0
     assert promised_moves(EXPLORERS["rdfs-paper"], tree, 1, Metric()) is None
-
-
-def test_where_robots_only_meet_nothing_is_promised() -> None:
-    roi = grown("eden", 30, 4)
-    static = LowerBounds.of(roi.cells, roi.start)
-    for comms, promised in ((Comms.SHARED, True), (Comms.MEETING, False)):
-        done = run(EXPLORERS["rdfs"], roi.cells, roi.start, 3, comms=comms)
-        certificate = certify(done, EXPLORERS["rdfs"], 3, Metric(), static, comms)
-        assert (certificate.bound is not None) is promised
-        assert certificate.ratio is not None
-        assert certificate.ratio >= 1.0
 
 
 def test_in_straight_flight_the_bound_in_steps_does_not_count() -> None:

@@ -8,16 +8,19 @@ import numpy as np
 
 from missions.planning.kernels import tour_kernels as kernels
 from missions.planning.sweep.chart import Chart
-from missions.planning.sweep.planned_team import Flyer, Kinematics, Tuning
+from missions.planning.sweep.planned_team import Flyer, Kinematics, Tuning, Valued
 from missions.planning.sweep.sweep_planner import Planner
-from missions.planning.sweep.tours import lay_tours
+from missions.planning.sweep.tours import Tours, Waypoints, lay_tours
 from missions.units import Cell, GridPoint
 
 FLOWN = Kinematics(10.0, 2.5, 0.5, 20.0, 15.0)
 HOME = GridPoint(0.0, -50.0)
 
 
-def rectangle(size: int) -> tuple[Chart, np.ndarray]:
+FLYER = Flyer(FLOWN, HOME, HOME)
+
+
+def rectangle(size: int, moves: int = 700) -> tuple[Chart, np.ndarray, Valued, Planner]:
     """The outline of a square, which nobody has seen from below."""
     cells = [Cell(i, j) for i in range(size) for j in range(size)]
     chart = Chart.around(cells, cell_m=10.0)
@@ -25,65 +28,52 @@ def rectangle(size: int) -> tuple[Chart, np.ndarray]:
     for cell in cells:
         if {cell.east, cell.north} & {0, size - 1}:
             wanted[chart.index(cell)] = 1
-    return chart, wanted
+    planner = Planner(Tuning(moves=moves))
+    return chart, wanted, planner.worth_of_all(chart, wanted, 5, 3), planner
+
+
+def laid(size: int, *delays_s: float, seed: int = 1, before: Waypoints = ()) -> Tours:
+    """Tours past a square's outline for as many vehicles as there are delays."""
+    chart, _, valued, _ = rectangle(size)
+    team = [FLYER] * len(delays_s)
+    found = lay_tours(chart, team, delays_s, valued, 0.0, seed, before)
+    assert found is not None
+    return found
 
 
 def test_all_work_is_somebodys_and_two_are_done_sooner_than_one() -> None:
-    chart, wanted = rectangle(30)
-    valued = Planner(Tuning()).worth_of_all(chart, wanted, 5, 3)
-    flyer = Flyer(FLOWN, HOME, HOME)
-    one = lay_tours(chart, [flyer], [0.0], valued, 0.0, seed=1)
-    two = lay_tours(chart, [flyer, flyer], [0.0, 0.0], valued, 0.0, seed=1)
-    assert one is not None
-    assert two is not None
+    _, wanted, _, _ = rectangle(30)
+    one, two, same = laid(30, 0.0), laid(30, 0.0, 0.0), laid(30, 0.0, 0.0)
     assert ((one.mine >= 0) == (wanted == 1)).all()
     assert ((two.mine >= 0) == (wanted == 1)).all()
     assert all(two.waypoints)
     assert two.cost_s < 0.85 * one.cost_s
-    same = lay_tours(chart, [flyer, flyer], [0.0, 0.0], valued, 0.0, seed=1)
-    assert same is not None
     assert same.waypoints == two.waypoints
 
 
 def test_who_is_long_busy_gets_less() -> None:
-    chart, wanted = rectangle(30)
-    valued = Planner(Tuning()).worth_of_all(chart, wanted, 5, 3)
-    team = [Flyer(FLOWN, HOME, HOME)] * 2
-    tours = lay_tours(chart, team, [0.0, 1000.0], valued, 0.0, seed=1)
-    assert tours is not None
-    assert (tours.mine == 1).sum() == 0
+    assert (laid(30, 0.0, 1000.0).mine == 1).sum() == 0
 
 
 def test_tours_go_on_unless_others_are_better() -> None:
-    chart, wanted = rectangle(30)
-    valued = Planner(Tuning()).worth_of_all(chart, wanted, 5, 3)
-    team = [Flyer(FLOWN, HOME, HOME)] * 2
-    first = lay_tours(chart, team, [0.0, 0.0], valued, 0.0, seed=1)
-    assert first is not None
-    again = lay_tours(chart, team, [0.0, 0.0], valued, 0.0, seed=2, before=first.waypoints)
-    assert again is not None
+    first = laid(30, 0.0, 0.0)
+    again = laid(30, 0.0, 0.0, seed=2, before=first.waypoints)
     assert again.cost_s <= first.cost_s + 1e-6
 
 
 def test_a_plan_from_tours_is_shorter_than_one_from_nothing() -> None:
-    chart, wanted = rectangle(40)
-    planner = Planner(Tuning(moves=50))
-    valued = planner.worth_of_all(chart, wanted, 5, 3)
-    team = [Flyer(FLOWN, HOME, HOME)]
-    tours = lay_tours(chart, team, [0.0], valued, 0.0, seed=1)
-    assert tours is not None
+    chart, _, valued, planner = rectangle(40, moves=50)
     ends_s = []
-    for begun in ((), tours.waypoints):
-        plan = planner.plan(chart, team, valued, 0.0, 1, [0.5], None, begun)
+    for begun in ((), laid(40, 0.0).waypoints):
+        plan = planner.plan(chart, [FLYER], valued, 0.0, 1, [0.5], begun)
         assert plan.paths[0] is not None
         ends_s.append(plan.paths[0].end_s)
     assert ends_s[1] < ends_s[0]
 
 
 def test_little_work_needs_no_tours_and_places_see_all_of_it() -> None:
-    chart, wanted = rectangle(3)
-    valued = Planner(Tuning()).worth_of_all(chart, wanted, 5, 3)
-    assert lay_tours(chart, [Flyer(FLOWN, HOME, HOME)], [0.0], valued, 0.0, seed=1) is None
+    chart, wanted, valued, _ = rectangle(3)
+    assert lay_tours(chart, [FLYER], [0.0], valued, 0.0, seed=1) is None
     places, of = np.zeros((100, 2)), np.zeros(chart.columns * chart.rows, np.int64)
     count = kernels.look_from(wanted, chart.columns, chart.rows, 3, 2, places, of)
     assert set(of[wanted == 1].tolist()) == set(range(count))
