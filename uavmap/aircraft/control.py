@@ -87,7 +87,7 @@ class Request:
     """Modes of earlier requests that may still be carried out until `LATE_S` after this one."""
     confirmed: bool = False
     acknowledged_s: float | None = None
-    """When the autopilot said that it has changed the mode."""
+    """When the autopilot first acknowledged it; None again where it then refused it."""
 
     def allows(self, mode: int, now_s: float) -> bool:
         """Whether a mode other than the one asked for follows from our requests."""
@@ -270,10 +270,16 @@ class Control:
         return self._holding(self.mode, self.heard_s)
 
     def acknowledged(self, now_s: float) -> Control:
-        """The control after the autopilot said that it has changed the mode."""
+        """The control after the autopilot acknowledged the request."""
         if self.request is None or self.request.acknowledged_s is not None:
             return self
         return replace(self, request=replace(self.request, acknowledged_s=now_s))
+
+    def denied(self) -> Control:
+        """The control after the autopilot did not carry out what it had acknowledged."""
+        if self.request is None:
+            return self
+        return replace(self, request=replace(self.request, acknowledged_s=None))
 
     def because(self, cause: str | None) -> Control:
         """The control after the cause of its loss was found; None: there is no failsafe's."""

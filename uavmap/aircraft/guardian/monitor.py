@@ -34,8 +34,6 @@ from uavmap.mavlink.vehicle_view import OFF_GROUND_M, VehicleView
 TRACK_S: Final = 1.0
 PATH_TRACK_S: Final = 0.4
 """On a path that is flown without stopping: plans follow one another so fast."""
-ACKS_OF_PX4: Final = 2
-"""Acknowledgements of DO_SET_MODE after which a PX4 has changed its mode."""
 
 
 class PlaceFinder(Protocol):
@@ -81,8 +79,6 @@ class Monitor:
         self._reporter = reporter
         self._view = view
         self._scopes: set[asyncio.Timeout] = set()
-        self._acks = 0
-        """Acknowledgements of the latest request for a mode."""
         self._tracked_s = float("-inf")
         self._down_s: float | None = None
         """Since when it stands on the ground by its own word, while that is not reported yet."""
@@ -124,7 +120,6 @@ class Monitor:
     # --- what we do --------------------------------------------------------------------------
     def asks(self, mode: int) -> None:
         """A mode is asked for now."""
-        self._acks = 0
         self.control = self.control.asking(mode, self._reporter.loop_s())
 
     def refused(self) -> None:
@@ -184,24 +179,25 @@ class Monitor:
             )
 
     def _hear_acknowledgement(self, ack: Message) -> None:
-        """The autopilot's word that it lands, returns or follows a stream.
+        """The autopilot's word on the mode that was asked for: it has come, or is not taken.
 
-        A PX4 acknowledges DO_SET_MODE twice: unseen, and when its commander has done it.
+        A PX4 acknowledges DO_SET_MODE twice: unseen, and when its commander has decided. Either
+        may be lost, so the first acceptance counts until a refusal follows.
         """
         kind, request = self._view.kind, self.control.request
-        if request is None or (request.mode == kind.stream_mode and not kind.streams_apart):
+        if request is None:
             return
-        command, wanted = {
-            kind.land: (mav.MAV_CMD_NAV_LAND, 1),
-            kind.rtl: (mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, 1),
-            kind.stream_mode: (mav.MAV_CMD_DO_SET_MODE, ACKS_OF_PX4),
-        }.get(request.mode, (None, 0))
-        ours = ack.target_system in (0, GROUND_SYSTEM_ID) and ack.result == mav.MAV_RESULT_ACCEPTED
-        if not ours or ack.command != command:
+        command = {
+            kind.stream_mode: mav.MAV_CMD_DO_SET_MODE,
+            kind.land: mav.MAV_CMD_NAV_LAND,
+            kind.rtl: mav.MAV_CMD_NAV_RETURN_TO_LAUNCH,
+        }.get(request.mode)
+        if command != ack.command or ack.target_system not in (0, GROUND_SYSTEM_ID):
             return
-        self._acks += 1
-        if self._acks == wanted:
+        if ack.result == mav.MAV_RESULT_ACCEPTED:
             self.control = self.control.acknowledged(self._reporter.loop_s())
+        elif ack.result != mav.MAV_RESULT_IN_PROGRESS:
+            self.control = self.control.denied()
 
     # --- flight ------------------------------------------------------------------------------
     def _watch_ground(self) -> None:

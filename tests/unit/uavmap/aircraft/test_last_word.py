@@ -200,8 +200,11 @@ async def test_px4_pilot_turns_to_position_just_before_an_order_keeps_it(
     assert len(flight.seen(Overridden)) == 1
 
 
-@by(fly, on_px4)
-async def test_px4_pilot_turns_to_hold_right_after_offboard_keeps_it(flight: Flight, /) -> None:
+@pytest.mark.parametrize("lost_ack", [None, 0, 1])
+@by(fly, lambda lost_ack: on_px4())
+async def test_px4_pilot_turns_to_hold_right_after_offboard_keeps_it(
+    flight: Flight, /, lost_ack: int | None
+) -> None:
     """Seen: OFFBOARD asked for at 58.81 s, the pilot's Hold at 59.0, ours again at 61.53."""
     await flight.after(TakeOff(UP_M), Airborne)
     at_s: list[float] = []
@@ -215,17 +218,18 @@ async def test_px4_pilot_turns_to_hold_right_after_offboard_keeps_it(flight: Fli
             asyncio.get_running_loop().call_later(0.01, flight.vehicle._ap.set_mode, Px4Mode.HOLD)
 
     flight.vehicle._ap._change = change
-    beats: list[Message] = []
+    acks: list[Message] = []
 
-    def late_beats(message: Message) -> bool:
-        """One heartbeat in a while: the service does not see OFFBOARD."""
-        if message.get_type() != "HEARTBEAT" or message.type == mav.MAV_TYPE_CAMERA:
-            return True
-        beats.append(message)
-        offboard: int = Px4Mode.OFFBOARD
-        return bool(message.custom_mode != offboard)
+    def lossy(message: Message) -> bool:
+        """The service does not see OFFBOARD, and may lose one of the two acknowledgements."""
+        if message.get_type() in ("HEARTBEAT", "CURRENT_MODE"):
+            return int(message.custom_mode) != Px4Mode.OFFBOARD
+        if getattr(message, "command", None) == mav.MAV_CMD_DO_SET_MODE:
+            acks.append(message)
+            return len(acks) - 1 != lost_ack
+        return True
 
-    flight.to_driver = late_beats
+    flight.to_driver = lossy
     plan = rounded_path(
         [GridPoint(0.0, 0.0), GridPoint(0.0, 50.0)], flight.now_s() + 1.0, speed_m_s=4.0
     )

@@ -20,6 +20,7 @@ from missions.orders import FlyPath
 from missions.units import GridPoint, LatLon
 from tests.support.mavlink_peer import Message, Peer, ack, heartbeat
 from tests.support.running import by
+from uavmap.aircraft.control import MODE_KNOWN_S, Holder
 from uavmap.aircraft.controlled_commands import ControlledCommands
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.path_stream import BRAKE_S, INTERVAL_S, PLACES_INTERVAL_S, PathStream, setpoint
@@ -83,6 +84,11 @@ class Wire:
         task = asyncio.create_task(beat())
         yield
         task.cancel()
+
+    def answers_twice(self, *, refused: bool) -> None:
+        """A PX4's receiver says yes to any mode, then its commander what it does."""
+        self.peer.say(ack(SET_MODE, mav.MAV_RESULT_ACCEPTED))
+        self.peer.say(ack(SET_MODE, mav.MAV_RESULT_TEMPORARILY_REJECTED * refused), after_s=0.02)
 
     def changes(self, mode: int, after_s: float) -> None:
         """It changes its mode in a while."""
@@ -209,8 +215,7 @@ async def test_px4_sees_a_stream_first_and_then_changes_to_offboard() -> None:
         if getattr(message, "command", None) == SET_MODE:
             asked.append(wire.now_s())
             assert (message.param1, message.param2) == (1.0, 6.0)
-            # a PX4 says yes to whatever it is asked; the heartbeat says what it did
-            wire.peer.say(ack(SET_MODE, 0))
+            wire.answers_twice(refused=len(asked) == 1)
             if len(asked) == 2:
                 wire.changes(OFFBOARD, after_s=0.4)
 
@@ -237,7 +242,7 @@ async def test_a_px4_that_does_not_change_its_mode_ends_the_order() -> None:
 
     def answer(message: Message) -> None:
         if getattr(message, "command", None) == SET_MODE:
-            wire.peer.say(ack(SET_MODE, 0))
+            wire.answers_twice(refused=True)
 
     wire.peer.answer = answer
     wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
@@ -245,6 +250,47 @@ async def test_a_px4_that_does_not_change_its_mode_ends_the_order() -> None:
         with pytest.raises(ExceptionGroup) as failed:
             await asyncio.wait_for(wire.stream.run(), 60.0)
     assert failed.group_contains(LinkError, match="does not change to OFFBOARD")
+    assert wire.monitor.control.holder is Holder.OURS
+
+
+@by(flown)
+async def test_px4_acknowledges_offboard_once_and_shows_hold_is_the_pilots() -> None:
+    """Seen over a link that lost 40 %: the second acknowledgement and each report of OFFBOARD were
+    lost, and after 5.1 s the pilot's Hold was taken back.
+    """
+    wire = Wire(px4=True)
+    wire.peer.answer = lambda message: (
+        wire.peer.say(ack(SET_MODE, 0)) if getattr(message, "command", 0) == SET_MODE else None
+    )
+    wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
+    async with wire.beating():
+        await asyncio.wait_for(wire.stream.run(), 60.0)
+    assert wire.monitor.control.holder is Holder.PILOT
+    assert [command for _, command, _ in wire.peer.commands()] == [SET_MODE]
+
+
+@by(flown)
+async def test_no_copy_of_a_mode_is_sent_on_a_report_of_before_it_waited() -> None:
+    """A camera that does not answer kept the command waiting, and copies followed each second."""
+    wire, told_s = Wire(px4=True), []
+    camera = asyncio.create_task(wire.peer.session.command(2001, component=100))
+
+    async def beat() -> None:
+        while True:
+            told_s.append(wire.now_s())
+            wire.tell(HOLD)
+            await asyncio.sleep(0.7)
+
+    beating = asyncio.create_task(beat())
+    wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
+    streaming = asyncio.create_task(wire.stream.run())
+    await asyncio.sleep(12.0)
+    for task in (camera, beating, streaming):
+        task.cancel()
+    asked_s = [t_s for t_s, command, _ in wire.peer.commands() if command == SET_MODE]
+    assert len(asked_s) >= 4
+    for at_s in asked_s:
+        assert at_s - max(t_s for t_s in told_s if t_s <= at_s) <= MODE_KNOWN_S
 
 
 # --- leaving -------------------------------------------------------------------------------------
