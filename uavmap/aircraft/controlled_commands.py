@@ -2,9 +2,9 @@
 
     manoeuvres, guardian -> control is asked -> the driver's commands -> MAVLink
 
-Each command ends as soon as a pilot or a failsafe has the vehicle, its repetitions included. A mode
-is commanded, and commanded again, only on a mode that was reported just now. The guardian has commands of its own: while
-it acts, those of the mission are refused.
+Each command ends as soon as a pilot or a failsafe has the vehicle, its repetitions included. Each
+copy of a command for a mode is sent only on a mode that was reported just now. The guardian has
+commands of its own: while it acts, those of the mission are refused.
 """
 
 from __future__ import annotations
