@@ -169,7 +169,8 @@ class _KnownMode:
 
     def grants(self) -> bool:
         now_s = asyncio.get_running_loop().time()
-        granted = self.commands.may_send and self.monitor.control.knows_mode(now_s)
+        known = self.monitor.control.knows_mode(now_s) and not self.session.view.gate.clock.late
+        granted = self.commands.may_send and known
         if granted:
             self.copy()
         return granted

@@ -88,7 +88,7 @@ class MavlinkVehicle:
             session.view.ground = GroundBelow(setting.ground, setting.grid)
         self._camera = camera
         self._setting = setting
-        self._link_lost_s = link_lost_s
+        self._link_lost_s = session.view.gate.clock.limit_s = link_lost_s
         self._ground_patience_s = ground_patience_s
         self._clock_rate = clock_rate
         self._tell = tell
@@ -337,15 +337,12 @@ class MavlinkVehicle:
         )
 
     def _silent_s(self) -> float:
-        """Since when a heartbeat or the position is missing.
-
-        Heartbeats alone are not enough: an autopilot that restarted has forgotten its streams.
-        """
-        last_s = min(self._view.heard_s, self._view.position_s)
-        return asyncio.get_running_loop().time() - last_s
+        return self._view.silent_s(asyncio.get_running_loop().time())
 
     def _hears(self) -> bool:
-        return asyncio.get_running_loop().time() - self._view.heard_s < self._link_lost_s
+        """Whether it speaks, and what it says is of now; its position may be missing."""
+        heard_s = asyncio.get_running_loop().time() - self._view.heard_s
+        return heard_s < self._link_lost_s and not self._view.gate.clock.late
 
     def _missing(self, since_s: float) -> str:
         """What the vehicle has yet to tell; a position from before does not count."""

@@ -244,6 +244,15 @@ class VehicleView:
             valid_s = min(valid_s, clock.boot_s + clock.offset_s)
         return max(now_s - valid_s, 0.0)
 
+    def silent_s(self, now_s: float) -> float:
+        """Time since which a heartbeat or a position is missing, s.
+
+        Heartbeats alone are not enough: an autopilot that restarted has forgotten its streams.
+        What a link has kept and hands over late is of the time when it was sent.
+        """
+        known_s = now_s - min(self.heard_s, self.position_s)
+        return max(known_s, self.age_s(now_s)) if self.gate.clock.late else known_s
+
     def captured_s(self, boot_ms: int, now_s: float, since_s: float = float("-inf")) -> float:
         """When, on the loop's clock, a camera took the picture of an announcement.
 

@@ -305,7 +305,7 @@ class Guardian:
     def _take_up(self) -> None:
         """A vehicle that was silent when the mission ended, and speaks again."""
         monitor, view = self._monitor, self._view
-        heard = self._reporter.loop_s() - min(view.heard_s, view.position_s) <= STALE_S
+        heard = view.silent_s(self._reporter.loop_s()) <= STALE_S
         if monitor.met and not monitor.connected and heard:
             monitor.report_connected()
             self.heard_again()
@@ -354,7 +354,8 @@ class Guardian:
 
     def _flies_for_us(self) -> bool:
         """Whether it is in the air, heard, and in a mode that follows targets."""
-        heard = self._monitor.met and self._reporter.loop_s() - self._view.position_s <= STALE_S
+        late_s = self._reporter.loop_s() - self._view.position_s
+        heard = self._monitor.met and late_s <= STALE_S and not self._view.gate.clock.late
         return self.responsible and heard and self._monitor.mode == "follow"
 
     def _endurance_left_s(self) -> float:
@@ -381,7 +382,7 @@ class Guardian:
         place = reporter.grid.position(reporter.position())
         where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}, {view.height_m:.0f} m up"
         if self.responsible:
-            silent_s = reporter.loop_s() - view.heard_s
+            silent_s = view.silent_s(reporter.loop_s())
             if silent_s > STALE_S * 2:
                 return f"in the air when it was last heard, {silent_s:.0f} s ago, at {where}"
             return f"left to its autopilot in {view.mode_name} at {where}"

@@ -52,7 +52,7 @@ class Outbox:
 
     @contextlib.contextmanager
     def asked(self, command: int, permit: Permit | None = None) -> Iterator[None]:
-        """For as long as it lasts a command may go, as often as MAVSDK likes and a permit grants."""
+        """While it lasts a command may go as often as MAVSDK likes and `permit` grants."""
         self._asked[command].append(permit)
         try:
             yield

@@ -409,6 +409,40 @@ async def test_streams_that_were_forgotten_are_asked_for_again(flight: Flight, /
     await flight.after(to(0.0, 0.0), Arrived)
 
 
+@pytest.mark.parametrize("caught_up", [False, True])
+@by(fly, lambda caught_up: small_mission())
+async def test_link_that_hands_over_what_it_kept_for_minutes_is_lost_until_it_is_of_now(
+    flight: Flight, /, caught_up: bool
+) -> None:
+    """A radio that buffers: a vehicle of a minute ago was taken for one that answers."""
+    await flying(flight)
+    deliver, held = flight._deliver, list[bytes]()
+    flight._deliver = lambda data, later=False: held.append(data)  # type: ignore[method-assign]
+    await asyncio.sleep(60.0)
+    assert len(flight.seen(LinkLost)) == 1
+    flight.driver.give(StandDown())
+    await asyncio.sleep(5.0)
+    sent, tracked = len(flight.sent), len(flight.seen(Tracked))
+    kept = len(held)
+    for _ in range(4000):  # it hands over as much as comes in
+        await asyncio.sleep(0.05)
+        while len(held) > kept:
+            deliver(held.pop(0))
+    now_s = flight.now_s()
+    assert flight.driver.view.silent_s(now_s) == pytest.approx(66.0, abs=3.0)
+    flight.driver.guardian.take_over("rtl", "the mission has ended")
+    await asyncio.sleep(5.0)
+    assert flight.commands_after(sent) == []
+    assert len(flight.seen(Connected)) == 1
+    assert len(flight.seen(Tracked)) == tracked
+    assert not flight.seen(GivenUp)
+    flight._deliver = deliver  # type: ignore[method-assign]
+    if caught_up:
+        deliver(b"".join(held))
+    await flight.sees(Connected, 2, within_s=5.0)
+    assert flight.driver.view.silent_s(flight.now_s()) < 1.0
+
+
 # --- pictures --------------------------------------------------------------------------------
 @by(fly)
 async def test_a_camera_that_stalls_is_reported_and_the_look_ends(flight: Flight, /) -> None:
