@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import math
 import struct
+from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator
 from typing import Any, Final, Protocol
 
@@ -86,7 +87,8 @@ class Session:
         self._waiters: list[tuple[Callable[[], bool], asyncio.Future[None]]] = []
         self._acks: dict[tuple[int, int], asyncio.Queue[Message]] = {}
         """By command and the component that was asked."""
-        self._command_lock = asyncio.Lock()
+        self._commanding: defaultdict[int, asyncio.Lock] = defaultdict(asyncio.Lock)
+        """One command at a time for each component: no landing waits for a camera's answer."""
         self.heard_s: dict[int, float] = {}
         """When the vehicle's autopilot last said a kind of message, by its id, on our clock."""
         self.view = VehicleView()
@@ -310,7 +312,7 @@ class Session:
         permit: Permit | None = None,
     ) -> None:
         name = mav.enums["MAV_CMD"][command].name
-        async with self._command_lock:
+        async with self._commanding[asked]:
             sent_s = asyncio.get_running_loop().time()
             queue = self._acks[command, asked] = asyncio.Queue()
             ack: Message | None = None

@@ -128,7 +128,7 @@ class MavsdkSession(Session):
     ) -> None:
         """MAVSDK repeats a command and waits; here its answer is read."""
         name = mav.enums["MAV_CMD"][command].name
-        async with self._command_lock:
+        async with self._commanding[asked]:
             result: int | None = None
             for attempt in range(ACK_TRIES):
                 if attempt and done():

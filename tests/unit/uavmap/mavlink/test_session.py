@@ -228,6 +228,18 @@ async def test_two_commands_at_once_both_get_their_ack(peer: Peer, /) -> None:
 
 
 @by(conversation)
+async def test_landing_does_not_wait_for_a_camera_that_does_not_answer(peer: Peer, /) -> None:
+    """Each command of the camera kept the autopilot's waiting for 5 s."""
+    peer.answer = lambda message: peer.say(ack(LAND, OK)) if message.command == LAND else None
+    camera = asyncio.create_task(peer.session.command(CAPTURE, component=100))
+    await asyncio.sleep(0.5)
+    await peer.session.command(LAND)
+    assert asyncio.get_running_loop().time() < 0.6
+    camera.cancel()
+    await asyncio.gather(camera, return_exceptions=True)
+
+
+@by(conversation)
 async def test_a_command_that_is_called_off_is_not_repeated_and_blocks_nobody(
     peer: Peer, /
 ) -> None:
