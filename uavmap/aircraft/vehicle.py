@@ -274,6 +274,9 @@ class MavlinkVehicle:
         while True:
             await asyncio.sleep(1.0)
             self._watch_clock()
+            if (clock := self._view.gate.clock).late:
+                stamp_ns = clock.ask(asyncio.get_running_loop().time())
+                self._session.send(mav.MAVLink_timesync_message(0, stamp_ns))
             if monitor.connected and monitor.control.is_ours and self._hears():
                 self._streams.keep()
             if monitor.connected and self._silent_s() >= self._link_lost_s:

@@ -128,8 +128,8 @@ class BootClock:
     """An autopilot's time since boot beside the time of our loop.
 
     A link that was silent for more than `limit_s`, and then goes on where it had stopped, has kept
-    what was sent meanwhile. What comes is late until the link has caught up, however long that
-    takes: it says nothing of the offset.
+    what was sent meanwhile. What comes is late, and says nothing of the offset, until the link has
+    caught up or answers at once: then it was the clock that stood, as a simulator's may.
     """
 
     boot_s: float | None = None
@@ -137,6 +137,7 @@ class BootClock:
     limit_s: float = LATE_S
     late: bool = False
     """Whether the link hands over what it has kept."""
+    _asked_ns: deque[int] = field(default_factory=lambda: deque(maxlen=10))
     _heard_s: float = float("-inf")
     _moved_s: float = float("-inf")
     _other: tuple[float, float, float] | None = None
@@ -159,6 +160,17 @@ class BootClock:
         elif not self._confirms(boot_s, now_s):
             return OLDER if boot_s < self.boot_s else "its clock leapt ahead"
         return None
+
+    def ask(self, now_s: float) -> int:
+        """Return the stamp of a TIMESYNC that is sent now, ns."""
+        self._asked_ns.append(round(now_s * 1e9))
+        return self._asked_ns[-1]
+
+    def answered(self, asked_ns: int, now_s: float) -> None:
+        """Take in the answer to a TIMESYNC of this stamp."""
+        soon = now_s - asked_ns / 1e9 < self.limit_s
+        if self.late and self.boot_s is not None and asked_ns in self._asked_ns and soon:
+            self._adopt(self.boot_s, now_s)
 
     def _confirms(self, boot_s: float, now_s: float) -> bool:
         """Whether this makes certain that the clock has begun anew."""

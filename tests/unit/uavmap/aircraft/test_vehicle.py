@@ -432,7 +432,7 @@ async def test_link_that_hands_over_what_it_kept_for_minutes_is_lost_until_it_is
     assert flight.driver.view.silent_s(now_s) == pytest.approx(66.0, abs=3.0)
     flight.driver.guardian.take_over("rtl", "the mission has ended")
     await asyncio.sleep(5.0)
-    assert flight.commands_after(sent) == []
+    assert {m.get_type() for m in flight.commands_after(sent)} == {"TIMESYNC"}
     assert len(flight.seen(Connected)) == 1
     assert len(flight.seen(Tracked)) == tracked
     assert not flight.seen(GivenUp)
@@ -441,6 +441,23 @@ async def test_link_that_hands_over_what_it_kept_for_minutes_is_lost_until_it_is
         deliver(b"".join(held))
     await flight.sees(Connected, 2, within_s=5.0)
     assert flight.driver.view.silent_s(flight.now_s()) < 1.0
+
+
+@by(fly)
+async def test_clock_that_stood_still_is_that_of_a_vehicle_which_answers_at_once(
+    flight: Flight, /
+) -> None:
+    """A simulator that was stopped sends what a radio sends that has kept it."""
+    await flying(flight)
+    step = flight.vehicle.step
+    flight.vehicle.step = lambda passed_s: b""  # type: ignore[method-assign]
+    await flight.sees(LinkLost)
+    await asyncio.sleep(5.0)
+    flight.vehicle.step = step  # type: ignore[method-assign]
+    await asyncio.sleep(0.5)
+    assert flight.driver.view.gate.clock.late
+    await flight.sees(Connected, 2, within_s=5.0)
+    assert flight.driver.view.silent_s(flight.now_s()) < 0.5
 
 
 # --- pictures --------------------------------------------------------------------------------
