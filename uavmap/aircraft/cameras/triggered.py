@@ -88,9 +88,6 @@ class TriggeredSource(CommandedSource):
         self._active = False
         super().stop()
 
-    def ask_again(self, index: int) -> None:
-        """CAMERA_FEEDBACK is not repeated."""
-
     # --- exposures ---------------------------------------------------------------------------
     def _on_message(self, message: Message) -> None:
         if message.get_type() != "CAMERA_FEEDBACK" or message.img_idx == self._last_index:

@@ -162,11 +162,6 @@ class Beat:
     kind: Literal["beat"] = "beat"
 
 
-ToAircraft = (
-    Attach | Begin | Fly | Give | LandHere | Judged | Swapped | Answered | Finish | Leave | Beat
-)  # fmt: skip
-
-
 # --- from the aircraft --------------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class Attached:
@@ -273,19 +268,11 @@ class Ended:
     kind: Literal["ended"] = "ended"
 
 
-FromAircraft = (
-    Attached
-    | Ready
-    | Happened
-    | Picture
-    | BatteryWanted
-    | BatteryUnwanted
-    | Question
-    | Line
-    | Beat
+Message = (
+    Attach | Begin | Fly | Give | LandHere | Judged | Swapped | Answered | Finish | Leave | Beat
+    | Attached | Ready | Happened | Picture | BatteryWanted | BatteryUnwanted | Question | Line
     | Ended
-)
-Message = ToAircraft | FromAircraft
+)  # fmt: skip
 _ADAPTER: Final[TypeAdapter[Message]] = TypeAdapter(Annotated[Message, Field(discriminator="kind")])
 
 

@@ -13,7 +13,6 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError
-from missions.geo.course import Course
 from missions.geo.grid import Grid
 from missions.geo.trajectory import Trajectory, rounded_path
 from missions.orders import FlyPath
@@ -23,7 +22,7 @@ from tests.support.running import by
 from uavmap.aircraft.control import MODE_KNOWN_S, Holder
 from uavmap.aircraft.controlled_commands import ControlledCommands
 from uavmap.aircraft.guardian.monitor import Monitor
-from uavmap.aircraft.path_stream import BRAKE_S, INTERVAL_S, PLACES_INTERVAL_S, PathStream, setpoint
+from uavmap.aircraft.path_stream import BRAKE_S, INTERVAL_S, PLACES_INTERVAL_S, PathStream
 from uavmap.aircraft.reporter import Reporter
 from uavmap.aircraft.stream_timeout import StreamTimeout
 from uavmap.base.clock import VirtualClock, run
@@ -144,17 +143,6 @@ async def test_place_and_velocity_ten_times_a_second_the_velocity_half_a_second_
 
 
 @by(flown)
-async def test_without_a_heading_the_autopilot_chooses_it() -> None:
-    wire = Wire()
-    wire.stream.begin(FlyPath(plan(), 12.0, None, 0.2))
-    streaming = asyncio.create_task(wire.stream.run())
-    await asyncio.sleep(0.05)
-    streaming.cancel()
-    ((_, first),) = wire.setpoints()
-    assert first.type_mask == 0xDC0
-
-
-@by(flown)
 async def test_a_path_that_replaces_another_leaves_no_gap_and_no_jump() -> None:
     wire = Wire()
     first = plan()
@@ -179,6 +167,7 @@ async def test_a_path_that_replaces_another_leaves_no_gap_and_no_jump() -> None:
         now = first if t_s < begin_s else second
         assert place_of(m).distance_to(now.at(t_s).place) < 0.1
         assert m.alt == (12.0 if t_s < begin_s else 15.0)
+        assert m.type_mask == 0xDC0  # without a heading the autopilot chooses it
     moving = [math.hypot(m.vx, m.vy) for t_s, m in sent if 4.0 < t_s < second.end_s - 4.0]
     assert min(moving) > 3.0
 
@@ -417,14 +406,6 @@ async def test_a_px4_keeps_its_parameters() -> None:
 
 
 # --- the arithmetic ------------------------------------------------------------------------------
-def test_a_setpoint_is_the_course_averaged_and_ahead() -> None:
-    course = Course((plan(0.0),))
-    dense = [course.at(8.0 + 0.5 * (i + 0.5) / 1000).place for i in range(1000)]
-    mean = GridPoint(sum(p.east_m for p in dense) / 1000.0, sum(p.north_m for p in dense) / 1000.0)
-    told = setpoint(course, 8.25, 0.0, 0.0)
-    assert math.dist(told[:2], mean) < 0.002
-    assert math.hypot(*told[2:]) <= 6.0 + 1e-9
-    assert setpoint(course, 8.0, 0.25, 0.25) == pytest.approx(told, abs=1e-9)
 
 
 @by(flown)

@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
 from tests.support.hostile import Hostile
-from tests.support.mavlink_peer import Peer, ack, heartbeat, text
+from tests.support.mavlink_peer import Peer, heartbeat, text
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.continuity import JUMP_CONFIRMED_S, BootClock, distance_m
 from uavmap.mavlink.identity import same_aircraft
@@ -633,14 +633,6 @@ def test_a_parser_that_raises_costs_its_bytes_and_nothing_else(
         assert peer.session.view.mode == 9
 
     in_session(hit)
-
-
-def test_acknowledgements_of_whatever_are_harmless() -> None:
-    def say(peer: Peer) -> None:
-        for result in range(256):
-            peer.session.feed(peer.frame(ack(400, result)))
-
-    in_session(say)
 
 
 @pytest.mark.skipif(not TLOG.is_file(), reason="the recorded flight is not beside this repository")
