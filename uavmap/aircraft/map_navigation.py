@@ -231,18 +231,11 @@ class Navigation:
 
     def _say(self, now_s: float) -> None:
         self._told_s = now_s
-        known = self.by_map
-        self._reporter.report(
-            Navigated(
-                self._reporter.number,
-                self._reporter.t_s(),
-                self.gnss,
-                sigma_m=round(self.sigma_m, 2) if known else None,
-                off_m=GridPoint(round(self._off.east_m, 2), round(self._off.north_m, 2))
-                if known
-                else None,
-            )
-        )
+        if not self.by_map:
+            self._reporter.happened(Navigated, self.gnss)
+            return
+        off = GridPoint(round(self._off.east_m, 2), round(self._off.north_m, 2))
+        self._reporter.happened(Navigated, self.gnss, sigma_m=round(self.sigma_m, 2), off_m=off)
 
     # --- what its pictures say -----------------------------------------------------------------
     def placed(self, frame: Frame) -> Frame:

@@ -221,7 +221,7 @@ class MavlinkVehicle:
             self._monitor.report_connected()
             self.guardian.heard_again()
         else:
-            self._reporter.report(LinkLost(self.number, self._reporter.t_s()))
+            self._reporter.happened(LinkLost)
 
     def _flies_path(self, order: FlyPath) -> bool:
         """Whether it flies a path, and goes on with this one."""
@@ -260,15 +260,12 @@ class MavlinkVehicle:
             pass  # the next one comes soon
 
     def _order_failed(self, reason: str, behind: bool = False) -> None:
-        name = type(self._order).__name__
-        self._reporter.report(
-            OrderFailed(self.number, self._reporter.t_s(), name, reason, behind=behind)
-        )
+        self._reporter.happened(OrderFailed, type(self._order).__name__, reason, behind=behind)
 
     # --- the link ----------------------------------------------------------------------------
     async def _watch_link(self) -> None:
         """Say when the vehicle falls silent, and take it up again whenever it speaks."""
-        monitor, reporter = self._monitor, self._reporter
+        monitor = self._monitor
         given_up = False
         give_up_after_s: float | None = None
         while True:
@@ -282,7 +279,7 @@ class MavlinkVehicle:
             if monitor.connected and self._silent_s() >= self._link_lost_s:
                 monitor.connected = given_up = False
                 give_up_after_s = self._waited_for_s()
-                reporter.report(LinkLost(self.number, reporter.t_s()))
+                self._reporter.happened(LinkLost)
             elif not monitor.connected and self._hears():
                 with contextlib.suppress(LinkError):
                     if not self._streams.go_on:
@@ -298,7 +295,7 @@ class MavlinkVehicle:
                 and self._silent_s() > give_up_after_s
             ):
                 given_up = True
-                reporter.report(GivenUp(self.number, reporter.t_s(), self._silence()))
+                self._reporter.happened(GivenUp, self._silence())
 
     def _watch_clock(self) -> None:
         """Say it when the vehicle's time passes faster or slower than ours."""

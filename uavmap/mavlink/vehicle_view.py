@@ -82,7 +82,7 @@ LEAP_GAP_S: Final = 0.5
 """Longest time between two positions over which a leap can be told from flight, s."""
 OFF_GROUND_M: Final = 2.0
 """Height above which an armed vehicle without a landed state counts as airborne, m."""
-_OFF_GROUND: Final = (
+OFF_GROUND: Final = (
     mav.MAV_LANDED_STATE_TAKEOFF,
     mav.MAV_LANDED_STATE_IN_AIR,
     mav.MAV_LANDED_STATE_LANDING,
@@ -293,7 +293,7 @@ class VehicleView:
     def off_ground(self) -> bool:
         """Armed, and not on the ground by the autopilot's own word; without one, once it rose."""
         unsaid = self.landed_state == mav.MAV_LANDED_STATE_UNDEFINED
-        return self.armed and (self.rose if unsaid else self.landed_state in _OFF_GROUND)
+        return self.armed and (self.rose if unsaid else self.landed_state in OFF_GROUND)
 
     def height_of(self, message: Message) -> float:
         """The height that a message of this vehicle tells, metres above `home_amsl_m`, or above

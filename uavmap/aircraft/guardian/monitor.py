@@ -166,17 +166,10 @@ class Monitor:
     def _report_control(self, before: Control) -> None:
         control, reporter = self.control, self._reporter
         if before.is_ours and not control.is_ours:
-            reporter.report(
-                Overridden(
-                    reporter.number, reporter.t_s(), self._view.mode_name,
-                    cause=control.cause or None,
-                )
-            )  # fmt: skip
+            reporter.happened(Overridden, self._view.mode_name, cause=control.cause or None)
         elif control.is_ours and not before.is_ours:
             height_m = reporter.height_m() if control.off_ground else 0.0
-            reporter.report(
-                Released(reporter.number, reporter.t_s(), reporter.position(), height_m)
-            )
+            reporter.happened(Released, reporter.position(), height_m)
 
     def _hear_acknowledgement(self, ack: Message) -> None:
         """The autopilot's word on the mode that was asked for: it has come, or is not taken.
@@ -219,7 +212,7 @@ class Monitor:
         """Report lifting off, and that it stands on the ground with its motors off."""
         control = self.control
         if control.air.is_flying and not before.air.is_flying:
-            self._reporter.report(LiftedOff(self._reporter.number, self._reporter.t_s()))
+            self._reporter.happened(LiftedOff)
         stood = not before.armed and not before.air.may_be_up
         if stood or control.armed or control.air is not AirState.ON_GROUND:
             return
@@ -235,11 +228,7 @@ class Monitor:
         """Say that the vehicle stands on the ground."""
         reporter = self._reporter
         self.wind.forget()
-        reporter.report(
-            Landed(
-                reporter.number, reporter.t_s(), reporter.remaining(), position=reporter.position()
-            )
-        )
+        reporter.happened(Landed, reporter.remaining(), position=reporter.position())
 
     def _measure_wind(self) -> None:
         north_m_s, east_m_s, _ = self._view.velocity_ned_m_s
@@ -262,16 +251,10 @@ class Monitor:
         every_s = PATH_TRACK_S if self.on_path else TRACK_S
         if self.connected and now_s - self._tracked_s >= every_s - 1e-6:
             self._tracked_s = now_s
-            reporter.report(
-                Tracked(
-                    reporter.number,
-                    reporter.t_s(),
-                    reporter.position(),
-                    reporter.height_m(),
-                    reporter.remaining(),
-                    wind_m_s=self.wind.speed_m_s,
-                )
-            )
+            reporter.happened(
+                Tracked, reporter.position(), reporter.height_m(), reporter.remaining(),
+                wind_m_s=self.wind.speed_m_s,
+            )  # fmt: skip
 
     def report_connected(self) -> None:
         """Say where the vehicle is, after its link was opened."""
@@ -281,19 +264,9 @@ class Monitor:
         self._watch_ground()
         self.control = self.control.connected(view.kind, resumed=self.resumed)
         airborne = self.control.in_air
-        ours = self.control.is_ours
         home = reporter.home() if view.home is not None else GridPoint(0.0, 0.0)
-        reporter.report(
-            Connected(
-                reporter.number,
-                reporter.t_s(),
-                home,
-                reporter.position(),
-                reporter.height_m(),
-                airborne,
-                ours,
-                reporter.remaining(),
-                home_amsl_m=reporter.home_amsl_m(),
-                mode=self.mode if airborne else None,
-            )
-        )
+        reporter.happened(
+            Connected, home, reporter.position(), reporter.height_m(), airborne,
+            self.control.is_ours, reporter.remaining(), home_amsl_m=reporter.home_amsl_m(),
+            mode=self.mode if airborne else None,
+        )  # fmt: skip
