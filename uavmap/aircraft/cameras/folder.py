@@ -18,10 +18,6 @@ from uavmap.aircraft.cameras.source import Announcement
 from uavmap.base.image_files import opened
 from uavmap.mavlink.continuity import RecentLeast
 
-_WINDOW_S: Final = 60.0
-_SAME_CLOCK_S: Final = 30.0
-"""By more than this a file does not come late: the camera's clock was set."""
-
 
 def exif_time_s(path: Path) -> float | None:
     """The time of EXIF DateTimeOriginal with SubsecTimeOriginal, in seconds of the camera's clock.
@@ -46,22 +42,24 @@ def exif_time_s(path: Path) -> float | None:
 
 @dataclass(slots=True)
 class CardClock:
-    """A camera's clock beside ours: the file that came fastest after its exposure tells it best.
+    """A camera's clock beside ours: what came fastest after its exposure tells it best.
 
     >>> clock = CardClock()
     >>> clock.taken_s(100.0, 12.3), clock.taken_s(101.0, 13.5)
     (12.3, 13.3)
     """
 
-    _lead: RecentLeast = field(default_factory=lambda: RecentLeast(_WINDOW_S))
+    same_s: float = 30.0
+    """By more than this nothing comes late: the camera's clock was set."""
+    _lead: RecentLeast = field(default_factory=lambda: RecentLeast(60.0))
 
-    def taken_s(self, exif_s: float, appeared_s: float) -> float:
-        """When, on our clock, a picture was taken, later by the least time that a file takes."""
-        lead_s, least_s = appeared_s - exif_s, self._lead.value
-        if least_s is not None and abs(lead_s - least_s) > _SAME_CLOCK_S:
+    def taken_s(self, told_s: float, heard_s: float) -> float:
+        """When, on our clock, a picture was taken, later by the least time that its word takes."""
+        lead_s, least_s = heard_s - told_s, self._lead.value
+        if least_s is not None and abs(lead_s - least_s) > self.same_s:
             self._lead.clear()
-        self._lead.add(lead_s, appeared_s)
-        return round(exif_s + (self._lead.value or 0.0), 6)
+        self._lead.add(lead_s, heard_s)
+        return round(told_s + (self._lead.value or 0.0), 6)
 
 
 MOST_UNSURE_S: Final = 0.25
