@@ -12,7 +12,6 @@ from missions.errors import LinkError
 from missions.events import (
     Airborne,
     Arrived,
-    BatterySwapped,
     Connected,
     FrameLost,
     FrameSeen,
@@ -26,8 +25,6 @@ from missions.events import (
     Tracked,
 )
 from missions.orders import (
-    AwaitBattery,
-    FlyTo,
     Hold,
     Land,
     Look,
@@ -60,31 +57,6 @@ GUIDED, LOITER, RTL, LAND = (int(m) for m in (Mode.GUIDED, Mode.LOITER, Mode.RTL
 
 
 # --- the straight path -----------------------------------------------------------------------
-@by(fly)
-async def test_every_order_ends_with_its_event(flight: Flight, /) -> None:
-    assert flight.seen(Connected)[0].airborne is False
-    await flight.after(TakeOff(UP_M), Airborne)
-    assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
-    arrived = await flight.after(to(10.0, 10.0), Arrived)
-    assert arrived.position.distance_to(GridPoint(10.0, 10.0)) < 0.8
-    await flight.after(Sweep(GridPoint(10.0, 26.0), 4.0, UP_M), Arrived)
-    assert len(flight.seen(FrameSeen)) >= 4
-    to_cell = FlyTo((), Cell(2, 4), stop=True, height_m=UP_M)
-    await flight.after(to_cell, Arrived)
-    before = len(flight.seen(FrameSeen))
-    await flight.after(Look(Cell(2, 4), 5, UP_M), LookEnded)
-    looked = flight.seen(FrameSeen)[before:]
-    assert [f.vantage for f in looked] == [Cell(2, 4)] * 5
-    assert all(v.positive for f in looked for v in f.votes if v.cell == Cell(2, 4))
-    await flight.after(to(0.0, 0.0), Arrived)
-    landed = await flight.after(Land(), Landed)
-    assert landed.remaining_wh < 24.9
-    await flight.after(AwaitBattery(), BatterySwapped)
-    times_s = [event.t_s for event in flight.seen(Tracked)]
-    gaps_s = [b - a for a, b in itertools.pairwise(times_s)]
-    assert max(gaps_s) <= 1.2
-    assert not flight.seen(OrderFailed)
-    assert not flight.seen(Overridden)
 
 
 @by(fly)
@@ -136,6 +108,8 @@ async def test_hold_stays(flight: Flight, /) -> None:
     await asyncio.sleep(10.0)
     assert flight.seen(Tracked)[-1].position.distance_to(there) < 1.0
     assert not flight.seen(Arrived)
+    times_s = [event.t_s for event in flight.seen(Tracked)]
+    assert max(b - a for a, b in itertools.pairwise(times_s)) <= 1.2
 
 
 # --- the pilot has the last word -------------------------------------------------------------
@@ -252,14 +226,6 @@ async def test_orders_of_a_ground_station_are_not_ours_to_answer(flight: Flight,
 
 
 # --- refusals --------------------------------------------------------------------------------
-@by(fly)
-async def test_arming_refused_is_said_with_the_reason(flight: Flight, /) -> None:
-    flight.vehicle._ap.arm = lambda force=False: "PreArm: Compass not calibrated"
-    failed = await flight.after(TakeOff(UP_M), OrderFailed, within_s=300.0)
-    assert failed.order == "TakeOff"
-    assert "PreArm: Compass not calibrated" in failed.reason
-    assert "ARM_DISARM was refused: failed" in failed.reason
-    await asyncio.sleep(5.0)
 
 
 @by(fly)
@@ -272,37 +238,9 @@ async def test_a_vehicle_that_never_gets_ready(flight: Flight, /) -> None:
     assert arming == []
 
 
-@by(fly)
-async def test_a_refused_leg_is_said(flight: Flight, /) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
-    far = FlyTo((GridPoint(0.0, 0.0),), None, stop=True, height_m=20_000.0)
-    failed = await flight.after(far, OrderFailed)
-    assert failed.order == "FlyTo"
-    assert "MAV_CMD_DO_REPOSITION was refused" in failed.reason
-
-
 # --- the link --------------------------------------------------------------------------------
 def silence(message: Message) -> bool:
     return False
-
-
-@by(fly)
-async def test_a_silent_link_is_lost_within_6_s_and_found_again(flight: Flight, /) -> None:
-    await flying(flight)
-    flight.to_driver = flight.to_vehicle = silence
-    cut_s, index = flight.now_s(), len(flight.sent)
-    lost = await flight.sees(LinkLost, within_s=6.0)
-    assert lost.t_s - cut_s <= 6.0
-    flight.driver.give(StandDown())  # as the reducer does
-    await asyncio.sleep(20.0)
-    assert len(flight.seen(LinkLost)) == 1
-    repeats = {m.command for m in flight.commands_after(index)}
-    assert repeats <= {mav.MAV_CMD_DO_REPOSITION}
-    flight.to_driver = flight.to_vehicle = lambda message: True
-    connected = await flight.sees(Connected, 2, within_s=5.0)
-    assert (connected.airborne, connected.ours) == (True, True)
-    await flight.after(to(0.0, 0.0), Arrived)
-    assert not flight.seen(OrderFailed)
 
 
 @by(fly)
