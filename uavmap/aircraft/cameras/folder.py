@@ -45,21 +45,22 @@ class CardClock:
     """A camera's clock beside ours: what came fastest after its exposure tells it best.
 
     >>> clock = CardClock()
-    >>> clock.taken_s(100.0, 12.3), clock.taken_s(101.0, 13.5)
-    (12.3, 13.3)
+    >>> [round(clock.taken_s(*told), 6) for told in ((100.0, 12.3), (101.0, 13.5))]
+    [12.3, 13.3]
     """
 
     same_s: float = 30.0
     """By more than this nothing comes late: the camera's clock was set."""
-    _lead: RecentLeast = field(default_factory=lambda: RecentLeast(60.0))
+    lead: RecentLeast = field(default_factory=lambda: RecentLeast(60.0))
+    """The least time from an exposure to its word, in both clocks, s."""
 
     def taken_s(self, told_s: float, heard_s: float) -> float:
         """When, on our clock, a picture was taken, later by the least time that its word takes."""
-        lead_s, least_s = heard_s - told_s, self._lead.value
+        lead_s, least_s = heard_s - told_s, self.lead.value
         if least_s is not None and abs(lead_s - least_s) > self.same_s:
-            self._lead.clear()
-        self._lead.add(lead_s, heard_s)
-        return round(told_s + (self._lead.value or 0.0), 6)
+            self.lead.clear()
+        self.lead.add(lead_s, heard_s)
+        return told_s + (self.lead.value or 0.0)
 
 
 MOST_UNSURE_S: Final = 0.25
@@ -119,7 +120,9 @@ class Card:
             await asyncio.sleep(POLL_S)
 
     def _picture(self, new: NewFile, exif_s: float | None) -> CardPicture:
-        at_s = new.appeared_s if exif_s is None else self._clock.taken_s(exif_s, new.appeared_s)
+        at_s = new.appeared_s
+        if exif_s is not None:
+            at_s = round(self._clock.taken_s(exif_s, new.appeared_s), 6)
         # by its own clock a picture is known as well as the clocks are, however late it is seen
         vague = exif_s is None and new.unsure_s > MOST_UNSURE_S
         fault = "nobody knows when it appeared: the folder is too slow" if vague else None

@@ -23,6 +23,7 @@ from uavmap.aircraft.cameras.folder import Card, CardClock, CardPicture, Say, Sl
 from uavmap.aircraft.cameras.mavlink import CommandedSource
 from uavmap.aircraft.cameras.mount import Mount
 from uavmap.aircraft.cameras.source import Announcement, ToldPose, never
+from uavmap.mavlink.continuity import RecentLeast
 from uavmap.mavlink.session import Message, Session
 
 PATIENCE_S: Final = 5.0
@@ -30,6 +31,7 @@ PATIENCE_S: Final = 5.0
 MOST_APART: Final = 0.5
 """Further apart than this share of the interval they are not partners."""
 _SHORTEST_S: Final = 0.4
+_LEAD_WINDOW_S: Final = 30.0
 _CLOCK_SET_S: Final = 60.0
 _LOOK_S: Final = 0.2
 
@@ -65,7 +67,7 @@ class TriggeredSource(CommandedSource):
         self._active = False
         self._stopped_s = -math.inf
         self._last_index: int | None = None
-        self._clock = CardClock(_CLOCK_SET_S)
+        self._clock = CardClock(_CLOCK_SET_S, RecentLeast(_LEAD_WINDOW_S))
         self._shots: list[_Shot] = []
         self._pictures: list[CardPicture] = []
         session.listen(self._on_message)
