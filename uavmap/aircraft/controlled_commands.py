@@ -13,6 +13,7 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
+from functools import partial
 
 from missions.errors import CommandRefusedError, LinkError
 from missions.units import LatLon
@@ -83,8 +84,7 @@ class ControlledCommands:
             self._monitor.asks(self._view.kind.takes_off_in)
             self._monitor.takes_off()
 
-        async with self._while_ours():
-            await self._commands.take_off(height_m, done, self._permit(copy))
+        await self._into(copy, lambda permit: self._commands.take_off(height_m, done, permit))
 
     # --- what changes no mode ----------------------------------------------------------------
     async def arm(self) -> None:
@@ -138,17 +138,20 @@ class ControlledCommands:
                 raise NotOursError(self._whose()) from None
             raise
 
-    async def _into(self, mode: int, ask: Callable[[Permit], Awaitable[None]]) -> None:
-        """Ask for a mode. Raises `LinkError` where the present mode is not reported."""
+    async def _into(
+        self, mode: int | Callable[[], None], ask: Callable[[Permit], Awaitable[None]]
+    ) -> None:
+        """Ask for a mode, which is noted before each copy, or by a function.
+
+        Raises `LinkError` where the present mode is not reported.
+        """
+        copy = mode if callable(mode) else partial(self._monitor.asks, mode)
         async with self._while_ours():
             try:
-                await ask(self._permit(lambda: self._monitor.asks(mode)))
+                await ask(_KnownMode(self, self._session, self._monitor, copy))
             except CommandRefusedError:
                 self._monitor.refused()
                 raise
-
-    def _permit(self, copy: Callable[[], None]) -> Permit:
-        return _KnownMode(self, self._session, self._monitor, copy)
 
 
 @dataclass(frozen=True, slots=True)
