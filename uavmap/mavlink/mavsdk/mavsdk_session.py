@@ -114,6 +114,8 @@ class MavsdkSession(Session):
         """Have MAVSDK do something that takes a command, which may go over the link meanwhile,
         each copy by the permit.
         """
+        if permit is not None:
+            await permit.granted()
         with self.outbox.asked(command, permit):
             return await self.process.ask(do=what, **more)
 
