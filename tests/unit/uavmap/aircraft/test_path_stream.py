@@ -12,7 +12,7 @@ from dataclasses import replace
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.errors import LinkError
+from missions.errors import CommandRefusedError, LinkError
 from missions.geo.grid import Grid
 from missions.geo.trajectory import Trajectory, rounded_path
 from missions.orders import FlyPath
@@ -280,6 +280,23 @@ async def test_no_copy_of_a_mode_is_sent_on_a_report_of_before_it_waited() -> No
     assert len(asked_s) >= 4
     for at_s in asked_s:
         assert at_s - max(t_s for t_s in told_s if t_s <= at_s) <= MODE_KNOWN_S
+
+
+@by(flown)
+async def test_take_off_that_is_refused_leaves_the_mode_before_it_asked_for() -> None:
+    wire = Wire(px4=True)
+    wire.peer.answer = lambda message: (
+        wire.peer.say(ack(message.command, mav.MAV_RESULT_DENIED))
+        if getattr(message, "command", 0) == mav.MAV_CMD_NAV_TAKEOFF
+        else None
+    )
+    async with wire.beating():
+        with pytest.raises(CommandRefusedError):
+            await wire.stream._commands.take_off(12.0, lambda: False)
+        await asyncio.sleep(5.0)
+    control = wire.monitor.control
+    assert control.request is not None
+    assert (control.holder, control.request.mode) == (Holder.OURS, HOLD)
 
 
 # --- leaving -------------------------------------------------------------------------------------
