@@ -315,6 +315,20 @@ async def test_serial_both_ways() -> None:
 
 
 @by(on_loop)
+async def test_a_serial_port_that_is_unplugged_raises_nothing() -> None:
+    master, name = pseudo_terminal()
+    ear = Ear()
+    async with open_transport(Endpoint("serial", name, 57600), ear) as port:
+        os.write(master, b"frame")
+        await ear.hears(b"frame")
+        os.close(master)
+        for _ in range(5):
+            port.send(b"anybody?")
+            await asyncio.sleep(0.01)
+        assert ear.data == b"frame"
+
+
+@by(on_loop)
 async def test_a_tcp_connection_that_ends_in_flight_is_made_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
