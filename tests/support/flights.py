@@ -174,6 +174,12 @@ class Flight:
             and getattr(message, "command", None) != mav.MAV_CMD_IMAGE_STOP_CAPTURE
         ]
 
+    async def hears_nothing(self, seconds: float) -> None:
+        """Nothing is sent for so long, but heartbeats and the camera's stop."""
+        sent = len(self.sent)
+        await asyncio.sleep(seconds)
+        assert self.commands_after(sent) == []
+
     # --- the service's part ------------------------------------------------------------------
     def report(self, event: Event) -> None:
         """As the reducer does: who is overridden stands down."""

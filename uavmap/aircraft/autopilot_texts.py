@@ -192,8 +192,4 @@ class Spoken:
         if self._kept >= MOST_TOLD and cause is None:
             return
         self._kept += 1
-        reporter = self._reporter
-        reporter.report(
-            Told(reporter.number, reporter.t_s(), text.severity, text.words, times=times,
-                 cause=cause)
-        )  # fmt: skip
+        self._reporter.happened(Told, text.severity, text.words, times=times, cause=cause)

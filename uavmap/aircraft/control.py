@@ -19,7 +19,7 @@ from typing import Final, Literal, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from uavmap.mavlink.autopilots import Autopilot
-from uavmap.mavlink.vehicle_view import OFF_GROUND_M
+from uavmap.mavlink.vehicle_view import OFF_GROUND, OFF_GROUND_M
 
 MODE_KNOWN_S: Final = 0.3
 """Maximum age of the reported mode when another mode is commanded, s."""
@@ -33,13 +33,6 @@ ARMED_S: Final = 1.0
 """Time after NAV_TAKEOFF from which a heartbeat without motors ends the take-off, s."""
 LIFT_S: Final = 12.0
 """Maximum time from an accepted take-off to leaving the ground, s."""
-
-_OFF_GROUND: Final = (
-    mav.MAV_LANDED_STATE_TAKEOFF,
-    mav.MAV_LANDED_STATE_IN_AIR,
-    mav.MAV_LANDED_STATE_LANDING,
-)
-"""A take-off that is called off goes from the first of these to the last."""
 
 FlownMode = Literal["follow", "rtl", "land", "other"]
 """The guardian's word for a mode: by our targets, by the autopilot, or by somebody else."""
@@ -87,7 +80,7 @@ class Request:
     """Modes of earlier requests that may still be carried out until `LATE_S` after this one."""
     confirmed: bool = False
     acknowledged_s: float | None = None
-    """When the autopilot said that it has changed the mode."""
+    """When the autopilot first acknowledged it; None again where it then refused it."""
 
     def allows(self, mode: int, now_s: float) -> bool:
         """Whether a mode other than the one asked for follows from our requests."""
@@ -125,7 +118,7 @@ class Ground:
         if self._unsaid:
             up = self.height_m is not None and self.height_m > OFF_GROUND_M
             return self.armed and (up or air.is_flying)
-        return self.armed and self.landed_state in _OFF_GROUND
+        return self.armed and self.landed_state in OFF_GROUND
 
     @property
     def stands(self) -> bool:
@@ -246,7 +239,7 @@ class Control:
         if beat.landed_state is None or beat.mode != kind.follows or beat.mode == self.mode:
             return False
         lands = self.mode in (kind.rtl, kind.land)
-        return not self.is_ours or (lands and beat.landed_state not in _OFF_GROUND)
+        return not self.is_ours or (lands and beat.landed_state not in OFF_GROUND)
 
     def connected(self, kind: Autopilot, *, resumed: bool) -> Control:
         """The control when a link was opened, or is back, by the mode just reported.
@@ -270,10 +263,16 @@ class Control:
         return self._holding(self.mode, self.heard_s)
 
     def acknowledged(self, now_s: float) -> Control:
-        """The control after the autopilot said that it has changed the mode."""
+        """The control after the autopilot acknowledged the request."""
         if self.request is None or self.request.acknowledged_s is not None:
             return self
         return replace(self, request=replace(self.request, acknowledged_s=now_s))
+
+    def denied(self) -> Control:
+        """The control after the autopilot did not carry out what it had acknowledged."""
+        if self.request is None:
+            return self
+        return replace(self, request=replace(self.request, acknowledged_s=None))
 
     def because(self, cause: str | None) -> Control:
         """The control after the cause of its loss was found; None: there is no failsafe's."""

@@ -2,23 +2,25 @@
 
     manoeuvres, guardian -> control is asked -> the driver's commands -> MAVLink
 
-Each command ends as soon as a pilot or a failsafe has the vehicle, its repetitions included. A mode
-is commanded only on a mode that was reported just now. The guardian has commands of its own: while
-it acts, those of the mission are refused.
+Each command ends as soon as a pilot or a failsafe has the vehicle, its repetitions included. Each
+copy of a command for a mode is sent only on a mode that was reported just now. The guardian has
+commands of its own: while it acts, those of the mission are refused.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
+from dataclasses import dataclass
+from functools import partial
 
 from missions.errors import CommandRefusedError, LinkError
 from missions.units import LatLon
 from uavmap.aircraft.control import HEARTBEAT_WAIT_S, Holder
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.mavlink.commands import MavlinkCommands
-from uavmap.mavlink.session import Message, Session
+from uavmap.mavlink.session import Message, Permit, Session
 
 
 class NotOursError(CommandRefusedError):
@@ -61,29 +63,28 @@ class ControlledCommands:
     # --- modes -------------------------------------------------------------------------------
     async def follow(self) -> None:
         """Into the mode in which the vehicle flies to targets."""
-        async with self._into(self._view.kind.follows):
-            await self._commands.follow()
+        await self._into(self._view.kind.follows, self._commands.follow)
 
     async def follow_stream(self) -> None:
         """Into the mode in which it follows a stream of setpoints."""
-        async with self._into(self._view.kind.stream_mode):
-            await self._commands.follow_stream()
+        await self._into(self._view.kind.stream_mode, self._commands.follow_stream)
 
     async def land(self, done: Callable[[], bool] = _never) -> None:
         """Land where it is."""
-        async with self._into(self._view.kind.land):
-            await self._commands.land(done)
+        await self._into(self._view.kind.land, lambda permit: self._commands.land(done, permit))
 
     async def return_to_launch(self) -> None:
         """Return by its autopilot."""
-        async with self._into(self._view.kind.rtl):
-            await self._commands.return_to_launch()
+        await self._into(self._view.kind.rtl, self._commands.return_to_launch)
 
     async def take_off(self, height_m: float, done: Callable[[], bool]) -> None:
         """Take off; from the first copy on it counts as in the air."""
-        async with self._into(self._view.kind.takes_off_in):
+
+        def copy() -> None:
+            self._monitor.asks(self._view.kind.takes_off_in)
             self._monitor.takes_off()
-            await self._commands.take_off(height_m, done)
+
+        await self._into(copy, lambda permit: self._commands.take_off(height_m, done, permit))
 
     # --- what changes no mode ----------------------------------------------------------------
     async def arm(self) -> None:
@@ -137,21 +138,42 @@ class ControlledCommands:
                 raise NotOursError(self._whose()) from None
             raise
 
-    @contextlib.asynccontextmanager
-    async def _into(self, mode: int) -> AsyncIterator[None]:
-        """Ask for a mode, on a mode that was reported just now. Raises `LinkError`."""
+    async def _into(
+        self, mode: int | Callable[[], None], ask: Callable[[Permit], Awaitable[None]]
+    ) -> None:
+        """Ask for a mode, which is noted before each copy, or by a function.
+
+        Raises `LinkError` where the present mode is not reported.
+        """
+        copy = mode if callable(mode) else partial(self._monitor.asks, mode)
         async with self._while_ours():
-            await self._know_mode()
-            self._check()
-            self._monitor.asks(mode)
             try:
-                yield
+                await ask(_KnownMode(self, self._session, self._monitor, copy))
             except CommandRefusedError:
                 self._monitor.refused()
                 raise
 
-    async def _know_mode(self) -> None:
-        now_s = asyncio.get_running_loop().time
-        known = lambda: self._monitor.control.knows_mode(now_s())  # noqa: E731
-        if not await self._session.until(known, HEARTBEAT_WAIT_S):
+
+@dataclass(frozen=True, slots=True)
+class _KnownMode:
+    """Permits a copy of a command while the vehicle is ours by a mode that was reported just now.
+
+    `copy` is called before each.
+    """
+
+    commands: ControlledCommands
+    session: Session
+    monitor: Monitor
+    copy: Callable[[], None]
+
+    async def granted(self) -> None:
+        if not await self.session.until(self.grants, HEARTBEAT_WAIT_S):
             raise LinkError("the vehicle does not report its mode")
+
+    def grants(self) -> bool:
+        now_s = asyncio.get_running_loop().time()
+        known = self.monitor.control.knows_mode(now_s) and not self.session.view.gate.clock.late
+        granted = self.commands.may_send and known
+        if granted:
+            self.copy()
+        return granted

@@ -151,8 +151,7 @@ class Manoeuvres:
             await self._reach(self._follow(order.cell), order.height_m, stop=order.stop)
 
     def _arrived(self) -> None:
-        reporter = self._reporter
-        reporter.report(Arrived(reporter.number, reporter.t_s(), reporter.position()))
+        self._reporter.happened(Arrived, self._reporter.position())
 
     def _follow(self, cell: Cell) -> Callable[[], GridPoint]:
         """Where a drifting cell is, whenever asked."""
@@ -316,7 +315,7 @@ class Manoeuvres:
                 await self._watch_frames(frames, order.cell)
             if follow is not None:
                 follow.cancel()
-        self._reporter.report(LookEnded(self._reporter.number, self._reporter.t_s()))
+        self._reporter.happened(LookEnded)
 
     async def _stay_over(self, order: Look) -> None:
         target = self._follow(order.cell)

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Final, Literal, Protocol
+from typing import TYPE_CHECKING, Final, Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -33,6 +33,9 @@ from uavmap.mavlink.vehicle_view import VehicleView
 from vision.look import Frame
 from vision.own_map.ground_patch import patch, resolution_m
 from vision.own_map.map_position import OwnMap
+
+if TYPE_CHECKING:
+    from uavmap.aircraft.leapfrog_sight import Member
 
 Gnss = Literal["good", "lost", "wrong"]
 
@@ -58,30 +61,6 @@ UNSEEN_S: Final = 1.0
 AID_EVERY_S: Final = 2.0
 AID_M: Final = 0.3
 """The autopilot is told where it is if it is off by more."""
-
-
-class Partner(Protocol):
-    """What two vehicles measure of each other, for one of them
-    (`uavmap.aircraft.leapfrog_sight`).
-    """
-
-    @property
-    def off(self) -> GridPoint:
-        """By how much its told place is off."""
-        ...
-
-    @property
-    def sigma_m(self) -> float:
-        """How well that is known, one standard deviation."""
-        ...
-
-    def moved(self, told: GridPoint, now_s: float, *, good: bool) -> None:
-        """It tells its place; `good`: by satellites."""
-        ...
-
-    def take(self, frame: Frame) -> None:
-        """It took a picture, with the pose as told."""
-        ...
 
 
 class Navigation:
@@ -110,7 +89,7 @@ class Navigation:
         self._tell = tell
         self._own = OwnMap() if mission.navigation.watches else None
         self._pair = mission.strategy == LEAPFROG.name
-        self.partner: Partner | None = None
+        self.partner: Member | None = None
         """In a leapfrog: what both see of each other."""
         self.gnss: Gnss = "good"
         self.sigma_m = 0.0
@@ -252,18 +231,11 @@ class Navigation:
 
     def _say(self, now_s: float) -> None:
         self._told_s = now_s
-        known = self.by_map
-        self._reporter.report(
-            Navigated(
-                self._reporter.number,
-                self._reporter.t_s(),
-                self.gnss,
-                sigma_m=round(self.sigma_m, 2) if known else None,
-                off_m=GridPoint(round(self._off.east_m, 2), round(self._off.north_m, 2))
-                if known
-                else None,
-            )
-        )
+        if not self.by_map:
+            self._reporter.happened(Navigated, self.gnss)
+            return
+        off = GridPoint(round(self._off.east_m, 2), round(self._off.north_m, 2))
+        self._reporter.happened(Navigated, self.gnss, sigma_m=round(self.sigma_m, 2), off_m=off)
 
     # --- what its pictures say -----------------------------------------------------------------
     def placed(self, frame: Frame) -> Frame:

@@ -107,14 +107,7 @@ class Pad:
         ):
             raise LinkError(f"did not climb to {order.height_m:g} m{view.recent_texts()}")
         reporter = self._reporter
-        reporter.report(
-            Airborne(
-                reporter.number,
-                reporter.t_s(),
-                home=reporter.home(),
-                home_amsl_m=reporter.home_amsl_m(),
-            )
-        )
+        reporter.happened(Airborne, home=reporter.home(), home_amsl_m=reporter.home_amsl_m())
 
     async def _arm(self, waiting: Waiting) -> None:
         """Into the mode that follows us, and motors on."""
@@ -154,4 +147,4 @@ class Pad:
             await self._crew(reporter.number)
             # a word without a battery is heard, and nothing would tell why nobody takes off
             await Waiting(reporter.name, self._session, self._tell).until(fresh, math.inf, what)
-        reporter.report(BatterySwapped(reporter.number, reporter.t_s(), reporter.remaining()))
+        reporter.happened(BatterySwapped, reporter.remaining())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Concatenate, Final, ParamSpec
 
 from missions.errors import LinkError
 from missions.events import Event
@@ -11,6 +11,7 @@ from missions.geo.grid import Grid
 from missions.units import GridPoint, LatLon
 from uavmap.mavlink.vehicle_view import VehicleView
 
+P = ParamSpec("P")
 Report = Callable[[Event], None]
 
 BATTERY_STALE_S: Final = 10.0
@@ -48,6 +49,12 @@ class Reporter:
     def t_s(self) -> float:
         """Mission time, to a millisecond."""
         return round(self.now_s(), 3)
+
+    def happened(
+        self, kind: Callable[Concatenate[int, float, P], Event], *values: P.args, **named: P.kwargs
+    ) -> None:
+        """Report an event of the vehicle, of now."""
+        self.report(kind(self.number, self.t_s(), *values, **named))
 
     def position(self) -> GridPoint:
         """Where the vehicle is, in the fixed frame. Raises `LinkError` if it has not said."""

@@ -88,7 +88,7 @@ class MavlinkVehicle:
             session.view.ground = GroundBelow(setting.ground, setting.grid)
         self._camera = camera
         self._setting = setting
-        self._link_lost_s = link_lost_s
+        self._link_lost_s = session.view.gate.clock.limit_s = link_lost_s
         self._ground_patience_s = ground_patience_s
         self._clock_rate = clock_rate
         self._tell = tell
@@ -221,7 +221,7 @@ class MavlinkVehicle:
             self._monitor.report_connected()
             self.guardian.heard_again()
         else:
-            self._reporter.report(LinkLost(self.number, self._reporter.t_s()))
+            self._reporter.happened(LinkLost)
 
     def _flies_path(self, order: FlyPath) -> bool:
         """Whether it flies a path, and goes on with this one."""
@@ -260,26 +260,26 @@ class MavlinkVehicle:
             pass  # the next one comes soon
 
     def _order_failed(self, reason: str, behind: bool = False) -> None:
-        name = type(self._order).__name__
-        self._reporter.report(
-            OrderFailed(self.number, self._reporter.t_s(), name, reason, behind=behind)
-        )
+        self._reporter.happened(OrderFailed, type(self._order).__name__, reason, behind=behind)
 
     # --- the link ----------------------------------------------------------------------------
     async def _watch_link(self) -> None:
         """Say when the vehicle falls silent, and take it up again whenever it speaks."""
-        monitor, reporter = self._monitor, self._reporter
+        monitor = self._monitor
         given_up = False
         give_up_after_s: float | None = None
         while True:
             await asyncio.sleep(1.0)
             self._watch_clock()
+            if (clock := self._view.gate.clock).late:
+                stamp_ns = clock.ask(asyncio.get_running_loop().time())
+                self._session.send(mav.MAVLink_timesync_message(0, stamp_ns))
             if monitor.connected and monitor.control.is_ours and self._hears():
                 self._streams.keep()
             if monitor.connected and self._silent_s() >= self._link_lost_s:
                 monitor.connected = given_up = False
                 give_up_after_s = self._waited_for_s()
-                reporter.report(LinkLost(self.number, reporter.t_s()))
+                self._reporter.happened(LinkLost)
             elif not monitor.connected and self._hears():
                 with contextlib.suppress(LinkError):
                     if not self._streams.go_on:
@@ -295,7 +295,7 @@ class MavlinkVehicle:
                 and self._silent_s() > give_up_after_s
             ):
                 given_up = True
-                reporter.report(GivenUp(self.number, reporter.t_s(), self._silence()))
+                self._reporter.happened(GivenUp, self._silence())
 
     def _watch_clock(self) -> None:
         """Say it when the vehicle's time passes faster or slower than ours."""
@@ -337,15 +337,12 @@ class MavlinkVehicle:
         )
 
     def _silent_s(self) -> float:
-        """Since when a heartbeat or the position is missing.
-
-        Heartbeats alone are not enough: an autopilot that restarted has forgotten its streams.
-        """
-        last_s = min(self._view.heard_s, self._view.position_s)
-        return asyncio.get_running_loop().time() - last_s
+        return self._view.silent_s(asyncio.get_running_loop().time())
 
     def _hears(self) -> bool:
-        return asyncio.get_running_loop().time() - self._view.heard_s < self._link_lost_s
+        """Whether it speaks, and what it says is of now; its position may be missing."""
+        heard_s = asyncio.get_running_loop().time() - self._view.heard_s
+        return heard_s < self._link_lost_s and not self._view.gate.clock.late
 
     def _missing(self, since_s: float) -> str:
         """What the vehicle has yet to tell; a position from before does not count."""

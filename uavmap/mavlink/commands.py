@@ -18,7 +18,7 @@ from typing import Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
-from uavmap.mavlink.session import Session
+from uavmap.mavlink.session import Permit, Session
 
 _STAMP_WRAPS_S: Final = 250.0
 """Before a time of transmission loses its milliseconds in a float, it begins anew."""
@@ -28,27 +28,26 @@ _PLACE_ALONE: Final = 0b1101_1111_1000
 """The type mask of a target without velocity, acceleration, yaw and turn rate."""
 
 
-def _never() -> bool:
-    return False
-
-
 class MavlinkCommands:
     """The verbs as MAVLink commands of a session: repeated until they are acknowledged.
 
-    `done` says that the vehicle is seen to do it: nobody asks again.
+    `done` says that the vehicle is seen to do it: nobody asks again. A verb that changes the mode
+    takes a `permit`, which is asked for before each copy.
     """
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self._view = session.view
 
-    async def follow(self) -> None:
+    async def follow(self, permit: Permit) -> None:
         """MAV_CMD_DO_SET_MODE: into the mode in which the vehicle flies to targets."""
-        await self._session.command(mav.MAV_CMD_DO_SET_MODE, *self._view.kind.follow_params)
+        params = self._view.kind.follow_params
+        await self._session.command(mav.MAV_CMD_DO_SET_MODE, *params, permit=permit)
 
-    async def follow_stream(self) -> None:
+    async def follow_stream(self, permit: Permit) -> None:
         """MAV_CMD_DO_SET_MODE: into the mode in which it follows a stream of setpoints."""
-        await self._session.command(mav.MAV_CMD_DO_SET_MODE, *self._view.kind.stream_params)
+        params = self._view.kind.stream_params
+        await self._session.command(mav.MAV_CMD_DO_SET_MODE, *params, permit=permit)
 
     async def arm(self) -> None:
         """MAV_CMD_COMPONENT_ARM_DISARM: motors on."""
@@ -56,14 +55,13 @@ class MavlinkCommands:
             mav.MAV_CMD_COMPONENT_ARM_DISARM, 1, done=lambda: self._view.armed
         )
 
-    async def take_off(self, height_m: float, done: Callable[[], bool]) -> None:
+    async def take_off(self, height_m: float, done: Callable[[], bool], permit: Permit) -> None:
         """MAV_CMD_NAV_TAKEOFF to a height (m) above home, from where it stands, armed."""
         kind = self._view.kind
         _, wire_m = kind.altitude_on_wire(height_m, self._view.home_amsl_m)
         unused = kind.unused_param
-        await self._session.command(
-            mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, unused, unused, unused, wire_m, done=done
-        )
+        params = (0, 0, 0, unused, unused, unused, wire_m)
+        await self._session.command(mav.MAV_CMD_NAV_TAKEOFF, *params, done=done, permit=permit)
 
     async def fly_to(self, place: LatLon, height_m: float) -> None:
         """MAV_CMD_DO_REPOSITION, without the flag that changes the mode.
@@ -134,10 +132,10 @@ class MavlinkCommands:
         finally:
             self._view.aided_until_s = asyncio.get_running_loop().time() + _LEAPS_WITHIN_S
 
-    async def land(self, done: Callable[[], bool] = _never) -> None:
+    async def land(self, done: Callable[[], bool], permit: Permit) -> None:
         """MAV_CMD_NAV_LAND where it is, which changes the mode."""
-        await self._session.command(mav.MAV_CMD_NAV_LAND, done=done)
+        await self._session.command(mav.MAV_CMD_NAV_LAND, done=done, permit=permit)
 
-    async def return_to_launch(self) -> None:
+    async def return_to_launch(self, permit: Permit) -> None:
         """MAV_CMD_NAV_RETURN_TO_LAUNCH, which changes the mode."""
-        await self._session.command(mav.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+        await self._session.command(mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, permit=permit)

@@ -17,6 +17,8 @@ REBOOT_CONFIRMED_S: Final = 1.0
 JUMP_CONFIRMED_S: Final = 3.0
 STANDSTILL_S: Final = 2.0
 """A clock that has told the same time for longer stands still: old messages are repeated."""
+LATE_S: Final = 5.0
+"""Age of messages from which a link that hands them over late counts as lost, s."""
 MOST_AHEAD_S: Final = 10.0
 FASTEST_CLOCK: Final = 30.0
 """How far a clock may be ahead of ours: a simulator may run many times as fast as it was said."""
@@ -123,10 +125,19 @@ class ClockOffset:
 
 @dataclass(slots=True)
 class BootClock:
-    """An autopilot's time since boot beside the time of our loop."""
+    """An autopilot's time since boot beside the time of our loop.
+
+    A link that was silent for more than `limit_s`, and then goes on where it had stopped, has kept
+    what was sent meanwhile. What comes is late, and says nothing of the offset, until the link has
+    caught up or answers at once: then it was the clock that stood, as a simulator's may.
+    """
 
     boot_s: float | None = None
     reboots: int = 0
+    limit_s: float = LATE_S
+    late: bool = False
+    """Whether the link hands over what it has kept."""
+    _asked_ns: deque[int] = field(default_factory=lambda: deque(maxlen=10))
     _heard_s: float = float("-inf")
     _moved_s: float = float("-inf")
     _other: tuple[float, float, float] | None = None
@@ -150,6 +161,17 @@ class BootClock:
             return OLDER if boot_s < self.boot_s else "its clock leapt ahead"
         return None
 
+    def ask(self, now_s: float) -> int:
+        """Return the stamp of a TIMESYNC that is sent now, ns."""
+        self._asked_ns.append(round(now_s * 1e9))
+        return self._asked_ns[-1]
+
+    def answered(self, asked_ns: int, now_s: float) -> None:
+        """Take in the answer to a TIMESYNC of this stamp."""
+        soon = now_s - asked_ns / 1e9 < self.limit_s
+        if self.late and self.boot_s is not None and asked_ns in self._asked_ns and soon:
+            self._adopt(self.boot_s, now_s)
+
     def _confirms(self, boot_s: float, now_s: float) -> bool:
         """Whether this makes certain that the clock has begun anew."""
         other = self._other
@@ -164,13 +186,19 @@ class BootClock:
         return True
 
     def _adopt(self, boot_s: float, now_s: float) -> None:
-        self._offset = ClockOffset()
+        self._offset, self.boot_s, self.late = ClockOffset(), None, False
         self._set(boot_s, now_s)
 
     def _set(self, boot_s: float, now_s: float) -> None:
+        difference_s, offset_s = now_s - boot_s, self.offset_s
+        if self.boot_s is not None and offset_s is not None:
+            kept_s = difference_s - (self._heard_s - self.boot_s)
+            late = self.late or kept_s > self.limit_s
+            self.late = late and difference_s - offset_s > self.limit_s
         self.boot_s, self._heard_s, self._moved_s = boot_s, now_s, now_s
         self._other = None
-        self._offset.add(now_s - boot_s, now_s)
+        if not self.late:
+            self._offset.add(difference_s, now_s)
 
 
 def _goes_on(boot_s: float, heard_s: float, next_boot_s: float, now_s: float) -> bool:

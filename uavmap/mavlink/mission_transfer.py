@@ -131,7 +131,7 @@ class MissionTransfer:
         Raises `CommandRefusedError` with the vehicle's reason, `LinkError` when it falls silent.
         """
         for attempt in range(WHOLE_TRIES):
-            result = await (self._sent(kind, items) if items else self._cleared(kind))
+            result = await self._replaced(kind, items)
             if result == mav.MAV_MISSION_ACCEPTED:
                 return
             if result not in _LOST or attempt == WHOLE_TRIES - 1:
@@ -140,26 +140,15 @@ class MissionTransfer:
                     + self._session.view.recent_texts()
                 )
 
-    async def _sent(self, kind: Kind, items: Sequence[Item]) -> int:
+    async def _replaced(self, kind: Kind, items: Sequence[Item]) -> int:
         view = self._session.view
-        count = mav.MAVLink_mission_count_message(
-            view.system_id, view.autopilot_component, len(items), kind
-        )
-        self._begin(kind, items)
+        address = view.system_id, view.autopilot_component
+        opening = mav.MAVLink_mission_clear_all_message(*address, kind)
+        if items:
+            opening = mav.MAVLink_mission_count_message(*address, len(items), kind)
+        self._begin(kind, items or None)
         try:
-            return await self._acknowledged(count)
-        finally:
-            self._end()
-
-    async def _cleared(self, kind: Kind) -> int:
-        view = self._session.view
-        self._begin(kind, None)
-        try:
-            return await self._acknowledged(
-                mav.MAVLink_mission_clear_all_message(
-                    view.system_id, view.autopilot_component, kind
-                )
-            )
+            return await self._acknowledged(opening)
         finally:
             self._end()
 

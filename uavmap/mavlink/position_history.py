@@ -29,6 +29,19 @@ class Fix(NamedTuple):
     height_m: float
     velocity_ned_m_s: tuple[float, float, float]
 
+    def moved(self, boot_s: float) -> Place:
+        """Where it is at a time of its clock, as it flew on, or had flown before."""
+        passed_s = boot_s - self.boot_s
+        north_m_s, east_m_s, down_m_s = self.velocity_ned_m_s
+        shrink = max(math.cos(math.radians(self.position.lat_deg)), 1e-6)
+        lat_deg = self.position.lat_deg + north_m_s * passed_s / _M_PER_DEG
+        lon_deg = self.position.lon_deg + east_m_s * passed_s / (_M_PER_DEG * shrink)
+        return Place(
+            LatLon(min(max(lat_deg, -90.0), 90.0), math.remainder(lon_deg, 360.0)),
+            self.height_m - down_m_s * passed_s,
+            abs(passed_s),
+        )
+
 
 class Place(NamedTuple):
     """Where it must have been."""
@@ -78,9 +91,9 @@ class Whereabouts:
                 break
             after = before
         else:
-            return _moved(fixes[0], boot_s)
+            return fixes[0].moved(boot_s)
         if after is None:
-            return _moved(before, boot_s)
+            return before.moved(boot_s)
         share = (boot_s - before.boot_s) / (after.boot_s - before.boot_s)
         turned_deg = math.remainder(after.position.lon_deg - before.position.lon_deg, 360.0)
         return Place(
@@ -92,20 +105,6 @@ class Whereabouts:
             before.height_m + share * (after.height_m - before.height_m),
             min(boot_s - before.boot_s, after.boot_s - boot_s),
         )
-
-
-def _moved(fix: Fix, boot_s: float) -> Place:
-    """A fix, as it flew on, or had flown before."""
-    passed_s = boot_s - fix.boot_s
-    north_m_s, east_m_s, down_m_s = fix.velocity_ned_m_s
-    shrink = max(math.cos(math.radians(fix.position.lat_deg)), 1e-6)
-    lat_deg = fix.position.lat_deg + north_m_s * passed_s / _M_PER_DEG
-    lon_deg = fix.position.lon_deg + east_m_s * passed_s / (_M_PER_DEG * shrink)
-    return Place(
-        LatLon(min(max(lat_deg, -90.0), 90.0), math.remainder(lon_deg, 360.0)),
-        fix.height_m - down_m_s * passed_s,
-        abs(passed_s),
-    )
 
 
 # --- how it was turned -----------------------------------------------------------------------

@@ -9,8 +9,9 @@ from __future__ import annotations
 import asyncio
 import math
 import struct
+from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -32,14 +33,25 @@ GROUND_SYSTEM_ID: Final = 245
 
 _READ_BYTES_KEPT: Final = 4096
 _MAY_PASS = (mav.MAV_RESULT_TEMPORARILY_REJECTED,)
-_RESULTS: dict[str, int] = {
-    value.name.removeprefix("MAV_RESULT_"): number
-    for number, value in mav.enums["MAV_RESULT"].items()
+_RESULT_NAMES: Final[dict[int, str]] = {
+    **{
+        number: value.name.removeprefix("MAV_RESULT_").lower().replace("_", " ")
+        for number, value in mav.enums["MAV_RESULT"].items()
+    },
+    9: "unsupported frame",  # newer than the dialect
 }
-_RESULT_NAMES: dict[int, str] = {
-    number: name.lower().replace("_", " ") for name, number in _RESULTS.items()
-}
-_RESULT_NAMES[9] = "unsupported frame"  # newer than the dialect
+
+
+class Permit(Protocol):
+    """Permission to send a command that changes the mode, asked for before each copy of it."""
+
+    async def granted(self) -> None:
+        """Wait until a copy may be sent, and note that it is. Raises `LinkError`."""
+        ...
+
+    def grants(self) -> bool:
+        """Whether a copy may be sent now; if so it is noted."""
+        ...
 
 
 def result_name(result: int) -> str:
@@ -75,7 +87,8 @@ class Session:
         self._waiters: list[tuple[Callable[[], bool], asyncio.Future[None]]] = []
         self._acks: dict[tuple[int, int], asyncio.Queue[Message]] = {}
         """By command and the component that was asked."""
-        self._command_lock = asyncio.Lock()
+        self._commanding: defaultdict[int, asyncio.Lock] = defaultdict(asyncio.Lock)
+        """One command at a time for each component: no landing waits for a camera's answer."""
         self.heard_s: dict[int, float] = {}
         """When the vehicle's autopilot last said a kind of message, by its id, on our clock."""
         self.view = VehicleView()
@@ -232,6 +245,7 @@ class Session:
         *params: float,
         component: int | None = None,
         done: Callable[[], bool] = lambda: False,
+        permit: Permit | None = None,
     ) -> None:
         """COMMAND_LONG with up to seven parameters, repeated until acknowledged.
 
@@ -245,7 +259,7 @@ class Session:
         def message(confirmation: int) -> Message:
             return self._command_long(command, params, asked, confirmation)
 
-        await self._until_acknowledged(command, asked, message, done)
+        await self._until_acknowledged(command, asked, message, done, permit=permit)
 
     def send_command(self, command: int, *params: float, component: int | None = None) -> None:
         """COMMAND_LONG as for `command`, once, and without waiting for an ACK."""
@@ -279,14 +293,7 @@ class Session:
 
         def message(_confirmation: int) -> Message:
             return mav.MAVLink_command_int_message(
-                self.view.system_id,
-                asked,
-                frame,
-                command,
-                0,
-                0,
-                *params,
-                *place,
+                self.view.system_id, asked, frame, command, 0, 0, *params, *place
             )
 
         await self._until_acknowledged(command, asked, message, taken=taken)
@@ -302,9 +309,10 @@ class Session:
         message: Callable[[int], Message],
         done: Callable[[], bool] = lambda: False,
         taken: Collection[int] = (mav.MAV_RESULT_ACCEPTED,),
+        permit: Permit | None = None,
     ) -> None:
         name = mav.enums["MAV_CMD"][command].name
-        async with self._command_lock:
+        async with self._commanding[asked]:
             sent_s = asyncio.get_running_loop().time()
             queue = self._acks[command, asked] = asyncio.Queue()
             ack: Message | None = None
@@ -312,6 +320,8 @@ class Session:
                 for confirmation in range(ACK_TRIES):
                     if confirmation and done():
                         return
+                    if permit is not None:
+                        await permit.granted()
                     self.send(message(confirmation))
                     ack = await self._ack(queue)
                     if ack is None or ack.result in _MAY_PASS:

@@ -82,7 +82,7 @@ LEAP_GAP_S: Final = 0.5
 """Longest time between two positions over which a leap can be told from flight, s."""
 OFF_GROUND_M: Final = 2.0
 """Height above which an armed vehicle without a landed state counts as airborne, m."""
-_OFF_GROUND: Final = (
+OFF_GROUND: Final = (
     mav.MAV_LANDED_STATE_TAKEOFF,
     mav.MAV_LANDED_STATE_IN_AIR,
     mav.MAV_LANDED_STATE_LANDING,
@@ -244,6 +244,15 @@ class VehicleView:
             valid_s = min(valid_s, clock.boot_s + clock.offset_s)
         return max(now_s - valid_s, 0.0)
 
+    def silent_s(self, now_s: float) -> float:
+        """Time since which a heartbeat or a position is missing, s.
+
+        Heartbeats alone are not enough: an autopilot that restarted has forgotten its streams.
+        What a link has kept and hands over late is of the time when it was sent.
+        """
+        known_s = now_s - min(self.heard_s, self.position_s)
+        return max(known_s, self.age_s(now_s)) if self.gate.clock.late else known_s
+
     def captured_s(self, boot_ms: int, now_s: float, since_s: float = float("-inf")) -> float:
         """When, on the loop's clock, a camera took the picture of an announcement.
 
@@ -284,7 +293,7 @@ class VehicleView:
     def off_ground(self) -> bool:
         """Armed, and not on the ground by the autopilot's own word; without one, once it rose."""
         unsaid = self.landed_state == mav.MAV_LANDED_STATE_UNDEFINED
-        return self.armed and (self.rose if unsaid else self.landed_state in _OFF_GROUND)
+        return self.armed and (self.rose if unsaid else self.landed_state in OFF_GROUND)
 
     def height_of(self, message: Message) -> float:
         """The height that a message of this vehicle tells, metres above `home_amsl_m`, or above

@@ -199,6 +199,11 @@ def _gps(view: VehicleView, message: Message, now_s: float, component: int) -> N
     view.gps_fix = message.fix_type
 
 
+def _timesync(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    if message.tc1 != 0:
+        view.gate.clock.answered(message.ts1, now_s)
+
+
 def _version(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     view.identity = (message.vendor_id, message.product_id)
     long_uid = bytes(message.uid2)
@@ -230,5 +235,6 @@ _HANDLERS: Final = {
     "GPS_RAW_INT": _gps,
     "AUTOPILOT_VERSION": _version,
     "STATUSTEXT": _text,
+    "TIMESYNC": _timesync,
     "CAMERA_IMAGE_CAPTURED": _captured,
 }

@@ -137,13 +137,14 @@ class AircraftChild:
     # --- the mission ----------------------------------------------------------------------------
     async def _attached(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Speak with a mission that has connected, until it is gone."""
-        decoder = say.Decoder()
+        decoder = say.Decoder(known=False)
         try:
             while data := await reader.read(_READ_BYTES):
                 for message in decoder.feed(data):
                     if isinstance(message, say.Attach):
                         if not self._meets(message, writer):
                             return
+                        decoder.known = True
                     elif writer is self._writer:
                         self._heard_s = time.monotonic()
                         if isinstance(message, say.Beat):
@@ -152,8 +153,11 @@ class AircraftChild:
                             self._waiting.append(message)
                         else:
                             self._side.host.receive(message)
-        except (OSError, LinkError):
+        except OSError:
             pass
+        except LinkError as error:
+            if writer is self._writer:
+                self.show(str(error))
         finally:
             writer.close()
             if writer is self._writer:

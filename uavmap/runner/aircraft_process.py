@@ -314,7 +314,9 @@ class AircraftProcess:
         raise AssertionError
 
     async def _pass_on(self, port: Port, line: _Line) -> None:
-        """Pass messages on until the process is silent, or gone."""
+        """Pass messages on until the process is silent, or gone. Raises `LinkError` where they are
+        none: another connection would bring the same.
+        """
         decoder = say.Decoder()
         beating = asyncio.create_task(self._beat(port, line))
         try:
@@ -322,7 +324,7 @@ class AircraftProcess:
                 self._heard_s = time.monotonic()
                 for message in decoder.feed(data):
                     port.receive(message)
-        except (OSError, LinkError):
+        except OSError:
             pass
         finally:
             beating.cancel()

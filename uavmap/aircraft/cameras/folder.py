@@ -18,10 +18,6 @@ from uavmap.aircraft.cameras.source import Announcement
 from uavmap.base.image_files import opened
 from uavmap.mavlink.continuity import RecentLeast
 
-_WINDOW_S: Final = 60.0
-_SAME_CLOCK_S: Final = 30.0
-"""By more than this a file does not come late: the camera's clock was set."""
-
 
 def exif_time_s(path: Path) -> float | None:
     """The time of EXIF DateTimeOriginal with SubsecTimeOriginal, in seconds of the camera's clock.
@@ -46,22 +42,25 @@ def exif_time_s(path: Path) -> float | None:
 
 @dataclass(slots=True)
 class CardClock:
-    """A camera's clock beside ours: the file that came fastest after its exposure tells it best.
+    """A camera's clock beside ours: what came fastest after its exposure tells it best.
 
     >>> clock = CardClock()
-    >>> clock.taken_s(100.0, 12.3), clock.taken_s(101.0, 13.5)
-    (12.3, 13.3)
+    >>> [round(clock.taken_s(*told), 6) for told in ((100.0, 12.3), (101.0, 13.5))]
+    [12.3, 13.3]
     """
 
-    _lead: RecentLeast = field(default_factory=lambda: RecentLeast(_WINDOW_S))
+    same_s: float = 30.0
+    """By more than this nothing comes late: the camera's clock was set."""
+    lead: RecentLeast = field(default_factory=lambda: RecentLeast(60.0))
+    """The least time from an exposure to its word, in both clocks, s."""
 
-    def taken_s(self, exif_s: float, appeared_s: float) -> float:
-        """When, on our clock, a picture was taken, later by the least time that a file takes."""
-        lead_s, least_s = appeared_s - exif_s, self._lead.value
-        if least_s is not None and abs(lead_s - least_s) > _SAME_CLOCK_S:
-            self._lead.clear()
-        self._lead.add(lead_s, appeared_s)
-        return round(exif_s + (self._lead.value or 0.0), 6)
+    def taken_s(self, told_s: float, heard_s: float) -> float:
+        """When, on our clock, a picture was taken, later by the least time that its word takes."""
+        lead_s, least_s = heard_s - told_s, self.lead.value
+        if least_s is not None and abs(lead_s - least_s) > self.same_s:
+            self.lead.clear()
+        self.lead.add(lead_s, heard_s)
+        return told_s + (self.lead.value or 0.0)
 
 
 MOST_UNSURE_S: Final = 0.25
@@ -121,7 +120,9 @@ class Card:
             await asyncio.sleep(POLL_S)
 
     def _picture(self, new: NewFile, exif_s: float | None) -> CardPicture:
-        at_s = new.appeared_s if exif_s is None else self._clock.taken_s(exif_s, new.appeared_s)
+        at_s = new.appeared_s
+        if exif_s is not None:
+            at_s = round(self._clock.taken_s(exif_s, new.appeared_s), 6)
         # by its own clock a picture is known as well as the clocks are, however late it is seen
         vague = exif_s is None and new.unsure_s > MOST_UNSURE_S
         fault = "nobody knows when it appeared: the folder is too slow" if vague else None

@@ -9,7 +9,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Final
 
-from uavmap.aircraft.cameras.source import Announcement, never
+from uavmap.aircraft.cameras.source import FrameSource, never
 
 EARLY: Final = 0.25
 """A picture may be early by this share of the interval: no camera keeps time exactly."""
@@ -33,16 +33,6 @@ class Cadence:
         self._due_s = 0.0
         self._early_s = SLACK_S
         self._first = True
-
-    @property
-    def interval_s(self) -> float:
-        """Of the last order."""
-        return self._interval_s
-
-    @property
-    def active(self) -> bool:
-        """Whether pictures are wanted."""
-        return self._left != 0
 
     def start(self, now_s: float, interval_s: float, count: int) -> None:
         """Begin anew: none older than now; so far apart, and so many, or 0 until stopped."""
@@ -73,20 +63,16 @@ class Cadence:
         return True
 
 
-class LocalSource:
+class LocalSource(FrameSource):
     """A camera that is no MAVLink component: what it takes anyway is taken when it is ordered.
 
     `latency_s` is from an exposure until its picture is there.
     """
 
     def __init__(self, latency_s: float) -> None:
+        super().__init__()
         self._latency_s = latency_s
         self._cadence = Cadence()
-        self._heard: Callable[[Announcement], None] = lambda announcement: None
-
-    def listen(self, heard: Callable[[Announcement], None]) -> None:
-        """Call `heard` with each picture."""
-        self._heard = heard
 
     async def start(
         self, interval_s: float, count: int, coming: Callable[[], bool] = never
@@ -97,12 +83,3 @@ class LocalSource:
     def stop(self) -> None:
         """Take no more."""
         self._cadence.stop()
-
-    def ended(self) -> None:
-        """A count ends by itself here."""
-
-    def uncertain(self) -> None:
-        """It is always known what this camera does."""
-
-    def ask_again(self, index: int) -> None:
-        """Nothing is lost on the way from this camera."""

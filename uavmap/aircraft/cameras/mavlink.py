@@ -18,7 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import CommandRefusedError, LinkError
 from missions.units import LatLon, Quaternion
 from uavmap.aircraft.cameras.mavlink_ftp import MavlinkFtp
-from uavmap.aircraft.cameras.source import Announcement, ToldPose, never
+from uavmap.aircraft.cameras.source import Announcement, FrameSource, ToldPose, never
 from uavmap.mavlink.session import Message, Session
 from uavmap.mavlink.vehicle_view import STAMP_SLACK_S, VehicleView
 
@@ -89,17 +89,13 @@ class CaptureCommands:
         self._session.send_command(mav.MAV_CMD_IMAGE_STOP_CAPTURE, component=self._component())
 
 
-class CommandedSource:
+class CommandedSource(FrameSource):
     """What the cameras have in common that are commanded by messages of a session."""
 
     def __init__(self, session: Session, component: Callable[[], int]) -> None:
+        super().__init__()
         self._session = session
         self._commands = CaptureCommands(session, component)
-        self._heard: Callable[[Announcement], None] = lambda announcement: None
-
-    def listen(self, heard: Callable[[Announcement], None]) -> None:
-        """Call `heard` with each picture."""
-        self._heard = heard
 
     async def start(
         self, interval_s: float, count: int, coming: Callable[[], bool] = never

@@ -8,9 +8,9 @@ ordered it.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,17 +61,21 @@ class Announcement:
     """What announced it: the kind of message, for the count of what was refused."""
 
 
-class FrameSource(Protocol):
+class FrameSource(ABC):
     """A camera.
 
     `start` may be called while pictures are taken: then it begins anew. Between `stop` and the
     next `start` nothing is announced that was taken in between.
     """
 
+    def __init__(self) -> None:
+        self._heard: Callable[[Announcement], None] = lambda announcement: None
+
     def listen(self, heard: Callable[[Announcement], None]) -> None:
         """Call `heard`, and nobody else, with each picture, from the loop, in their order."""
-        ...
+        self._heard = heard
 
+    @abstractmethod
     async def start(
         self, interval_s: float, count: int, coming: Callable[[], bool] = never
     ) -> None:
@@ -80,23 +84,19 @@ class FrameSource(Protocol):
         `coming` says that pictures are seen to come, which is as good as an answer. Raises
         `CommandRefusedError` where the camera refuses, `LinkError` where nothing answers.
         """
-        ...
 
+    @abstractmethod
     def stop(self) -> None:
         """Take no more; at once, and without waiting for an answer."""
-        ...
 
-    def ended(self) -> None:
+    def ended(self) -> None:  # noqa: B027 - not every camera has to be told
         """All pictures of a count have come: it has stopped by itself."""
-        ...
 
-    def uncertain(self) -> None:
+    def uncertain(self) -> None:  # noqa: B027
         """Nobody knows what it does: another process may have begun it, or it restarted."""
-        ...
 
-    def ask_again(self, index: int) -> None:
+    def ask_again(self, index: int) -> None:  # noqa: B027
         """Have a lost announcement repeated, if that is possible."""
-        ...
 
 
 def decoded(loaded: Loaded, name: str, size_px: tuple[int, int]) -> Image:

@@ -12,7 +12,7 @@ from collections import OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Final, Protocol
+from typing import Final
 
 from missions.errors import ImageError, LinkError
 from uavmap.aircraft.cameras.captures import Capture, Open
@@ -93,22 +93,6 @@ class Grabbed:
     loaded: Loaded | ImageError
 
 
-class Reader(Protocol):
-    """Who reads a stream, where that may block."""
-
-    async def open(self, wants: Wants) -> None:
-        """Open it; `wants` says of a time whether a frame is worth decoding. Raises `LinkError`."""
-        ...
-
-    async def next(self) -> Grabbed | None:
-        """The next frame that is wanted; None when the stream has ended."""
-        ...
-
-    async def close(self) -> None:
-        """Let go of it; it may be opened again."""
-        ...
-
-
 class ThreadReader:
     """Reads a capture in a thread of its own: it grabs every frame and decodes those wanted.
 
@@ -126,7 +110,10 @@ class ThreadReader:
         self._heard_s = 0.0
 
     async def open(self, wants: Wants) -> None:
-        """Open it, in its thread."""
+        """Open it, in its thread; `wants` says of a time whether a frame is worth decoding.
+
+        Raises `LinkError`.
+        """
         loop = asyncio.get_running_loop()
         opened: asyncio.Future[None] = loop.create_future()
         over = self._over = threading.Event()
@@ -182,7 +169,7 @@ class ThreadReader:
             self._news.set()
 
     async def next(self) -> Grabbed | None:
-        """The next frame that is wanted."""
+        """The next frame that is wanted; None when the stream has ended."""
         while not self._frames:
             if self._ended:
                 return None
@@ -196,7 +183,7 @@ class ThreadReader:
         return self._frames.popleft()
 
     async def close(self) -> None:
-        """Let go of it: the thread ends with what it is waiting for."""
+        """Let go of it; it may be opened again. The thread ends with what it is waiting for."""
         self._over.set()
         capture, self._capture = self._capture, None
         if capture is not None:
@@ -218,7 +205,7 @@ class StreamSource(LocalSource):
     def __init__(
         self,
         name: str,
-        reader: Reader,
+        reader: ThreadReader,
         latency_s: float,
         size_px: tuple[int, int],
         say: Say,

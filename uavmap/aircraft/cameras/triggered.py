@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError
 from missions.units import LatLon, Quaternion
-from uavmap.aircraft.cameras.folder import Card, CardPicture, Say, Slowly
+from uavmap.aircraft.cameras.folder import Card, CardClock, CardPicture, Say, Slowly
 from uavmap.aircraft.cameras.mavlink import CommandedSource
 from uavmap.aircraft.cameras.mount import Mount
 from uavmap.aircraft.cameras.source import Announcement, ToldPose, never
@@ -67,7 +67,7 @@ class TriggeredSource(CommandedSource):
         self._active = False
         self._stopped_s = -math.inf
         self._last_index: int | None = None
-        self._lead = RecentLeast(_LEAD_WINDOW_S)
+        self._clock = CardClock(_CLOCK_SET_S, RecentLeast(_LEAD_WINDOW_S))
         self._shots: list[_Shot] = []
         self._pictures: list[CardPicture] = []
         session.listen(self._on_message)
@@ -87,9 +87,6 @@ class TriggeredSource(CommandedSource):
             self._stopped_s = asyncio.get_running_loop().time()
         self._active = False
         super().stop()
-
-    def ask_again(self, index: int) -> None:
-        """CAMERA_FEEDBACK is not repeated."""
 
     # --- exposures ---------------------------------------------------------------------------
     def _on_message(self, message: Message) -> None:
@@ -115,11 +112,7 @@ class TriggeredSource(CommandedSource):
         now_s = asyncio.get_running_loop().time()
         if time_usec == 0:  # it does not know the time yet
             return now_s
-        lead_s, least_s = now_s - time_usec / 1e6, self._lead.value
-        if least_s is not None and abs(lead_s - least_s) > _CLOCK_SET_S:
-            self._lead.clear()
-        self._lead.add(lead_s, now_s)
-        return min(time_usec / 1e6 + (self._lead.value or 0.0), now_s)
+        return min(self._clock.taken_s(time_usec / 1e6, now_s), now_s)
 
     # --- pictures ----------------------------------------------------------------------------
     async def begin(self) -> None:

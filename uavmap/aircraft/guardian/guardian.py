@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 from missions.events import Crashed, Guarded
 from missions.guardian import (
@@ -123,11 +123,15 @@ class Guardian:
         by_map = action == "rtl" and self._monitor.by_map
         way = "fly home by its own map" if by_map else _WORDS[action]
         self._tell(f"vehicle {number}: {reason}; it is told to {way}")
-        self._reporter.report(Guarded(number, self._reporter.t_s(), action, reason))
+        self._reporter.happened(Guarded, action, reason)
+        self._begin(self._pursue(action, hurry=hurry))
+
+    def _begin(self, pursuit: Coroutine[Any, Any, None]) -> None:
+        """Do this instead of what was under way."""
         if self._pursuit is not None:
             self._pursuit.cancel()
         begin = self._tasks.create_task if self._tasks is not None else asyncio.ensure_future
-        self._pursuit = begin(self._pursue(action, hurry=hurry))
+        self._pursuit = begin(pursuit)
 
     def heard_again(self) -> None:
         """The link is back: what it had the vehicle do before, it sees to again, and says so."""
@@ -235,13 +239,10 @@ class Guardian:
             f"{reason}"
         )
         self.stand_aside()
-        reporter.report(Crashed(reporter.number, reporter.t_s(), seen.position, reason))
+        reporter.happened(Crashed, seen.position, reason)
         self._monitor.control = self._monitor.control.acting(guardian=True).crashed()
-        if self._pursuit is not None:
-            self._pursuit.cancel()
-        begin = self._tasks.create_task if self._tasks is not None else asyncio.ensure_future
         struck = self._guard.fell or seen.struck_m_s > HARD_M_S
-        self._pursuit = begin(self._flight.stop_motors(self._tell, struck=struck))
+        self._begin(self._flight.stop_motors(self._tell, struck=struck))
 
     def _let_go(self) -> None:
         """A pilot has it, or it stands on the ground."""
@@ -305,7 +306,7 @@ class Guardian:
     def _take_up(self) -> None:
         """A vehicle that was silent when the mission ended, and speaks again."""
         monitor, view = self._monitor, self._view
-        heard = self._reporter.loop_s() - min(view.heard_s, view.position_s) <= STALE_S
+        heard = view.silent_s(self._reporter.loop_s()) <= STALE_S
         if monitor.met and not monitor.connected and heard:
             monitor.report_connected()
             self.heard_again()
@@ -354,7 +355,8 @@ class Guardian:
 
     def _flies_for_us(self) -> bool:
         """Whether it is in the air, heard, and in a mode that follows targets."""
-        heard = self._monitor.met and self._reporter.loop_s() - self._view.position_s <= STALE_S
+        late_s = self._reporter.loop_s() - self._view.position_s
+        heard = self._monitor.met and late_s <= STALE_S and not self._view.gate.clock.late
         return self.responsible and heard and self._monitor.mode == "follow"
 
     def _endurance_left_s(self) -> float:
@@ -381,7 +383,7 @@ class Guardian:
         place = reporter.grid.position(reporter.position())
         where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}, {view.height_m:.0f} m up"
         if self.responsible:
-            silent_s = reporter.loop_s() - view.heard_s
+            silent_s = view.silent_s(reporter.loop_s())
             if silent_s > STALE_S * 2:
                 return f"in the air when it was last heard, {silent_s:.0f} s ago, at {where}"
             return f"left to its autopilot in {view.mode_name} at {where}"

@@ -20,9 +20,7 @@ T = TypeVar("T")
 NOT_HOME: Final = "an aircraft was not brought home"
 
 
-class Keeper(Protocol):
-    """Keeps aircraft from being left alone."""
-
+class _Looking(Protocol):
     async def run(self) -> None:
         """Watch until cancelled."""
         ...
@@ -34,26 +32,18 @@ class Keeper(Protocol):
     async def leave(self, reason: str) -> None:
         """Return, and wait until that is seen."""
         ...
+
+
+class Keeper(_Looking, Protocol):
+    """Keeps aircraft from being left alone."""
 
     def fates(self) -> Sequence[str]:
         """A line for each aircraft that is not at home at the end."""
         ...
 
 
-class GuardianLike(Protocol):
+class GuardianLike(_Looking, Protocol):
     """Keeps one aircraft."""
-
-    async def run(self) -> None:
-        """Watch until cancelled."""
-        ...
-
-    async def bring_home(self, reason: str) -> None:
-        """Return, and wait until down."""
-        ...
-
-    async def leave(self, reason: str) -> None:
-        """Return, and wait until that is seen."""
-        ...
 
     def fate(self) -> str:
         """Where the aircraft is at the end, empty if at home."""

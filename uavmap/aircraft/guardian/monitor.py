@@ -34,8 +34,6 @@ from uavmap.mavlink.vehicle_view import OFF_GROUND_M, VehicleView
 TRACK_S: Final = 1.0
 PATH_TRACK_S: Final = 0.4
 """On a path that is flown without stopping: plans follow one another so fast."""
-ACKS_OF_PX4: Final = 2
-"""Acknowledgements of DO_SET_MODE after which a PX4 has changed its mode."""
 
 
 class PlaceFinder(Protocol):
@@ -81,8 +79,6 @@ class Monitor:
         self._reporter = reporter
         self._view = view
         self._scopes: set[asyncio.Timeout] = set()
-        self._acks = 0
-        """Acknowledgements of the latest request for a mode."""
         self._tracked_s = float("-inf")
         self._down_s: float | None = None
         """Since when it stands on the ground by its own word, while that is not reported yet."""
@@ -124,7 +120,6 @@ class Monitor:
     # --- what we do --------------------------------------------------------------------------
     def asks(self, mode: int) -> None:
         """A mode is asked for now."""
-        self._acks = 0
         self.control = self.control.asking(mode, self._reporter.loop_s())
 
     def refused(self) -> None:
@@ -171,37 +166,31 @@ class Monitor:
     def _report_control(self, before: Control) -> None:
         control, reporter = self.control, self._reporter
         if before.is_ours and not control.is_ours:
-            reporter.report(
-                Overridden(
-                    reporter.number, reporter.t_s(), self._view.mode_name,
-                    cause=control.cause or None,
-                )
-            )  # fmt: skip
+            reporter.happened(Overridden, self._view.mode_name, cause=control.cause or None)
         elif control.is_ours and not before.is_ours:
             height_m = reporter.height_m() if control.off_ground else 0.0
-            reporter.report(
-                Released(reporter.number, reporter.t_s(), reporter.position(), height_m)
-            )
+            reporter.happened(Released, reporter.position(), height_m)
 
     def _hear_acknowledgement(self, ack: Message) -> None:
-        """The autopilot's word that it lands, returns or follows a stream.
+        """The autopilot's word on the mode that was asked for: it has come, or is not taken.
 
-        A PX4 acknowledges DO_SET_MODE twice: unseen, and when its commander has done it.
+        A PX4 acknowledges DO_SET_MODE twice: unseen, and when its commander has decided. Either
+        may be lost, so the first acceptance counts until a refusal follows.
         """
         kind, request = self._view.kind, self.control.request
-        if request is None or (request.mode == kind.stream_mode and not kind.streams_apart):
+        if request is None:
             return
-        command, wanted = {
-            kind.land: (mav.MAV_CMD_NAV_LAND, 1),
-            kind.rtl: (mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, 1),
-            kind.stream_mode: (mav.MAV_CMD_DO_SET_MODE, ACKS_OF_PX4),
-        }.get(request.mode, (None, 0))
-        ours = ack.target_system in (0, GROUND_SYSTEM_ID) and ack.result == mav.MAV_RESULT_ACCEPTED
-        if not ours or ack.command != command:
+        command = {
+            kind.stream_mode: mav.MAV_CMD_DO_SET_MODE,
+            kind.land: mav.MAV_CMD_NAV_LAND,
+            kind.rtl: mav.MAV_CMD_NAV_RETURN_TO_LAUNCH,
+        }.get(request.mode)
+        if command != ack.command or ack.target_system not in (0, GROUND_SYSTEM_ID):
             return
-        self._acks += 1
-        if self._acks == wanted:
+        if ack.result == mav.MAV_RESULT_ACCEPTED:
             self.control = self.control.acknowledged(self._reporter.loop_s())
+        elif ack.result != mav.MAV_RESULT_IN_PROGRESS:
+            self.control = self.control.denied()
 
     # --- flight ------------------------------------------------------------------------------
     def _watch_ground(self) -> None:
@@ -223,7 +212,7 @@ class Monitor:
         """Report lifting off, and that it stands on the ground with its motors off."""
         control = self.control
         if control.air.is_flying and not before.air.is_flying:
-            self._reporter.report(LiftedOff(self._reporter.number, self._reporter.t_s()))
+            self._reporter.happened(LiftedOff)
         stood = not before.armed and not before.air.may_be_up
         if stood or control.armed or control.air is not AirState.ON_GROUND:
             return
@@ -239,11 +228,7 @@ class Monitor:
         """Say that the vehicle stands on the ground."""
         reporter = self._reporter
         self.wind.forget()
-        reporter.report(
-            Landed(
-                reporter.number, reporter.t_s(), reporter.remaining(), position=reporter.position()
-            )
-        )
+        reporter.happened(Landed, reporter.remaining(), position=reporter.position())
 
     def _measure_wind(self) -> None:
         north_m_s, east_m_s, _ = self._view.velocity_ned_m_s
@@ -266,16 +251,10 @@ class Monitor:
         every_s = PATH_TRACK_S if self.on_path else TRACK_S
         if self.connected and now_s - self._tracked_s >= every_s - 1e-6:
             self._tracked_s = now_s
-            reporter.report(
-                Tracked(
-                    reporter.number,
-                    reporter.t_s(),
-                    reporter.position(),
-                    reporter.height_m(),
-                    reporter.remaining(),
-                    wind_m_s=self.wind.speed_m_s,
-                )
-            )
+            reporter.happened(
+                Tracked, reporter.position(), reporter.height_m(), reporter.remaining(),
+                wind_m_s=self.wind.speed_m_s,
+            )  # fmt: skip
 
     def report_connected(self) -> None:
         """Say where the vehicle is, after its link was opened."""
@@ -285,19 +264,9 @@ class Monitor:
         self._watch_ground()
         self.control = self.control.connected(view.kind, resumed=self.resumed)
         airborne = self.control.in_air
-        ours = self.control.is_ours
         home = reporter.home() if view.home is not None else GridPoint(0.0, 0.0)
-        reporter.report(
-            Connected(
-                reporter.number,
-                reporter.t_s(),
-                home,
-                reporter.position(),
-                reporter.height_m(),
-                airborne,
-                ours,
-                reporter.remaining(),
-                home_amsl_m=reporter.home_amsl_m(),
-                mode=self.mode if airborne else None,
-            )
-        )
+        reporter.happened(
+            Connected, home, reporter.position(), reporter.height_m(), airborne,
+            self.control.is_ours, reporter.remaining(), home_amsl_m=reporter.home_amsl_m(),
+            mode=self.mode if airborne else None,
+        )  # fmt: skip

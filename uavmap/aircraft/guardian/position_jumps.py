@@ -14,6 +14,7 @@ from typing import Final
 
 from missions.units import LatLon
 from uavmap.mavlink.continuity import distance_m
+from uavmap.mavlink.position_history import Fix
 
 WINDOW_S: Final = 1.0
 LONGEST_S: Final = 1.5
@@ -22,7 +23,6 @@ ACCEL_M_S2: Final = 20.0
 """More than a gale at once, with full tilt, does to a small multicopter."""
 NOISE_M: Final = 5.0
 NOISE_M_S: Final = 2.0
-_M_PER_DEG: Final = 111_195.0
 
 
 class Leaps:
@@ -50,12 +50,8 @@ class Leaps:
         passed_s = boot_s - first_s
         if passed_s > LONGEST_S:
             return
-        expected = LatLon(
-            start.lat_deg + north_m_s * passed_s / _M_PER_DEG,
-            start.lon_deg
-            + east_m_s * passed_s / (_M_PER_DEG * math.cos(math.radians(start.lat_deg))),
-        )
-        off_m = distance_m(expected, position)
+        flown = Fix(first_s, start, 0.0, (north_m_s, east_m_s, 0.0)).moved(boot_s)
+        off_m = distance_m(flown.position, position)
         if off_m > NOISE_M + 0.5 * ACCEL_M_S2 * passed_s**2:
             self._noted(f"its position has leapt by {off_m:.0f} m")
             return

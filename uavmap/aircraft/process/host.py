@@ -9,6 +9,7 @@ from typing import Literal, Protocol, TypeVar
 
 import numpy as np
 
+from missions.errors import ImageError
 from missions.events import Event, FrameSeen
 from missions.orders import Hold, Order
 from uavmap.aircraft.imaging.imaging import Taken
@@ -144,7 +145,11 @@ class Host:
         self._send(say.Line(text))
 
     async def judge(self, taken: Taken) -> bool:
-        """Have a picture judged by the mission."""
+        """Have a picture judged by the mission. Raises `ImageError` for one that is too large."""
+        size = len(taken.data) if isinstance(taken.data, bytes) else taken.data.nbytes
+        if size > say.MOST_PICTURE_BYTES:
+            most = say.MOST_PICTURE_BYTES
+            raise ImageError(f"{taken.name}: {size} bytes; a picture has at most {most}")
         serial = next(self._serials)
         waiting: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
         self._pictures[serial] = waiting

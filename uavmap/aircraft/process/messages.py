@@ -27,8 +27,12 @@ from missions.units import Cell, LatLon, Pose
 VERSION: Final = 1
 """Number of this set of messages; two processes with different numbers do not speak."""
 _LENGTHS: Final = struct.Struct(">II")
-MOST_BYTES: Final = 1 << 28
-"""Maximum length of each part of a message, bytes."""
+MOST_TEXT_BYTES: Final = 32 << 20
+"""Maximum length of the JSON of a message, bytes: a verdict on 400,000 cells."""
+MOST_PICTURE_BYTES: Final = 96 << 20
+"""Maximum length of a picture, bytes: the pixels of an 8K frame; files are smaller."""
+FIRST_BYTES: Final = 1024
+"""Maximum length of what a connection sends before its word is known, bytes."""
 
 
 # --- from the mission ---------------------------------------------------------------------------
@@ -158,11 +162,6 @@ class Beat:
     kind: Literal["beat"] = "beat"
 
 
-ToAircraft = (
-    Attach | Begin | Fly | Give | LandHere | Judged | Swapped | Answered | Finish | Leave | Beat
-)  # fmt: skip
-
-
 # --- from the aircraft --------------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class Attached:
@@ -269,19 +268,11 @@ class Ended:
     kind: Literal["ended"] = "ended"
 
 
-FromAircraft = (
-    Attached
-    | Ready
-    | Happened
-    | Picture
-    | BatteryWanted
-    | BatteryUnwanted
-    | Question
-    | Line
-    | Beat
+Message = (
+    Attach | Begin | Fly | Give | LandHere | Judged | Swapped | Answered | Finish | Leave | Beat
+    | Attached | Ready | Happened | Picture | BatteryWanted | BatteryUnwanted | Question | Line
     | Ended
-)
-Message = ToAircraft | FromAircraft
+)  # fmt: skip
 _ADAPTER: Final[TypeAdapter[Message]] = TypeAdapter(Annotated[Message, Field(discriminator="kind")])
 
 
@@ -302,7 +293,9 @@ class Decoder:
     ([], [Swapped(vehicle=2, kind='swapped')])
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, known: bool = True) -> None:
+        self.known = known
+        """Whether the sender is; one that is not can only send an `Attach`."""
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> Iterator[Message]:
@@ -310,8 +303,12 @@ class Decoder:
         self._buffer += data
         while len(self._buffer) >= _LENGTHS.size:
             text_size, data_size = _LENGTHS.unpack_from(self._buffer)
-            if max(text_size, data_size) > MOST_BYTES:
-                raise LinkError("the aircraft process and the mission do not understand each other")
+            most = (MOST_TEXT_BYTES, MOST_PICTURE_BYTES) if self.known else (FIRST_BYTES, 0)
+            if text_size > most[0] or data_size > most[1]:
+                raise LinkError(
+                    "the aircraft process and the mission do not understand each other: a message "
+                    f"of {text_size + data_size} bytes"
+                )
             begin = _LENGTHS.size
             end = begin + text_size + data_size
             if len(self._buffer) < end:

@@ -10,8 +10,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
-from collections.abc import AsyncIterator, Callable, Hashable, Mapping
-from typing import Any, Final, Protocol, cast
+from collections import defaultdict
+from collections.abc import AsyncIterator, Callable, Collection, Hashable, Mapping
+from typing import Final, Protocol, cast
 
 from missions.errors import LinkError
 from uavmap.mavlink.links.framing import Splitter, sender_of
@@ -90,15 +91,18 @@ async def open_shared(
     On a listening UDP socket each vehicle may speak from an address of its own. Frames of other
     systems are named once and heard by nobody. Raises `LinkError` as `open_transport`.
     """
+    strangers = Strangers(endpoint, say)
     if endpoint.transport != "udpin":
-        deliver = _by_system(on_bytes, Strangers(endpoint, say))
         splitter = Splitter()
-        async with open_transport(
-            endpoint, lambda data: deliver(splitter.feed(data), None), say
-        ) as one:
+
+        def deliver(data: bytes) -> bool:
+            groups = _by_system(splitter.feed(data), on_bytes, strangers)
+            ours = [on_bytes[system](group) for system, group in groups]
+            return any(ours)
+
+        async with open_transport(endpoint, deliver, say) as one:
             yield dict.fromkeys(on_bytes, one)
         return
-    strangers = Strangers(endpoint, say)
     try:
         shared = UdpSocket(await bound_socket(endpoint.host, endpoint.port))
     except OSError as error:
@@ -106,11 +110,8 @@ async def open_shared(
     each = {system: UdpLink(shared, heard, strangers, None) for system, heard in on_bytes.items()}
 
     def hear(data: bytes, address: Address) -> None:
-        for system, group in _grouped(Splitter().feed(data)).items():
-            if (udp := each.get(system)) is not None:
-                udp.hear(group, address)
-            else:
-                strangers.tell((f"system {system}", None), _NOT_FLOWN)
+        for system, group in _by_system(Splitter().feed(data), each, strangers):
+            each[system].hear(group, address)
 
     shared.deliver_to(hear)
     try:
@@ -120,31 +121,15 @@ async def open_shared(
 
 
 def _by_system(
-    on_bytes: Mapping[int, OnBytes], strangers: Strangers
-) -> Callable[[list[bytes], Any], bool]:
-    """Hands frames to whom their senders belong to; whether one of them was our vehicle."""
-
-    def deliver(frames: list[bytes], _address: Any) -> bool:
-        ours = False
-        for system, group in _grouped(frames).items():
-            if (heard := on_bytes.get(system)) is not None:
-                ours = heard(group) or ours
-            else:
-                strangers.tell((f"system {system}", None), _NOT_FLOWN)
-        return ours
-
-    return deliver
-
-
-_NOT_FLOWN: Final = "speaks here, and is no vehicle of this flight"
-
-
-def _grouped(frames: list[bytes]) -> dict[int, bytes]:
-    groups: dict[int, bytes] = {}
+    frames: list[bytes], ours: Collection[int], strangers: Strangers
+) -> list[tuple[int, bytes]]:
+    """The frames of each of our systems in one piece; others are named once."""
+    groups: defaultdict[int, bytes] = defaultdict(bytes)
     for frame in frames:
-        system, _ = sender_of(frame)
-        groups[system] = groups.get(system, b"") + frame
-    return groups
+        groups[sender_of(frame)[0]] += frame
+    for system in groups.keys() - set(ours):
+        strangers.tell((f"system {system}", None), "speaks here, and is no vehicle of this flight")
+    return [(system, group) for system, group in groups.items() if system in ours]
 
 
 _Opened = tuple[Transport, Callable[[], None]]

@@ -23,6 +23,7 @@ from missions.errors import CommandRefusedError, LinkError
 from uavmap.mavlink.autopilots import PX4
 from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.mavsdk.mavsdk_session import MavsdkSession
+from uavmap.mavlink.session import Permit
 
 MODE_S: Final = 2.5
 """A mode that was taken shows in a heartbeat within this time."""
@@ -42,36 +43,42 @@ class MavsdkCommands(MavlinkCommands):
         super().__init__(session)
         self._mavsdk = session
 
-    async def follow(self) -> None:
+    async def follow(self, permit: Permit) -> None:
         """`action.hold` on a PX4; MAV_CMD_DO_SET_MODE on an ArduPilot."""
         if self._view.kind is PX4:
-            await self._act("hold", mav.MAV_CMD_DO_SET_MODE)
+            await self._act("hold", mav.MAV_CMD_DO_SET_MODE, permit=permit)
         else:
-            await super().follow()
+            await super().follow(permit)
 
     async def arm(self) -> None:
         """`action.arm`, in the mode that follows: in some others it would change the mode first."""
         view = self._view
         await self._mavsdk.until(lambda: view.mode == view.kind.follows, MODE_S)
-        await self._act("arm", mav.MAV_CMD_COMPONENT_ARM_DISARM, lambda: view.armed)
+        await self._act("arm", mav.MAV_CMD_COMPONENT_ARM_DISARM, done=lambda: view.armed)
 
     async def speed(self, speed_m_s: float) -> None:
         """`action.set_current_speed`."""
         await self._act("set_current_speed", mav.MAV_CMD_DO_CHANGE_SPEED, speed_m_s=speed_m_s)
 
-    async def land(self, done: Callable[[], bool] = lambda: False) -> None:
+    async def land(self, done: Callable[[], bool], permit: Permit) -> None:
         """`action.land`."""
-        await self._act("land", mav.MAV_CMD_NAV_LAND, done)
+        await self._act("land", mav.MAV_CMD_NAV_LAND, done=done, permit=permit)
 
-    async def return_to_launch(self) -> None:
+    async def return_to_launch(self, permit: Permit) -> None:
         """`action.return_to_launch`, which is a change of mode."""
-        await self._act("return_to_launch", mav.MAV_CMD_DO_SET_MODE)
+        await self._act("return_to_launch", mav.MAV_CMD_DO_SET_MODE, permit=permit)
 
     async def _act(
-        self, what: str, command: int, done: Callable[[], bool] = lambda: False, **more: Any
+        self,
+        what: str,
+        command: int,
+        *,
+        done: Callable[[], bool] = lambda: False,
+        permit: Permit | None = None,
+        **more: Any,
     ) -> None:
         """Have the plug-in do it; only the command that it stands for may go over the link."""
-        told = await self._mavsdk.asked(command, what, **more)
+        told = await self._mavsdk.asked(command, what, permit, **more)
         result = told["result"]
         if result == "SUCCESS" or done():
             return

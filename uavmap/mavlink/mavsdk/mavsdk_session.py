@@ -25,6 +25,7 @@ from uavmap.mavlink.session import (
     ACK_TRIES,
     ACK_WAIT_S,
     GROUND_SYSTEM_ID,
+    Permit,
     Record,
     Session,
     result_name,
@@ -107,9 +108,15 @@ class MavsdkSession(Session):
             raise LinkError(f"{message.get_type()} cannot be sent: {error}") from None
 
     # --- commands -------------------------------------------------------------------------
-    async def asked(self, command: int, what: str, **more: Any) -> Words:
-        """Have MAVSDK do something that takes a command, which may go over the link meanwhile."""
-        with self.outbox.asked(command):
+    async def asked(
+        self, command: int, what: str, permit: Permit | None = None, **more: Any
+    ) -> Words:
+        """Have MAVSDK do something that takes a command, which may go over the link meanwhile,
+        each copy by the permit.
+        """
+        if permit is not None:
+            await permit.granted()
+        with self.outbox.asked(command, permit):
             return await self.process.ask(do=what, **more)
 
     async def _until_acknowledged(
@@ -119,15 +126,16 @@ class MavsdkSession(Session):
         message: Callable[[int], Message],
         done: Callable[[], bool] = lambda: False,
         taken: Collection[int] = (mav.MAV_RESULT_ACCEPTED,),
+        permit: Permit | None = None,
     ) -> None:
         """MAVSDK repeats a command and waits; here its answer is read."""
         name = mav.enums["MAV_CMD"][command].name
-        async with self._command_lock:
+        async with self._commanding[asked]:
             result: int | None = None
             for attempt in range(ACK_TRIES):
                 if attempt and done():
                     return
-                result = await self._result(command, message(0))
+                result = await self._result(command, message(0), permit)
                 if result in taken or (result is None and done()):
                     return
                 if result is None:
@@ -141,11 +149,11 @@ class MavsdkSession(Session):
                 f"{name} was refused: {result_name(result)}" + self.view.recent_texts()
             )
 
-    async def _result(self, command: int, message: Message) -> int | None:
+    async def _result(self, command: int, message: Message, permit: Permit | None) -> int | None:
         """The MAV_RESULT of a command; None where no answer came."""
         self._fits(message)
         told = await self.asked(
-            command, "command", name=message.get_type(), fields=fields_of(message)
+            command, "command", permit, name=message.get_type(), fields=fields_of(message)
         )
         answer = told.get("answer")
         return int(answer["result"]) if told["result"] == "SUCCESS" and answer else None

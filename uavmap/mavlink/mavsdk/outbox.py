@@ -8,11 +8,13 @@ it to a repetition, so each frame is looked at on its way out.
 from __future__ import annotations
 
 import contextlib
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from uavmap.mavlink.session import Permit
 
 Message = Any
 
@@ -41,21 +43,21 @@ class Outbox:
         self._send = send
         self._codec = mav.MAVLink(None)
         self._codec.robust_parsing = True
-        self._asked: Counter[int] = Counter()
-        """Commands that are waited for just now."""
+        self._asked: defaultdict[int, list[Permit | None]] = defaultdict(list)
+        """Commands that are waited for just now, each with its permit."""
         self._once: Counter[Kind] = Counter()
         """Single messages that were handed to MAVSDK and have not come out yet."""
         self.held_back: Counter[str] = Counter()
         """What did not pass, by its kind."""
 
     @contextlib.contextmanager
-    def asked(self, command: int) -> Iterator[None]:
-        """For as long as it lasts a command may go, as often as MAVSDK likes."""
-        self._asked[command] += 1
+    def asked(self, command: int, permit: Permit | None = None) -> Iterator[None]:
+        """While it lasts a command may go as often as MAVSDK likes and `permit` grants."""
+        self._asked[command].append(permit)
         try:
             yield
         finally:
-            self._asked[command] -= 1
+            self._asked[command].remove(permit)
 
     def once(self, message: Message) -> None:
         """A message may go."""
@@ -81,4 +83,6 @@ class Outbox:
         if self._once[kind] > 0:
             self._once[kind] -= 1
             return True
-        return kind[1] in _QUESTIONS or (kind[1] >= 0 and self._asked[kind[1]] > 0)
+        if kind[1] in _QUESTIONS:
+            return True
+        return any(permit is None or permit.grants() for permit in self._asked[kind[1]])

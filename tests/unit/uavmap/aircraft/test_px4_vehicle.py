@@ -161,9 +161,7 @@ async def test_a_pilot_takes_over_in_every_phase(
         flight.vehicle._ap.setpoints.hear(flight.vehicle.t_s + 1e3)  # a stream without end
     pilot_mode(flight, turned)
     await flight.sees(Overridden, within_s=HEARTBEAT_S)
-    index = len(flight.sent)
-    await asyncio.sleep(10.0)
-    assert flight.commands_after(index) == []
+    await flight.hears_nothing(10.0)
     assert flight.vehicle.truth.mode == turned
     assert [e.mode for e in flight.seen(Overridden)] == [turned.name]
     pilot_mode(flight, Px4Mode.HOLD)
@@ -184,9 +182,7 @@ async def test_a_mission_of_the_pilot_that_ends_in_hold_gives_nothing_back(
     pilot_mode(flight, Px4Mode.MISSION)
     await flight.sees(Overridden, within_s=HEARTBEAT_S)
     await flight.until(lambda: flight.vehicle.truth.mode == Px4Mode.HOLD)
-    index = len(flight.sent)
-    await asyncio.sleep(5.0)
-    assert flight.commands_after(index) == []
+    await flight.hears_nothing(5.0)
     assert not flight.seen(Released)
 
 

@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
 from tests.support.hostile import Hostile
-from tests.support.mavlink_peer import Peer, ack, heartbeat, text
+from tests.support.mavlink_peer import Peer, heartbeat, text
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.continuity import JUMP_CONFIRMED_S, BootClock, distance_m
 from uavmap.mavlink.identity import same_aircraft
@@ -209,20 +209,21 @@ def test_home_height_of_px4_in_air_is_known_in_any_order(order: tuple[int, ...])
 
 
 # --- the battery -----------------------------------------------------------------------------
-def test_a_second_battery_does_not_hide_an_empty_one() -> None:
+@pytest.mark.parametrize(
+    "told",
+    [
+        [(battery(12), 7.8), (battery(97, number=1), 7.8)],
+        [(battery(97, number=2, consumed_hj=36), 58.8), (battery(12, number=0), 7.8)],
+        [(sys_status(50), 30.6), (battery(-1, consumed_hj=1440), 20.0), (sys_status(-1), 20.0)],
+    ],
+    ids=["a second one", "the lowest number", "two messages"],
+)
+def test_charge_is_that_of_the_battery_it_flies_on(told: list[tuple[Message, float]]) -> None:
     vehicle = Vehicle()
-    vehicle.hear(battery(12), 1.0)
-    assert vehicle.view.remaining_wh(60.0) == pytest.approx(7.8)
-    vehicle.hear(battery(97, number=1), 1.1)
-    assert vehicle.view.remaining_wh(60.0) == pytest.approx(7.8)
-
-
-def test_the_lowest_battery_that_is_heard_counts() -> None:
-    vehicle = Vehicle()
-    vehicle.hear(battery(97, number=2, consumed_hj=36), 1.0)
-    assert vehicle.view.remaining_wh(60.0) == pytest.approx(58.8)
-    vehicle.hear(battery(12, number=0), 1.1)
-    assert vehicle.view.remaining_wh(60.0) == pytest.approx(7.8)
+    for second, (message, left_wh) in enumerate(told):
+        vehicle.hear(message, 1.0 + second)
+        assert vehicle.view.remaining_wh(60.0) == pytest.approx(left_wh)
+    assert (vehicle.view.battery_percent is None) == (len(told) == 3)
 
 
 def test_a_message_without_a_charge_does_not_keep_an_old_one_alive() -> None:
@@ -233,16 +234,6 @@ def test_a_message_without_a_charge_does_not_keep_an_old_one_alive() -> None:
     vehicle.hear(battery(-1), 300.0)
     assert vehicle.view.battery_s == 1.0
     assert vehicle.view.remaining_wh(60.0) is None
-
-
-def test_what_two_messages_say_of_the_charge() -> None:
-    vehicle = Vehicle()
-    vehicle.hear(sys_status(50), 1.0)
-    vehicle.hear(battery(-1, consumed_hj=1440), 2.0)
-    assert vehicle.view.battery_percent == 50
-    assert vehicle.view.remaining_wh(60.0) == pytest.approx(20.0)
-    vehicle.hear(sys_status(-1), 3.0)
-    assert vehicle.view.battery_percent is None
 
 
 def test_two_messages_that_round_differently_are_one_battery() -> None:
@@ -633,14 +624,6 @@ def test_a_parser_that_raises_costs_its_bytes_and_nothing_else(
         assert peer.session.view.mode == 9
 
     in_session(hit)
-
-
-def test_acknowledgements_of_whatever_are_harmless() -> None:
-    def say(peer: Peer) -> None:
-        for result in range(256):
-            peer.session.feed(peer.frame(ack(400, result)))
-
-    in_session(say)
 
 
 @pytest.mark.skipif(not TLOG.is_file(), reason="the recorded flight is not beside this repository")

@@ -123,6 +123,24 @@ async def test_aircraft_that_cannot_be_started_again_end_the_mission(
 
 
 @on_a_loop
+async def test_aircraft_that_send_no_message_end_the_mission_which_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The mission connected again, and again, without a word."""
+    monkeypatch.setattr(AircraftProcess, "_end_process", lambda self: None)
+    with listening() as (server, address):
+        line = socket.create_connection(("127.0.0.1", address.port))
+        other, _ = server.accept()
+        process = AircraftProcess(plan(), tmp_path, Attachment(address, line), append=False)
+        port = Mission().port
+        async with asyncio.timeout(20.0), process.connected(port, lambda: BEGIN):
+            other.sendall(b"\xff" * 8)
+            with pytest.raises(LinkError, match="do not understand each other: a message of 8"):
+                await port.run()
+        other.close()
+
+
+@on_a_loop
 async def test_the_last_message_is_sent_to_the_next_process_as_well() -> None:
     mission = Mission()
     mission.port.receive(say.Ready(None))

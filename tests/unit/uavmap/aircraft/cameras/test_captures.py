@@ -105,6 +105,10 @@ def on(text: str, body: Callable[[FrameSource, list[str]], Awaitable[None]]) -> 
     asyncio.run(main())
 
 
+async def three(source: FrameSource, told: list[str]) -> None:
+    await pictures(source, 3)
+
+
 def test_video_over_http_and_its_return() -> None:
     async def body(source: FrameSource, told: list[str]) -> None:
         first = await pictures(source, 4)
@@ -123,22 +127,15 @@ def test_video_over_http_and_its_return() -> None:
 
 
 def test_rtsp() -> None:
-    async def body(source: FrameSource, told: list[str]) -> None:
-        await pictures(source, 3)
-
     with RtspServer([jpeg(shade) for shade in range(20, 220, 4)]) as server:
-        on(f"rtsp://127.0.0.1:{server.port}/main", body)
+        on(f"rtsp://127.0.0.1:{server.port}/main", three)
 
 
 def test_a_gstreamer_pipeline() -> None:
     if shutil.which("gst-launch-1.0") is None:
         pytest.skip("this machine has no gst-launch-1.0")
-
-    async def body(source: FrameSource, told: list[str]) -> None:
-        await pictures(source, 3)
-
     wanted = "video/x-raw,width=320,height=240,framerate=20/1"
-    on(f"gstreamer:videotestsrc is-live=true ! {wanted}", body)
+    on(f"gstreamer:videotestsrc is-live=true ! {wanted}", three)
 
 
 def test_frames_that_piled_up_in_a_stall_are_not_of_now() -> None:
@@ -155,11 +152,7 @@ def test_frames_that_piled_up_in_a_stall_are_not_of_now() -> None:
 def test_a_v4l2_device() -> None:
     if not os.path.exists("/dev/video0"):
         pytest.skip("this machine has no V4L2 device")
-
-    async def body(source: FrameSource, told: list[str]) -> None:
-        await pictures(source, 3)
-
-    on("v4l2:/dev/video0", body)
+    on("v4l2:/dev/video0", three)
 
 
 WRITER = """

@@ -49,15 +49,6 @@ def test_a_fall_is_one(height_m: float, every_s: float) -> None:
     assert told(fall(height_m, every_s), every_s=every_s).speed_m_s > HARD_M_S
 
 
-def test_while_it_falls_it_sinks() -> None:
-    assert told([0.5, 1.5, 2.5]).sinks
-    assert not told([0.5, 1.5, 2.5, 0.0]).sinks
-
-
-def test_one_wrong_message_is_no_impact() -> None:
-    assert told([0.5, 0.5, 9.0, 0.5, 0.0]).speed_m_s == 0.5
-
-
 def test_a_bounce_does_not_hide_it() -> None:
     impact = told(fall(3.0, 0.1))
     told([-1.0, -0.5, 0.5, 1.0, 0.0, 0.0], impact=impact)

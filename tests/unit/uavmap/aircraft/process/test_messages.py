@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 import pytest
 
 from missions import orders
-from missions.errors import LinkError
+from missions.errors import ImageError, LinkError
 from missions.events import FrameLost, FrameSeen, Tracked, Vote
 from missions.geo.trajectory import rounded_path
 from missions.units import Cell, GridPoint, LatLon, Pose, Quaternion
+from tests.support.running import by, on_virtual_time
+from uavmap.aircraft.imaging.imaging import Taken
 from uavmap.aircraft.process import messages as say
+from uavmap.aircraft.process.host import Host
 
 PATH = rounded_path(
     [GridPoint(0.1, 0.2), GridPoint(60.0 / 7.0, 0.0), GridPoint(60.0, 30.0)],
@@ -84,3 +89,33 @@ def test_pixels_of_a_picture_come_out_as_pixels() -> None:
 def test_what_is_no_message_is_refused(data: bytes) -> None:
     with pytest.raises(LinkError):
         list(say.Decoder().feed(data))
+
+
+@pytest.mark.parametrize(
+    ("known", "text", "picture", "fits"),
+    [
+        (True, say.MOST_TEXT_BYTES, say.MOST_PICTURE_BYTES, True),
+        (True, say.MOST_TEXT_BYTES + 1, 0, False),
+        (True, 2, say.MOST_PICTURE_BYTES + 1, False),
+        (False, say.FIRST_BYTES, 0, True),
+        (False, say.FIRST_BYTES + 1, 0, False),
+        (False, 2, 1, False),
+    ],
+)
+def test_message_that_is_longer_than_any_is_refused_by_its_head_and_not_waited_for(
+    known: bool, text: int, picture: int, fits: bool
+) -> None:
+    """Up to 512 MiB were kept, of whoever had connected."""
+    head = text.to_bytes(4, "big") + picture.to_bytes(4, "big")
+    expected = contextlib.nullcontext() if fits else pytest.raises(LinkError, match="understand")
+    with expected:
+        assert not list(say.Decoder(known=known).feed(head))
+
+
+@by(on_virtual_time)
+async def test_picture_that_is_too_large_for_the_mission_is_lost_and_nothing_is_sent() -> None:
+    sent = list[say.Message]()
+    data = bytes(say.MOST_PICTURE_BYTES + 1)
+    with pytest.raises(ImageError, match="a picture has at most"):
+        await Host(sent.append).judge(Taken(1, 2.0, POSE, None, True, "huge", data))
+    assert sent == []

@@ -6,7 +6,6 @@ import asyncio
 import os
 import random
 from pathlib import Path
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -14,10 +13,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import LinkError
 from tests.support.field import Field, mission_of, on_field
 from tests.support.mavlink_peer import heartbeat
-from tests.support.plans import plan_of
 from tests.support.running import by, on_virtual_time
 from uavmap.base.clock import VirtualClock, run
-from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
 from uavmap.mavlink.identity import answered
 from uavmap.mavlink.links import signing as signing_module
 from uavmap.mavlink.links.key_file import BESIDE, KeptTimestamps, new_key, read_key, signing_with
@@ -31,8 +28,6 @@ from uavmap.mavlink.links.signing import (
     Stream,
 )
 from uavmap.mavlink.session import Session
-from uavmap.runner.flight import fly
-from uavmap.runner.simulation import Simulation
 from uavmap.ui.cli.commands.keys import give_key, remove_key
 
 KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
@@ -246,55 +241,3 @@ async def test_wrong_key_line_names_refused_signatures(key: bytes | None, words:
         await answered(session, "udp")
     assert words in str(silent.value)
     assert "switched on" not in str(silent.value)
-
-
-# --- flights -----------------------------------------------------------------------------------
-def in_order(vehicle: Any) -> None:
-    """Have answers arrive before what the vehicle says later, as on a cable."""
-    answers: list[bytes] = []
-    receive, step = vehicle.receive, vehicle.step
-
-    def received(frame: bytes) -> bytes:
-        answers.append(receive(frame))
-        return b""
-
-    def stepped(dt_s: float) -> bytes:
-        said = b"".join(answers)
-        answers.clear()
-        return said + bytes(step(dt_s))
-
-    vehicle.receive, vehicle.step = received, stepped
-
-
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_a_signed_mission_in_both_flavours(
-    tmp_path: Path, autopilot: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    sessions: list[Session] = []
-    open_session = Simulation.open_session
-
-    def signed(self: Simulation, index: int, record: Any) -> Session:
-        session = open_session(self, index, record)
-        vehicle, ours = self._vehicles[index], signing()
-        codec = mav.MAVLink(None, srcSystem=245, srcComponent=191)
-        vehicle.receive(bytes(ours.set_up(vehicle.spec.system_id, 1).pack(codec)))
-        session.signing = ours
-        in_order(vehicle)
-        sessions.append(session)
-        return session
-
-    monkeypatch.setattr(Simulation, "open_session", signed)
-    text = (Path(__file__).parents[4] / "data" / "speck.toml").read_text()
-    text = text.replace("[sim]", f'[sim]\nautopilot = "{autopilot}"', 1)
-    plan = plan_of(
-        mission_source="speck.toml", mission=text, strategy=None, vehicles=None, seed=1,
-        urls=(), speedup=None, epoch_utc_s=SIM_EPOCH_UTC_S,
-    )  # fmt: skip
-    summary = fly(plan, tmp_path / "out")
-    assert summary["completed"], summary
-    assert sessions
-    for session in sessions:
-        assert session.view.kind.name.lower() == autopilot
-        assert not [kind for kind, _ in session.view.gate.refused if kind == "frames"]
-    log = (tmp_path / "out" / "flight.tlog").read_bytes()
-    assert KEY not in log

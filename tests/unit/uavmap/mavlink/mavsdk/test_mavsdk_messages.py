@@ -124,6 +124,26 @@ def test_a_command_goes_as_long_as_it_is_asked_for_and_no_other() -> None:
     assert ends.outbox.held_back == {"COMMAND_LONG": 3}
 
 
+class _Permit:
+    """Given twice."""
+
+    left = 2
+
+    async def granted(self) -> None:
+        raise AssertionError
+
+    def grants(self) -> bool:
+        self.left -= 1
+        return self.left >= 0
+
+
+def test_each_copy_of_a_mode_that_mavsdk_repeats_takes_a_permit() -> None:
+    ends, mode = _Ends(), _command(mav.MAV_CMD_DO_SET_MODE)
+    with ends.outbox.asked(mode.command, _Permit()):
+        assert ends.wants(mode, mode, mode) == 2
+    assert ends.wants(mode) == 0
+
+
 def test_a_message_goes_as_often_as_it_was_handed_over() -> None:
     ends = _Ends()
     target = mav.MAVLink_set_position_target_global_int_message(0, 1, 1, 6, 0, *[0] * 11)
