@@ -144,7 +144,7 @@ class Judge:
             picture.width_px < LEAST_WIDTH_PX
         ):
             raise ImageError(f"{picture.width_px} x {picture.height_px} px are too few")
-        image = eight_bits(picture.decode(width_px))
+        image = eight_bits(picture.content.decode(width_px))
         image, camera = self.lenses.straightened(image, self.lenses.lens(picture))
         return Frame(image, placed.pose, t_s, camera)
 

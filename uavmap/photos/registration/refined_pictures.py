@@ -27,12 +27,12 @@ from uavmap.photos.registration.registration_report import FILE, lines, report
 from uavmap.photos.scratch_file import FeatureFile
 from uavmap.photos.sources.inventory import Gathered
 from uavmap.photos.sources.photo_file import eight_bits
-from uavmap.photos.sources.picture_record import Measured, Picture
+from uavmap.photos.sources.picture_record import Picture
 from uavmap.photos.workers import Crew, Threads, in_order, thread_count
 from vision.camera import euler
 from vision.lens import Lens
 from vision.registration.picture_features import WIDTH_PX, extract, thumbnail
-from vision.registration.views import Features, Registration
+from vision.registration.views import Features, Measured, Registration
 
 _LOG: Final = logging.getLogger("uavmap.photos")
 HFOV_DEG: Final = 75.0
@@ -119,7 +119,7 @@ def _looked_at(
 def _features(lenses: Lenses, picture: Picture) -> tuple[Features, float] | None:
     """Return a picture's features and angle of view; None if it cannot be decoded."""
     try:
-        image = eight_bits(picture.decode(WIDTH_PX))
+        image = eight_bits(picture.content.decode(WIDTH_PX))
     except ImageError:
         return None  # whoever judges it says why
     small = thumbnail(image)

@@ -14,7 +14,8 @@ from statistics import median_low
 from missions.flight.setting import Setting
 from missions.mission.schema import Mission
 from missions.units import LatLon, Pose, Quaternion
-from uavmap.photos.sources.picture_record import Measured, Picture
+from uavmap.photos.sources.picture_record import Picture
+from vision.registration.views import Measured
 
 FARTHEST_M = 10_000.0
 """Largest distance of a picture from the others, or from the mission's start, m."""

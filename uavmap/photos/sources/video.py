@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from missions.errors import ImageError
 from uavmap.photos.sources.focal_length import film_lens
 from uavmap.photos.sources.photo_file import Pixels, reduced
-from uavmap.photos.sources.picture_record import Measured, Picture, Refused
+from uavmap.photos.sources.picture_record import Picture, Refused
 from uavmap.photos.sources.video_telemetry import Moment, nearest, read_srt, read_tlog
+from vision.registration.views import Measured
 
 EVERY_S: Final = 1.0
 """Time between frames, s: a video from a stand-still adds no evidence beyond one frame."""

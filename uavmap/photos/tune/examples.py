@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -51,6 +51,11 @@ class Example:
     picture: NDArray[np.uint8]
     region: NDArray[np.bool_]
     known: NDArray[np.bool_]
+
+    @property
+    def shows(self) -> tuple[bool, bool]:
+        """Whether some of it is region, and some surround."""
+        return bool((self.region & self.known).any()), bool((~self.region & self.known).any())
 
 
 def list_pictures(images: Path) -> list[Path]:
@@ -138,22 +143,16 @@ def load_examples(
     found = {e.name: e for e in _projected(images, polygons, width_px, say)} if polygons else {}
     found |= {e.name: e for e in _painted(pictures, masks, width_px)}
     examples = [found[name] for name in sorted(found)]
-    if polygons and not any((e.region & e.known).any() for e in examples):
+    region, surround = (any(e.shows[kind] for e in examples) for kind in (0, 1))
+    if polygons and not region:
         raise ImageError(
             f"--examples {where}: no polygon of the region lies in any picture; are its places in "
             "WGS84 (EPSG:4326), longitude before latitude?"
         )
-    _check_both(examples, where)
+    if not (region and surround):
+        kind = "surround (black)" if region else "region (white)"
+        raise ImageError(f"--examples {where}: nothing is painted as {kind}; both are needed")
     return examples
-
-
-def _check_both(examples: Sequence[Example], where: Path) -> None:
-    for kind, there in (
-        ("region (white)", any((e.region & e.known).any() for e in examples)),
-        ("surround (black)", any((~e.region & e.known).any() for e in examples)),
-    ):
-        if not there:
-            raise ImageError(f"--examples {where}: nothing is painted as {kind}; both are needed")
 
 
 # --- masks -----------------------------------------------------------------------------------

@@ -41,17 +41,8 @@ _SLOPES: Final = (0.3, 1.5)
 _LEAST_KIND: Final = 0.01  # a picture with less of a kind says nothing of how sure to be
 
 
-@dataclass(frozen=True, slots=True)
-class Picture:
-    """A painted picture, described, and its variants."""
-
-    plain: Described
-    variants: tuple[Described, ...]
-
-    @property
-    def versions(self) -> tuple[Described, ...]:
-        """The picture and its variants."""
-        return (self.plain, *self.variants)
+Picture = tuple[Described, ...]
+"""A painted picture as it is, described, and behind it its variants."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +82,7 @@ def dealt(pictures: Sequence[Picture]) -> list[tuple[list[int], list[int]]]:
     """
 
     def kinds(number: int) -> tuple[bool, bool, bool]:
-        region, surround = (bool(places.any()) for places in clear(pictures[number].plain))
+        region, surround = (bool(places.any()) for places in clear(pictures[number][0]))
         return not (region or surround), surround, not region
 
     order = sorted(range(len(pictures)), key=kinds)
@@ -110,7 +101,7 @@ def fitted(
     """
     rows = [FEATURES.index(name) for name in names]
     rng = np.random.default_rng([seed, len(rows)])
-    values, labels = training_set([picture.versions for picture in pictures], rng)
+    values, labels = training_set(pictures, rng)
     if labels.all() or not labels.any():
         kind = "surround" if labels.any() else "region"
         raise ImageError(f"too little {kind} is painted to learn from; paint more of it")
@@ -172,8 +163,7 @@ def _judged(
             scorer = Scorer(Model(features=names, parts=some))
             for i in judged:
                 found[kind][i] = [
-                    scorer.logit(np.ascontiguousarray(one.values[rows]))
-                    for one in pictures[i].versions
+                    scorer.logit(np.ascontiguousarray(one.values[rows])) for one in pictures[i]
                 ]
     return found
 
@@ -184,10 +174,7 @@ def _calibrated(
     """Return a candidate with its calibration, and the thresholds that suit the pictures best."""
     slope, offset = calibration(pictures, logits)
     by_picture = [
-        [
-            (one, sigmoid(slope * logit + offset))
-            for one, logit in zip(picture.versions, some, strict=True)
-        ]
+        [(one, sigmoid(slope * logit + offset)) for one, logit in zip(picture, some, strict=True)]
         for picture, some in zip(pictures, logits, strict=True)
     ]
     told = [versions for versions in by_picture if _tells(versions)] or by_picture
@@ -215,8 +202,8 @@ def calibration(
     """
     told = []
     for picture, some in zip(pictures, logits, strict=True):
-        x = np.concatenate([v[one.known] for one, v in zip(picture.versions, some, strict=True)])
-        y = np.concatenate([one.region[one.known] for one in picture.versions])
+        x = np.concatenate([v[one.known] for one, v in zip(picture, some, strict=True)])
+        y = np.concatenate([one.region[one.known] for one in picture])
         if _both_kinds(y):
             told.append((x.astype(np.float64), y.astype(np.float64)))
     if not told:
@@ -274,14 +261,14 @@ def _suiting(
 
 def _iou(pictures: Sequence[Picture], shares: Sequence[Array], least: float) -> float:
     pairs = zip(pictures, shares, strict=True)
-    return total([_counts(picture.plain, share, least) for picture, share in pairs]).iou
+    return total([_counts(picture[0], share, least) for picture, share in pairs]).iou
 
 
 def _clearly_better(pictures: Sequence[Picture], one: Choice, other: Choice) -> bool:
     """Whether the gain over the pictures is larger than what their differences explain."""
     gains = np.array(
         [
-            _counts(p.plain, a, one.threshold).iou - _counts(p.plain, b, other.threshold).iou
+            _counts(p[0], a, one.threshold).iou - _counts(p[0], b, other.threshold).iou
             for p, a, b in zip(pictures, one.shares, other.shares, strict=True)
         ]
     )

@@ -207,7 +207,7 @@ def test_real_photographs_upside_down_are_found() -> None:
     grid = Grid.at(photos[0].pose.position, 4.0)
     frames = []
     for photo in photos:
-        image = photo.picture.decode(500).astype(np.uint8)
+        image = photo.picture.content.decode(500).astype(np.uint8)
         lens, (rows, columns) = photo.picture.lens, image.shape[:2]
         assert lens is not None
         frames.append(Frame(image, photo.pose, 0.0, Camera(lens.hfov_rad, columns, rows)))

@@ -321,7 +321,7 @@ def described_as(name: str, *, region: bool, surround: bool) -> Picture:
     share = np.array([1.0 if region else 0.0, 0.0 if surround else 1.0], np.float32)
     known = np.array([region, surround])
     plain = Described(name, np.zeros((1, 2), np.float32), share, known, 1, 2)
-    return Picture(plain, ())
+    return (plain,)
 
 
 @pytest.mark.parametrize(
