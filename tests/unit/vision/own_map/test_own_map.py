@@ -25,10 +25,15 @@ WORLD = World(WorldSpec(ORIGIN, 0.0, (), seed=3))
 ERRORS = ToldErrors(satellites_m=0.3, pointing_m=0.03)
 
 
-def taken(east_m: float, north_m: float, t_s: float) -> Patch:
-    attitude = SPEC.attitude(0.0, 0.0, 0.0)
-    data = render(WORLD, SPEC, Shot(east_m, north_m, 12.0, attitude, t_s, round(10 * t_s)))
-    found = patch(Frame(decoded(data), Pose(ORIGIN, 12.1, attitude), t_s, CAMERA))
+def taken(
+    east_m: float, north_m: float, seed: float, height_m: float = 12.1, heading_rad: float = 0.0
+) -> Patch:
+    """From 12 m, level and towards north, whatever height and heading are told."""
+    shot = Shot(east_m, north_m, 12.0, SPEC.attitude(0.0, 0.0, 0.0), 0.0, round(10 * seed))
+    told = Pose(ORIGIN, height_m, SPEC.attitude(0.0, 0.0, heading_rad))
+    found = patch(
+        Frame(decoded(render(WORLD, SPEC, shot)), told, 0.0, CAMERA), metres_per_pixel=0.2
+    )
     assert found is not None
     return found
 

@@ -436,9 +436,3 @@ def test_look_says_what_the_detector_sees(
     assert "cells are region" in capsys.readouterr().out
     write_photo(tmp_path / "b.jpg", gps={})
     assert main(["look", str(tmp_path / "b.jpg"), "--out", str(out)]) == 2
-
-
-def test_a_refused_file_is_no_picture(tmp_path: Path) -> None:
-    (tmp_path / "a.jpg").write_bytes(b"\xff\xd8\xff")
-    (found,) = open_source(tmp_path).pictures()
-    assert isinstance(found, Refused)
