@@ -221,8 +221,7 @@ class UprightSearch:
         self._kept.append((number, patch))
 
     def turned(self) -> tuple[bool, ...]:
-        """Return for each picture whether it must be turned by 180 degrees to agree with the
-        others.
+        """Return for each picture whether it must be turned to agree with the others.
 
         The labels under which overlapping pairs correlate best, summed over the pairs. Pictures
         without overlap stay as they are, as do all if the gain is below a small margin.
@@ -271,9 +270,7 @@ def _positive_at_centre(matrix: Floats, width: int, height: int) -> Floats:
 
 
 def _correlations(first: Patch, second: Patch) -> Floats | None:
-    """Return the best correlation for each (first turned, second turned); None without enough in
-    common.
-    """
+    """Return the best correlations by (first turned, second turned); None if little is common."""
     west = max(first.west_px, second.west_px)
     north = min(first.north_px, second.north_px)
     shapes = [p.seen.shape for p in (first, second)]

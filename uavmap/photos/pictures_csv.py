@@ -25,10 +25,7 @@ COLUMNS: Final = (
 
 
 class PictureRow(NamedTuple):
-    """A picture as tagged, or a file that is none; `reason` says why it is not used.
-
-    `refined` has the pose from its overlaps, if any.
-    """
+    """A picture as tagged and as refined, or a file that is none, and why it is not used."""
 
     picture: Picture | None
     name: str

@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from missions.navigation import Disagreement, Estimate, ToldErrors, Track
+from missions.navigation import Estimate, ToldErrors, Track
 from vision.own_map.ground_match import Match, match
 from vision.own_map.ground_patch import Patch, coarser, mosaic, overlaps, side_m
 from vision.own_map.patch_zoom import compare, resized
@@ -193,10 +193,6 @@ class OwnMap:
         self._last_t_s = t_s
         self._thin_out()
         return estimate
-
-    def disagreement(self) -> Disagreement:
-        """See `Track.disagreement`."""
-        return self.track.disagreement()
 
     def _tie(self, number: int, patch: Patch, t_s: float, last: int) -> bool:
         """Link a new picture to keyframes of the same ground; return whether to keep it as one."""

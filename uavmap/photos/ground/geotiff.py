@@ -30,9 +30,7 @@ _TILED: Final = {"tiled": True, "blockxsize": TILE_PX, "blockysize": TILE_PX, "s
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Data type and bands of a GeoTIFF; options of the temporary (`made`) and the final file
-    (`copied`).
-    """
+    """Data type and bands of a GeoTIFF; options of the temporary and of the final file."""
 
     dtype: str
     bands: int

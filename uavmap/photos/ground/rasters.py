@@ -68,9 +68,7 @@ class Wishes:
 
 @dataclass(frozen=True, slots=True)
 class Rasters:
-    """The rasters of a replay at the mission time `t_s`; `placed` are the pictures by
-    `Footing.number`.
-    """
+    """The rasters of a replay at a mission time; `placed`: the pictures by `Footing.number`."""
 
     fine: FineMap
     judge: Judge
@@ -79,10 +77,7 @@ class Rasters:
     workers: int
 
     def write(self, folder: Path, wishes: Wishes) -> bool:
-        """Write the files, if rasterio is there; return whether it is.
-
-        Raises `OutputError` when the disk refuses.
-        """
+        """Write the files, if rasterio is there; return whether it is. Raises `OutputError`."""
         wanted = [PROBABILITY] if wishes.ortho is False else [PROBABILITY, ORTHO]
         if not there():
             _LOG.info(
@@ -203,9 +198,7 @@ class Recent:
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
     def get(self, number: int, make: Callable[[], Pixels | None]) -> Pixels | None:
-        """Return the picture of a number, made if absent; None, and made again next time, if it
-        cannot be.
-        """
+        """Return the picture of a number, made if absent; None if it cannot be made."""
         with self._one_at_a_time:
             found = self._kept.get(number)
             if found is not None:

@@ -35,9 +35,7 @@ _SIGMA_DEG = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A line of the file, None for what it lacks; `angles_deg` are yaw, pitch, roll as in
-    `Picture`.
-    """
+    """A line of the file, None for what it lacks; angles: yaw, pitch, roll as in `Picture`."""
 
     position: LatLon
     amsl_m: float | None

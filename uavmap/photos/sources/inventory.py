@@ -59,10 +59,7 @@ def _first_of(refused: Mapping[str, str]) -> str:
 
 
 def gather(source: PictureSource) -> Gathered:
-    """Read the tags of every picture.
-
-    Raises `ImageError` if there is no picture at all; a line names the other files.
-    """
+    """Read the tags of every picture. Raises `ImageError` where there is none at all."""
     found = list(source.pictures())
     pictures = [one for one in found if isinstance(one, Picture)]
     refused = [one for one in found if isinstance(one, Refused)]

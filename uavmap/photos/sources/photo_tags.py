@@ -66,10 +66,7 @@ class Tags:
 
 
 def tags_of(picture: Image.Image) -> Tags:
-    """Return the tags of an opened picture, whose pixels are not needed.
-
-    Raises `ImageError` for one that is stored mirrored.
-    """
+    """Return the tags of an opened picture. Raises `ImageError` for one stored mirrored."""
     exif = picture.getexif()
     gps: Exif = exif.get_ifd(ExifTags.IFD.GPSInfo)
     detail: Exif = exif.get_ifd(ExifTags.IFD.Exif)

@@ -59,10 +59,7 @@ class Example:
 
 
 def list_pictures(images: Path) -> list[Path]:
-    """Return the pictures of a folder, by name.
-
-    Raises `ImageError` if there are none, or two would share one mask.
-    """
+    """Return a folder's pictures by name. Raises `ImageError` if none, or two share a mask."""
     if not images.is_dir():
         raise ImageError(f"{images}: no such folder")
     paths = sorted(p for p in images.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file())
@@ -254,9 +251,8 @@ def _shapes(path: Path) -> list[tuple[str, Rings]]:
         raise ImageError(f"{path}: no FeatureCollection with features; draw polygons")
     shapes = []
     for i, feature in enumerate(features):
-        where = f"{path}: features[{i}]"
-        geometry = feature.get("geometry") if isinstance(feature, dict) else None
-        properties = (feature.get("properties") if isinstance(feature, dict) else None) or {}
+        where, feature = f"{path}: features[{i}]", feature if isinstance(feature, dict) else {}
+        geometry, properties = feature.get("geometry"), feature.get("properties") or {}
         kind = properties.get("kind", "region") if isinstance(properties, dict) else "region"
         if kind not in _KINDS:
             raise ImageError(f"{where}: kind is {kind!r}: expected one of {', '.join(_KINDS)}")

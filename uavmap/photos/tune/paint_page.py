@@ -36,10 +36,7 @@ _POLICY: Final = (
 
 
 class Easel:
-    """The pictures that are painted, and where their masks go.
-
-    Raises `ImageError` for a folder without pictures, and for masks among pictures.
-    """
+    """The pictures that are painted, and where their masks go; `ImageError` without pictures."""
 
     def __init__(self, images: Path, masks: Path, width_px: int) -> None:
         refuse_same_folder(images, masks)
@@ -144,8 +141,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._say(HTTPStatus.NOT_FOUND, "not found")
 
     def _asked(self) -> tuple[str | None, int | None]:
-        """Return what is requested behind the secret, and of which picture; None if it is not for
-        us.
+        """Return what is requested behind the secret, and of which picture; None if not for us.
 
         A page from elsewhere may have its own name lead to this address: the host must be ours.
         """

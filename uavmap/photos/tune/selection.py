@@ -95,10 +95,7 @@ def dealt(pictures: Sequence[Picture]) -> list[tuple[list[int], list[int]]]:
 def fitted(
     pictures: Sequence[Picture], names: Sequence[str], scale: Scale, kinds: str, seed: int
 ) -> tuple[Logistic | Trees, ...]:
-    """Return the parts of a model of some kind from some pictures.
-
-    Raises `ImageError` if hardly anything of one kind is painted.
-    """
+    """Return the parts of a model. Raises `ImageError` if too little of one kind is painted."""
     rows = [FEATURES.index(name) for name in names]
     rng = np.random.default_rng([seed, len(rows)])
     values, labels = training_set(pictures, rng)

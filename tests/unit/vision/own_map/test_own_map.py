@@ -15,7 +15,7 @@ from sitl.world.world import World, WorldSpec
 from tests.unit.vision.scene import decoded
 from vision.camera import Camera
 from vision.look import Frame
-from vision.own_map.ground_match import Patch, patch
+from vision.own_map.ground_patch import Patch, patch
 from vision.own_map.map_position import OwnMap
 
 ORIGIN = LatLon(48.0, 11.0)
@@ -63,7 +63,7 @@ def test_a_position_that_leaps_is_noticed_at_once() -> None:
     for k in range(42):
         off = 0.0 if k < 40 else 25.0
         own.take(k / 5, taken(0.0, 1.2 * k, 0.0), (off, 1.2 * k), True)
-        assert own.disagreement().wrong(1.0) == (k == 41)
+        assert own.track.disagreement().wrong(1.0) == (k == 41)
 
 
 @pytest.mark.parametrize("leap_m", [(2.0, 0.0), (-14.0, 14.0), (0.0, -200.0)])
@@ -120,7 +120,7 @@ def test_it_finds_satellites_that_lie() -> None:
         east, north = there_and_back(k)
         off = 0.1 * max(0, k - 20)
         own.take(k / 2, taken(east, north, k / 2), (east + off, north), True)
-        said = own.disagreement()
+        said = own.track.disagreement()
         if found_s is None and said.wrong(1.0):
             found_s = said.since_s
             assert off < 3.0
