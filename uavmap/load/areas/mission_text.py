@@ -188,7 +188,7 @@ def _section(
             yield ""
             yield f"# {COMMENTS[full]}"
             yield f"[[{full}]]"
-            yield from _rings("polygon", values[full], "")
+            yield from _rings("polygon", values[full])
 
 
 def _vehicles(count: int) -> Iterator[str]:
@@ -207,7 +207,7 @@ def _line(key: str, full: str, field: FieldInfo, values: Values) -> Iterator[str
     )
     if isinstance(value, tuple) and full in values:
         yield f"# {comment}"
-        yield from _rings(key, value, "")
+        yield from _rings(key, value)
         return
     # a table of its own, or no default: shown, but not said
     missing = value is None or isinstance(value, BaseModel | Mapping) or value == ()
@@ -216,18 +216,16 @@ def _line(key: str, full: str, field: FieldInfo, values: Values) -> Iterator[str
     yield f"{text:{_COLUMN - 1}} # {comment}".rstrip(" #")
 
 
-def _rings(key: str, value: Any, indent: str) -> Iterator[str]:
+def _rings(key: str, value: Any) -> Iterator[str]:
     """A position, a ring or several, a line a corner."""
     if isinstance(value[0], float):
-        yield f"{indent}{key} = {_place(value)}"
+        yield f"{key} = {_place(value)}"
         return
-    yield f"{indent}{key} = ["
+    yield f"{key} = ["
     for one in value:
-        if isinstance(one[0], float):
-            yield f"{indent}    {_place(one)},"
-        else:
-            yield f"{indent}    [{', '.join(map(_place, one))}],"
-    yield f"{indent}]"
+        place = isinstance(one[0], float)
+        yield f"    {_place(one)}," if place else f"    [{', '.join(map(_place, one))}],"
+    yield "]"
 
 
 def _place(value: Sequence[float]) -> str:
