@@ -203,15 +203,6 @@ def test_polygons_teach_in_the_pictures_that_can_be_read(tuned: Path, tmp_path: 
     assert line.startswith(f"left out: {images / '1.jpg'}")
 
 
-def test_mid_grey_is_undecided(tuned: Path, tmp_path: Path) -> None:
-    mask = np.full((90, 160), 128, np.uint8)
-    mask[:30], mask[60:] = 255, 0
-    Image.fromarray(mask).save(tmp_path / "2.png")
-    (example,) = load_examples(tuned / "images", tmp_path, WIDE)
-    assert example.known.mean() == pytest.approx(2 / 3, abs=0.02)
-    assert example.region[example.known].mean() == pytest.approx(0.5, abs=0.02)
-
-
 def test_variants_show_the_same_ground_otherwise() -> None:
     picture = np.asarray(paint(10.0, 10.0, 0.0))
     region = picture[:, :, 0] < 140
