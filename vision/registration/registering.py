@@ -101,7 +101,7 @@ class _Registering:
         self.left: list[str | None] = [NO_OVERLAP] * len(views)
         self.nets: list[Net] = []
         self.as_tagged: list[tuple[Cameras, Pair]] | None = []
-        self.as_refined: list[tuple[Cameras, Pair]] | None = []
+        self.as_refined: list[tuple[Cameras, Pair]] = []
 
     def run(self, say: Callable[[int, int], None], many: Many) -> None:
         """Find the pairs, and adjust the nets that they make."""
@@ -217,8 +217,7 @@ class _Registering:
             self.as_tagged = None
         elif self.as_tagged is not None:
             self.as_tagged += [(told, p) for p in held]
-        if self.as_refined is not None:
-            self.as_refined += [(solution.cameras, p) for p in held]
+        self.as_refined += [(solution.cameras, p) for p in held]
 
     @staticmethod
     def agreement(pairs: list[tuple[Cameras, Pair]] | None) -> Agreement | None:

@@ -20,16 +20,16 @@ from uavmap.base.extras import install_command
 from uavmap.photos.ground.fine_map import Colours, FineMap, Tile, mosaic, upright
 from uavmap.photos.ground.geotiff import (
     COLOURS,
+    NOWHERE,
     PROBABILITIES,
     need_rasterio,
-    probability_blocks,
     there,
     write_cog,
 )
 from uavmap.photos.ground.judging import Judge
 from uavmap.photos.ground.surface import Shown, aligned
 from uavmap.photos.sources.tag_validation import Placed
-from vision.fusion import MOST, UNSEEN
+from vision.fusion import MOST, UNSEEN, Levels
 from vision.overlay import framed
 from vision.raster import Raster, Window
 
@@ -99,7 +99,7 @@ class Rasters:
                 f"boundary.geojson says where the region is{self._remedy()}"
             )
             return
-        blocks = probability_blocks(surface.seen(), MOST, UNSEEN)
+        blocks = ((window, _probabilities(levels)[None]) for window, levels in surface.seen())
         write_cog(path, surface.raster, grid, self.t_s, PROBABILITIES, blocks)
 
     def _remedy(self) -> str:
@@ -171,6 +171,11 @@ class Rasters:
         footing = entry.footing
         whole_px = self.placed[footing.number].picture.width_px
         return footing.gsd_m * footing.camera.width_px / whole_px
+
+
+def _probabilities(levels: Levels) -> NDArray[np.float32]:
+    seen = levels.astype(np.float32) / np.float32(MOST)
+    return np.where(levels == UNSEEN, np.float32(NOWHERE), seen)
 
 
 Pixels = NDArray[np.uint8]

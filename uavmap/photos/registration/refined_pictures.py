@@ -53,11 +53,6 @@ class RefinedSet:
     result: Registration
     found: Mapping[str, Found]
 
-    def log(self) -> None:
-        """Log a few lines on what was done."""
-        for line in lines(self.taken, self.result, self.found):
-            _LOG.info(line)
-
     def write(self, folder: Path) -> None:
         """Write registration.json."""
         summary.write(report(self.taken, self.result, self.found), folder / FILE)
@@ -90,11 +85,10 @@ def refined(
     by_name = {p.name: p for p in placed}
     poses = {name: _filled(by_name[name], pose, lenses) for name, pose in found.items()}
     turned = frozenset(name for name, pose in found.items() if pose.refined.turned)
-    better = RefinedSet(
-        replace(gathered, refined=poses, upside_down=turned), tuple(taken), result, found
-    )
-    better.log()
-    return better
+    for line in lines(taken, result, found):
+        _LOG.info(line)
+    better = replace(gathered, refined=poses, upside_down=turned)
+    return RefinedSet(better, tuple(taken), result, found)
 
 
 def _looked_at(

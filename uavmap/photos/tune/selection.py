@@ -63,22 +63,12 @@ class Choice:
     tried: Mapping[str, float]
 
 
-def folds(count: int) -> list[tuple[list[int], list[int]]]:
+def dealt(pictures: Sequence[Picture]) -> list[tuple[list[int], list[int]]]:
     """Split into up to five parts: learned from, judged; each picture is judged once.
 
-    >>> folds(3)
-    [([1, 2], [0]), ([0, 2], [1]), ([0, 1], [2])]
-    """
-    parts = min(count, _FOLDS)
-    judged = [list(range(part, count, parts)) for part in range(parts)]
-    return [([i for i in range(count) if i not in out], out) for out in judged]
-
-
-def dealt(pictures: Sequence[Picture]) -> list[tuple[list[int], list[int]]]:
-    """Return `folds` such that no part holds all pictures with region, or all with surround.
-
-    Those with region come before those without, and those with surround after those without; two
-    neighbours are never judged together.
+    No part holds all pictures with region, or all with surround: those with region come before
+    those without, those with surround after those without, and two neighbours are never judged
+    together.
     """
 
     def kinds(number: int) -> tuple[bool, bool, bool]:
@@ -86,10 +76,9 @@ def dealt(pictures: Sequence[Picture]) -> list[tuple[list[int], list[int]]]:
         return not (region or surround), surround, not region
 
     order = sorted(range(len(pictures)), key=kinds)
-    return [
-        (sorted(order[i] for i in some), sorted(order[i] for i in out))
-        for some, out in folds(len(pictures))
-    ]
+    parts = min(len(order), _FOLDS)
+    judged = [sorted(order[part::parts]) for part in range(parts)]
+    return [([i for i in range(len(order)) if i not in out], out) for out in judged]
 
 
 def fitted(
