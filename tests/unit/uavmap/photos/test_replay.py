@@ -172,7 +172,8 @@ def test_photographs_of_one_second_count_each(tmp_path: Path) -> None:
     images = tmp_path / "images"
     images.mkdir()
     for number in range(2):
-        shot(images / f"{number}.jpg", number, (16.0, 12.0), taken="2024:05:01 10:00:00")
+        place = (16.0, 12.0 + number)
+        shot(images / f"{number}.jpg", number, place, taken="2024:05:01 10:00:00")
     summary, _ = mapped(images, setting(), tmp_path / "out")
     assert summary["cells_roi"] > 10  # two votes are needed
     with Journal.open(tmp_path / "out" / JOURNAL) as journal:
