@@ -61,9 +61,7 @@ class Lens:
 
     @classmethod
     def pinhole(cls, hfov_rad: float, width_px: int, height_px: int) -> Lens:
-        """Return an undistorted lens, its axis through the middle; `ValueError` unless 0 < hfov <
-        pi.
-        """
+        """Return an undistorted lens with its axis in the middle; `ValueError` for no angle."""
         if not 0.0 < hfov_rad < math.pi:
             raise ValueError(f"hfov_rad is {hfov_rad:g}, expected 0 to pi, open")
         focal_px = width_px / 2.0 / math.tan(hfov_rad / 2.0)

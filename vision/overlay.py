@@ -49,11 +49,7 @@ class Overlay:
     height_px: int
 
     def bounds(self) -> tuple[Floats, Floats] | None:
-        """Return the south-western and north-eastern corner of what it shows within
-        `OBLIQUE_LIMIT`.
-
-        A little generous; None where it shows nothing.
-        """
+        """Return the south-western and north-eastern corner around what it shows, if anything."""
         below, reach_m = np.array(self.below), OBLIQUE_LIMIT * self.height_m
         low, high = below - reach_m, below + reach_m
         for _ in range(2):  # the second time where the first has found it

@@ -21,6 +21,7 @@ from missions.geo.grid import Grid
 from vision.camera import project
 from vision.look import Frame
 from vision.projection import OBLIQUE_LIMIT
+from vision.registration.net import components
 
 Floats = NDArray[np.float64]
 Scores = Mapping[tuple[int, int], Floats]
@@ -45,13 +46,8 @@ def best_labels(count: int, scores: Scores) -> tuple[bool, ...]:
     for (i, j), table in scores.items():
         near[i][j], near[j][i] = table, table.T
     turned = [False] * count
-    seen: set[int] = set()
-    for first in range(count):
-        if first in seen or not near[first]:
-            continue
-        component = _component(first, near)
-        seen.update(component)
-        grown = [_grown(first, way, near) for way in (False, True)]
+    for component in components(count, scores):
+        grown = [_grown(component[0], way, near) for way in (False, True)]
         labels = max(grown, key=lambda found: _sum(found, near))
         as_stored = dict.fromkeys(component, False)
         pairs = sum(len(near[k]) for k in component) // 2
@@ -59,16 +55,6 @@ def best_labels(count: int, scores: Scores) -> tuple[bool, ...]:
             for k, way in labels.items():
                 turned[k] = way
     return tuple(turned)
-
-
-def _component(first: int, near: _Neighbours) -> set[int]:
-    found, edge = {first}, [first]
-    while edge:
-        for k in near[edge.pop()]:
-            if k not in found:
-                found.add(k)
-                edge.append(k)
-    return found
 
 
 def _gain(k: int, labels: Mapping[int, bool], near: _Neighbours) -> float:
@@ -235,8 +221,7 @@ class UprightSearch:
         self._kept.append((number, patch))
 
     def turned(self) -> tuple[bool, ...]:
-        """Return for each picture whether it must be turned by 180 degrees to agree with the
-        others.
+        """Return for each picture whether it must be turned to agree with the others.
 
         The labels under which overlapping pairs correlate best, summed over the pairs. Pictures
         without overlap stay as they are, as do all if the gain is below a small margin.
@@ -285,9 +270,7 @@ def _positive_at_centre(matrix: Floats, width: int, height: int) -> Floats:
 
 
 def _correlations(first: Patch, second: Patch) -> Floats | None:
-    """Return the best correlation for each (first turned, second turned); None without enough in
-    common.
-    """
+    """Return the best correlations by (first turned, second turned); None if little is common."""
     west = max(first.west_px, second.west_px)
     north = min(first.north_px, second.north_px)
     shapes = [p.seen.shape for p in (first, second)]

@@ -279,7 +279,7 @@ class Navigation:
         if self._own is None or now_s - self._compared_s < COMPARE_S:
             return
         self._compared_s = now_s
-        found = self._own.disagreement()
+        found = self._own.track.disagreement()
         if found.wrong(self._wanted.tolerated_m):
             self._own.track.distrust(found.since_s)
             self._take(self._own.track.estimate())

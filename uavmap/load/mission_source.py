@@ -6,10 +6,10 @@ import contextlib
 import difflib
 import itertools
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Any, Final, ParamSpec, TypeVar
+from typing import Any, Final
 
 from missions.errors import MissionFileError
 from missions.mission.checks import check
@@ -24,8 +24,6 @@ from uavmap.load.detector_source import (
 )
 from uavmap.load.prior_file import prior_places
 
-P = ParamSpec("P")
-R = TypeVar("R")
 LARGEST_BYTES: Final = 4_000_000
 _MOST_LOOKED_AT: Final = 1000
 
@@ -48,7 +46,8 @@ def load(name: str, detector: str | None = None) -> Mission:
         mission = _resolved(parse_toml(text, name), name, folder, detector)
         _check(mission, name)
         if mission.detector.model is not None:  # a fault of it is reported before anything begins
-            _named(name, detector_of_section, mission.detector)
+            with _named(name):
+                detector_of_section(mission.detector)
     except MissionFileError as error:
         raise MissionFileError(with_lines(str(error), name, text)) from None
     return mission
@@ -63,13 +62,15 @@ def mission_of_text(text: str, source: str) -> Mission:
 
 def _check(mission: Mission, source: str) -> None:
     check(mission, source, detectors=known_detectors())
-    _named(source, check_detector, mission.detector)
+    with _named(source):
+        check_detector(mission.detector)
 
 
-def _named(source: str, work: Callable[P, R], *arguments: P.args, **named: P.kwargs) -> R:
-    """Do what raises messages that do not name the file; they name it then."""
+@contextlib.contextmanager
+def _named(source: str) -> Iterator[None]:
+    """Name the file in messages of the block that do not name it."""
     try:
-        return work(*arguments, **named)
+        yield
     except MissionFileError as error:
         text = str(error)
         named_already = text.startswith("--detector ")
@@ -87,7 +88,8 @@ def _resolved(tables: dict[str, Any], source: str, folder: Path, detector: str |
     section = tables.get("detector")
     if section is None or isinstance(section, dict):
         other = None if detector is None else Path(detector)
-        found = _named(source, resolved_section, section, folder, other)
+        with _named(source):
+            found = resolved_section(section, folder, other)
         tables |= {} if found is None else {"detector": found}
     mission = mission_of_tables(tables, source)
     if dem is not None:

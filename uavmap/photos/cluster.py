@@ -36,9 +36,7 @@ _ASK_S: Final = 2.0
 
 
 class Travelling(NamedTuple):
-    """The content of a picture on its way: the bytes of its file, its pixels, or a fault; a
-    `Content`.
-    """
+    """A `Content` on its way: the bytes of a picture's file, its pixels, or a fault."""
 
     data: bytes | NDArray[np.uint8] | NDArray[np.uint16]
     size_bytes: int

@@ -16,17 +16,15 @@ import shapely
 from missions.errors import UavmapError
 
 
-def give_back() -> bool:
-    """Have the C library return free memory to the system; return whether it can.
+def give_back() -> None:
+    """Have the C library return free memory to the system, where it can.
 
     Many threads take memory for a moment each, and glibc keeps it for them: after the maps of 1,000
     pictures a quarter of the process's memory was free.
     """
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-    if trim is None:  # no glibc: others give back by themselves
-        return False
-    trim(0)
-    return True
+    if trim is not None:  # glibc; others give back by themselves
+        trim(0)
 
 
 @contextlib.contextmanager

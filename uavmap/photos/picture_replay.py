@@ -154,10 +154,7 @@ class Looked:
         return taken_meta(min(times), "utc" if clocks == {"utc"} else "camera")
 
     def write_rasters(self, folder: Path, wishes: Wishes) -> bool:
-        """Write ortho.tif and probability.tif, after all else; return whether any was written.
-
-        Raises `OutputError` if the disk refuses.
-        """
+        """Write the GeoTIFFs, after all else; return whether any is. Raises `OutputError`."""
         if self.fine is None:
             return False
         placed, t_s = [shot.placed for shot in self.shots], self._used[-1].t_s

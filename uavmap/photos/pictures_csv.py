@@ -10,7 +10,8 @@ from typing import Final, NamedTuple
 
 from uavmap.base.atomic_write import write_text
 from uavmap.base.printable import printable
-from uavmap.photos.sources.picture_record import Measured, Picture
+from uavmap.photos.sources.picture_record import Picture
+from vision.registration.views import Measured
 
 FILE: Final = "pictures.csv"
 _POSE: Final = ("lat_deg", "lon_deg", "height_m", "yaw_deg", "pitch_deg", "roll_deg")
@@ -24,10 +25,7 @@ COLUMNS: Final = (
 
 
 class PictureRow(NamedTuple):
-    """A picture as tagged, or a file that is none; `reason` says why it is not used.
-
-    `refined` has the pose from its overlaps, if any.
-    """
+    """A picture as tagged and as refined, or a file that is none, and why it is not used."""
 
     picture: Picture | None
     name: str

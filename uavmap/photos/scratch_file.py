@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import pickle
 import tempfile
 import threading
 from collections.abc import Iterator
@@ -98,27 +99,17 @@ class Spool(ScratchFile):
 
     def __init__(self) -> None:
         super().__init__("what pictures say waits", "or have TMPDIR name another folder")
-        self._kept: dict[int, tuple[int, int, int, int, Cell]] = {}
+        self._kept: dict[int, tuple[int, int]] = {}
 
     def put(self, number: int, said: Said) -> None:
         """Keep a judgement, or replace it. Raises `OutputError` on a full disk."""
-        cells = np.ascontiguousarray(said.cells, dtype=np.int32).tobytes()
-        shares, weights = (
-            np.ascontiguousarray(numbers, dtype=np.float64).tobytes()
-            for numbers in (said.shares, said.weights)
-        )
-        offset = self.append(cells, shares, weights, said.marks, said.small)
-        sizes = len(said.cells), len(said.marks), len(said.small)
-        self._kept[number] = (offset, *sizes, said.vantage)
+        data = pickle.dumps(said)
+        self._kept[number] = self.append(data), len(data)
 
     def get(self, number: int) -> Said:
         """Return what was kept under a number. Raises `KeyError` where nothing was."""
-        offset, count, marks, small, vantage = self._kept[number]
-        data = self.read(offset, 24 * count + marks + small)
-        cells = np.frombuffer(data, np.int32, 2 * count).reshape(count, 2).astype(np.intp)
-        shares, weights = (np.frombuffer(data, np.float64, count, 8 * count * k) for k in (1, 2))
-        end = 24 * count + marks
-        return Said(vantage, cells, shares, data[24 * count : end], weights, data[end:])
+        said: Said = pickle.loads(self.read(*self._kept[number]))
+        return said
 
 
 _WORDS: int = 128

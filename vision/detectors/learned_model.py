@@ -17,13 +17,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-    model_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from missions.errors import MissionFileError
 from vision.detectors.interface import check_number, marked, sigmoid

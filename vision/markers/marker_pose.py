@@ -1,10 +1,8 @@
 """The position of another vehicle by the marker on its top, relative to the camera, with
 covariance.
 
-Four things are known with errors: the corners in the picture, the camera's attitude, the other
-vehicle's tilt, and, if both report their heights, how far it is below. A maximum a posteriori
-estimate weighs them all, so a range by the marker's size and one by the heights each count by their
-own error.
+Three things are known with errors: the corners in the picture, the camera's attitude and the other
+vehicle's tilt. A maximum a posteriori estimate weighs them all.
 """
 
 from __future__ import annotations
@@ -29,7 +27,7 @@ _STEPS = np.array([1e-4] * 3 + [1e-5] * 6)
 _ITERATIONS = 25
 _ENOUGH: Final = 1e-7
 _LIKELY: Final = 40.0
-"""Largest chi square of the residuals: more is a marker of another size, or a wrong attitude."""
+"""Largest chi square of the residuals: more is a wrong attitude."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,10 +44,6 @@ class SightingErrors:
     tilt_rad: float = math.radians(0.5)
     heading_rad: float = math.radians(2.0)
 
-    def __post_init__(self) -> None:
-        if not (self.corner_px >= 0.0 and self.tilt_rad > 0.0 and self.heading_rad > 0.0):
-            raise ValueError(f"corner_px is at least 0, tilt_rad and heading_rad above 0: {self}")
-
 
 @dataclass(frozen=True, slots=True)
 class Carrier:
@@ -60,42 +54,21 @@ class Carrier:
         pitch_rad: By its telemetry, nose up.
         tilt_rad: Standard deviation of each; the default, that of hovering in wind, is for no
             telemetry.
-        below_m: How much lower the marker is than the camera by both heights; None if unknown.
-        below_sigma_m: Standard deviation of that; of two barometers.
     """
 
     roll_rad: float = 0.0
     pitch_rad: float = 0.0
     tilt_rad: float = math.radians(4.0)
-    below_m: float | None = None
-    below_sigma_m: float = 0.3
-
-    def __post_init__(self) -> None:
-        if not (self.tilt_rad > 0.0 and self.below_sigma_m > 0.0):
-            raise ValueError(f"tilt_rad and below_sigma_m are above 0: {self}")
 
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """A marker's middle, in metres true east, true north and up of the camera.
+    """A marker's middle, in metres true east, north and up of the camera; its (3, 3) covariance."""
 
-    `yaw_rad` is the true bearing of the marker's upper edge (the vehicle's nose), 0 to 2 pi; its
-    deviation is mostly that of the camera's heading. `covariance_m2` (3, 3) is of east, north and
-    up.
-    """
-
-    tag_id: int
     east_m: float
     north_m: float
     up_m: float
-    yaw_rad: float
-    yaw_sigma_rad: float
     covariance_m2: Array
-
-    @property
-    def place_m(self) -> Array:
-        """East, north and up."""
-        return np.array([self.east_m, self.north_m, self.up_m])
 
 
 def sight(
@@ -106,8 +79,7 @@ def sight(
     carrier: Carrier = Carrier(),
     errors: SightingErrors = SightingErrors(),
 ) -> Sighting | None:
-    """Return where a marker is; None if nothing fits: a marker of another size, or a wrong
-    attitude.
+    """Return where a marker is; None if nothing fits, as with a wrong attitude.
 
     Args:
         found: From `vision.markers.marker_corners.find_tags`.
@@ -115,8 +87,6 @@ def sight(
         attitude: Camera axes to NED at the exposure, as in `missions.units.Pose`.
         tag_m: Side of the marker's black square, above 0.
     """
-    if not tag_m > 0.0:
-        raise ValueError(f"tag_m is {tag_m:g}, expected above 0")
     view = _View(found, camera, rotation(attitude), tag_m, carrier, errors)
     guess = view.guess()
     if guess is None:
@@ -134,10 +104,7 @@ def sight(
         return None
     covariance = np.asarray(np.linalg.inv(slopes.T @ slopes), dtype=np.float64)
     east, north, up = (float(x) for x in now[_PLACE])
-    return Sighting(
-        found.tag_id, east, north, up, float(now[_YAW]) % math.tau,
-        math.sqrt(covariance[_YAW, _YAW]), np.asarray(covariance[_PLACE, _PLACE]),
-    )  # fmt: skip
+    return Sighting(east, north, up, np.asarray(covariance[_PLACE, _PLACE]))
 
 
 class _View:
@@ -157,8 +124,7 @@ class _View:
         errors: SightingErrors,
     ) -> None:
         self._pixels = found.corners_px
-        self._camera, self._to_ned, self._carrier = camera, to_ned, carrier
-        self._tag_m = tag_m
+        self._camera, self._to_ned, self._tag_m = camera, to_ned, tag_m
         half = tag_m / 2.0  # forward, right, down of the carrier
         self._corners = half * np.array([[1, -1, 0], [1, 1, 0], [-1, 1, 0], [-1, -1, 0]]).T
         covariance = found.covariance_px2 + errors.corner_px**2 * np.eye(8)
@@ -205,10 +171,8 @@ class _View:
         pixels = np.stack(
             [centre_u + focal * right / forward, centre_v + focal * down / forward], axis=1
         )
-        left = [self._whiten @ (pixels - self._pixels).ravel(), (x[4:] - self._told) / self._sigmas]
-        if self._carrier.below_m is not None:
-            left.append(np.array([(-x[2] - self._carrier.below_m) / self._carrier.below_sigma_m]))
-        return np.concatenate(left)
+        off = self._whiten @ (pixels - self._pixels).ravel()
+        return np.concatenate([off, (x[4:] - self._told) / self._sigmas])
 
     def slopes(self, x: Array) -> Array:
         columns = []

@@ -16,9 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.own_map.ground_patch import NOTHING, STEPS, Patch, patch, resolution_m
-
-__all__ = ["Match", "Patch", "match", "patch", "resolution_m"]
+from vision.own_map.ground_patch import NOTHING, STEPS, Patch
 
 LEAST_SCORE: Final = 0.3
 """Least correlation of the same ground, 0 to 1."""

@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from missions.navigation import Disagreement, Estimate, ToldErrors, Track
+from missions.navigation import Estimate, ToldErrors, Track
 from vision.own_map.ground_match import Match, match
 from vision.own_map.ground_patch import Patch, coarser, mosaic, overlaps, side_m
 from vision.own_map.patch_zoom import compare, resized
@@ -116,14 +116,12 @@ class _Leap:
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
+class _Seen(Match):
     """What a picture and a keyframe have in common.
 
     `moved_m` is by the mean scale and rotation of both; `certain`: as the vehicle moved before.
     """
 
-    moved_m: tuple[float, float]
-    sigma_m: float
     zoom: tuple[complex, float] | None = None
     certain: bool = False
 
@@ -196,10 +194,6 @@ class OwnMap:
         self._thin_out()
         return estimate
 
-    def disagreement(self) -> Disagreement:
-        """See `Track.disagreement`."""
-        return self.track.disagreement()
-
     def _tie(self, number: int, patch: Patch, t_s: float, last: int) -> bool:
         """Link a new picture to keyframes of the same ground; return whether to keep it as one."""
         if self._leap is not None and t_s - self._leap.t_s > _LEAP_S:
@@ -232,8 +226,9 @@ class OwnMap:
             if key == last:
                 away_m = away_m if seen is None else seen.moved_m
                 kept = kept or math.hypot(*away_m) >= _KEYFRAME_SHARE * side_m(patch)
-                self._go_on(t_s, key, seen, patch)
             if seen is not None:
+                if key == last:
+                    self._go_on(t_s, key, seen, patch)
                 if kept:
                     seen = self._compared(key, patch, seen, zoom[0])
                 sigma_m = self._sigma_m(seen)
@@ -276,10 +271,8 @@ class OwnMap:
                 seen = _Seen(moved_m, math.hypot(found.sigma_m, self.errors.pointing_m))
         return None if seen is None else replace(seen, certain=reach.within_m <= _CERTAIN_M)
 
-    def _go_on(self, t_s: float, key: int, seen: _Seen | None, patch: Patch) -> None:
-        """Note place and velocity, if the ground has just been recognised."""
-        if seen is None:
-            return
+    def _go_on(self, t_s: float, key: int, seen: _Seen, patch: Patch) -> None:
+        """Note place and velocity: the ground has just been recognised."""
         before = self._way
         if before is None or (self._leap is not None and self._leap.t_s == t_s):
             self._way = OwnWay(t_s, key, *seen.moved_m, patch)  # it may be of another place
@@ -313,10 +306,10 @@ class OwnMap:
             if other.metres_per_pixel == pitch_m and np.abs(away[key]).max() < reach_m + wide_m
         ]
         ground = mosaic(laid, reach_m + wide_m, pitch_m)
+        pair = (ground, patch)
         if reach_m / pitch_m > _COARSE_PX:
-            rough = match(coarser(ground), coarser(patch), (0.0, 0.0), reach_m)
-        else:
-            rough = match(ground, patch, (0.0, 0.0), reach_m)
+            pair = (coarser(ground), coarser(patch))
+        rough = match(*pair, (0.0, 0.0), reach_m)
         if rough is None:
             return
         found = []
@@ -333,7 +326,7 @@ class OwnMap:
             self.track.link(key, number, seen.moved_m, self._sigma_m(seen))
             self._found_anew_s = t_s
 
-    def _sigma_m(self, found: Match | _Seen) -> float:
+    def _sigma_m(self, found: Match) -> float:
         way_m = math.hypot(*found.moved_m)
         return math.hypot(found.sigma_m, math.sqrt(2.0) * self.errors.pointing_m, _OF_WAY * way_m)
 

@@ -61,7 +61,7 @@ def resized(patch: Patch, zoom: complex) -> Patch:
     low_n, high_n = math.floor(corners.imag.min()), math.ceil(corners.imag.max())
     size = high_e - low_e + 1, high_n - low_n + 1
     matrix = _matrix(larger, 0j, (low_e, high_n), (patch.west_px, patch.north_px))
-    values, seen = _warped(patch, matrix, size)
+    values, seen = _warped(patch.values.astype(np.float32), patch.values != NOTHING, matrix, size)
     whole = np.clip(np.rint(values), NOTHING + 1, 127).astype(np.int8)
     whole[~seen] = NOTHING
     return Patch(whole, low_e, high_n, patch.metres_per_pixel)
@@ -84,20 +84,17 @@ def compare(earlier: Patch, later: Patch, moved_px: complex, zoom: complex = 0j)
     size = later.values.shape[1], later.values.shape[0]
     below = _smooth(later.values.astype(np.float32))
     inside = _inner(later.values != NOTHING)
-    larger, begin = 1.0 / (1.0 + zoom), moved_px
-    origin = later.west_px, later.north_px
+    larger, moved = 1.0 / (1.0 + zoom), moved_px
+    origin, other_origin = (later.west_px, later.north_px), (earlier.west_px, earlier.north_px)
     slopes = _slopes(below)
     east = (np.arange(size[0], dtype=np.float32) + later.west_px)[None, :]
     north = (later.north_px - np.arange(size[1], dtype=np.float32))[:, None]
-    moved = begin
-    smooth = Patch(earlier.values, earlier.west_px, earlier.north_px, earlier.metres_per_pixel)
     above = _smooth(earlier.values.astype(np.float32))
-    known = _inner(earlier.values != NOTHING).astype(np.uint8) * 255
+    known = _inner(earlier.values != NOTHING)
     for _ in range(_ROUNDS):
-        matrix = _matrix(larger, moved, origin, (smooth.west_px, smooth.north_px))
-        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        there = np.asarray(cv2.warpAffine(above, matrix, size, flags=flags), np.float32)
-        both = inside & (cv2.warpAffine(known, matrix, size, flags=flags) == 255)
+        matrix = _matrix(larger, moved, origin, other_origin)
+        there, whole = _warped(above, known, matrix, size)
+        both = inside & whole
         count = int(np.count_nonzero(both))
         if count < _LEAST_PX:
             return None
@@ -120,7 +117,7 @@ def compare(earlier: Patch, later: Patch, moved_px: complex, zoom: complex = 0j)
         if abs(complex(right, up)) > _FARTHEST_PX or abs(change) > 0.1:
             return None
     score = float(here @ other) / math.sqrt(float(here @ here) * float(other @ other) + 1e-6)
-    at_middle = abs(moved + larger * middle - begin - middle / (1.0 + zoom))
+    at_middle = abs(moved + larger * middle - moved_px - middle / (1.0 + zoom))
     if score < _LEAST_SCORE or at_middle > _FARTHEST_PX:
         return None
     covariance = np.linalg.inv(normal) * float(off @ off) / count * _CORRELATED
@@ -145,12 +142,13 @@ def _matrix(
 
 
 def _warped(
-    patch: Patch, matrix: NDArray[np.float64], size: tuple[int, int]
+    values: Values, known: NDArray[np.bool_], matrix: NDArray[np.float64], size: tuple[int, int]
 ) -> tuple[Values, NDArray[np.bool_]]:
+    """Return the values on another raster, and where all that they are made of is known."""
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    values = cv2.warpAffine(patch.values.astype(np.float32), matrix, size, flags=flags)
-    whole = (patch.values != NOTHING).astype(np.uint8) * 255
-    return np.asarray(values, np.float32), cv2.warpAffine(whole, matrix, size, flags=flags) == 255
+    found = cv2.warpAffine(values, matrix, size, flags=flags)
+    whole = cv2.warpAffine(known.astype(np.uint8) * 255, matrix, size, flags=flags) == 255
+    return np.asarray(found, np.float32), whole
 
 
 def _smooth(values: Values) -> Values:

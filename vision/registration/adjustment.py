@@ -64,26 +64,21 @@ class Ties:
     @classmethod
     def of(cls, pairs: Sequence[Pair]) -> Ties:
         """Return the tie points of pairs that are not held apart."""
-        source, weight, forth = [], [], []
-        for p in pairs:
-            count = len(p.in_first)
-            first = np.arange(count) % 2 == 0
-            forth.append(first)
-            source.append(np.where(first, p.first, p.second))
-            weight.append(np.full(count, min(1.0, INDEPENDENT / max(count, 1)) / TIE_SIGMA_PX**2))
         ends = np.array([[p.first, p.second] for p in pairs])
-        number = np.repeat(np.arange(len(pairs)), [len(p.in_first) for p in pairs])
-        swap = np.concatenate(forth)[:, None]
+        counts = [len(p.in_first) for p in pairs]
+        number = np.repeat(np.arange(len(pairs)), counts)
+        forth = np.concatenate([np.arange(count) % 2 == 0 for count in counts])[:, None]
+        source, target = np.where(forth, ends[number], ends[number, ::-1]).T
         one = np.concatenate([p.in_first for p in pairs])
         other = np.concatenate([p.in_second for p in pairs])
-        begins = np.concatenate(source)
+        each = [min(1.0, INDEPENDENT / max(count, 1)) / TIE_SIGMA_PX**2 for count in counts]
         return cls(
-            begins,
-            ends.sum(axis=1)[number] - begins,
-            np.where(swap, one, other),
-            np.where(swap, other, one),
+            source,
+            target,
+            np.where(forth, one, other),
+            np.where(forth, other, one),
             number,
-            np.concatenate(weight),
+            np.repeat(each, counts),
             ends,
         )
 

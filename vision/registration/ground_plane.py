@@ -87,9 +87,7 @@ _LEAST_DOWN = 0.2  # of a ray's unit length; rays nearer to the horizon say noth
 
 @dataclass
 class Cameras:
-    """Many cameras. `groups` gives each its focal length `focal_px[group]`; `relief` is the ground,
-    None for flat ground at the height 0.
-    """
+    """Many cameras with focal lengths by group; without `relief` the ground is flat, at 0."""
 
     centre_m: Floats
     axes: Floats
@@ -109,8 +107,7 @@ class Cameras:
 
 
 def level_axes(yaw_rad: Floats) -> Floats:
-    """Return the axes (n, 3, 3) of cameras that look straight down, the upper edge towards
-    `yaw_rad`.
+    """Return the axes (n, 3, 3) of cameras that look straight down, upper edge to `yaw_rad`.
 
     >>> (level_axes(np.array([0.0]))[0].round(9) + 0.0).tolist()
     [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]

@@ -99,7 +99,7 @@ def tie_points(one: View, other: View, pair: tuple[int, int]) -> Pair | None:
     p, q = p[inlier], q[inlier]
     if not _plausible(np.asarray(matrix, dtype=np.float64), p):
         return None
-    keep = _spread(p, first)
+    keep = _spread(p)
     p, q = p[keep], q[keep]
     held = np.arange(len(p)) % 5 == 4
     return Pair(*pair, p[~held], q[~held], np.hstack([p[held], q[held]]), count)
@@ -135,7 +135,7 @@ def _plausible(matrix: Floats, points: Floats) -> bool:
     return bool(stretch[0] < 2.0 * stretch[1])
 
 
-def _spread(points: Floats, features: Described) -> NDArray[np.int64]:
+def _spread(points: Floats) -> NDArray[np.int64]:
     """Return at most `MOST_TIES` of the points, spread over the overlap."""
     low, high = points.min(axis=0), points.max(axis=0)
     place = ((points - low) / np.maximum(high - low, 1.0) * (_BUCKETS - 1e-6)).astype(int)

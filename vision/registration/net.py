@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
@@ -39,8 +39,8 @@ MOST_SCALE_SIGMA: Final = 0.25
 _HALF_TURN_CLEAR_RAD = math.radians(40.0)  # geotags so certain tell a heading from its reverse
 
 
-def components(count: int, pairs: Sequence[Pair]) -> list[list[int]]:
-    """Return the connected groups of views, each sorted, the largest first."""
+def components(count: int, links: Iterable[tuple[int, int]]) -> list[list[int]]:
+    """Return the groups of `count` views that links connect, each sorted, the largest first."""
     group = list(range(count))
 
     def root(k: int) -> int:
@@ -49,8 +49,8 @@ def components(count: int, pairs: Sequence[Pair]) -> list[list[int]]:
             k = group[k]
         return k
 
-    for pair in pairs:
-        a, b = root(pair.first), root(pair.second)
+    for one, other in links:
+        a, b = root(one), root(other)
         group[max(a, b)] = min(a, b)
     found: dict[int, list[int]] = {}
     for k in range(count):

@@ -25,8 +25,7 @@ _LEAST_PX = 32  # a smaller picture has no room for features
 
 
 def extract(gray: NDArray[np.uint8]) -> Features:
-    """Return the features of a gray picture of at most `WIDTH_PX` columns; few or none without
-    texture.
+    """Return the features of a gray picture of at most `WIDTH_PX` columns; maybe none.
 
     >>> extract(np.full((90, 160), 100, np.uint8)).points.shape
     (0, 2)

@@ -101,7 +101,7 @@ class _Registering:
         self.left: list[str | None] = [NO_OVERLAP] * len(views)
         self.nets: list[Net] = []
         self.as_tagged: list[tuple[Cameras, Pair]] | None = []
-        self.as_refined: list[tuple[Cameras, Pair]] | None = []
+        self.as_refined: list[tuple[Cameras, Pair]] = []
 
     def run(self, say: Callable[[int, int], None], many: Many) -> None:
         """Find the pairs, and adjust the nets that they make."""
@@ -128,13 +128,11 @@ class _Registering:
     def _nets(self, members: list[int], pairs: list[Pair], mends: int) -> None:
         """Adjust each group of `members` that `pairs` connect."""
         place = {k: at for at, k in enumerate(members)}
-        local = [replace(p, first=place[p.first], second=place[p.second]) for p in pairs]
-        for group in components(len(members), local):
-            if len(group) < 2:
-                continue
-            inside = set(group)
-            own = [p for p, q in zip(pairs, local, strict=True) if q.first in inside]
-            self._net([members[k] for k in group], own, mends)
+        links = [(place[p.first], place[p.second]) for p in pairs]
+        for group in components(len(members), links):
+            if len(group) > 1:
+                inside = {members[k] for k in group}
+                self._net(sorted(inside), [p for p in pairs if p.first in inside], mends)
 
     def _net(self, members: list[int], pairs: list[Pair], mends: int) -> None:
         views = [self.views[k] for k in members]
@@ -219,8 +217,7 @@ class _Registering:
             self.as_tagged = None
         elif self.as_tagged is not None:
             self.as_tagged += [(told, p) for p in held]
-        if self.as_refined is not None:
-            self.as_refined += [(solution.cameras, p) for p in held]
+        self.as_refined += [(solution.cameras, p) for p in held]
 
     @staticmethod
     def agreement(pairs: list[tuple[Cameras, Pair]] | None) -> Agreement | None:

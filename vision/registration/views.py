@@ -7,7 +7,7 @@ those of `vision.camera`, counted from the middle of the picture.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Protocol, TypeAlias
+from typing import Final, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,8 @@ Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 
 
-@dataclass(frozen=True, slots=True)
-class Prior:
-    """A tagged value and its standard deviation, above 0, in the same unit."""
+class Measured(NamedTuple):
+    """A number and its standard deviation, above 0, in the same unit."""
 
     value: float
     sigma: float
@@ -71,13 +70,13 @@ class View:
 
     name: str
     features: Described
-    focal_px: Prior
+    focal_px: Measured
     camera: str
     east_m: float
     north_m: float
     position_sigma_m: float = 10.0
-    height_m: Prior | None = None
-    yaw_rad: Prior | None = None
+    height_m: Measured | None = None
+    yaw_rad: Measured | None = None
     tilt: tuple[float, float] = (0.0, 0.0)
     tilt_sigma: float = 0.12
     ground_m: float = 0.0

@@ -36,7 +36,7 @@ from uavmap.load.mission_source import load
 from uavmap.runner.simulation import setup_of
 from vision.camera import Camera
 from vision.look import Frame
-from vision.own_map.ground_match import Patch, patch
+from vision.own_map.ground_patch import Patch, patch
 from vision.own_map.map_position import OwnMap
 
 HEIGHT_M, SPEED_M_S, SECONDS = 12.0, 6.0, 300.0

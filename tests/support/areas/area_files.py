@@ -8,6 +8,7 @@ import sqlite3
 import struct
 import zipfile
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,12 @@ def saved(folder: Path, name: str, content: str | bytes) -> Path:
     path = folder / name
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     return path
+
+
+def kinds(**written: tuple[str, str | bytes]) -> None:
+    """Add kinds that are one file each: its name and its content."""
+    for key, (name, content) in written.items():
+        KINDS[key] = partial(saved, name=name, content=content)
 
 
 def closed(ring: Ring) -> list[tuple[float, float]]:
@@ -86,125 +93,99 @@ _EARTH = (
 )
 
 
-@kind
-def google_earth_pro(folder: Path) -> Path:
-    style = (
-        '<StyleMap id="s"><Pair><key>normal</key><styleUrl>#n</styleUrl></Pair></StyleMap>'
-        '<Style id="n"><LineStyle><color>ff0000ff</color></LineStyle></Style>'
-    )
-    look = (
-        "<LookAt><longitude>13.3</longitude><latitude>52.4</latitude><gx:fovy>30</gx:fovy></LookAt>"
-    )
-    return saved(
-        folder,
+_PLACEMARK = placemark("Field", kml_polygon())
+kinds(
+    google_earth_pro=(
         "Untitled Polygon.kml",
         kml(
-            f"<Document><name>Untitled Polygon.kml</name>{style}<Placemark><name>Untitled Polygon"
-            f"</name>{look}<styleUrl>#s</styleUrl>{kml_polygon()}</Placemark></Document>",
+            '<Document><name>Untitled Polygon.kml</name><StyleMap id="s"><Pair><key>normal</key>'
+            '<styleUrl>#n</styleUrl></Pair></StyleMap><Style id="n"><LineStyle><color>ff0000ff'
+            "</color></LineStyle></Style><Placemark><name>Untitled Polygon</name><LookAt>"
+            "<longitude>13.3</longitude><latitude>52.4</latitude><gx:fovy>30</gx:fovy></LookAt>"
+            f"<styleUrl>#s</styleUrl>{kml_polygon()}</Placemark></Document>",
             _EARTH,
         ),
-    )
-
-
-@kind
-def google_earth_kmz(folder: Path) -> Path:
-    text = kml(f"<Document>{placemark('Field', kml_polygon())}</Document>", _EARTH)
-    return saved(folder, "field.kmz", zipped({"doc.kml": text, "files/icon.png": b"\x89PNG"}))
-
-
-@kind
-def google_earth_web(folder: Path) -> Path:
-    inside = (
-        '<Document id="1"><name>Project</name><gx:CascadingStyle kml:id="m"/><Folder><name>Folder'
-        f"</name>{placemark('Field', kml_polygon())}</Folder></Document>"
-    )
-    return saved(folder, "Project.kml", kml(inside, _EARTH))
-
-
-@kind
-def google_my_maps(folder: Path) -> Path:
-    ring = kml_ring(FIELD, between="\n            ")
-    inside = (
-        "<Document><name>Map</name><description/><Folder><name>Layer</name><Placemark><name>Field"
-        "</name><description><![CDATA[a <b>field</b>]]></description><ExtendedData><Data name='x'>"
-        f"<value>1</value></Data></ExtendedData><Polygon><outerBoundaryIs><LinearRing>"
-        f"<tessellate>1</tessellate><coordinates>\n            {ring}\n          </coordinates>"
-        "</LinearRing></outerBoundaryIs></Polygon></Placemark></Folder></Document>"
-    )
-    return saved(folder, "map.kml", kml(inside))
-
-
-@kind
-def qgis_kml(folder: Path) -> Path:
-    ring = " ".join(f"{x},{y}" for x, y in closed(FIELD))
-    inside = (
-        '<Document id="root_doc"><Schema name="field" id="field"><SimpleField name="id" '
-        'type="int"/></Schema><Folder><name>field</name><Placemark><ExtendedData><SchemaData '
-        'schemaUrl="#field"><SimpleData name="id">1</SimpleData></SchemaData></ExtendedData>'
-        "<MultiGeometry><Polygon><outerBoundaryIs><LinearRing><coordinates>"
-        f"{ring}</coordinates></LinearRing></outerBoundaryIs></Polygon></MultiGeometry></Placemark>"
-        "</Folder></Document>"
-    )
-    return saved(folder, "qgis.kml", kml(inside))
-
-
-@kind
-def arcgis_kmz(folder: Path) -> Path:
-    inside = (
-        '<Document id="Field"><name>Field</name><Snippet></Snippet><Folder id="FeatureLayer0">'
-        f"<name>Field</name><Placemark id='ID_00000'><name>0</name><MultiGeometry>{kml_polygon()}"
-        "</MultiGeometry></Placemark></Folder></Document>"
-    )
-    return saved(folder, "Field.kmz", zipped({"doc.kml": kml(inside), "Legend0.png": b"x"}))
-
-
-@kind
-def google_earth_of_2006(folder: Path) -> Path:
-    space = ' xmlns="http://earth.google.com/kml/2.1"'
-    return saved(folder, "old.kml", kml(placemark("Field", kml_polygon()), space))
-
-
-@kind
-def kml_by_hand(folder: Path) -> Path:
-    """No namespace, spaces after the commas, upper-case suffix."""
-    ring = " \n".join(f"{x}, {y}, 0" for x, y in closed(FIELD))
-    polygon = (
-        "<Polygon><outerBoundaryIs><LinearRing><coordinates>"
-        f"{ring}</coordinates></LinearRing></outerBoundaryIs></Polygon>"
-    )
-    return saved(folder, "HAND.KML", kml(placemark("Field", polygon), ""))
-
-
-@kind
-def kml_closed_path(folder: Path) -> Path:
-    line = f"<LineString><coordinates>{kml_ring(FIELD)}</coordinates></LineString>"
-    return saved(folder, "path.kml", kml(placemark("Way around the field", line)))
-
-
-@kind
-def kml_in_utf16(folder: Path) -> Path:
-    text = kml(placemark("Wiese", kml_polygon())).replace("UTF-8", "UTF-16")
-    return saved(folder, "utf16.kml", text.encode("utf-16"))
-
-
-@kind
-def kml_with_roles(folder: Path) -> Path:
-    """Area, fence, no-fly zone and home, told by their names."""
-    inside = "".join(
-        [
-            placemark("Meadow", kml_polygon()),
-            placemark("Geofence", kml_polygon(AROUND)),
-            placemark("No-fly pond", kml_polygon(POND)),
-            placemark("Take-off", point(HOME)),
-            placemark("Car park", point((13.30, 52.45))),
-        ]
-    )
-    return saved(folder, "roles.kml", kml(f"<Document>{inside}</Document>"))
-
-
-@kind
-def kml_with_hole(folder: Path) -> Path:
-    return saved(folder, "hole.kml", kml(placemark("Field", kml_polygon(FIELD, [POND]))))
+    ),
+    google_earth_kmz=(
+        "field.kmz",
+        zipped(
+            {
+                "doc.kml": kml(f"<Document>{_PLACEMARK}</Document>", _EARTH),
+                "files/icon.png": b"\x89PNG",
+            }
+        ),
+    ),
+    google_earth_web=(
+        "Project.kml",
+        kml(
+            '<Document id="1"><name>Project</name><gx:CascadingStyle kml:id="m"/><Folder><name>'
+            f"Folder</name>{_PLACEMARK}</Folder></Document>",
+            _EARTH,
+        ),
+    ),
+    google_my_maps=(
+        "map.kml",
+        kml(
+            "<Document><name>Map</name><description/><Folder><name>Layer</name><Placemark><name>"
+            "Field</name><description><![CDATA[a <b>field</b>]]></description><ExtendedData><Data "
+            "name='x'><value>1</value></Data></ExtendedData><Polygon><outerBoundaryIs><LinearRing>"
+            "<tessellate>1</tessellate><coordinates>\n            "
+            f"{kml_ring(FIELD, between=chr(10) + 12 * ' ')}\n          </coordinates></LinearRing>"
+            "</outerBoundaryIs></Polygon></Placemark></Folder></Document>"
+        ),
+    ),
+    qgis_kml=(
+        "qgis.kml",
+        kml(
+            '<Document id="root_doc"><Schema name="field" id="field"><SimpleField name="id" '
+            'type="int"/></Schema><Folder><name>field</name><Placemark><ExtendedData><SchemaData '
+            'schemaUrl="#field"><SimpleData name="id">1</SimpleData></SchemaData></ExtendedData>'
+            "<MultiGeometry><Polygon><outerBoundaryIs><LinearRing><coordinates>"
+            f"{kml_ring(FIELD, height='')}</coordinates></LinearRing></outerBoundaryIs></Polygon>"
+            "</MultiGeometry></Placemark></Folder></Document>"
+        ),
+    ),
+    arcgis_kmz=(
+        "Field.kmz",
+        zipped(
+            {
+                "doc.kml": kml(
+                    '<Document id="Field"><name>Field</name><Snippet></Snippet><Folder '
+                    "id=\"FeatureLayer0\"><name>Field</name><Placemark id='ID_00000'><name>0</name>"
+                    f"<MultiGeometry>{kml_polygon()}</MultiGeometry></Placemark></Folder></Document>"
+                ),
+                "Legend0.png": b"x",
+            }
+        ),
+    ),
+    google_earth_of_2006=(
+        "old.kml", kml(_PLACEMARK, ' xmlns="http://earth.google.com/kml/2.1"'),
+    ),
+    # no namespace, spaces after the commas, upper-case suffix
+    kml_by_hand=("HAND.KML", kml(_PLACEMARK.replace(",", ", "), "")),
+    kml_closed_path=(
+        "path.kml",
+        kml(
+            placemark(
+                "Way around the field",
+                f"<LineString><coordinates>{kml_ring(FIELD)}</coordinates></LineString>",
+            )
+        ),
+    ),
+    kml_in_utf16=("utf16.kml", kml(_PLACEMARK).replace("UTF-8", "UTF-16").encode("utf-16")),
+    # area, fence, no-fly zone and home, told by their names
+    kml_with_roles=(
+        "roles.kml",
+        kml(
+            f"<Document>{placemark('Meadow', kml_polygon())}"
+            f"{placemark('Geofence', kml_polygon(AROUND))}"
+            f"{placemark('No-fly pond', kml_polygon(POND))}"
+            f"{placemark('Take-off', point(HOME))}"
+            f"{placemark('Car park', point((13.30, 52.45)))}</Document>"
+        ),
+    ),
+    kml_with_hole=("hole.kml", kml(placemark("Field", kml_polygon(FIELD, [POND])))),
+)  # fmt: skip
 
 
 # --- GeoJSON ------------------------------------------------------------------------------------
@@ -225,91 +206,53 @@ def in_crs(ring: Ring, epsg: int) -> list[tuple[float, float]]:
     return [turn.transform(x, y) for x, y in ring]
 
 
-@kind
-def geojson_io(folder: Path) -> Path:
-    return saved(folder, "map.geojson", collection(feature()))
+def crs(name: str) -> dict[str, Any]:
+    return {"type": "name", "properties": {"name": name}}
 
 
-@kind
-def qgis_geojson(folder: Path) -> Path:
-    crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
-    return saved(folder, "q.geojson", collection(feature(id=1), name="q", crs=crs))
-
-
-@kind
-def qgis_geojson_in_utm(folder: Path) -> Path:
-    crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::25833"}}
-    made = feature(in_crs(FIELD, 25833), name="Field")
-    return saved(folder, "utm.geojson", collection(made, name="q", crs=crs))
-
-
-@kind
-def geojson_of_2008_in_mercator(folder: Path) -> Path:
-    crs = {"type": "name", "properties": {"name": "EPSG:3857"}}
-    return saved(folder, "m.json", collection(feature(in_crs(FIELD, 3857)), crs=crs))
-
-
-@kind
-def gdal_geojson_lines(folder: Path) -> Path:
-    point_too = {"type": "Feature", "properties": {}, "geometry": None}
-    return saved(folder, "q.geojsonl", f"{json.dumps(feature())}\n{json.dumps(point_too)}\n")
-
-
-@kind
-def gdal_geojson_sequence(folder: Path) -> Path:
-    lines = "".join(
-        f"\x1e{json.dumps(one)}\n" for one in (feature(), feature() | {"geometry": None})
-    )
-    return saved(folder, "q.geojsons", lines)
-
-
-@kind
-def bare_geometry(folder: Path) -> Path:
-    return saved(folder, "polygon.json", json.dumps(feature()["geometry"]))
-
-
-@kind
-def bare_feature(folder: Path) -> Path:
-    return saved(folder, "feature.geojson", json.dumps(feature(name="Field")))
-
-
-@kind
-def arcgis_online_geojson(folder: Path) -> Path:
-    """A MultiPolygon of one part, with heights, and an ESRI-like id."""
-    ring = [[x, y, 36.0] for x, y in closed(FIELD)]
-    one = {
-        "type": "Feature",
-        "id": 1,
-        "geometry": {"type": "MultiPolygon", "coordinates": [[ring]]},
-        "properties": {"OBJECTID": 1, "Shape__Area": 11346.4},
-    }
-    return saved(
-        folder, "arcgis.geojson", json.dumps({"type": "FeatureCollection", "features": [one]})
-    )
-
-
-@kind
-def geometry_collection(folder: Path) -> Path:
-    inner = {"type": "GeometryCollection", "geometries": [feature()["geometry"]]}
-    value = {"type": "Feature", "properties": {"name": "Field"}, "geometry": inner}
-    return saved(folder, "gc.geojson", json.dumps(value))
-
-
-@kind
-def geojson_with_mark(folder: Path) -> Path:
-    """UTF-8 with a byte order mark, as some editors on Windows save it."""
-    return saved(folder, "bom.geojson", b"\xef\xbb\xbf" + collection(feature()).encode())
-
-
-@kind
-def overpass_turbo(folder: Path) -> Path:
-    made = feature(**{"@id": "way/1", "landuse": "meadow", "name": "Wiese"}) | {"id": "way/1"}
-    extra = {
-        "generator": "overpass-turbo",
-        "copyright": "ODbL",
-        "timestamp": "2024-01-01T00:00:00Z",
-    }
-    return saved(folder, "export.geojson", collection(made, **extra))
+_NOTHING = {"type": "Feature", "properties": {}, "geometry": None}
+_GEOMETRY = feature()["geometry"]
+_MULTI = {"type": "MultiPolygon", "coordinates": [[[[x, y, 36.0] for x, y in closed(FIELD)]]]}
+_IN_ANOTHER = {"type": "GeometryCollection", "geometries": [_GEOMETRY]}
+kinds(
+    geojson_io=("map.geojson", collection(feature())),
+    qgis_geojson=(
+        "q.geojson", collection(feature(id=1), name="q", crs=crs("urn:ogc:def:crs:OGC:1.3:CRS84")),
+    ),
+    qgis_geojson_in_utm=(
+        "utm.geojson",
+        collection(
+            feature(in_crs(FIELD, 25833), name="Field"),
+            name="q", crs=crs("urn:ogc:def:crs:EPSG::25833"),
+        ),
+    ),
+    geojson_of_2008_in_mercator=(
+        "m.json", collection(feature(in_crs(FIELD, 3857)), crs=crs("EPSG:3857")),
+    ),
+    gdal_geojson_lines=("q.geojsonl", f"{json.dumps(feature())}\n{json.dumps(_NOTHING)}\n"),
+    gdal_geojson_sequence=(
+        "q.geojsons", f"\x1e{json.dumps(feature())}\n\x1e{json.dumps(_NOTHING)}\n",
+    ),
+    bare_geometry=("polygon.json", json.dumps(_GEOMETRY)),
+    bare_feature=("feature.geojson", json.dumps(feature(name="Field"))),
+    # a MultiPolygon of one part, with heights, and an ESRI-like id
+    arcgis_online_geojson=(
+        "arcgis.geojson",
+        collection(feature(OBJECTID=1, Shape__Area=11346.4) | {"id": 1, "geometry": _MULTI}),
+    ),
+    geometry_collection=(
+        "gc.geojson", json.dumps(feature(name="Field") | {"geometry": _IN_ANOTHER}),
+    ),
+    # UTF-8 with a byte order mark, as some editors on Windows save it
+    geojson_with_mark=("bom.geojson", b"\xef\xbb\xbf" + collection(feature()).encode()),
+    overpass_turbo=(
+        "export.geojson",
+        collection(
+            feature(**{"@id": "way/1", "landuse": "meadow", "name": "Wiese"}) | {"id": "way/1"},
+            generator="overpass-turbo", copyright="ODbL", timestamp="2024-01-01T00:00:00Z",
+        ),
+    ),
+)  # fmt: skip
 
 
 # --- QGroundControl -----------------------------------------------------------------------------
@@ -360,45 +303,54 @@ def waypoint_item(x: float, y: float, command: int = 16) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@kind
-def qgc_survey_with_fence(folder: Path) -> Path:
-    exclusion = {"version": 1, "inclusion": False, "polygon": lat_lon(POND)}
-    takeoff = waypoint_item(*HOME, command=22)
-    text = plan(
-        mission={"items": [takeoff, SURVEY]},
-        geoFence={"polygons": [INCLUSION, exclusion]},
-        rallyPoints={"points": [[HOME[1], HOME[0], 20]]},
-    )
-    return saved(folder, "survey.plan", text)
-
-
-@kind
-def qgc_survey_alone(folder: Path) -> Path:
-    """Never near a vehicle: no planned home."""
-    text = plan(mission={"items": [SURVEY], "plannedHomePosition": [0, 0, 0]})
-    return saved(folder, "alone.plan", text)
-
-
-@kind
-def qgc_waypoints(folder: Path) -> Path:
-    items = [waypoint_item(x, y) for x, y in FIELD]
-    return saved(folder, "ways.plan", plan(mission={"items": [waypoint_item(*HOME, 22), *items]}))
-
-
-@kind
-def qgc_survey_with_circles(folder: Path) -> Path:
-    circles = [
-        {"circle": {"center": [52.4565, 13.30375], "radius": 150}, "inclusion": True, "version": 1},
-        {"circle": {"center": [52.45645, 13.3037], "radius": 10}, "inclusion": False, "version": 1},
-    ]
-    return saved(folder, "c.plan", plan(mission={"items": [SURVEY]}, geoFence={"circles": circles}))
-
-
-@kind
-def qgc_of_2017(folder: Path) -> Path:
-    """Version 1 of the geofence: one polygon, not in a list of them."""
-    text = plan(mission={"items": [SURVEY]}, geoFence={"version": 1, "polygon": lat_lon(AROUND)})
-    return saved(folder, "old.plan", text)
+kinds(
+    qgc_survey_with_fence=(
+        "survey.plan",
+        plan(
+            mission={"items": [waypoint_item(*HOME, command=22), SURVEY]},
+            geoFence={
+                "polygons": [
+                    INCLUSION, {"version": 1, "inclusion": False, "polygon": lat_lon(POND)},
+                ]
+            },
+            rallyPoints={"points": [[HOME[1], HOME[0], 20]]},
+        ),
+    ),
+    # never near a vehicle: no planned home
+    qgc_survey_alone=(
+        "alone.plan", plan(mission={"items": [SURVEY], "plannedHomePosition": [0, 0, 0]}),
+    ),
+    qgc_waypoints=(
+        "ways.plan",
+        plan(
+            mission={
+                "items": [waypoint_item(*HOME, 22), *(waypoint_item(x, y) for x, y in FIELD)]
+            }
+        ),
+    ),
+    qgc_survey_with_circles=(
+        "c.plan",
+        plan(
+            mission={"items": [SURVEY]},
+            geoFence={
+                "circles": [
+                    {
+                        "circle": {"center": [lat, lon], "radius": radius_m},
+                        "inclusion": inside, "version": 1,
+                    }
+                    for lat, lon, radius_m, inside in (
+                        (52.4565, 13.30375, 150, True), (52.45645, 13.3037, 10, False),
+                    )
+                ]
+            },
+        ),
+    ),
+    # version 1 of the geofence: one polygon, not in a list of them
+    qgc_of_2017=(
+        "old.plan",
+        plan(mission={"items": [SURVEY]}, geoFence={"version": 1, "polygon": lat_lon(AROUND)}),
+    ),
+)  # fmt: skip
 
 
 # --- Mission Planner ----------------------------------------------------------------------------
@@ -411,35 +363,37 @@ def wpl(*rows: tuple[int, float, float, float]) -> str:
     return "\r\n".join(lines) + "\r\n"
 
 
-@kind
-def mission_planner_waypoints(folder: Path) -> Path:
-    rows = [(16, 0.0, *HOME), (22, 0.0, 0.0, 0.0), *((16, 0.0, x, y) for x, y in FIELD)]
-    return saved(folder, "mp.waypoints", wpl(*rows, (20, 0.0, 0.0, 0.0)))
+def corners(command: int, first: float, ring: Ring) -> list[tuple[int, float, float, float]]:
+    return [(command, first, x, y) for x, y in ring]
 
 
-@kind
-def mission_planner_fence(folder: Path) -> Path:
-    """The fence and a hole in it, as items (since 2020), and a rally point."""
-    rows = [
-        (16, 0.0, 0.0, 0.0),
-        *((5001, 4.0, x, y) for x, y in FIELD),
-        *((5002, 4.0, x, y) for x, y in POND),
-        (5100, 0.0, *HOME_INSIDE),
-    ]
-    return saved(folder, "fence.waypoints", wpl(*rows))
+def lines(head: str, ring: Ring) -> list[str]:
+    """A head, and latitude and longitude a line."""
+    return [head, *(f"{y} {x}" for x, y in ring)]
 
 
-@kind
-def mission_planner_polygon(folder: Path) -> Path:
-    lines = [f"{y} {x}" for x, y in FIELD]
-    return saved(folder, "a.poly", "\r\n".join(["#saved by Mission Planner 1.3.80", *lines]))
-
-
-@kind
-def mission_planner_old_fence(folder: Path) -> Path:
-    """Since 2012: the return point, the polygon, its first corner again."""
-    lines = [f"{y} {x}" for x, y in (HOME_INSIDE, *closed(FIELD))]
-    return saved(folder, "a.fen", "\r\n".join(["#saved by APM Planner", *lines, ""]))
+_TAKEOFF = ((16, 0.0, *HOME), (22, 0.0, 0.0, 0.0))
+_RETURN = (20, 0.0, 0.0, 0.0)
+kinds(
+    mission_planner_waypoints=(
+        "mp.waypoints", wpl(*_TAKEOFF, *corners(16, 0.0, FIELD), _RETURN),
+    ),
+    # the fence and a hole in it, as items (since 2020), and a rally point
+    mission_planner_fence=(
+        "fence.waypoints",
+        wpl(
+            (16, 0.0, 0.0, 0.0), *corners(5001, 4.0, FIELD), *corners(5002, 4.0, POND),
+            (5100, 0.0, *HOME_INSIDE),
+        ),
+    ),
+    mission_planner_polygon=(
+        "a.poly", "\r\n".join(lines("#saved by Mission Planner 1.3.80", FIELD)),
+    ),
+    # since 2012: the return point, the polygon, its first corner again
+    mission_planner_old_fence=(
+        "a.fen", "\r\n".join([*lines("#saved by APM Planner", (HOME_INSIDE, *closed(FIELD))), ""]),
+    ),
+)  # fmt: skip
 
 
 # --- Shapefile ----------------------------------------------------------------------------------

@@ -21,14 +21,26 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import Polygon
 
 from tests.support.areas import area_files as files
-from tests.support.areas.area_files import FIELD, HOME, HOME_INSIDE, POND, Ring, closed, kind, saved
+from tests.support.areas.area_files import (
+    FIELD,
+    HOME,
+    HOME_INSIDE,
+    KINDS,
+    POND,
+    Ring,
+    closed,
+    kind,
+    kinds,
+    saved,
+)  # fmt: skip
 
 METRE_DEG = 1.0 / 111_320.0
 
 
 # --- GDAL, which QGIS, ArcGIS Pro, R and most others write with ---------------------------------
-def by_gdal(path: Path, driver: str, ring: Ring = FIELD, epsg: int = 4326, **options: Any) -> Path:
-    """One polygon with a name and two columns that say nothing of places."""
+def by_gdal(folder: Path, name: str, driver: str, epsg: int = 4326, **options: Any) -> Path:
+    """The field with a name and two columns that say nothing of places."""
+    path, ring = folder / name, FIELD if epsg == 4326 else files.in_crs(FIELD, epsg)
     wkb = np.array([shapely.to_wkb(Polygon(ring))], dtype=object)
     pyogrio.raw.write(
         path,
@@ -49,7 +61,8 @@ GDAL: dict[str, tuple[str, str, int, dict[str, str]]] = {
     "gdal_geopackage": ("g.gpkg", "GPKG", 4326, {}),
     "gdal_geopackage_of_europe": ("e.gpkg", "GPKG", 3035, {}),
     "gdal_shapefile_in_utm": ("u.shp", "ESRI Shapefile", 25833, {}),
-    "gdal_shapefile_of_berlin": ("b.shp", "ESRI Shapefile", 3068, {}),  # Soldner's system
+    # Soldner's system, which only this city had
+    "gdal_shapefile_of_berlin": ("b.shp", "ESRI Shapefile", 3068, {}),
     "gdal_kml": ("k.kml", "KML", 4326, {}),
     "gdal_libkml_archive": ("l.kmz", "LIBKML", 4326, {}),
     "gdal_geojson": ("j.geojson", "GeoJSON", 4326, {"RFC7946": "YES", "WRITE_BBOX": "YES"}),
@@ -59,16 +72,8 @@ GDAL: dict[str, tuple[str, str, int, dict[str, str]]] = {
     # as QGIS saves a layer as CSV with its geometry
     "gdal_csv_with_wkt": ("w.csv", "CSV", 4326, {"GEOMETRY": "AS_WKT", "SEPARATOR": "SEMICOLON"}),
 }
-"""File, driver, coordinate system and options of each kind."""
-
-
-def _written(row: tuple[str, str, int, dict[str, str]], folder: Path) -> Path:
-    name, driver, epsg, options = row
-    ring = FIELD if epsg == 4326 else files.in_crs(FIELD, epsg)
-    return by_gdal(folder / name, driver, ring, epsg, **options)
-
-
-files.KINDS.update({name: partial(_written, row) for name, row in GDAL.items()})
+for key, (name, driver, epsg, options) in GDAL.items():
+    KINDS[key] = partial(by_gdal, name=name, driver=driver, epsg=epsg, **options)
 
 
 # --- ground stations ----------------------------------------------------------------------------
@@ -83,16 +88,6 @@ def qgc_of_3_2(folder: Path) -> Path:
                  "turnAroundDistance": 0},
     }  # fmt: skip
     return saved(folder, "old.plan", files.plan(mission={"items": [survey]}))
-
-
-@kind
-def qgc_fence_alone(folder: Path) -> Path:
-    fence = {"version": 1, "inclusion": True, "polygon": files.lat_lon(FIELD)}
-    text = files.plan(
-        mission={"plannedHomePosition": [HOME_INSIDE[1], HOME_INSIDE[0], 36]},
-        geoFence={"polygons": [fence]},
-    )
-    return saved(folder, "fence.plan", text)
 
 
 @kind
@@ -117,22 +112,27 @@ STRUCTURE = {
 }  # fmt: skip
 
 
-@kind
-def qgc_survey_and_structure(folder: Path) -> Path:
-    return saved(folder, "s.plan", files.plan(mission={"items": [files.SURVEY, STRUCTURE]}))
-
-
-@kind
-def mission_planner_splines(folder: Path) -> Path:
-    rows = [(16, 0.0, *HOME), (22, 0.0, 0.0, 0.0), *((82, 0.0, x, y) for x, y in FIELD)]
-    return saved(folder, "spline.waypoints", files.wpl(*rows, (20, 0.0, 0.0, 0.0)))
-
-
-@kind
-def mission_planner_fence_with_circle(folder: Path) -> Path:
-    centre = ((POND[0][0] + POND[2][0]) / 2.0, (POND[0][1] + POND[1][1]) / 2.0)
-    rows = [(16, 0.0, *HOME_INSIDE), *((5001, 4.0, x, y) for x, y in FIELD), (5004, 10.0, *centre)]
-    return saved(folder, "circle.waypoints", files.wpl(*rows))
+kinds(
+    qgc_survey_and_structure=("s.plan", files.plan(mission={"items": [files.SURVEY, STRUCTURE]})),
+    qgc_fence_alone=(
+        "fence.plan",
+        files.plan(
+            mission={"plannedHomePosition": [HOME_INSIDE[1], HOME_INSIDE[0], 36]},
+            geoFence={"polygons": [files.INCLUSION | {"polygon": files.lat_lon(FIELD)}]},
+        ),
+    ),
+    mission_planner_splines=(
+        "spline.waypoints",
+        files.wpl(*files._TAKEOFF, *files.corners(82, 0.0, FIELD), files._RETURN),
+    ),
+    mission_planner_fence_with_circle=(
+        "circle.waypoints",
+        files.wpl(
+            (16, 0.0, *HOME_INSIDE), *files.corners(5001, 4.0, FIELD),
+            (5004, 10.0, (POND[0][0] + POND[2][0]) / 2.0, (POND[0][1] + POND[1][1]) / 2.0),
+        ),
+    ),
+)  # fmt: skip
 
 
 @kind
@@ -145,13 +145,6 @@ def mavproxy_waypoints(folder: Path) -> Path:
     path = folder / "way.txt"
     loader.save(str(path))
     return path
-
-
-@kind
-def corners_by_hand(folder: Path) -> Path:
-    """Latitude and longitude, a comma between, and a word about it."""
-    rows = [f"{y}, {x}" for x, y in FIELD]
-    return saved(folder, "corners.txt", "\n".join(["# the north field", *rows]))
 
 
 @kind
@@ -193,49 +186,39 @@ def dji_pilot_2_mapping(folder: Path) -> Path:
     return saved(folder, "Mapping1.kmz", files.zipped(archive))
 
 
-@kind
-def litchi_mission(folder: Path) -> Path:
-    head = "latitude,longitude,altitude(m),heading(deg),curvesize(m),rotationdir,gimbalmode"
-    rows = [f"{y:.8f},{x:.8f},30,0,0.2,0,0" for x, y in FIELD]
-    return saved(folder, "litchi.csv", "\r\n".join([head, *rows, ""]))
+def csv(head: str, row: str, between: str = "\n") -> str:
+    """A head, and a row a corner, with its number, longitude and latitude."""
+    rows = [row.format(k=k, x=x, y=y) for k, (x, y) in enumerate(FIELD)]
+    return between.join([head, *rows])
 
 
-@kind
-def litchi_mission_in_feet(folder: Path) -> Path:
-    head = "latitude,longitude,altitude(ft),heading(deg),curvesize(ft),rotationdir"
-    rows = [f"{y:.8f},{x:.8f},98.4,360,0.7,0" for x, y in FIELD]
-    return saved(folder, "feet.csv", "\n".join([head, *rows]))
-
-
-@kind
-def sentera_boundary(folder: Path) -> Path:
-    rows = [f"{x},{y}" for x, y in FIELD]
-    return saved(folder, "boundary.csv", "\n".join(["lon,lat", *rows]))
-
-
-@kind
-def german_spreadsheet(folder: Path) -> Path:
-    """Semicolons between, and a comma for a decimal point."""
-    rows = [f"{k};{y};{x}".replace(".", ",") for k, (x, y) in enumerate(FIELD)]
-    return saved(folder, "Punkte.csv", "\ufeff" + "\r\n".join(["Nr;Lat;Lon", *rows]))
-
-
-@kind
-def opendronemap_boundary(folder: Path) -> Path:
-    return saved(folder, "boundary.json", json.dumps(json.loads(files.collection(files.feature()))))
-
-
-@kind
-def josm_closed_way(folder: Path) -> Path:
-    line = {"type": "LineString", "coordinates": [list(c) for c in closed(FIELD)]}
-    made = {"type": "Feature", "properties": {"name": "Weg"}, "geometry": line}
-    return saved(folder, "josm.geojson", files.collection(made, generator="JOSM"))
-
-
-@kind
-def mapbox_without_properties(folder: Path) -> Path:
-    made = files.feature() | {"properties": None, "id": "a1b2"}
-    return saved(folder, "mapbox.geojson", files.collection(made))
+LITCHI = "latitude,longitude,altitude(m),heading(deg),curvesize(m),rotationdir"
+WAY = {"type": "LineString", "coordinates": [list(c) for c in closed(FIELD)]}
+kinds(
+    litchi_mission=(
+        "litchi.csv", csv(f"{LITCHI},gimbalmode", "{y:.8f},{x:.8f},30,0,0.2,0,0", "\r\n") + "\r\n",
+    ),
+    litchi_mission_in_feet=(
+        "feet.csv", csv(LITCHI.replace("(m)", "(ft)"), "{y:.8f},{x:.8f},98.4,360,0.7,0"),
+    ),
+    sentera_boundary=("boundary.csv", csv("lon,lat", "{x},{y}")),
+    # semicolons between, and a comma for a decimal point
+    german_spreadsheet=(
+        "Punkte.csv", "\ufeff" + csv("Nr;Lat;Lon", "{k};{y};{x}", "\r\n").replace(".", ","),
+    ),
+    # latitude and longitude, a comma between, and a word about it
+    corners_by_hand=("corners.txt", csv("# the north field", "{y}, {x}")),
+    opendronemap_boundary=(
+        "boundary.json", json.dumps(json.loads(files.collection(files.feature()))),
+    ),
+    josm_closed_way=(
+        "josm.geojson",
+        files.collection(files.feature(name="Weg") | {"geometry": WAY}, generator="JOSM"),
+    ),
+    mapbox_without_properties=(
+        "mapbox.geojson", files.collection(files.feature() | {"properties": None, "id": "a1b2"}),
+    ),
+)  # fmt: skip
 
 
 # --- GPS receivers and phones -------------------------------------------------------------------
@@ -319,16 +302,22 @@ def google_earth_label_and_altitudes(folder: Path) -> Path:
     return saved(folder, "label.kml", files.kml(inside, files._EARTH))
 
 
-@kind
-def kml_linear_ring(folder: Path) -> Path:
-    ring = f"<LinearRing><coordinates>{files.kml_ring(FIELD)}</coordinates></LinearRing>"
-    return saved(folder, "ring.kml", files.kml(files.placemark("Field", ring)))
-
-
-@kind
-def kml_in_latin_1(folder: Path) -> Path:
-    text = files.kml(files.placemark("Grünfläche", files.kml_polygon()))
-    return saved(folder, "l1.kml", text.replace("UTF-8", "ISO-8859-1").encode("latin-1"))
+kinds(
+    kml_linear_ring=(
+        "ring.kml",
+        files.kml(
+            files.placemark(
+                "Field",
+                f"<LinearRing><coordinates>{files.kml_ring(FIELD)}</coordinates></LinearRing>",
+            )
+        ),
+    ),
+    kml_in_latin_1=(
+        "l1.kml",
+        files.kml(files.placemark("Grünfläche", files.kml_polygon()))
+        .replace("UTF-8", "ISO-8859-1").encode("latin-1"),
+    ),
+)  # fmt: skip
 
 
 # --- Shapefiles ---------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from tests.unit.vision.scene import camera_axes, nadir_pose, photograph
 from vision.camera import Camera
 from vision.registration.ground_plane import Relief, bearing
 from vision.registration.picture_features import extract
-from vision.registration.views import Features, Prior, View
+from vision.registration.views import Features, Measured, View
 
 GRID = Grid.at(LatLon(46.84, -91.99), 4.0)
 CAMERA = Camera(math.radians(75.0), 320, 240)
@@ -87,7 +87,7 @@ def view(name: str, shot: Shot, features: Features, rng: np.random.Generator) ->
     """With a geotag 0.6 m off (standard deviation in one direction), and no other tag."""
     focal_px = CAMERA.focal_px * features.width_px / CAMERA.width_px
     east_m, north_m = shot.east_m + rng.normal(0.0, 0.6), shot.north_m + rng.normal(0.0, 0.6)
-    return View(name, features, Prior(focal_px, 0.03 * focal_px), "one", east_m, north_m, 3.0)
+    return View(name, features, Measured(focal_px, 0.03 * focal_px), "one", east_m, north_m, 3.0)
 
 
 def tagged(bare: View, shot: Shot, *, height: float = 1.0) -> View:
@@ -99,8 +99,8 @@ def tagged(bare: View, shot: Shot, *, height: float = 1.0) -> View:
         upper += math.pi
     return replace(
         bare,
-        yaw_rad=Prior(upper, math.radians(5.0)),
-        height_m=Prior(shot.height_m * height, 0.05 * shot.height_m),
+        yaw_rad=Measured(upper, math.radians(5.0)),
+        height_m=Measured(shot.height_m * height, 0.05 * shot.height_m),
         tilt=(down[0] / down[2], down[1] / down[2]),
         tilt_sigma=0.03,
     )

@@ -69,8 +69,6 @@ def test_paved_dilates_the_surround() -> None:
     ("name", "params", "blamed"),
     [
         ("sonar", {}, "detector.name"),
-        ("threshold", {"intensty": 150}, "detector.intensty"),
-        ("threshold", {"intensity": 255}, "detector.intensity"),
         ("threshold", {"intensity": 150.5}, "detector.intensity"),
         ("threshold", {"dilations": -1}, "detector.dilations"),
         ("threshold", {"dilations": True}, "detector.dilations"),

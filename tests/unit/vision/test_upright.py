@@ -46,14 +46,12 @@ def survey(texture: np.ndarray, turned: set[int], position_error_m: float = 0.0)
     return frames
 
 
-@pytest.mark.parametrize("turned", [set(), {4, 5, 6, 7}, {2}, {0, 1, 5, 8, 9, 10, 11}])
+@pytest.mark.parametrize(
+    "turned", [set(), {4, 5, 6, 7}, {2}, {0, 1, 5, 8, 9, 10, 11}, set(range(12))]
+)
 def test_the_turned_pictures_are_found_though_positions_are_off(turned: set[int]) -> None:
     found = upside_down(survey(ground(3), turned, position_error_m=1.0), GRID)
     assert {k for k, way in enumerate(found) if way} == turned
-
-
-def test_even_when_all_are_turned() -> None:
-    assert upside_down(survey(ground(4), set(range(12))), GRID) == (True,) * 12
 
 
 def test_a_featureless_ground_turns_nothing() -> None:

@@ -19,16 +19,17 @@ _LARGEST_DIRECTORY: Final = 1_000_000
 
 def check_archive(data: bytes, source: str) -> None:
     """Raise `AreaError` for what is no zip archive, or has a directory of an absurd size."""
+    damaged = AreaError(f"{source}: a damaged zip archive; pack it anew")
     at = data.rfind(_END, max(0, len(data) - _LONGEST_COMMENT - _END_SIZE))
     if at < 0 or len(data) - at < _END_SIZE:
-        raise AreaError(f"{source}: a damaged zip archive; pack it anew")
+        raise damaged
     (directory_bytes,) = struct.unpack_from("<I", data, at + 12)
     if directory_bytes > _LARGEST_DIRECTORY:
         raise AreaError(f"{source}: an archive of too many files; pack the area alone")
     try:
         zipfile.ZipFile(io.BytesIO(data)).close()
     except (zipfile.BadZipFile, NotImplementedError, OSError, ValueError, struct.error):
-        raise AreaError(f"{source}: a damaged zip archive; pack it anew") from None
+        raise damaged from None
 
 
 def read_member(archive: zipfile.ZipFile, name: str, source: str) -> bytes:

@@ -13,6 +13,7 @@ from missions.mission.schema import Mission, parse_fields
 from missions.mission.sections.fields import AUTO
 from missions.units import LatLon
 from uavmap.base.printable import printable
+from uavmap.load.areas.drones import Camera
 from uavmap.load.areas.layout import Layout
 from uavmap.load.areas.mission_text import mission_text
 
@@ -21,25 +22,20 @@ HIGHEST_M: Final = 60.0
 WIND_M_S: Final = 5.0
 """What is reckoned with where nobody says: a fresh day, not a calm one."""
 STRATEGY: Final = "swath"
+_CAMERA: Final = ("hfov_deg", "width_px", "height_px", "interval_s", "mounting")
 _SETTLE_M_S: Final = 1.5
 _LEAN_RAD: Final = math.radians(10.0)
 """More than a small multicopter leans in `WIND_M_S`."""
 
 
 @dataclass(frozen=True, slots=True)
-class Figures:
-    """What a mission needs to know of an aircraft."""
+class Figures(Camera):
+    """What a mission needs to know of an aircraft: its camera, and these."""
 
-    title: str
     capacity_wh: float
     hover_power_w: float
     max_airspeed_m_s: float
     speed_m_s: float
-    hfov_deg: float
-    width_px: int
-    height_px: int
-    interval_s: float
-    mounting: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,11 +72,7 @@ def _values(name: str, layout: Layout, figures: Figures, flying: Flying) -> dict
         "flight.speed_m_s": figures.speed_m_s,
         "flight.settle_m_s": min(_SETTLE_M_S, figures.speed_m_s),
         "flight.max_airspeed_m_s": figures.max_airspeed_m_s,
-        "camera.hfov_deg": figures.hfov_deg,
-        "camera.width_px": figures.width_px,
-        "camera.height_px": figures.height_px,
-        "camera.interval_s": figures.interval_s,
-        "camera.mounting": figures.mounting,
+        **{f"camera.{key}": getattr(figures, key) for key in _CAMERA},
         "battery.capacity_wh": figures.capacity_wh,
         "battery.hover_power_w": figures.hover_power_w,
         "wind.speed_m_s": flying.wind_m_s,

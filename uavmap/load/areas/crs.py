@@ -56,7 +56,7 @@ def in_wgs84(layers: list[Layer], source: str, *, given: int | None, swap: bool)
                 f"{source}: --crs {given}, but the file says {_title(system)} itself; leave it out"
             )
         if system is None:
-            _must_be_degrees(layer, source, swap)
+            _must_be_degrees(layer, source)
             notices.append("the file names no coordinate system; taken for WGS84")
         elif not system.equals(WGS84, ignore_axis_order=True):
             notices.append(f"coordinates are turned from {_title(system)} into WGS84")
@@ -80,7 +80,7 @@ def _title(system: pyproj.CRS) -> str:
     return f"EPSG:{code}" if code is not None else printable(system.name, 40)
 
 
-def _must_be_degrees(layer: Layer, source: str, swap: bool) -> None:
+def _must_be_degrees(layer: Layer, source: str) -> None:
     for shape in layer.shapes:
         for x, y in shape.ring:
             if not (abs(x) <= 180.0 and abs(y) <= 180.0):

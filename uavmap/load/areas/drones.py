@@ -10,7 +10,6 @@ import difflib
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Final, Literal
 
 from missions.errors import AreaError
@@ -48,38 +47,34 @@ def _hfov_deg(sensor_mm: float, focal_mm: float) -> float:
     return round(math.degrees(2.0 * math.atan(sensor_mm / (2.0 * focal_mm))), 1)
 
 
-CAMERAS: Final[Mapping[str, Camera]] = MappingProxyType(
-    {
-        "sim": Camera("the camera of the bundled simulator", 80.0, 640, 480, 0.2, "fixed"),
-        "rpi-v2": Camera("Raspberry Pi Camera Module 2", 62.2, 3280, 2464, 0.5, "fixed"),
-        "rpi-v3": Camera("Raspberry Pi Camera Module 3", 66.0, 4608, 2592, 0.5, "fixed"),
-        "rpi-v3-wide": Camera("Raspberry Pi Camera Module 3 Wide", 102.0, 4608, 2592, 0.5, "fixed"),
-        "rpi-hq-6mm": Camera(
-            "Raspberry Pi HQ Camera, 6 mm lens", _hfov_deg(6.287, 6.0), 4056, 3040, 0.5, "fixed"
-        ),
-        "siyi-a8": Camera("SIYI A8 mini", 81.0, 3840, 2160, 1.0, "gimbal"),
-        "yuneec-e90": Camera("Yuneec E90", _hfov_deg(36.0, 23.0), 5472, 3648, 1.0, "gimbal"),
-        "sony-a6000-16mm": Camera(
-            "Sony a6000, 16 mm lens", _hfov_deg(23.5, 16.0), 6000, 4000, 1.0, "fixed"
-        ),
-        "sony-lr1-24mm": Camera(
-            "Sony ILX-LR1, 24 mm lens", _hfov_deg(35.7, 24.0), 9504, 6336, 1.0, "gimbal"
-        ),
-    }
-)
+CAMERAS: Final[Mapping[str, Camera]] = {
+    "sim": Camera("the camera of the bundled simulator", 80.0, 640, 480, 0.2, "fixed"),
+    "rpi-v2": Camera("Raspberry Pi Camera Module 2", 62.2, 3280, 2464, 0.5, "fixed"),
+    "rpi-v3": Camera("Raspberry Pi Camera Module 3", 66.0, 4608, 2592, 0.5, "fixed"),
+    "rpi-v3-wide": Camera("Raspberry Pi Camera Module 3 Wide", 102.0, 4608, 2592, 0.5, "fixed"),
+    "rpi-hq-6mm": Camera(
+        "Raspberry Pi HQ Camera, 6 mm lens", _hfov_deg(6.287, 6.0), 4056, 3040, 0.5, "fixed"
+    ),
+    "siyi-a8": Camera("SIYI A8 mini", 81.0, 3840, 2160, 1.0, "gimbal"),
+    "yuneec-e90": Camera("Yuneec E90", _hfov_deg(36.0, 23.0), 5472, 3648, 1.0, "gimbal"),
+    "sony-a6000-16mm": Camera(
+        "Sony a6000, 16 mm lens", _hfov_deg(23.5, 16.0), 6000, 4000, 1.0, "fixed"
+    ),
+    "sony-lr1-24mm": Camera(
+        "Sony ILX-LR1, 24 mm lens", _hfov_deg(35.7, 24.0), 9504, 6336, 1.0, "gimbal"
+    ),
+}
 
-DRONES: Final[Mapping[str, Drone]] = MappingProxyType(
-    {
-        "sim": Drone("the copter of the bundled simulator", 60.0, 300.0, 12.0, 6.0, "sim"),
-        "x500": Drone("Holybro X500 V2, 4S 5000 mAh", 74.0, 247.0, 12.0, 6.0, "rpi-v3"),
-        "solo": Drone("3DR Solo with a camera, 5200 mAh", 77.0, 231.0, 15.0, 6.0, "rpi-v3"),
-        "iris": Drone("3DR Iris+ with a camera, 3S 5100 mAh", 56.6, 212.0, 11.0, 5.0, "rpi-v2"),
-        "h520": Drone("Yuneec H520 with its E90, 5250 mAh", 79.8, 192.0, 13.0, 6.0, "yuneec-e90"),
-        "astro": Drone(
-            "Freefly Astro Max with an LR1, two SL8-Air", 355.0, 666.0, 15.0, 8.0, "sony-lr1-24mm"
-        ),
-    }
-)
+DRONES: Final[Mapping[str, Drone]] = {
+    "sim": Drone("the copter of the bundled simulator", 60.0, 300.0, 12.0, 6.0, "sim"),
+    "x500": Drone("Holybro X500 V2, 4S 5000 mAh", 74.0, 247.0, 12.0, 6.0, "rpi-v3"),
+    "solo": Drone("3DR Solo with a camera, 5200 mAh", 77.0, 231.0, 15.0, 6.0, "rpi-v3"),
+    "iris": Drone("3DR Iris+ with a camera, 3S 5100 mAh", 56.6, 212.0, 11.0, 5.0, "rpi-v2"),
+    "h520": Drone("Yuneec H520 with its E90, 5250 mAh", 79.8, 192.0, 13.0, 6.0, "yuneec-e90"),
+    "astro": Drone(
+        "Freefly Astro Max with an LR1, two SL8-Air", 355.0, 666.0, 15.0, 8.0, "sony-lr1-24mm"
+    ),
+}
 _FOREIGN: Final = ("dji", "mavic", "matrice", "phantom", "autel", "evo", "skydio", "parrot", "m300")
 
 

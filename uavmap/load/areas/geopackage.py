@@ -21,7 +21,6 @@ from uavmap.load.areas.drawing import (
     NAME_COLUMNS,
     Layer,
     Shape,
-    bounded_together,
     drawn,
     layer_of,
     row_name,
@@ -34,8 +33,8 @@ _MOST_STEPS: Final = 3000
 """Of a thousand instructions of SQLite each: a view may never end."""
 
 
-def read_geopackage(path: Path, source: str) -> list[Layer]:
-    """The polygons of all tables of features. Raises `AreaError`."""
+def read_geopackage(path: Path, source: str) -> Iterator[Layer]:
+    """The polygons of all tables of features, a layer each. Raises `AreaError`."""
     wal = path.with_name(f"{path.name}-wal")
     if wal.exists() and wal.stat().st_size:
         raise AreaError(f"{source}: is open in another program ({wal.name}); close it there first")
@@ -46,11 +45,8 @@ def read_geopackage(path: Path, source: str) -> list[Layer]:
         raise AreaError(f"{source}: cannot be opened ({error})") from None
     try:
         _restrain(file)
-        layers: list[Layer] = []
         for table in _tables(file):
-            layers.append(_layer(file, table, source))
-            bounded_together(layers, source)
-        return layers
+            yield _layer(file, table, source)
     except (sqlite3.Error, OverflowError, UnicodeError) as error:
         raise AreaError(
             f"{source}: no GeoPackage that can be read ({str(error)[:80]}); export it anew"

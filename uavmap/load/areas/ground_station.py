@@ -152,9 +152,7 @@ def _fences(fence: Mapping[str, Any], source: str) -> Iterator[Shape]:
         corners = [_lat_lon(p, where) for p in _listed(one, "polygon", where)]
         yield polygon(name, [corners], where, role)
     for one in _listed(fence, "circles", where):
-        if not isinstance(one, Mapping):
-            raise AreaError(f"{where}: {printable(repr(one), 40)} is no circle")
-        circle = one.get("circle")
+        circle = one.get("circle") if isinstance(one, Mapping) else None
         if not isinstance(circle, Mapping):
             raise AreaError(f"{where}: {printable(repr(one), 40)} is no circle")
         centre = _lat_lon(circle.get("center"), where)
@@ -270,10 +268,9 @@ def read_polygon(text: str, source: str, *, fence: bool | None) -> Layer:
         fence = len(points) > 4 and points[1] == points[-1]
     if not fence:
         return layer_of([polygon("polygon", [points], source, Role.AREA)], crs.WGS84, source)
-    home, corners = points[:1], points[1:]
-    shapes = [polygon("fence", [corners], source, Role.FENCE)]
-    shapes.append(Shape("return point", Role.HOME, tuple(home)))
-    return layer_of(shapes, crs.WGS84, source)
+    border = polygon("fence", [points[1:]], source, Role.FENCE)
+    home = Shape("return point", Role.HOME, tuple(points[:1]))
+    return layer_of([border, home], crs.WGS84, source)
 
 
 # --- all of them --------------------------------------------------------------------------------

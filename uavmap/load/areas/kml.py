@@ -6,6 +6,7 @@ import io
 import re
 import zipfile
 from collections.abc import Iterator
+from itertools import chain
 from typing import Final
 from xml.etree.ElementTree import Element
 
@@ -19,7 +20,6 @@ from uavmap.load.areas.drawing import (
     Point,
     Role,
     Shape,
-    bounded_together,
     layer_of,
     shapes_of,
     shown_name,
@@ -37,7 +37,7 @@ def read_kml(root: Element, source: str) -> Layer:
     return layer
 
 
-def read_kmz(data: bytes, source: str) -> list[Layer]:
+def read_kmz(data: bytes, source: str) -> Iterator[Layer]:
     """Read the first KML file of a KMZ, as Google Earth does, and those in it that it links to.
 
     GDAL writes a file a layer, and one that links to them. Nothing outside of the archive is read.
@@ -55,13 +55,13 @@ def read_kmz(data: bytes, source: str) -> list[Layer]:
                 f"{source}: its files unpack to more than {MOST_BYTES // 1_000_000} MB; save the "
                 "area alone"
             )
-        layers = [_layer(first, source)]
-        for name in linked:
-            layers.append(_layer(_root_in(archive, name, source), source))
-            bounded_together(layers, source)
-    if not any(map(_areas, layers)) and len(linked) < len(hrefs):
+        areas = False
+        for root in chain([first], (_root_in(archive, name, source) for name in linked)):
+            layer = _layer(root, source)
+            areas = areas or _areas(layer)
+            yield layer
+    if not areas and len(linked) < len(hrefs):
         raise _elsewhere(source)
-    return layers
 
 
 def _root_in(archive: zipfile.ZipFile, name: str, source: str) -> Element:

@@ -9,7 +9,6 @@ import json
 import re
 import sys
 from collections.abc import Iterator, Mapping
-from types import MappingProxyType
 from typing import Any, Final
 
 from missions.mission.schema import Mission
@@ -35,65 +34,63 @@ A *position* is `[latitude, longitude]`, a *ring* a list of at least three posit
 an area.
 """
 
-_NESTED: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "search.prior": "A place where the region may be: a point, or a polygon.",
-        "search.prior.position": "the middle of the place",
-        "search.prior.spread_m": "standard deviation around it; by default half of the box's "
-        "shorter side",
-        "search.prior.polygon": "the region is somewhere in here",
-        "search.prior.holes": "of the polygon",
-        "search.prior.weight": "how probable it is, beside the other places",
-        "terrain.dem": "What is kept of a GeoTIFF: uavmap writes it, no person does.",
-        "terrain.dem.west_m": "of the first height, from the start",
-        "terrain.dem.south_m": "of the first height, from the start (negative: south of it)",
-        "terrain.dem.step_m": "from height to height",
-        "terrain.dem.columns": "towards east",
-        "terrain.dem.rows": "towards north",
-        "terrain.dem.heights": "above the start, packed",
-        "sim.roi": "A piece of the true region.",
-        "sim.roi.polygon": "around it",
-        "sim.roi.holes": "in it",
-        "sim.terrain": "Ground that is not level: a slope with hills on it.",
-        "sim.terrain.slope_percent": "how steep",
-        "sim.terrain.rises_toward_deg": "where it rises to, true bearing",
-        "sim.terrain.hills_m": "from the deepest valley to the highest top, at most",
-        "sim.terrain.hills_length_m": "from one hill to the next, at least",
-        "sim.terrain.seed": "which hills",
-        "sim.quirks": "What real aircraft do that one would not expect.",
-        "sim.quirks.camera": "who answers for the camera: a component of its own, the autopilot, "
-        "or nobody",
-        "sim.quirks.camera_clock_s": "how far the camera's clock is off",
-        "sim.quirks.camera_tells_pose": "whether it says where each picture was taken",
-        "sim.quirks.clock_ppm": "how fast the autopilot's clock runs wrong, in millionths",
-        "sim.quirks.home_moves_m": "how far home moves when motors are armed",
-        "sim.quirks.stick": "whether a pilot's radio control is on, its sticks centred",
-        "sim.quirks.landed_state": "whether it sends EXTENDED_SYS_STATE",
-        "sim.quirks.height_sigma_m": "how far a receiver's height above the sea is off; it wanders",
-        "sim.faults": "Something that goes wrong.",
-        "sim.faults.vehicle": "which vehicle, from 1",
-        "sim.faults.at_s": "when, on the mission's time",
-        "sim.faults.for_s": "how long; without it to the end",
-        "sim.faults.kind": "what goes wrong",
-        "sim.faults.metres": "of `gps_glitch`: how far the position jumps",
-        "sim.faults.m_s": "of `gps_drift` and `wind_gust`: how fast",
-        "sim.faults.volts": "of `battery_sag`: by how much the voltage falls",
-        "sim.faults.deg": "of `compass`: how far it is off",
-        "sim.faults.toward_deg": "of `gps_glitch` and `gps_drift`: the true bearing",
-        "sim.faults.from_deg": "of `wind_gust`: where it blows from, true bearing",
-        "sim.faults.share": "of `motor`: what it still gives",
-        "sim.faults.command": "of `reject`: the number of the MAVLink command",
-        "sim.faults.result": "of `reject`: the MAV_RESULT that is answered",
-        "sim.faults.loss": "of `link`: the share of frames that are lost",
-        "sim.faults.duplicate": "of `link`: the share that comes twice",
-        "sim.faults.reorder": "of `link`: the share that comes too late",
-        "sim.faults.corrupt": "of `link`: the share in which a byte is wrong",
-        "sim.faults.delay_s": "of `link`: how late everything comes",
-        "sim.faults.jitter_s": "of `link`: how much that varies",
-        "sim.faults.silent": "of `link`: nothing comes at all",
-        "vehicles": "One table for each vehicle: `[[vehicles]]`.",
-    }
-)
+_NESTED: Final[Mapping[str, str]] = {
+    "search.prior": "A place where the region may be: a point, or a polygon.",
+    "search.prior.position": "the middle of the place",
+    "search.prior.spread_m": "standard deviation around it; by default half of the box's "
+    "shorter side",
+    "search.prior.polygon": "the region is somewhere in here",
+    "search.prior.holes": "of the polygon",
+    "search.prior.weight": "how probable it is, beside the other places",
+    "terrain.dem": "What is kept of a GeoTIFF: uavmap writes it, no person does.",
+    "terrain.dem.west_m": "of the first height, from the start",
+    "terrain.dem.south_m": "of the first height, from the start (negative: south of it)",
+    "terrain.dem.step_m": "from height to height",
+    "terrain.dem.columns": "towards east",
+    "terrain.dem.rows": "towards north",
+    "terrain.dem.heights": "above the start, packed",
+    "sim.roi": "A piece of the true region.",
+    "sim.roi.polygon": "around it",
+    "sim.roi.holes": "in it",
+    "sim.terrain": "Ground that is not level: a slope with hills on it.",
+    "sim.terrain.slope_percent": "how steep",
+    "sim.terrain.rises_toward_deg": "where it rises to, true bearing",
+    "sim.terrain.hills_m": "from the deepest valley to the highest top, at most",
+    "sim.terrain.hills_length_m": "from one hill to the next, at least",
+    "sim.terrain.seed": "which hills",
+    "sim.quirks": "What real aircraft do that one would not expect.",
+    "sim.quirks.camera": "who answers for the camera: a component of its own, the autopilot, "
+    "or nobody",
+    "sim.quirks.camera_clock_s": "how far the camera's clock is off",
+    "sim.quirks.camera_tells_pose": "whether it says where each picture was taken",
+    "sim.quirks.clock_ppm": "how fast the autopilot's clock runs wrong, in millionths",
+    "sim.quirks.home_moves_m": "how far home moves when motors are armed",
+    "sim.quirks.stick": "whether a pilot's radio control is on, its sticks centred",
+    "sim.quirks.landed_state": "whether it sends EXTENDED_SYS_STATE",
+    "sim.quirks.height_sigma_m": "how far a receiver's height above the sea is off; it wanders",
+    "sim.faults": "Something that goes wrong.",
+    "sim.faults.vehicle": "which vehicle, from 1",
+    "sim.faults.at_s": "when, on the mission's time",
+    "sim.faults.for_s": "how long; without it to the end",
+    "sim.faults.kind": "what goes wrong",
+    "sim.faults.metres": "of `gps_glitch`: how far the position jumps",
+    "sim.faults.m_s": "of `gps_drift` and `wind_gust`: how fast",
+    "sim.faults.volts": "of `battery_sag`: by how much the voltage falls",
+    "sim.faults.deg": "of `compass`: how far it is off",
+    "sim.faults.toward_deg": "of `gps_glitch` and `gps_drift`: the true bearing",
+    "sim.faults.from_deg": "of `wind_gust`: where it blows from, true bearing",
+    "sim.faults.share": "of `motor`: what it still gives",
+    "sim.faults.command": "of `reject`: the number of the MAVLink command",
+    "sim.faults.result": "of `reject`: the MAV_RESULT that is answered",
+    "sim.faults.loss": "of `link`: the share of frames that are lost",
+    "sim.faults.duplicate": "of `link`: the share that comes twice",
+    "sim.faults.reorder": "of `link`: the share that comes too late",
+    "sim.faults.corrupt": "of `link`: the share in which a byte is wrong",
+    "sim.faults.delay_s": "of `link`: how late everything comes",
+    "sim.faults.jitter_s": "of `link`: how much that varies",
+    "sim.faults.silent": "of `link`: nothing comes at all",
+    "vehicles": "One table for each vehicle: `[[vehicles]]`.",
+}
 """What the comments of a mission file do not tell: tables in tables."""
 _HIDDEN: Final = frozenset({"detector.tables"})
 """Written as tables of their own, one a detector."""
@@ -116,16 +113,14 @@ _KINDS: Final = {
 def reference() -> str:
     """The page, in Markdown."""
     root = Mission.model_json_schema()
-    tables = list(_tables("", root, root))
     lines = [_HEAD]
-    for name, schema in tables:
-        title = f"[{name}]" if name else "The mission"
-        if name in _LISTED:
-            title = f"[[{name}]]"
-        lines += [f"## `{title}`" if name else f"## {title}", ""]
+    for name, schema in _tables("", root, root):
         if name:
+            title = f"[[{name}]]" if name in _LISTED else f"[{name}]"
             said = SECTIONS.get(name) or _NESTED[name]
-            lines += [_linked(said.replace("\n# ", " ")), ""]
+            lines += [f"## `{title}`", "", _linked(said.replace("\n# ", " ")), ""]
+        else:
+            lines += ["## The mission", ""]
         if name == "detector":
             lines += ["A detector may have a table of its own: [detectors](detectors.md).", ""]
         lines += ["| key | type | unit | limits | default | what |", "|---|---|---|---|---|---|"]
@@ -151,23 +146,17 @@ def _keys(name: str, schema: Schema, root: Schema) -> Iterator[tuple[str, Schema
     """The keys of a table that are no tables of their own, but for those that may also be short."""
     for key, value in schema["properties"].items():
         full = _full(name, key)
-        if full in _HIDDEN or (_table_of(value, root) is not None and full not in COMMENTS):
-            continue
-        yield key, value
+        if full not in _HIDDEN and (full in COMMENTS or _table_of(value, root) is None):
+            yield key, value
 
 
 def _row(name: str, key: str, value: Schema, schema: Schema, root: Schema) -> str:
     full = _full(name, key)
-    default = "" if key in schema.get("required", ()) else _default(value)
-    if key in schema.get("required", ()):
-        default = "*needed*"
+    default = "*needed*" if key in schema.get("required", ()) else _default(value)
     kind = _TYPES.get(full) or _type(value, root)
-    cells = (f"`{key}`", kind, _unit(key), _limits(value), default, _linked(_said(full)))
+    said = _linked(COMMENTS.get(full) or _NESTED.get(full, ""))
+    cells = (f"`{key}`", kind, _unit(key), _limits(value), default, said)
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-
-def _said(full: str) -> str:
-    return COMMENTS.get(full) or _NESTED.get(full, "")
 
 
 def _unit(key: str) -> str:

@@ -6,7 +6,6 @@ A test requires a comment for every key.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
 from typing import Any, Final
 
 import annotated_types
@@ -25,123 +24,119 @@ UNITS: Final = (
     ("_m", "m"), ("_s", "s"),
 )  # fmt: skip
 
-SECTIONS: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "start": "Home of the first vehicle, and the middle of the grid's first cell.",
-        "search": "The area that is searched lane by lane until the region is seen; from then on "
-        "the\n# vehicles follow the region, also out of this area.",
-        "fence": "No vehicle leaves this polygon, or enters a hole of it.",
-        "grid": "The map.",
-        "flight": "How the vehicles fly.",
-        "camera": "The camera looks straight down.",
-        "detector": "What tells the region in a picture (docs/detectors.md).",
-        "votes": "How sure the map is.",
-        "battery": "Measure hover_power_w: hover a battery down, divide its energy by the hours.",
-        "wind": "The worst wind of the day: the way home is planned against it.",
-        "drift": "A region that moves as a whole, such as an oil film.",
-        "team": "How several vehicles keep apart.",
-        "guardian": "What the guardians of the aircraft do when the mission is gone.",
-        "navigation": "When satellites are lost, or lie (docs/navigation.md).",
-        "terrain": "Where the ground is not flat (docs/terrain.md).",
-        "sim": "For `--sim` alone; a real flight never reads it.",
-    }
-)
+SECTIONS: Final[Mapping[str, str]] = {
+    "start": "Home of the first vehicle, and the middle of the grid's first cell.",
+    "search": "The area that is searched lane by lane until the region is seen; from then on "
+    "the\n# vehicles follow the region, also out of this area.",
+    "fence": "No vehicle leaves this polygon, or enters a hole of it.",
+    "grid": "The map.",
+    "flight": "How the vehicles fly.",
+    "camera": "The camera looks straight down.",
+    "detector": "What tells the region in a picture (docs/detectors.md).",
+    "votes": "How sure the map is.",
+    "battery": "Measure hover_power_w: hover a battery down, divide its energy by the hours.",
+    "wind": "The worst wind of the day: the way home is planned against it.",
+    "drift": "A region that moves as a whole, such as an oil film.",
+    "team": "How several vehicles keep apart.",
+    "guardian": "What the guardians of the aircraft do when the mission is gone.",
+    "navigation": "When satellites are lost, or lie (docs/navigation.md).",
+    "terrain": "Where the ground is not flat (docs/terrain.md).",
+    "sim": "For `--sim` alone; a real flight never reads it.",
+}
 
-COMMENTS: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "name": "results go into results/NAME-1, and so on",
-        "strategy": "how vehicles find their way: `uavmap strategies`",
-        "start.position": "[latitude, longitude]",
-        "start.amsl_m": "the ground's height above the sea, for `uavmap export`",
-        "search.box": "[latitude, longitude] of each corner, once around",
-        "search.prior": "where in it the region probably is (docs/prior.md)",
-        "search.find": '"first": the piece seen first; "all": all in the box (docs/strategies.md)',
-        "search.altitude_m": 'of the lowest vehicle that searches higher up; for find = "all"',
-        "search.pixels_per_cell": "of the edge of a cell, for a suspicion from up there",
-        "search.layer_m": "height between two who search; 0: all in one layer",
-        "fence.polygon": "with room for a region that reaches out of the area",
-        "fence.holes": "polygons that nobody flies over",
-        "fence.margin_m": "plan legs this far inside",
-        "fence.ceiling_m": "no vehicle is sent higher above the start",
-        "grid.cell_m": "edge of a cell on the ground",
-        "flight.altitude_m": 'of the lowest vehicle; "auto": as high as pixels and ceiling allow',
-        "flight.height_above": 'what heights are above: "home", or "ground" with [terrain]',
-        "flight.speed_m_s": "over ground",
-        "flight.settle_m_s": "who stops takes pictures once slower than this",
-        "flight.max_airspeed_m_s": "what the airframe holds against the wind",
-        "flight.accel_m_s2": "along and across paths that are flown without stopping",
-        "flight.climb_m_s": "that the autopilot is set to; then climbed on the way, too",
-        "flight.descent_m_s": "that the autopilot is set to, down to 10 m",
-        "camera.hfov_deg": "field of view across the width of a picture",
-        "camera.width_px": "of a picture",
-        "camera.height_px": "of a picture",
-        "camera.mounting": '"fixed" tilts with the airframe, "gimbal" looks straight down',
-        "camera.yaw_deg": "bearing of the picture's upper edge from the nose",
-        "camera.pitch_deg": "so far it looks forward of straight down",
-        "camera.roll_deg": "so far it looks to the left of straight down",
-        "camera.latency_s": "from the exposure until a picture is there",
-        "camera.interval_s": "between two pictures",
-        "camera.pixels_per_cell": "that the edge of a cell must have for the detector",
-        "camera.pose_error_m": "how far off the rim of a picture may lie on the ground",
-        "camera.exposure_s": "how long the shutter is open",
-        "camera.max_blur_px": "what the flight may blur a picture by",
-        "camera.hosts": "pictures may be fetched from these, too",
-        "camera.calibration": "of recorded pictures: a file of OpenCV",
-        "camera.noiseless": "only for a simulated camera without noise",
-        "detector.name": "`threshold`, `paved`, `learned`, ...",
-        "detector.model": "the file of a model, of a detector that has one",
-        "detector.model_sha256": "of that file",
-        "detector.intensity": "of threshold: darker than this is dark",
-        "detector.dilations": "times that the bright part grows by a pixel",
-        "detector.polarity": '"dark" or "bright": the region, beside the ground',
-        "detector.greenness": "of paved: what is greener grows",
-        "detector.share": "of a cell's pixels, to see the cell as region",
-        "detector.view": '"cross", or "all": what a picture taken at rest judges',
-        "votes.frames": "pictures of every cell",
-        "votes.positive": "that must say yes",
-        "votes.recorded": '"evidence" or "count", of recorded pictures (docs/replay.md)',
-        "battery.capacity_wh": "of a full battery",
-        "battery.hover_power_w": "while it hovers, with its camera",
-        "battery.reserve": "share that is left at touch-down",
-        "wind.speed_m_s": "the worst of the day",
-        "wind.from_deg": "where it blows from, true bearing",
-        "drift.speed_m_s": "of the region",
-        "drift.toward_deg": "where it moves to, true bearing",
-        "guardian.orphan_hold_s": "a vehicle whose mission process has died holds, then returns",
-        "team.separation_m": "two airborne vehicles never come nearer",
-        "team.layer_m": "height between two vehicles; more than the separation",
-        "navigation.gnss_loss": '"rtl", "land"; on by "map" (own pictures) or "leapfrog"',
-        "navigation.watch": 'hold positions against pictures; by default with "map"',
-        "navigation.tolerated_m": "that satellites and pictures may disagree",
-        "navigation.tag_m": "side of the marker on the mapper, for a leapfrog",
-        "navigation.tag_dictionary": "of OpenCV; the mapper's number is 1",
-        "vehicles.url": "where it is reached; or `uavmap fly --connect`",
-        "vehicles.camera": "as `uavmap fly --camera` (docs/cameras.md)",
-        "vehicles.home": "where it stands; without it in a row east of the start",
-        "vehicles.layer": "from 0, the lowest; shared by vehicles that work far apart",
-        "terrain.dem": 'a GeoTIFF of heights beside this file, such as "dem.tif"',
-        "terrain.source": '"autopilot": its own terrain database',
-        "sim.autopilot": '"ardupilot" or "px4"',
-        "sim.roi": "the true region; the one below is invented",
-        "sim.roi_intensity": "how bright the region is painted",
-        "sim.ground_intensity": "how bright the ground is painted",
-        "sim.texture": "how uneven the ground is",
-        "sim.sensor_noise": "of a pixel",
-        "sim.illumination": "how much the light changes over the ground",
-        "sim.gust_m_s": "of the wind",
-        "sim.gps_sigma_m": "error of positions, standard deviation",
-        "sim.gps_tau_s": "how long such an error lasts",
-        "sim.optical_flow": "whether it flies on without satellites",
-        "sim.odometry_drift": "share of the distance that flying on without satellites errs by",
-        "sim.swap_s": "what the crew needs for a battery",
-        "sim.tag_m": "marker on top of each vehicle; 0: none; by default in a leapfrog only",
-        "sim.tag_dictionary": "of OpenCV; the number is the vehicle's; by default navigation's",
-        "sim.terrain": "ground that is not level (docs/simulator.md)",
-        "sim.quirks": "what real aircraft do (docs/simulator.md)",
-        "sim.parameters": "of the simulated autopilot",
-        "sim.faults": "what goes wrong, and when (docs/simulator.md)",
-    }
-)
+COMMENTS: Final[Mapping[str, str]] = {
+    "name": "results go into results/NAME-1, and so on",
+    "strategy": "how vehicles find their way: `uavmap strategies`",
+    "start.position": "[latitude, longitude]",
+    "start.amsl_m": "the ground's height above the sea, for `uavmap export`",
+    "search.box": "[latitude, longitude] of each corner, once around",
+    "search.prior": "where in it the region probably is (docs/prior.md)",
+    "search.find": '"first": the piece seen first; "all": all in the box (docs/strategies.md)',
+    "search.altitude_m": 'of the lowest vehicle that searches higher up; for find = "all"',
+    "search.pixels_per_cell": "of the edge of a cell, for a suspicion from up there",
+    "search.layer_m": "height between two who search; 0: all in one layer",
+    "fence.polygon": "with room for a region that reaches out of the area",
+    "fence.holes": "polygons that nobody flies over",
+    "fence.margin_m": "plan legs this far inside",
+    "fence.ceiling_m": "no vehicle is sent higher above the start",
+    "grid.cell_m": "edge of a cell on the ground",
+    "flight.altitude_m": 'of the lowest vehicle; "auto": as high as pixels and ceiling allow',
+    "flight.height_above": 'what heights are above: "home", or "ground" with [terrain]',
+    "flight.speed_m_s": "over ground",
+    "flight.settle_m_s": "who stops takes pictures once slower than this",
+    "flight.max_airspeed_m_s": "what the airframe holds against the wind",
+    "flight.accel_m_s2": "along and across paths that are flown without stopping",
+    "flight.climb_m_s": "that the autopilot is set to; then climbed on the way, too",
+    "flight.descent_m_s": "that the autopilot is set to, down to 10 m",
+    "camera.hfov_deg": "field of view across the width of a picture",
+    "camera.width_px": "of a picture",
+    "camera.height_px": "of a picture",
+    "camera.mounting": '"fixed" tilts with the airframe, "gimbal" looks straight down',
+    "camera.yaw_deg": "bearing of the picture's upper edge from the nose",
+    "camera.pitch_deg": "so far it looks forward of straight down",
+    "camera.roll_deg": "so far it looks to the left of straight down",
+    "camera.latency_s": "from the exposure until a picture is there",
+    "camera.interval_s": "between two pictures",
+    "camera.pixels_per_cell": "that the edge of a cell must have for the detector",
+    "camera.pose_error_m": "how far off the rim of a picture may lie on the ground",
+    "camera.exposure_s": "how long the shutter is open",
+    "camera.max_blur_px": "what the flight may blur a picture by",
+    "camera.hosts": "pictures may be fetched from these, too",
+    "camera.calibration": "of recorded pictures: a file of OpenCV",
+    "camera.noiseless": "only for a simulated camera without noise",
+    "detector.name": "`threshold`, `paved`, `learned`, ...",
+    "detector.model": "the file of a model, of a detector that has one",
+    "detector.model_sha256": "of that file",
+    "detector.intensity": "of threshold: darker than this is dark",
+    "detector.dilations": "times that the bright part grows by a pixel",
+    "detector.polarity": '"dark" or "bright": the region, beside the ground',
+    "detector.greenness": "of paved: what is greener grows",
+    "detector.share": "of a cell's pixels, to see the cell as region",
+    "detector.view": '"cross", or "all": what a picture taken at rest judges',
+    "votes.frames": "pictures of every cell",
+    "votes.positive": "that must say yes",
+    "votes.recorded": '"evidence" or "count", of recorded pictures (docs/replay.md)',
+    "battery.capacity_wh": "of a full battery",
+    "battery.hover_power_w": "while it hovers, with its camera",
+    "battery.reserve": "share that is left at touch-down",
+    "wind.speed_m_s": "the worst of the day",
+    "wind.from_deg": "where it blows from, true bearing",
+    "drift.speed_m_s": "of the region",
+    "drift.toward_deg": "where it moves to, true bearing",
+    "guardian.orphan_hold_s": "a vehicle whose mission process has died holds, then returns",
+    "team.separation_m": "two airborne vehicles never come nearer",
+    "team.layer_m": "height between two vehicles; more than the separation",
+    "navigation.gnss_loss": '"rtl", "land"; on by "map" (own pictures) or "leapfrog"',
+    "navigation.watch": 'hold positions against pictures; by default with "map"',
+    "navigation.tolerated_m": "that satellites and pictures may disagree",
+    "navigation.tag_m": "side of the marker on the mapper, for a leapfrog",
+    "navigation.tag_dictionary": "of OpenCV; the mapper's number is 1",
+    "vehicles.url": "where it is reached; or `uavmap fly --connect`",
+    "vehicles.camera": "as `uavmap fly --camera` (docs/cameras.md)",
+    "vehicles.home": "where it stands; without it in a row east of the start",
+    "vehicles.layer": "from 0, the lowest; shared by vehicles that work far apart",
+    "terrain.dem": 'a GeoTIFF of heights beside this file, such as "dem.tif"',
+    "terrain.source": '"autopilot": its own terrain database',
+    "sim.autopilot": '"ardupilot" or "px4"',
+    "sim.roi": "the true region; the one below is invented",
+    "sim.roi_intensity": "how bright the region is painted",
+    "sim.ground_intensity": "how bright the ground is painted",
+    "sim.texture": "how uneven the ground is",
+    "sim.sensor_noise": "of a pixel",
+    "sim.illumination": "how much the light changes over the ground",
+    "sim.gust_m_s": "of the wind",
+    "sim.gps_sigma_m": "error of positions, standard deviation",
+    "sim.gps_tau_s": "how long such an error lasts",
+    "sim.optical_flow": "whether it flies on without satellites",
+    "sim.odometry_drift": "share of the distance that flying on without satellites errs by",
+    "sim.swap_s": "what the crew needs for a battery",
+    "sim.tag_m": "marker on top of each vehicle; 0: none; by default in a leapfrog only",
+    "sim.tag_dictionary": "of OpenCV; the number is the vehicle's; by default navigation's",
+    "sim.terrain": "ground that is not level (docs/simulator.md)",
+    "sim.quirks": "what real aircraft do (docs/simulator.md)",
+    "sim.parameters": "of the simulated autopilot",
+    "sim.faults": "what goes wrong, and when (docs/simulator.md)",
+}
 _LISTED_LAST: Final = frozenset({"sim.roi"})
 _HIDDEN: Final = frozenset({"detector.tables"})
 _UNSAID: Final = frozenset({"start.amsl_m"})
@@ -193,7 +188,7 @@ def _section(
             yield ""
             yield f"# {COMMENTS[full]}"
             yield f"[[{full}]]"
-            yield from _rings("polygon", values[full], "")
+            yield from _rings("polygon", values[full])
 
 
 def _vehicles(count: int) -> Iterator[str]:
@@ -212,7 +207,7 @@ def _line(key: str, full: str, field: FieldInfo, values: Values) -> Iterator[str
     )
     if isinstance(value, tuple) and full in values:
         yield f"# {comment}"
-        yield from _rings(key, value, "")
+        yield from _rings(key, value)
         return
     # a table of its own, or no default: shown, but not said
     missing = value is None or isinstance(value, BaseModel | Mapping) or value == ()
@@ -221,18 +216,16 @@ def _line(key: str, full: str, field: FieldInfo, values: Values) -> Iterator[str
     yield f"{text:{_COLUMN - 1}} # {comment}".rstrip(" #")
 
 
-def _rings(key: str, value: Any, indent: str) -> Iterator[str]:
+def _rings(key: str, value: Any) -> Iterator[str]:
     """A position, a ring or several, a line a corner."""
     if isinstance(value[0], float):
-        yield f"{indent}{key} = {_place(value)}"
+        yield f"{key} = {_place(value)}"
         return
-    yield f"{indent}{key} = ["
+    yield f"{key} = ["
     for one in value:
-        if isinstance(one[0], float):
-            yield f"{indent}    {_place(one)},"
-        else:
-            yield f"{indent}    [{', '.join(map(_place, one))}],"
-    yield f"{indent}]"
+        place = isinstance(one[0], float)
+        yield f"    {_place(one)}," if place else f"    [{', '.join(map(_place, one))}],"
+    yield "]"
 
 
 def _place(value: Sequence[float]) -> str:

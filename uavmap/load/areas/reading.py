@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import io
 import zipfile
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -13,7 +14,7 @@ from missions.errors import AreaError
 from uavmap.base.text_files import read_bytes
 from uavmap.load.areas.archive import check_archive
 from uavmap.load.areas.crs import in_wgs84
-from uavmap.load.areas.drawing import MOST_BYTES, Area, Drawing, Layer
+from uavmap.load.areas.drawing import MOST_BYTES, Area, Drawing, Layer, bounded_together
 from uavmap.load.areas.geojson import read_geojson
 from uavmap.load.areas.geopackage import read_geopackage
 from uavmap.load.areas.gpx import read_gpx
@@ -48,7 +49,11 @@ def read_area_file(name: str, *, epsg: int | None = None, swap: bool = False) ->
         raise AreaError(f"{name!r}: no name of a file") from None
     if not data.strip():
         raise AreaError(f"{name}: is empty; save the area anew")
-    drawing = in_wgs84(_layers(path, data, name), name, given=epsg, swap=swap)
+    layers: list[Layer] = []
+    for layer in _layers(path, data, name):
+        layers.append(layer)
+        bounded_together(layers, name)
+    drawing = in_wgs84(layers, name, given=epsg, swap=swap)
     if drawing.areas:
         return drawing
     if not drawing.fences:
@@ -71,7 +76,7 @@ def _guess(path: Path) -> str:
     return f"; did you mean {str(path.with_name(near[0]))!r}?" if near else ""
 
 
-def _layers(path: Path, data: bytes, name: str) -> list[Layer]:
+def _layers(path: Path, data: bytes, name: str) -> Iterable[Layer]:
     suffix = path.suffix.lower()
     if data.startswith(_SQLITE):
         return read_geopackage(path, name)
@@ -90,7 +95,7 @@ def _layers(path: Path, data: bytes, name: str) -> list[Layer]:
     return [_of_text(data, suffix, head, name)]
 
 
-def _of_archive(data: bytes, name: str) -> list[Layer]:
+def _of_archive(data: bytes, name: str) -> Iterable[Layer]:
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         suffixes = {Path(member).suffix.lower() for member in archive.namelist()}
     return read_zipped(data, name) if ".shp" in suffixes else read_kmz(data, name)

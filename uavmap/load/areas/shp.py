@@ -25,7 +25,6 @@ from uavmap.load.areas.drawing import (
     Point,
     Rings,
     Shape,
-    bounded_together,
     layer_of,
     row_name,
     shapes_of,
@@ -40,14 +39,11 @@ _DAMAGED: Final = (
 
 
 def read_shapefile(parts: Mapping[str, bytes], stem: str, source: str) -> Layer:
-    """The polygons of one Shapefile, from the bytes of its files by suffix ("shp", "dbf", ...).
-
-    Raises `AreaError`.
-    """
+    """The polygons of a Shapefile, from its files' bytes by suffix ("shp", ...); or `AreaError`."""
     return layer_of(_shapes(parts, stem, source), _system(parts, source), source)
 
 
-def read_zipped(data: bytes, source: str) -> list[Layer]:
+def read_zipped(data: bytes, source: str) -> Iterator[Layer]:
     """Every Shapefile of an archive. Raises `AreaError`."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         families: dict[PurePosixPath, dict[str, str]] = {}
@@ -55,7 +51,6 @@ def read_zipped(data: bytes, source: str) -> list[Layer]:
             path = PurePosixPath(name)
             if path.name and not name.startswith("__MACOSX/"):
                 families.setdefault(path.with_suffix(""), {})[path.suffix.lower()[1:]] = name
-        layers: list[Layer] = []
         for stem, beside in families.items():
             if "shp" not in beside:
                 continue
@@ -64,9 +59,7 @@ def read_zipped(data: bytes, source: str) -> list[Layer]:
                 for suffix, n in beside.items()
                 if suffix in ("shp", "dbf", "prj", "cpg")
             }
-            layers.append(read_shapefile(parts, stem.name, source))
-            bounded_together(layers, source)
-        return layers
+            yield read_shapefile(parts, stem.name, source)
 
 
 def _system(parts: Mapping[str, bytes], source: str) -> pyproj.CRS | None:

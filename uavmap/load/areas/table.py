@@ -64,10 +64,7 @@ def _names(text: str) -> list[str]:
 
 
 def read_table(text: str, source: str) -> Layer:
-    """Polygons by a column of WKT, or one by the rows' latitudes and longitudes.
-
-    Raises `AreaError`.
-    """
+    """Polygons by a column of WKT, or one by the rows' places. Raises `AreaError`."""
     names, rows = _names(text), list(_rows(text, source))
     wkt = next((names.index(one) for one in _WKT if one in names), None)
     if wkt is not None:

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import errno
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import OutputError, UavmapError
@@ -30,9 +29,7 @@ _TILED: Final = {"tiled": True, "blockxsize": TILE_PX, "blockysize": TILE_PX, "s
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Data type and bands of a GeoTIFF; options of the temporary (`made`) and the final file
-    (`copied`).
-    """
+    """Data type and bands of a GeoTIFF; options of the temporary and of the final file."""
 
     dtype: str
     bands: int
@@ -144,13 +141,3 @@ def _read_again(path: Path) -> None:
     with rasterio.open(path) as file:
         for _, window in file.block_windows(1):
             file.read(window=window)
-
-
-def probability_blocks(
-    blocks: Iterable[tuple[Window, NDArray[np.uint8]]], most: int, unseen: int
-) -> Iterator[tuple[Window, NDArray[np.float32]]]:
-    """Yield levels as probabilities."""
-    for window, levels in blocks:
-        found = levels.astype(np.float32) / np.float32(most)
-        found[levels == unseen] = NOWHERE
-        yield window, found[None]

@@ -73,11 +73,7 @@ class Task(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Judge:
-    """Judges the pictures of a replay.
-
-    `compare`: whether to look for pictures upside down; registration that has placed all of them
-    has found these.
-    """
+    """Judges the pictures of a replay; `compare`: whether to look for pictures upside down."""
 
     mission: Mission
     grid: Grid
@@ -136,15 +132,13 @@ class Judge:
         return Projection(camera, placed.pose, t_s, self.grid, self.mission.ground)
 
     def frame(self, placed: Placed, t_s: float, most_width_px: int | None = None) -> Frame:
-        """Return a picture as a pinhole shows it, at the mission's or another width; never
-        enlarged.
-        """
+        """Return a picture as a pinhole shows it, at the mission's or another width at most."""
         picture, width_px = placed.picture, most_width_px or self.mission.camera.width_px
         if min(picture.width_px, picture.height_px) < LEAST_WIDTH_PX // 2 or (
             picture.width_px < LEAST_WIDTH_PX
         ):
             raise ImageError(f"{picture.width_px} x {picture.height_px} px are too few")
-        image = eight_bits(picture.decode(width_px))
+        image = eight_bits(picture.content.decode(width_px))
         image, camera = self.lenses.straightened(image, self.lenses.lens(picture))
         return Frame(image, placed.pose, t_s, camera)
 

@@ -34,10 +34,7 @@ _APART: Final = 0.05  # between the level of the boundary and those of its band
 
 
 def boundary_of(surface: Surface, cell_m: float, level: float = HALF) -> Boundary:
-    """Return the boundary on a surface, where P is `level`.
-
-    Parts and holes below `LEAST_PART` of a cell are left out.
-    """
+    """Return where P is `level` on a surface, without parts and holes below `LEAST_PART`."""
     level = min(max(level, LOW + _APART), HIGH - _APART)
     raster, least_m2 = surface.raster, LEAST_PART * cell_m**2
     contours = {p: Contours(p * MOST - 0.5, raster.columns) for p in (LOW, level, HIGH)}

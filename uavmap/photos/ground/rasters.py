@@ -20,16 +20,16 @@ from uavmap.base.extras import install_command
 from uavmap.photos.ground.fine_map import Colours, FineMap, Tile, mosaic, upright
 from uavmap.photos.ground.geotiff import (
     COLOURS,
+    NOWHERE,
     PROBABILITIES,
     need_rasterio,
-    probability_blocks,
     there,
     write_cog,
 )
 from uavmap.photos.ground.judging import Judge
 from uavmap.photos.ground.surface import Shown, aligned
 from uavmap.photos.sources.tag_validation import Placed
-from vision.fusion import MOST, UNSEEN
+from vision.fusion import MOST, UNSEEN, Levels
 from vision.overlay import framed
 from vision.raster import Raster, Window
 
@@ -68,9 +68,7 @@ class Wishes:
 
 @dataclass(frozen=True, slots=True)
 class Rasters:
-    """The rasters of a replay at the mission time `t_s`; `placed` are the pictures by
-    `Footing.number`.
-    """
+    """The rasters of a replay at a mission time; `placed`: the pictures by `Footing.number`."""
 
     fine: FineMap
     judge: Judge
@@ -79,10 +77,7 @@ class Rasters:
     workers: int
 
     def write(self, folder: Path, wishes: Wishes) -> bool:
-        """Write the files, if rasterio is there; return whether it is.
-
-        Raises `OutputError` when the disk refuses.
-        """
+        """Write the files, if rasterio is there; return whether it is. Raises `OutputError`."""
         wanted = [PROBABILITY] if wishes.ortho is False else [PROBABILITY, ORTHO]
         if not there():
             _LOG.info(
@@ -104,7 +99,7 @@ class Rasters:
                 f"boundary.geojson says where the region is{self._remedy()}"
             )
             return
-        blocks = probability_blocks(surface.seen(), MOST, UNSEEN)
+        blocks = ((window, _probabilities(levels)[None]) for window, levels in surface.seen())
         write_cog(path, surface.raster, grid, self.t_s, PROBABILITIES, blocks)
 
     def _remedy(self) -> str:
@@ -178,6 +173,11 @@ class Rasters:
         return footing.gsd_m * footing.camera.width_px / whole_px
 
 
+def _probabilities(levels: Levels) -> NDArray[np.float32]:
+    seen = levels.astype(np.float32) / np.float32(MOST)
+    return np.where(levels == UNSEEN, np.float32(NOWHERE), seen)
+
+
 Pixels = NDArray[np.uint8]
 
 
@@ -203,9 +203,7 @@ class Recent:
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
     def get(self, number: int, make: Callable[[], Pixels | None]) -> Pixels | None:
-        """Return the picture of a number, made if absent; None, and made again next time, if it
-        cannot be.
-        """
+        """Return the picture of a number, made if absent; None if it cannot be made."""
         with self._one_at_a_time:
             found = self._kept.get(number)
             if found is not None:

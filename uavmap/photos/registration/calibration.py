@@ -39,10 +39,7 @@ _MODEL: Final = ("camera_model", "distortion_model", "model", "fisheye_model")
 def calibration_of(
     given: str | None, mission: Mission | None, mission_file: str | None
 ) -> Lens | None:
-    """Return the lens of --calibration, else of a mission's `camera.calibration`, else None.
-
-    Raises `ImageError` as `read_calibration` does.
-    """
+    """Return the lens of --calibration, else of a mission, if any. Raises `ImageError`."""
     if given is not None:
         return read_calibration(Path(given))
     if mission is None or mission.camera.calibration is None:

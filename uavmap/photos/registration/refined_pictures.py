@@ -27,12 +27,12 @@ from uavmap.photos.registration.registration_report import FILE, lines, report
 from uavmap.photos.scratch_file import FeatureFile
 from uavmap.photos.sources.inventory import Gathered
 from uavmap.photos.sources.photo_file import eight_bits
-from uavmap.photos.sources.picture_record import Measured, Picture
+from uavmap.photos.sources.picture_record import Picture
 from uavmap.photos.workers import Crew, Threads, in_order, thread_count
 from vision.camera import euler
 from vision.lens import Lens
 from vision.registration.picture_features import WIDTH_PX, extract, thumbnail
-from vision.registration.views import Features, Registration
+from vision.registration.views import Features, Measured, Registration
 
 _LOG: Final = logging.getLogger("uavmap.photos")
 HFOV_DEG: Final = 75.0
@@ -52,11 +52,6 @@ class RefinedSet:
     taken: tuple[Taken, ...]
     result: Registration
     found: Mapping[str, Found]
-
-    def log(self) -> None:
-        """Log a few lines on what was done."""
-        for line in lines(self.taken, self.result, self.found):
-            _LOG.info(line)
 
     def write(self, folder: Path) -> None:
         """Write registration.json."""
@@ -90,11 +85,10 @@ def refined(
     by_name = {p.name: p for p in placed}
     poses = {name: _filled(by_name[name], pose, lenses) for name, pose in found.items()}
     turned = frozenset(name for name, pose in found.items() if pose.refined.turned)
-    better = RefinedSet(
-        replace(gathered, refined=poses, upside_down=turned), tuple(taken), result, found
-    )
-    better.log()
-    return better
+    for line in lines(taken, result, found):
+        _LOG.info(line)
+    better = replace(gathered, refined=poses, upside_down=turned)
+    return RefinedSet(better, tuple(taken), result, found)
 
 
 def _looked_at(
@@ -119,7 +113,7 @@ def _looked_at(
 def _features(lenses: Lenses, picture: Picture) -> tuple[Features, float] | None:
     """Return a picture's features and angle of view; None if it cannot be decoded."""
     try:
-        image = eight_bits(picture.decode(WIDTH_PX))
+        image = eight_bits(picture.content.decode(WIDTH_PX))
     except ImageError:
         return None  # whoever judges it says why
     small = thumbnail(image)

@@ -14,11 +14,11 @@ from missions.geo.geodesy import LocalPlane
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import GridPoint, LatLon, Pose, Quaternion
-from uavmap.photos.sources.picture_record import Measured, Picture
+from uavmap.photos.sources.picture_record import Picture
 from vision.camera import rotation
 from vision.registration.ground_plane import Relief
 from vision.registration.registering import Many, register
-from vision.registration.views import Described, Prior, Refined, Registration, View
+from vision.registration.views import Described, Measured, Refined, Registration, View
 
 UNKNOWN_TILT_RAD: Final = math.radians(7.0)
 """Standard deviation of a camera's tilt from straight down without a tag, rad."""
@@ -110,7 +110,7 @@ def _view(taken: Taken, plane: LocalPlane, relief: Relief | None) -> View:
     picture, features, focal_px = taken.picture, taken.features, taken.focal_px
     east_m, north_m = plane.to_plane(taken.position)
     tilt, tilt_sigma = (0.0, 0.0), UNKNOWN_TILT_RAD
-    yaw = None if picture.yaw_deg is None else Prior(*map(math.radians, picture.yaw_deg))
+    yaw = None if picture.yaw_deg is None else Measured(*map(math.radians, picture.yaw_deg))
     if picture.pitch_deg is not None:
         pitch, tilt_sigma = map(math.radians, picture.pitch_deg)
         roll = 0.0 if picture.roll_deg is None else math.radians(picture.roll_deg.value)
@@ -120,17 +120,17 @@ def _view(taken: Taken, plane: LocalPlane, relief: Relief | None) -> View:
         tilt = (right / max(forward, 1e-3), down / max(forward, 1e-3))
         if yaw is not None:
             upper_north, upper_east = -matrix[0, 2], -matrix[1, 2]
-            yaw = Prior(math.atan2(upper_east, upper_north), yaw.sigma)
+            yaw = yaw._replace(value=math.atan2(upper_east, upper_north))
     return View(
         picture.name,
         features,
-        Prior(focal_px, taken.focal_sigma * focal_px),
+        Measured(focal_px, taken.focal_sigma * focal_px),
         f"{math.degrees(taken.hfov_rad):.1f} deg "
         f"{features.width_px} x {features.height_px} px, {focal_px:.1f} px",
         east_m,
         north_m,
         picture.position_sigma_m,
-        None if taken.height_m is None else Prior(*taken.height_m),
+        taken.height_m,
         yaw,
         tilt,
         tilt_sigma,

@@ -10,9 +10,10 @@ from pathlib import Path, PurePath
 from missions.errors import ImageError
 from uavmap.journal.kept_frames import FRAMES, KeptFrame, read_kept
 from uavmap.photos.sources.photo_file import read_photo
-from uavmap.photos.sources.picture_record import Measured, Picture, Refused
+from uavmap.photos.sources.picture_record import Picture, Refused
 from vision.camera import euler
 from vision.lens import Lens
+from vision.registration.views import Measured
 
 _POSITION_SIGMA_M = 1.5
 _HEIGHT_SIGMA_M = 1.0

@@ -38,22 +38,17 @@ def lens_of(
         xmp: Values by local name.
     """
     notes: list[str] = []
-    if not width_px or not height_px:
+    size = width_px, height_px
+    if not all(size):
         return None, "", ()
-    rules: tuple[tuple[str, Callable[[], Lens | None]], ...] = (
-        ("XMP DewarpData", lambda: _dewarp(width_px, height_px, xmp)),
-        ("XMP CalibratedFocalLength", lambda: _calibrated(width_px, height_px, xmp)),
-        (
-            "EXIF FocalLength and FocalPlaneXResolution",
-            lambda: _on_plane(width_px, height_px, detail),
-        ),
-        (
-            "EXIF FocalLength on the sensor of this model",
-            lambda: _on_sensor(width_px, height_px, model, detail),
-        ),
-        ("EXIF FocalLengthIn35mmFilm", lambda: _film(width_px, height_px, detail)),
-    )
-    for name, rule in rules:
+    rules: dict[str, Callable[[], Lens | None]] = {
+        "XMP DewarpData": lambda: _dewarp(*size, xmp),
+        "XMP CalibratedFocalLength": lambda: _calibrated(*size, xmp),
+        "EXIF FocalLength and FocalPlaneXResolution": lambda: _on_plane(*size, detail),
+        "EXIF FocalLength on the sensor of this model": lambda: _on_sensor(*size, model, detail),
+        "EXIF FocalLengthIn35mmFilm": lambda: _film(*size, detail),
+    }
+    for name, rule in rules.items():
         try:
             lens = rule()
         except (TypeError, ValueError, ZeroDivisionError, OverflowError) as error:

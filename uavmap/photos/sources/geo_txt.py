@@ -25,7 +25,8 @@ from missions.errors import ImageError
 from missions.units import LatLon
 from uavmap.base.printable import printable
 from uavmap.base.text_files import read_text
-from uavmap.photos.sources.picture_record import Measured, Picture
+from uavmap.photos.sources.picture_record import Picture
+from vision.registration.views import Measured
 
 LARGEST_BYTES = 64 * 2**20
 _DEFAULT_SIGMA_M = 3.0
@@ -34,9 +35,7 @@ _SIGMA_DEG = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A line of the file, None for what it lacks; `angles_deg` are yaw, pitch, roll as in
-    `Picture`.
-    """
+    """A line of the file, None for what it lacks; angles: yaw, pitch, roll as in `Picture`."""
 
     position: LatLon
     amsl_m: float | None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -49,23 +49,20 @@ class Gathered:
 
     def none_usable(self, refused: Mapping[str, str]) -> ImageError:
         """Return the error for pictures of which none can be used, from the reasons by name."""
-        name, reason = next(iter(refused.items()))
-        more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
-        return ImageError(f"{self.source}: no picture can be used: {name}: {reason}{more}")
+        return ImageError(f"{self.source}: no picture can be used: {_first_of(refused)}")
+
+
+def _first_of(refused: Mapping[str, str]) -> str:
+    name, reason = next(iter(refused.items()))
+    more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
+    return f"{name}: {reason}{more}"
 
 
 def gather(source: PictureSource) -> Gathered:
-    """Read the tags of every picture.
-
-    Raises `ImageError` if there is no picture at all; a line names the other files.
-    """
-    pictures: list[Picture] = []
-    refused: list[Refused] = []
-    for found in source.pictures():
-        if isinstance(found, Picture):
-            pictures.append(found)
-        else:
-            refused.append(found)
+    """Read the tags of every picture. Raises `ImageError` where there is none at all."""
+    found = list(source.pictures())
+    pictures = [one for one in found if isinstance(one, Picture)]
+    refused = [one for one in found if isinstance(one, Refused)]
     left_out = tuple(source.left_out())
     if not pictures and not refused:
         there = f"; there are {', '.join(left_out)}" if left_out else ""
@@ -74,11 +71,7 @@ def gather(source: PictureSource) -> Gathered:
             f"those below it{there}"
         )
     if not pictures:
-        first = refused[0]
-        more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
-        raise ImageError(
-            f"{source.path}: no picture can be read: {first.name}: {first.reason}{more}"
-        )
+        raise ImageError(f"{source.path}: no picture can be read: {_first_of(dict(refused))}")
     kept, copies = different(pictures)
     return Gathered(str(source.path), kept, (*refused, *copies), len(copies), left_out)
 
@@ -139,9 +132,7 @@ def _other_bytes(pictures: Sequence[Picture]) -> tuple[list[Picture], list[Refus
 
     Only pictures of the same size can be the same, so few are read.
     """
-    sizes: dict[int, int] = defaultdict(int)
-    for picture in pictures:
-        sizes[picture.content.size_bytes] += 1
+    sizes = Counter(picture.content.size_bytes for picture in pictures)
     first: dict[str, str] = {}
     kept, copies = [], []
     for picture in pictures:
@@ -191,7 +182,7 @@ def _worse(picture: Picture) -> tuple[int, int, str]:
 
 def _small(picture: Picture) -> Small | None:
     try:
-        image = eight_bits(picture.decode(_DECODED_PX))
+        image = eight_bits(picture.content.decode(_DECODED_PX))
     except ImageError:
         return None
     gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)

@@ -7,7 +7,7 @@ import io
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -81,11 +81,7 @@ def read_photo(path: Path, name: str) -> Picture | Refused:
         return Refused(name, f"cannot be read ({error.strerror})")
     except ImageError as error:
         return Refused(name, str(error))
-    if tags.mirrored:
-        return Refused(name, tags.notes[-1])
-    told = {field.name: getattr(tags, field.name) for field in fields(tags)}
-    del told["mirrored"]
-    told["notes"] = tuple(tags.notes)
+    told = vars(tags) | {"notes": tuple(tags.notes)}
     return Picture(name, FileContent(path, size_bytes), *size, **told)
 
 

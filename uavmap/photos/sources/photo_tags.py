@@ -13,12 +13,13 @@ from typing import Any, Literal
 
 from PIL import ExifTags, Image
 
+from missions.errors import ImageError
 from missions.units import LatLon
 from uavmap.base.printable import printable
 from uavmap.photos.sources.focal_length import lens_of
-from uavmap.photos.sources.picture_record import Measured
 from uavmap.photos.sources.xmp import Values, number, values_of
 from vision.lens import Lens
+from vision.registration.views import Measured
 
 POSITION_SIGMA_M = 3.0
 """Of a GNSS receiver without corrections."""
@@ -39,7 +40,7 @@ _ANGLES: tuple[tuple[tuple[str, str, str], float], ...] = (
 )
 
 
-@dataclass(slots=True)
+@dataclass
 class Tags:
     """The tags of one photograph, named as in `uavmap.photos.sources.picture_record.Picture`."""
 
@@ -54,7 +55,6 @@ class Tags:
     roll_deg: Measured | None = None
     lens: Lens | None = None
     lens_from: str = ""
-    mirrored: bool = False
     notes: list[str] = field(default_factory=list)
 
     def take(self, read: Callable[[], None]) -> None:
@@ -66,7 +66,7 @@ class Tags:
 
 
 def tags_of(picture: Image.Image) -> Tags:
-    """Return the tags of an opened picture, whose pixels are not needed."""
+    """Return the tags of an opened picture. Raises `ImageError` for one stored mirrored."""
     exif = picture.getexif()
     gps: Exif = exif.get_ifd(ExifTags.IFD.GPSInfo)
     detail: Exif = exif.get_ifd(ExifTags.IFD.Exif)
@@ -207,9 +207,9 @@ def _attitude(tags: Tags, gps: Exif, xmp: Values) -> None:
 def _orientation(tags: Tags, orientation: Any) -> None:
     if orientation in (1, 0, None):
         return
-    tags.mirrored = orientation in (2, 4, 5, 7)
     tags.yaw_deg = None
-    raise ValueError(
+    fault = (
         f"EXIF Orientation is {orientation}: the pixels are stored turned or mirrored, and the "
         "heading refers to the picture as taken; save it upright (Orientation 1)"
     )
+    raise ImageError(fault) if orientation in (2, 4, 5, 7) else ValueError(fault)

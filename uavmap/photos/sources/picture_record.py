@@ -16,13 +16,7 @@ from numpy.typing import NDArray
 
 from missions.units import LatLon
 from vision.lens import Lens
-
-
-class Measured(NamedTuple):
-    """A number and its standard deviation, in the same unit."""
-
-    value: float
-    sigma: float
+from vision.registration.views import Measured
 
 
 class Content(Protocol):
@@ -85,10 +79,6 @@ class Picture:
     lens: Lens | None = None
     lens_from: str = ""
     notes: tuple[str, ...] = ()
-
-    def decode(self, max_width_px: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
-        """See `Content.decode`."""
-        return self.content.decode(max_width_px)
 
 
 class Refused(NamedTuple):

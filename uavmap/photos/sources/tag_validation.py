@@ -7,14 +7,15 @@ other. So a picture that cannot be of this set is refused, with its reason.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import median_low
 
 from missions.flight.setting import Setting
 from missions.mission.schema import Mission
 from missions.units import LatLon, Pose, Quaternion
-from uavmap.photos.sources.picture_record import Measured, Picture
+from uavmap.photos.sources.picture_record import Picture
+from vision.registration.views import Measured
 
 FARTHEST_M = 10_000.0
 """Largest distance of a picture from the others, or from the mission's start, m."""
@@ -61,15 +62,8 @@ def credible(
     """
     found: list[Verdict] = [_placed(picture, mission) for picture in pictures]
     usable = [entry for entry in found if isinstance(entry, Placed)]
-    rules = [_near(usable, mission), _of_usual_height(usable)]
-    if not any_day:
-        rules.append(_of_the_day(usable))
-    verdicts: list[Verdict] = []
-    for entry in found:
-        said = None
-        if isinstance(entry, Placed):
-            said = next((reason for rule in rules if (reason := rule(entry))), None)
-        verdicts.append(said or entry)
+    usual = _Usual.of(usable, mission, any_day=any_day)
+    verdicts = [e if isinstance(e, str) else usual.refusal(e) or e for e in found]
     times = (v.picture.taken_s for v in verdicts if isinstance(v, Placed))
     first_s = min((t_s for t_s in times if t_s is not None), default=0.0)
     return [_since(v, first_s) if isinstance(v, Placed) else v for v in verdicts]
@@ -149,62 +143,50 @@ def _noted(picture: Picture, *words: str) -> str | None:
 
 
 # --- the set -------------------------------------------------------------------------------------
-Rule = Callable[[Placed], str | None]
+@dataclass(frozen=True, slots=True)
+class _Usual:
+    """Where, how high and when the pictures of a set were taken; None where too few tell."""
 
+    middle: LatLon
+    whose: str
+    height_m: float | None
+    taken_s: float | None
 
-def _near(usable: Sequence[Placed], mission: Mission | None) -> Rule:
-    places = [entry.pose.position for entry in usable]
-    if mission is not None:
-        middle, what = mission.home, "the mission's start"
-    elif places:
-        middle = LatLon(
-            median_low(place.lat_deg for place in places),
-            median_low(place.lon_deg for place in places),
+    @classmethod
+    def of(cls, usable: Sequence[Placed], mission: Mission | None, *, any_day: bool) -> _Usual:
+        places = [entry.pose.position for entry in usable]
+        middle, whose = LatLon(0.0, 0.0), "the others"
+        if mission is not None:
+            middle, whose = mission.home, "the mission's start"
+        elif places:
+            middle = LatLon(
+                median_low(place.lat_deg for place in places),
+                median_low(place.lon_deg for place in places),
+            )
+        times = [e.picture.taken_s for e in usable if e.picture.taken_s is not None]
+        return cls(
+            middle,
+            whose,
+            median_low(e.pose.height_m for e in usable) if len(usable) >= _LEAST_SET else None,
+            median_low(times) if len(times) >= _LEAST_SET and not any_day else None,
         )
-        what = "the others"
-    else:
-        return lambda _: None
 
-    def rule(entry: Placed) -> str | None:
-        away_m = distance_m(entry.pose.position, middle)
-        if away_m <= FARTHEST_M:
-            return None
-        return f"it was taken {away_m / 1000.0:,.0f} km from {what}"
-
-    return rule
-
-
-def _of_usual_height(usable: Sequence[Placed]) -> Rule:
-    if len(usable) < _LEAST_SET:
-        return lambda _: None
-    usual_m = median_low(entry.pose.height_m for entry in usable)
-
-    def rule(entry: Placed) -> str | None:
-        height_m = entry.pose.height_m
-        if usual_m / HEIGHT_RATIO <= height_m <= usual_m * HEIGHT_RATIO:
-            return None
-        return f"its height is {height_m:.0f} m, that of the others about {usual_m:.0f} m"
-
-    return rule
-
-
-def _of_the_day(usable: Sequence[Placed]) -> Rule:
-    times = [e.picture.taken_s for e in usable if e.picture.taken_s is not None]
-    if len(times) < _LEAST_SET:
-        return lambda _: None
-    usual_s = median_low(times)
-
-    def rule(entry: Placed) -> str | None:
+    def refusal(self, entry: Placed) -> str | None:
+        """Return why a picture is not of this set."""
+        away_m = distance_m(entry.pose.position, self.middle)
+        if away_m > FARTHEST_M:
+            return f"it was taken {away_m / 1000.0:,.0f} km from {self.whose}"
+        height_m, usual_m = entry.pose.height_m, self.height_m
+        if usual_m and not usual_m / HEIGHT_RATIO <= height_m <= usual_m * HEIGHT_RATIO:
+            return f"its height is {height_m:.0f} m, that of the others about {usual_m:.0f} m"
         taken_s = entry.picture.taken_s
-        if taken_s is None or abs(taken_s - usual_s) <= OTHER_DAY_S:
+        if taken_s is None or self.taken_s is None or abs(taken_s - self.taken_s) <= OTHER_DAY_S:
             return None
-        days = abs(taken_s - usual_s) / 86400.0
-        when = "after" if taken_s > usual_s else "before"
+        days = abs(taken_s - self.taken_s) / 86400.0
+        when = "after" if taken_s > self.taken_s else "before"
         return (
             f"it was taken {days:,.1f} days {when} the others, by its EXIF date (--any-day uses it)"
         )
-
-    return rule
 
 
 def distance_m(one: LatLon, other: LatLon) -> float:

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from missions.errors import ImageError
 from uavmap.photos.sources.focal_length import film_lens
 from uavmap.photos.sources.photo_file import Pixels, reduced
-from uavmap.photos.sources.picture_record import Measured, Picture, Refused
+from uavmap.photos.sources.picture_record import Picture, Refused
 from uavmap.photos.sources.video_telemetry import Moment, nearest, read_srt, read_tlog
+from vision.registration.views import Measured
 
 EVERY_S: Final = 1.0
 """Time between frames, s: a video from a stand-still adds no evidence beyond one frame."""
@@ -30,7 +31,7 @@ _LONGEST_FRAMES: Final = 10_000_000
 
 @dataclass(slots=True)
 class Video:
-    """The frames of a video at an interval, with the telemetry of the file beside it.
+    """The frames of a video at an interval of `EVERY_S`, with the telemetry of the file beside it.
 
     `start_utc_s`, in seconds since 1970, ties the video to a .tlog. Raises `ImageError` on creation
     if the video or the telemetry cannot be read.
@@ -38,13 +39,12 @@ class Video:
 
     path: Path
     start_utc_s: float | None = None
-    every_s: float = EVERY_S
     _moments: tuple[Moment, ...] = field(init=False, repr=False)
     _reader: _Reader = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._moments = self._telemetry()
-        self._reader = _Reader(self.path, self.every_s)
+        self._reader = _Reader(self.path)
 
     def _telemetry(self) -> tuple[Moment, ...]:
         """Return the moments beside the video, in seconds from its start."""
@@ -73,7 +73,7 @@ class Video:
             t_s = index / reader.frames_s
             moment = nearest(self._moments, t_s)
             name = f"{self.path.name}#{index}"
-            if abs(moment.t_s - t_s) > self.every_s + 1.0:
+            if abs(moment.t_s - t_s) > EVERY_S + 1.0:
                 yield Refused(name, f"no telemetry of it (the nearest is of {moment.t_s:.1f} s)")
                 continue
             yield self._picture(name, index, t_s, moment)
@@ -131,7 +131,7 @@ class VideoFrame:
 class _Reader:
     """A video, read forwards; a request for an earlier frame begins it again."""
 
-    def __init__(self, path: Path, every_s: float) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
         self._lock = threading.Lock()
         self._passed: dict[int, NDArray[np.uint8]] = {}
@@ -147,7 +147,7 @@ class _Reader:
         rate = math.isfinite(self.frames_s) and 0.1 < self.frames_s < 1000.0
         if not (plain and rate and 0 < self.count <= _LONGEST_FRAMES):
             raise ImageError(f"{path}: not a readable video")
-        self.step = max(1, round(self.frames_s * every_s))
+        self.step = max(1, round(self.frames_s * EVERY_S))
 
     def frame(self, index: int) -> NDArray[np.uint8]:
         """Return a frame by its number from 0. Raises `ImageError` if it cannot be decoded."""

@@ -31,14 +31,17 @@ LARGEST_BYTES: Final = 256 * 2**20
 _TIME: Final = re.compile(r"(\d{1,3}):(\d\d):(\d\d)[,.](\d{1,3})\s*-->")
 _NUMBER: Final = r"\s*[:=]?\s*([-+]?\d{1,9}(?:\.\d+)?)"
 _WORDS: Final = {
-    "lat": re.compile(r"\blatitude" + _NUMBER, re.IGNORECASE),
-    "lon": re.compile(r"\blongt?itude" + _NUMBER, re.IGNORECASE),
-    "height": re.compile(r"\b(?:rel_alt|BAROMETER)" + _NUMBER, re.IGNORECASE),
-    "amsl": re.compile(r"\babs_alt" + _NUMBER, re.IGNORECASE),
-    "yaw": re.compile(r"\b(?:gb|gimbal)_yaw" + _NUMBER, re.IGNORECASE),
-    "pitch": re.compile(r"\b(?:gb|gimbal)_pitch" + _NUMBER, re.IGNORECASE),
-    "roll": re.compile(r"\b(?:gb|gimbal)_roll" + _NUMBER, re.IGNORECASE),
-    "film_mm": re.compile(r"\bfocal_len" + _NUMBER, re.IGNORECASE),
+    key: re.compile(rf"\b{word}{_NUMBER}", re.IGNORECASE)
+    for key, word in (
+        ("lat", "latitude"),
+        ("lon", "longt?itude"),
+        ("height_m", "(?:rel_alt|BAROMETER)"),
+        ("amsl_m", "abs_alt"),
+        ("yaw_deg", "(?:gb|gimbal)_yaw"),
+        ("pitch_deg", "(?:gb|gimbal)_pitch"),
+        ("roll_deg", "(?:gb|gimbal)_roll"),
+        ("film_mm", "focal_len"),
+    )
 }
 _PAIR: Final = re.compile(r"\bGPS\s*\(\s*([-+]?[\d.]+)\s*,\s*([-+]?[\d.]+)", re.IGNORECASE)
 _OLD_HEIGHT: Final = re.compile(r",\s*H\s+([-+]?\d{1,9}(?:\.\d+)?)\s*m\b")
@@ -101,22 +104,14 @@ def _moment(time: re.Match[str], text: str) -> Moment:
     for key, pattern in _WORDS.items():
         match = pattern.search(text)
         values[key] = None if match is None else float(match.group(1))
-    height = values["height"]
-    if height is None and (old := _OLD_HEIGHT.search(text)):
-        height = float(old.group(1))
+    if values["height_m"] is None and (old := _OLD_HEIGHT.search(text)):
+        values["height_m"] = float(old.group(1))
     film_mm = values["film_mm"]
     if film_mm is not None and film_mm > 200.0:
-        film_mm /= 10.0  # some models write tenths
-    return Moment(
-        hours * 3600.0 + minutes * 60.0 + seconds + fraction,
-        _position(values["lat"], values["lon"], text),
-        height,
-        values["amsl"],
-        values["yaw"],
-        values["pitch"],
-        values["roll"],
-        film_mm,
-    )
+        values["film_mm"] = film_mm / 10.0  # some models write tenths
+    t_s = hours * 3600.0 + minutes * 60.0 + seconds + fraction
+    place = _position(values.pop("lat"), values.pop("lon"), text)
+    return Moment(t_s, place, **values)
 
 
 def _position(lat: float | None, lon: float | None, text: str) -> LatLon | None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -52,12 +52,14 @@ class Example:
     region: NDArray[np.bool_]
     known: NDArray[np.bool_]
 
+    @property
+    def shows(self) -> tuple[bool, bool]:
+        """Whether some of it is region, and some surround."""
+        return bool((self.region & self.known).any()), bool((~self.region & self.known).any())
+
 
 def list_pictures(images: Path) -> list[Path]:
-    """Return the pictures of a folder, by name.
-
-    Raises `ImageError` if there are none, or two would share one mask.
-    """
+    """Return a folder's pictures by name. Raises `ImageError` if none, or two share a mask."""
     if not images.is_dir():
         raise ImageError(f"{images}: no such folder")
     paths = sorted(p for p in images.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file())
@@ -138,22 +140,16 @@ def load_examples(
     found = {e.name: e for e in _projected(images, polygons, width_px, say)} if polygons else {}
     found |= {e.name: e for e in _painted(pictures, masks, width_px)}
     examples = [found[name] for name in sorted(found)]
-    if polygons and not any((e.region & e.known).any() for e in examples):
+    region, surround = (any(e.shows[kind] for e in examples) for kind in (0, 1))
+    if polygons and not region:
         raise ImageError(
             f"--examples {where}: no polygon of the region lies in any picture; are its places in "
             "WGS84 (EPSG:4326), longitude before latitude?"
         )
-    _check_both(examples, where)
+    if not (region and surround):
+        kind = "surround (black)" if region else "region (white)"
+        raise ImageError(f"--examples {where}: nothing is painted as {kind}; both are needed")
     return examples
-
-
-def _check_both(examples: Sequence[Example], where: Path) -> None:
-    for kind, there in (
-        ("region (white)", any((e.region & e.known).any() for e in examples)),
-        ("surround (black)", any((~e.region & e.known).any() for e in examples)),
-    ):
-        if not there:
-            raise ImageError(f"--examples {where}: nothing is painted as {kind}; both are needed")
 
 
 # --- masks -----------------------------------------------------------------------------------
@@ -255,9 +251,8 @@ def _shapes(path: Path) -> list[tuple[str, Rings]]:
         raise ImageError(f"{path}: no FeatureCollection with features; draw polygons")
     shapes = []
     for i, feature in enumerate(features):
-        where = f"{path}: features[{i}]"
-        geometry = feature.get("geometry") if isinstance(feature, dict) else None
-        properties = (feature.get("properties") if isinstance(feature, dict) else None) or {}
+        where, feature = f"{path}: features[{i}]", feature if isinstance(feature, dict) else {}
+        geometry, properties = feature.get("geometry"), feature.get("properties") or {}
         kind = properties.get("kind", "region") if isinstance(properties, dict) else "region"
         if kind not in _KINDS:
             raise ImageError(f"{where}: kind is {kind!r}: expected one of {', '.join(_KINDS)}")

@@ -21,7 +21,7 @@ from typing import Any, Final
 
 import cv2
 
-from missions.errors import ImageError, LinkError, OutputError
+from missions.errors import ImageError, OutputError
 from uavmap.base.atomic_write import write_bytes
 from uavmap.base.image_files import read_image
 from uavmap.photos.tune.examples import file_bytes, list_pictures, read_picture, refuse_same_folder
@@ -36,10 +36,7 @@ _POLICY: Final = (
 
 
 class Easel:
-    """The pictures that are painted, and where their masks go.
-
-    Raises `ImageError` for a folder without pictures, and for masks among pictures.
-    """
+    """The pictures that are painted, and where their masks go; `ImageError` without pictures."""
 
     def __init__(self, images: Path, masks: Path, width_px: int) -> None:
         refuse_same_folder(images, masks)
@@ -144,8 +141,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._say(HTTPStatus.NOT_FOUND, "not found")
 
     def _asked(self) -> tuple[str | None, int | None]:
-        """Return what is requested behind the secret, and of which picture; None if it is not for
-        us.
+        """Return what is requested behind the secret, and of which picture; None if not for us.
 
         A page from elsewhere may have its own name lead to this address: the host must be ours.
         """
@@ -179,13 +175,10 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 @contextmanager
-def served(easel: Easel, port: int = 0) -> Iterator[str]:
-    """Serve the page; yield its address. Raises `LinkError` if the port is taken."""
+def served(easel: Easel) -> Iterator[str]:
+    """Serve the page at a free port; yield its address."""
     token = secrets.token_urlsafe(24)
-    try:
-        server = _Server((HOST, port), partial(_Handler, easel, token))
-    except OSError as error:
-        raise LinkError(f"port {port} of {HOST} cannot be opened: {error.strerror}") from None
+    server = _Server((HOST, 0), partial(_Handler, easel, token))
     thread = threading.Thread(target=server.serve_forever, name="paint", daemon=True)
     thread.start()
     try:

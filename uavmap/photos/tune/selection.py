@@ -41,17 +41,8 @@ _SLOPES: Final = (0.3, 1.5)
 _LEAST_KIND: Final = 0.01  # a picture with less of a kind says nothing of how sure to be
 
 
-@dataclass(frozen=True, slots=True)
-class Picture:
-    """A painted picture, described, and its variants."""
-
-    plain: Described
-    variants: tuple[Described, ...]
-
-    @property
-    def versions(self) -> tuple[Described, ...]:
-        """The picture and its variants."""
-        return (self.plain, *self.variants)
+Picture = tuple[Described, ...]
+"""A painted picture as it is, described, and behind it its variants."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,45 +63,31 @@ class Choice:
     tried: Mapping[str, float]
 
 
-def folds(count: int) -> list[tuple[list[int], list[int]]]:
+def dealt(pictures: Sequence[Picture]) -> list[tuple[list[int], list[int]]]:
     """Split into up to five parts: learned from, judged; each picture is judged once.
 
-    >>> folds(3)
-    [([1, 2], [0]), ([0, 2], [1]), ([0, 1], [2])]
-    """
-    parts = min(count, _FOLDS)
-    judged = [list(range(part, count, parts)) for part in range(parts)]
-    return [([i for i in range(count) if i not in out], out) for out in judged]
-
-
-def dealt(pictures: Sequence[Picture]) -> list[tuple[list[int], list[int]]]:
-    """Return `folds` such that no part holds all pictures with region, or all with surround.
-
-    Those with region come before those without, and those with surround after those without; two
-    neighbours are never judged together.
+    No part holds all pictures with region, or all with surround: those with region come before
+    those without, those with surround after those without, and two neighbours are never judged
+    together.
     """
 
     def kinds(number: int) -> tuple[bool, bool, bool]:
-        region, surround = (bool(places.any()) for places in clear(pictures[number].plain))
+        region, surround = (bool(places.any()) for places in clear(pictures[number][0]))
         return not (region or surround), surround, not region
 
     order = sorted(range(len(pictures)), key=kinds)
-    return [
-        (sorted(order[i] for i in some), sorted(order[i] for i in out))
-        for some, out in folds(len(pictures))
-    ]
+    parts = min(len(order), _FOLDS)
+    judged = [sorted(order[part::parts]) for part in range(parts)]
+    return [([i for i in range(len(order)) if i not in out], out) for out in judged]
 
 
 def fitted(
     pictures: Sequence[Picture], names: Sequence[str], scale: Scale, kinds: str, seed: int
 ) -> tuple[Logistic | Trees, ...]:
-    """Return the parts of a model of some kind from some pictures.
-
-    Raises `ImageError` if hardly anything of one kind is painted.
-    """
+    """Return the parts of a model. Raises `ImageError` if too little of one kind is painted."""
     rows = [FEATURES.index(name) for name in names]
     rng = np.random.default_rng([seed, len(rows)])
-    values, labels = training_set([picture.versions for picture in pictures], rng)
+    values, labels = training_set(pictures, rng)
     if labels.all() or not labels.any():
         kind = "surround" if labels.any() else "region"
         raise ImageError(f"too little {kind} is painted to learn from; paint more of it")
@@ -172,8 +149,7 @@ def _judged(
             scorer = Scorer(Model(features=names, parts=some))
             for i in judged:
                 found[kind][i] = [
-                    scorer.logit(np.ascontiguousarray(one.values[rows]))
-                    for one in pictures[i].versions
+                    scorer.logit(np.ascontiguousarray(one.values[rows])) for one in pictures[i]
                 ]
     return found
 
@@ -184,10 +160,7 @@ def _calibrated(
     """Return a candidate with its calibration, and the thresholds that suit the pictures best."""
     slope, offset = calibration(pictures, logits)
     by_picture = [
-        [
-            (one, sigmoid(slope * logit + offset))
-            for one, logit in zip(picture.versions, some, strict=True)
-        ]
+        [(one, sigmoid(slope * logit + offset)) for one, logit in zip(picture, some, strict=True)]
         for picture, some in zip(pictures, logits, strict=True)
     ]
     told = [versions for versions in by_picture if _tells(versions)] or by_picture
@@ -215,8 +188,8 @@ def calibration(
     """
     told = []
     for picture, some in zip(pictures, logits, strict=True):
-        x = np.concatenate([v[one.known] for one, v in zip(picture.versions, some, strict=True)])
-        y = np.concatenate([one.region[one.known] for one in picture.versions])
+        x = np.concatenate([v[one.known] for one, v in zip(picture, some, strict=True)])
+        y = np.concatenate([one.region[one.known] for one in picture])
         if _both_kinds(y):
             told.append((x.astype(np.float64), y.astype(np.float64)))
     if not told:
@@ -274,14 +247,14 @@ def _suiting(
 
 def _iou(pictures: Sequence[Picture], shares: Sequence[Array], least: float) -> float:
     pairs = zip(pictures, shares, strict=True)
-    return total([_counts(picture.plain, share, least) for picture, share in pairs]).iou
+    return total([_counts(picture[0], share, least) for picture, share in pairs]).iou
 
 
 def _clearly_better(pictures: Sequence[Picture], one: Choice, other: Choice) -> bool:
     """Whether the gain over the pictures is larger than what their differences explain."""
     gains = np.array(
         [
-            _counts(p.plain, a, one.threshold).iou - _counts(p.plain, b, other.threshold).iou
+            _counts(p[0], a, one.threshold).iou - _counts(p[0], b, other.threshold).iou
             for p, a, b in zip(pictures, one.shares, other.shares, strict=True)
         ]
     )

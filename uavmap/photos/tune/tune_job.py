@@ -20,7 +20,7 @@ from uavmap.base.atomic_write import umask, write_bytes, write_text
 from uavmap.output.summary import encode
 from uavmap.photos.tune.examples import Example, list_pictures, load_examples, read_picture
 from uavmap.photos.tune.metrics import Counts, total
-from uavmap.photos.tune.samples import described, variants
+from uavmap.photos.tune.samples import Described, described, variants
 from uavmap.photos.tune.selection import (
     KINDS,
     SETS,
@@ -112,8 +112,7 @@ def learned(
     pictures = []
     for number, example in enumerate(examples):
         rng = np.random.default_rng([wishes.seed, number])
-        versions = tuple(described(one) for one in variants(example, rng))
-        pictures.append(Picture(described(example), versions))
+        pictures.append(tuple(map(described, [example, *variants(example, rng)])))
     scale = _scale(pictures, others)
     cell = wishes.cell_px / STRIDE
     choice = choose(pictures, scale, cell, wishes.seed, say, wishes.kinds, wishes.sets)
@@ -130,13 +129,11 @@ def learned(
 
 
 def _check_spread(examples: Sequence[Example]) -> None:
-    for kind, has in (
-        ("region", [bool((e.region & e.known).any()) for e in examples]),
-        ("surround", [bool((~e.region & e.known).any()) for e in examples]),
-    ):
-        if sum(has) < 2:
+    for number, kind in enumerate(("region", "surround")):
+        count = sum(example.shows[number] for example in examples)
+        if count < 2:
             raise ImageError(
-                f"{sum(has)} of {len(examples)} painted pictures shows {kind}; paint at least two "
+                f"{count} of {len(examples)} painted pictures shows {kind}; paint at least two "
                 "that do: a detector is tested on pictures that it was not learned from"
             )
 
@@ -158,7 +155,7 @@ def _others(
 
 def _scale(pictures: Sequence[Picture], others: Sequence[NDArray[np.uint8]]) -> Scale:
     """Return mean and standard deviation of each feature, each picture counting alike."""
-    some = [one.values[:, ::7] for picture in pictures for one in picture.versions]
+    some = [one.values[:, ::7] for picture in pictures for one in picture]
     some += [f.reshape(len(f), -1)[:, ::7] for f in map(features, others)]
     means = np.stack([values.mean(axis=1, dtype=np.float64) for values in some])
     squares = np.stack([(values.astype(np.float64) ** 2).mean(axis=1) for values in some])
@@ -171,17 +168,17 @@ def _scale(pictures: Sequence[Picture], others: Sequence[NDArray[np.uint8]]) -> 
 def _report(pictures: Sequence[Picture], choice: Choice, wishes: Wishes) -> dict[str, Any]:
     cell = wishes.cell_px / STRIDE
     counts = [
-        picture_counts(picture.plain, share, cell, choice.threshold, choice.share)
-        for picture, share in zip(pictures, choice.shares, strict=True)
+        picture_counts(plain, share, cell, choice.threshold, choice.share)
+        for (plain, *_), share in zip(pictures, choice.shares, strict=True)
     ]
     rows = [
         {
-            "picture": picture.plain.name,
-            "region_share": round(_region_share(picture), 4),
+            "picture": plain.name,
+            "region_share": round(_region_share(plain), 4),
             "pixels": _figures(pixels),
             "cells": _figures(cells),
         }
-        for picture, (pixels, cells) in zip(pictures, counts, strict=True)
+        for (plain, *_), (pixels, cells) in zip(pictures, counts, strict=True)
     ]
     ious = [cells.iou for _, cells in counts]
     return {
@@ -201,9 +198,8 @@ def _report(pictures: Sequence[Picture], choice: Choice, wishes: Wishes) -> dict
     }
 
 
-def _region_share(picture: Picture) -> float:
-    known = picture.plain.known
-    return float(picture.plain.region[known].mean()) if known.any() else 0.0
+def _region_share(one: Described) -> float:
+    return float(one.region[one.known].mean()) if one.known.any() else 0.0
 
 
 def _figures(counts: Counts) -> dict[str, float]:

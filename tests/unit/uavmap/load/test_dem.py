@@ -52,18 +52,12 @@ def geotiff(path, *, epsg=32632, heights=None, nodata=None, pixel=3.0, south_m=-
     if heights is not None:
         heights(band)
     transform = rasterio.Affine(pixel * metre_x, 0.0, west, 0.0, -pixel * metre_y, north)
-    with rasterio.open(
-        path, "w", driver="GTiff", width=count, height=count, count=1, dtype="float32",
-        crs=system, transform=transform, nodata=nodata,
-    ) as file:  # fmt: skip
-        file.write(band, 1)
+    written(path, band, system, transform=transform, nodata=nodata)
 
 
-def written(path, band, system=None, **how):
-    """A model of this band, anywhere."""
-    transform = rasterio.Affine(3.0, 0.0, 0.0, 0.0, -3.0, 0.0)
-    how = {"crs": system or rasterio.crs.CRS.from_epsg(32632), "transform": transform, **how}
-    count = how.pop("count", 1)
+def written(path, band, crs, count=1, **how):
+    """A model of this band, anywhere unless a transform is given."""
+    how = {"crs": crs, "transform": rasterio.Affine(3.0, 0.0, 0.0, 0.0, -3.0, 0.0), **how}
     height, width = band.shape
     with rasterio.open(
         path, "w", driver="GTiff", width=width, height=height, count=count, dtype="float32", **how
@@ -161,7 +155,7 @@ def test_heights_in_feet_become_metres(tmp_path, how):
 
 def test_a_model_that_is_none_or_lies_nowhere_is_refused(tmp_path):
     level = np.full((9, 9), 500.0, np.float32)
-    written(tmp_path / "dem.tif", level, count=3)
+    written(tmp_path / "dem.tif", level, rasterio.crs.CRS.from_epsg(32632), count=3)
     assert "it has 3 bands" in refused(tmp_path)
     site = rasterio.crs.CRS.from_wkt('LOCAL_CS["site",UNIT["metre",1]]')
     written(tmp_path / "dem.tif", level, site)

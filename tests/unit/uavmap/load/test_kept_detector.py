@@ -25,13 +25,14 @@ from vision.detectors.learned_model import Logistic, Model, model_bytes
 __all__ = ["good"]  # a fixture
 
 
+DARK = Logistic(bias=0.0, weights=(-4.0,), mean=(0.0,), scale=(1.0,))
+MODEL = Model(features=("light",), parts=(DARK,), threshold=0.5)
+
+
 def eyes(folder: Path) -> Path:
     """A detector's folder as `uavmap tune` leaves it: dark is region."""
-    part = Logistic(bias=0.0, weights=(-4.0,), mean=(0.0,), scale=(1.0,))
     folder.mkdir()
-    (folder / "model.json").write_bytes(
-        model_bytes(Model(features=("light",), parts=(part,), threshold=0.5))
-    )
+    (folder / "model.json").write_bytes(model_bytes(MODEL))
     (folder / "detector.toml").write_text(
         '[detector]\nname = "learned"\nmodel = "model.json"\nshare = 0.5\n'
     )
@@ -106,11 +107,9 @@ def test_an_interrupted_tuning_leaves_nothing(
     def fails(*_: object) -> None:
         raise error
 
-    part = Logistic(bias=0.0, weights=(-4.0,), mean=(0.0,), scale=(1.0,))
-    model = Model(features=("light",), parts=(part,), threshold=0.5)
     monkeypatch.setattr(tuning, "load_examples", lambda *_: [])
     monkeypatch.setattr(tuning, "need_learner", lambda: None)
-    monkeypatch.setattr(tuning, "learned", lambda *_: (model, None, []))
+    monkeypatch.setattr(tuning, "learned", lambda *_: (MODEL, None, []))
     monkeypatch.setattr(tuning, "_report", lambda *_: {"pixels": {}, "cells": {}})
     monkeypatch.setattr(tuning, "_detector_toml", lambda *_: "")
     monkeypatch.setattr(tuning, "_draw", fails)  # the last that is written

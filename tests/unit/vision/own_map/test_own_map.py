@@ -15,7 +15,7 @@ from sitl.world.world import World, WorldSpec
 from tests.unit.vision.scene import decoded
 from vision.camera import Camera
 from vision.look import Frame
-from vision.own_map.ground_match import Patch, patch
+from vision.own_map.ground_patch import Patch, patch
 from vision.own_map.map_position import OwnMap
 
 ORIGIN = LatLon(48.0, 11.0)
@@ -25,10 +25,15 @@ WORLD = World(WorldSpec(ORIGIN, 0.0, (), seed=3))
 ERRORS = ToldErrors(satellites_m=0.3, pointing_m=0.03)
 
 
-def taken(east_m: float, north_m: float, t_s: float) -> Patch:
-    attitude = SPEC.attitude(0.0, 0.0, 0.0)
-    data = render(WORLD, SPEC, Shot(east_m, north_m, 12.0, attitude, t_s, round(10 * t_s)))
-    found = patch(Frame(decoded(data), Pose(ORIGIN, 12.1, attitude), t_s, CAMERA))
+def taken(
+    east_m: float, north_m: float, seed: float, height_m: float = 12.1, heading_rad: float = 0.0
+) -> Patch:
+    """From 12 m, level and towards north, whatever height and heading are told."""
+    shot = Shot(east_m, north_m, 12.0, SPEC.attitude(0.0, 0.0, 0.0), 0.0, round(10 * seed))
+    told = Pose(ORIGIN, height_m, SPEC.attitude(0.0, 0.0, heading_rad))
+    found = patch(
+        Frame(decoded(render(WORLD, SPEC, shot)), told, 0.0, CAMERA), metres_per_pixel=0.2
+    )
     assert found is not None
     return found
 
@@ -58,7 +63,7 @@ def test_a_position_that_leaps_is_noticed_at_once() -> None:
     for k in range(42):
         off = 0.0 if k < 40 else 25.0
         own.take(k / 5, taken(0.0, 1.2 * k, 0.0), (off, 1.2 * k), True)
-        assert own.disagreement().wrong(1.0) == (k == 41)
+        assert own.track.disagreement().wrong(1.0) == (k == 41)
 
 
 @pytest.mark.parametrize("leap_m", [(2.0, 0.0), (-14.0, 14.0), (0.0, -200.0)])
@@ -115,7 +120,7 @@ def test_it_finds_satellites_that_lie() -> None:
         east, north = there_and_back(k)
         off = 0.1 * max(0, k - 20)
         own.take(k / 2, taken(east, north, k / 2), (east + off, north), True)
-        said = own.disagreement()
+        said = own.track.disagreement()
         if found_s is None and said.wrong(1.0):
             found_s = said.since_s
             assert off < 3.0

@@ -15,10 +15,10 @@ from missions.units import GridPoint
 from tests.unit.vision.flights import CAMERA, GRID, Shot, made_up, passes
 from uavmap.photos.registration.refinement import Taken, refine
 from uavmap.photos.sources.photo_file import FileContent
-from uavmap.photos.sources.picture_record import Measured, Picture
+from uavmap.photos.sources.picture_record import Picture
 from vision.registration.ground_plane import Cameras, Relief, tilted_axes, to_ground, to_pixels
 from vision.registration.registering import register
-from vision.registration.views import View
+from vision.registration.views import Measured, View
 
 SIDE_M, STEP_M = 60.0, 2.0
 PLANE = LocalPlane(GRID.position(GridPoint(0.0, 0.0)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from uavmap.load.areas.drones import CAMERAS, DRONES
 from uavmap.load.areas.layout import Wishes, lay_out
 from uavmap.load.areas.reading import read_area_file
 
-SIM = Figures("the simulator's", 60.0, 300.0, 12.0, 6.0, 80.0, 640, 480, 0.2, "fixed")
+SIM = Figures("the simulator's", 80.0, 640, 480, 0.2, "fixed", 60.0, 300.0, 12.0, 6.0)
 HOMES = {
     "kml_with_roles": HOME,
     "qgc_survey_with_fence": HOME,
@@ -92,11 +93,8 @@ def test_it_becomes_the_field_and_a_mission(kind: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("drone", DRONES)
 def test_every_drone_of_the_table_can_fly_a_field(drone: str, tmp_path: Path) -> None:
     layout = lay_out(read_area_file(str(KINDS["geojson_io"](tmp_path))), Wishes(vehicles=2))
-    of, camera = DRONES[drone], CAMERAS[DRONES[drone].camera]
-    figures = Figures(
-        of.title, of.capacity_wh, of.hover_power_w, of.max_airspeed_m_s, of.speed_m_s,
-        camera.hfov_deg, camera.width_px, camera.height_px, camera.interval_s, camera.mounting,
-    )  # fmt: skip
+    values = asdict(DRONES[drone])
+    figures = Figures(**{**asdict(CAMERAS[values.pop("camera")]), **values})
     mission = parse_mission(compose("f", "f", layout, figures, Flying(vehicles=2)), drone)
     assert len(mission.vehicles) == 2
     assert mission.altitude_m(1) <= 60.0

@@ -36,7 +36,7 @@ def kmz(**members: str | bytes) -> Maker:
 
 
 def gdal(name: str, driver: str) -> Maker:
-    return lambda folder: by_gdal(folder / name, driver)
+    return lambda folder: by_gdal(folder, name, driver)
 
 
 def corridor(**more: object) -> Maker:

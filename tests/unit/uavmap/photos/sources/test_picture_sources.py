@@ -104,13 +104,13 @@ def test_a_source_keeps_its_promises(kind: str, tmp_path: Path) -> None:
         (p.name, p.position, p.taken_s) for p in found
     ]
     for picture in reversed(found):  # in any order
-        whole = picture.decode(10_000)
+        whole = picture.content.decode(10_000)
         assert whole.shape[:2] == (picture.height_px, picture.width_px)
         assert whole.dtype in (np.uint8, np.uint16)
-        small = picture.decode(32)
+        small = picture.content.decode(32)
         assert small.shape[1] == 32
         assert small.dtype == whole.dtype
-        assert picture.decode(32).tobytes() == small.tobytes()
+        assert picture.content.decode(32).tobytes() == small.tobytes()
         assert eight_bits(small).shape == (small.shape[0], 32, 3)
     assert isinstance(source.left_out(), tuple)
 
@@ -119,7 +119,7 @@ def test_a_video_is_read_with_its_captions(tmp_path: Path) -> None:
     path = video(tmp_path)
     pictures = gather(open_source(path)).pictures
     assert [picture.name for picture in pictures] == [f"DJI_0001.MP4#{n}" for n in (0, 10, 20, 30)]
-    levels = [int(picture.decode(64).mean()) for picture in pictures]
+    levels = [int(picture.content.decode(64).mean()) for picture in pictures]
     assert levels == pytest.approx([0, 80, 160, 240], abs=6)
     placed = [entry for entry in credible(pictures) if isinstance(entry, Placed)]
     assert [entry.pose.position.lat_deg for entry in placed] == [46.8, 46.801, 46.802, 46.803]
@@ -436,9 +436,3 @@ def test_look_says_what_the_detector_sees(
     assert "cells are region" in capsys.readouterr().out
     write_photo(tmp_path / "b.jpg", gps={})
     assert main(["look", str(tmp_path / "b.jpg"), "--out", str(out)]) == 2
-
-
-def test_a_refused_file_is_no_picture(tmp_path: Path) -> None:
-    (tmp_path / "a.jpg").write_bytes(b"\xff\xd8\xff")
-    (found,) = open_source(tmp_path).pictures()
-    assert isinstance(found, Refused)

@@ -13,12 +13,10 @@ from missions.mapping.belief import Belief, FrameId
 from missions.units import Cell
 from tests.benchmarks.photos.replay import mutations, peak_mb, survives
 from tests.unit.uavmap.photos.sources.test_replay_robust import shot
-from tests.unit.vision.test_over_terrain import CAMERA, GRID, pose, terrain
 from uavmap.output.drawing.scale import step_near
 from uavmap.output.facts.vote_tally import Votes
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.workers import in_order
-from vision.projection import Projection
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -97,20 +95,3 @@ def test_a_thermal_picture_is_spread_over_its_levels() -> None:
 
 def test_cells_are_round_numbers() -> None:
     assert [step_near(m) for m in (0.011, 0.3, 1.4, 1.5, 7.5)] == [0.01, 0.2, 1.0, 2.0, 10.0]
-
-
-@pytest.mark.parametrize("view", ["all", "cross"])
-def test_a_picture_over_level_ground_is_judged_as_over_a_plane(view: str) -> None:
-    """And over a slope each cell is where its own height puts it, as `look` has it."""
-    ground, at = GRID, pose(4.0, 6.0, height_m=40.0)
-    mask = np.zeros((240, 320), np.uint8)
-    mask[:, 150:] = 255
-    plane = Projection(CAMERA, at, 0.0, ground, None)
-    level = Projection(CAMERA, at, 0.0, ground, terrain(0.0))
-    cells = plane.cells(view, 0.0)  # type: ignore[arg-type]
-    assert len(cells) >= 5
-    assert (level.cells(view, 0.0) == cells).all()  # type: ignore[arg-type]
-    assert level.shares(mask, cells) == pytest.approx(plane.shares(mask, cells), abs=0.1)
-    steep = Projection(CAMERA, at, 0.0, ground, terrain(30.0))
-    there = steep.cells(view, 0.5)  # type: ignore[arg-type]
-    assert np.abs(steep.shares(mask, there)).max() <= 1.0

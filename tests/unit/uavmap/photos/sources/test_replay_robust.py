@@ -20,6 +20,8 @@ from tests.support.photographs import dji
 from tests.support.small_missions import START, ring, square
 from tests.unit.uavmap.base.test_pictures import png
 from tests.unit.uavmap.photos.test_replay import GRID, HEIGHT, WIDTH, geotag, paint, shot
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import mission_of_text
 from uavmap.output.facts.boundary_model import FILE as BOUNDARY
 from uavmap.photos import scratch_file
@@ -341,7 +343,8 @@ def test_any_number_of_workers_gives_the_same_bytes(
         arguments = ["--mission", str(good / "m.toml"), "--out", str(out), "--workers", workers]
         assert main(["replay", str(photos), *arguments]) == 0
         names = ("map.geojson", "map.kml", "map.png", "summary.json", "pictures.csv", BOUNDARY)
-        made.append([(out / name).read_bytes() for name in names])
+        with Journal.open(out / JOURNAL) as journal:
+            made.append([journal.bodies(), *((out / name).read_bytes() for name in names)])
     assert made[0] == made[1]
 
 
