@@ -68,8 +68,8 @@ class BoundaryMap:
         }
 
 
-def write(data: BoundaryMap, path: Path) -> list[Feature]:
-    """Write the file; return its features."""
+def write(data: BoundaryMap, path: Path) -> None:
+    """Write the file."""
     features = features_of(data)
     head = {
         "mission": data.mission,
@@ -83,7 +83,6 @@ def write(data: BoundaryMap, path: Path) -> list[Feature]:
     # thousands of coordinates, all finite: json takes seven times as long
     lines = (to_json(feature).decode() for feature in features)
     write_text(path, "".join(geojson.collection(head, bbox, lines)))
-    return features
 
 
 def features_of(data: BoundaryMap) -> list[Feature]:

@@ -290,7 +290,7 @@ export class FlightMap {
 
   colour(number) {
     const colours = this.scene.tracks;
-    return colours[(number - 1) % colours.length];
+    return colours[number % colours.length];
   }
 
   drawTracks(pen) {

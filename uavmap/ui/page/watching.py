@@ -115,7 +115,9 @@ class Watcher:
             if self._evidence is None:
                 self._mark(vote.cell for vote in event.votes)
         elif isinstance(event, Weighed):
-            self._weigh(event)
+            if self._evidence is not None and self._seen is not None:
+                self._evidence.add(self._seen.votes, event.weights)
+                self._marked.update(dict.fromkeys(vote.cell for vote in self._seen.votes))
         elif isinstance(event, FrameLost):
             self._lost += 1
         elif isinstance(event, Tracked | Connected):
@@ -136,11 +138,6 @@ class Watcher:
         """Add to the log what was said to the operator."""
         for line in text.splitlines():
             self.board.add_line(round(self.state.t_s, 1), level, printable(line))
-
-    def _weigh(self, event: Weighed) -> None:
-        if self._evidence is not None and self._seen is not None:
-            self._evidence.add(self._seen.votes, event.weights)
-            self._marked.update(dict.fromkeys(vote.cell for vote in self._seen.votes))
 
     def _track(self, event: Tracked | Connected) -> None:
         if event.height_m < LIFT_OFF_M:
