@@ -163,7 +163,7 @@ class Visitor:
     def _show_buttons(self, board: Board) -> None:
         why = self._hub.ended or board.field("hands_off") or self._config.get("why", "")
         paused = bool(board.field("paused"))
-        self._why.set_text(why)
+        self._why.set_text("" if self._hub.ended else why)  # which the banner tells
         for name, button in self._buttons.items():
             button.set_visibility(not why and (name == HOME or paused == (name == GO_ON)))
 

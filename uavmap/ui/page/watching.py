@@ -225,13 +225,15 @@ class Watcher:
     def _show_fields(self) -> None:
         state, board = self.state, self.board
         board.set_field("t_s", round(state.t_s, 1))
-        board.set_field("phase", "replay of pictures" if self._recorded else phase(state))
+        words = "replay of pictures" if self._recorded else phase(state)
+        if state.over and not self._recorded:
+            words = "over, complete" if state.completed else "over, not complete"
+        board.set_field("phase", words)
         board.set_field("roi", len(state.belief.roi))
         board.set_field("frames", [self._judged, self._lost])
         board.set_field("paused", state.paused)
         board.set_field("recalled", state.recalled)
         board.set_field("over", state.over or self._recorded)
-        board.set_field("completed", state.completed)
 
     def _paced(self, show: Callable[[], None], dear_s: float = math.inf) -> float:
         """Do what is dear; when it may be done again, by what it cost."""

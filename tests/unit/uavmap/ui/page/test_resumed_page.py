@@ -55,7 +55,7 @@ def test_the_page_of_a_resumed_flight_has_all_of_it(
     summary = json.loads((folder / "summary.json").read_text())
     explored = [STATES[code] for code in board.cells.values()].count("explored")
     assert explored == summary["cells_roi"] > 0
-    assert board.field("completed")
+    assert board.field("phase") == "over, complete"
     kinds = feed.kinds
     assert (kinds[0], kinds.count("scene"), kinds[-1]) == ("scene", 1, "ended")
 

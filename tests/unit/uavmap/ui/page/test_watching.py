@@ -37,7 +37,7 @@ def test_the_board_of_a_flight_is_its_map(monkeypatch: pytest.MonkeyPatch) -> No
     shown = {cell: STATES[code] for cell, code in copy.cells.items()}
     assert shown == rows
     fields = copy.since(0)["fields"]
-    assert fields["over"]
+    assert (fields["over"], fields["phase"]) == (True, "over, complete")
     assert fields["certificate"]["exploration_s"] == found.exploration_s
     assert fields["certificate"]["lower_bound_s"] == found.lower_bound_s
     assert fields["left"]["what"] == "nothing more to explore"
