@@ -230,6 +230,8 @@ class Watcher:
             words = "over, complete" if state.completed else "over, not complete"
         board.set_field("phase", words)
         board.set_field("roi", len(state.belief.roi))
+        if state.tree is not None and state.belief.open_ballots:  # the same count in words
+            board.set_field("known", cells_known(state))
         board.set_field("frames", [self._judged, self._lost])
         board.set_field("paused", state.paused)
         board.set_field("recalled", state.recalled)
