@@ -13,7 +13,7 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from missions.geo.grid import Grid
-from missions.units import Cell, GridPoint, LatLon
+from missions.units import Cell, LatLon
 from uavmap.output.facts.outline import outline
 
 State = Literal[
@@ -186,10 +186,6 @@ class MapData:
     boundary: BaseGeometry | None = None
     """The region's boundary at pixel level, in the moving frame, where pictures told it."""
 
-    def place(self, point: GridPoint) -> LatLon:
-        """Return the place of a point of the region at the time of the map."""
-        return self.grid.position(self.grid.to_fixed(point, self.t_s))
-
     def with_boundary(self, boundary: BaseGeometry) -> MapData:
         """Return the same map with a boundary, and keep what was computed of its cells."""
         other = replace(self, boundary=boundary)
@@ -289,6 +285,15 @@ def on_earth(points: NDArray[np.float64], grid: Grid, t_s: float) -> NDArray[np.
     """Return longitudes and latitudes, shape (n, 2), of points of the moving frame."""
     origin = np.array([grid.origin.east_m, grid.origin.north_m])
     return grid.zone.lon_lat(origin + (points + drift_m(grid, t_s)) * grid.scale)
+
+
+def placed(
+    points: NDArray[np.float64], grid: Grid, t_s: float, start: LatLon, decimals: int
+) -> NDArray[np.float64]:
+    """Return `on_earth` for a file: longitudes in the turn of the start's, rounded."""
+    found = on_earth(points, grid, t_s)
+    found[:, 0] = turned(found[:, 0], start)
+    return found.round(decimals)
 
 
 def on_ground(degrees: NDArray[np.float64], grid: Grid) -> NDArray[np.float64]:

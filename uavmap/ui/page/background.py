@@ -147,8 +147,8 @@ def _laid(
     lat_deg: float,
 ) -> tuple[Colours, NDArray[np.float64]]:
     """The tiles under some points, and where in them these lie."""
-    kind = _format(database)
-    if kind == "pbf":
+    kind = database.execute("SELECT value FROM metadata WHERE name = 'format'").fetchone()
+    if kind == ("pbf",):
         raise OutputError(f"--tiles {path}: holds vector tiles; tiles of pictures are shown")
     low, high = database.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles").fetchone()
     if low is None:
@@ -175,11 +175,6 @@ def _laid(
         f"--tiles {path}: has no tile of this mission's place (zoom {low} to {high}); tiles of "
         f"{lat_deg:.3f} deg north and around are needed"
     )
-
-
-def _format(database: sqlite3.Connection) -> str:
-    found = database.execute("SELECT value FROM metadata WHERE name = 'format'").fetchone()
-    return str(found[0]) if found else ""
 
 
 def _tiles(

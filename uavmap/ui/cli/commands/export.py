@@ -216,7 +216,9 @@ def export_map(options: argparse.Namespace, say: Callable[[str], None]) -> int:
     for name in files:
         refuse_open(target / name)
     _write_map(target, files, made)
-    say(f"{shown}{os.sep if made.several else ''} ({_counted(files, made)})")
+    size_kb = sum(map(len, files.values())) / 1000.0
+    end, many = (os.sep, f"{len(files)} files, ") if made.several else ("", "")
+    say(f"{shown}{end} ({many}{size_kb:,.0f} kB)")
     return 0
 
 
@@ -265,8 +267,3 @@ def _write_map(target: Path, files: Mapping[str, bytes], made: Format) -> None:
             write_bytes(path, data)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
-
-
-def _counted(files: Mapping[str, bytes], made: Format) -> str:
-    size = sum(map(len, files.values())) / 1000.0
-    return f"{len(files)} files, {size:,.0f} kB" if made.several else f"{size:,.0f} kB"
