@@ -26,7 +26,7 @@ from tests.support.browser import browser
 from tests.support.plans import named_text, plan_of
 from tests.support.said import Said
 from uavmap.base.messages import shown_on
-from uavmap.ui.page.feed import Feed, Wishes, opened
+from uavmap.ui.page.feed import Feed, opened
 from uavmap.ui.page.page_scene import scene_of
 from uavmap.ui.page.watching import Watcher
 
@@ -111,7 +111,7 @@ def in_the_browser(out: Path) -> None:
     """How often it is drawn."""
     said = Said()
     config = {"title": "20 vehicles, 5,000 cells", "steers": True}
-    with shown_on(said), opened(Wishes(0, "--page"), config) as feed, browser() as driver:
+    with shown_on(said), opened(config, 0, "--page") as feed, browser() as driver:
         team = Team()
         feed.put({"kind": "scene", "scene": scene_of(team.setting)}, wait_s=5.0)
         version = told(team, feed, 0, 3.0, lambda: driver.get(said[0].removeprefix("live page: ")))

@@ -12,6 +12,7 @@ from missions.events import Event, FrameSeen, Tracked, Vote
 from missions.units import Cell, GridPoint
 from tests.support.plans import named_text, plan_of
 from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 
 SOURCE = named_text("runway")
 PLAN = plan_of(SOURCE.source, SOURCE.text + "# é\n", seed=7)
@@ -36,6 +37,13 @@ def write(path: Path, events: Iterable[Event]) -> Path:
         for event in events:
             journal.append(event)
     return path
+
+
+def begun(folder: Path, plan: FlightPlan, events: Iterable[Event] = (), **meta: object) -> Path:
+    """A folder with the journal of a flight, closed, and nothing else."""
+    with Journal.create(folder / JOURNAL, {"plan": plan.as_json(), **meta}) as journal:
+        journal.append_all(events)
+    return folder
 
 
 def contents(folder: Path) -> dict[str, str]:

@@ -1,6 +1,8 @@
-"""The lines for the operator, as a display that keeps them."""
+"""The lines for the operator: a display that keeps them, and a stream that nobody reads."""
 
 from __future__ import annotations
+
+import io
 
 
 class Said(list[str]):
@@ -8,3 +10,23 @@ class Said(list[str]):
 
     def show(self, text: str) -> None:
         self.append(text)
+
+
+class Gone(io.StringIO):
+    """A terminal, a pipe or a disk that takes nothing more."""
+
+    def __init__(self, failure: Exception, *, terminal: bool = False) -> None:
+        super().__init__()
+        self._failure = failure
+        self._terminal = terminal
+        self.tried = 0
+
+    def isatty(self) -> bool:
+        return self._terminal
+
+    def write(self, text: str) -> int:
+        self.tried += 1
+        raise self._failure
+
+    def flush(self) -> None:
+        raise self._failure

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from PIL import Image
@@ -36,16 +35,14 @@ class Format(NamedTuple):
     several: bool = False
 
 
-FORMATS: Final[Mapping[str, Format]] = MappingProxyType(
-    {
-        "gpkg": Format("map.gpkg", "geopackage_layers"),
-        "shp": Format("shp", "shapefile_layers", several=True),
-        "geojson": Format("geojson", "geojson_encoder", several=True),
-        "kml": Format("flight.kml", "kml_encoder"),
-        "gpx": Format("flight.gpx", "gpx_layers"),
-        "csv": Format("csv", "csv_layers", several=True),
-    }
-)
+FORMATS: Final[Mapping[str, Format]] = {
+    "gpkg": Format("map.gpkg", "geopackage_layers"),
+    "shp": Format("shp", "shapefile_layers", several=True),
+    "geojson": Format("geojson", "geojson_encoder", several=True),
+    "kml": Format("flight.kml", "kml_encoder"),
+    "gpx": Format("flight.gpx", "gpx_layers"),
+    "csv": Format("csv", "csv_layers", several=True),
+}
 GEOPACKAGE: Final = FORMATS["gpkg"].name
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -21,9 +20,9 @@ from uavmap.output.drawing.map_scene import Photograph, map_scene, map_view
 from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts import boundary_file
 from uavmap.output.facts.boundary_file import BoundaryMap
-from uavmap.output.facts.boundary_model import FILE, boundary_of
+from uavmap.output.facts.boundary_model import FILE
 from uavmap.output.facts.calendar import Calendar
-from uavmap.output.facts.extent import Extent, extent
+from uavmap.output.facts.extent import extent
 from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.flown_mission import Flown, dated
 from uavmap.output.facts.map_model import CellTable, Track
@@ -87,22 +86,19 @@ def write_replay(
             values |= found.figures()
             data = data.with_boundary(found.boundary.region)
         flown = replace(made, data=data, values=values)
-        others = pool.submit(_write_others, flown, made.extent, found, say)
+        others = pool.submit(_write_others, flown, found, say)
         write_sheet(map_scene(data), flown.folder / "map.png", photograph)
         for files in (cells, others):
             files.result()
     return values
 
 
-def _write_others(
-    flown: Flown, size: Extent, found: BoundaryMap | None, say: Callable[[str], None]
-) -> None:
+def _write_others(flown: Flown, boundary: BoundaryMap | None, say: Callable[[str], None]) -> None:
     """Write the boundary, the summary and the documents."""
-    features = () if found is None else boundary_file.write(found, flown.folder / FILE)
+    if boundary is not None:
+        boundary_file.write(boundary, flown.folder / FILE)
     summary_file.write(flown.values, flown.folder / "summary.json")
-    write_documents(
-        flown.knowing(size, boundary_of(features, flown.data) if features else None), say
-    )
+    write_documents(flown, say)
 
 
 def flown_replay(
@@ -112,14 +108,14 @@ def flown_replay(
     replayed: Replayed,
     log: FlightLog,
     calendar: Calendar,
-    known: Mapping[str, Any] = MappingProxyType({}),
+    known: Mapping[str, Any] | None = None,
 ) -> Flown:
     """Create what the results of a replay show; `known` are figures that replace others."""
     tracks = (Track(1, tuple(replayed.taken)),) if replayed.taken else ()
     data = map_of(setting, replayed.end_s, replayed.cells, tracks)
     data = replace(data, pictures=len(replayed.taken))
     size = extent(data, setting.mission.detector.share)
-    values = dated({**_replay_summary(setting, replayed), **known}, data, size, calendar)
+    values = dated({**_replay_summary(setting, replayed), **(known or {})}, data, size, calendar)
     return Flown(folder, plan, setting, data, values, log, calendar, recorded=True)
 
 

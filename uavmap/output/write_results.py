@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from uavmap.output.facts.extent import extent
 from uavmap.output.facts.figures import Figures, figures, summary
 from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.flown_mission import Flown, dated
-from uavmap.output.facts.map_model import CellRow, MapData, Track
+from uavmap.output.facts.map_model import CellRow, CellTable, MapData, Track
 from uavmap.output.facts.map_model import State as CellState
 from uavmap.output.facts.score import score, true_roi
 from uavmap.output.formats import geojson_encoder as geojson
@@ -66,7 +66,7 @@ def write_results(flown: Flown, say: Callable[[str], None]) -> dict[str, Any]:
 def map_data(setting: Setting, state: State, found: Figures, truth: BaseGeometry | None) -> MapData:
     """Create the map of a flight."""
     grid = setting.grid
-    rows = tuple(
+    cells = CellTable.of(
         CellRow(cell, cell_state(cell, state, recorded=False), tally.positive, tally.total)
         for cell, tally in state.belief.cells().items()
     )
@@ -76,12 +76,10 @@ def map_data(setting: Setting, state: State, found: Figures, truth: BaseGeometry
         if points
     )
     lanes = tuple((grid.position(a), grid.position(b)) for a, b in state.unsearched)
-    return replace(map_of(setting, state.t_s, rows, tracks), truth=truth, unsearched=lanes)
+    return replace(map_of(setting, state.t_s, cells, tracks), truth=truth, unsearched=lanes)
 
 
-def map_of(
-    setting: Setting, t_s: float, cells: Sequence[CellRow], tracks: tuple[Track, ...]
-) -> MapData:
+def map_of(setting: Setting, t_s: float, cells: CellTable, tracks: tuple[Track, ...]) -> MapData:
     """Create the map of some cells and tracks, in what the mission planned."""
     mission = setting.mission
     return MapData(
@@ -133,10 +131,5 @@ def _values(
     values |= {"cells_skipped": len(state.skipped)}
     if truth is not None:
         marks = score(state.belief.roi, truth, setting.grid, state.belief.detections())
-        values |= {
-            "false_positives": marks.false_positives,
-            "false_negatives": marks.false_negatives,
-            "cells_missed": marks.cells_missed,
-            "iou_cells": round(marks.iou_cells, 4),
-        }
+        values |= asdict(marks) | {"iou_cells": round(marks.iou_cells, 4)}
     return values

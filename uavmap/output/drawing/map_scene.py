@@ -22,7 +22,7 @@ from uavmap.output.drawing.scene import (
     bounds_of,
     rings_of,
 )
-from uavmap.output.facts.map_model import NOT_ROI, MapData, Track
+from uavmap.output.facts.map_model import NOT_ROI, MapData, Track, drift_m
 
 Photograph = Callable[[View], NDArray[np.uint8] | None]
 """Makes the photograph of the ground in a view: shape (rows, columns, 4), red, green, blue, and 255
@@ -34,10 +34,10 @@ _FENCE_ROOM = 2.2
 
 def map_scene(data: MapData) -> Scene:
     """Create the scene of a map, as it is at the time of the map."""
-    drift_m = np.array(data.grid.to_fixed(GridPoint(0.0, 0.0), data.t_s))
+    moved_m = drift_m(data.grid, data.t_s)
 
     def moved(name: str, rings: Iterable[NDArray[np.float64]]) -> Layer:
-        return line_layer(name, (ring + drift_m for ring in rings))
+        return line_layer(name, (ring + moved_m for ring in rings))
 
     cells, states = _cells(data)
     layers = [states, _tracks(data), moved("outline", rings_of(data.outline))]
@@ -86,7 +86,7 @@ def map_view(data: MapData) -> View:
 
 
 def _cells(data: MapData) -> tuple[Cells, Layer]:
-    table, grid = data.table, data.grid
+    table, grid = data.cells, data.grid
     names = palette.STATE_NAMES if data.pictures is None else palette.RECORDED_NAMES
     codes = np.zeros(len(table.cells), np.uint8)
     entries = []
@@ -119,7 +119,7 @@ def _track(data: MapData, track: Track) -> Iterator[GridPoint]:
 
 
 def _subtitle(data: MapData) -> str:
-    cells, minutes = np.count_nonzero(data.table.roi), divmod(round(data.t_s), 60)
+    cells, minutes = np.count_nonzero(data.cells.roi), divmod(round(data.t_s), 60)
     after = f"after {minutes[0]}:{minutes[1]:02d} min"
     if data.pictures is not None:
         after = f"from {data.pictures} pictures"

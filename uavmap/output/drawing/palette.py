@@ -8,7 +8,6 @@ colour-blind eyes; their blue and green are left to the truth and the cells.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from uavmap.output.facts.map_model import State
@@ -20,34 +19,30 @@ LAND: Final[Colour] = (247, 247, 243)
 INK: Final[Colour] = (35, 39, 43)
 FAINT: Final[Colour] = (120, 126, 132)
 
-STATES: Final[Mapping[State, Colour]] = MappingProxyType(
-    {
-        "explored": (116, 178, 122),
-        "under exploration": (242, 201, 76),
-        "unexplored": (43, 47, 51),
-        "skipped": (200, 30, 160),
-        "non-roi": (216, 220, 224),
-        "provisional": (226, 178, 158),
-        "provisional non-roi": (236, 232, 222),
-    }
-)
-STATE_NAMES: Final[Mapping[State, str]] = MappingProxyType(
-    {
-        "explored": "explored",
-        "under exploration": "under exploration",
-        "unexplored": "unexplored",
-        "skipped": "skipped by the operator",
-        "non-roi": "not region",
-        "provisional": "region so far",
-        "provisional non-roi": "not region so far",
-    }
-)
+STATES: Final[Mapping[State, Colour]] = {
+    "explored": (116, 178, 122),
+    "under exploration": (242, 201, 76),
+    "unexplored": (43, 47, 51),
+    "skipped": (200, 30, 160),
+    "non-roi": (216, 220, 224),
+    "provisional": (226, 178, 158),
+    "provisional non-roi": (236, 232, 222),
+}
+STATE_NAMES: Final[Mapping[State, str]] = {
+    "explored": "explored",
+    "under exploration": "under exploration",
+    "unexplored": "unexplored",
+    "skipped": "skipped by the operator",
+    "non-roi": "not region",
+    "provisional": "region so far",
+    "provisional non-roi": "not region so far",
+}
 """Names of the cell states for readers; files hold the states themselves."""
-RECORDED_NAMES: Final = MappingProxyType({**STATE_NAMES, "explored": "region"})
+RECORDED_NAMES: Final[Mapping[State, str]] = {**STATE_NAMES, "explored": "region"}
 """Names of the cell states in a map of recorded pictures, for which no vehicle explored."""
-NONSTOP_NAMES: Final = MappingProxyType(
-    {**STATE_NAMES, "explored": "decided", "under exploration": "region so far"}
-)
+NONSTOP_NAMES: Final[Mapping[State, str]] = {
+    **STATE_NAMES, "explored": "decided", "under exploration": "region so far",
+}  # fmt: skip
 """Names of the cell states in a film of a run without stopping."""
 
 OUTLINE: Final[Colour] = (20, 90, 50)
@@ -78,16 +73,14 @@ class Style(NamedTuple):
     dash_px: float = 0.0
 
 
-LINES: Final[Mapping[str, tuple[str, Style]]] = MappingProxyType(
-    {
-        "outline": ("outline of the cells", Style(OUTLINE, 2.5)),
-        "boundary": ("boundary by pixels", Style(BOUNDARY, 1.4)),
-        "truth": ("true region", Style(TRUTH, 2.0)),
-        "unsearched": ("search lane without a judged frame", Style(UNSEARCHED, 3.0)),
-        "box": ("search box", Style(BOX, 1.6, 9.0)),
-        "fence": ("geofence", Style(FENCE, 1.6, 4.0)),
-    }
-)
+LINES: Final[Mapping[str, tuple[str, Style]]] = {
+    "outline": ("outline of the cells", Style(OUTLINE, 2.5)),
+    "boundary": ("boundary by pixels", Style(BOUNDARY, 1.4)),
+    "truth": ("true region", Style(TRUTH, 2.0)),
+    "unsearched": ("search lane without a judged frame", Style(UNSEARCHED, 3.0)),
+    "box": ("search box", Style(BOX, 1.6, 9.0)),
+    "fence": ("geofence", Style(FENCE, 1.6, 4.0)),
+}
 """The lines of a map and of a plan, by the key of their layer."""
 TRACK_PX: Final = 1.3
 LANE_PX: Final = 2.0

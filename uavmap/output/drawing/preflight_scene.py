@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
-from markupsafe import Markup, escape
-
 from missions.flight.setting import Setting
 from missions.mission.places import homes
 from missions.mission.schema import positions
 from missions.units import GridPoint
-from uavmap.output.drawing import palette, svg
+from uavmap.output.drawing import palette
 from uavmap.output.drawing.map_scene import line_layer
 from uavmap.output.drawing.palette import Style
 from uavmap.output.drawing.scene import (
@@ -105,59 +103,3 @@ def _sizes(box: Sequence[GridPoint]) -> Layer:
 
 def _ring(setting: Setting, ring: Sequence[tuple[float, float]]) -> tuple[GridPoint, ...]:
     return tuple(setting.grid.fixed(place) for place in positions(tuple(ring)))
-
-
-# --- the plan as a page --------------------------------------------------------------------------
-_STYLE: Final = """\
-body { font: 15px/1.45 system-ui, sans-serif; color: #23272b; margin: 1.5rem; }
-h1 { font-size: 1.5rem; margin: 0 0 1rem; }
-main { display: flex; flex-wrap: wrap; gap: 1.5rem; align-items: flex-start; }
-svg { max-width: 100%; height: auto; }
-svg.sample { width: 30px; height: 18px; }
-table { border-collapse: collapse; }
-th { text-align: left; font-weight: normal; color: #5a6066; padding: .15rem 1rem .15rem 0;
-  vertical-align: top; white-space: nowrap; }
-td { padding: .15rem 0; max-width: 26rem; }
-ul { list-style: none; padding: 0; margin: 0 0 1rem; }
-li { display: flex; align-items: center; gap: .6rem; }
-.warning { color: #8a1c2c; max-width: 34rem; }
-"""
-
-
-def plan_page(scene: Scene, facts: Sequence[tuple[str, str]], warnings: Sequence[str]) -> str:
-    """Write the page, in HTML with a drawing in SVG. Texts are escaped."""
-    title = escape(scene.title)
-    rows = Markup("\n").join(
-        Markup("<tr><th>{}</th><td>{}</td></tr>").format(name, value) for name, value in facts
-    )
-    below = Markup("\n").join(Markup('<p class="warning">{}</p>').format(line) for line in warnings)
-    legend = Markup("\n").join(
-        Markup("<li>{}{}</li>").format(svg.sample(entry), entry.text) for entry in scene.legend
-    )
-    return f"""\
-<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'">
-<title>{title}</title>
-<style>
-{_STYLE}</style>
-</head>
-<body>
-<h1>{title}</h1>
-<main>
-{svg.map_drawing(scene)}
-<div>
-<ul>
-{legend}
-</ul>
-<table>
-{rows}
-</table>
-{below}
-</div>
-</main>
-</body>
-</html>
-"""

@@ -81,7 +81,35 @@ def sample(entry: Entry) -> Markup:
 def elements(shapes: Iterable[Shape], view: View) -> Iterator[str]:
     """Write shapes as elements of a drawing."""
     for shape in shapes:
-        yield from _elements(shape, view)
+        match shape:
+            case Box(corner, opposite, colour):
+                sides = np.sort(view.pixels([corner, opposite]), axis=0)
+                (left, top), (right, low) = sides.tolist()
+                yield (
+                    f'<rect x="{left:.2f}" y="{top:.2f}" width="{right - left:.2f}" '
+                    f'height="{low - top:.2f}" fill="{css(colour)}"/>'
+                )
+            case Area(ring, colour):
+                yield f'<path d="{_path(ring, view)}z" fill="{css(colour)}"/>'
+            case Line(places, style) if len(places) > 1:
+                closed = "z" if len(places) > 2 and (places[0] == places[-1]).all() else ""
+                dashes = f' stroke-dasharray="{style.dash_px:g}"' if style.dash_px else ""
+                yield (
+                    f'<path d="{_path(places, view)}{closed}" fill="none" '
+                    f'stroke="{css(style.colour)}" stroke-width="{style.width_px:.4g}"{dashes}/>'
+                )
+            case Dot(place, discs):
+                x, y = view.pixel(place)
+                for radius_px, colour in discs:
+                    at = f'cx="{x:.1f}" cy="{y:.1f}" r="{radius_px:.2f}"'
+                    yield f'<circle {at} fill="{css(colour)}"/>'
+            case Label(place, text, size_px, colour, anchor, (right_px, down_px)):
+                x, y = view.pixel(place)
+                yield (
+                    f'<text x="{x + right_px:.1f}" y="{y + down_px + 0.35 * size_px:.1f}" '
+                    f'text-anchor="{anchor}" font-size="{size_px:g}" fill="{css(colour)}">'
+                    f"{escape(text)}</text>"
+                )
 
 
 def _joined(shapes: Iterable[Shape], view: View) -> str:
@@ -95,40 +123,6 @@ def _svg(width: int, height: int, inside: str, label: str) -> Markup:
         'font-family="Helvetica, Arial, sans-serif" stroke-linejoin="round">\n'
         f"{inside}\n</svg>\n"
     )
-
-
-def _elements(shape: Shape, view: View) -> Iterator[str]:
-    match shape:
-        case Box(corner, opposite, colour):
-            (left, top), (right, low) = np.sort(view.pixels([corner, opposite]), axis=0).tolist()
-            yield (
-                f'<rect x="{left:.2f}" y="{top:.2f}" width="{right - left:.2f}" '
-                f'height="{low - top:.2f}" fill="{css(colour)}"/>'
-            )
-        case Area(ring, colour):
-            yield f'<path d="{_path(ring, view)}z" fill="{css(colour)}"/>'
-        case Line(places, style):
-            if len(places) < 2:
-                return
-            closed = "z" if len(places) > 2 and (places[0] == places[-1]).all() else ""
-            dashes = f' stroke-dasharray="{style.dash_px:g}"' if style.dash_px else ""
-            yield (
-                f'<path d="{_path(places, view)}{closed}" fill="none" stroke="{css(style.colour)}" '
-                f'stroke-width="{style.width_px:.4g}"{dashes}/>'
-            )
-        case Dot(place, discs):
-            x, y = view.pixel(place)
-            for radius_px, colour in discs:
-                yield (
-                    f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius_px:.2f}" fill="{css(colour)}"/>'
-                )
-        case Label(place, text, size_px, colour, anchor, (right_px, down_px)):
-            x, y = view.pixel(place)
-            yield (
-                f'<text x="{x + right_px:.1f}" y="{y + down_px + 0.35 * size_px:.1f}" '
-                f'text-anchor="{anchor}" font-size="{size_px:g}" fill="{css(colour)}">'
-                f"{escape(text)}</text>"
-            )
 
 
 def _cells(shape: Cells, view: View) -> Iterator[str]:

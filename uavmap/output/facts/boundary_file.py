@@ -23,7 +23,7 @@ from missions.geo.grid import Grid
 from missions.units import LatLon
 from uavmap.base.atomic_write import write_text
 from uavmap.output.facts.boundary_model import Boundary
-from uavmap.output.facts.map_model import on_earth, turned
+from uavmap.output.facts.map_model import placed
 from uavmap.output.facts.outline import Runs, runs
 from uavmap.output.formats import geojson_encoder as geojson
 
@@ -68,8 +68,8 @@ class BoundaryMap:
         }
 
 
-def write(data: BoundaryMap, path: Path) -> list[Feature]:
-    """Write the file; return its features."""
+def write(data: BoundaryMap, path: Path) -> None:
+    """Write the file."""
     features = features_of(data)
     head = {
         "mission": data.mission,
@@ -83,7 +83,6 @@ def write(data: BoundaryMap, path: Path) -> list[Feature]:
     # thousands of coordinates, all finite: json takes seven times as long
     lines = (to_json(feature).decode() for feature in features)
     write_text(path, "".join(geojson.collection(head, bbox, lines)))
-    return features
 
 
 def features_of(data: BoundaryMap) -> list[Feature]:
@@ -169,16 +168,15 @@ def _shape(
 ) -> Feature:
     """Create a feature; its geometry is null where there is none."""
 
-    def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        found = on_earth(points, data.grid, data.t_s)
-        found[:, 0] = turned(found[:, 0], data.start)
+    def on_map(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        found = placed(points, data.grid, data.t_s, data.start, DECIMALS)
         if not np.isfinite(found).all():  # JSON has no word for it
             raise ValueError("a point of the boundary lies nowhere on Earth")
-        return found.round(DECIMALS)
+        return found
 
     feature: Feature = {"type": "Feature", "id": name or kind, "geometry": None}
     if not shape.is_empty:
-        there = shapely.transform(shape, placed)
+        there = shapely.transform(shape, on_map)
         feature["bbox"] = list(there.bounds)
         feature["geometry"] = mapping(there)
     return {**feature, "properties": {"kind": kind, **told}}

@@ -16,7 +16,7 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from uavmap.base.text_files import read_text
-from uavmap.output.facts.map_model import MapData
+from uavmap.output.facts.map_model import MapData, on_ground
 
 
 class Line(NamedTuple):
@@ -132,17 +132,14 @@ def read_boundary(folder: Path, data: MapData) -> BoundaryTold | None:
         told = json.loads(read_text(folder / FILE, _MOST_BYTES))
         if abs(float(told["t_s"]) - data.t_s) > _SAME_S:
             return None
-        return boundary_of(told["features"], data)
+        return _told(told["features"], data)
     except (OSError, ValueError, TypeError, KeyError, RecursionError, ShapelyError):
         return None
 
 
-def boundary_of(told: Iterable[Mapping[str, Any]], data: MapData) -> BoundaryTold | None:
-    """Read the features of the file; None of a geometry that is no boundary.
-
-    Raises `KeyError`, `TypeError` or `ValueError` for missing or other values.
-    """
-    features = {str(one["id"]): one for one in told}
+def _told(found: Iterable[Mapping[str, Any]], data: MapData) -> BoundaryTold | None:
+    """Read the features; None of a geometry that is no boundary. Any other fault raises."""
+    features = {str(one["id"]): one for one in found}
     feature = features["boundary"]
     values = feature["properties"]
     region: Polygon | MultiPolygon = Polygon()
@@ -150,9 +147,7 @@ def boundary_of(told: Iterable[Mapping[str, Any]], data: MapData) -> BoundaryTol
         shape = shapely.from_geojson(json.dumps(feature["geometry"]))
         if not isinstance(shape, Polygon | MultiPolygon):
             return None
-        grid = data.grid
-        origin = np.array([grid.origin.east_m, grid.origin.north_m])
-        region = shapely.transform(shape, lambda at: (grid.zone.utm(at) - origin) / grid.scale)
+        region = shapely.transform(shape, lambda at: on_ground(at, data.grid))
     uncertainty = values["uncertainty_m"]
     lines = (one for name, one in features.items() if name.startswith("line "))
     numbers = [

@@ -36,7 +36,6 @@ class NavigationLog:
     """The largest standard deviation of what it went by instead."""
     _gnss: str = "good"
     _since_s: float = 0.0
-    _times: dict[str, float] = field(default_factory=dict)
 
     def take(self, event: Event) -> None:
         """Note a change of navigation or a landing of this vehicle."""

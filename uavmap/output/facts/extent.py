@@ -61,7 +61,7 @@ class Extent:
 
 def extent(data: MapData, share: float) -> Extent:
     """Measure a map's region; a cell belongs to it from `share` on."""
-    table = data.table
+    table = data.cells
     roi = table.cells[table.roi]
     rim, beside, beyond, open_cells = _around(roi, table.cells[table.are("non-roi")])
     cell_m2 = data.grid.cell_m**2

@@ -37,11 +37,6 @@ class Flown:
     calendar: Calendar
     recorded: bool = False
 
-    def knowing(self, found: Extent, boundary: BoundaryTold | None) -> Flown:
-        """Keep the extent and the boundary that are known already."""
-        self.__dict__.update(extent=found, boundary=boundary)
-        return self
-
     @property
     def completed(self) -> bool:
         """Whether the mission is complete."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final, Literal, NamedTuple, Self, get_args, overload
+from typing import Final, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from missions.geo.grid import Grid
-from missions.units import Cell, GridPoint, LatLon
+from missions.units import Cell, LatLon
 from uavmap.output.facts.outline import outline
 
 State = Literal[
@@ -50,8 +50,8 @@ class CellRow(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CellTable(Sequence[CellRow]):
-    """Cells, column by column (tens of bytes a cell); as a sequence, a row each.
+class CellTable:
+    """Cells, column by column (tens of bytes a cell).
 
     Attributes:
         cells: Columns and rows, shape (n, 2).
@@ -62,8 +62,8 @@ class CellTable(Sequence[CellRow]):
 
     >>> rows = [CellRow(Cell(3, 4), "explored", 2, 3), CellRow(Cell(3, 5), "non-roi", 0, 3)]
     >>> table = CellTable.of(rows)
-    >>> table[1].cell, table.cells.tolist(), table.roi.tolist(), list(table) == rows
-    (Cell(east=3, north=5), [[3, 4], [3, 5]], [True, False], True)
+    >>> len(table), table.cells.tolist(), table.roi.tolist(), list(table) == rows
+    (2, [[3, 4], [3, 5]], [True, False], True)
     """
 
     cells: NDArray[np.int32]
@@ -102,16 +102,6 @@ class CellTable(Sequence[CellRow]):
         """How many cells."""
         return len(self.cells)
 
-    @overload
-    def __getitem__(self, at: int) -> CellRow: ...
-    @overload
-    def __getitem__(self, at: slice) -> CellTable: ...
-    def __getitem__(self, at: int | slice) -> CellRow | CellTable:
-        """A row, or the table of some."""
-        if isinstance(at, slice):
-            return self.which(at)
-        return next(iter(self.which([range(len(self))[at]])))
-
     def which(self, some: slice | Sequence[int] | NDArray[np.bool_]) -> CellTable:
         """Return the table of some of the cells."""
         belief = None if self.belief is None else self.belief[some]
@@ -127,7 +117,7 @@ class CellTable(Sequence[CellRow]):
     def parts(self) -> Iterator[CellTable]:
         """Yield the table in parts of at most `AT_ONCE` cells."""
         for first in range(0, len(self), AT_ONCE):
-            yield self[first : first + AT_ONCE]
+            yield self.which(slice(first, first + AT_ONCE))
 
     def values(self) -> Iterator[tuple[list[int], State, int, int, float | None]]:
         """Yield the fields of each row."""
@@ -182,7 +172,7 @@ class MapData:
     mission: str
     grid: Grid
     t_s: float
-    cells: Sequence[CellRow]
+    cells: CellTable
     tracks: tuple[Track, ...]
     start: LatLon
     box: tuple[LatLon, ...]
@@ -196,26 +186,17 @@ class MapData:
     boundary: BaseGeometry | None = None
     """The region's boundary at pixel level, in the moving frame, where pictures told it."""
 
-    def place(self, point: GridPoint) -> LatLon:
-        """Return the place of a point of the region at the time of the map."""
-        return self.grid.position(self.grid.to_fixed(point, self.t_s))
-
     def with_boundary(self, boundary: BaseGeometry) -> MapData:
         """Return the same map with a boundary, and keep what was computed of its cells."""
         other = replace(self, boundary=boundary)
-        kept = ("corners", "outline", "squares", "table")
+        kept = ("corners", "outline", "squares")
         other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
         return other
 
     @cached_property
-    def table(self) -> CellTable:
-        """The cells in columns, in their order."""
-        return self.cells if isinstance(self.cells, CellTable) else CellTable.of(self.cells)
-
-    @cached_property
     def corners(self) -> CellCorners:
         """The corners of the cells at the time of the map."""
-        return CellCorners.of(self.table.cells, self.grid, self.t_s)
+        return CellCorners.of(self.cells.cells, self.grid, self.t_s)
 
     @cached_property
     def outline(self) -> Polygon | MultiPolygon:
@@ -226,15 +207,15 @@ class MapData:
     def squares(self) -> NDArray[np.float64]:
         """West, south, east and north of each cell in the fixed frame at the time of the map, m;
         shape (n, 4)."""
-        grid, cells = self.grid, self.table.cells.astype(np.float64)
+        grid, cells = self.grid, self.cells.cells.astype(np.float64)
         half_m, middle_m = grid.cell_m / 2, cells * grid.cell_m
-        drift_m = np.array([grid.drift_east_m_s * self.t_s, grid.drift_north_m_s * self.t_s])
-        return np.hstack([middle_m - half_m + drift_m, middle_m + half_m + drift_m])
+        moved_m = drift_m(grid, self.t_s)
+        return np.hstack([middle_m - half_m + moved_m, middle_m + half_m + moved_m])
 
     @property
     def roi_cells(self) -> tuple[Cell, ...]:
         """The cells of the region, in the order of `cells`."""
-        return tuple(Cell(*cell) for cell in self.table.cells[self.table.roi].tolist())
+        return tuple(Cell(*cell) for cell in self.cells.cells[self.cells.roi].tolist())
 
 
 _AROUND: Final = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
@@ -302,6 +283,26 @@ def turned(lon_deg: NDArray[np.float64], start: LatLon) -> NDArray[np.float64]:
 
 def on_earth(points: NDArray[np.float64], grid: Grid, t_s: float) -> NDArray[np.float64]:
     """Return longitudes and latitudes, shape (n, 2), of points of the moving frame."""
-    drift_m = np.array([grid.drift_east_m_s * t_s, grid.drift_north_m_s * t_s])
     origin = np.array([grid.origin.east_m, grid.origin.north_m])
-    return grid.zone.lon_lat(origin + (points + drift_m) * grid.scale)
+    return grid.zone.lon_lat(origin + (points + drift_m(grid, t_s)) * grid.scale)
+
+
+def placed(
+    points: NDArray[np.float64], grid: Grid, t_s: float, start: LatLon, decimals: int
+) -> NDArray[np.float64]:
+    """Return `on_earth` for a file: longitudes in the turn of the start's, rounded."""
+    found = on_earth(points, grid, t_s)
+    found[:, 0] = turned(found[:, 0], start)
+    return found.round(decimals)
+
+
+def on_ground(degrees: NDArray[np.float64], grid: Grid) -> NDArray[np.float64]:
+    """Return points of the fixed frame, shape (n, 2), of longitudes and latitudes."""
+    origin = np.array([grid.origin.east_m, grid.origin.north_m])
+    found: NDArray[np.float64] = (grid.zone.utm(degrees) - origin) / grid.scale
+    return found
+
+
+def drift_m(grid: Grid, t_s: float) -> NDArray[np.float64]:
+    """Return how far the moving frame is from the fixed one at a time, east and north."""
+    return np.array([grid.drift_east_m_s, grid.drift_north_m_s]) * t_s

@@ -29,6 +29,7 @@ from missions.mapping.breadth_first import patches
 from missions.mission.views import DRAG_1_S, G_M_S2, path_speed_m_s, seen_whole_m
 from missions.planning.bounds.lower_bounds import passing_bound_s
 from missions.units import Cell, GridPoint
+from uavmap.output.facts.map_model import drift_m
 from vision.projection import SEEN_SHARE
 
 FACT_S: Final = 1.0
@@ -237,8 +238,7 @@ def beyond_fence(setting: Setting, cells: Collection[Cell], t_s: float) -> froze
     if not cells:
         return frozenset()
     grid, mission, listed = setting.grid, setting.mission, list(cells)
-    drift = t_s * np.array([grid.drift_east_m_s, grid.drift_north_m_s])
-    places = grid.cell_m * np.array(listed, dtype=np.float64) + drift
+    places = grid.cell_m * np.array(listed, dtype=np.float64) + drift_m(grid, t_s)
     if setting.nonstop:
         vehicles = range(len(mission.vehicles))
         half_east_m, half_north_m = seen_whole_m(

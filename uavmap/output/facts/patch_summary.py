@@ -86,18 +86,26 @@ def box_in_words(box: Mapping[str, Any]) -> str:
     return ", ".join([*counts, *(f"{box[why]:,} {_WHY[why]}" for why in kinds if box[why])])
 
 
-def lines(found: Sequence[Mapping[str, Any]], in_all: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a line per patch, one for all where there are several, and one for the box."""
+def lines(
+    found: Sequence[Mapping[str, Any]], in_all: Mapping[str, Any], *, verbose: bool
+) -> Iterator[str]:
+    """Yield a line per patch; `verbose`: with its times and bounds, and one for all and the box."""
     for number, one in enumerate(found[:MOST_PATCHES], start=1):
         root, drift = one["root"], drift_in_words(one)
-        yield (
-            f"patch {number}: {one['area_m2']:,.0f} sq m, {state_in_words(one)}; decided from "
-            f"{one['found_s']:,.1f} s on, at {root['lat_deg']:.6f}, {root['lon_deg']:.6f} first, "
-            f"to {one['decided_s']:,.1f} s ({time_in_words(one)})"
-            f"{f'; it {drift}' if drift else ''}"
-        )
+        place = f"at {root['lat_deg']:.6f}, {root['lon_deg']:.6f}"
+        if verbose:
+            told = (
+                f"; decided from {one['found_s']:,.1f} s on, {place} first, to "
+                f"{one['decided_s']:,.1f} s ({time_in_words(one)})"
+            )
+        else:
+            told = f", {place}"
+        moved = f"; it {drift}" if drift else ""
+        yield f"patch {number}: {one['area_m2']:,.0f} sq m, {state_in_words(one)}{told}{moved}"
     if len(found) > MOST_PATCHES:
         yield f"... and {len(found) - MOST_PATCHES} more patches"
+    if not verbose:
+        return
     if len(found) > 1:
         yield (
             f"all {len(found)} patches: {in_all['area_m2']:,.0f} sq m, {state_in_words(in_all)} "

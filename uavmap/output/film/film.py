@@ -14,6 +14,7 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from missions.units import Cell
+from uavmap.output.drawing.scene import bounds_of
 from uavmap.output.facts.map_model import NOT_ROI, State
 
 FPS: Final = 20
@@ -120,13 +121,8 @@ class Film:
         places: list[tuple[float, float]] = [*self.roi, self.start, self.start_at(self.end_t)]
         places += [change.cell for change in self.changes]
         places += [fix.place for track in self.tracks.values() for fix in track]
-        easts, norths = [p[0] for p in places], [p[1] for p in places]
-        return (
-            math.floor(min(easts) + 0.5),
-            math.floor(min(norths) + 0.5),
-            math.floor(max(easts) + 0.5),
-            math.floor(max(norths) + 0.5),
-        )
+        west, south, east, north = (math.floor(side + 0.5) for side in bounds_of(places))
+        return west, south, east, north
 
     @property
     def cells(self) -> int:

@@ -14,7 +14,17 @@ from uavmap.output.drawing import legend, palette
 from uavmap.output.drawing.palette import Colour, Style
 from uavmap.output.drawing.raster import encode_png, picture, text_width
 from uavmap.output.drawing.scale import step_up
-from uavmap.output.drawing.scene import Box, Dot, Entry, Label, Line, Place, Shape, View
+from uavmap.output.drawing.scene import (
+    Box,
+    Dot,
+    Entry,
+    Label,
+    Line,
+    Place,
+    Shape,
+    View,
+    bounds_of,
+)
 from uavmap.output.drawing.svg import document
 from uavmap.output.film.film_writers import DRAWINGS, check_path, save
 
@@ -95,8 +105,8 @@ def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
 
 # --- where the vertices are ------------------------------------------------------------------
 def _on_ground(tree: Tree) -> tuple[dict[Cell, Place], float]:
-    across = max(c.east for c in tree.vertices) - min(c.east for c in tree.vertices) + 1
-    up = max(c.north for c in tree.vertices) - min(c.north for c in tree.vertices) + 1
+    west, south, east, north = bounds_of(tree.vertices)
+    across, up = east - west + 1, north - south + 1
     step = min(max(_PANEL_PX // max(across, up), _NARROWEST_PX), _WIDEST_PX)
     return {cell: (cell.east * step, -cell.north * step) for cell in tree.vertices}, step
 

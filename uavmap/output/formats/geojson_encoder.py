@@ -34,12 +34,7 @@ from uavmap.output.formats.layers import (
 
 
 def write(data: MapData, path: Path, utc: str | None = None) -> None:
-    """Write map.geojson; `utc` is its date, ISO 8601, if it is known."""
-    write_parts(path, (part.encode() for part in _map(data, utc)))
-
-
-def encode_map(data: MapData, utc: str | None = None) -> str:
-    """Encode map.geojson, a feature a line; `utc` is its date.
+    """Write map.geojson, a feature a line; `utc` is its date, ISO 8601, if it is known.
 
     Features by their property `kind`:
 
@@ -50,7 +45,7 @@ def encode_map(data: MapData, utc: str | None = None) -> str:
     * `track`: LineString; `vehicle`, `start_s`, `end_s`. Vehicles that never moved have none.
     * `unsearched`: LineString, a stretch of a search lane that no judged frame shows.
     """
-    return "".join(_map(data, utc))
+    write_parts(path, (part.encode() for part in _map(data, utc)))
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
@@ -128,7 +123,7 @@ def _cells(data: MapData) -> Iterator[str]:
     def place(lon_deg: float, lat_deg: float) -> str:
         return f"[{round(lon_deg, DECIMALS)!r}, {round(lat_deg, DECIMALS)!r}]"
 
-    parts = zip(data.table.parts(), data.corners.written(data.start, place), strict=True)
+    parts = zip(data.cells.parts(), data.corners.written(data.start, place), strict=True)
     for table, rings in parts:
         for (sw, se, ne, nw), row in zip(rings, table.values(), strict=True):
             (east, north), state, positive, votes, known = row

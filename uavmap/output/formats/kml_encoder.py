@@ -38,14 +38,8 @@ _ABOVE_GROUND = "<altitudeMode>relativeToGround</altitudeMode>"
 
 
 def write(data: MapData, path: Path) -> None:
-    """Write map.kml to `path`."""
+    """Write map.kml: folders Outline, Cells (a folder per state), Tracks, Not searched (if any)."""
     write_parts(path, (part.encode() for part in _map(data)))
-
-
-def encode_map(data: MapData) -> bytes:
-    """Encode map.kml: folders Outline, Cells (a folder per state), Tracks, Not searched (if
-    any)."""
-    return "".join(_map(data)).encode()
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
@@ -135,12 +129,12 @@ def _map(data: MapData) -> Iterator[str]:
 def _cells(data: MapData) -> Iterator[str]:
     """Write a folder per state, `AT_ONCE` of thousands of cells at a time."""
     for state in palette.STATES:
-        there = data.table.are(state)
+        there = data.cells.are(state)
         if not there.any():
             continue
         yield f"<Folder><name>{state}</name>\n"
         style = state.replace(" ", "-")
-        some, corners = data.table.which(there), data.corners.which(there)
+        some, corners = data.cells.which(there), data.corners.which(there)
         texts = corners.written(data.start, lambda *at: _place(at))
         for table, rings in zip(some.parts(), texts, strict=True):
             for ring, row in zip(rings, table.values(), strict=True):

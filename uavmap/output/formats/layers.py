@@ -15,11 +15,11 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
-from missions.units import GridPoint, LatLon
+from missions.units import LatLon
 from uavmap.base.printable import printable
 from uavmap.base.version import __version__
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.facts.map_model import AT_ONCE, MapData, turned
+from uavmap.output.facts.map_model import AT_ONCE, MapData, placed, turned
 
 DECIMALS: Final = 7
 """Of a degree: about a centimetre."""
@@ -85,23 +85,21 @@ class Layer:
 def in_degrees(layer: Layer, data: MapData) -> Shapes:
     """Return the geometries in WGS84, longitude first, rounded, in the turn of the start."""
 
-    def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def projected(points: NDArray[np.float64]) -> NDArray[np.float64]:
         there = data.grid.zone.lon_lat(points[:, :2])
         there[:, 0] = turned(there[:, 0], data.start)
         return np.column_stack([there.round(DECIMALS), points[:, 2:]])
 
-    shapes: Shapes = shapely.transform(layer.shapes, placed, include_z=layer.heights)
+    shapes: Shapes = shapely.transform(layer.shapes, projected, include_z=layer.heights)
     return shapes
 
 
 def outline_in_degrees(data: MapData) -> Polygon | MultiPolygon:
     """Return the outline of a map's region, as `in_degrees`."""
-
-    def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        places = (data.place(GridPoint(east, north)) for east, north in points.tolist())
-        return np.array(line_in_degrees(data, places))
-
-    shape: Polygon | MultiPolygon = shapely.transform(data.outline, placed)
+    where = data.grid, data.t_s, data.start, DECIMALS
+    shape: Polygon | MultiPolygon = shapely.transform(
+        data.outline, lambda points: placed(points, *where)
+    )
     return shape
 
 

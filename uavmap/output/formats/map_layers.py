@@ -23,7 +23,7 @@ from uavmap.journal.kept_frames import KeptFrame, read_kept
 from uavmap.output.facts.boundary_model import BoundaryTold
 from uavmap.output.facts.flight_log import Fix
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.facts.map_model import CellTable
+from uavmap.output.facts.map_model import CellTable, drift_m
 from uavmap.output.formats.layers import Field, Layer, Shapes, Value
 
 
@@ -50,14 +50,8 @@ def _projected(grid: Grid, points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.column_stack([(origin + points[:, :2] * grid.scale).round(3), points[:, 2:]])
 
 
-def _drifted(flown: Flown) -> NDArray[np.float64]:
-    """Return the drift of the moving frame by the time of the map, m."""
-    grid = flown.data.grid
-    return np.array([grid.drift_east_m_s, grid.drift_north_m_s]) * flown.data.t_s
-
-
 def _of_region(flown: Flown, shapes: Any) -> Shapes:
-    grid, drift = flown.data.grid, _drifted(flown)
+    grid, drift = flown.data.grid, drift_m(flown.data.grid, flown.data.t_s)
     moved = shapely.transform(shapes, lambda points: _projected(grid, points + drift))
     return np.atleast_1d(np.array(moved, dtype=object))
 
@@ -116,7 +110,7 @@ def _region(flown: Flown) -> Layer:
         shapes = _of_region(flown, _whole(shape))
     row: tuple[Value, ...] = (
         "region", data.mission, flown.completed, printable(str(flown.values.get("finding", ""))),
-        int(np.count_nonzero(data.table.roi)), round(found.area_m2, 1), round(found.low_m2, 1),
+        int(np.count_nonzero(data.cells.roi)), round(found.area_m2, 1), round(found.low_m2, 1),
         round(found.high_m2, 1), round(found.perimeter_m, 1), found.parts, found.holes,
         found.open_cells, flown.calendar.utc(0.0), flown.simulated,
     )  # fmt: skip
@@ -145,13 +139,13 @@ def _cells(flown: Flown) -> Layer:
     half_m = data.grid.cell_m / 2.0
 
     def squares(part: slice) -> Shapes:
-        middle = data.grid.cell_m * data.table.cells[part].astype(np.float64)
-        drift = _drifted(flown)
+        middle = data.grid.cell_m * data.cells.cells[part].astype(np.float64)
+        drift = drift_m(data.grid, data.t_s)
         # the axes of the grid are those of the projection
         low, high = (_projected(data.grid, middle + more_m + drift) for more_m in (-half_m, half_m))
         return np.array(shapely.box(*low.T, *high.T), dtype=object)
 
-    return Layer("cells", "Cells", "Polygon", False, fields, squares, _CellValues(data.table))
+    return Layer("cells", "Cells", "Polygon", False, fields, squares, _CellValues(data.cells))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,7 +163,7 @@ class _CellValues(Sequence[tuple[Value, ...]]):
     def __getitem__(self, at: slice) -> _CellValues: ...
     def __getitem__(self, at: int | slice) -> tuple[Value, ...] | _CellValues:
         if isinstance(at, slice):
-            return _CellValues(self.table[at])
+            return _CellValues(self.table.which(at))
         return next(iter(_CellValues(self.table.which([range(len(self))[at]]))))
 
     def __iter__(self) -> Iterator[tuple[Value, ...]]:

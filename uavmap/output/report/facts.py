@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
 from uavmap.base.printable import printable
 from uavmap.output.facts.counting import navigation_in_words
-from uavmap.output.facts.flight_log import Sortie
 from uavmap.output.facts.flown_mission import Flown
 from uavmap.output.facts.patch_summary import MOST_PATCHES, box_in_words, state_in_words
 from uavmap.output.report.timeline import minutes
@@ -25,19 +24,11 @@ _PASSWORD: Final = re.compile(r"//[^/@\s]*@")
 """Of an address: a page is handed on, and must not contain it."""
 
 
-class Setting(NamedTuple):
-    """A key of the mission; `given` where the file named it."""
-
-    key: str
-    value: str
-    given: bool
-
-
 # --- what was found ------------------------------------------------------------------------------
 def extent_facts(flown: Flown) -> Facts:
     """Return area and perimeter with their bounds."""
     found, data, boundary = flown.extent, flown.data, flown.boundary
-    cells = f"{np.count_nonzero(data.table.roi):,} cells of {data.grid.cell_m:g} m"
+    cells = f"{np.count_nonzero(data.cells.roi):,} cells of {data.grid.cell_m:g} m"
     share = flown.setting.mission.detector.share
     facts = [
         (
@@ -80,8 +71,8 @@ def _position(flown: Flown) -> str:
 
 def certificate(flown: Flown) -> tuple[Facts, Facts]:
     """Return what was judged, and what was not."""
-    values, cells = flown.values, Counter(flown.data.table.counts())
-    region = np.count_nonzero(flown.data.table.roi)
+    values, cells = flown.values, Counter(flown.data.cells.counts())
+    region = np.count_nonzero(flown.data.cells.roi)
     lost = sum(trouble.kind == "frame" for trouble in flown.log.troubles)
     unreached = _number(values, "cells_abandoned")
     judged = [
@@ -163,26 +154,23 @@ def flight_facts(flown: Flown) -> Facts:
 
 
 # --- the flight ----------------------------------------------------------------------------------
-def sortie_rows(flown: Flown) -> list[Row]:
-    """Return a row per sortie; none of a replay."""
-    return [] if flown.recorded else [_sortie_row(flown, sortie) for sortie in flown.log.sorties()]
-
-
-def _sortie_row(flown: Flown, sortie: Sortie) -> Row:
-    fixes = flown.log.fixes_of(sortie)
-    places = np.array([fix.place for fix in fixes], dtype=np.float64).reshape(-1, 2)
-    distance_m = float(np.hypot(*np.diff(places, axis=0).T).sum())
-    first, last = fixes[0].remaining_wh, fixes[-1].remaining_wh
+def sortie_rows(flown: Flown) -> Iterator[Row]:
+    """Yield a row per sortie of a flight."""
     full = flown.setting.mission.battery.capacity_wh
-    return (
-        sortie.vehicle,
-        sortie.number,
-        flown.calendar.told(sortie.start_s),
-        flown.calendar.told(sortie.end_s) if sortie.ended else "no landing known",
-        minutes(sortie.end_s - sortie.start_s),
-        f"{distance_m:,.0f}",
-        f"{first:.1f} to {last:.1f} ({first / full:.0%} to {last / full:.0%})",
-    )
+    for sortie in flown.log.sorties():
+        fixes = flown.log.fixes_of(sortie)
+        places = np.array([fix.place for fix in fixes], dtype=np.float64).reshape(-1, 2)
+        distance_m = float(np.hypot(*np.diff(places, axis=0).T).sum())
+        first, last = fixes[0].remaining_wh, fixes[-1].remaining_wh
+        yield (
+            sortie.vehicle,
+            sortie.number,
+            flown.calendar.told(sortie.start_s),
+            flown.calendar.told(sortie.end_s) if sortie.ended else "no landing known",
+            minutes(sortie.end_s - sortie.start_s),
+            f"{distance_m:,.0f}",
+            f"{first:.1f} to {last:.1f} ({first / full:.0%} to {last / full:.0%})",
+        )
 
 
 def trouble_rows(flown: Flown) -> tuple[list[Row], int]:
@@ -219,21 +207,17 @@ def notes(flown: Flown) -> list[str]:
 
 
 # --- how it was set up ---------------------------------------------------------------------------
-def settings(flown: Flown) -> list[Setting]:
-    """Return every key of the mission with its value, in sections as `section.key`."""
-    return list(_settings("", flown.setting.mission))
-
-
-def _settings(above: str, section: Any) -> Iterator[Setting]:
+def settings(section: Any, above: str = "") -> Iterator[tuple[str, str, bool]]:
+    """Yield each key of a mission, as `section.key`, its value, and whether the file named it."""
     for name in type(section).model_fields:
         value, key = getattr(section, name), f"{above}{name}"
         if hasattr(type(value), "model_fields"):
-            yield from _settings(f"{key}.", value)
+            yield from settings(value, f"{key}.")
         elif isinstance(value, tuple) and value and hasattr(type(value[0]), "model_fields"):
             for number, one in enumerate(value, start=1):
-                yield from _settings(f"{key}[{number}].", one)
+                yield from settings(one, f"{key}[{number}].")
         else:
-            yield Setting(key, _shown(value), name in section.model_fields_set)
+            yield key, _shown(value), name in section.model_fields_set
 
 
 def _shown(value: object) -> str:
@@ -278,9 +262,7 @@ def patch_rows(flown: Flown) -> tuple[list[Row], int]:
 
 
 def box_told(flown: Flown) -> str:
-    """Return how much of the search box is decided, and what follows; empty of a replay."""
-    if flown.recorded:
-        return ""
+    """Return how much of the search box of a flight is decided, and what follows."""
     box = flown.values["patches_in_all"]["box"]
     proof = "no patch that begins in it is missing, if the verdicts are right"
     return f"{box_in_words(box)}: {proof if box['whole'] else 'a patch may be missing there'}"

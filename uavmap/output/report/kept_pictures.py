@@ -17,6 +17,7 @@ from uavmap.base.printable import printable
 from uavmap.base.text_files import read_bytes
 from uavmap.journal.kept_frames import FRAMES, KeptFrame
 from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.map_model import drift_m, on_ground
 from uavmap.output.formats.map_layers import kept_by_time
 
 MOST: Final = 8
@@ -28,11 +29,7 @@ class Shown(NamedTuple):
     """A picture for the page."""
 
     name: str
-    vehicle: int
-    t_s: float
-    lat_deg: float
-    lon_deg: float
-    height_m: float
+    kept: KeptFrame
     address: str
     """With the picture in it: `data:image/jpeg;base64,...`."""
 
@@ -47,12 +44,11 @@ def boundary_frames(flown: Flown) -> list[Shown]:
 def _nearest(flown: Flown, kept: Sequence[KeptFrame]) -> list[KeptFrame]:
     """Return the frame over each of some points at equal distances along the boundary."""
     grid, boundary = flown.data.grid, flown.boundary
-    drift_m_s = np.array([grid.drift_east_m_s, grid.drift_north_m_s])
     if not kept:
         return []
     if boundary is not None and not boundary.region.is_empty:
-        drift_m = drift_m_s * flown.data.t_s
-        line = shapely.transform(boundary.region.boundary, lambda points: points - drift_m)
+        moved_m = drift_m(grid, flown.data.t_s)
+        line = shapely.transform(boundary.region.boundary, lambda points: points - moved_m)
     else:
         line = flown.extent.outline.boundary
     if line.is_empty:
@@ -63,9 +59,7 @@ def _nearest(flown: Flown, kept: Sequence[KeptFrame]) -> list[KeptFrame]:
     )
     places = [frame.pose.position for frame in kept]
     degrees = np.array([(place.lon_deg, place.lat_deg) for place in places], dtype=np.float64)
-    origin = np.array([grid.origin.east_m, grid.origin.north_m])
-    drifts = drift_m_s * np.array([frame.t_s for frame in kept])[:, None]
-    taken = (grid.zone.utm(degrees) - origin) / grid.scale - drifts
+    taken = on_ground(degrees, grid) - [drift_m(grid, frame.t_s) for frame in kept]
     found: list[int] = []
     for point in points:
         order = np.argsort(np.hypot(*(taken - point).T))
@@ -88,8 +82,4 @@ def _shown(flown: Flown, frame: KeptFrame) -> Shown | None:
     buffer = io.BytesIO()
     small.save(buffer, "JPEG", quality=_QUALITY)
     text = base64.b64encode(buffer.getvalue()).decode()
-    place = frame.pose.position
-    return Shown(
-        printable(name), frame.vehicle, frame.t_s, place.lat_deg, place.lon_deg,
-        frame.pose.height_m, f"data:image/jpeg;base64,{text}",
-    )  # fmt: skip
+    return Shown(printable(name), frame, f"data:image/jpeg;base64,{text}")

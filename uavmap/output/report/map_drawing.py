@@ -12,13 +12,13 @@ import shapely
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from missions.units import GridPoint
 from uavmap.output.drawing import svg
 from uavmap.output.drawing.map_scene import map_scene
 from uavmap.output.drawing.palette import FAINT, INK, Style
 from uavmap.output.drawing.scale import step_up
-from uavmap.output.drawing.scene import Label, Line, View
+from uavmap.output.drawing.scene import Label, Line, Scene, View
 from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.map_model import drift_m, on_ground
 
 _LINES: Final = 4
 """Number of graticule lines that cross a map, about."""
@@ -53,23 +53,25 @@ def draw_map(flown: Flown) -> Drawing:
     """Draw the map, with the boundary at pixel level if there is one."""
     data, boundary = flown.data, flown.boundary
     if boundary is not None:
-        drift_m = np.array(data.grid.to_fixed(GridPoint(0.0, 0.0), data.t_s))
-        region = shapely.transform(boundary.region, lambda points: points - drift_m)
+        moved_m = drift_m(data.grid, data.t_s)
+        region = shapely.transform(boundary.region, lambda points: points - moved_m)
         data = data.with_boundary(region)
     scene = map_scene(data)
     corners = tuple(_corners(flown, scene.view))
     lines, labels = _graticule(flown, scene.view, corners)
     drawing = svg.map_drawing(scene, lines, labels)
-    legend = tuple((svg.sample(entry), entry.text) for entry in scene.legend)
-    return Drawing(drawing, legend, corners, -math.degrees(data.grid.convergence_rad))
+    return Drawing(drawing, legend_of(scene), corners, -math.degrees(data.grid.convergence_rad))
+
+
+def legend_of(scene: Scene) -> tuple[tuple[Markup, str], ...]:
+    """Return the samples of a legend with their texts."""
+    return tuple((svg.sample(entry), entry.text) for entry in scene.legend)
 
 
 def _graticule(
     flown: Flown, view: View, corners: tuple[Corner, ...]
 ) -> tuple[list[Line], list[Label]]:
     lats, lons = [c.lat_deg for c in corners], [c.lon_deg for c in corners]
-    grid = flown.data.grid
-    origin = np.array([grid.origin.east_m, grid.origin.north_m])
     lines: list[Line] = []
     labels: list[Label] = []
     for along, across, letters in ((lons, lats, "EW"), (lats, lons, "NS")):
@@ -79,7 +81,7 @@ def _graticule(
         for k in range(math.ceil(min(along) / step), math.floor(max(along) / step) + 1):
             same = np.full_like(other, k * step)
             places = np.column_stack([same, other] if letters == "EW" else [other, same])
-            line = Line((grid.zone.utm(places) - origin) / grid.scale, _STYLE)
+            line = Line(on_ground(places, flown.data.grid), _STYLE)
             lines.append(line)
             labels += _degrees(view.pixels(line.places), view, k * step, digits, letters)
     return lines, labels

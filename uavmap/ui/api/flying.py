@@ -249,7 +249,7 @@ def _resumption(folder: Paths, **given: Any) -> Job[Results]:
     options = {
         "urls": texts("connect", given["connect"]),
         "cameras": texts("camera", given["camera"]),
-        "driver": None if driver is None else _driver(driver),
+        "driver": None if driver is None else cast(Driver, choice("driver", driver, DRIVERS)),
         "key_file": _key(given["key"]),
         "forward": None if forward is None else texts("forward", forward),
         "from_home": given["from_home"],
@@ -283,10 +283,6 @@ def _shown(*, quiet: bool) -> Iterator[tuple[Onlooker, ...]]:
     terminal = Terminal()
     with shown_on(terminal):
         yield (ProgressTable(terminal),)
-
-
-def _driver(name: str) -> Driver:
-    return cast(Driver, choice("driver", name, DRIVERS))
 
 
 def _key(given: Paths | None) -> str | None:

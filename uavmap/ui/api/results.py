@@ -20,7 +20,15 @@ from uavmap.base.arguments import Paths, path_text
 from uavmap.base.extras import install_command
 from uavmap.base.text_files import read_text
 from uavmap.journal.flight_plan import JOURNAL
-from uavmap.ui.api.plotting import Plot, draw
+from uavmap.output.drawing.palette import (
+    LINES,
+    STATE_NAMES,
+    STATES,
+    TRACK_PX,
+    Colour,
+    Style,
+    track_colour,
+)
 
 if TYPE_CHECKING:
     import geopandas
@@ -29,6 +37,7 @@ if TYPE_CHECKING:
 WGS84: Final = "EPSG:4326"
 _MAP, _SUMMARY, _BOUNDARY, _PICTURE = "map.geojson", "summary.json", "boundary.geojson", "map.png"
 _LARGEST_BYTES: Final = 1_000_000_000
+_POINTS_A_PIXEL: Final = 0.65
 _COLUMNS: Final = ("column", "row", "state", "positive", "votes", "belief")
 
 
@@ -152,13 +161,7 @@ class Results:
 
         Metres of the projection are up to 0.04 % shorter than those on the ground.
         """
-        zone = self._zone
-
-        def projected(places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-            points = (zone.to_utm(LatLon(lat, lon)) for lon, lat in places.tolist())
-            return np.array([(p.east_m, p.north_m) for p in points]).reshape(-1, 2)
-
-        moved: BaseGeometry = shapely.transform(geometry, projected)
+        moved: BaseGeometry = shapely.transform(geometry, self._zone.utm)
         return moved
 
     # --- tables ----------------------------------------------------------------------------------
@@ -192,13 +195,50 @@ class Results:
 
         Raises `UavmapError` where matplotlib is not installed (the extra `study`).
         """
-        squares: dict[str, list[BaseGeometry]] = {}
+        try:
+            from matplotlib import pyplot as plt  # noqa: PLC0415 - an extra, and heavy
+            from matplotlib.collections import PolyCollection  # noqa: PLC0415
+        except ImportError:
+            raise UavmapError(f"a plot needs matplotlib: {install_command('study')}") from None
+        if ax is None:
+            ax = plt.subplots(figsize=(7.0, 7.0), layout="constrained")[1]
+        squares: dict[str, list[Any]] = {}
         for cell in self.features("cell"):
-            squares.setdefault(cell["properties"]["state"], []).append(self.to_utm(_shape(cell)))
-        boundary = None if self.boundary is None else self.to_utm(self.boundary)
-        tracks = {number: self.to_utm(track) for number, track in self.tracks.items()}
-        plot = Plot(squares, self.region_utm, boundary, tracks, self.utm_crs, self.finding)
-        return draw(plot, ax)
+            corners = shapely.get_coordinates(self.to_utm(_shape(cell)))
+            squares.setdefault(cell["properties"]["state"], []).append(corners)
+        for state, colour in STATES.items():
+            if own := squares.get(state):
+                cells = PolyCollection(own, facecolor=_rgb(colour), edgecolor="white")
+                cells.set(linewidth=0.3, label=f"{STATE_NAMES[state]} ({len(own)})")
+                ax.add_collection(cells)
+        for region, line in ((self.region, "outline"), (self.boundary, "boundary")):
+            if region is not None:
+                _plot_lines(ax, shapely.boundary(self.to_utm(region)), *LINES[line])
+        for number, track in self.tracks.items():
+            label = "track" if len(self.tracks) == 1 else f"track of vehicle {number}"
+            _plot_lines(ax, self.to_utm(track), label, Style(track_colour(number), TRACK_PX))
+        ax.autoscale_view()
+        ax.set_aspect("equal")
+        ax.ticklabel_format(useOffset=False, style="plain")
+        ax.tick_params(labelsize="small")
+        ax.set_xlabel(f"easting, m ({self.utm_crs})")
+        ax.set_ylabel("northing, m")
+        ax.set_title(self.finding, fontsize="small")
+        ax.legend(fontsize="small", loc="best")
+        return ax
+
+
+def _plot_lines(ax: Axes, lines: BaseGeometry, label: str, style: Style) -> None:
+    width = _POINTS_A_PIXEL * style.width_px
+    for part in shapely.get_parts(lines):
+        places = shapely.get_coordinates(part)
+        ax.plot(places[:, 0], places[:, 1], color=_rgb(style.colour), linewidth=width, label=label)
+        label = "_"  # the first alone is in the legend
+
+
+def _rgb(colour: Colour) -> tuple[float, float, float]:
+    red, green, blue = (channel / 255.0 for channel in colour)
+    return red, green, blue
 
 
 # --- files ---------------------------------------------------------------------------------------

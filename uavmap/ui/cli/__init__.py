@@ -11,7 +11,6 @@ import argparse
 import contextlib
 import difflib
 import errno
-import os
 import select
 import sys
 from collections.abc import Sequence
@@ -101,7 +100,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with contextlib.suppress(OSError, ValueError):
             sys.stdout.reconfigure(errors="backslashreplace")
     try:
-        code = _told(_run(options))
+        code = _run(options)
     except* AircraftError as group:
         _say(group)
         code = AIRCRAFT_DOWN
@@ -117,16 +116,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except* KeyboardInterrupt:
         complain("interrupted")
         code = INTERRUPTED
-    return code
-
-
-def _told(code: int) -> int:
-    """The exit code, with all that was printed on its way; who reads it may be gone."""
-    try:
-        sys.stdout.flush()
-    except OSError:
-        # else Python complains once more when it ends, and changes the exit code
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return code
 
 

@@ -29,7 +29,7 @@ from uavmap.ui.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.ui.cli.option_table import FLEET_KEY_VARIABLE, TABLE
 from uavmap.ui.page.address import LOOPBACK
 from uavmap.ui.page.background import of_tiles
-from uavmap.ui.page.feed import Wishes, opened
+from uavmap.ui.page.feed import opened
 from uavmap.ui.page.live import FlightPage
 
 
@@ -51,10 +51,10 @@ def beside(
         yield (table,)
         return
     plan = plan() if callable(plan) else plan
-    mission, wishes = plan.mission, Wishes(options.page, "--page", options.page_host)
+    mission = plan.mission
     under = of_tiles(Path(options.tiles), Setting.of(mission)) if options.tiles else None
     config = {"title": mission.name, "steers": not plan.simulated}
-    with opened(wishes, config) as feed:
+    with opened(config, options.page, "--page", options.page_host) as feed:
         page = FlightPage(feed, simulated=plan.simulated, background=under)
         how = "was left before its end"
         try:
@@ -118,7 +118,21 @@ def begin(options: argparse.Namespace, plan: FlightPlan, preflight: Preflight | 
     """Fly a plan into the folder of --out, with what is asked for beside it; the exit code."""
     terminal = Terminal()
     with shown_on(terminal):
-        return _begin(options, plan, preflight, terminal)
+        plan, mission = with_ground(plan), plan.mission
+        folder = results_folder(options.out, mission.name)
+        terminal.show(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
+        if mission.camera.calibration is not None:
+            terminal.show("camera.calibration is for recorded pictures; this flight uses hfov_deg")
+        try:
+            with beside(options, plan, folder, terminal) as onlookers:
+                company = Company(onlookers=onlookers, preflight=preflight)
+                summary = fly(plan, folder, company, keep_frames=options.keep_frames)
+        except (NotFlownError, ExceptionGroup) as error:
+            return not_flown(error)
+        code = report(summary, folder, as_json=options.json, verbose=options.verbose)
+        if kept_frames(folder) and code != AIRCRAFT_DOWN:
+            draw_boundary(folder, complain)
+        return code
 
 
 def not_flown(error: Exception) -> int:
@@ -131,23 +145,3 @@ def not_flown(error: Exception) -> int:
         complain(str(reason))
     able = all(isinstance(e, NotFlownError) and e.could_fly for e in leaves(over))
     return 0 if able else INCOMPLETE
-
-
-def _begin(
-    options: argparse.Namespace, plan: FlightPlan, preflight: Preflight | None, terminal: Terminal
-) -> int:
-    plan, mission = with_ground(plan), plan.mission
-    folder = results_folder(options.out, mission.name)
-    terminal.show(f"{mission.name} into {folder}; if it is interrupted: uavmap resume {folder}")
-    if mission.camera.calibration is not None:
-        terminal.show("camera.calibration is for recorded pictures; this flight uses hfov_deg")
-    try:
-        with beside(options, plan, folder, terminal) as onlookers:
-            company = Company(onlookers=onlookers, preflight=preflight)
-            summary = fly(plan, folder, company, keep_frames=options.keep_frames)
-    except (NotFlownError, ExceptionGroup) as error:
-        return not_flown(error)
-    code = report(summary, folder, as_json=options.json, verbose=options.verbose)
-    if kept_frames(folder) and code != AIRCRAFT_DOWN:
-        draw_boundary(folder, complain)
-    return code

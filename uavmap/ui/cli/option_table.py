@@ -309,12 +309,10 @@ def options_of(command: str) -> list[Option]:
     return [option for option in TABLE if command in option.commands]
 
 
-def add_options(parser: argparse.ArgumentParser, command: str, *names: str) -> None:
-    """Add the options of a command, or those of them that are named."""
+def add_options(parser: argparse.ArgumentParser, command: str) -> None:
+    """Add the options of a command."""
     groups: dict[str, argparse._MutuallyExclusiveGroup] = {}
     for option in options_of(command):
-        if names and option.name not in names:
-            continue
         target: argparse._ActionsContainer = parser
         if option.group is not None:
             if option.group not in groups:

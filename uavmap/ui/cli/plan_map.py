@@ -14,9 +14,10 @@ from missions.geo.grid import Grid
 from missions.mission import flyable
 from missions.mission.places import drawn
 from uavmap.base.atomic_write import write_bytes
-from uavmap.output.drawing.preflight_scene import plan_page, preflight_scene
+from uavmap.output.drawing.preflight_scene import preflight_scene
 from uavmap.output.drawing.raster import encode_png
 from uavmap.output.drawing.sheet import draw_sheet
+from uavmap.output.report.page import encode_plan
 
 KINDS: Final = (".html", ".png")
 
@@ -37,7 +38,7 @@ def write_map(setting: Setting, figures: Mapping[str, Any], path: Path) -> None:
     notes = [f"{name}: {value}" for name, value in (*facts, *(("note", w) for w in warnings))]
     scene = preflight_scene(setting, notes)
     if path.suffix.lower() == ".html":
-        data = plan_page(scene, facts, warnings).encode()
+        data = encode_plan(scene, facts, warnings)
     else:
         data = encode_png(draw_sheet(scene))
     try:

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from uavmap.base.terminal import PipeConsole
 from uavmap.journal.mission_time import duration
-from uavmap.output.facts import patch_summary as patches_told
+from uavmap.output.facts.patch_summary import box_in_words, lines
 
 OUTLINES: Final = ("boundary.geojson", "map.geojson")
 """Files with the outline of the region, the finest first."""
@@ -78,8 +78,9 @@ def print_summary(
     for name, value in (*rows(summary, folder), *(figures(summary) if verbose else ())):
         table.add_row(name, escape(value))
     PipeConsole().print(table)
-    for line in patch_lines(summary, verbose=verbose):
-        print(line)
+    if "patches" in summary:  # not of a replay
+        for line in lines(summary["patches"], summary["patches_in_all"], verbose=verbose):
+            print(line)
     for number, note in summary.get("notes", {}).items():
         print(f"vehicle {number}: {note}")
     print(summary.get("finding", ""))
@@ -129,7 +130,7 @@ def not_seen(summary: Mapping[str, Any]) -> str:
     """What the cameras have not shown, or not often enough; empty where that is nothing."""
     parts = []
     if (in_all := summary.get("patches_in_all")) is not None and not in_all["box"]["whole"]:
-        box = patches_told.box_in_words(in_all["box"])
+        box = box_in_words(in_all["box"])
         parts.append(f"search box: {box}; a patch may be missing there")
     if cells := summary.get("cells_undecided"):
         parts.append(f"{cells:,} {'cell' if cells == 1 else 'cells'} undecided")
@@ -150,21 +151,3 @@ def figures(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             yield name, "yes" if value else "no"
         elif value is not None:
             yield name, f"{value:,}"
-
-
-def patch_lines(summary: Mapping[str, Any], *, verbose: bool) -> Iterator[str]:
-    """A line a patch, with its times and bounds where `verbose`."""
-    found, in_all = summary.get("patches"), summary.get("patches_in_all")
-    if found is None or in_all is None:  # a replay
-        return
-    if verbose:
-        yield from patches_told.lines(found, in_all)
-        return
-    for number, one in enumerate(found[: patches_told.MOST_PATCHES], start=1):
-        root, drift = one["root"], patches_told.drift_in_words(one)
-        yield (
-            f"patch {number}: {one['area_m2']:,.0f} sq m, {patches_told.state_in_words(one)}, at "
-            f"{root['lat_deg']:.6f}, {root['lon_deg']:.6f}{f'; it {drift}' if drift else ''}"
-        )
-    if len(found) > patches_told.MOST_PATCHES:
-        yield f"... and {len(found) - patches_told.MOST_PATCHES} more patches"

@@ -7,35 +7,32 @@ has none. A page of another origin gets nothing, whatever cookie the browser has
 from __future__ import annotations
 
 import hmac
-from collections.abc import Awaitable, Callable, MutableMapping
-from http.cookies import CookieError, SimpleCookie
-from typing import Any, Final
-from urllib.parse import parse_qs, urlsplit
+from typing import Final
+from urllib.parse import urlsplit
 
-Scope = MutableMapping[str, Any]
-Message = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[Message]]
-Send = Callable[[Message], Awaitable[None]]
-App = Callable[[Scope, Receive, Send], Awaitable[None]]
+from starlette.datastructures import MutableHeaders
+from starlette.requests import HTTPConnection
+from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-REFUSED: Final = b"Not allowed: open the URL that uavmap has printed, with its token.\n"
+REFUSED: Final = "Not allowed: open the URL that uavmap has printed, with its token.\n"
 _POLICY: Final = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
     "style-src 'self' 'unsafe-inline'; img-src 'self' data:; frame-ancestors 'none'; "
     "base-uri 'none'; form-action 'none'"
 )
 """Nothing comes from elsewhere: there is no internet in the field, and none is needed."""
-_HEADERS: Final = (
-    (b"content-security-policy", _POLICY.encode()),
-    (b"referrer-policy", b"no-referrer"),
-    (b"x-content-type-options", b"nosniff"),
-)
+_HEADERS: Final = {
+    "content-security-policy": _POLICY,
+    "referrer-policy": "no-referrer",
+    "x-content-type-options": "nosniff",
+}
 
 
 class Guard:
     """Before an ASGI application."""
 
-    def __init__(self, app: App, token: str, cookie: str) -> None:
+    def __init__(self, app: ASGIApp, token: str, cookie: str) -> None:
         self.app = app
         self._token = token
         self._cookie = cookie
@@ -45,61 +42,40 @@ class Guard:
         """Pass on what is allowed."""
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
-        elif scope["type"] == "http" and self._has_token(scope):
-            await self._enter(send)
-        elif not (self._has_cookie(scope) and _same_origin(scope)):
-            await self._refuse(scope, receive, send)
-        else:
+            return
+        asked = HTTPConnection(scope)
+        if scope["type"] == "http" and self._has_token(asked):
+            cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Lax"
+            entered = Response(None, 303, {"location": "/", "set-cookie": cookie, **_HEADERS})
+            await entered(scope, receive, send)
+        elif self._right(asked.cookies.get(self._cookie, "")) and _same_origin(asked):
             await self.app(scope, receive, _with_headers(send))
+        elif scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 1008})
+        else:
+            refused = Response(REFUSED, 403, {"content-type": "text/plain", **_HEADERS})
+            await refused(scope, receive, send)
 
-    def _has_token(self, scope: Scope) -> bool:
-        if scope["path"] != "/":
-            return False
-        given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])
-        return self._right(given[-1])
-
-    def _has_cookie(self, scope: Scope) -> bool:
-        try:
-            cookies = SimpleCookie(_header(scope, b"cookie"))
-        except CookieError:
-            return False
-        found = cookies.get(self._cookie)
-        return found is not None and self._right(found.value)
+    def _has_token(self, asked: HTTPConnection) -> bool:
+        given = asked.query_params.getlist("token")
+        return asked.scope["path"] == "/" and bool(given) and self._right(given[-1])
 
     def _right(self, token: str) -> bool:
         return hmac.compare_digest(token.encode(), self._token.encode())
 
-    async def _enter(self, send: Send) -> None:
-        cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Lax"
-        headers = [(b"location", b"/"), (b"set-cookie", cookie.encode()), *_HEADERS]
-        await send({"type": "http.response.start", "status": 303, "headers": headers})
-        await send({"type": "http.response.body", "body": b""})
 
-    async def _refuse(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "websocket":
-            await receive()
-            await send({"type": "websocket.close", "code": 1008})
-            return
-        headers = [(b"content-type", b"text/plain"), *_HEADERS]
-        await send({"type": "http.response.start", "status": 403, "headers": headers})
-        await send({"type": "http.response.body", "body": REFUSED})
-
-
-def _same_origin(scope: Scope) -> bool:
+def _same_origin(asked: HTTPConnection) -> bool:
     """Whether a request is of the page itself, as far as a browser says where it is from."""
-    origin = _header(scope, b"origin")
-    return not origin or urlsplit(origin).netloc == _header(scope, b"host")
-
-
-def _header(scope: Scope, name: bytes) -> str:
-    values: list[bytes] = [value for key, value in scope["headers"] if key == name]
-    return values[0].decode("latin-1") if values else ""
+    origin = asked.headers.get("origin")
+    return not origin or urlsplit(origin).netloc == asked.headers.get("host", "")
 
 
 def _with_headers(send: Send) -> Send:
     async def sending(message: Message) -> None:
         if message["type"] == "http.response.start":
-            message["headers"] = [*message.get("headers", ()), *_HEADERS]
+            message.setdefault("headers", [])
+            MutableHeaders(scope=message).update(_HEADERS)
         await send(message)
 
     return sending

@@ -1,13 +1,11 @@
-"""Where a page is served: a port that is bound before anything begins, and the token to it."""
+"""Where a page is served: a port that is bound before anything begins."""
 
 from __future__ import annotations
 
 import contextlib
 import importlib.util
 import ipaddress
-import secrets
 import socket
-from dataclasses import dataclass
 from typing import Final
 
 from missions.errors import OutputError, UavmapError
@@ -17,34 +15,14 @@ PORT: Final = 8470
 LOOPBACK: Final = "127.0.0.1"
 
 
-@dataclass(frozen=True, slots=True)
-class Address:
-    """A bound port."""
-
-    listening: socket.socket
-    host: str
-    token: str
-
-    @property
-    def port(self) -> int:
-        """The number of the port."""
-        return int(self.listening.getsockname()[1])
-
-    @property
-    def url(self) -> str:
-        """What to open in a browser: the token is in it, and whoever has it may order."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"http://{host}:{self.port}/?token={self.token}"
-
-
 def need_nicegui() -> None:
     """Raise `UavmapError` where NiceGUI is missing."""
     if importlib.util.find_spec("nicegui") is None:
         raise UavmapError(f"the live page needs NiceGUI: {install_command('page')}")
 
 
-def bound(host: str, port: int, option: str) -> Address:
-    """Bind a port; 0 for any that is free. `option` is how the port is given.
+def bound(host: str, port: int, option: str) -> socket.socket:
+    """Bind a port and listen; 0 for any that is free. `option` is how the port is given.
 
     Raises `OutputError` where the port is taken, or the host is none of this computer.
     """
@@ -62,14 +40,14 @@ def bound(host: str, port: int, option: str) -> Address:
             f"{option}: the page cannot be served on {host} port {port} ({reason}); give another "
             f"port, or `{option} 0` for any that is free"
         ) from None
-    return Address(listening, _shown(host), secrets.token_urlsafe(16))
+    return listening
 
 
-def _shown(host: str) -> str:
+def shown(host: str) -> str:
     """The host to put into a URL: of all addresses, the one that others reach this computer by."""
     with contextlib.suppress(ValueError):
         if not ipaddress.ip_address(host).is_unspecified:
-            return host
+            return f"[{host}]" if ":" in host else host
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe, contextlib.suppress(OSError):
         probe.connect(("192.0.2.1", 9))  # nothing is sent: it only chooses a network
         return str(probe.getsockname()[0])

@@ -22,6 +22,7 @@ from missions.flight.setting import Setting
 from missions.geo.grid import Grid
 from missions.mission.schema import positions
 from missions.units import GridPoint
+from uavmap.output.drawing.scene import bounds_of
 from uavmap.photos.ground.geotiff import there
 
 SIDE_PX: Final = 1600
@@ -119,10 +120,9 @@ def of_mosaic(path: Path, setting: Setting) -> Background | None:
 def _bounds(setting: Setting) -> tuple[float, float, float, float]:
     mission = setting.mission
     rings = (*positions(mission.search.box), *positions(mission.fence.polygon), mission.home)
-    points = [setting.grid.fixed(place) for place in rings]
-    easts, norths = [p.east_m for p in points], [p.north_m for p in points]
-    pad_m = _MARGIN * max(max(easts) - min(easts), max(norths) - min(norths))
-    return min(easts) - pad_m, min(norths) - pad_m, max(easts) + pad_m, max(norths) + pad_m
+    west_m, south_m, east_m, north_m = bounds_of(map(setting.grid.fixed, rings))
+    pad_m = _MARGIN * max(east_m - west_m, north_m - south_m)
+    return west_m - pad_m, south_m - pad_m, east_m + pad_m, north_m + pad_m
 
 
 def _mercator(
@@ -147,8 +147,8 @@ def _laid(
     lat_deg: float,
 ) -> tuple[Colours, NDArray[np.float64]]:
     """The tiles under some points, and where in them these lie."""
-    kind = _format(database)
-    if kind == "pbf":
+    kind = database.execute("SELECT value FROM metadata WHERE name = 'format'").fetchone()
+    if kind == ("pbf",):
         raise OutputError(f"--tiles {path}: holds vector tiles; tiles of pictures are shown")
     low, high = database.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles").fetchone()
     if low is None:
@@ -175,11 +175,6 @@ def _laid(
         f"--tiles {path}: has no tile of this mission's place (zoom {low} to {high}); tiles of "
         f"{lat_deg:.3f} deg north and around are needed"
     )
-
-
-def _format(database: sqlite3.Connection) -> str:
-    found = database.execute("SELECT value FROM metadata WHERE name = 'format'").fetchone()
-    return str(found[0]) if found else ""
 
 
 def _tiles(

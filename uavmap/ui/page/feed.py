@@ -10,18 +10,18 @@ import contextlib
 import logging
 import os
 import queue
+import secrets
 import select
 import socket
 import subprocess
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Final
 
 from missions.errors import OutputError
 from uavmap.base.child_process import Child
-from uavmap.ui.page.address import LOOPBACK, bound, need_nicegui
+from uavmap.ui.page.address import LOOPBACK, bound, need_nicegui, shown
 from uavmap.ui.page.page_pipe import Lines, Words, packed
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")
@@ -136,32 +136,24 @@ class Feed:
 
 
 # --- opened before a flight begins: what is wrong is reported while nothing flies ---------------
-@dataclass(frozen=True, slots=True)
-class Wishes:
-    """How a page is served: on `port` (0 for any that is free), given by `option`, on `host`."""
-
-    port: int
-    option: str
-    host: str = LOOPBACK
-
-
 @contextlib.contextmanager
-def opened(wishes: Wishes, config: Words) -> Iterator[Feed]:
+def opened(config: Words, port: int, option: str, host: str = LOOPBACK) -> Iterator[Feed]:
     """Serve a page in the context; a line reports its URL.
 
     `config` has its `title`; `steers`, whether there are buttons; `why` there are none; `timeline`,
     whether earlier times can be shown; `frames`, the folder of the pictures; `pictures`, why there
-    are none. Raises `UavmapError` without NiceGUI, or where the port is taken.
+    are none. `port` (0 for any that is free) is given by `option`. Raises `UavmapError` without
+    NiceGUI, or where the port is taken.
     """
     need_nicegui()
-    address = bound(wishes.host, wishes.port, wishes.option)
-    url, served = address.url, {"token": address.token, "port": address.port}
-    with address.listening:  # the page's process has its own from then on
-        feed = Feed({**config, **served}, address.listening)
+    token = secrets.token_urlsafe(16)
+    with bound(host, port, option) as listening:  # the page's process has its own from then on
+        port = listening.getsockname()[1]
+        feed = Feed({**config, "token": token, "port": port}, listening)
     try:
         feed.wait_ready()
-        _LOG.info(f"live page: {url}")
-        if wishes.host != LOOPBACK:
+        _LOG.info(f"live page: http://{shown(host)}:{port}/?token={token}")
+        if host != LOOPBACK:
             _LOG.info(
                 "live page: whoever reaches this computer and has the token can give orders there"
             )

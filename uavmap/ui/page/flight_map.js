@@ -67,8 +67,10 @@ export class FlightMap {
     };
     const size = ([w, s, e, n]) => (e - w) * (n - s);
     const [de, dn] = this.drifted();
-    let bounds = area(points.map(([e, n]) => [e - de, n - dn]));
-    const whole = area([...points, ...this.scene.fence].map(([e, n]) => [e - de, n - dn]));
+    const vehicles = Object.values(this.board.vehicles).map((v) => [v.e, v.n]);
+    const seen = (some) => area([...some.map(([e, n]) => [e - de, n - dn]), ...vehicles]);
+    let bounds = seen(points);
+    const whole = seen([...points, ...this.scene.fence]);
     if (size(whole) <= 2.2 * size(bounds)) bounds = whole;
     if (this.raster.seen) {
       const [west, south, east, north] = this.raster.seen.map((i) => i * this.scene.cell_m);
@@ -226,13 +228,12 @@ export class FlightMap {
       this.drawRing(pen, ring.map((p) => ground(...p)), scene.lines.fence);
     this.drawTracks(pen);
     const [x, y] = ground(...scene.home);
-    pen.fillStyle = "#fff";
-    pen.strokeStyle = scene.ink;
-    pen.lineWidth = 1.5 * this.ratio;
-    pen.beginPath();
-    pen.arc(x, y, 5 * this.ratio, 0, 7);
-    pen.fill();
-    pen.stroke();
+    for (const [radius, colour] of scene.home_mark) {
+      pen.fillStyle = colour;
+      pen.beginPath();
+      pen.arc(x, y, radius * this.ratio, 0, 7);
+      pen.fill();
+    }
     this.drawScale(pen);
   }
 
@@ -290,7 +291,7 @@ export class FlightMap {
 
   colour(number) {
     const colours = this.scene.tracks;
-    return colours[(number - 1) % colours.length];
+    return colours[number % colours.length];
   }
 
   drawTracks(pen) {

@@ -118,7 +118,7 @@ export default {
         ...v,
         number,
         colour: this.map.colour(number),
-        up: v.up.toFixed(0),
+        up: Math.round(v.up) || 0, // never -0
         left: v.landed ? "" : clock(v.left_s),
       }));
     },

@@ -13,7 +13,16 @@ from missions.flight.setting import Setting
 from missions.mission.schema import positions
 from missions.units import LatLon
 from uavmap.journal.kept_frames import KeptFrame
-from uavmap.output.drawing.palette import INK, LAND, LINES, RECORDED_NAMES, STATE_NAMES, TRACKS, css
+from uavmap.output.drawing.palette import (
+    HOME_DOT,
+    INK,
+    LAND,
+    LINES,
+    RECORDED_NAMES,
+    STATE_NAMES,
+    TRACKS,
+    css,
+)
 from uavmap.output.drawing.palette import STATES as COLOURS
 from uavmap.output.facts.map_model import State
 from uavmap.ui.page.background import Background
@@ -47,6 +56,7 @@ def scene_of(
         "cell_m": grid.cell_m,
         "drift_m_s": [round(grid.drift_east_m_s, 6), round(grid.drift_north_m_s, 6)],
         "home": home,
+        "home_mark": [[radius_px, css(colour)] for radius_px, colour in HOME_DOT],
         "box": ring(positions(mission.search.box)),
         "fence": ring(positions(mission.fence.polygon)),
         "holes": [ring(positions(hole)) for hole in mission.fence.holes],

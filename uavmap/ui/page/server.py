@@ -133,25 +133,16 @@ class Visitor:
 
     def _asking(self, name: str, question: str) -> Callable[[], Any]:
         async def ask() -> None:
-            if await _confirmed(question):
+            if await _asked(question) is not None:
                 await self._order({"do": name})
 
         return ask
 
     async def _return(self) -> None:
-        numbers = self._listed
-        choices = {0: "everybody"} | {number: f"vehicle {number}" for number in numbers}
-        with ui.dialog() as dialog, ui.card():
-            ui.label("Who comes home? A vehicle that is called stays there until a resume.")
-            chosen = ui.select(choices, value=0).props("outlined dense").classes("w-full")
-            with ui.row():
-                ui.button("Return", on_click=lambda: dialog.submit(True)).props(
-                    "no-caps data-confirm=yes"
-                )
-                ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("no-caps flat")
-        if await dialog:
-            await self._order({"do": HOME, "vehicle": chosen.value or None})
-        dialog.delete()
+        choices = {0: "everybody"} | {number: f"vehicle {number}" for number in self._listed}
+        question = "Who comes home? A vehicle that is called stays there until a resume."
+        if (vehicle := await _asked(question, "Return", "Cancel", choices)) is not None:
+            await self._order({"do": HOME, "vehicle": vehicle or None})
 
     async def _order(self, order: Words) -> None:
         """Pass an order on, and show the answer."""
@@ -172,7 +163,7 @@ class Visitor:
     def _show_buttons(self, board: Board) -> None:
         why = self._hub.ended or board.field("hands_off") or self._config.get("why", "")
         paused = bool(board.field("paused"))
-        self._why.set_text(why)
+        self._why.set_text("" if self._hub.ended else why)  # which the banner tells
         for name, button in self._buttons.items():
             button.set_visibility(not why and (name == HOME or paused == (name == GO_ON)))
 
@@ -291,13 +282,18 @@ class Visitor:
         self._changed.clear()
 
 
-async def _confirmed(question: str) -> bool:
-    """Ask before something happens to aircraft."""
+async def _asked(
+    question: str, yes: str = "Yes", no: str = "No", choices: dict[int, str] | None = None
+) -> int | None:
+    """Ask before something happens to aircraft; return the choice, or 0, and None for a no."""
     with ui.dialog() as dialog, ui.card():
         ui.label(question)
+        chosen = None
+        if choices is not None:
+            chosen = ui.select(choices, value=0).props("outlined dense").classes("w-full")
         with ui.row():
-            ui.button("Yes", on_click=lambda: dialog.submit(True)).props("no-caps data-confirm=yes")
-            ui.button("No", on_click=lambda: dialog.submit(False)).props("no-caps flat")
-    answer = await dialog
+            ui.button(yes, on_click=lambda: dialog.submit(True)).props("no-caps data-confirm=yes")
+            ui.button(no, on_click=lambda: dialog.submit(False)).props("no-caps flat")
+    agreed = await dialog
     dialog.delete()
-    return bool(answer)
+    return (0 if chosen is None else chosen.value) if agreed else None

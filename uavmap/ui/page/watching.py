@@ -115,7 +115,9 @@ class Watcher:
             if self._evidence is None:
                 self._mark(vote.cell for vote in event.votes)
         elif isinstance(event, Weighed):
-            self._weigh(event)
+            if self._evidence is not None and self._seen is not None:
+                self._evidence.add(self._seen.votes, event.weights)
+                self._marked.update(dict.fromkeys(vote.cell for vote in self._seen.votes))
         elif isinstance(event, FrameLost):
             self._lost += 1
         elif isinstance(event, Tracked | Connected):
@@ -136,11 +138,6 @@ class Watcher:
         """Add to the log what was said to the operator."""
         for line in text.splitlines():
             self.board.add_line(round(self.state.t_s, 1), level, printable(line))
-
-    def _weigh(self, event: Weighed) -> None:
-        if self._evidence is not None and self._seen is not None:
-            self._evidence.add(self._seen.votes, event.weights)
-            self._marked.update(dict.fromkeys(vote.cell for vote in self._seen.votes))
 
     def _track(self, event: Tracked | Connected) -> None:
         if event.height_m < LIFT_OFF_M:
@@ -228,13 +225,17 @@ class Watcher:
     def _show_fields(self) -> None:
         state, board = self.state, self.board
         board.set_field("t_s", round(state.t_s, 1))
-        board.set_field("phase", "replay of pictures" if self._recorded else phase(state))
+        words = "replay of pictures" if self._recorded else phase(state)
+        if state.over and not self._recorded:
+            words = "over, complete" if state.completed else "over, not complete"
+        board.set_field("phase", words)
         board.set_field("roi", len(state.belief.roi))
+        if state.tree is not None and state.belief.open_ballots:  # the same count in words
+            board.set_field("known", cells_known(state))
         board.set_field("frames", [self._judged, self._lost])
         board.set_field("paused", state.paused)
         board.set_field("recalled", state.recalled)
         board.set_field("over", state.over or self._recorded)
-        board.set_field("completed", state.completed)
 
     def _paced(self, show: Callable[[], None], dear_s: float = math.inf) -> float:
         """Do what is dear; when it may be done again, by what it cost."""

@@ -13,9 +13,9 @@ import numpy as np
 from missions.events import Event, FrameLost, OrderFailed, Told, from_json
 from missions.units import LatLon, Pose, Quaternion
 from tests.golden.recording import STOPS
+from tests.support.journals import begun
 from tests.support.plans import named_text, plan_of
-from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.journal.kept_frames import FrameKeeper, KeptFrame
 from uavmap.load.mission_source import mission_of_text
 
@@ -33,11 +33,7 @@ def folder_of(
     tmp: Path, events: Sequence[Event] = EVENTS, plan: FlightPlan = PLAN, **meta: object
 ) -> Path:
     """A folder with a journal and nothing else."""
-    folder = tmp / "flown"
-    told = {"plan": json.loads(json.dumps(plan.as_json())), **meta}
-    with Journal.create(folder / JOURNAL, told) as journal:
-        journal.append_all(events)
-    return folder
+    return begun(tmp / "flown", plan, events, **meta)
 
 
 def named(name: str) -> FlightPlan:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
 from shapely.geometry import Polygon, box
 
 from missions.geo.grid import Grid
 from missions.units import Cell, GridPoint, LatLon
-from uavmap.output.facts.map_model import CellRow, MapData, State, Track
+from uavmap.output.facts.map_model import CellRow, CellTable, MapData, State, Track
 
 START = LatLon(47.6, 9.53)
 
@@ -42,7 +46,7 @@ def make_map(
         mission="test <map> & more",
         grid=grid,
         t_s=t_s,
-        cells=tuple(
+        cells=CellTable.of(
             CellRow(cell, _state(cell), positive=0 if cell in RIM else 4, votes=5)
             for cell in [*RING, LONER, *RIM]
         ),
@@ -66,4 +70,12 @@ def make_map(
 def empty_map() -> MapData:
     """A map without cells, tracks or truth."""
     full = make_map()
-    return MapData("empty", full.grid, 0.0, (), (), full.start, full.box, full.fence)
+    return MapData("empty", full.grid, 0.0, CellTable.of(()), (), full.start, full.box, full.fence)
+
+
+def written(write: Callable[..., None], data: MapData, *more: object) -> str:
+    """What a writer puts into a file."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "map"
+        write(data, path, *more)
+        return path.read_text("utf-8")

@@ -12,6 +12,7 @@ from missions.errors import JournalError
 from missions.events import Event, FrameSeen, LiftedOff, Tracked, Vote
 from missions.fleet_events import Fact, Shared
 from missions.units import Cell, GridPoint
+from tests.support.journals import begun
 from tests.support.plans import plan_of
 from tests.support.small_missions import mission_text, square
 from tests.unit.uavmap.output.flown_folders import EVENTS, PLAN, folder_of
@@ -49,10 +50,7 @@ def told(number: int) -> Shared:
 
 
 def written(folder: Path, by: FlightPlan, events: list[Event]) -> Path:
-    with Journal.create(folder / JOURNAL, {"plan": by.as_json()}) as journal:
-        for event in sorted(events, key=lambda event: event.t_s):
-            journal.append(event)
-    return folder
+    return begun(folder, by, sorted(events, key=lambda event: event.t_s))
 
 
 @pytest.fixture

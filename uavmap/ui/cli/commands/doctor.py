@@ -144,7 +144,7 @@ async def _vehicles(
     async with contextlib.AsyncExitStack() as stack:
         stack.enter_context(shown_on(Terminal()))
         links = await stack.enter_async_context(
-            opened_links(urls, options, cameras, section, _drop)
+            opened_links(urls, options, cameras, section, lambda frame: None)
         )
         for link in links:
             if setting is not None:
@@ -159,10 +159,6 @@ async def _vehicles(
             beating.cancel()
     for task in looking:
         found += task.result()
-
-
-def _drop(frame: bytes) -> None:
-    """Nothing is recorded."""
 
 
 async def _vehicle(number: int, link: Link, setting: Setting | None, folder: Path) -> list[Finding]:

@@ -113,15 +113,16 @@ def run(options: argparse.Namespace) -> int:
     flights = _flights(options, mission, frame, say)
     texts: dict[Path, str] = {}
     for flight in flights:
-        number = flight.vehicle + 1 if len(flights) > 1 else None
+        # of several vehicles a file each: field-1.plan, field-2.plan
+        number = f"-{flight.vehicle + 1}" if len(flights) > 1 else ""
         if options.plan is not None:
-            texts[_numbered(options.plan, number)] = plan_text(
+            texts[options.plan.with_stem(f"{options.plan.stem}{number}")] = plan_text(
                 options.firmware, flight.home, flight.fence, flight.rally, flight.items,
                 home_amsl_m=home_amsl_m, speed_m_s=flight.speed_m_s, frame=frame,
             )  # fmt: skip
         if options.waypoints is not None:
             text = waypoints_text(flight.home, home_amsl_m, flight.items)
-            texts[_numbered(options.waypoints, number)] = text
+            texts[options.waypoints.with_stem(f"{options.waypoints.stem}{number}")] = text
     _write(texts, say)
     return 0
 
@@ -139,29 +140,14 @@ def _write(texts: dict[Path, str], say: Callable[[str], None]) -> None:
         say(f"wrote {path}")
 
 
-def _numbered(path: Path, number: int | None) -> Path:
-    """The file of one of several vehicles: field.plan, vehicle 2 -> field-2.plan."""
-    return path if number is None else path.with_name(f"{path.stem}-{number}{path.suffix}")
-
-
-def _chosen(options: argparse.Namespace, mission: Mission) -> int | None:
-    """The vehicle of --vehicle, counted from 0."""
-    if options.vehicle is None:
-        return None
-    count = len(mission.vehicles)
-    if options.vehicle > count:
-        raise UavmapError(f"--vehicle {options.vehicle}: {options.source} has {count}")
-    return int(options.vehicle) - 1
-
-
 def _flights(
     options: argparse.Namespace, mission: Mission, frame: int, say: Callable[[str], None]
 ) -> list[SearchFlight]:
     """The search of the vehicle of --vehicle, or of all that have a lane to fly."""
-    setting = Setting.of(mission)
-    chosen = _chosen(options, mission)
-    flights = []
-    for vehicle in range(len(mission.vehicles)) if chosen is None else (chosen,):
+    setting, flights, count = Setting.of(mission), [], len(mission.vehicles)
+    if options.vehicle is not None and options.vehicle > count:
+        raise UavmapError(f"--vehicle {options.vehicle}: {options.source} has {count}")
+    for vehicle in range(count) if options.vehicle is None else (options.vehicle - 1,):
         flight = search_flight(setting, vehicle, frame)
         if flight.left_out:
             say(
@@ -192,7 +178,7 @@ def _frame(options: argparse.Namespace, mission: Mission) -> int:
 
 
 # --- a map for a GIS --------------------------------------------------------------------------
-_OF_PLANS = ("plan", "waypoints", "vehicle")
+_OF_PLANS = ("plan", "waypoints", "vehicle", "above_sea")
 
 
 def add_map_options(parser: Any) -> None:
@@ -230,7 +216,9 @@ def export_map(options: argparse.Namespace, say: Callable[[str], None]) -> int:
     for name in files:
         refuse_open(target / name)
     _write_map(target, files, made)
-    say(f"{shown}{os.sep if made.several else ''} ({_counted(files, made)})")
+    size_kb = sum(map(len, files.values())) / 1000.0
+    end, many = (os.sep, f"{len(files)} files, ") if made.several else ("", "")
+    say(f"{shown}{end} ({many}{size_kb:,.0f} kB)")
     return 0
 
 
@@ -247,10 +235,8 @@ def _check(options: argparse.Namespace) -> None:
     if options.to is None:
         raise UavmapError("--out goes with --to FORMAT; a plan is named by --plan")
     for name in _OF_PLANS:
-        if getattr(options, name) is not None:
+        if getattr(options, name):
             raise UavmapError(f"--{name.replace('_', '-')} is for a plan; leave it out with --to")
-    if options.above_sea:
-        raise UavmapError("--above-sea is for a plan; leave it out with --to")
     folder = Path(options.source)
     if not folder.is_dir():
         raise UavmapError(
@@ -281,8 +267,3 @@ def _write_map(target: Path, files: Mapping[str, bytes], made: Format) -> None:
             write_bytes(path, data)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
-
-
-def _counted(files: Mapping[str, bytes], made: Format) -> str:
-    size = sum(map(len, files.values())) / 1000.0
-    return f"{len(files)} files, {size:,.0f} kB" if made.several else f"{size:,.0f} kB"

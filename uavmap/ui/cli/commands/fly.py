@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from typing import Final
 
 from missions.errors import LinkError
@@ -54,9 +55,7 @@ as that is seen. Either way `uavmap resume DIR` goes on later.
 DESCRIPTION: Final = "Fly a mission: search the box, explore the region, come home, write the map."
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments."""
-    add_options(parser, "fly")
+add_arguments: Final = partial(add_options, command="fly")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -76,12 +77,12 @@ async def _set_up(options: argparse.Namespace, path: Path, *, install: bool) -> 
         for transport in opened:
             transport.send(frame)
 
-    session = Session(send, lambda frame: None)
+    session, say = Session(send, lambda frame: None), partial(print, file=sys.stderr)
     endpoint = parse_url(options.connect)
     session.view.wanted_system = endpoint.system
     with signing_with(str(path)) as signing:
         assert signing is not None
-        async with open_transport(endpoint, session.feed, _say) as transport:
+        async with open_transport(endpoint, session.feed, say) as transport:
             opened.append(transport)
             await _disarmed(session, endpoint.url)
             what = _WHAT_INSTALL if install else _WHAT_REMOVE
@@ -148,10 +149,6 @@ async def remove_key(session: Session, signing: Signing, url: str) -> None:
     session.listen(hear)
     if not await session.until(lambda: False in signed, PROOF_S):
         raise LinkError(f"{url}: the vehicle goes on signing; is this the key that it has?")
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr)
 
 
 def _asked(question: str) -> bool:

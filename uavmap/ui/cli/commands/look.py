@@ -12,10 +12,10 @@ from rich.table import Table
 
 from missions.errors import ImageError, OutputError
 from missions.mission.terrain_checks import refuse_unknown_ground
-from uavmap.base.atomic_write import write_bytes
 from uavmap.base.terminal import PipeConsole
 from uavmap.load.detector_source import detector_text
 from uavmap.load.mission_source import load, mission_of_text
+from uavmap.output.film.film_writers import save
 from uavmap.output.summary import encode
 from uavmap.photos.mission_from_photos import DETECTOR, derived
 from uavmap.photos.registration.calibration import calibration_of
@@ -73,10 +73,7 @@ def run(options: argparse.Namespace) -> int:
     good, data = cv2.imencode(".png", annotated(looked))
     if not good:
         raise OutputError(f"{out} cannot be written as PNG")
-    try:
-        write_bytes(out, data.tobytes())
-    except OSError as error:
-        raise OutputError(f"{out} cannot be written: {error.strerror}") from None
+    save(out, data.tobytes())
     if options.json:
         sys.stdout.write(encode(looked.figures() | {"out": str(out)}) + "\n")
     else:

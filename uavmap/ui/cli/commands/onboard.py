@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from typing import Final
 
 from uavmap.fleet.fleet_radio import check_network
@@ -33,9 +34,7 @@ Ctrl-C brings this aircraft home; `uavmap resume DIR` goes on later.
 DESCRIPTION: Final = "Fly one vehicle of a fleet, each having a service of its own on board."
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments."""
-    add_options(parser, "onboard")
+add_arguments: Final = partial(add_options, command="onboard")
 
 
 def run(options: argparse.Namespace) -> int:

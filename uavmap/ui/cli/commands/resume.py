@@ -50,34 +50,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Resume."""
-    terminal = Terminal()
+    folder, terminal = Path(options.folder), Terminal()
     with shown_on(terminal):
-        return _run(options, Path(options.folder), terminal)
-
-
-def _run(options: argparse.Namespace, folder: Path, terminal: Terminal) -> int:
-    if options.recover:
-        _recover(folder, terminal.show)
-    ask = agreed if sys.stdin.isatty() and sys.stderr.isatty() else None
-    try:
-        with beside(options, lambda: _plan(folder), folder, terminal) as onlookers:
-            summary = resume(
-                folder,
-                Company(onlookers=onlookers, ask=ask, recall=options.recall),
-                urls=tuple(options.connect or ()),
-                driver=options.driver,
-                cameras=tuple(options.camera or ()),
-                key_file=key_file(options),
-                forward=None if options.forward is None else tuple(options.forward),
-                network=partial(network_of, options) if gives_network(options) else None,
-                from_home=options.from_home,
-            )
-    except NotFlownError as over:
-        return not_flown(over)
-    code = report(summary, folder, as_json=options.json, verbose=options.verbose)
-    if kept_frames(folder) and not options.recall and code != AIRCRAFT_DOWN:
-        draw_boundary(folder, complain)
-    return code
+        if options.recover:
+            _recover(folder, terminal.show)
+        ask = agreed if sys.stdin.isatty() and sys.stderr.isatty() else None
+        try:
+            with beside(options, lambda: _plan(folder), folder, terminal) as onlookers:
+                summary = resume(
+                    folder,
+                    Company(onlookers=onlookers, ask=ask, recall=options.recall),
+                    urls=tuple(options.connect or ()),
+                    driver=options.driver,
+                    cameras=tuple(options.camera or ()),
+                    key_file=key_file(options),
+                    forward=None if options.forward is None else tuple(options.forward),
+                    network=partial(network_of, options) if gives_network(options) else None,
+                    from_home=options.from_home,
+                )
+        except NotFlownError as over:
+            return not_flown(over)
+        code = report(summary, folder, as_json=options.json, verbose=options.verbose)
+        if kept_frames(folder) and not options.recall and code != AIRCRAFT_DOWN:
+            draw_boundary(folder, complain)
+        return code
 
 
 def _plan(folder: Path) -> FlightPlan:

@@ -16,7 +16,7 @@ from uavmap.journal.flight_plan import JOURNAL
 from uavmap.journal.kept_frames import FRAMES
 from uavmap.ui.cli.option_table import add_options
 from uavmap.ui.page.address import PORT
-from uavmap.ui.page.feed import Wishes, opened
+from uavmap.ui.page.feed import opened
 from uavmap.ui.page.following import Follower
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
     with (
         contextlib.suppress(KeyboardInterrupt),
         shown_on(Terminal()),
-        opened(Wishes(options.port, "--port", options.page_host), config) as feed,
+        opened(config, options.port, "--port", options.page_host) as feed,
     ):
         _LOG.info("Ctrl-C ends it")
         follower.run(feed)

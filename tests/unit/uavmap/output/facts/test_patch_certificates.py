@@ -86,7 +86,7 @@ def test_two_patches_and_all_of_them() -> None:
         "cells": 28, "decided": len(decided & box), "few_frames": 0,
         "no_frames": len(box - decided), "beyond_fence": 0, "whole": False,
     }  # fmt: skip
-    told = list(lines(*certificates(setting(), state_of(*frames), 10.0)))
+    told = list(lines(*certificates(setting(), state_of(*frames), 10.0), verbose=True))
     assert "open at 1 cell: 1 in no frame" in told[1]
     assert told[2].startswith("all 2 patches: 48 sq m, open at 1 cell")
     assert told[3].endswith("a patch may be missing there")
@@ -147,7 +147,7 @@ def test_without_a_region_there_is_no_certificate_but_of_the_box() -> None:
     assert found == []
     assert (in_all["complete"], in_all["took_s"], in_all["ratio"]) == (False, None, None)
     assert in_all["box"]["whole"]
-    assert list(lines(found, in_all)) == ["search box: 28 of 28 cells decided"]
+    assert list(lines(found, in_all, verbose=True)) == ["search box: 28 of 28 cells decided"]
 
 
 def test_summary_of_a_flight_shows_patches_and_what_was_not_seen(

@@ -78,12 +78,3 @@ def test_a_trail_goes_round_the_corners():
     track = (Fix(0.0, Place(0.0, 0.0)), Fix(1.0, corner), Fix(2.0, end))
     film = Film("", Unit.STEPS, 2.0, frozenset(), (), {0: track}, Place(0.0, 0.0))
     assert film.trail(0, 0.5, 1.5) == [Place(0.5, 0.0), corner, Place(1.0, 0.5)]
-
-
-def test_the_bounds_hold_everything_that_is_shown():
-    track = (Fix(0.0, Place(-3.4, 0.0)),)
-    start_drift = Place(0.0, -2.0)
-    film = Film(
-        "", Unit.SECONDS, 4.0, frozenset({Cell(5, 1)}), (), {1: track}, Place(0.0, 0.0), start_drift
-    )
-    assert film.bounds() == (-3, -8, 5, 1)

@@ -24,8 +24,8 @@ from shapely.geometry.base import BaseGeometry
 
 from missions.units import LatLon
 from tests.golden.recording import STOPS
-from tests.unit.uavmap.output.flown_folders import EVENTS, PLAN, folder_of, keep_frames, named
-from tests.unit.uavmap.output.maps import empty_map, make_map
+from tests.unit.uavmap.output.flown_folders import PLAN, folder_of, keep_frames, named
+from tests.unit.uavmap.output.maps import empty_map, make_map, written
 from uavmap.base.version import __version__
 from uavmap.load.areas.reading import read_area_file
 from uavmap.output.documents import FORMATS, files_of
@@ -199,7 +199,7 @@ def test_kml_is_valid_against_the_schema_of_the_ogc(
 
 
 def test_the_map_of_a_flight_is_valid_kml_too(schema: lxml.etree.XMLSchema) -> None:
-    schema.assertValid(lxml.etree.fromstring(kml.encode_map(make_map())))
+    schema.assertValid(lxml.etree.fromstring(written(kml.write, make_map()).encode()))
 
 
 def test_tracks_run_in_time(folder: Path, tmp_path: Path) -> None:
@@ -277,7 +277,7 @@ def test_holes_the_south_and_the_date_line_keep_the_rules(
     there = flown_at(data, tmp_path)
     for text in files_of(there, "geojson").values():
         assert_rfc_7946(text.decode())
-    assert_rfc_7946(geojson.encode_map(data))
+    assert_rfc_7946(written(geojson.write, data))
     region = json.loads(files_of(there, "geojson")["region.geojson"])["features"][0]
     outer, *holes = region["geometry"]["coordinates"][0]
     assert len(holes) == 1
@@ -389,18 +389,6 @@ def test_a_region_is_read_back_as_an_area(
     if not name:
         assert len(drawing.fences) == (kind != "gpx")
         assert drawing.home is not None
-
-
-def test_an_interrupted_flight_yields_its_map(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    middle = next(i for i, event in enumerate(EVENTS) if event.t_s > 50.0)
-    folder = folder_of(tmp_path, EVENTS[:middle])
-    assert main(["export", str(folder), "--to", "gpkg"]) == 0
-    assert "not complete; this is its map so far, at mission time 50 s" in capsys.readouterr().err
-    _, _, _, values = read(folder / "map.gpkg", "region")
-    assert not values["completed"][0]
-    assert values["cells"][0] > 0
 
 
 def test_what_does_not_fit_together_is_told_in_a_line(

@@ -14,7 +14,7 @@ from pyproj import Geod
 from shapely.geometry import MultiPolygon, shape
 
 from missions.units import Cell, GridPoint
-from tests.unit.uavmap.output.maps import empty_map, make_map
+from tests.unit.uavmap.output.maps import empty_map, make_map, written
 from uavmap.output.drawing.map_scene import map_scene
 from uavmap.output.drawing.palette import STATES
 from uavmap.output.drawing.sheet import draw_sheet
@@ -28,7 +28,7 @@ DATE = "2024-05-01T10:11:12.000Z"
 
 
 def read(data: MapData, utc: str | None = None) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(geojson.encode_map(data, utc))
+    found: dict[str, Any] = json.loads(written(geojson.write, data, utc))
     return found
 
 
@@ -37,7 +37,7 @@ def of_kind(found: dict[str, Any], kind: str) -> list[dict[str, Any]]:
 
 
 def read_kml(data: MapData) -> ET.Element:
-    return ET.fromstring(kml.encode_map(data))
+    return ET.fromstring(written(kml.write, data))
 
 
 def folder(root: ET.Element, name: str) -> ET.Element:
@@ -106,7 +106,7 @@ def test_written_whole_and_dated_where_the_date_is_known(tmp_path: Path) -> None
     path = tmp_path / "map.geojson"
     path.write_text("old")
     geojson.write(make_map(), path)
-    assert path.read_text() == geojson.encode_map(make_map())
+    assert path.read_text() == written(geojson.write, make_map())
     assert [p.name for p in tmp_path.iterdir()] == ["map.geojson"]
     assert "utc" not in path.read_text()
     found = read(make_map(), DATE)  # a region that drifts is somewhere else by now
@@ -165,8 +165,8 @@ def test_ground_that_nobody_judged_is_in_every_map_and_in_none_without_any() -> 
     (line,) = of_kind(read(gap), "unsearched")
     assert (line["id"], line["geometry"]["type"]) == ("unsearched 1", "LineString")
     assert line["geometry"]["coordinates"][0] == [round(start.lon_deg, 7), round(start.lat_deg, 7)]
-    assert b"Not searched" not in kml.encode_map(full)
-    assert kml.encode_map(gap).count(b"without a judged frame") == 1
+    assert "Not searched" not in written(kml.write, full)
+    assert written(kml.write, gap).count("without a judged frame") == 1
     texts = [entry.text for entry in map_scene(gap).legend]
     assert "search lane without a judged frame" in texts
     assert draw_sheet(map_scene(full)) != draw_sheet(map_scene(gap))

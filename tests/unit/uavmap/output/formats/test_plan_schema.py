@@ -20,7 +20,6 @@ from tests.unit.uavmap.ui.cli.commands.test_export import exported, mission_file
 from uavmap.load.areas.reading import read_area_file
 from uavmap.mavlink.mission_transfer import Item
 from uavmap.output.formats.ground_station_plan import Firmware, plan_text
-from uavmap.ui.cli import main
 
 FENCE = [
     *(
@@ -34,21 +33,6 @@ RALLY = [Item(mav.MAV_CMD_NAV_RALLY_POINT, LatLon(48.0001, 11.0001), height_m=30
 
 def test_the_schema_is_one() -> None:
     Draft202012Validator.check_schema(SCHEMA)
-
-
-@pytest.mark.parametrize("options", [(), ("--firmware", "px4"), ("--above-sea",)])
-def test_the_plan_of_a_mission_is_as_documented(tmp_path: Path, options: tuple[str, ...]) -> None:
-    file, _ = mission_file(tmp_path)
-    assert faults_of(exported(tmp_path, file, *options)) == []
-
-
-def test_the_plans_of_a_team_are_as_documented(tmp_path: Path) -> None:
-    file, _ = mission_file(tmp_path, vehicles=3, layer_m=7.0)
-    assert main(["export", str(file), "--plan", str(tmp_path / "team.plan")]) == 0
-    plans = sorted(tmp_path.glob("team-*.plan"))
-    assert len(plans) == 3
-    for plan in plans:
-        assert faults_of(json.loads(plan.read_text("utf-8"))) == []
 
 
 def test_the_fence_that_was_on_an_autopilot_is_as_documented(tmp_path: Path) -> None:

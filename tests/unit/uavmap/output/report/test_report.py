@@ -7,12 +7,12 @@ import json
 import os
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 
 from tests.golden.recording import STOPS
+from tests.support.html_page import Page
 from tests.unit.uavmap.output.flown_folders import (
     EVENTS,
     EVIL,
@@ -31,41 +31,6 @@ from uavmap.output.report.page import encode
 from uavmap.output.results_reading import flown_of
 from uavmap.output.write_results import flown_flight, write_results
 from uavmap.ui.cli import main
-
-VOID = {"meta", "img"}
-
-
-class Page(HTMLParser):
-    """The page, as a browser takes it apart."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.attributes: list[tuple[str, str]] = []
-        self.words: list[str] = []
-        self.open: list[str] = []
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.attributes += [(name, value or "") for name, value in attrs]
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.attributes += [(name, value or "") for name, value in attrs]
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        self.words.append(data)
-
-    @property
-    def text(self) -> str:
-        return " ".join(" ".join(self.words).split())
 
 
 def report_of(folder: Path) -> Page:
@@ -172,6 +137,9 @@ def test_an_interrupted_flight_has_a_report_that_says_so(
     assert "the mission is not complete; this is its map so far" in capsys.readouterr().err
     assert "Not complete: a region of" in text
     assert "no landing known" in text
+    assert main(["export", str(folder), "--to", "csv"]) == 0
+    assert "this is its map so far, at mission time 50 s" in capsys.readouterr().err
+    assert "completed,no" in (folder / "csv" / "about.csv").read_text("utf-8")
 
 
 def test_a_journal_without_an_event_has_a_report(tmp_path: Path) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
 import errno
-import io
 import os
 import subprocess
 import sys
@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.said import Gone
 from uavmap.ui.cli import COMMANDS, _is_read, main, parser
 
 HEAVY = {"cv2", "numpy", "pydantic", "pymavlink", "rich", "shapely"}
@@ -46,20 +47,6 @@ def test_a_misspelt_command_is_guessed(
     assert meant in capsys.readouterr().err
 
 
-class Refusing(io.StringIO):
-    """A terminal, a pipe or a disk that takes nothing more."""
-
-    def __init__(self, error: OSError) -> None:
-        super().__init__()
-        self._error = error
-
-    def write(self, text: str) -> int:
-        raise self._error
-
-    def flush(self) -> None:
-        raise self._error
-
-
 @pytest.mark.parametrize(
     ("error", "code", "said"),
     [
@@ -74,7 +61,7 @@ def test_an_output_that_is_gone_is_no_defect(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(sys, "stdout", Refusing(error))
+    monkeypatch.setattr(sys, "stdout", Gone(error))
     assert main(["check", "runway"]) == code
     assert said in capsys.readouterr().err
 
@@ -99,14 +86,15 @@ def test_a_pipe_that_nobody_reads_is_seen(monkeypatch: pytest.MonkeyPatch) -> No
         assert not _is_read()
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_each_command_has_its_options_alone_and_among_all(name: str) -> None:
-    alone, among_all = (
-        next(iter(made._subparsers._group_actions)).choices[name].format_help()  # type: ignore[union-attr, index]
-        for made in (parser(name), parser())
-    )
-    assert alone == among_all
-    assert "--help" in alone
+def test_each_command_has_its_options_alone_and_among_all() -> None:
+    def helped(made: argparse.ArgumentParser, name: str) -> str:
+        commands = next(iter(made._subparsers._group_actions))  # type: ignore[union-attr]
+        return str(commands.choices[name].format_help())  # type: ignore[index]
+
+    together = parser()
+    for name in COMMANDS:
+        assert helped(parser(name), name) == helped(together, name)
+        assert "--help" in helped(together, name)
 
 
 def test_a_shell_completes_commands_missions_strategies_and_files(

@@ -60,20 +60,18 @@ def test_who_is_kept_on_the_ground_does_not_end_the_flight_of_the_others() -> No
     assert made.state.over
 
 
-def test_given_back_before_its_first_flight_it_takes_off_as_the_line_said() -> None:
+@pytest.mark.parametrize(
+    ("cleared", "said", "order"),
+    [(True, "it takes off at once", TakeOff), (False, "it waits for its crew", AwaitBattery)],
+    ids=["before its first flight", "after a flight"],
+)
+def test_given_back_it_does_as_the_line_said(cleared: bool, said: str, order: type) -> None:
     made = service(2)
-    told(made, Overridden(1, 3.0, "LOITER"))
+    made.state = made.state.with_vehicle(replace(made.state.vehicles[1], cleared=cleared))
+    assert said in told(made, Overridden(1, 3.0, "LOITER"))
     made.track(1, HOME, 0.0)
     made.post(Released(1, 9.0, HOME, 0.0))
-    assert isinstance(made.order(1), TakeOff)
-
-
-def test_given_back_after_a_flight_it_waits_for_its_crew_as_the_line_said() -> None:
-    made = service(2)
-    made.state = made.state.with_vehicle(replace(made.state.vehicles[1], cleared=False))
-    assert "it waits for its crew" in told(made, Overridden(1, 3.0, "LOITER"))
-    made.post(Released(1, 9.0, HOME, 0.0))
-    assert made.order(1) == AwaitBattery()
+    assert isinstance(made.order(1), order)
 
 
 def test_where_nobody_else_flies_the_flight_ends_and_says_why() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import io
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import pytest
 from missions.events import GivenUp
 from missions.flight.setting import Setting
 from missions.flight.state import State
+from tests.support.said import Gone
 from tests.support.small_missions import mission, square
 from uavmap.base.terminal import Terminal
 from uavmap.runner.operator.progress import ProgressTable
@@ -19,26 +19,6 @@ from uavmap.ui.cli.common import report
 from uavmap.ui.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
 
 SUMMARY: dict[str, Any] = {"mission": "field", "strategy": "rdfs", "completed": True, "finding": ""}
-
-
-class Gone(io.StringIO):
-    """A stream to nobody."""
-
-    def __init__(self, failure: Exception, *, terminal: bool = False) -> None:
-        super().__init__()
-        self._failure = failure
-        self._terminal = terminal
-        self.tried = 0
-
-    def isatty(self) -> bool:
-        return self._terminal
-
-    def write(self, text: str) -> int:
-        self.tried += 1
-        raise self._failure
-
-    def flush(self) -> None:
-        raise self._failure
 
 
 FAILURES = (BrokenPipeError(), OSError(errno.EIO, "gone"), ValueError("closed file"))

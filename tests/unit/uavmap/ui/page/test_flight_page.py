@@ -14,13 +14,13 @@ from missions.events import from_json
 from missions.flight.state import State
 from missions.flight.step import step
 from tests.golden.recording import STOPS
+from tests.support.page_feed import Feed
 from tests.support.plans import named_text, plan_of
 from tests.support.said import Said
 from uavmap.base.messages import shown_on
 from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
 from uavmap.runner.flight import fly
 from uavmap.runner.operator.company import Company
-from uavmap.ui.page.board import Board
 from uavmap.ui.page.live import SIMULATED, FlightPage
 from uavmap.ui.page.page_pipe import Lines, Words
 from uavmap.ui.page.page_scene import STATES
@@ -43,33 +43,6 @@ class Heard:
         self.lines.put_nowait(text)
 
 
-class Feed:
-    """A page's process that takes what it is told, or breaks at some message."""
-
-    orders_file = -1
-
-    def __init__(self, breaks_at: int = 10**9) -> None:
-        self.told: list[tuple[Words, bytes]] = []
-        self.dead = False
-        self._asked = 0
-        self._breaks_at = breaks_at
-
-    def put(self, words: Words, data: bytes = b"") -> bool:
-        if len(self.told) >= self._breaks_at:
-            raise RuntimeError("the page is broken")
-        self.told.append((json.loads(json.dumps(words)), data))
-        return True
-
-    @property
-    def idle(self) -> bool:
-        """It is busy now and then."""
-        self._asked += 1
-        return self._asked % 5 != 0
-
-    def orders(self) -> list[Words]:
-        return []
-
-
 def ticking() -> Any:
     """A clock that goes on by 0.07 s each time that it is asked."""
     times = iter(range(10**9))
@@ -88,12 +61,8 @@ def test_a_flight_beside_a_page_that_works_and_one_that_breaks(tmp_path: Path, s
     page.close("the flight is over")
     breaking.close("the flight is over")
     assert [line for line in said if "live page" in line] == [BROKEN]
-    kinds = [words["kind"] for words, _ in feed.told]
+    kinds, board = feed.kinds, feed.board
     assert (kinds[0], kinds[-1]) == ("scene", "ended")
-    board = Board()
-    for words, _ in feed.told:
-        if words["kind"] == "delta":
-            board.apply(words["delta"])
     codes = [STATES[code] for code in board.cells.values()]
     assert codes.count("explored") == summary["cells_roi"] == board.field("roi")
     assert board.field("certificate")["lower_bound_s"] == summary["lower_bound_s"]
@@ -128,17 +97,13 @@ def test_a_page_that_never_reads_is_told_nothing_more() -> None:
 
     feed = Full()
     told_of(feed)
-    assert [words["kind"] for words, _ in feed.told] == [
-        "scene",
-        "delta",
-    ]  # the last one, at the end
+    assert feed.kinds == ["scene", "delta"]  # the last one, at the end
 
 
 def test_a_simulated_flight_takes_no_orders() -> None:
     feed = Feed()
     told_of(feed)
-    (first, *_) = [words["delta"] for words, _ in feed.told if words["kind"] == "delta"]
-    assert first["fields"]["hands_off"] == SIMULATED
+    assert feed.deltas[0]["fields"]["hands_off"] == SIMULATED
 
 
 class Steered:

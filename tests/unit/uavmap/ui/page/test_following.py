@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 import os
 from collections.abc import Iterator
@@ -14,10 +13,11 @@ import numpy as np
 import pytest
 
 from missions.errors import JournalError
-from missions.events import FrameSeen, Vote, Weighed, from_json
+from missions.events import FrameSeen, Vote, Weighed
 from missions.units import Cell, Pose, Quaternion
 from tests.golden.recording import STOPS
-from tests.support.plans import named_text, plan_of
+from tests.support.page_feed import Feed
+from tests.unit.uavmap.output.flown_folders import EVENTS, PLAN
 from uavmap.journal.event_log import Journal, JournalReader
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.journal.kept_frames import FrameKeeper, KeptFrame
@@ -25,55 +25,27 @@ from uavmap.output.facts.figures import figures
 from uavmap.ui.cli import main
 from uavmap.ui.cli.commands import watch
 from uavmap.ui.page import following
-from uavmap.ui.page.board import Board
-from uavmap.ui.page.feed import Wishes
 from uavmap.ui.page.following import WATCHES, Follower, Pictures
 from uavmap.ui.page.page_pipe import Words
 from uavmap.ui.page.page_scene import STATES
-
-LINES = STOPS.lines()
 
 
 class EnoughError(Exception):
     """Nobody watches any longer."""
 
 
-class Feed:
-    dead = False
-
-    def __init__(self) -> None:
-        self.told: list[Words] = []
-
-    def put(self, words: Words, data: bytes = b"", *, wait_s: float = 0.0) -> bool:
-        self.told.append(json.loads(json.dumps(words)))
-        return True
-
-    def orders(self) -> list[Words]:
-        return []
-
-    @property
-    def board(self) -> Board:
-        board = Board()
-        for words in self.told:
-            if words["kind"] == "delta":
-                board.apply(words["delta"])
-        return board
-
-
 def begun(folder: Path, **meta: object) -> Journal:
-    source = named_text(STOPS.mission)
-    plan = plan_of(source.source, source.text, "rdfs", 1, 11)
-    return Journal.create(folder / JOURNAL, {"plan": plan.as_json(), **meta})
+    return Journal.create(folder / JOURNAL, {"plan": PLAN.as_json(), **meta})
 
 
 def test_a_journal_is_followed_while_it_is_written(tmp_path: Path) -> None:
     feed: Any = Feed()
-    third = len(LINES) // 3
+    third = len(EVENTS) // 3
     with begun(tmp_path) as journal:
-        journal.append_all(from_json(line) for line in LINES[:third])
+        journal.append_all(EVENTS[:third])
         follower = Follower(JournalReader(tmp_path / JOURNAL))
         assert follower.title == STOPS.setting().mission.name
-        parts = iter([LINES[third : 2 * third], LINES[2 * third :], None])
+        parts = iter([EVENTS[third : 2 * third], EVENTS[2 * third :], None])
 
         def sleep(_: float) -> None:
             """Nothing new is there: the flight goes on meanwhile."""
@@ -81,21 +53,21 @@ def test_a_journal_is_followed_while_it_is_written(tmp_path: Path) -> None:
             if part is None:
                 raise EnoughError
             assert feed.board.field("hands_off") == WATCHES
-            journal.append_all(from_json(line) for line in part)
+            journal.append_all(part)
 
         with pytest.raises(EnoughError):
             follower.run(feed, sleep)
-    state, _ = figures(STOPS.setting(), map(from_json, LINES))
+    state, _ = figures(STOPS.setting(), EVENTS)
     assert feed.board.field("over")
     assert feed.board.field("roi") == len(state.belief.roi)
     assert feed.board.field("hands_off") == "the flight is over"
-    times = [w["delta"]["fields"].get("t_s") for w in feed.told if w["kind"] == "delta"]
+    times = [delta["fields"].get("t_s") for delta in feed.deltas]
     assert len([t for t in times if t is not None]) > 30
 
 
 def test_a_read_only_folder_can_be_watched(tmp_path: Path) -> None:
     with begun(tmp_path) as journal:
-        journal.append_all(from_json(line) for line in LINES[:9])
+        journal.append_all(EVENTS[:9])
     (tmp_path / JOURNAL).chmod(0o400)
     tmp_path.chmod(0o500)
     try:
@@ -106,7 +78,7 @@ def test_a_read_only_folder_can_be_watched(tmp_path: Path) -> None:
 
 def test_a_damaged_event_and_an_exchanged_journal_are_said(tmp_path: Path) -> None:
     with begun(tmp_path) as journal:
-        journal.append_all(from_json(line) for line in LINES[:9])
+        journal.append_all(EVENTS[:9])
     reader = JournalReader(tmp_path / JOURNAL)
     assert len(reader.new_events()) == 9
     lines = (tmp_path / JOURNAL).read_bytes().splitlines(keepends=True)
@@ -125,9 +97,9 @@ def test_the_command_watches_until_control_c(
 ) -> None:
     """And the folder is as it was."""
     with begun(tmp_path) as journal:
-        journal.append_all(from_json(line) for line in LINES)
+        journal.append_all(EVENTS)
     before = (tmp_path / JOURNAL).read_bytes()
-    asked: list[Any] = []
+    asked = []
 
     class Interrupted(Feed):
         def orders(self) -> list[Words]:  # asked for when everything is told
@@ -136,15 +108,15 @@ def test_the_command_watches_until_control_c(
     feed = Interrupted()
 
     @contextlib.contextmanager
-    def opened(wishes: Wishes, config: Words) -> Iterator[Any]:
-        asked.append((wishes, config))
+    def opened(config: Words, *served: object) -> Iterator[Any]:
+        asked.append((config, *served))
         yield feed
 
     monkeypatch.setattr(watch, "opened", opened)
     monkeypatch.setattr(following, "LOOK_S", 0.0)
     assert main(["watch", str(tmp_path), "--port", "9123", "--page-host", "0.0.0.0"]) == 0
-    ((wishes, config),) = asked
-    assert (wishes.port, wishes.host, wishes.option) == (9123, "0.0.0.0", "--port")
+    ((config, *served),) = asked
+    assert served == [9123, "--port", "0.0.0.0"]
     assert (config["steers"], config["timeline"]) == (False, True)
     assert feed.board.field("over")
     assert os.listdir(tmp_path) == [JOURNAL]

@@ -10,15 +10,12 @@ from typing import Any
 
 import pytest
 
-from missions.events import FrameSeen, from_json
-from tests.golden.recording import STOPS
-from tests.support.plans import named_text, plan_of
-from tests.unit.uavmap.ui.page.test_flight_page import Feed
-from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_plan import JOURNAL
+from missions.events import FrameSeen
+from tests.support.journals import begun
+from tests.support.page_feed import Feed
+from tests.unit.uavmap.output.flown_folders import EVENTS, PLAN
 from uavmap.ui.cli import flight_options, main
 from uavmap.ui.page.board import Board
-from uavmap.ui.page.feed import Wishes
 from uavmap.ui.page.page_scene import STATES
 
 
@@ -30,14 +27,8 @@ class Ready(Feed):
 
 def interrupted(folder: Path) -> Path:
     """The journal of a recorded flight, up to its first pictures of the region."""
-    source = named_text(STOPS.mission)
-    plan = plan_of(source.source, source.text, STOPS.strategy, 1, STOPS.seed)
-    events = [from_json(line) for line in STOPS.lines()]
-    seen = [i for i, event in enumerate(events) if isinstance(event, FrameSeen)]
-    with Journal.create(folder / JOURNAL, {"plan": plan.as_json()}) as journal:
-        for event in events[: seen[20]]:
-            journal.append(event)
-    return folder
+    seen = [i for i, event in enumerate(EVENTS) if isinstance(event, FrameSeen)]
+    return begun(folder, PLAN, EVENTS[: seen[20]])
 
 
 def test_the_page_of_a_resumed_flight_has_all_of_it(
@@ -46,15 +37,15 @@ def test_the_page_of_a_resumed_flight_has_all_of_it(
     feed, asked = Ready(), []
 
     @contextlib.contextmanager
-    def opened(wishes: Wishes, config: Any) -> Iterator[Any]:
-        asked.append((wishes.port, config["steers"]))
+    def opened(config: Any, port: int, *served: object) -> Iterator[Any]:
+        asked.append((port, config["steers"]))
         yield feed
 
     monkeypatch.setattr(flight_options, "opened", opened)
     folder = interrupted(tmp_path / "cut")
     assert main(["resume", str(folder), "--page", "0", "--from-home"]) == 0
     assert asked == [(0, False)]
-    first, *deltas = [words["delta"] for words, _ in feed.told if words["kind"] == "delta"]
+    first, *deltas = feed.deltas
     board = Board()
     board.apply(first)
     assert board.cells
@@ -64,8 +55,8 @@ def test_the_page_of_a_resumed_flight_has_all_of_it(
     summary = json.loads((folder / "summary.json").read_text())
     explored = [STATES[code] for code in board.cells.values()].count("explored")
     assert explored == summary["cells_roi"] > 0
-    assert board.field("completed")
-    kinds = [words["kind"] for words, _ in feed.told]
+    assert board.field("phase") == "over, complete"
+    kinds = feed.kinds
     assert (kinds[0], kinds.count("scene"), kinds[-1]) == ("scene", 1, "ended")
 
 

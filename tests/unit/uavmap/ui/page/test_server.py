@@ -25,7 +25,7 @@ from tests.support.said import Said
 from uavmap.base.messages import shown_on
 from uavmap.ui.page import address
 from uavmap.ui.page.board import Board
-from uavmap.ui.page.feed import Feed, Wishes, opened
+from uavmap.ui.page.feed import Feed, opened
 from uavmap.ui.page.hub import Hub
 
 pytest.importorskip("nicegui", reason="the live page needs the extra page")
@@ -68,7 +68,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
     cv2.imwrite(str(frames / "1-000001.000.jpg"), np.full((90, 1280, 3), 80, np.uint8))
     (frames.parent / "secret.jpg").write_bytes((frames / "1-000001.000.jpg").read_bytes())
     config = {"title": "a <field>", "steers": True, "timeline": True, "frames": str(frames)}
-    with shown_on(said), opened(Wishes(0, "--page"), config) as feed:
+    with shown_on(said), opened(config, 0, "--page") as feed:
         yield Flight(feed, said)
 
 

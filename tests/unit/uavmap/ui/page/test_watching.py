@@ -9,7 +9,7 @@ import pytest
 from missions.events import from_json
 from missions.flight.state import State
 from missions.flight.step import step
-from tests.golden.recording import STOPS
+from tests.golden.recording import PASSES, STOPS
 from uavmap.output.facts.figures import figures
 from uavmap.output.write_results import map_data
 from uavmap.ui.page import watching
@@ -37,7 +37,7 @@ def test_the_board_of_a_flight_is_its_map(monkeypatch: pytest.MonkeyPatch) -> No
     shown = {cell: STATES[code] for cell, code in copy.cells.items()}
     assert shown == rows
     fields = copy.since(0)["fields"]
-    assert fields["over"]
+    assert (fields["over"], fields["phase"]) == (True, "over, complete")
     assert fields["certificate"]["exploration_s"] == found.exploration_s
     assert fields["certificate"]["lower_bound_s"] == found.lower_bound_s
     assert fields["left"]["what"] == "nothing more to explore"
@@ -45,6 +45,21 @@ def test_the_board_of_a_flight_is_its_map(monkeypatch: pytest.MonkeyPatch) -> No
     assert vehicle["sorties"] == found.sorties
     assert vehicle["landed"]
     assert any("has taken off" in text for *_, text in copy.since(0)["log"])
+
+
+def test_the_figures_of_a_flight_without_stopping_agree_at_any_time() -> None:
+    """Also between two times at which what is dear is computed."""
+    setting = PASSES.setting()
+    state, said = State.initial(setting), set[str]()
+    watcher = Watcher(setting, state, now_s=lambda: 0.0)
+    for line in PASSES.lines():
+        state, _ = step(setting, state, event := from_json(line))
+        watcher.take_in(event, state)
+        watcher.refresh()
+        if "ROI cells decided" in (known := watcher.board.field("known")):
+            assert known.startswith(f"{watcher.board.field('roi')} ")
+            said.add(known)
+    assert len(said) > 3
 
 
 def test_the_scene_is_for_json() -> None:

@@ -7,7 +7,6 @@ import json
 import re
 import sys
 import tomllib
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -27,12 +26,16 @@ from tests.support.areas.area_files import (
     placemark,
     saved,
 )
+from tests.support.html_page import Page
 from tests.support.plans import named_text
 from tests.unit.uavmap.ui.cli.test_cli_bad_input import one_line, said
 from uavmap.load.areas.mission_text import COMMENTS, SECTIONS, section_of
 from uavmap.load.mission_source import load
 from uavmap.output.drawing.palette import FENCE
 from uavmap.ui.cli import main
+
+SVG = "http://www.w3.org/2000/svg"
+"""The name of a language, and nothing to load."""
 
 
 @pytest.fixture(autouse=True)
@@ -236,30 +239,13 @@ def test_a_mistyped_mission(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 
 
 # --- the plan ---------------------------------------------------------------------------------
-class Page(HTMLParser):
-    """What a page is made of, and what it would load."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.loads: list[str] = []
-        self.words: list[str] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.loads += [v or "" for k, v in attrs if k in ("src", "href", "data", "action", "style")
-                       and v and ("://" in v or "url(" in v)]  # fmt: skip
-
-    def handle_data(self, data: str) -> None:
-        self.words.append(data)
-
-
 def test_the_plan_as_a_page_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "spill", "--map", "spill.html"]) == 0
     assert "the plan is in spill.html" in capsys.readouterr().out
     page = Page(Path("spill.html").read_text("utf-8"))
-    assert page.loads == []
+    assert not page.open
+    assert {value for _, value in page.attributes if "url(" in value} == {"url(#map)"}
+    assert {value for _, value in page.attributes if "://" in value} <= {SVG}
     assert not {"script", "img", "link", "iframe"} & set(page.tags)
     words = " ".join(page.words)
     for expected in (

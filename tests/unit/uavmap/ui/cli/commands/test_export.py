@@ -21,10 +21,9 @@ from missions.mission.places import homes
 from missions.mission.schema import positions
 from missions.units import Cell, GridPoint, LatLon
 from sitl.testing import Fleet, Vehicle
-from tests.support.journals import PLAN
+from tests.support.journals import PLAN, begun
+from tests.support.plan_schema import faults_of
 from tests.support.small_missions import mission_text, square
-from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load, mission_of_text
 from uavmap.output.formats.plan_items import clockwise
 from uavmap.ui.cli import main
@@ -56,7 +55,13 @@ def mission_file(tmp: Path, vehicles: int = 1, **more: Any) -> tuple[Path, Setti
 def exported(tmp: Path, *arguments: object, code: int = 0) -> dict[str, Any]:
     file = tmp / "field.plan"
     assert main(["export", *map(str, arguments), "--plan", str(file)]) == code
+    return documented(file)
+
+
+def documented(file: Path) -> dict[str, Any]:
+    """A plan, which is one by QGroundControl's documentation."""
     values: dict[str, Any] = json.loads(file.read_text("utf-8"))
+    assert faults_of(values) == []
     return values
 
 
@@ -66,13 +71,8 @@ def results(tmp: Path, cells: frozenset[Cell], **more: Any) -> tuple[Path, Setti
     mission = mission_of_text(source, "field.toml")
     plan = replace(PLAN, mission_source="field.toml", mission=mission)
     votes = tuple(Vote(cell, True, 0.9) for cell in sorted(cells))
-    folder = tmp / "flown"
-    with Journal.create(
-        folder / JOURNAL, {"plan": json.loads(json.dumps(plan.as_json()))}
-    ) as journal:
-        for n in range(5):
-            journal.append(FrameSeen(1, 1.0 + n, None, votes))
-    return folder, Setting.of(mission)
+    frames = [FrameSeen(1, 1.0 + n, None, votes) for n in range(5)]
+    return begun(tmp / "flown", plan, frames), Setting.of(mission)
 
 
 def places_of(items: list[dict[str, Any]]) -> list[LatLon]:
@@ -138,7 +138,7 @@ def test_each_vehicle_has_a_file_a_height_and_a_rally_point_of_its_own(tmp_path:
     assert not (tmp_path / "team.plan").exists()
     lanes = 0
     for number, home in enumerate(homes(setting.mission), start=1):
-        plan = json.loads((tmp_path / f"team-{number}.plan").read_text("utf-8"))
+        plan = documented(tmp_path / f"team-{number}.plan")
         height_m = 12.0 + 7.0 * (number - 1)
         assert plan["rallyPoints"]["points"] == [
             pytest.approx([home.lat_deg, home.lon_deg, height_m], abs=E7)

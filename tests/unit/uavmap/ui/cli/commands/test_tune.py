@@ -72,6 +72,15 @@ votes = {{frames = 3, positive = 2}}
     return path
 
 
+def found_share(out: Path, cell_m: float) -> float:
+    """The area of a map's region over that of the true one."""
+    features = json.loads((out / "map.geojson").read_text())["features"]
+    cells = [f["properties"] for f in features if f["properties"]["kind"] == "cell"]
+    west, east, south, north = ROI
+    roi_m2 = cell_m**2 * sum(cell["state"] not in NOT_ROI for cell in cells)
+    return float(roi_m2 / ((east - west) * (north - south)))
+
+
 @pytest.fixture(scope="module")
 def tuned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with photographs, polygons, a mission, and the detector learned from them."""
@@ -97,12 +106,7 @@ def test_a_detector_is_learned_from_polygons_and_maps_the_region(
     out = tmp_path / "map"
     arguments = ["--mission", str(tuned / "field.toml"), "--detector", str(tuned / "eyes")]
     assert main(["replay", str(tuned / "images"), *arguments, "--out", str(out)]) in (0, 3)
-    features = json.loads((out / "map.geojson").read_text())["features"]
-    cells = [f["properties"] for f in features if f["properties"]["kind"] == "cell"]
-    west, east, south, north = ROI
-    area_m2 = (east - west) * (north - south)
-    roi_m2 = GRID.cell_m**2 * sum(cell["state"] not in NOT_ROI for cell in cells)
-    assert area_m2 * 0.7 < roi_m2 < area_m2 * 1.3
+    assert 0.7 < found_share(out, GRID.cell_m) < 1.3
 
 
 def test_masks_teach_as_polygons_do_and_the_same_seed_gives_the_same_bytes(
@@ -259,12 +263,7 @@ def test_what_was_learned_maps_without_a_mission_file(
     made = load(str(out / "mission.toml"))
     assert (made.detector.name, made.detector.view) == ("learned", "all")
     assert made.detector.model == str((out / KEPT / MODEL).resolve())  # its copy
-    features = json.loads((out / "map.geojson").read_text())["features"]
-    cells = [f["properties"] for f in features if f["properties"]["kind"] == "cell"]
-    west, east, south, north = ROI
-    roi_m2 = made.grid.cell_m**2 * sum(cell["state"] not in NOT_ROI for cell in cells)
-    assert 0.7 < roi_m2 / ((east - west) * (north - south)) < 1.3
-
+    assert 0.7 < found_share(out, made.grid.cell_m) < 1.3
     seen = ["look", str(tuned / "images" / "0.jpg"), "--out", str(tmp_path / "seen.png"), "--json"]
     capsys.readouterr()
     assert main([*seen, "--detector", eyes]) == 0
