@@ -19,6 +19,7 @@ import socket
 import time
 import traceback
 from collections.abc import AsyncIterator, Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -223,7 +224,16 @@ class AircraftProcess:
     async def _start(self, found: Attachment | None = None) -> _Line:
         self._zero_s = time.monotonic() - asyncio.get_running_loop().time() / self._speedup
         if found is None:
-            found = await asyncio.to_thread(self._begun)
+            starter = ThreadPoolExecutor(1, "aircraft")
+            begun = starter.submit(self._begun)
+            starter.shutdown(wait=False)
+            try:
+                found = await asyncio.wrap_future(begun)
+            except asyncio.CancelledError:
+                begun.add_done_callback(self._unwanted)
+                if self._child is not None:
+                    self._child.process.kill()
+                raise
         self._address = found.address
         found.socket.setblocking(False)
         reader, writer = await asyncio.open_connection(sock=found.socket)
@@ -242,17 +252,25 @@ class AircraftProcess:
             child.stdin.close()
             address = _ADDRESS.validate_json(child.stdout.readline())
         except (OSError, ValidationError):
-            child.process.kill()
-            child.process.wait()
-            reason = child.last_words(END_WALL_S)
-            raise LinkError(f"the process of the aircraft does not start: {reason}") from None
+            raise LinkError(self._not_begun("start")) from None
         answer = None
         with contextlib.suppress(TimeoutError):
             answer = attach(address)
         if answer is None:
-            raise LinkError(f"the process of the aircraft does not answer: {child.last_words()}")
+            raise LinkError(self._not_begun("answer"))
         self._append = True
         return answer[1]
+
+    def _not_begun(self, what: str) -> str:
+        """End a process that has not begun; the reason, in words."""
+        child = self._child
+        assert child is not None
+        child.process.kill()
+        child.process.wait()
+        reason = child.last_words(END_WALL_S)
+        child.close(0.0)
+        self._child = None
+        return f"the process of the aircraft does not {what}: {reason}"
 
     async def _keep(self, port: Port, line: _Line, begin: Callable[[], say.Begin]) -> None:
         """Pass messages on; find the process again, or start it, whenever it is gone."""
@@ -261,13 +279,15 @@ class AircraftProcess:
                 try:
                     await self._pass_on(port, line)
                 finally:
+                    await asyncio.sleep(0)  # the port notes what has just been kept
+                    line.send(say.Beat(kept=port.kept))
                     await line.closed()
                 if port.ended.done():
                     return
                 line = await self._again(port, begin())
         except Exception as error:
             text = "".join(traceback.format_exception(error))
-            port.receive(ended_by(error, (), str(error) if isinstance(error, LinkError) else text))
+            port.receive(ended_by(error, {}, str(error) if isinstance(error, LinkError) else text))
 
     async def _again(self, port: Port, begin: say.Begin) -> _Line:
         """Connect again: to the process that lives, or to a new one. Raises `LinkError`."""
@@ -346,6 +366,12 @@ class AircraftProcess:
             self._child.process.wait()
             self._child.close(END_WALL_S)
             self._child = None
+
+    def _unwanted(self, begun: Future[Attachment]) -> None:
+        """End a process that nobody has waited for."""
+        if not begun.cancelled() and begun.exception() is None:
+            begun.result().socket.close()
+        self._end_process()
 
     def _ended(self) -> None:
         """Wait for the process to end by itself."""

@@ -268,13 +268,17 @@ class Flight:
                         self._state = await self._fly(None, begin, service, member, crew)
                     else:
                         async with connection(port, begin):
-                            self._state = await watched_over(
-                                port, self._fly(port, begin, service, member, crew), leave=real
-                            )
+                            try:
+                                self._state = await watched_over(
+                                    port, self._fly(port, begin, service, member, crew), leave=real
+                                )
+                            finally:
+                                # a simulated flight is flown again instead, event by event
+                                if real:  # and the aircraft may forget what was kept
+                                    service.keep_last_words()
         finally:
             port.close()
-            # a simulated flight is flown again instead, event by event
-            if real or member is not None:
+            if member is not None:  # what the fleet has sent since
                 service.keep_last_words()
             for onlooker in company.onlookers:
                 onlooker.end()

@@ -155,6 +155,8 @@ class Beat:
     """Time since the first vehicle was switched on, where the aircraft send it."""
     kept: int = 0
     """The number of the last `Happened` that is in the journal, where the mission sends it."""
+    fates: dict[int, str] = field(default_factory=dict)
+    """As in `Ended`, if the flight ended now, where the aircraft send it."""
     kind: Literal["beat"] = "beat"
 
 
@@ -257,11 +259,18 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
+class Recall:
+    """This process is asked to end: the mission is to call all vehicles home."""
+
+    kind: Literal["recall"] = "recall"
+
+
+@dataclass(frozen=True, slots=True)
 class Ended:
     """The last message: what became of the aircraft."""
 
-    fates: tuple[str, ...]
-    """A line for each vehicle that is not at home."""
+    fates: dict[int, str]
+    """Where each vehicle that was heard is, in words; empty for one at home."""
     error: str | None = None
     """The name of an error of `missions.errors` that ended it; "defect" for one of the program."""
     text: str = ""
@@ -279,6 +288,7 @@ FromAircraft = (
     | Question
     | Line
     | Beat
+    | Recall
     | Ended
 )
 Message = ToAircraft | FromAircraft

@@ -45,7 +45,7 @@ ALL: list[say.Message] = [
     say.Answered(None),
     say.Finish("the mission is over"),
     say.Leave("the operator left"),
-    say.Beat(12.5),
+    say.Beat(12.5, fates={1: "in the air"}),
     say.Attached("flying"),
     say.Ready(None, 4.0),
     say.Happened(Tracked(1, 2.0, GridPoint(0.1, 0.2), 12.0, 55.5)),
@@ -54,7 +54,7 @@ ALL: list[say.Message] = [
     say.BatteryUnwanted(3),
     say.Question("fly? [y/N]"),
     say.Line("vehicle 1: ready"),
-    say.Ended(("vehicle 1: in the air",), "LinkError", "silent", True),
+    say.Ended({1: "in the air"}, "LinkError", "silent", True),
 ]
 
 
