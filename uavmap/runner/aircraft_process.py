@@ -305,6 +305,7 @@ class AircraftProcess:
         attached, found = answer
         if attached.state not in ("new", "flying"):
             found.socket.close()
+            port.let_go()
             raise LinkError(attached.reason)
         _LOG.info("this process stood still for so long that the aircraft hold; it goes on")
         for message in _recorded(self._folder):

@@ -117,6 +117,10 @@ class Port:
             self._keeping = None
         self._received = self.kept = 0
 
+    def let_go(self) -> None:
+        """Another process has the vehicles: what was last reported of them here is of no use."""
+        self._fates = {}
+
     @property
     def since_boot_s(self) -> float | None:
         """Time since the first vehicle was switched on, None where it has not said."""

@@ -12,7 +12,7 @@ import subprocess
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
-from typing import ParamSpec
+from typing import Literal, ParamSpec
 
 import pytest
 
@@ -128,6 +128,26 @@ async def test_aircraft_that_cannot_be_started_again_end_the_mission(
     assert cause == "it does not start"
     assert fate.startswith("vehicle 1: left to its autopilot in GUIDED at here; that was its last")
     assert "take it by radio control" in fate
+
+
+@pytest.mark.parametrize("state", ["returning", "refused"])
+@on_a_loop
+async def test_aircraft_that_another_process_brings_home_are_not_said_to_be_left(
+    state: Literal["returning", "refused"], tmp_path: Path
+) -> None:
+    with listening() as (server, address):
+        line = socket.create_connection(("127.0.0.1", address.port))
+        other, _ = server.accept()
+        process = AircraftProcess(plan(), tmp_path, Attachment(address, line), append=False)
+        port = Mission().port
+        port.receive(say.Beat(fates={1: "left to its autopilot in GUIDED at here"}))
+        async with asyncio.timeout(20.0), process.connected(port, lambda: BEGIN):
+            other.close()
+            answering, _ = await asyncio.to_thread(server.accept)
+            answering.sendall(say.encode(say.Attached(state, "they are in good hands")))
+            with pytest.raises(LinkError, match="they are in good hands"):
+                await watched_over(port, asyncio.Event().wait(), leave=True)
+        answering.close()
 
 
 @on_a_loop
