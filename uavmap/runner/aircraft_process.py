@@ -218,22 +218,28 @@ class AircraftProcess:
             yield
         finally:
             keeping.cancel()
-            await asyncio.gather(keeping, return_exceptions=True)
-            await asyncio.to_thread(self._ended)
+            # an operator who is in a hurry now is still shown how it ended
+            with contextlib.suppress(asyncio.CancelledError):
+                await asyncio.gather(keeping, return_exceptions=True)
+                await asyncio.to_thread(self._ended)
 
     async def _start(self, found: Attachment | None = None) -> _Line:
+        """Connect to a process of the aircraft; one that is started is ended if nobody waits."""
         self._zero_s = time.monotonic() - asyncio.get_running_loop().time() / self._speedup
-        if found is None:
-            starter = ThreadPoolExecutor(1, "aircraft")
-            begun = starter.submit(self._begun)
-            starter.shutdown(wait=False)
-            try:
-                found = await asyncio.wrap_future(begun)
-            except asyncio.CancelledError:
-                begun.add_done_callback(self._unwanted)
-                if self._child is not None:
-                    self._child.process.kill()
-                raise
+        if found is not None:
+            return await self._line(found)
+        starter = ThreadPoolExecutor(1, "aircraft")
+        begun = starter.submit(self._begun)
+        starter.shutdown(wait=False)
+        try:
+            return await self._line(await asyncio.wrap_future(begun))
+        except asyncio.CancelledError:
+            begun.add_done_callback(self._unwanted)
+            if self._child is not None:
+                self._child.process.kill()
+            raise
+
+    async def _line(self, found: Attachment) -> _Line:
         self._address = found.address
         found.socket.setblocking(False)
         reader, writer = await asyncio.open_connection(sock=found.socket)
