@@ -9,6 +9,7 @@ import socket
 import stat
 import struct
 import subprocess
+import threading
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
@@ -128,6 +129,56 @@ async def test_aircraft_that_cannot_be_started_again_end_the_mission(
     assert cause == "it does not start"
     assert fate.startswith("vehicle 1: left to its autopilot in GUIDED at here; that was its last")
     assert "take it by radio control" in fate
+
+
+@on_a_loop
+async def test_a_process_that_nobody_waits_for_is_ended_while_it_is_connected_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    connecting, ended = asyncio.Event(), asyncio.Event()
+
+    async def hangs(**_: object) -> None:
+        connecting.set()
+        await asyncio.Event().wait()
+
+    monkeypatch.setattr(asyncio, "open_connection", hangs)
+    with listening() as (_, address), socket.create_connection(("127.0.0.1", address.port)) as line:
+        monkeypatch.setattr(AircraftProcess, "_begun", lambda self: Attachment(address, line))
+        monkeypatch.setattr(AircraftProcess, "_end_process", lambda self: ended.set())
+        process = AircraftProcess(plan(), tmp_path, None, append=False)
+        starting = asyncio.create_task(process._start())
+        await connecting.wait()
+        starting.cancel()
+        await asyncio.wait([starting])
+    assert ended.is_set()
+
+
+@on_a_loop
+async def test_a_third_control_c_does_not_hide_what_became_of_the_aircraft(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waiting, over = asyncio.Event(), threading.Event()
+    loop = asyncio.get_running_loop()
+
+    def ends_slowly(self: AircraftProcess) -> None:
+        loop.call_soon_threadsafe(waiting.set)
+        over.wait()
+
+    monkeypatch.setattr(AircraftProcess, "_ended", ends_slowly)
+    with listening() as (_, address):
+        line = socket.create_connection(("127.0.0.1", address.port))
+        process = AircraftProcess(plan(), tmp_path, Attachment(address, line), append=False)
+
+        async def left_at_once() -> None:
+            async with process.connected(Mission().port, lambda: BEGIN):
+                raise AircraftError("vehicle 1: left to its autopilot in RTL")
+
+        flight = asyncio.create_task(left_at_once())
+        await waiting.wait()
+        flight.cancel()
+        with pytest.raises(AircraftError, match="left to its autopilot"):
+            await flight
+        over.set()
 
 
 @pytest.mark.parametrize("state", ["returning", "refused"])
