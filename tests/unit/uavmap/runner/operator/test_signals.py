@@ -5,11 +5,12 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+from types import SimpleNamespace
 
 import pytest
 
 from uavmap.base.clock import VirtualClock, run
-from uavmap.runner.operator.interrupts import like_control_c
+from uavmap.runner.operator.interrupts import interrupts, like_control_c
 
 
 @pytest.mark.parametrize("interrupt", [signal.SIG_IGN, signal.default_int_handler])
@@ -32,6 +33,34 @@ def test_a_job_in_the_background_that_is_told_to_end_tidies_up(interrupt):
         signal.signal(signal.SIGINT, before)
     assert tidied
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+
+
+class Service:
+    """A mission that is over, or has failed on its way."""
+
+    flying, ended = False, True
+
+    def __init__(self, *, over: bool) -> None:
+        self.state = SimpleNamespace(over=over)
+
+    pause = go_on = recall = recall_vehicle = skip_cell = land_here = None
+
+
+@pytest.mark.parametrize(("over", "presses"), [(True, 2), (False, 1)])
+def test_a_first_press_after_the_last_landing_does_not_cut_the_end_short(over, presses):
+    counted = 0
+
+    async def ending() -> None:
+        nonlocal counted
+        with interrupts(Service(over=over)):
+            while True:
+                counted += 1
+                os.kill(os.getpid(), signal.SIGINT)
+                await asyncio.sleep(1.0)
+
+    with pytest.raises(KeyboardInterrupt):
+        run(ending(), VirtualClock())
+    assert counted == presses
 
 
 def test_a_task_that_is_cancelled_for_another_reason_is_no_interrupt():
