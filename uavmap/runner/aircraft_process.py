@@ -273,7 +273,7 @@ class AircraftProcess:
         assert child is not None
         child.process.kill()
         child.process.wait()
-        reason = child.last_words(END_WALL_S)
+        reason = child.last_words(END_WALL_S) or "it has ended"
         child.close(0.0)
         self._child = None
         return f"the process of the aircraft does not {what}: {reason}"
