@@ -38,7 +38,6 @@ from uavmap.runner.aircraft_process import (
     SILENT_WALL_S,
     START_WALL_S,
     Address,
-    wall_sleep,
 )
 from uavmap.runner.aircraft_side import AircraftSide
 from uavmap.runner.flight_links import LinkOptions, cameras_of, opened_links
@@ -70,7 +69,9 @@ class AircraftChild:
         self._gone = asyncio.Event()
         """Whether no mission is connected."""
         self._gone.set()
-        self._met = self._over = self._asked_to_end = False
+        self._met = asyncio.Event()
+        """Whether a mission has ever been connected."""
+        self._over = self._asked_to_end = False
         self._side: AircraftSide | None = None
         self._running: asyncio.Task[None] | None = None
         self._heard_s = time.monotonic()
@@ -125,9 +126,9 @@ class AircraftChild:
                     await side.run()
         except UavmapError as error:
             self._send(ended_by(error, {}, str(error)))
-            until_s = time.monotonic() + START_WALL_S
-            while not self._met and time.monotonic() < until_s:
-                await wall_sleep(BEAT_WALL_S, self._speedup)
+            with contextlib.suppress(TimeoutError):
+                async with wall_timeout(START_WALL_S):
+                    await self._met.wait()
         except asyncio.CancelledError:
             self._send(ended_by(LinkError(ASKED_TO_END), {}, ASKED_TO_END))
         finally:
@@ -187,7 +188,8 @@ class AircraftChild:
         writer.write(say.encode(answer))
         if answer.state in ("refused", "returning"):
             return False
-        self._writer, self._met, self._heard_s = writer, True, time.monotonic()
+        self._writer, self._heard_s = writer, time.monotonic()
+        self._met.set()
         self._gone.clear()
         for early in self._early:
             self._send(early)
@@ -204,7 +206,7 @@ class AircraftChild:
                 self._unkept.append(message)
             if not self._writer.is_closing():
                 self._writer.write(say.encode(message))
-        elif not self._met:
+        elif not self._met.is_set():
             self._early.append(message)
         elif not self._over and isinstance(message, say.Happened | say.Line):
             self._record(say.encode(message))
@@ -230,7 +232,7 @@ class AircraftChild:
     async def _watch(self) -> None:
         """Hold when the mission is silent; bring the vehicles home when it stays so."""
         while True:
-            await wall_sleep(BEAT_WALL_S, self._speedup)
+            await asyncio.sleep(BEAT_WALL_S * self._speedup)
             silent_s = time.monotonic() - self._heard_s
             side = self._side
             if self._writer is not None:

@@ -94,23 +94,21 @@ class Attachment:
 
 def attach(address: Address) -> tuple[say.Attached, Attachment] | None:
     """Connect to a process of aircraft; None where it is gone. Raises `TimeoutError`."""
-    line = None
-    try:
-        line = socket.create_connection(("127.0.0.1", address.port), ATTACH_WALL_S)
-        line.sendall(say.encode(say.Attach(say.VERSION, address.token)))
-        decoder = say.Decoder()
-        while data := line.recv(1):
-            for message in decoder.feed(data):
-                if isinstance(message, say.Attached):
-                    return message, Attachment(address, line)
-    except TimeoutError:
-        if line is not None:
-            line.close()
-        raise
-    except (OSError, LinkError):
-        pass
-    if line is not None:
-        line.close()
+    with contextlib.ExitStack() as failed:
+        try:
+            where = ("127.0.0.1", address.port)
+            line = failed.enter_context(socket.create_connection(where, ATTACH_WALL_S))
+            line.sendall(say.encode(say.Attach(say.VERSION, address.token)))
+            decoder = say.Decoder()
+            while data := line.recv(1):
+                for message in decoder.feed(data):
+                    if isinstance(message, say.Attached):
+                        failed.pop_all()
+                        return message, Attachment(address, line)
+        except TimeoutError:
+            raise
+        except (OSError, LinkError):
+            pass
     return None
 
 
@@ -187,13 +185,9 @@ def _recorded(folder: Path) -> list[say.Message]:
 
 
 class AircraftProcess:
-    """The process of the aircraft of one flight.
+    """The process of the aircraft of one flight, started unless one is `found`.
 
-    Args:
-        plan: Of the flight.
-        folder: Of the flight.
-        found: The process of a mission that has died; None: it is started.
-        append: Whether the telemetry log of the folder goes on.
+    `append`: whether the telemetry log of the folder goes on.
     """
 
     def __init__(
@@ -271,12 +265,10 @@ class AircraftProcess:
         """End a process that has not begun; the reason, in words."""
         child = self._child
         assert child is not None
-        child.process.kill()
-        child.process.wait()
-        reason = child.last_words(END_WALL_S) or "it has ended"
-        child.close(0.0)
-        self._child = None
-        return f"the process of the aircraft does not {what}: {reason}"
+        self._end_process()
+        return (
+            f"the process of the aircraft does not {what}: {child.last_words() or 'it has ended'}"
+        )
 
     async def _keep(self, port: Port, line: _Line, begin: Callable[[], say.Begin]) -> None:
         """Pass messages on; find the process again, or start it, whenever it is gone."""
@@ -287,7 +279,9 @@ class AircraftProcess:
                 finally:
                     await asyncio.sleep(0)  # the port notes what has just been kept
                     line.send(say.Beat(kept=port.kept))
-                    await line.closed()
+                    line.writer.close()
+                    with contextlib.suppress(OSError):
+                        await line.writer.wait_closed()
                 if port.ended.done():
                     return
                 line = await self._again(port, begin())
@@ -329,16 +323,16 @@ class AircraftProcess:
 
     async def _started_again(self) -> _Line:
         """Start the process anew, some times. Raises the last `LinkError`."""
-        for left in reversed(range(STARTS)):
+        failure = LinkError()
+        for _ in range(STARTS):
             await asyncio.to_thread(self._end_process)
             with contextlib.suppress(OSError):
                 (self._folder / ADDRESS).unlink()
             try:
                 return await self._start()
-            except LinkError:
-                if not left:
-                    raise
-        raise AssertionError
+            except LinkError as error:
+                failure = error
+        raise failure
 
     async def _pass_on(self, port: Port, line: _Line) -> None:
         """Pass messages on until the process is silent, or gone."""
@@ -359,8 +353,8 @@ class AircraftProcess:
         while True:
             line.send(say.Beat(kept=port.kept))
             if time.monotonic() - self._heard_s > 2.0 * SILENT_WALL_S:
-                line.close()
-            await wall_sleep(BEAT_WALL_S, self._speedup)
+                line.writer.close()
+            await asyncio.sleep(BEAT_WALL_S * self._speedup)
 
     def _end_process(self) -> None:
         """End a process that does not speak any more: two would fly the same vehicles."""
@@ -394,24 +388,9 @@ class _Line:
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self.reader = reader
-        self._writer = writer
+        self.writer = writer
 
     def send(self, message: say.Message) -> None:
         """Send a message; what the other end does not get it does not miss: it is gone."""
-        if not self._writer.is_closing():
-            self._writer.write(say.encode(message))
-
-    def close(self) -> None:
-        """End it."""
-        self._writer.close()
-
-    async def closed(self) -> None:
-        """End it, and wait for that."""
-        self._writer.close()
-        with contextlib.suppress(OSError):
-            await self._writer.wait_closed()
-
-
-async def wall_sleep(seconds: float, speedup: float) -> None:
-    """Sleep for so many real seconds."""
-    await asyncio.sleep(seconds * speedup)
+        if not self.writer.is_closing():
+            self.writer.write(say.encode(message))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -27,8 +27,7 @@ from uavmap.runner.preflight.autopilot_fence import (
     ARDUPILOT_FENCE,
     PX4_FENCE,
     FencePlan,
-    fence_plan,
-    leaves_kept_fence,
+    VehicleFence,
 )
 from uavmap.runner.preflight.finding import Finding, bad, ok, warn
 from uavmap.runner.preflight.saved_settings import Before, Kept
@@ -93,14 +92,7 @@ class AutopilotSetup:
     async def keep_fence(self) -> list[Finding]:
         """Whether the mission can be flown inside the fence that is set. Raises `LinkError`."""
         before, found = await self.look()
-        faults = leaves_kept_fence(
-            self._setting,
-            self._number,
-            self._home,
-            self._view.kind,
-            before.fence or (),
-            _values(before.parameters),
-        )
+        faults = self._fence(before).faults(before.fence or ())
         found += [
             bad(
                 "fence", f"the mission leaves the one that is set: {fault}", "a mission inside",
@@ -118,8 +110,13 @@ class AutopilotSetup:
 
     def plan(self, before: Before, level_m: float = 0.0) -> FencePlan:
         """What is to be set on a vehicle whose home is so much above the reference of its team."""
-        values = _values(before.parameters)
-        return fence_plan(self._setting, self._number, self._home, self._view.kind, values, level_m)
+        return self._fence(before, level_m).plan()
+
+    def _fence(self, before: Before, level_m: float = 0.0) -> VehicleFence:
+        values = {name: parameter.value for name, parameter in before.parameters.items()}
+        return VehicleFence(
+            self._setting, self._number, self._home, self._view.kind, values, level_m
+        )
 
     @property
     def _home(self) -> LatLon:
@@ -285,10 +282,6 @@ def _unused(path: Path) -> Path:
     """The path, or that with a number where it exists: of another aircraft."""
     names = (path.with_stem(f"{path.stem}-{n}") for n in itertools.count(2))
     return path if not path.exists() else next(name for name in names if not name.exists())
-
-
-def _values(parameters: Mapping[str, Parameter]) -> dict[str, float]:
-    return {name: parameter.value for name, parameter in parameters.items()}
 
 
 def _left_out(plan: FencePlan) -> list[Finding]:
