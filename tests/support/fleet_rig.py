@@ -236,7 +236,7 @@ class Beset(SimulatedFleet):
         self.ended_s[number] = loop.time()
 
     async def _die(self, number: int, flight: Flight, program: asyncio.Task[None]) -> None:
-        self.world.close_session(number - 1)
+        self.world.open_session(number - 1, lambda frame: None)  # nobody hears it any more
         self.air.silence(number)
         self.radios[number].dead = True  # what was scheduled may still run, unheard
         flight.close()

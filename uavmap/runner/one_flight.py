@@ -302,7 +302,7 @@ class Flight:
             self.clock.start_s,
             before,
             asked,
-            kept_fence(self._journal.meta) or (asked is not None and asked.keep_fence),
+            kept_fence(self._journal.meta),
             waits_on_ground,
         )
 

@@ -285,11 +285,6 @@ class Simulation:
         self._sessions[index] = session
         return session
 
-    def close_session(self, index: int) -> None:
-        """Cut the session with a vehicle, as the death of its program does."""
-        self._sessions.pop(index, None)
-        self._turns[index] = self._turns.get(index, 0) + 1
-
     async def fetch(self, url: str) -> bytes:
         """A picture by its URL."""
         for vehicle in self._vehicles:

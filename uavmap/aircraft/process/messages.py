@@ -59,7 +59,6 @@ class Asked:
     """What will be flown."""
     yes: bool
     dry_run: bool
-    keep_fence: bool
 
 
 @dataclass(frozen=True, slots=True)

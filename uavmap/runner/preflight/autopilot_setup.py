@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import logging
 import shlex
-from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -32,6 +32,7 @@ from uavmap.runner.preflight.autopilot_fence import (
 from uavmap.runner.preflight.finding import Finding, bad, ok, warn
 from uavmap.runner.preflight.saved_settings import Before, Kept
 
+_LOG: Final = logging.getLogger("uavmap.runner.preflight")
 RESTORE_S: Final = 60.0
 """So long putting everything back may take at the end of a flight."""
 HEARD_S: Final = 5.0
@@ -42,25 +43,14 @@ _KEEP: Final = "give --keep-fence to fly inside the fence that is set"
 
 
 class AutopilotSetup:
-    """What is set on one autopilot for a flight, and what was there.
+    """What is set on one autopilot for a flight, and what was there."""
 
-    `tell` takes a line for the operator.
-    """
-
-    def __init__(
-        self,
-        number: int,
-        session: Session,
-        setting: Setting,
-        folder: Path,
-        tell: Callable[[str], None],
-    ) -> None:
+    def __init__(self, number: int, session: Session, setting: Setting, folder: Path) -> None:
         self._number = number
         self._session = session
         self._view = session.view
         self._setting = setting
         self._folder = folder
-        self._tell = tell
         self._kept = Kept(folder)
         self._parameters = Parameters(session)
         self._transfer = MissionTransfer(session)
@@ -260,6 +250,9 @@ class AutopilotSetup:
         for kind, items in ((Kind.FENCE, before.fence), (Kind.RALLY, before.rally)):
             if items is not None:
                 await self._put(kind, items)
+
+    def _tell(self, text: str) -> None:
+        _LOG.info(f"vehicle {self._number}: {text}")
 
     def _not_now(self) -> str:
         silent_s = asyncio.get_running_loop().time() - self._view.heard_s
