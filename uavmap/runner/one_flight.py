@@ -28,16 +28,20 @@ from uavmap.fleet.radio import SealedRadio
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import TLOG, FlightPlan
 from uavmap.journal.kept_frames import FrameKeeper
-from uavmap.journal.mission_time import Clocks, Marks, last_mark, read_clocks, taken_up_at
+from uavmap.journal.mission_time import (
+    Clocks,
+    Marks,
+    last_mark,
+    mission_time,
+    read_clocks,
+    taken_up_at,
+)
 from uavmap.journal.telemetry_log import TlogWriter
 from uavmap.output.write_results import flown_flight, write_results
 from uavmap.runner.aircraft_process import AircraftProcess, Attachment, Connection
 from uavmap.runner.aircraft_side import in_this_process
 from uavmap.runner.before_flight import kept_fence
-from uavmap.runner.flight_links import (
-    Link,
-    mavlink_link,
-)
+from uavmap.runner.flight_links import Link, mavlink_link
 from uavmap.runner.ground_service import GroundService
 from uavmap.runner.operator.company import Company
 from uavmap.runner.operator.flight_keys import Keys
@@ -339,18 +343,15 @@ class Flight:
 
         The loop goes on while the operator thinks.
         """
-        start_s = await asyncio.to_thread(
-            taken_up_at,
-            last_mark(self._journal.meta),
+        found = mission_time(
             self._state.t_s,
+            last_mark(self._journal.meta),
             clocks,
             epoch_utc_s=self._plan.epoch_utc_s,
             speedup=self._plan.speedup or 1.0,
             drift_m_s=self._setting.mission.drift.speed_m_s,
-            say=_LOG.info,
-            ask=self._company.ask,
         )
-        self.clock.set(start_s)
+        self.clock.set(await asyncio.to_thread(taken_up_at, found, _LOG.info, self._company.ask))
 
     async def _agree(self, member: Member) -> None:
         """Count the seconds that the others of a fleet count. Time never runs backwards."""
