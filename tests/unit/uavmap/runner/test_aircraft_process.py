@@ -98,6 +98,17 @@ def listening() -> Iterator[tuple[socket.socket, Address]]:
         yield server, Address(server.getsockname()[1], "word", 0.0, os.getpid())
 
 
+@contextmanager
+def found(folder: Path) -> Iterator[tuple[AircraftProcess, socket.socket, socket.socket]]:
+    """A process of the aircraft as the mission sees it, the other end, and where it listens."""
+    with listening() as (server, address):
+        line = socket.create_connection(("127.0.0.1", address.port))
+        other, _ = server.accept()
+        with other:
+            found = Attachment(address, line)
+            yield AircraftProcess(plan(), folder, found, append=False), other, server
+
+
 @pytest.mark.parametrize("reset", [False, True])
 @on_a_loop
 async def test_aircraft_that_cannot_be_started_again_end_the_mission(
@@ -111,11 +122,8 @@ async def test_aircraft_that_cannot_be_started_again_end_the_mission(
 
     monkeypatch.setattr(AircraftProcess, "_begun", start)
     monkeypatch.setattr(AircraftProcess, "_end_process", lambda self: None)
-    with listening() as (server, address):
-        line = socket.create_connection(("127.0.0.1", address.port))
-        other, _ = server.accept()
+    with found(tmp_path) as (process, other, server):
         server.close()
-        process = AircraftProcess(plan(), tmp_path, Attachment(address, line), append=False)
         port = Mission().port
         port.receive(say.Beat(fates={1: "left to its autopilot in GUIDED at here", 2: ""}))
         async with asyncio.timeout(20.0), process.connected(port, lambda: BEGIN):
@@ -165,12 +173,11 @@ async def test_a_third_control_c_does_not_hide_what_became_of_the_aircraft(
         over.wait()
 
     monkeypatch.setattr(AircraftProcess, "_ended", ends_slowly)
-    with listening() as (_, address):
-        line = socket.create_connection(("127.0.0.1", address.port))
-        process = AircraftProcess(plan(), tmp_path, Attachment(address, line), append=False)
+    with found(tmp_path) as (process, _, _):
 
         async def left_at_once() -> None:
             async with process.connected(Mission().port, lambda: BEGIN):
+                await asyncio.sleep(0)
                 raise AircraftError("vehicle 1: left to its autopilot in RTL")
 
         flight = asyncio.create_task(left_at_once())
@@ -186,10 +193,7 @@ async def test_a_third_control_c_does_not_hide_what_became_of_the_aircraft(
 async def test_aircraft_that_another_process_brings_home_are_not_said_to_be_left(
     state: Literal["returning", "refused"], tmp_path: Path
 ) -> None:
-    with listening() as (server, address):
-        line = socket.create_connection(("127.0.0.1", address.port))
-        other, _ = server.accept()
-        process = AircraftProcess(plan(), tmp_path, Attachment(address, line), append=False)
+    with found(tmp_path) as (process, other, server):
         port = Mission().port
         port.receive(say.Beat(fates={1: "left to its autopilot in GUIDED at here"}))
         async with asyncio.timeout(20.0), process.connected(port, lambda: BEGIN):

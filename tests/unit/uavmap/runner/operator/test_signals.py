@@ -5,11 +5,12 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
-from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 
 from uavmap.base.clock import VirtualClock, run
+from uavmap.runner.operator.caller import Steered
 from uavmap.runner.operator.interrupts import interrupts, like_control_c
 
 
@@ -35,24 +36,14 @@ def test_a_job_in_the_background_that_is_told_to_end_tidies_up(interrupt):
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
-class Service:
-    """A mission that is over, or has failed on its way."""
-
-    flying, ended = False, True
-
-    def __init__(self, *, over: bool) -> None:
-        self.state = SimpleNamespace(over=over)
-
-    pause = go_on = recall = recall_vehicle = skip_cell = land_here = None
-
-
 @pytest.mark.parametrize(("over", "presses"), [(True, 2), (False, 1)])
 def test_a_first_press_after_the_last_landing_does_not_cut_the_end_short(over, presses):
     counted = 0
+    service = Mock(spec=Steered, flying=False, ended=True, state=Mock(over=over))
 
     async def ending() -> None:
         nonlocal counted
-        with interrupts(Service(over=over)):
+        with interrupts(service):
             while True:
                 counted += 1
                 os.kill(os.getpid(), signal.SIGINT)
