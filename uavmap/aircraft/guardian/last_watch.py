@@ -20,7 +20,7 @@ T = TypeVar("T")
 NOT_HOME: Final = "an aircraft was not brought home"
 
 
-class Keeper(Protocol):
+class Watch(Protocol):
     """Keeps aircraft from being left alone."""
 
     async def run(self) -> None:
@@ -35,25 +35,17 @@ class Keeper(Protocol):
         """Return, and wait until that is seen."""
         ...
 
+
+class Keeper(Watch, Protocol):
+    """Keeps all aircraft of a flight."""
+
     def fates(self) -> Mapping[int, str]:
         """Where each aircraft that was heard is, in words, empty for one at home."""
         ...
 
 
-class GuardianLike(Protocol):
+class GuardianLike(Watch, Protocol):
     """Keeps one aircraft."""
-
-    async def run(self) -> None:
-        """Watch until cancelled."""
-        ...
-
-    async def bring_home(self, reason: str) -> None:
-        """Return, and wait until down."""
-        ...
-
-    async def leave(self, reason: str) -> None:
-        """Return, and wait until that is seen."""
-        ...
 
     def fate(self) -> str | None:
         """Where the aircraft is at the end, empty if at home, None if it was never heard."""
@@ -93,7 +85,7 @@ class Guardians:
         waits = (guardian.leave(reason) for guardian in self._guardians.values())
         await asyncio.gather(*waits, return_exceptions=True)
 
-    def fates(self) -> Mapping[int, str]:
+    def fates(self) -> dict[int, str]:
         """Where each aircraft that was heard is, in words, empty for one at home."""
         return {
             number: fate
