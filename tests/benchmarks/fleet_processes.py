@@ -155,10 +155,12 @@ def serve(mission_file: str, number: int, speedup: float, seed: int) -> None:
     """Simulate one vehicle of a mission, until it is killed."""
     mission = load(mission_file, None)
     own = mission.model_copy(update={"vehicles": mission.vehicles[number - 1 : number]})
+    at = simulation.pictures_at(8150)
     asyncio.run(
         simulation.serve_vehicles(
-            own, seed + number, autopilot=None, speedup=speedup, tcp=False, base_port=None,
-            http_port=8150, on_ready=lambda urls: print(urls[0], flush=True),
+            simulation.make_vehicles(own, seed + number, image_url_prefix=at), speedup=speedup,
+            tcp=False, base_port=None, http_port=8150,
+            on_ready=lambda urls: print(urls[0], flush=True),
         )
     )  # fmt: skip
 

@@ -104,7 +104,7 @@ class Field:
 
     def setup(self, number: int, folder: Path) -> AutopilotSetup:
         link = self.links[number - 1]
-        return AutopilotSetup(number, link.session, self.setting, folder, self.told.append)
+        return AutopilotSetup(number, link.session, self.setting, folder)
 
 
 @dataclass

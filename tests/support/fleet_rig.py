@@ -31,11 +31,13 @@ from uavmap.base.clock import VirtualClock, run
 from uavmap.base.messages import shown_on
 from uavmap.fleet.radio import Radio, SealedRadio
 from uavmap.fleet.simulated_radio import LinkModel
-from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.journal.event_log import Journal
+from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.output.facts.figures import figures
 from uavmap.output.facts.score import MISSED_SHARE, cells_near, score, shares_of, true_roi
 from uavmap.output.merging import Source, merged
 from uavmap.runner.one_flight import Flight
+from uavmap.runner.operator.onlooker import folded
 from uavmap.runner.simulated_fleet import SimulatedFleet, of_member
 from uavmap.runner.simulation import Truth
 
@@ -204,6 +206,14 @@ class Beset(SimulatedFleet):
         self.radios[number] = Mortal(sealed.radio)
         return SealedRadio(self.radios[number], sealed.seal)
 
+    def again(self, number: int) -> Flight:
+        """A member whose program has died, and goes on with its journal."""
+        at = self.folder(number)
+        journal = Journal.open(at / JOURNAL)
+        own = FlightPlan.read(journal)
+        mine = Setting.of(self.setting.mission, number)
+        return Flight(own, mine, at, journal, folded(mine, journal.events()))
+
     async def live(self, number: int) -> None:
         """A member's program, as often as it starts."""
         loop, mishaps = asyncio.get_running_loop(), self.mishaps
@@ -236,7 +246,7 @@ class Beset(SimulatedFleet):
         self.ended_s[number] = loop.time()
 
     async def _die(self, number: int, flight: Flight, program: asyncio.Task[None]) -> None:
-        self.world.close_session(number - 1)
+        self.world.open_session(number - 1, lambda frame: None)  # nobody hears it any more
         self.air.silence(number)
         self.radios[number].dead = True  # what was scheduled may still run, unheard
         flight.close()

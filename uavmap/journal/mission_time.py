@@ -227,29 +227,13 @@ def last_mark(meta: Mapping[str, object]) -> Mark | None:
 
 
 def taken_up_at(
-    mark: Mark | None,
-    last_event_s: float,
-    now: Clocks,
-    *,
-    epoch_utc_s: float,
-    speedup: float,
-    drift_m_s: float,
-    say: Callable[[str], None],
-    ask: Callable[[str], bool] | None,
+    found: MissionTime, say: Callable[[str], None], ask: Callable[[str], bool] | None
 ) -> float:
     """Return the mission time with which a flight with real clocks goes on.
 
     It reports what is remarkable, and asks at a terminal about what is doubtful; without a terminal
     it takes the safe assumption.
     """
-    found = mission_time(
-        last_event_s,
-        mark,
-        now,
-        epoch_utc_s=epoch_utc_s,
-        speedup=speedup,
-        drift_m_s=drift_m_s,
-    )
     if found.question and ask is not None and ask(found.question):
         say(f"mission time goes on at {found.if_yes_s:.0f} s, by the wall clock")
         return found.if_yes_s

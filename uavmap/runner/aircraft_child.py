@@ -38,13 +38,13 @@ from uavmap.runner.aircraft_process import (
     SILENT_WALL_S,
     START_WALL_S,
     Address,
-    wall_sleep,
 )
 from uavmap.runner.aircraft_side import AircraftSide
 from uavmap.runner.flight_links import LinkOptions, cameras_of, opened_links
 
 _READ_BYTES: Final = 1 << 16
 GONE: Final = "the mission process has ended"
+ASKED_TO_END: Final = "the process of the aircraft is asked to end"
 
 
 class AircraftChild:
@@ -66,13 +66,20 @@ class AircraftChild:
         """What the mission sent before the links were open."""
         self._unkept: deque[say.Happened] = deque()
         """Events that were sent and are not in the journal, as far as is known."""
-        self._met = self._over = False
+        self._gone = asyncio.Event()
+        """Whether no mission is connected."""
+        self._gone.set()
+        self._met = asyncio.Event()
+        """Whether a mission has ever been connected."""
+        self._over = self._asked_to_end = False
         self._side: AircraftSide | None = None
+        self._running: asyncio.Task[None] | None = None
         self._heard_s = time.monotonic()
         """When the mission was last heard, on the monotonic clock."""
 
     async def run(self) -> None:
         """Fly, from the first connection to the end."""
+        self._running = asyncio.current_task()
         for number in (signal.SIGINT, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
         asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, self._stopped)
@@ -90,10 +97,10 @@ class AircraftChild:
             with shown_on(self):
                 await self._flown()
         finally:
+            await self._closed()
             with contextlib.suppress(OSError):
                 path.unlink()
             server.close()
-            await self._closed()
 
     def show(self, text: str) -> None:
         """Send a line for the operator, as a display does."""
@@ -118,10 +125,12 @@ class AircraftChild:
                         side.host.receive(message)
                     await side.run()
         except UavmapError as error:
-            self._send(ended_by(error, (), str(error)))
-            until_s = time.monotonic() + START_WALL_S
-            while not self._met and time.monotonic() < until_s:
-                await wall_sleep(BEAT_WALL_S, self._speedup)
+            self._send(ended_by(error, {}, str(error)))
+            with contextlib.suppress(TimeoutError):
+                async with wall_timeout(START_WALL_S):
+                    await self._met.wait()
+        except asyncio.CancelledError:
+            self._send(ended_by(LinkError(ASKED_TO_END), {}, ASKED_TO_END))
         finally:
             watching.cancel()
 
@@ -162,10 +171,10 @@ class AircraftChild:
             writer.close()
             if writer is self._writer:
                 self._writer = None
-                if not self._over:
-                    for unkept in self._unkept:
-                        self._record(say.encode(unkept))
+                for unkept in self._unkept:
+                    self._record(say.encode(unkept))
                 self._unkept.clear()
+                self._gone.set()
                 self._hold()
 
     def _meets(self, message: say.Attach, writer: asyncio.StreamWriter) -> bool:
@@ -183,7 +192,9 @@ class AircraftChild:
         writer.write(say.encode(answer))
         if answer.state in ("refused", "returning"):
             return False
-        self._writer, self._met, self._heard_s = writer, True, time.monotonic()
+        self._writer, self._heard_s = writer, time.monotonic()
+        self._met.set()
+        self._gone.clear()
         for early in self._early:
             self._send(early)
         self._early.clear()
@@ -199,7 +210,7 @@ class AircraftChild:
                 self._unkept.append(message)
             if not self._writer.is_closing():
                 self._writer.write(say.encode(message))
-        elif not self._met:
+        elif not self._met.is_set():
             self._early.append(message)
         elif not self._over and isinstance(message, say.Happened | say.Line):
             self._record(say.encode(message))
@@ -225,11 +236,11 @@ class AircraftChild:
     async def _watch(self) -> None:
         """Hold when the mission is silent; bring the vehicles home when it stays so."""
         while True:
-            await wall_sleep(BEAT_WALL_S, self._speedup)
+            await asyncio.sleep(BEAT_WALL_S * self._speedup)
             silent_s = time.monotonic() - self._heard_s
             side = self._side
             if self._writer is not None:
-                self._send(say.Beat(None if side is None else side.since_boot_s))
+                self._send(say.Beat() if side is None else side.beat())
                 if silent_s > SILENT_WALL_S and not (side is None or side.host.end.done()):
                     # it connects again if it lives; one that reads nothing takes nothing more
                     self._writer.transport.abort()
@@ -247,17 +258,28 @@ class AircraftChild:
             self._side.host.hold()
 
     def _stopped(self) -> None:
-        """This process is asked to end: the vehicles come home first."""
-        if self._side is not None:
-            self._side.host.receive(say.Finish("the process of the aircraft is asked to end"))
+        """This process is asked to end: the mission, or else the guardians, bring all home first.
+
+        Asked twice it is their guardians who do.
+        """
+        asked_before, self._asked_to_end = self._asked_to_end, True
+        if self._side is None:
+            if self._running is not None:
+                self._running.cancel()
+        elif self._writer is None or asked_before or self._side.host.state != "flying":
+            self._side.host.receive(say.Finish(ASKED_TO_END))
+        else:
+            self._send(say.Recall())
 
     async def _closed(self) -> None:
-        """Send what is still to be sent."""
+        """Send what is still to be sent, and wait until the mission has kept what it was sent."""
         if self._writer is not None:
             with contextlib.suppress(OSError, TimeoutError):
                 async with wall_timeout(END_WALL_S):  # a mission that stands still reads nothing
-                    self._writer.close()
-                    await self._writer.wait_closed()
+                    await self._gone.wait()
+                    return
+            self._writer.transport.abort()
+            await self._gone.wait()
 
 
 def main() -> None:

@@ -19,6 +19,7 @@ import socket
 import time
 import traceback
 from collections.abc import AsyncIterator, Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -93,23 +94,21 @@ class Attachment:
 
 def attach(address: Address) -> tuple[say.Attached, Attachment] | None:
     """Connect to a process of aircraft; None where it is gone. Raises `TimeoutError`."""
-    line = None
-    try:
-        line = socket.create_connection(("127.0.0.1", address.port), ATTACH_WALL_S)
-        line.sendall(say.encode(say.Attach(say.VERSION, address.token)))
-        decoder = say.Decoder()
-        while data := line.recv(1):
-            for message in decoder.feed(data):
-                if isinstance(message, say.Attached):
-                    return message, Attachment(address, line)
-    except TimeoutError:
-        if line is not None:
-            line.close()
-        raise
-    except (OSError, LinkError):
-        pass
-    if line is not None:
-        line.close()
+    with contextlib.ExitStack() as failed:
+        try:
+            where = ("127.0.0.1", address.port)
+            line = failed.enter_context(socket.create_connection(where, ATTACH_WALL_S))
+            line.sendall(say.encode(say.Attach(say.VERSION, address.token)))
+            decoder = say.Decoder()
+            while data := line.recv(1):
+                for message in decoder.feed(data):
+                    if isinstance(message, say.Attached):
+                        failed.pop_all()
+                        return message, Attachment(address, line)
+        except TimeoutError:
+            raise
+        except (OSError, LinkError):
+            pass
     return None
 
 
@@ -186,13 +185,9 @@ def _recorded(folder: Path) -> list[say.Message]:
 
 
 class AircraftProcess:
-    """The process of the aircraft of one flight.
+    """The process of the aircraft of one flight, started unless one is `found`.
 
-    Args:
-        plan: Of the flight.
-        folder: Of the flight.
-        found: The process of a mission that has died; None: it is started.
-        append: Whether the telemetry log of the folder goes on.
+    `append`: whether the telemetry log of the folder goes on.
     """
 
     def __init__(
@@ -217,13 +212,28 @@ class AircraftProcess:
             yield
         finally:
             keeping.cancel()
-            await asyncio.gather(keeping, return_exceptions=True)
-            await asyncio.to_thread(self._ended)
+            # an operator who is in a hurry now is still shown how it ended
+            with contextlib.suppress(asyncio.CancelledError):
+                await asyncio.gather(keeping, return_exceptions=True)
+                await asyncio.to_thread(self._ended)
 
     async def _start(self, found: Attachment | None = None) -> _Line:
+        """Connect to a process of the aircraft; one that is started is ended if nobody waits."""
         self._zero_s = time.monotonic() - asyncio.get_running_loop().time() / self._speedup
-        if found is None:
-            found = await asyncio.to_thread(self._begun)
+        if found is not None:
+            return await self._line(found)
+        starter = ThreadPoolExecutor(1, "aircraft")
+        begun = starter.submit(self._begun)
+        starter.shutdown(wait=False)
+        try:
+            return await self._line(await asyncio.wrap_future(begun))
+        except asyncio.CancelledError:
+            begun.add_done_callback(self._unwanted)
+            if self._child is not None:
+                self._child.process.kill()
+            raise
+
+    async def _line(self, found: Attachment) -> _Line:
         self._address = found.address
         found.socket.setblocking(False)
         reader, writer = await asyncio.open_connection(sock=found.socket)
@@ -242,17 +252,23 @@ class AircraftProcess:
             child.stdin.close()
             address = _ADDRESS.validate_json(child.stdout.readline())
         except (OSError, ValidationError):
-            child.process.kill()
-            child.process.wait()
-            reason = child.last_words(END_WALL_S)
-            raise LinkError(f"the process of the aircraft does not start: {reason}") from None
+            raise LinkError(self._not_begun("start")) from None
         answer = None
         with contextlib.suppress(TimeoutError):
             answer = attach(address)
         if answer is None:
-            raise LinkError(f"the process of the aircraft does not answer: {child.last_words()}")
+            raise LinkError(self._not_begun("answer"))
         self._append = True
         return answer[1]
+
+    def _not_begun(self, what: str) -> str:
+        """End a process that has not begun; the reason, in words."""
+        child = self._child
+        assert child is not None
+        self._end_process()
+        return (
+            f"the process of the aircraft does not {what}: {child.last_words() or 'it has ended'}"
+        )
 
     async def _keep(self, port: Port, line: _Line, begin: Callable[[], say.Begin]) -> None:
         """Pass messages on; find the process again, or start it, whenever it is gone."""
@@ -261,13 +277,17 @@ class AircraftProcess:
                 try:
                     await self._pass_on(port, line)
                 finally:
-                    await line.closed()
+                    await asyncio.sleep(0)  # the port notes what has just been kept
+                    line.send(say.Beat(kept=port.kept))
+                    line.writer.close()
+                    with contextlib.suppress(OSError):
+                        await line.writer.wait_closed()
                 if port.ended.done():
                     return
                 line = await self._again(port, begin())
         except Exception as error:
             text = "".join(traceback.format_exception(error))
-            port.receive(ended_by(error, (), str(error) if isinstance(error, LinkError) else text))
+            port.receive(ended_by(error, {}, str(error) if isinstance(error, LinkError) else text))
 
     async def _again(self, port: Port, begin: say.Begin) -> _Line:
         """Connect again: to the process that lives, or to a new one. Raises `LinkError`."""
@@ -285,6 +305,7 @@ class AircraftProcess:
         attached, found = answer
         if attached.state not in ("new", "flying"):
             found.socket.close()
+            port.let_go()
             raise LinkError(attached.reason)
         _LOG.info("this process stood still for so long that the aircraft hold; it goes on")
         for message in _recorded(self._folder):
@@ -302,16 +323,16 @@ class AircraftProcess:
 
     async def _started_again(self) -> _Line:
         """Start the process anew, some times. Raises the last `LinkError`."""
-        for left in reversed(range(STARTS)):
+        failure = LinkError()
+        for _ in range(STARTS):
             await asyncio.to_thread(self._end_process)
             with contextlib.suppress(OSError):
                 (self._folder / ADDRESS).unlink()
             try:
                 return await self._start()
-            except LinkError:
-                if not left:
-                    raise
-        raise AssertionError
+            except LinkError as error:
+                failure = error
+        raise failure
 
     async def _pass_on(self, port: Port, line: _Line) -> None:
         """Pass messages on until the process is silent, or gone. Raises `LinkError` where they are
@@ -334,8 +355,8 @@ class AircraftProcess:
         while True:
             line.send(say.Beat(kept=port.kept))
             if time.monotonic() - self._heard_s > 2.0 * SILENT_WALL_S:
-                line.close()
-            await wall_sleep(BEAT_WALL_S, self._speedup)
+                line.writer.close()
+            await asyncio.sleep(BEAT_WALL_S * self._speedup)
 
     def _end_process(self) -> None:
         """End a process that does not speak any more: two would fly the same vehicles."""
@@ -348,6 +369,12 @@ class AircraftProcess:
             self._child.process.wait()
             self._child.close(END_WALL_S)
             self._child = None
+
+    def _unwanted(self, begun: Future[Attachment]) -> None:
+        """End a process that nobody has waited for."""
+        if not begun.cancelled() and begun.exception() is None:
+            begun.result().socket.close()
+        self._end_process()
 
     def _ended(self) -> None:
         """Wait for the process to end by itself."""
@@ -363,24 +390,9 @@ class _Line:
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self.reader = reader
-        self._writer = writer
+        self.writer = writer
 
     def send(self, message: say.Message) -> None:
         """Send a message; what the other end does not get it does not miss: it is gone."""
-        if not self._writer.is_closing():
-            self._writer.write(say.encode(message))
-
-    def close(self) -> None:
-        """End it."""
-        self._writer.close()
-
-    async def closed(self) -> None:
-        """End it, and wait for that."""
-        self._writer.close()
-        with contextlib.suppress(OSError):
-            await self._writer.wait_closed()
-
-
-async def wall_sleep(seconds: float, speedup: float) -> None:
-    """Sleep for so many real seconds."""
-    await asyncio.sleep(seconds * speedup)
+        if not self.writer.is_closing():
+            self.writer.write(say.encode(message))

@@ -58,12 +58,17 @@ class AircraftSide:
         self._send = send
         self.host = Host(send)
         self._vehicles: Mapping[int, MavlinkVehicle] = {}
+        self._guardians = Guardians({})
 
     @property
     def since_boot_s(self) -> float | None:
         """Time since the first vehicle was switched on, None where it has not said."""
         first = next(iter(self._vehicles.values()), None)
         return None if first is None else first.view.since_boot_s
+
+    def beat(self) -> say.Beat:
+        """What the mission has to know if it hears nothing more."""
+        return say.Beat(self.since_boot_s, fates=self._guardians.fates())
 
     def ready(self, start_s: float | None = None) -> say.Ready:
         """What the mission has to know of vehicles that are ready; `start_s` if it has begun."""
@@ -78,7 +83,7 @@ class AircraftSide:
     async def run(self) -> None:
         """Fly, look after the aircraft however that ends, and say how it did."""
         failure: Exception | None = None
-        fates: Sequence[str] = ()
+        fates: Mapping[int, str] = {}
         try:
             fates = await self._flown()
         except _EndedWithError as ended:
@@ -87,10 +92,10 @@ class AircraftSide:
             failure = error
         self._send(ended_by(_first(failure), fates, _text(failure)))
 
-    async def _flown(self) -> Sequence[str]:
+    async def _flown(self) -> Mapping[int, str]:
         begin = await self._unless_ended(self.host.begin())
         if begin is None:
-            return ()
+            return {}
         self._clock.set_start(begin.t_s)
         vehicles = self._vehicles = vehicles_of(
             self._plan, self._setting, self._links, self.host, self._clock.now_s,
@@ -102,7 +107,7 @@ class AircraftSide:
                 begin.preflight, self._setting, self._folder, self._links, self.host.ask,
                 keep_fence=begin.keep_fence,
             )  # fmt: skip
-        guardians = Guardians({n: vehicle.guardian for n, vehicle in vehicles.items()})
+        guardians = self._guardians = Guardians({n: v.guardian for n, v in vehicles.items()})
         keeping = asyncio.create_task(guardians.run())
         failure: Exception | None = None
         try:
@@ -186,7 +191,7 @@ class AircraftSide:
 class _EndedWithError(Exception):
     """Why a flight has failed, and what became of the aircraft."""
 
-    def __init__(self, cause: Exception, fates: Sequence[str]) -> None:
+    def __init__(self, cause: Exception, fates: Mapping[int, str]) -> None:
         super().__init__(str(cause))
         self.cause = cause
         self.fates = fates

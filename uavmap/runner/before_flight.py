@@ -9,8 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -23,7 +22,14 @@ from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.runner.flight_links import Link
 from uavmap.runner.preflight.autopilot_setup import AutopilotSetup
 from uavmap.runner.preflight.examination import Examination
-from uavmap.runner.preflight.finding import Finding, Level, binding, could_fly, warn
+from uavmap.runner.preflight.finding import (
+    Finding,
+    Level,
+    binding,
+    could_fly,
+    of_vehicle,
+    warn,
+)
 
 _LOG: Final = logging.getLogger("uavmap.runner.preflight")
 IDENTITY_S: Final = 2.0
@@ -47,7 +53,7 @@ class Preflight:
 
     def asked(self, setting: Setting) -> Asked:
         """As it is sent to the aircraft."""
-        return Asked(tuple(self.plan_lines(setting)), self.yes, self.dry_run, self.keep_fence)
+        return Asked(tuple(self.plan_lines(setting)), self.yes, self.dry_run)
 
 
 Ask = Callable[[str], Awaitable[bool | None]]
@@ -71,14 +77,14 @@ class BeforeFlight:
         self._ask_operator = ask
         self._setting = setting
         self._folder = folder
-        self._keep_fence = keep_fence or (wanted is not None and wanted.keep_fence)
+        self._keep_fence = keep_fence
         self._links = dict(enumerate(links, start=setting.member or 1))
         self._examinations = {
             number: Examination(number, link.session, link.camera)
             for number, link in self._links.items()
         }
         self._setups = {
-            number: AutopilotSetup(number, link.session, setting, folder, partial(_log_of, number))
+            number: AutopilotSetup(number, link.session, setting, folder)
             for number, link in self._links.items()
         }
 
@@ -132,9 +138,9 @@ class BeforeFlight:
             where = f"armed, {view.height_m:.0f} m up, in {view.mode_name}"
             wanted = "on the ground, motors off"
             remedy = "say yes only if the mission is to take it over as it flies"
-            found += _of(number, [warn("vehicle", where, wanted, remedy)])
+            found += of_vehicle(number, [warn("vehicle", where, wanted, remedy)])
         if self._keep_fence:
-            found += _of(number, await self._setups[number].keep_fence())
+            found += of_vehicle(number, await self._setups[number].keep_fence())
         return found
 
     # --- ask ----------------------------------------------------------------------------------
@@ -188,7 +194,7 @@ class BeforeFlight:
         return [
             finding
             for number, part in zip(standing, parts, strict=True)
-            for finding in _of(number, part)
+            for finding in of_vehicle(number, part)
         ]
 
     def _level_m(self, number: int) -> float:
@@ -203,14 +209,6 @@ class BeforeFlight:
 
     def _view(self, number: int) -> VehicleView:
         return self._links[number].session.view
-
-
-def _log_of(number: int, text: str) -> None:
-    _LOG.info(f"vehicle {number}: {text}")
-
-
-def _of(number: int, found: Sequence[Finding]) -> list[Finding]:
-    return [replace(finding, vehicle=number) for finding in found]
 
 
 def kept_fence(meta: Mapping[str, object]) -> bool:

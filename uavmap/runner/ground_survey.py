@@ -7,7 +7,6 @@ keeps it, and everything that follows knows no difference.
 from __future__ import annotations
 
 import asyncio
-import logging
 import math
 from dataclasses import replace
 from typing import Any, Final
@@ -29,8 +28,8 @@ from uavmap.mavlink.identity import answered
 from uavmap.mavlink.session import Session
 from uavmap.runner.flight_links import LinkOptions, opened_links
 from uavmap.runner.preflight.autopilot_terrain import AutopilotTerrain
+from uavmap.runner.preflight.examination import heartbeats
 
-_LOG: Final = logging.getLogger("uavmap.runner.preflight")
 LEAST_STEP_M: Final = 10.0
 """Between two places that are asked for: the databases of autopilots are 30 to 100 m wide."""
 MOST_STEP_M: Final = 100.0
@@ -82,18 +81,11 @@ async def _connected(plan: FlightPlan, mission: Mission) -> dict[str, Any]:
     async with opened_links(
         plan.urls[:1], options, [parse_camera("mavlink")], mission.camera, lambda frame: None
     ) as (link,):
-        beat = asyncio.ensure_future(_beat(link.session))
+        beat = asyncio.ensure_future(heartbeats([link.session]))
         try:
             return await _lattice(link.session, link.name, mission)
         finally:
             beat.cancel()
-
-
-async def _beat(session: Session) -> None:
-    """An autopilot answers whom it hears."""
-    while True:
-        session.heartbeat()
-        await asyncio.sleep(1.0)
 
 
 async def _lattice(session: Session, name: str, mission: Mission) -> dict[str, Any]:
@@ -117,9 +109,7 @@ async def _lattice(session: Session, name: str, mission: Mission) -> dict[str, A
         for i in range(rows)
         for j in range(columns)
     ]
-    *heights, start_m = await AutopilotTerrain(session, name, _LOG.info).heights(
-        [*places, mission.home]
-    )
+    *heights, start_m = await AutopilotTerrain(session, name).heights([*places, mission.home])
     return {
         "west_m": west, "south_m": south, "step_m": step_m, "columns": columns, "rows": rows,
         "heights": encoded(np.array(heights).reshape(rows, columns) - start_m),

@@ -28,16 +28,20 @@ from uavmap.fleet.radio import SealedRadio
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import TLOG, FlightPlan
 from uavmap.journal.kept_frames import FrameKeeper
-from uavmap.journal.mission_time import Clocks, Marks, last_mark, read_clocks, taken_up_at
+from uavmap.journal.mission_time import (
+    Clocks,
+    Marks,
+    last_mark,
+    mission_time,
+    read_clocks,
+    taken_up_at,
+)
 from uavmap.journal.telemetry_log import TlogWriter
 from uavmap.output.write_results import flown_flight, write_results
 from uavmap.runner.aircraft_process import AircraftProcess, Attachment, Connection
 from uavmap.runner.aircraft_side import in_this_process
 from uavmap.runner.before_flight import kept_fence
-from uavmap.runner.flight_links import (
-    Link,
-    mavlink_link,
-)
+from uavmap.runner.flight_links import Link, mavlink_link
 from uavmap.runner.ground_service import GroundService
 from uavmap.runner.operator.company import Company
 from uavmap.runner.operator.flight_keys import Keys
@@ -268,13 +272,17 @@ class Flight:
                         self._state = await self._fly(None, begin, service, member, crew)
                     else:
                         async with connection(port, begin):
-                            self._state = await watched_over(
-                                port, self._fly(port, begin, service, member, crew), leave=real
-                            )
+                            try:
+                                self._state = await watched_over(
+                                    port, self._fly(port, begin, service, member, crew), leave=real
+                                )
+                            finally:
+                                # a simulated flight is flown again instead, event by event
+                                if real:  # and the aircraft may forget what was kept
+                                    service.keep_last_words()
         finally:
             port.close()
-            # a simulated flight is flown again instead, event by event
-            if real or member is not None:
+            if member is not None:  # what the fleet has sent since
                 service.keep_last_words()
             for onlooker in company.onlookers:
                 onlooker.end()
@@ -298,7 +306,7 @@ class Flight:
             self.clock.start_s,
             before,
             asked,
-            kept_fence(self._journal.meta) or (asked is not None and asked.keep_fence),
+            kept_fence(self._journal.meta),
             waits_on_ground,
         )
 
@@ -335,18 +343,15 @@ class Flight:
 
         The loop goes on while the operator thinks.
         """
-        start_s = await asyncio.to_thread(
-            taken_up_at,
-            last_mark(self._journal.meta),
+        found = mission_time(
             self._state.t_s,
+            last_mark(self._journal.meta),
             clocks,
             epoch_utc_s=self._plan.epoch_utc_s,
             speedup=self._plan.speedup or 1.0,
             drift_m_s=self._setting.mission.drift.speed_m_s,
-            say=_LOG.info,
-            ask=self._company.ask,
         )
-        self.clock.set(start_s)
+        self.clock.set(await asyncio.to_thread(taken_up_at, found, _LOG.info, self._company.ask))
 
     async def _agree(self, member: Member) -> None:
         """Count the seconds that the others of a fleet count. Time never runs backwards."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -51,7 +50,7 @@ async def _put_back(plan: FlightPlan, setting: Setting, folder: Path) -> None:
 
 
 async def _one(number: int, link: Link, setting: Setting, folder: Path) -> None:
-    setup = AutopilotSetup(number, link.session, setting, folder, partial(_log_of, number))
+    setup = AutopilotSetup(number, link.session, setting, folder)
     try:
         await connect(link.session, link.name)
     except LinkError as error:

@@ -101,7 +101,8 @@ class Service:
                 self._over.set()
                 return
             finally:
-                self._reports.task_done()
+                if self._unkept is None:
+                    self._reports.task_done()
 
     def _post(self, event: Event) -> None:
         """Commit an event, take it in, hand out the orders that follow."""
@@ -127,12 +128,10 @@ class Service:
         what the journal could not take as well: a disk may have room again. Never raises: what
         cannot be kept is said.
         """
-        left = [] if self._unkept is None else [self._unkept]
-        while not self._reports.empty():
-            left.append(self._reports.get_nowait())
-        for event in left:
+        while self._unkept is not None or not self._reports.empty():
+            self._unkept = self._unkept or self._reports.get_nowait()
             try:
-                self._journal.append(event)
+                self._journal.append(self._unkept)
             except EventError as refused:
                 self._refuse(str(refused))
             except Exception as failure:
@@ -142,6 +141,8 @@ class Service:
                         f"({failure}): look at each of them before you resume"
                     )
                 return
+            self._unkept = None
+            self._reports.task_done()
 
     def _refuse(self, reason: str) -> None:
         self.refused += 1

@@ -29,7 +29,6 @@ from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.output.merging import merged_results
 from uavmap.runner.one_flight import Flight
-from uavmap.runner.operator.onlooker import folded
 
 _LOG: Final = logging.getLogger("uavmap.fleet")
 MEMBER_FOLDER: Final = "vehicle-{number}"
@@ -81,14 +80,6 @@ class SimulatedFleet:
         journal = Journal.create(at / JOURNAL, {"plan": own.as_json()})
         mine = Setting.of(self.setting.mission, number)
         return Flight(own, mine, at, journal, State.initial(mine))
-
-    def again(self, number: int) -> Flight:
-        """A member whose program has died, and goes on with its journal."""
-        at = self.folder(number)
-        journal = Journal.open(at / JOURNAL)
-        own = FlightPlan.read(journal)
-        mine = Setting.of(self.setting.mission, number)
-        return Flight(own, mine, at, journal, folded(mine, journal.events()))
 
     def radio(self, flight: Flight, number: int, start: int = 1) -> SealedRadio:
         """The radio of a member whose program starts for this time."""

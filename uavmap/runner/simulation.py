@@ -285,11 +285,6 @@ class Simulation:
         self._sessions[index] = session
         return session
 
-    def close_session(self, index: int) -> None:
-        """Cut the session with a vehicle, as the death of its program does."""
-        self._sessions.pop(index, None)
-        self._turns[index] = self._turns.get(index, 0) + 1
-
     async def fetch(self, url: str) -> bytes:
         """A picture by its URL."""
         for vehicle in self._vehicles:
@@ -311,21 +306,21 @@ class Simulation:
             await asyncio.sleep(start_s + (steps + 1) * STEP_S - loop.time())
 
 
+def setup_without_mission(**fields: Any) -> Setup:
+    """A simulation without a mission, by the fields of `sitl.scenario.Setup`; `UavmapError`."""
+    return Setup(**fields)
+
+
 async def serve_vehicles(
-    mission: Mission,
-    seed: int,
+    vehicles: Sequence[SimVehicle],
     *,
-    autopilot: str | None = None,
     speedup: float,
     tcp: bool,
     base_port: int | None,
     http_port: int,
     on_ready: Callable[[list[str]], None],
 ) -> None:
-    """The simulated aircraft of a mission on loopback sockets, until cancelled."""
-    vehicles = make_vehicles(
-        mission, seed, autopilot=autopilot, image_url_prefix=_pictures_at(http_port)
-    )
+    """Simulated aircraft on loopback sockets, until cancelled."""
     await serve(
         vehicles,
         speedup=speedup,
@@ -336,28 +331,6 @@ async def serve_vehicles(
     )
 
 
-def setup_without_mission(**fields: Any) -> Setup:
-    """A simulation without a mission, by the fields of `sitl.scenario.Setup`; `UavmapError`."""
-    return Setup(**fields)
-
-
-async def serve_setup(
-    setup: Setup,
-    *,
-    base_port: int | None,
-    http_port: int,
-    on_ready: Callable[[list[str]], None],
-) -> None:
-    """The vehicles of a setup on loopback sockets, until cancelled."""
-    await serve(
-        setup.build(_pictures_at(http_port)),
-        speedup=setup.speedup,
-        transport="tcp" if setup.tcp else "udp",
-        base_port=base_port,
-        http_port=http_port,
-        on_ready=on_ready,
-    )
-
-
-def _pictures_at(http_port: int) -> str:
+def pictures_at(http_port: int) -> str:
+    """What the URLs of the pictures begin with."""
     return f"http://127.0.0.1:{http_port}/"

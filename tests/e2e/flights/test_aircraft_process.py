@@ -7,19 +7,24 @@ was one process.
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
 import signal
+import socket
 from pathlib import Path
 
 import pytest
 
 from tests.e2e.preloaded import Process
 from tests.e2e.rig import (
+    LOOPBACK,
     Relay,
     aircraft_process,
     ended,
     events,
     flying,
+    free_ports,
     mission,
     simulator,
     started,
@@ -106,6 +111,65 @@ def test_a_process_of_the_aircraft_that_dies_is_started_again(tmp_path: Path) ->
     assert "the process of the aircraft has died; it is started again" in done.err
     assert [event["airborne"] for event in events(folder, "connected")] == [False, True]
     assert len(events(folder, "landed")) == 1
+
+
+def test_aircraft_that_cannot_be_started_again_are_named(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    with (
+        simulator("speck", speedup=SPEEDUP) as urls,
+        started(*flying(mission("speck"), urls, folder)) as process,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
+    ):
+        under_way(process, folder)
+        process.send_signal(signal.SIGSTOP)
+        os.kill(aircraft_process(folder), signal.SIGKILL)
+        address = (LOOPBACK, int(urls[0].rsplit(":", 1)[1]))
+        wait_until(lambda: _binds(other, address), "the vehicle's port")
+        process.send_signal(signal.SIGCONT)
+        done = ended(process)
+    assert done.code == 4, done.err
+    assert "vehicle 1: left to its autopilot in GUIDED at 47.3" in done.err
+    assert "take it by radio control" in done.err
+    (down,) = json.loads((folder / "summary.json").read_text("utf-8"))["aircraft_down"]
+    assert down.startswith("vehicle 1 near 47.3")
+
+
+def _binds(port: socket.socket, address: tuple[str, int]) -> bool:
+    with contextlib.suppress(OSError):
+        port.bind(address)
+    return port.getsockname()[1] == address[1]
+
+
+def test_sigterm_to_the_process_of_the_aircraft_calls_all_home(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    with (
+        simulator("speck", speedup=SPEEDUP) as urls,
+        started(*flying(mission("speck"), urls, folder)) as process,
+    ):
+        under_way(process, folder)
+        os.kill(aircraft_process(folder), signal.SIGTERM)
+        done = ended(process)
+    assert done.code == 3, done.err
+    assert "the process of the aircraft is asked to end: coming home, landing" in done.err
+    assert len(events(folder, "recalled")) == len(events(folder, "landed")) == 1
+    assert not events(folder, "guarded")
+    assert not (folder / "aircraft.log").exists()
+
+
+def test_control_c_while_the_process_of_the_aircraft_starts_leaves_none_behind(
+    tmp_path: Path,
+) -> None:
+    folder = tmp_path / "out"
+    port, _ = free_ports(1)
+    url = f"udpin://{LOOPBACK}:{port}"
+    with started(*flying(mission("speck"), [url], folder)) as process:
+        wait_until((folder / "aircraft.json").exists, "the process of the aircraft")
+        aircraft = aircraft_process(folder)
+        process.send_signal(signal.SIGINT)
+        done = ended(process)
+    assert done.code == 130, done.err
+    with pytest.raises(ProcessLookupError):
+        os.kill(aircraft, 0)
 
 
 def test_setpoints_go_on_while_the_mission_process_stands_still(tmp_path: Path) -> None:

@@ -375,11 +375,14 @@ class Guardian:
             lambda: self._view.mode in (kind.rtl, kind.land) or not self.responsible, LEAVE_S
         )
 
-    def fate(self) -> str:
-        """What is known of the vehicle at the very end, in words; empty if it is at home."""
+    def fate(self) -> str | None:
+        """What is known of the vehicle at the very end, in words.
+
+        Empty if it is at home, None if it never came so far that it could have been told anything.
+        """
         view, reporter = self._view, self._reporter
         if view.position is None or view.home is None:
-            return ""  # it never came so far that it could have been told anything
+            return None
         place = reporter.grid.position(reporter.position())
         where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}, {view.height_m:.0f} m up"
         if self.responsible:

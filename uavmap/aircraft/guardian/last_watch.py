@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Mapping, Sequence
+from collections.abc import Awaitable, Mapping
 from typing import Final, Protocol, TypeVar
 
 from missions.errors import AircraftError, UavmapError, leaves
@@ -20,7 +20,9 @@ T = TypeVar("T")
 NOT_HOME: Final = "an aircraft was not brought home"
 
 
-class _Looking(Protocol):
+class Watch(Protocol):
+    """Keeps aircraft from being left alone."""
+
     async def run(self) -> None:
         """Watch until cancelled."""
         ...
@@ -34,19 +36,19 @@ class _Looking(Protocol):
         ...
 
 
-class Keeper(_Looking, Protocol):
-    """Keeps aircraft from being left alone."""
+class Keeper(Watch, Protocol):
+    """Keeps all aircraft of a flight."""
 
-    def fates(self) -> Sequence[str]:
-        """A line for each aircraft that is not at home at the end."""
+    def fates(self) -> Mapping[int, str]:
+        """Where each aircraft that was heard is, in words, empty for one at home."""
         ...
 
 
-class GuardianLike(_Looking, Protocol):
+class GuardianLike(Watch, Protocol):
     """Keeps one aircraft."""
 
-    def fate(self) -> str:
-        """Where the aircraft is at the end, empty if at home."""
+    def fate(self) -> str | None:
+        """Where the aircraft is at the end, empty if at home, None if it was never heard."""
         ...
 
 
@@ -83,13 +85,13 @@ class Guardians:
         waits = (guardian.leave(reason) for guardian in self._guardians.values())
         await asyncio.gather(*waits, return_exceptions=True)
 
-    def fates(self) -> Sequence[str]:
-        """A line for each aircraft that is not at home."""
-        return [
-            f"vehicle {number}: {fate}"
+    def fates(self) -> dict[int, str]:
+        """Where each aircraft that was heard is, in words, empty for one at home."""
+        return {
+            number: fate
             for number, guardian in self._guardians.items()
-            if (fate := guardian.fate())
-        ]
+            if (fate := guardian.fate()) is not None
+        }
 
 
 async def watched_over(keeper: Keeper, mission: Awaitable[T], *, leave: bool) -> T:
@@ -123,7 +125,7 @@ async def watched_over(keeper: Keeper, mission: Awaitable[T], *, leave: bool) ->
         except Exception as further:
             failure = ExceptionGroup(NOT_HOME, [failure, further])
         if is_defect(failure):  # which keeps its traceback
-            for fate in keeper.fates():
+            for fate in _not_home(keeper):
                 failure.add_note(fate)
             raise failure
         _say_fates(keeper, in_words(failure))
@@ -160,9 +162,14 @@ def is_defect(failure: Exception) -> bool:
     return not all(isinstance(error, UavmapError) for error in found)
 
 
+def _not_home(keeper: Keeper) -> list[str]:
+    """A line for each aircraft that is not at home."""
+    return [f"vehicle {n}: {fate}" for n, fate in sorted(keeper.fates().items()) if fate]
+
+
 def _say_fates(keeper: Keeper, cause: str) -> None:
     """Raise `AircraftError` when an aircraft is not at home."""
-    if fates := keeper.fates():
+    if fates := _not_home(keeper):
         raise AircraftError("\n".join([cause, *fates]))
 
 

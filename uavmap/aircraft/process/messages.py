@@ -63,7 +63,6 @@ class Asked:
     """What will be flown."""
     yes: bool
     dry_run: bool
-    keep_fence: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,6 +158,8 @@ class Beat:
     """Time since the first vehicle was switched on, where the aircraft send it."""
     kept: int = 0
     """The number of the last `Happened` that is in the journal, where the mission sends it."""
+    fates: dict[int, str] = field(default_factory=dict)
+    """As in `Ended`, if the flight ended now, where the aircraft send it."""
     kind: Literal["beat"] = "beat"
 
 
@@ -256,11 +257,18 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
+class Recall:
+    """This process is asked to end: the mission is to call all vehicles home."""
+
+    kind: Literal["recall"] = "recall"
+
+
+@dataclass(frozen=True, slots=True)
 class Ended:
     """The last message: what became of the aircraft."""
 
-    fates: tuple[str, ...]
-    """A line for each vehicle that is not at home."""
+    fates: dict[int, str]
+    """Where each vehicle that was heard is, in words; empty for one at home."""
     error: str | None = None
     """The name of an error of `missions.errors` that ended it; "defect" for one of the program."""
     text: str = ""
@@ -271,7 +279,7 @@ class Ended:
 Message = (
     Attach | Begin | Fly | Give | LandHere | Judged | Swapped | Answered | Finish | Leave | Beat
     | Attached | Ready | Happened | Picture | BatteryWanted | BatteryUnwanted | Question | Line
-    | Ended
+    | Recall | Ended
 )  # fmt: skip
 _ADAPTER: Final[TypeAdapter[Message]] = TypeAdapter(Annotated[Message, Field(discriminator="kind")])
 

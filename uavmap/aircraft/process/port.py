@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any, Final
 
 import missions.errors
 from missions.errors import LinkError, NotFlownError, UavmapError
-from missions.events import Event, LinkLost
+from missions.events import Event, LinkLost, Recalled
 from missions.orders import Order
 from uavmap.aircraft.imaging.imaging import Taken
 from uavmap.aircraft.imaging.judge import PictureJudge
@@ -16,6 +16,10 @@ from uavmap.aircraft.process import messages as say
 from uavmap.base import messages
 
 DEFECT: Final = "defect"
+LAST_REPORT: Final = (
+    "that was its last report, and no program flies it now: take it by radio control, or its "
+    "autopilot's failsafes decide"
+)
 
 
 class Port:
@@ -63,6 +67,8 @@ class Port:
         self._keeping: asyncio.Task[None] | None = None
         self._boot: tuple[float, float] | None = None
         """The time since the first vehicle was switched on, and the loop's at which it was so."""
+        self._fates: Mapping[int, str] = {}
+        """Of each vehicle, as it was last reported."""
         self.ready: asyncio.Future[say.Ready] = loop.create_future()
         self.ended: asyncio.Future[say.Ended] = loop.create_future()
 
@@ -111,6 +117,10 @@ class Port:
             self._keeping = None
         self._received = self.kept = 0
 
+    def let_go(self) -> None:
+        """Another process has the vehicles: what was last reported of them here is of no use."""
+        self._fates = {}
+
     @property
     def since_boot_s(self) -> float | None:
         """Time since the first vehicle was switched on, None where it has not said."""
@@ -144,6 +154,11 @@ class Port:
                     self._boot = (message.boot_s, asyncio.get_running_loop().time())
                 if isinstance(message, say.Ready):
                     self._prepared(message)
+                else:
+                    self._fates = {**self._fates, **message.fates}
+            case say.Recall():
+                self._log.info("the process of the aircraft is asked to end: coming home, landing")
+                self._post(Recalled(round(self._now_s(), 3)))
             case say.Ended():
                 if not self.ended.done():
                     self.ended.set_result(message)
@@ -214,15 +229,17 @@ class Port:
         self._last = last
         self.send(last)
 
-    def fates(self) -> Sequence[str]:
-        """A line for each vehicle that is not at home."""
-        return self.ended.result().fates if self.ended.done() else ()
+    def fates(self) -> Mapping[int, str]:
+        """Where each vehicle that was heard is, in words; the last report where it is not heard."""
+        found = self.ended.result().fates if self.ended.done() else {}
+        last = {n: fate and f"{fate}; {LAST_REPORT}" for n, fate in self._fates.items()}
+        return {**last, **found}
 
 
 def error_of(ended: say.Ended) -> Exception:
     """The error that ended the aircraft's part.
 
-    >>> error_of(say.Ended((), "LinkError", "the vehicle is silent"))
+    >>> error_of(say.Ended({}, "LinkError", "the vehicle is silent"))
     LinkError('the vehicle is silent')
     """
     if ended.error == NotFlownError.__name__:
@@ -231,14 +248,14 @@ def error_of(ended: say.Ended) -> Exception:
     if isinstance(kind, type) and issubclass(kind, UavmapError):
         return kind(ended.text)
     if ended.error is None:
-        return LinkError("the aircraft's part of the flight has ended before the mission")
+        return LinkError("the process of the aircraft was asked to end, before the mission has")
     return RuntimeError(ended.text)
 
 
-def ended_by(failure: BaseException | None, fates: Sequence[str], text: str) -> say.Ended:
+def ended_by(failure: BaseException | None, fates: Mapping[int, str], text: str) -> say.Ended:
     """The last message after a failure, described by `text`."""
     if failure is None:
-        return say.Ended(tuple(fates))
+        return say.Ended(dict(fates))
     name = type(failure).__name__ if isinstance(failure, UavmapError) else DEFECT
     could_fly = isinstance(failure, NotFlownError) and failure.could_fly
-    return say.Ended(tuple(fates), name, text, could_fly)
+    return say.Ended(dict(fates), name, text, could_fly)

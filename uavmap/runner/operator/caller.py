@@ -26,6 +26,10 @@ class Steered(Protocol):
     def flying(self) -> bool:
         """Whether the flight has begun, and is not over."""
 
+    @property
+    def ended(self) -> bool:
+        """Whether nothing is taken in any more."""
+
     def pause(self) -> bool:
         """Have all vehicles hold."""
 

@@ -29,8 +29,9 @@ def interrupts(service: Steered, caller: Caller | None = None) -> Iterator[None]
     """Recall real aircraft at the first Ctrl-C, SIGTERM or SIGHUP, and cancel at the second.
 
     SIGUSR1 pauses the mission, SIGUSR2 continues it. A flight in a thread of its own hears its
-    `caller`: signals are the main thread's. Before the service has begun the first counts as the
-    second. Cancels the task that entered the context, which raises `KeyboardInterrupt` then.
+    `caller`: signals are the main thread's. Before the service has begun, or after it has failed,
+    the first counts as the second. Cancels the task that entered the context, which raises
+    `KeyboardInterrupt` then.
     """
     loop = asyncio.get_running_loop()
     task = asyncio.current_task()
@@ -42,6 +43,8 @@ def interrupts(service: Steered, caller: Caller | None = None) -> Iterator[None]
         if presses == 1 and service.flying:
             _LOG.info("coming home and landing; press Ctrl-C again to leave that to the autopilots")
             service.recall()
+        elif presses == 1 and service.ended and service.state.over:
+            _LOG.info("the mission is over, its end is kept; press Ctrl-C again to leave at once")
         elif task is not None:
             task.cancel()
 

@@ -68,43 +68,171 @@ def outside_m(speed_m_s: float, accel_m_s2: float) -> float:
     return max(LEAST_OUTSIDE_M, speed_m_s * OUTSIDE_S + brakes_m)
 
 
-def fence_plan(
-    setting: Setting,
-    number: int,
-    home: LatLon,
-    kind: Autopilot,
-    found: Mapping[str, float],
-    level_m: float = 0.0,
-) -> FencePlan:
-    """What fits vehicle `number` (from 1), which stands at `home`.
+@dataclass(frozen=True, slots=True)
+class VehicleFence:
+    """The fence of the autopilot of one vehicle of a mission."""
 
-    Args:
-        found: Its parameters.
-        level_m: The height of its home above the reference of its team.
-    """
-    by_m = outside_m(setting.mission.flight.speed_m_s, setting.energy.accel_m_s2)
-    rings = [_ring(Polygon(setting.fence.outer.exterior).buffer(
-        by_m, join_style="mitre", mitre_limit=MITRE))]  # fmt: skip
-    holes, columns = 0, list[int]()
-    for ring in setting.fence.outer.interiors:
-        hole = Polygon(ring)
-        smaller = hole.buffer(-by_m, join_style="mitre", mitre_limit=MITRE)
-        if smaller.is_empty:
-            pads = _others_inside(setting, hole)
-            columns += pads
-            holes += not pads
-        rings += [_ring(part) for part in _parts(smaller)]
-    fence = [
-        Item(EXCLUSION if index else INCLUSION, setting.grid.position(point), float(len(ring)))
-        for index, ring in enumerate(rings)
-        for point in ring
-    ]
-    # at the height of the ground: PX4 adds its return height, an ArduPilot takes the higher of both
-    rally = Item(
-        mav.MAV_CMD_NAV_RALLY_POINT, home, frame=mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, height_m=0.0
-    )
-    parameters = _parameters(setting, number, home, kind, found, level_m)
-    return FencePlan(tuple(fence), (rally,), parameters, by_m, holes, tuple(sorted(columns)))
+    setting: Setting
+    number: int
+    """Of the vehicle, from 1."""
+    home: LatLon
+    """Where it stands."""
+    kind: Autopilot
+    found: Mapping[str, float]
+    """Its parameters."""
+    level_m: float = 0.0
+    """The height of its home above the reference of its team."""
+
+    def plan(self) -> FencePlan:
+        """What fits the vehicle."""
+        setting = self.setting
+        by_m = outside_m(setting.mission.flight.speed_m_s, setting.energy.accel_m_s2)
+        outer = setting.fence.outer
+        rings = [_ring(_grown(Polygon(outer.exterior), by_m))]
+        holes, columns = 0, list[int]()
+        for ring in outer.interiors:
+            hole = Polygon(ring)
+            smaller = _grown(hole, -by_m)
+            if smaller.is_empty:
+                pads = _others_inside(setting, hole)
+                columns += pads
+                holes += not pads
+            rings += [_ring(part) for part in _parts(smaller)]
+        fence = [
+            Item(EXCLUSION if index else INCLUSION, setting.grid.position(point), float(len(ring)))
+            for index, ring in enumerate(rings)
+            for point in ring
+        ]
+        # at the height of the ground: PX4 adds its return height, an ArduPilot takes the higher
+        frame = mav.MAV_FRAME_GLOBAL_RELATIVE_ALT
+        rally = Item(mav.MAV_CMD_NAV_RALLY_POINT, self.home, frame=frame, height_m=0.0)
+        return FencePlan(
+            tuple(fence), (rally,), self._parameters(), by_m, holes, tuple(sorted(columns))
+        )
+
+    @property
+    def _highest_m(self) -> float:
+        """The highest ground in the fence above the home, at least 0; 0 where it is flat."""
+        setting = self.setting
+        if setting.ground is None:
+            return 0.0
+        home_m = setting.ground.height_m(setting.grid.fixed(self.home))
+        above_m = max(setting.mission.highest_ground_m - home_m, 0.0)
+        return math.ceil(above_m * 10.0 - 1e-6) / 10.0
+
+    @property
+    def _sets_return(self) -> bool:
+        """Whether a mission sets the return height: in a team, and over ground that is not flat."""
+        return len(self.setting.mission.vehicles) > 1 or self.setting.ground is not None
+
+    @property
+    def _return_name(self) -> tuple[str, float]:
+        """The parameter of the return height, and its units in a metre."""
+        return ("RTL_RETURN_ALT", 1.0) if self.kind is PX4 else ("RTL_ALT", 100.0)
+
+    def return_height_m(self) -> float | None:
+        """How high the vehicle will return by itself, above home; None: not known.
+
+        In a team in its own layer, which is counted from the reference of the team; over ground
+        that is not flat, so high above the highest.
+        """
+        if self._sets_return:
+            layer_m = self.setting.mission.altitude_m(self.number - 1) - self.level_m
+            return max(layer_m, LEAST_HEIGHT_M) + self._highest_m
+        name, units = self._return_name
+        return self.found[name] / units if name in self.found else None
+
+    def _parameters(self) -> dict[str, float]:
+        returns_m, mission = self.return_height_m(), self.setting.mission
+        tops_m = [mission.top_altitude_m(i) for i in range(len(mission.vehicles))]
+        highest_flown_m = max(tops_m) + self._highest_m - min(self.level_m, 0.0)
+        top_m = float(math.ceil(max(highest_flown_m, returns_m or 0.0) + ABOVE_M))
+        if self.kind is PX4:
+            wanted = {"GF_ACTION": _PX4_RETURN, "GF_MAX_VER_DIST": top_m, "GF_MAX_HOR_DIST": 0.0}
+        else:
+            types = TYPE_ALT_MAX | TYPE_POLYGON
+            wanted = {"FENCE_TYPE": types, "FENCE_ACTION": _RETURN, "FENCE_ALT_MAX": top_m,
+                      "FENCE_ENABLE": 1}  # fmt: skip
+        if self._sets_return and returns_m is not None:
+            name, units = self._return_name
+            wanted[name] = returns_m if self.kind is PX4 else round(units * returns_m)
+        return wanted
+
+    # --- a fence that is kept --------------------------------------------------------------------
+    def faults(self, items: Sequence[Item]) -> list[str]:
+        """In which ways the mission leaves the fence that is set; empty: it does not.
+
+        All that may be flown over has to lie inside: `fence.polygon` less its margin, which holds
+        the lanes, and the homes.
+        """
+        setting, faults = self.setting, self._return_faults()
+        if not self.found.get("GF_ACTION" if self.kind is PX4 else "FENCE_ENABLE", 0.0):
+            return faults
+        room = self._room(items)
+        if room is not None:
+            box = Polygon([setting.grid.fixed(LatLon(*v)) for v in setting.mission.search.box])
+            flown = {
+                "search.box": box.intersection(setting.fence.outer),
+                "fence.polygon less fence.margin_m": setting.fence.inner,
+            }
+            for name, area in flown.items():
+                beyond = area.difference(room)
+                if beyond.area > 1.0:
+                    faults.append(
+                        f"{name}: {beyond.area:.0f} m2 of it lie outside, up to "
+                        f"{_farthest_m(beyond, room):.0f} m"
+                    )
+            if not room.covers(shapely.Point(setting.grid.fixed(self.home))):
+                faults.append(f"the home of vehicle {self.number} lies outside")
+        return faults + self._height_faults()
+
+    @property
+    def _types(self) -> int:
+        """The bits of FENCE_TYPE; a PX4 has all that are set."""
+        if self.kind is PX4:
+            return TYPE_POLYGON | TYPE_CIRCLE | TYPE_ALT_MAX
+        return int(self.found.get("FENCE_TYPE", 0.0))
+
+    def _room(self, items: Sequence[Item]) -> BaseGeometry | None:
+        """Where the autopilot lets the vehicle be; None: anywhere."""
+        setting, types = self.setting, self._types
+        radius_m = self.found.get("GF_MAX_HOR_DIST" if self.kind is PX4 else "FENCE_RADIUS", 0.0)
+        inside: list[BaseGeometry] = []
+        outside: list[BaseGeometry] = []
+        if types & TYPE_CIRCLE and radius_m > 0.0:
+            inside.append(shapely.Point(setting.grid.fixed(self.home)).buffer(radius_m))
+        if types & TYPE_POLYGON:
+            for including, shape in shapes_of(setting, items):
+                (inside if including else outside).append(shape)
+        if not inside and not outside:
+            return None
+        around = setting.fence.outer.buffer(1000.0)
+        return shapely.intersection_all([around, *inside]).difference(shapely.union_all(outside))
+
+    def _height_faults(self) -> list[str]:
+        """The layer of the vehicle against the ceiling and the floor of its autopilot."""
+        mission, highest_m, types = self.setting.mission, self._highest_m, self._types
+        layer_m = mission.top_altitude_m(self.number - 1) + highest_m
+        name = "GF_MAX_VER_DIST" if self.kind is PX4 else "FENCE_ALT_MAX"
+        ceiling_m = self.found.get(name, 0.0) if types & TYPE_ALT_MAX else 0.0
+        faults = []
+        if 0.0 < ceiling_m < layer_m + 1.0:
+            faults.append(f"its layer, {layer_m:g} m, is not a metre below {name} = {ceiling_m:g}")
+        floor_m = self.found.get("FENCE_ALT_MIN", -math.inf) if types & TYPE_ALT_MIN else -math.inf
+        low_m = mission.altitude_m(self.number - 1) + highest_m
+        if floor_m > low_m - self.setting.relief_m - 1.0:
+            faults.append(
+                f"its layer, {low_m:g} m, is not a metre above FENCE_ALT_MIN = {floor_m:g}"
+            )
+        return faults
+
+    def _return_faults(self) -> list[str]:
+        """A return height that was kept, and that does not clear the ground."""
+        name, units = self._return_name
+        needed_m, set_to = self._highest_m + LEAST_HEIGHT_M, self.found.get(name, 0.0)
+        if self.setting.ground is None or set_to / units >= needed_m:
+            return []
+        return [f"{name} = {set_to:g} does not clear the ground: {needed_m:.0f} m needed"]
 
 
 def _others_inside(setting: Setting, hole: Polygon) -> list[int]:
@@ -115,60 +243,8 @@ def _others_inside(setting: Setting, hole: Polygon) -> list[int]:
     return [n for n in sorted(others) if hole.contains(shapely.Point(setting.pad_of(n)))]
 
 
-def highest_above_m(setting: Setting, home: LatLon) -> float:
-    """The highest ground in the fence above a vehicle's home, at least 0; 0 where it is flat."""
-    if setting.ground is None:
-        return 0.0
-    home_m = setting.ground.height_m(setting.grid.fixed(home))
-    above_m = max(setting.mission.highest_ground_m - home_m, 0.0)
-    return math.ceil(above_m * 10.0 - 1e-6) / 10.0
-
-
-def _parameters(
-    setting: Setting,
-    number: int,
-    home: LatLon,
-    kind: Autopilot,
-    found: Mapping[str, float],
-    level_m: float,
-) -> dict[str, float]:
-    returns_m = return_height_m(setting, number, home, kind, found, level_m)
-    highest_m, vehicles = highest_above_m(setting, home), len(setting.mission.vehicles)
-    tops_m = [setting.mission.top_altitude_m(i) for i in range(vehicles)]
-    highest_flown_m = max(tops_m) + highest_m - min(level_m, 0.0)
-    top_m = float(math.ceil(max(highest_flown_m, returns_m or 0.0) + ABOVE_M))
-    sets = vehicles > 1 or setting.ground is not None
-    layer_m = returns_m if sets and returns_m is not None else 0.0
-    if kind is PX4:
-        wanted = {"GF_ACTION": _PX4_RETURN, "GF_MAX_VER_DIST": top_m, "GF_MAX_HOR_DIST": 0.0}
-        own = {"RTL_RETURN_ALT": layer_m}
-    else:
-        types = TYPE_ALT_MAX | TYPE_POLYGON
-        wanted = {"FENCE_TYPE": types, "FENCE_ACTION": _RETURN, "FENCE_ALT_MAX": top_m,
-                  "FENCE_ENABLE": 1}  # fmt: skip
-        own = {"RTL_ALT": round(100.0 * layer_m)}
-    return wanted | (own if sets else {})
-
-
-def return_height_m(
-    setting: Setting,
-    number: int,
-    home: LatLon,
-    kind: Autopilot,
-    found: Mapping[str, float],
-    level_m: float = 0.0,
-) -> float | None:
-    """How high a vehicle will return by itself, above home; None: not known.
-
-    In a team in its own layer, which is counted from the reference of the team; over ground that is
-    not flat, so high above the highest.
-    """
-    if len(setting.mission.vehicles) > 1 or setting.ground is not None:
-        layer_m = setting.mission.altitude_m(number - 1) - level_m
-        return max(layer_m, LEAST_HEIGHT_M) + highest_above_m(setting, home)
-    if kind is PX4:
-        return found.get("RTL_RETURN_ALT")
-    return found["RTL_ALT"] / 100.0 if "RTL_ALT" in found else None
+def _grown(polygon: Polygon, by_m: float) -> BaseGeometry:
+    return polygon.buffer(by_m, join_style="mitre", mitre_limit=MITRE)
 
 
 def _parts(shape: BaseGeometry) -> list[Polygon]:
@@ -181,74 +257,11 @@ def _ring(polygon: BaseGeometry) -> list[GridPoint]:
     return [GridPoint(float(x), float(y)) for x, y in list(part.exterior.coords)[:-1]]
 
 
-# --- a fence that is kept ------------------------------------------------------------------------
-def leaves_kept_fence(
-    setting: Setting,
-    number: int,
-    home: LatLon,
-    kind: Autopilot,
-    items: Sequence[Item],
-    found: Mapping[str, float],
-) -> list[str]:
-    """In which ways a mission leaves the fence that is set on an autopilot; empty: it does not.
-
-    All that may be flown over has to lie inside: `fence.polygon` less its margin, which holds the
-    lanes, and the homes.
-    """
-    faults = _return_faults(setting, home, kind, found)
-    if not _is_on(kind, found):
-        return faults
-    room = _room(setting, kind, home, items, found)
-    if room is not None:
-        box = Polygon([setting.grid.fixed(LatLon(*v)) for v in setting.mission.search.box])
-        for name, area in (("search.box", box.intersection(setting.fence.outer)),
-                           ("fence.polygon less fence.margin_m", setting.fence.inner)):  # fmt: skip
-            beyond = area.difference(room)
-            if beyond.area > 1.0:
-                faults.append(
-                    f"{name}: {beyond.area:.0f} m2 of it lie outside, up to "
-                    f"{_farthest_m(beyond, room):.0f} m"
-                )
-        if not room.covers(shapely.Point(setting.grid.fixed(home))):
-            faults.append(f"the home of vehicle {number} lies outside")
-    return faults + _height_faults(setting, number, home, kind, found)
-
-
-def _is_on(kind: Autopilot, found: Mapping[str, float]) -> bool:
-    if kind is PX4:
-        return found.get("GF_ACTION", 0.0) != 0.0
-    return found.get("FENCE_ENABLE", 0.0) != 0.0
-
-
 def _farthest_m(beyond: BaseGeometry, room: BaseGeometry) -> float:
     if room.is_empty:
         return math.inf
     corners = shapely.get_coordinates(beyond)
     return max(float(room.distance(shapely.Point(corner))) for corner in corners)
-
-
-def _room(
-    setting: Setting,
-    kind: Autopilot,
-    home: LatLon,
-    items: Sequence[Item],
-    found: Mapping[str, float],
-) -> BaseGeometry | None:
-    """Where the autopilot lets the vehicle be; None: anywhere."""
-    types = TYPE_POLYGON | TYPE_CIRCLE if kind is PX4 else int(found.get("FENCE_TYPE", 0.0))
-    radius_m = found.get("GF_MAX_HOR_DIST" if kind is PX4 else "FENCE_RADIUS", 0.0)
-    inside: list[BaseGeometry] = []
-    outside: list[BaseGeometry] = []
-    if types & TYPE_CIRCLE and radius_m > 0.0:
-        inside.append(shapely.Point(setting.grid.fixed(home)).buffer(radius_m))
-    if types & TYPE_POLYGON:
-        for including, shape in shapes_of(setting, items):
-            (inside if including else outside).append(shape)
-    if not inside and not outside:
-        return None
-    around = setting.fence.outer.buffer(1000.0)
-    room = shapely.intersection_all([around, *inside])
-    return room.difference(shapely.union_all(outside)) if outside else room
 
 
 def shapes_of(setting: Setting, items: Sequence[Item]) -> list[tuple[bool, BaseGeometry]]:
@@ -270,36 +283,3 @@ def shapes_of(setting: Setting, items: Sequence[Item]) -> list[tuple[bool, BaseG
             shapes.append((item.command == circles[0], middle.buffer(item.first)))
         at += 1
     return shapes
-
-
-def _height_faults(
-    setting: Setting, number: int, home: LatLon, kind: Autopilot, found: Mapping[str, float]
-) -> list[str]:
-    """The layer of the vehicle against the ceiling and the floor of its autopilot."""
-    layer_m, types = setting.mission.top_altitude_m(number - 1), int(found.get("FENCE_TYPE", 0.0))
-    layer_m += highest_above_m(setting, home)
-    name = "GF_MAX_VER_DIST" if kind is PX4 else "FENCE_ALT_MAX"
-    on = kind is PX4 or bool(types & TYPE_ALT_MAX)
-    ceiling_m = found.get(name, 0.0) if on else 0.0
-    faults = []
-    if 0.0 < ceiling_m < layer_m + 1.0:
-        faults.append(f"its layer, {layer_m:g} m, is not a metre below {name} = {ceiling_m:g}")
-    floor_m = found.get("FENCE_ALT_MIN", -math.inf) if types & TYPE_ALT_MIN else -math.inf
-    low_m = setting.mission.altitude_m(number - 1) + highest_above_m(setting, home)
-    if floor_m > low_m - setting.relief_m - 1.0:
-        faults.append(f"its layer, {low_m:g} m, is not a metre above FENCE_ALT_MIN = {floor_m:g}")
-    return faults
-
-
-def _return_faults(
-    setting: Setting, home: LatLon, kind: Autopilot, found: Mapping[str, float]
-) -> list[str]:
-    """A return height that was kept, and that does not clear the ground."""
-    if setting.ground is None:
-        return []
-    name, unit_m = ("RTL_RETURN_ALT", 1.0) if kind is PX4 else ("RTL_ALT", 0.01)
-    needed_m = highest_above_m(setting, home) + LEAST_HEIGHT_M
-    returns_m = found.get(name, 0.0) * unit_m
-    if returns_m >= needed_m:
-        return []
-    return [f"{name} = {found.get(name, 0.0):g} does not clear the ground: {needed_m:.0f} m needed"]

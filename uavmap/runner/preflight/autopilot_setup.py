@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import logging
 import shlex
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -27,12 +27,12 @@ from uavmap.runner.preflight.autopilot_fence import (
     ARDUPILOT_FENCE,
     PX4_FENCE,
     FencePlan,
-    fence_plan,
-    leaves_kept_fence,
+    VehicleFence,
 )
 from uavmap.runner.preflight.finding import Finding, bad, ok, warn
 from uavmap.runner.preflight.saved_settings import Before, Kept
 
+_LOG: Final = logging.getLogger("uavmap.runner.preflight")
 RESTORE_S: Final = 60.0
 """So long putting everything back may take at the end of a flight."""
 HEARD_S: Final = 5.0
@@ -43,25 +43,14 @@ _KEEP: Final = "give --keep-fence to fly inside the fence that is set"
 
 
 class AutopilotSetup:
-    """What is set on one autopilot for a flight, and what was there.
+    """What is set on one autopilot for a flight, and what was there."""
 
-    `tell` takes a line for the operator.
-    """
-
-    def __init__(
-        self,
-        number: int,
-        session: Session,
-        setting: Setting,
-        folder: Path,
-        tell: Callable[[str], None],
-    ) -> None:
+    def __init__(self, number: int, session: Session, setting: Setting, folder: Path) -> None:
         self._number = number
         self._session = session
         self._view = session.view
         self._setting = setting
         self._folder = folder
-        self._tell = tell
         self._kept = Kept(folder)
         self._parameters = Parameters(session)
         self._transfer = MissionTransfer(session)
@@ -93,14 +82,7 @@ class AutopilotSetup:
     async def keep_fence(self) -> list[Finding]:
         """Whether the mission can be flown inside the fence that is set. Raises `LinkError`."""
         before, found = await self.look()
-        faults = leaves_kept_fence(
-            self._setting,
-            self._number,
-            self._home,
-            self._view.kind,
-            before.fence or (),
-            _values(before.parameters),
-        )
+        faults = self._fence(before).faults(before.fence or ())
         found += [
             bad(
                 "fence", f"the mission leaves the one that is set: {fault}", "a mission inside",
@@ -118,8 +100,13 @@ class AutopilotSetup:
 
     def plan(self, before: Before, level_m: float = 0.0) -> FencePlan:
         """What is to be set on a vehicle whose home is so much above the reference of its team."""
-        values = _values(before.parameters)
-        return fence_plan(self._setting, self._number, self._home, self._view.kind, values, level_m)
+        return self._fence(before, level_m).plan()
+
+    def _fence(self, before: Before, level_m: float = 0.0) -> VehicleFence:
+        values = {name: parameter.value for name, parameter in before.parameters.items()}
+        return VehicleFence(
+            self._setting, self._number, self._home, self._view.kind, values, level_m
+        )
 
     @property
     def _home(self) -> LatLon:
@@ -264,6 +251,9 @@ class AutopilotSetup:
             if items is not None:
                 await self._put(kind, items)
 
+    def _tell(self, text: str) -> None:
+        _LOG.info(f"vehicle {self._number}: {text}")
+
     def _not_now(self) -> str:
         silent_s = asyncio.get_running_loop().time() - self._view.heard_s
         if silent_s > max(HEARD_S, 2.0 * self._session.ack_wait_s):
@@ -285,10 +275,6 @@ def _unused(path: Path) -> Path:
     """The path, or that with a number where it exists: of another aircraft."""
     names = (path.with_stem(f"{path.stem}-{n}") for n in itertools.count(2))
     return path if not path.exists() else next(name for name in names if not name.exists())
-
-
-def _values(parameters: Mapping[str, Parameter]) -> dict[str, float]:
-    return {name: parameter.value for name, parameter in parameters.items()}
 
 
 def _left_out(plan: FencePlan) -> list[Finding]:

@@ -8,7 +8,8 @@ ground station send it.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+import logging
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -19,6 +20,7 @@ from missions.units import LatLon
 from uavmap.mavlink.autopilots import PX4
 from uavmap.mavlink.session import Message, Session
 
+_LOG: Final = logging.getLogger("uavmap.runner.preflight")
 AT_ONCE: Final = 8
 """So many places are asked for before answers are waited for: a slow radio holds no more."""
 WAIT_S: Final = 1.0
@@ -32,12 +34,11 @@ Place = tuple[int, int]
 
 
 class AutopilotTerrain:
-    """Asks one autopilot. `tell` takes a line for the operator."""
+    """Asks one autopilot."""
 
-    def __init__(self, session: Session, name: str, tell: Callable[[str], None]) -> None:
+    def __init__(self, session: Session, name: str) -> None:
         self._session = session
         self._name = name
-        self._tell = tell
         self._known: dict[Place, float] = {}
         self._pending = 0
         self._heard = False
@@ -51,7 +52,7 @@ class AutopilotTerrain:
             raise LinkError(f"{self._name}: a PX4 tells nobody of its terrain; {_INSTEAD}")
         self._session.listen(self._take)
         wanted = [(round(p.lat_deg * 1e7), round(p.lon_deg * 1e7)) for p in places]
-        self._tell(f"{self._name}: asks the autopilot for the ground at {len(wanted)} places")
+        _LOG.info(f"{self._name}: asks the autopilot for the ground at {len(wanted)} places")
         loop = asyncio.get_running_loop()
         came_s = loop.time()
         while missing := [place for place in wanted if place not in self._known]:

@@ -71,24 +71,17 @@ async def camera_finding(
 
 async def _picture(source: FrameSource, interval_s: float, patience_s: float) -> Announcement:
     """Have one picture taken. Raises `LinkError`."""
-    announced: list[Announcement] = []
-    heard = asyncio.Event()
-
-    def note(picture: Announcement) -> None:
-        announced.append(picture)
-        heard.set()
-
-    source.listen(note)
+    first: asyncio.Future[Announcement] = asyncio.get_running_loop().create_future()
+    source.listen(lambda picture: None if first.done() else first.set_result(picture))
     source.uncertain()
-    await source.start(interval_s, 1, lambda: bool(announced))
+    await source.start(interval_s, 1, first.done)
     try:
         async with asyncio.timeout(patience_s):
-            await heard.wait()
+            return await first
     except TimeoutError:
         raise LinkError("the camera was told to take a picture, and none came") from None
     finally:
         source.stop()
-    return announced[0]
 
 
 def _drawn_over(image: NDArray[np.uint8], mask: NDArray[np.uint8]) -> bytes:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -19,7 +18,7 @@ from uavmap.mavlink.parameters import Parameters
 from uavmap.mavlink.session import Session
 from uavmap.runner.preflight.autopilot_parameters import names_of, parameter_findings
 from uavmap.runner.preflight.camera_check import PICTURE_S, camera_finding
-from uavmap.runner.preflight.finding import Finding
+from uavmap.runner.preflight.finding import Finding, of_vehicle
 from uavmap.runner.preflight.measurement import Listener, Measured
 from uavmap.runner.preflight.vehicle_check import state_findings
 from vision.detectors import Detector
@@ -67,29 +66,20 @@ class Examination:
         measured: Measured = await self._listener.measure()
         view = self._session.view
         parameters = await self._parameters.read_many(names_of(view.kind, setting))
-        return self._of(
-            [
-                *state_findings(view, measured, setting, self._number),
-                *parameter_findings(view.kind, parameters, setting, measured.volts),
-            ]
-        )
+        found = state_findings(view, measured, setting, self._number)
+        told = parameter_findings(view.kind, parameters, setting, measured.volts)
+        return of_vehicle(self._number, [*found, *told])
 
     async def camera(self, setting: Setting, detector: Detector, folder: Path) -> list[Finding]:
         """A test picture."""
         optics, camera = setting.mission.camera.optics, setting.mission.camera
-        return self._of(
-            [
-                await camera_finding(
-                    self._camera,
-                    detector,
-                    (optics.width_px, optics.height_px),
-                    folder / PICTURES.format(self._number),
-                    interval_s=camera.interval_s,
-                    patience_s=max(PICTURE_S, 4 * self._session.ack_wait_s),
-                    noiseless=camera.noiseless,
-                )
-            ]
+        found = await camera_finding(
+            self._camera,
+            detector,
+            (optics.width_px, optics.height_px),
+            folder / PICTURES.format(self._number),
+            interval_s=camera.interval_s,
+            patience_s=max(PICTURE_S, 4 * self._session.ack_wait_s),
+            noiseless=camera.noiseless,
         )
-
-    def _of(self, findings: Iterable[Finding]) -> list[Finding]:
-        return [replace(finding, vehicle=self._number) for finding in findings]
+        return of_vehicle(self._number, [found])

@@ -7,7 +7,7 @@ findings.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import Enum
 from typing import Any
 
@@ -76,3 +76,8 @@ def could_fly(findings: Iterable[Finding]) -> bool:
 def binding(findings: Iterable[Finding]) -> Iterator[Finding]:
     """The bad ones that nobody can pass over."""
     return (f for f in findings if f.level is Level.BAD and f.binding)
+
+
+def of_vehicle(number: int, findings: Iterable[Finding]) -> list[Finding]:
+    """The findings as those of a vehicle."""
+    return [replace(finding, vehicle=number) for finding in findings]

@@ -19,7 +19,7 @@ from tests.support.flights import Flight, fly, small_mission
 from tests.support.hills import over, slope
 from tests.support.running import by
 from uavmap.mavlink.autopilots import ARDUPILOT, PX4
-from uavmap.runner.preflight.autopilot_fence import fence_plan, leaves_kept_fence, return_height_m
+from uavmap.runner.preflight.autopilot_fence import VehicleFence
 
 UP_M = 14.0
 FAR = GridPoint(0.0, 45.0)
@@ -99,15 +99,15 @@ def test_return_heights_and_ceilings_clear_the_highest_ground(kind, name, unit):
     home = setting.mission.home
     highest_m = setting.mission.highest_ground_m
     assert highest_m == pytest.approx(14.4)  # 70 m north of the start, and the rest of a mesh
-    plan = fence_plan(setting, 1, home, kind, {name: 15.0 * unit})
+    fence = VehicleFence(setting, 1, home, kind, {name: 15.0 * unit})
+    plan = fence.plan()
     assert plan.parameters[name] == pytest.approx((highest_m + UP_M) * unit)
-    assert return_height_m(setting, 1, home, kind, {}) == pytest.approx(highest_m + UP_M)
+    assert fence.return_height_m() == pytest.approx(highest_m + UP_M)
     ceiling = "GF_MAX_VER_DIST" if kind is PX4 else "FENCE_ALT_MAX"
     assert plan.parameters[ceiling] >= highest_m + UP_M + 9.0
     # a home on higher ground needs less above itself
     north = setting.grid.position(GridPoint(0.0, 20.0))
-    above_it = fence_plan(setting, 1, north, kind, {}).parameters[name]
+    above_it = VehicleFence(setting, 1, north, kind, {}).plan().parameters[name]
     assert above_it == pytest.approx((highest_m + UP_M - 4.0) * unit, abs=0.05 * unit)
-    said = leaves_kept_fence(setting, 1, home, kind, (), {name: 15.0 * unit})
-    assert said == [f"{name} = {15 * unit:g} does not clear the ground: 17 m needed"]
-    assert leaves_kept_fence(setting, 1, home, kind, (), {name: 20.0 * unit}) == []
+    assert fence.faults(()) == [f"{name} = {15 * unit:g} does not clear the ground: 17 m needed"]
+    assert VehicleFence(setting, 1, home, kind, {name: 20.0 * unit}).faults(()) == []

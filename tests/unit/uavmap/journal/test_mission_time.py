@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.support.journals import PLAN, some_events, write
 from uavmap.journal import event_log
 from uavmap.journal import mission_time as module
 from uavmap.journal.event_log import Journal
@@ -186,9 +185,8 @@ def test_what_is_no_mark(mark: object) -> None:
 
 
 @pytest.mark.parametrize("answer", [True, False, None])
-def test_what_is_doubtful_is_asked_where_somebody_is(tmp_path: Path, answer: bool | None) -> None:
-    path = write(tmp_path / "journal.jsonl", some_events(2))
-    now = later(3 * DAY_S, **OTHER_BOOT)
+def test_what_is_doubtful_is_asked_where_somebody_is(answer: bool | None) -> None:
+    found = mission_time(LAST_EVENT_S, MARK, later(3 * DAY_S, **OTHER_BOOT), epoch_utc_s=EPOCH_S)
     said: list[str] = []
     asked: list[str] = []
 
@@ -196,18 +194,7 @@ def test_what_is_doubtful_is_asked_where_somebody_is(tmp_path: Path, answer: boo
         asked.append(question)
         return bool(answer)
 
-    with Journal.open(path) as journal:
-        Marks(journal, lambda: THEN).note(500.0)
-        start_s = taken_up_at(
-            last_mark(journal.meta),
-            LAST_EVENT_S,
-            now,
-            epoch_utc_s=PLAN.epoch_utc_s,
-            speedup=1.0,
-            drift_m_s=0.0,
-            say=said.append,
-            ask=None if answer is None else ask,
-        )
+    start_s = taken_up_at(found, said.append, None if answer is None else ask)
     assert start_s == (500.0 + 3 * DAY_S if answer else LAST_EVENT_S)
     assert len(asked) == (answer is not None)
     assert len(said) == 1

@@ -9,28 +9,31 @@ import socket
 import stat
 import struct
 import subprocess
+import threading
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
-from typing import ParamSpec
+from typing import Literal, ParamSpec
 
 import pytest
 
-from missions.errors import LinkError
-from missions.events import Event, LinkLost
+from missions.errors import AircraftError, LinkError
+from missions.events import Event, LinkLost, Recalled
 from missions.orders import Hold
 from tests.support.field import mission_of
+from uavmap.aircraft.guardian.last_watch import watched_over
 from uavmap.aircraft.imaging.judge import PictureJudge
 from uavmap.aircraft.process import messages as say
 from uavmap.aircraft.process.host import Host
 from uavmap.aircraft.process.port import Port
 from uavmap.aircraft.reporter import Report
 from uavmap.base.atomic_write import write_text
+from uavmap.base.clock import MissionClock
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_options import FlightOptions
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.runner import aircraft_process
-from uavmap.runner.aircraft_child import AircraftChild
+from uavmap.runner.aircraft_child import ASKED_TO_END, AircraftChild
 from uavmap.runner.aircraft_process import (
     ADDRESS,
     RECORD,
@@ -39,6 +42,7 @@ from uavmap.runner.aircraft_process import (
     Attachment,
     taken_over,
 )
+from uavmap.runner.aircraft_side import AircraftSide
 
 P = ParamSpec("P")
 BEGIN = say.Begin(0.0, {}, None, False, False)
@@ -94,6 +98,17 @@ def listening() -> Iterator[tuple[socket.socket, Address]]:
         yield server, Address(server.getsockname()[1], "word", 0.0, os.getpid())
 
 
+@contextmanager
+def found(folder: Path) -> Iterator[tuple[AircraftProcess, socket.socket, socket.socket]]:
+    """A process of the aircraft as the mission sees it, the other end, and where it listens."""
+    with listening() as (server, address):
+        line = socket.create_connection(("127.0.0.1", address.port))
+        other, _ = server.accept()
+        with other:
+            found = Attachment(address, line)
+            yield AircraftProcess(plan(), folder, found, append=False), other, server
+
+
 @pytest.mark.parametrize("reset", [False, True])
 @on_a_loop
 async def test_aircraft_that_cannot_be_started_again_end_the_mission(
@@ -107,19 +122,87 @@ async def test_aircraft_that_cannot_be_started_again_end_the_mission(
 
     monkeypatch.setattr(AircraftProcess, "_begun", start)
     monkeypatch.setattr(AircraftProcess, "_end_process", lambda self: None)
-    with listening() as (server, address):
-        line = socket.create_connection(("127.0.0.1", address.port))
-        other, _ = server.accept()
+    with found(tmp_path) as (process, other, server):
         server.close()
-        process = AircraftProcess(plan(), tmp_path, Attachment(address, line), append=False)
         port = Mission().port
+        port.receive(say.Beat(fates={1: "left to its autopilot in GUIDED at here", 2: ""}))
         async with asyncio.timeout(20.0), process.connected(port, lambda: BEGIN):
             if reset:  # as of a process that was killed with something left to read
                 other.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             other.close()
-            with pytest.raises(LinkError, match="it does not start"):
-                await port.run()
+            with pytest.raises(AircraftError) as ended:
+                await watched_over(port, asyncio.Event().wait(), leave=True)
     assert len(starts) == aircraft_process.STARTS
+    cause, fate = str(ended.value).splitlines()
+    assert cause == "it does not start"
+    assert fate.startswith("vehicle 1: left to its autopilot in GUIDED at here; that was its last")
+    assert "take it by radio control" in fate
+
+
+@on_a_loop
+async def test_a_process_that_nobody_waits_for_is_ended_while_it_is_connected_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    connecting, ended = asyncio.Event(), asyncio.Event()
+
+    async def hangs(**_: object) -> None:
+        connecting.set()
+        await asyncio.Event().wait()
+
+    monkeypatch.setattr(asyncio, "open_connection", hangs)
+    with listening() as (_, address), socket.create_connection(("127.0.0.1", address.port)) as line:
+        monkeypatch.setattr(AircraftProcess, "_begun", lambda self: Attachment(address, line))
+        monkeypatch.setattr(AircraftProcess, "_end_process", lambda self: ended.set())
+        process = AircraftProcess(plan(), tmp_path, None, append=False)
+        starting = asyncio.create_task(process._start())
+        await connecting.wait()
+        starting.cancel()
+        await asyncio.wait([starting])
+    assert ended.is_set()
+
+
+@on_a_loop
+async def test_a_third_control_c_does_not_hide_what_became_of_the_aircraft(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waiting, over = asyncio.Event(), threading.Event()
+    loop = asyncio.get_running_loop()
+
+    def ends_slowly(self: AircraftProcess) -> None:
+        loop.call_soon_threadsafe(waiting.set)
+        over.wait()
+
+    monkeypatch.setattr(AircraftProcess, "_ended", ends_slowly)
+    with found(tmp_path) as (process, _, _):
+
+        async def left_at_once() -> None:
+            async with process.connected(Mission().port, lambda: BEGIN):
+                await asyncio.sleep(0)
+                raise AircraftError("vehicle 1: left to its autopilot in RTL")
+
+        flight = asyncio.create_task(left_at_once())
+        await waiting.wait()
+        flight.cancel()
+        with pytest.raises(AircraftError, match="left to its autopilot"):
+            await flight
+        over.set()
+
+
+@pytest.mark.parametrize("state", ["returning", "refused"])
+@on_a_loop
+async def test_aircraft_that_another_process_brings_home_are_not_said_to_be_left(
+    state: Literal["returning", "refused"], tmp_path: Path
+) -> None:
+    with found(tmp_path) as (process, other, server):
+        port = Mission().port
+        port.receive(say.Beat(fates={1: "left to its autopilot in GUIDED at here"}))
+        async with asyncio.timeout(20.0), process.connected(port, lambda: BEGIN):
+            other.close()
+            answering, _ = await asyncio.to_thread(server.accept)
+            answering.sendall(say.encode(say.Attached(state, "they are in good hands")))
+            with pytest.raises(LinkError, match="they are in good hands"):
+                await watched_over(port, asyncio.Event().wait(), leave=True)
+        answering.close()
 
 
 @on_a_loop
@@ -151,15 +234,15 @@ async def test_the_last_message_is_sent_to_the_next_process_as_well() -> None:
     mission.sent.clear()
     mission.port.receive(say.Ready(None))
     assert mission.sent == [say.Fly(0.0), say.Finish("the mission is over")]
-    mission.port.receive(say.Ended(()))
+    mission.port.receive(say.Ended({}))
     await home
 
 
 @on_a_loop
 async def test_an_end_that_the_mission_has_not_asked_for_ends_it() -> None:
     port = Mission().port
-    port.receive(say.Ended(()))
-    with pytest.raises(LinkError, match="has ended before the mission"):
+    port.receive(say.Ended({}))
+    with pytest.raises(LinkError, match="asked to end, before the mission has"):
         async with asyncio.timeout(1.0):
             await port.run()
 
@@ -234,6 +317,54 @@ async def test_what_a_dead_mission_has_not_kept_is_written_down(tmp_path: Path) 
         await asyncio.sleep(0.1)
     found = list(say.Decoder().feed((tmp_path / RECORD).read_bytes()))
     assert found == [say.Happened(SECOND, 2)]
+
+
+@pytest.mark.parametrize("kept", [False, True])
+@on_a_loop
+async def test_what_a_mission_that_dies_after_the_end_has_not_kept_is_written_down(
+    *, kept: bool, tmp_path: Path
+) -> None:
+    child = AircraftChild(plan(), tmp_path, 0.0, append=False)
+    async with connected(child, child._token) as writer:
+        child._send(say.Happened(FIRST, 1))
+        child._send(say.Ended({}))
+        closing = asyncio.create_task(child._closed())
+        await asyncio.sleep(0)
+        assert not closing.done()
+        if kept:
+            writer.write(say.encode(say.Beat(kept=1)))
+    await closing
+    assert (tmp_path / RECORD).exists() is not kept
+
+
+class Flying(Falling):
+    """A vehicle that takes orders."""
+
+    def give(self, order: object) -> None:
+        pass
+
+
+@on_a_loop
+async def test_aircraft_that_are_asked_to_end_have_the_mission_call_all_home(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = plan()
+    child = AircraftChild(made, tmp_path, 0.0, append=False)
+    mission = Mission()
+    async with connected(child, child._token):
+        monkeypatch.setattr(child, "_send", mission.port.receive)
+        clock = MissionClock(0.0)
+        side = AircraftSide(made, made.known_setting(), tmp_path, (), clock, child._send)
+        monkeypatch.setattr(child, "_side", side)
+        side.host.receive(BEGIN)
+        side.host.receive(say.Fly(0.0))
+        await side.host.fly({1: Flying()}, say.Ready(None))
+        child._stopped()
+        assert mission.take_in() == [Recalled(0.0)]
+        assert not side.host.end.done()
+        child._stopped()
+    assert mission.take_in() == []
+    assert side.host.end.result() == say.Finish(ASKED_TO_END)
 
 
 @on_a_loop

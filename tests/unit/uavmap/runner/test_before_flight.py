@@ -28,8 +28,9 @@ from uavmap.runner.preflight.saved_settings import FILE
 def before(
     field: Field, folder: Path, *, yes: bool = False, dry: bool = False, keep: bool = False
 ) -> BeforeFlight:
-    wanted = Preflight(plan_lines, yes, dry, keep).asked(field.setting)
-    return BeforeFlight(wanted, field.setting, folder, field.links, Operator().ask)
+    wanted = Preflight(plan_lines, yes, dry).asked(field.setting)
+    ask = Operator().ask
+    return BeforeFlight(wanted, field.setting, folder, field.links, ask, keep_fence=keep)
 
 
 def real(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,6 +18,9 @@ from missions.units import GridPoint
 from tests.support.flights import small_mission
 from tests.support.running import by, on_virtual_time
 from tests.support.said import Said
+from uavmap.aircraft.imaging.judge import PictureJudge
+from uavmap.aircraft.process import messages as say
+from uavmap.aircraft.process.port import Port
 from uavmap.base.clock import VirtualClock, run
 from uavmap.journal import event_log
 from uavmap.journal.event_log import Journal
@@ -206,6 +209,26 @@ def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(
     ]
     assert len(vehicle.orders) == given
     assert fold(setting, journal.events()).vehicles[1].phase is Phase.DOWN
+
+
+@by(on_virtual_time)
+async def test_what_is_kept_after_the_end_is_known_to_the_aircraft(journal: Journal) -> None:
+    setting = Setting.of(small_mission())
+    service = Service(setting, journal, Played(), State.initial(setting), lambda *_: None)
+
+    async def nobody(_: object) -> None:
+        raise AssertionError
+
+    port = Port((1,), lambda: 0.0, PictureJudge({}), service.post, service.taken_in, nobody, nobody)
+    service.stop()
+    await service.fly()
+    port.receive(say.Happened(CONNECTED, 1))
+    await asyncio.sleep(0.0)
+    assert port.kept == 0
+    service.keep_last_words()
+    await asyncio.sleep(0.0)
+    assert port.kept == 1
+    assert list(journal.events()) == [CONNECTED]
 
 
 @by(on_virtual_time)

@@ -6,9 +6,7 @@ import argparse
 import asyncio
 import contextlib
 import json
-import logging
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -28,14 +26,13 @@ from uavmap.runner.preflight.autopilot_setup import AutopilotSetup
 from uavmap.runner.preflight.computer_check import computer_findings
 from uavmap.runner.preflight.computer_speed import ComputerSpeed
 from uavmap.runner.preflight.examination import Examination, connect, heartbeats
-from uavmap.runner.preflight.finding import Finding, could_fly, ok
+from uavmap.runner.preflight.finding import Finding, could_fly, of_vehicle, ok
 from uavmap.runner.preflight.installation import installation
 from uavmap.runner.preflight.plan_figures import plan_lines
 from uavmap.ui.cli.endings import INCOMPLETE
 from uavmap.ui.cli.flight_options import key_file
 from uavmap.ui.cli.option_table import add_options
 
-_LOG: Final = logging.getLogger("uavmap.runner.preflight")
 PICTURES: Final = "doctor"
 """The folder for test pictures, where none is named."""
 
@@ -163,12 +160,8 @@ async def _vehicles(
 
 async def _vehicle(number: int, link: Link, setting: Setting | None, folder: Path) -> list[Finding]:
     """All that is found on one vehicle."""
-
-    def tell(text: str) -> None:
-        _LOG.info(f"vehicle {number}: {text}")
-
     examination = Examination(number, link.session, link.camera)
-    setup = None if setting is None else AutopilotSetup(number, link.session, setting, folder, tell)
+    setup = None if setting is None else AutopilotSetup(number, link.session, setting, folder)
     await connect(link.session, link.name)
     found = await examination.vehicle(setting)
     if setting is None or setup is None:
@@ -182,4 +175,4 @@ async def _vehicle(number: int, link: Link, setting: Setting | None, folder: Pat
     told.append(
         ok("fence", f"{setup.in_words(before)}; a flight sets the mission's, {by_m:.0f} m wider")
     )
-    return found + [replace(finding, vehicle=number) for finding in told]
+    return found + of_vehicle(number, told)

@@ -8,7 +8,7 @@ import contextlib
 import shlex
 import signal
 import sys
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from missions.errors import LinkError, UavmapError
@@ -79,19 +79,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Serve until Ctrl-C."""
+    from uavmap.runner import simulation  # noqa: PLC0415 - real flights need none of it
+
     without = [name for name in _WITHOUT_MISSION if getattr(options, name) is not None]
     if without and options.mission is not None:
         raise UavmapError(f"--{without[0].replace('_', '-')} is for a simulation without --mission")
     if without and options.home is None:
         raise UavmapError(f"--{without[0].replace('_', '-')} needs --home LAT,LON,AMSL,YAW")
-    serving = _by_home(options) if options.home is not None else _by_mission(options)
+    made = _by_home(options) if options.home is not None else _by_mission(options)
 
     async def serve() -> None:
         task = asyncio.current_task()
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, task.cancel if task else loop.stop)
-        await serving(lambda urls: _tell(options, urls))
+        await simulation.serve_vehicles(
+            made(),
+            speedup=options.speedup,
+            tcp=options.tcp,
+            base_port=options.port,
+            http_port=options.http_port,
+            on_ready=lambda urls: _tell(options, urls),
+        )
 
     try:
         asyncio.run(serve())
@@ -104,34 +113,23 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-_Serving = Callable[[Callable[[list[str]], None]], Coroutine[Any, Any, None]]
-
-
-def _by_mission(options: argparse.Namespace) -> _Serving:
+def _by_mission(options: argparse.Namespace) -> Callable[[], Sequence[Any]]:
     from uavmap.runner import simulation  # noqa: PLC0415 - real flights need none of it
 
-    if options.autopilot is not None:
-        simulation.setup_without_mission(
-            autopilot=options.autopilot
-        )  # says what it thinks of the flavour
+    if options.autopilot is not None:  # says what it thinks of the flavour
+        simulation.setup_without_mission(autopilot=options.autopilot)
     name = options.mission or "runway"
     mission = load(name)
     if options.vehicles not in (None, len(mission.vehicles)):
         mission = with_vehicles(mission, options.vehicles)
         check(mission, name, detectors=(mission.detector.name,))
-    return lambda on_ready: simulation.serve_vehicles(
-        mission,
-        options.seed,
-        autopilot=options.autopilot,
-        speedup=options.speedup,
-        tcp=options.tcp,
-        base_port=options.port,
-        http_port=options.http_port,
-        on_ready=on_ready,
+    at = simulation.pictures_at(options.http_port)
+    return lambda: simulation.make_vehicles(
+        mission, options.seed, autopilot=options.autopilot, image_url_prefix=at
     )
 
 
-def _by_home(options: argparse.Namespace) -> _Serving:
+def _by_home(options: argparse.Namespace) -> Callable[[], Sequence[Any]]:
     """Vehicles over an empty meadow, or over what some files say."""
     from uavmap.runner import simulation  # noqa: PLC0415 - real flights need none of it
 
@@ -152,9 +150,7 @@ def _by_home(options: argparse.Namespace) -> _Serving:
         world_epsg=options.world_crs,
         optical_flow=bool(options.optical_flow),
     )
-    return lambda on_ready: simulation.serve_setup(
-        setup, base_port=options.port, http_port=options.http_port, on_ready=on_ready
-    )
+    return lambda: setup.build(simulation.pictures_at(options.http_port))
 
 
 def _tell(options: argparse.Namespace, urls: list[str]) -> None:

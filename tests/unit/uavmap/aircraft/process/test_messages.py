@@ -26,7 +26,7 @@ POSE = Pose(LatLon(47.1, 8.3), 12.0, Quaternion(1.0, 0.0, 0.0, 0.0))
 SEEN = FrameSeen(1, 2.5, None, (Vote(Cell(1, -2), True, 0.125),), overview=True)
 ALL: list[say.Message] = [
     say.Attach(say.VERSION, "word"),
-    say.Begin(3.5, {1: say.Before(flew=True)}, say.Asked(("a",), True, False, False), False, True),
+    say.Begin(3.5, {1: say.Before(flew=True)}, say.Asked(("a",), True, False), False, True),
     say.Fly(-1.25),
     *(
         say.Give(2, order)
@@ -50,7 +50,7 @@ ALL: list[say.Message] = [
     say.Answered(None),
     say.Finish("the mission is over"),
     say.Leave("the operator left"),
-    say.Beat(12.5),
+    say.Beat(12.5, fates={1: "in the air"}),
     say.Attached("flying"),
     say.Ready(None, 4.0),
     say.Happened(Tracked(1, 2.0, GridPoint(0.1, 0.2), 12.0, 55.5)),
@@ -59,7 +59,7 @@ ALL: list[say.Message] = [
     say.BatteryUnwanted(3),
     say.Question("fly? [y/N]"),
     say.Line("vehicle 1: ready"),
-    say.Ended(("vehicle 1: in the air",), "LinkError", "silent", True),
+    say.Ended({1: "in the air"}, "LinkError", "silent", True),
 ]
 
 

@@ -5,107 +5,81 @@ from __future__ import annotations
 import asyncio
 import os
 import termios
-from types import SimpleNamespace
 from typing import Any, TextIO
+from unittest.mock import Mock, call
 
 import pytest
 
 from tests.support.running import by, in_real_time
 from tests.support.said import Said
+from uavmap.runner.operator.caller import Steered
 from uavmap.runner.operator.flight_keys import FORGOTTEN_S, Keys
 from uavmap.runner.operator.ground_crew import Crew, EnterKey
 from uavmap.runner.operator.keyboard import keyboard
 
 
-class Service:
-    """Notes what it is asked for."""
+def steered(vehicles: int = 3) -> Mock:
+    """A service that notes what it is asked for."""
+    return Mock(spec=Steered, state=Mock(vehicles=dict.fromkeys(range(1, vehicles + 1))))
 
-    def __init__(self, vehicles: int = 3) -> None:
-        self.asked: list[Any] = []
-        self.state = SimpleNamespace(vehicles=dict.fromkeys(range(1, vehicles + 1)))
 
-    def _note(self, *what: Any) -> bool:
-        self.asked.append(what if len(what) > 1 else what[0])
-        return True
-
-    def pause(self) -> bool:
-        return self._note("pause")
-
-    def go_on(self) -> bool:
-        return self._note("go on")
-
-    def recall(self) -> None:
-        self._note("recall")
-
-    def recall_vehicle(self, number: int) -> bool:
-        return self._note("recall", number)
-
-    def skip_cell(self, number: int) -> bool:
-        return self._note("skip", number)
-
-    def land_here(self, number: int) -> bool:
-        return self._note("land", number)
+def pressed_in(keys: str, service: Mock) -> list[Any]:
+    """What a service was asked for when keys were pressed."""
+    taking = Keys(service)
+    for key in keys:
+        taking.press(key)
+    return service.mock_calls
 
 
 @pytest.mark.parametrize(
     ("pressed", "asked"),
     [
-        ("p", ["pause"]),
-        ("c", ["go on"]),
-        ("pc", ["pause", "go on"]),
-        ("ra", ["recall"]),
-        ("rr", ["recall"]),
-        ("r2", [("recall", 2)]),
-        ("k3", [("skip", 3)]),
-        ("q1q", [("land", 1)]),
-        ("qaq", [("land", 1), ("land", 2), ("land", 3)]),
+        ("p", [call.pause()]),
+        ("c", [call.go_on()]),
+        ("pc", [call.pause(), call.go_on()]),
+        ("ra", [call.recall()]),
+        ("rr", [call.recall()]),
+        ("r2", [call.recall_vehicle(2)]),
+        ("k3", [call.skip_cell(3)]),
+        ("q1q", [call.land_here(1)]),
+        ("qaq", [call.land_here(1), call.land_here(2), call.land_here(3)]),
         ("q1", []),
         ("q1p", []),  # any other key: nobody lands, and nothing else happens
         ("q1\nq", []),
         ("r7", []),
-        ("rp", ["pause"]),
+        ("rp", [call.pause()]),
         ("?x9", []),
     ],
 )
 def test_keys(pressed: str, asked: list[Any], said: Said) -> None:
-    service = Service()
-    keys = Keys(service)
-    for key in pressed:
-        keys.press(key)
-    assert service.asked == asked
+    assert pressed_in(pressed, steered()) == asked
     assert said
 
 
 def test_a_single_vehicle_needs_no_number() -> None:
-    service = Service(vehicles=1)
-    keys = Keys(service)
-    for key in "rkqq":
-        keys.press(key)
-    assert service.asked == ["recall", ("skip", 1), ("land", 1)]
+    asked = pressed_in("rkqq", steered(vehicles=1))
+    assert asked == [call.recall(), call.skip_cell(1), call.land_here(1)]
 
 
 def test_a_number_of_two_digits_ends_with_the_second_or_enter() -> None:
-    service = Service(vehicles=12)
-    keys = Keys(service)
-    for key in "r12r1\nr7":
-        keys.press(key)
-    assert service.asked == [("recall", 12), ("recall", 1), ("recall", 7)]
+    asked = pressed_in("r12r1\nr7", steered(vehicles=12))
+    assert asked == [call.recall_vehicle(n) for n in (12, 1, 7)]
 
 
 def test_a_key_that_waits_is_forgotten() -> None:
-    service, now_s = Service(), [0.0]
+    service, now_s = steered(), [0.0]
     keys = Keys(service, lambda: now_s[0])
     keys.press("q")
     keys.press("1")
     now_s[0] += FORGOTTEN_S + 1.0
     keys.press("q")
-    assert service.asked == []
+    assert service.mock_calls == []
 
 
 @pytest.mark.parametrize("question", ["r", "q", "k"])
 def test_enter_answers_the_question_that_was_asked_last(question: str) -> None:
     """Who is asked for a number and presses Enter has not said that anybody may take off."""
-    keys = Keys(Service())
+    keys = Keys(steered())
     assert not keys.press("\n")
     keys.press(question)
     assert keys.press("\n")
@@ -124,18 +98,18 @@ async def test_a_key_is_heard_as_it_is_pressed_and_the_terminal_put_back(
 ) -> None:
     operator, stream = terminal
     before = termios.tcgetattr(stream.fileno())
-    service, enter = Service(), EnterKey()
+    service, enter = steered(), EnterKey()
     crew = Crew(automatic=False, enter=enter, stream=stream)
     with keyboard(Keys(service), enter, stream):
         assert not termios.tcgetattr(stream.fileno())[3] & (termios.ICANON | termios.ECHO)
         assert termios.tcgetattr(stream.fileno())[3] & termios.ISIG  # Ctrl-C stays a signal
         os.write(operator, b"p")
-        await _until(lambda: service.asked == ["pause"])
+        await _until(lambda: service.mock_calls == [call.pause()])
         os.write(operator, b"\x1b[A")  # an arrow
         swapped = asyncio.create_task(crew.swap(2))
         await _until(lambda: any("vehicle 2" in text for text in said))
         os.write(operator, b"c")
-        await _until(lambda: service.asked == ["pause", "go on"])
+        await _until(lambda: service.mock_calls == [call.pause(), call.go_on()])
         assert not swapped.done()
         os.write(operator, b"\n")
         async with asyncio.timeout(10.0):
@@ -152,7 +126,7 @@ async def test_the_terminal_is_put_back_however_it_ends(
     before = termios.tcgetattr(stream.fileno())
     with (
         pytest.raises(end),
-        keyboard(Keys(Service()), EnterKey(), stream),
+        keyboard(Keys(steered()), EnterKey(), stream),
     ):
         raise end
     assert termios.tcgetattr(stream.fileno()) == before
@@ -162,7 +136,7 @@ async def test_the_terminal_is_put_back_however_it_ends(
 async def test_a_terminal_that_is_gone_is_nobodys_word(terminal: tuple[int, TextIO]) -> None:
     (operator, stream), enter = terminal, EnterKey()
     crew = Crew(automatic=False, enter=enter, stream=stream)
-    with keyboard(Keys(Service()), enter, stream):
+    with keyboard(Keys(steered()), enter, stream):
         swapped = asyncio.create_task(crew.swap(1))
         await asyncio.sleep(0)
         os.close(operator)
@@ -176,7 +150,7 @@ def test_a_pipe_is_not_read(said: Said) -> None:
     read, write = os.pipe()
     os.write(write, b"q")
     with os.fdopen(read) as stream:
-        with keyboard(Keys(Service()), EnterKey(), stream):
+        with keyboard(Keys(steered()), EnterKey(), stream):
             pass
         assert stream.read(1) == "q"
     assert not said

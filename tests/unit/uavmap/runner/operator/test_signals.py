@@ -5,11 +5,13 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+from unittest.mock import Mock
 
 import pytest
 
 from uavmap.base.clock import VirtualClock, run
-from uavmap.runner.operator.interrupts import like_control_c
+from uavmap.runner.operator.caller import Steered
+from uavmap.runner.operator.interrupts import interrupts, like_control_c
 
 
 @pytest.mark.parametrize("interrupt", [signal.SIG_IGN, signal.default_int_handler])
@@ -32,6 +34,24 @@ def test_a_job_in_the_background_that_is_told_to_end_tidies_up(interrupt):
         signal.signal(signal.SIGINT, before)
     assert tidied
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+
+
+@pytest.mark.parametrize(("over", "presses"), [(True, 2), (False, 1)])
+def test_a_first_press_after_the_last_landing_does_not_cut_the_end_short(over, presses):
+    counted = 0
+    service = Mock(spec=Steered, flying=False, ended=True, state=Mock(over=over))
+
+    async def ending() -> None:
+        nonlocal counted
+        with interrupts(service):
+            while True:
+                counted += 1
+                os.kill(os.getpid(), signal.SIGINT)
+                await asyncio.sleep(1.0)
+
+    with pytest.raises(KeyboardInterrupt):
+        run(ending(), VirtualClock())
+    assert counted == presses
 
 
 def test_a_task_that_is_cancelled_for_another_reason_is_no_interrupt():

@@ -27,7 +27,7 @@ async def test_a_storm_ends_on_the_ground_as_near_as_without_a_fence(
 ) -> None:
     """With targets refused outside of its fence an ArduCopter came down 175 m outside."""
     outside_m: list[float] = []
-    setup = AutopilotSetup(1, flight.session, flight.setting, tmp_path, flight.told.append)
+    setup = AutopilotSetup(1, flight.session, flight.setting, tmp_path)
     await asyncio.sleep(8.0)
     assert could_fly(await setup.apply())
     await flight.after(TakeOff(UP_M), Airborne)
@@ -47,7 +47,7 @@ async def test_a_storm_ends_on_the_ground_as_near_as_without_a_fence(
 async def test_a_flight_along_the_margin_never_touches_the_autopilots_fence(
     flight: Flight, /, autopilot: str, tmp_path: Path
 ) -> None:
-    setup = AutopilotSetup(1, flight.session, flight.setting, tmp_path, flight.told.append)
+    setup = AutopilotSetup(1, flight.session, flight.setting, tmp_path)
     await asyncio.sleep(8.0)
     assert could_fly(await setup.apply())
     flight.vehicle.fail.wind_gust(m_s=5.0, for_s=None)
