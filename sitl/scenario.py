@@ -65,7 +65,8 @@ class Home:
 class Setup:
     """A simulation; `build` makes its vehicles, numbered from 1.
 
-    They stand three metres apart, or at `places`, one each; `home` is the world's origin too.
+    They stand three metres apart, or at `places`, one each; `home` is the world's origin too. Where
+    the ground has no relief, `pad_heights_m` are the heights of these places above it.
     `world` are files of `sitl.world.files`, `world_epsg` the coordinate system of a world file;
     `patches` are regions besides. `speedup` and `tcp` count on sockets only. `ready_after_s`: from
     boot until arming is allowed. `parameters`: what the autopilots' owner has set. For the rest see
@@ -77,6 +78,7 @@ class Setup:
     vehicles: int = 1
     home: Home | str | Sequence[float] = field(default_factory=Home)
     places: Sequence[LatLon] = ()
+    pad_heights_m: Sequence[float] = ()
     speedup: float = 10.0
     seed: int = 0
     tcp: bool = False
@@ -182,6 +184,9 @@ class Setup:
             seed=self.seed,
             orthophoto=ground.orthophoto,
             relief=self.relief,
+            pads=tuple(zip(self.places, self.pad_heights_m, strict=True))
+            if self.pad_heights_m
+            else (),
             tag_m=self.tag_m,
             tag_dictionary=self.tag_dictionary,
         )

@@ -10,7 +10,6 @@ from missions.events import (
     Arrived,
     BatterySwapped,
     CellSkipped,
-    Connected,
     Continued,
     Crashed,
     Event,
@@ -33,7 +32,6 @@ from missions.flight.connections import (
     LIFTED_M,
     connected,
     given_up,
-    levelled,
     link_lost,
     overridden,
     released,
@@ -158,11 +156,7 @@ def apply(setting: Setting, state: State, event: Event) -> State:
         return skipped_for_good(look_ended(state, vehicle))
     if isinstance(event, CellSkipped):
         return skip(setting, state, vehicle, event.cell)
-    if isinstance(event, Connected) and state.reference_amsl_m is None:
-        state = replace(state, reference_amsl_m=event.home_amsl_m)
     changed = _changed(event, vehicle, setting)
-    if isinstance(event, Connected | Airborne):
-        changed = levelled(changed, event, state.reference_amsl_m, setting)
     state = state.with_vehicle(changed)
     return follow_no_farther(setting, state, changed) if isinstance(event, Tracked) else state
 

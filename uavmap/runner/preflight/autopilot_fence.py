@@ -74,13 +74,11 @@ def fence_plan(
     home: LatLon,
     kind: Autopilot,
     found: Mapping[str, float],
-    level_m: float = 0.0,
 ) -> FencePlan:
     """What fits vehicle `number` (from 1), which stands at `home`.
 
     Args:
         found: Its parameters.
-        level_m: The height of its home above the reference of its team.
     """
     by_m = outside_m(setting.mission.flight.speed_m_s, setting.energy.accel_m_s2)
     rings = [_ring(Polygon(setting.fence.outer.exterior).buffer(
@@ -103,7 +101,7 @@ def fence_plan(
     rally = Item(
         mav.MAV_CMD_NAV_RALLY_POINT, home, frame=mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, height_m=0.0
     )
-    parameters = _parameters(setting, number, home, kind, found, level_m)
+    parameters = _parameters(setting, number, home, kind, found)
     return FencePlan(tuple(fence), (rally,), parameters, by_m, holes, tuple(sorted(columns)))
 
 
@@ -130,12 +128,11 @@ def _parameters(
     home: LatLon,
     kind: Autopilot,
     found: Mapping[str, float],
-    level_m: float,
 ) -> dict[str, float]:
-    returns_m = return_height_m(setting, number, home, kind, found, level_m)
+    returns_m = return_height_m(setting, number, home, kind, found)
     highest_m, vehicles = highest_above_m(setting, home), len(setting.mission.vehicles)
     tops_m = [setting.mission.top_altitude_m(i) for i in range(vehicles)]
-    highest_flown_m = max(tops_m) + highest_m - min(level_m, 0.0)
+    highest_flown_m = max(tops_m) + highest_m - min(setting.home_level_m(number), 0.0)
     top_m = float(math.ceil(max(highest_flown_m, returns_m or 0.0) + ABOVE_M))
     sets = vehicles > 1 or setting.ground is not None
     layer_m = returns_m if sets and returns_m is not None else 0.0
@@ -156,15 +153,14 @@ def return_height_m(
     home: LatLon,
     kind: Autopilot,
     found: Mapping[str, float],
-    level_m: float = 0.0,
 ) -> float | None:
     """How high a vehicle will return by itself, above home; None: not known.
 
-    In a team in its own layer, which is counted from the reference of the team; over ground that is
+    In a team in its own layer, which is counted from the start; over ground that is
     not flat, so high above the highest.
     """
     if len(setting.mission.vehicles) > 1 or setting.ground is not None:
-        layer_m = setting.mission.altitude_m(number - 1) - level_m
+        layer_m = setting.mission.altitude_m(number - 1) - setting.home_level_m(number)
         return max(layer_m, LEAST_HEIGHT_M) + highest_above_m(setting, home)
     if kind is PX4:
         return found.get("RTL_RETURN_ALT")
