@@ -44,8 +44,14 @@ def area_of(mission: Mission) -> flyable.SearchArea:
 def test_flyable_home_just_below_its_layer_is_refused(height_m: float, faulty: bool) -> None:
     made = at_heights(metres(square(-10, 16, 40, 30), square(-60, -60, 160, 160)), [height_m])
     found = list(flyable.values(made))
-    assert found == ["vehicles[0].home_height_m = 11: its layer, 12 m above the start, is less than "
-                     "3 m above its home; raise flight.altitude_m"] * faulty  # fmt: skip
+    assert (
+        found
+        == [
+            "vehicles[0].home_height_m = 11: its layer, 12 m above the start, is less than 3 m above "
+            "its home; raise flight.altitude_m"
+        ]
+        * faulty
+    )
 
 
 # --- refused: the changes, what the line says, and changes with which it flies ----------------
