@@ -66,7 +66,8 @@ class Home:
 class Setup:
     """A simulation; `build` makes its vehicles, numbered from 1.
 
-    They stand three metres apart, or at `places`, one each; `home` is the world's origin too.
+    They stand three metres apart, or at `places`, one each; `home` is the world's origin too. Where
+    the ground has no relief, `pad_heights_m` are the heights of these places above it.
     `world` are files of `sitl.world.files`, `world_epsg` the coordinate system of a world file;
     `patches` are regions besides. `speedup` and `tcp` count on sockets only. `ready_after_s`: from
     boot until arming is allowed. `parameters`: what the autopilots' owner has set. For the rest see
@@ -78,6 +79,7 @@ class Setup:
     vehicles: int = 1
     home: Home | str | Sequence[float] = field(default_factory=Home)
     places: Sequence[LatLon] = ()
+    pad_heights_m: Sequence[float] = ()
     speedup: float = 10.0
     seed: int = 0
     tcp: bool = False
@@ -158,10 +160,12 @@ class Setup:
 
     def _world_spec(self, home: Home) -> WorldSpec:
         ground = load_ground(self.world, self.world_epsg, home.position)
+        heights_m = self.pad_heights_m or [0.0] * len(self.places)
         return WorldSpec(
             home.position,
             home.amsl_m,
             orthophoto=ground.orthophoto,
+            pads=tuple(pad for pad in zip(self.places, heights_m, strict=True) if pad[1]),
             **{**self._shared(WorldSpec), "patches": (*self.patches, *ground.patches)},
         )
 

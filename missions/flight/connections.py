@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.events import Airborne, Connected, GivenUp, LinkLost, Overridden, Released
+from missions.events import Connected, GivenUp, LinkLost, Overridden, Released
 from missions.flight.lane_progress import lane_left, set_free
 from missions.flight.return_home import BESIDE_M
 from missions.flight.setting import Setting
@@ -16,9 +16,6 @@ from missions.orders import Land, StandDown, TakeOff
 RETURN_MODES = ("RTL", "SMART_RTL", "RETURN")
 LIFTED_M = 1.0
 """A vehicle that is higher above home has left the ground."""
-LEVEL_M = 1.0
-"""Homes that differ less in height count as level: satellite navigation is no better."""
-
 GAINED = 0.05
 """A battery that was swapped holds so much more of its capacity than the one before."""
 
@@ -82,36 +79,6 @@ def connected(event: Connected, vehicle: VehicleState, setting: Setting) -> Vehi
     if phase is not Phase.AIRBORNE:
         return _found_on_the_ground(taken_up, vehicle, setting)
     return _on_its_way_home(taken_up, event, vehicle)
-
-
-def levelled(
-    vehicle: VehicleState,
-    event: Connected | Airborne,
-    reference_amsl_m: float | None,
-    setting: Setting,
-) -> VehicleState:
-    """The vehicle with the height of its home above the first home that was told.
-
-    A home that is told in the air keeps its level: what it flies at is above the old one.
-    """
-    in_air = isinstance(event, Connected) and event.airborne
-    if event.home_amsl_m is None or reference_amsl_m is None or (in_air and vehicle.home_level_m):
-        return vehicle
-    level_m = home_level_m(setting, event.home_amsl_m, reference_amsl_m)
-    return replace(vehicle, home_level_m=level_m)
-
-
-def home_level_m(setting: Setting, home_amsl_m: float, reference_amsl_m: float) -> float:
-    """Return the height of a home above the reference of its team; 0 where both count as level.
-
-    Where the ground is known, layers are above the ground, wherever a home is.
-    """
-    level_m = home_amsl_m - reference_amsl_m
-    team = setting.mission.team
-    # two that are both taken to be level must still keep their distance
-    level_enough_m = min(LEVEL_M, 0.5 * (team.layer_m - team.separation_m))
-    level = setting.ground is not None or abs(level_m) < level_enough_m
-    return 0.0 if level else round(level_m, 2)
 
 
 def _has_new_battery(found: VehicleState, before: VehicleState, setting: Setting) -> bool:

@@ -182,7 +182,7 @@ def _unfit(setting: Setting, vehicle: VehicleState) -> str:
         )
     if vehicle.cruise_height_m < LEAST_HEIGHT_M:
         return (
-            f"it stands {vehicle.home_level_m:.0f} m higher than the first vehicle, and its layer "
+            f"it stands {vehicle.home_level_m:.0f} m higher than the start, and its layer "
             f"is only {vehicle.cruise_height_m:.0f} m above it; raise flight.altitude_m"
         )
     if vehicle.wind_m_s > setting.energy.max_airspeed_m_s:

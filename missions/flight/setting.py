@@ -16,7 +16,7 @@ from missions.geo.terrain import Terrain
 from missions.geo.trajectory import LANE_CUTS_M, corner_pause_s
 from missions.mission.energy import CLIMB_OVERHEAD_S, EnergyModel
 from missions.mission.flyable import fence_of, look_s
-from missions.mission.places import homes, prior_of
+from missions.mission.places import home_heights_m, homes, prior_of
 from missions.mission.schema import Mission, positions
 from missions.mission.views import energy_model, path_speed_m_s, rows_across
 from missions.planning.search.lanes import (
@@ -149,6 +149,10 @@ class Setting:
     def pad_of(self, number: int) -> GridPoint:
         """Where a vehicle stands by the mission file."""
         return self._pads[number - 1]
+
+    def home_level_m(self, number: int) -> float:
+        """Return the height of a vehicle's home above what its layers are counted from, m."""
+        return 0.0 if self.ground is not None else home_heights_m(self.mission)[number - 1]
 
     @property
     def _pads(self) -> list[GridPoint]:

@@ -90,7 +90,8 @@ class VehicleState:
     tracked_s: float = 0.0
     home: GridPoint = _ORIGIN
     home_level_m: float = 0.0
-    """Height of its home above the home of the vehicle that spoke first: layers are level."""
+    """Height of its home above the start, from which layers are counted; 0 where they are counted
+    from the ground below."""
     position: GridPoint = _ORIGIN
     height_m: float = 0.0
     remaining_wh: float = 0.0
@@ -240,8 +241,6 @@ class State:
     vehicles: Mapping[int, VehicleState]
     t_s: float = 0.0
     tree: Tree | None = None
-    reference_amsl_m: float | None = None
-    """Height above the sea of the first home that was told: layers are counted from there."""
     exhausted: bool = False
     """Every lane of the box has its judged frames, and nobody saw the ROI."""
     falls_back: bool = False
@@ -289,6 +288,7 @@ class State:
             number: VehicleState(
                 number,
                 mission.search_altitude_m(number - 1) or mission.altitude_m(number - 1),
+                home_level_m=setting.home_level_m(number),
                 lanes=blocks[number - 1],
             )
             for number in range(1, len(mission.vehicles) + 1)

@@ -12,7 +12,6 @@ from missions.events import (
     Arrived,
     BatterySwapped,
     CellSkipped,
-    Connected,
     Continued,
     Crashed,
     Event,
@@ -35,7 +34,6 @@ from missions.flight.connections import (
     LIFTED_M,
     connected,
     given_up,
-    levelled,
     link_lost,
     overridden,
     released,
@@ -151,11 +149,7 @@ def apply(setting: Setting, state: State, event: Event) -> State:
     if (rule := _OF_ALL.get(type(event))) is not None:
         return rule(setting, state, event)
     assert isinstance(event, OfVehicle)
-    if isinstance(event, Connected) and state.reference_amsl_m is None:
-        state = replace(state, reference_amsl_m=event.home_amsl_m)
     changed = _changed(event, state.vehicles[event.vehicle], setting)
-    if isinstance(event, Connected | Airborne):
-        changed = levelled(changed, event, state.reference_amsl_m, setting)
     state = state.with_vehicle(changed)
     return follow_no_farther(setting, state, changed) if isinstance(event, Tracked) else state
 

@@ -22,6 +22,7 @@ from missions.mission.energy import CLIMB_SPEED_M_S, LEAST_HEADWAY_M_S
 from missions.mission.height_and_speed import (
     altitude_reason,
     footprint_over,
+    home_height_faults,
     layer_faults,
     picture_warnings,
     search_layer_faults,
@@ -52,6 +53,7 @@ _TOUCH_M = 0.01
 def values(mission: Mission) -> Iterator[str]:
     """Faults of wind, height and camera."""
     too_strong = [*_wind(mission), *layer_faults(mission), *search_layer_faults(mission)]
+    too_strong += home_height_faults(mission)
     yield from too_strong or _camera(mission)
 
 

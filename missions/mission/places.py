@@ -40,6 +40,21 @@ def homes(mission: Mission) -> tuple[LatLon, ...]:
     )
 
 
+def home_heights_m(mission: Mission) -> tuple[float, ...]:
+    """Return the height of every vehicle's home above the start, m, in their order.
+
+    It comes from the mission or its elevation model, never from a receiver: the heights of two
+    receivers on level ground differ by metres.
+    """
+    grid, surveyed = Grid.at(mission.home, mission.grid.cell_m), mission.surveyed
+    return tuple(
+        vehicle.home_height_m
+        if vehicle.home_height_m is not None
+        else (0.0 if surveyed is None else round(surveyed.height_m(grid.fixed(place)), 2))
+        for vehicle, place in zip(mission.vehicles, homes(mission), strict=True)
+    )
+
+
 FARTHEST_M = 50_000.0
 """No place of a mission lies farther from its start: nothing here flies that far."""
 

@@ -213,6 +213,8 @@ class VehicleSection(Section):
     camera: str | None = None
     """As `uavmap fly --camera`; not for a simulated flight, whose cameras are simulated, too."""
     home: Vertex | None = None
+    home_height_m: Annotated[Number, Field(ge=-1000, le=1000)] | None = None
+    """Height of its home above the start. Without it from `terrain.dem`; without that, 0."""
     layer: Annotated[Count, Field(ge=0)] | None = None
     """Its layer, from 0, the lowest. Without it each vehicle has its own, in their order. Vehicles
     that share one wait where they would come near each other: for those that work far apart."""

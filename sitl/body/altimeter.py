@@ -34,7 +34,7 @@ class Altimeter:
         self.sea_m = sea_m
         self.receiver_m = self.datum_m = 0.0
         self._rng = np.random.default_rng(list(seed))
-        self._sigma_m = sigma_m
+        self.sigma_m = sigma_m
         self._second_s = 0.0  # since the last number was drawn
         self._from_m = self._to_m = 0.0
         self._kicks: list[float] = []
@@ -48,14 +48,14 @@ class Altimeter:
 
     def start(self) -> None:
         """The vehicle is switched on, or has been given a battery: another error than before."""
-        if self._sigma_m > 0.0:
-            self._to_m = self._held(self._sigma_m * float(self._rng.standard_normal()))
+        if self.sigma_m > 0.0:
+            self._to_m = self._held(self.sigma_m * float(self._rng.standard_normal()))
             self._next()
             self.receiver_m = self.datum_m = self._from_m
 
     def step(self, dt_s: float, *, armed: bool) -> None:
         """Let the receiver wander; disarmed the autopilot follows it."""
-        if self._sigma_m == 0.0:
+        if self.sigma_m == 0.0:
             return
         self._second_s += dt_s
         while self._second_s >= 1.0:
@@ -71,7 +71,7 @@ class Altimeter:
         if not self._kicks:
             self._kicks = self._rng.standard_normal(_BLOCK).tolist()
         keep = math.exp(-1.0 / TAU_S)
-        kick = self._sigma_m * math.sqrt(1.0 - keep * keep)
+        kick = self.sigma_m * math.sqrt(1.0 - keep * keep)
         self._from_m = self._to_m
         self._to_m = self._held(keep * self._from_m + kick * self._kicks.pop())
 

@@ -247,7 +247,7 @@ class Telemetry:
         return layouts.gps_raw_int(
             int(ap.t_s * 1e6), mav.GPS_FIX_TYPE_3D_FIX, lat, lon, amsl, 121, 200,
             uint16(100.0 * math.hypot(now.v_east, now.v_north)), uint16(course * 100.0) % 36000,
-            10, amsl, 300, 300,
+            10, amsl, 300, max(300, int(1000.0 * self._altimeter.sigma_m)),
         )  # fmt: skip
 
     @property

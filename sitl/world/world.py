@@ -24,6 +24,7 @@ from sitl.world.texture import Gray, ground_tile, roi_tile
 
 # numbers that keep the streams of random numbers of one seed apart
 _WIND, _LIGHT, _GROUND, _ROI = 1, 2, 3, 4
+_PAD_M = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +39,13 @@ class Patch:
 class WorldSpec:
     """What the ground looks like and how the air moves.
 
-    The ground is a level plane at `origin_amsl_m`, or has a `relief` above it. The patches
-    translate rigidly with `drift_speed_m_s` towards the true bearing `drift_toward_deg`. Gray
-    levels are 0 to 255:
-    `texture` is the standard deviation of the ground's and the ROI's own pattern, `sensor_noise`
-    that of a frame's noise, `illumination` the largest relative change of the light, which is
-    slow. `gust_m_s` is the standard deviation of each component of the wind around its mean.
+    The ground is a level plane at `origin_amsl_m`, or has a `relief` above it; `pads` are places
+    whose surroundings have a height above the plane, which aircraft stand on and cameras miss. The
+    patches translate rigidly with `drift_speed_m_s` towards the true bearing `drift_toward_deg`.
+    Gray levels are 0 to 255: `texture` is the standard deviation of the ground's and the ROI's own
+    pattern, `sensor_noise` that of a frame's noise, `illumination` the largest relative change of
+    the light, which is slow. `gust_m_s` is the standard deviation of each component of the wind
+    around its mean.
     `orthophoto` is what the camera sees instead of a meadow, where it reaches; it does not drift.
     `tag_m` is the side of the marker that each vehicle carries on its top, of `tag_dictionary` of
     OpenCV, with the vehicle's number; 0: none.
@@ -65,6 +67,7 @@ class WorldSpec:
     seed: int = 0
     orthophoto: Orthophoto | None = None
     relief: Relief | None = None
+    pads: tuple[tuple[LatLon, float], ...] = ()
     tag_m: float = 0.0
     tag_dictionary: str = "DICT_4X4_50"
 
@@ -117,6 +120,7 @@ class World:
         self.plane = LocalPlane(spec.origin)
         self.carriers = Carriers()
         """The vehicles with a marker on their top; none where `tag_m` is 0."""
+        self._pads = [(*self.plane.to_plane(place), height_m) for place, height_m in spec.pads]
         toward = math.radians(spec.drift_toward_deg)
         self._drift = (
             spec.drift_speed_m_s * math.sin(toward),
@@ -151,6 +155,9 @@ class World:
 
     def ground_m(self, east_m: float, north_m: float) -> float:
         """How high the ground is above the plane."""
+        for east, north, height_m in self._pads:
+            if math.hypot(east_m - east, north_m - north) <= _PAD_M:
+                return height_m
         relief = self.spec.relief
         return 0.0 if relief is None else relief.height_m(east_m, north_m)
 

@@ -65,7 +65,7 @@ def _options() -> argparse.Namespace:
         help="a habit of all aircraft, as in [sim.quirks]: landed_state=false (world sitl)",
     )  # fmt: skip
     parser.add_argument(
-        "--receivers", type=float, default=0.0,
+        "--receivers", type=float, default=3.0,
         help="standard deviation of receivers' heights above the sea, m (world reducer)",
     )  # fmt: skip
     parser.add_argument("--workers", type=int, default=1, help="processes (default 1)")

@@ -8,10 +8,11 @@ import random
 from missions.events import FrameSeen, Tracked
 from missions.flight.setting import Setting
 from missions.guardian import PAD_M
+from missions.mission.schema import Mission
 from tests.fake_fleet import Fleet
 from tests.fake_fleet.air import Air
 from tests.fake_fleet.troubles import ACTS, PHASES, Trouble, drawn
-from tests.support.small_missions import scattered, unkind_scenario
+from tests.support.small_missions import at_heights, scattered, unkind_scenario
 
 from .outcome import FORBIDDEN, Outcome
 from .plan import Plan, plan
@@ -28,15 +29,18 @@ def plan_of(seed: int) -> Plan:
 
 
 def fleet_of(
-    flight: Plan, strategy: str | None = None, *, find: str = "first", receiver_sigma_m: float = 0.0
+    flight: Plan, strategy: str | None = None, *, find: str = "first", receiver_sigma_m: float = 3.0
 ) -> Fleet:
     """The fleet of a flight, before anything has happened."""
     rng = random.Random(flight.seed)
     scenario = unkind_scenario(flight.seed, strategy)
     if find != "first":
         scenario = scattered(scenario, flight.seed, high=find == "all, from on high")
-    setting = Setting.of(scenario.mission)
     vehicles = len(scenario.mission.vehicles)
+    chosen, off_m = scenario.mission, []
+    if "homes" in flight.kinds:
+        chosen, off_m = _homes(chosen, random.Random(flight.seed + 2))
+    setting = Setting.of(chosen)
     given = setting.energy.wind_m_s
     bearing = rng.uniform(0.0, math.tau)
     air = Air(
@@ -46,8 +50,7 @@ def fleet_of(
     )
     made = Fleet(
         setting, scenario.roi, draw=rng.uniform(0.95, 1.05), seed=flight.seed, air=air,
-        receiver_sigma_m=receiver_sigma_m,
-        **(_homes(vehicles, rng) if "homes" in flight.kinds else {}),
+        receiver_sigma_m=receiver_sigma_m, stand_off_m=off_m,
     )  # fmt: skip
     made.troubles = _troubles(flight, vehicles, rng)
     tells_wind = rng.random() < 0.8
@@ -62,10 +65,11 @@ def fleet_of(
     return made
 
 
-def _homes(vehicles: int, rng: random.Random) -> dict[str, list[object]]:
-    levels = [0.0] + [rng.choice([0.0, rng.uniform(-6.0, 8.0)]) for _ in range(vehicles - 1)]
-    off_m: list[object] = [(rng.gauss(0.0, 1.5), rng.gauss(0.0, 1.5)) for _ in range(vehicles)]
-    return {"levels_m": list(levels), "stand_off_m": off_m}
+def _homes(mission: Mission, rng: random.Random) -> tuple[Mission, list[tuple[float, float]]]:
+    """Homes at other heights than the start's, and vehicles that stand beside them."""
+    heights = [0.0, *(rng.choice([0.0, rng.uniform(-6.0, 8.0)]) for _ in mission.vehicles[1:])]
+    off_m = [(rng.gauss(0.0, 1.5), rng.gauss(0.0, 1.5)) for _ in heights]
+    return at_heights(mission, heights), off_m
 
 
 def _troubles(flight: Plan, vehicles: int, rng: random.Random) -> list[Trouble]:
@@ -83,7 +87,7 @@ def fly(
     *,
     strategy: str | None = None,
     find: str = "first",
-    receiver_sigma_m: float = 0.0,
+    receiver_sigma_m: float = 3.0,
     verbose: bool = False,
 ) -> Outcome:
     """Fly the flight of a seed to its end."""

@@ -53,9 +53,7 @@ class Fleet:
     air: Air = field(default_factory=Air)
     stand_off_m: Sequence[tuple[float, float]] = ()
     """How far from their planned homes the vehicles stand."""
-    levels_m: Sequence[float] = ()
-    """How high their homes lie."""
-    receiver_sigma_m: float = 0.0
+    receiver_sigma_m: float = 3.0
     """Standard deviation of their receivers' heights above the sea, another after each swap."""
     t_s: float = 0.0
     state: State = field(init=False)
@@ -112,7 +110,7 @@ class Fleet:
         ground = self.setting.ground
         if ground is not None:
             return ground.height_m(place)
-        return self.levels_m[number - 1] if self.levels_m else 0.0
+        return self.setting.home_level_m(number)
 
     @property
     def faults(self) -> list[str]:
@@ -283,8 +281,6 @@ class Fleet:
         ground = self.setting.ground
         if ground is not None:
             return ground.height_m(craft.position) - ground.height_m(craft.home)
-        if not self.levels_m:
-            return 0.0
         below_m = next(
             (v.level_m for v in self.vehicles.values()
              if v.home.distance_to(craft.position) <= NEAR_HOME_M),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -175,6 +175,15 @@ def random_scenario(seed: int, *, drift: bool = False, strategy: str | None = No
     grown = eden(int(rng.integers(4, 50)), rng)
     roi = frozenset(Cell(seat.east + e, seat.north + n) for e, n in grown)
     return Scenario(made, roi)
+
+
+def at_heights(mission: Mission, heights_m: Sequence[float]) -> Mission:
+    """The same with homes at these heights above the start, in their order."""
+    vehicles = [
+        vehicle.model_copy(update={"home_height_m": height_m})
+        for vehicle, height_m in zip(mission.vehicles, heights_m, strict=True)
+    ]
+    return mission.model_copy(update={"vehicles": tuple(vehicles)})
 
 
 def scattered(scenario: Scenario, seed: int, *, high: bool = False) -> Scenario:

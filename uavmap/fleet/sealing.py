@@ -19,6 +19,7 @@ from hashlib import blake2s
 from typing import Final
 
 from missions.flight.team.bits import BytesError, Reader, Writer
+from missions.mission.places import home_heights_m
 from missions.mission.schema import Mission
 
 CODE_BYTES: Final = 8
@@ -181,4 +182,5 @@ def meaning_of(mission: Mission) -> bytes:
     # a height may be a word, "auto", which is no number to warn of
     told = mission.model_dump(mode="json", include=set(_MEANING), warnings=False)
     told["pads"] = [vehicle.home for vehicle in mission.vehicles]
+    told["pad heights"] = home_heights_m(mission)
     return blake2s(json.dumps(told, sort_keys=True).encode()).digest()

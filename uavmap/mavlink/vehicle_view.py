@@ -80,6 +80,10 @@ LEAP_M: Final = 0.5
 """Least leap of a told place that is none of its flight, m."""
 LEAP_GAP_S: Final = 0.5
 """Longest time between two positions over which a leap can be told from flight, s."""
+HEIGHT_ERROR_M: Final = 3.0
+"""Standard deviation of a receiver's height where it states none, m."""
+WORST_ERROR_M: Final = 10.0
+"""Greatest standard deviation that is believed: a greater one would excuse any height, m."""
 OFF_GROUND_M: Final = 2.0
 """Height above which an armed vehicle without a landed state counts as airborne, m."""
 OFF_GROUND: Final = (
@@ -142,6 +146,8 @@ class VehicleView:
     ekf_flags: int = 0
     gps_fix: int | None = None
     """GPS_FIX_TYPE; None where nobody has asked for it."""
+    height_error_m: float = HEIGHT_ERROR_M
+    """Standard deviation of the receiver's height, as it states it."""
     battery_s: float = float("-inf")
     """When the battery's charge was last told, on the loop's clock."""
     battery_percent: int | None = None

@@ -15,7 +15,7 @@ from uavmap.mavlink.continuity import CameraClock
 from uavmap.mavlink.message_rules import RULES, Sender
 from uavmap.mavlink.position_history import Fix
 from uavmap.mavlink.status_texts import Text
-from uavmap.mavlink.vehicle_view import OFF_GROUND_M, VehicleView
+from uavmap.mavlink.vehicle_view import HEIGHT_ERROR_M, OFF_GROUND_M, WORST_ERROR_M, VehicleView
 
 Message = Any
 
@@ -197,6 +197,9 @@ def _ekf(view: VehicleView, message: Message, now_s: float, component: int) -> N
 
 def _gps(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     view.gps_fix = message.fix_type
+    view.height_error_m = (
+        min(message.v_acc / 1000.0, WORST_ERROR_M) if message.v_acc else HEIGHT_ERROR_M
+    )
 
 
 def _timesync(view: VehicleView, message: Message, now_s: float, component: int) -> None:

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Final
 
 from missions.errors import NotFlownError, OutputError, PreflightError
-from missions.flight.connections import home_level_m
 from missions.flight.setting import Setting
 from uavmap.aircraft.imaging.classifier import detector_of
 from uavmap.aircraft.process.messages import Asked
@@ -30,6 +29,7 @@ from uavmap.runner.preflight.finding import (
     of_vehicle,
     warn,
 )
+from uavmap.runner.preflight.pad_heights import pad_heights
 
 _LOG: Final = logging.getLogger("uavmap.runner.preflight")
 IDENTITY_S: Final = 2.0
@@ -124,7 +124,10 @@ class BeforeFlight:
     # --- look ---------------------------------------------------------------------------------
     async def _examine(self) -> list[Finding]:
         parts = await asyncio.gather(*map(self._examined, self._links))
-        return [finding for part in parts for finding in part]
+        standing = {n: self._view(n) for n in self._links if not self._view(n).armed}
+        heights = pad_heights(self._setting, standing)
+        found = [finding for part in parts for finding in part]
+        return [*found, *(f for n, height in heights.items() for f in of_vehicle(n, [height]))]
 
     async def _examined(self, number: int) -> list[Finding]:
         setting, examination = self._setting, self._examinations[number]
@@ -188,19 +191,12 @@ class BeforeFlight:
         standing = [number for number in numbers if not self._view(number).armed]
         others = [setup for number, setup in self._setups.items() if number not in standing]
         await asyncio.gather(*(setup.save_timeout() for setup in others))
-        parts = await asyncio.gather(
-            *(self._setups[number].apply(self._level_m(number)) for number in standing)
-        )
+        parts = await asyncio.gather(*(self._setups[number].apply() for number in standing))
         return [
             finding
             for number, part in zip(standing, parts, strict=True)
             for finding in of_vehicle(number, part)
         ]
-
-    def _level_m(self, number: int) -> float:
-        """The height of a vehicle's home above that of the first, as the mission takes it."""
-        reference_m, home_m = (self._view(n).home_amsl_m for n in (min(self._links), number))
-        return home_level_m(self._setting, home_m, reference_m)
 
     # --- words --------------------------------------------------------------------------------
     def _show(self, found: Sequence[Finding]) -> None:

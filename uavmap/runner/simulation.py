@@ -18,7 +18,7 @@ import numpy as np
 from missions.errors import LinkError
 from missions.flight.setting import Setting
 from missions.geo.grid import Grid
-from missions.mission.places import homes
+from missions.mission.places import home_heights_m, homes
 from missions.mission.schema import Mission, positions
 from missions.mission.sections.sim_section import SimFault
 from missions.planning.sweep.strategies import LEAPFROG
@@ -45,7 +45,9 @@ def setup_of(
     `autopilot` instead of the mission's, if given.
     """
     sim, grid = mission.sim, Setting.of(mission).grid
-    places = homes(mission)
+    places, relief = homes(mission), relief_of(mission, grid)
+    raised = relief is None and any(vehicle.home_height_m for vehicle in mission.vehicles)
+    pad_heights_m = home_heights_m(mission) if raised else ()
 
     def drifted(ring: Sequence[LatLon]) -> tuple[LatLon, ...]:
         return tuple(grid.position(grid.to_fixed(grid.fixed(p), start_s)) for p in ring)
@@ -55,6 +57,7 @@ def setup_of(
         vehicles=len(places),
         home=Home(mission.home.lat_deg, mission.home.lon_deg, mission.start.amsl_m),
         places=places,
+        pad_heights_m=pad_heights_m,
         seed=seed,
         wind_speed_m_s=mission.wind.speed_m_s,
         wind_from_deg=mission.wind.from_deg,
@@ -95,7 +98,7 @@ def setup_of(
             **_climbs(mission, autopilot or sim.autopilot),
             **sim.parameters,
         },
-        relief=relief_of(mission, grid),
+        relief=relief,
         tag_m=_tag_m(mission),
         tag_dictionary=sim.tag_dictionary or mission.navigation.tag_dictionary,
     )

@@ -15,7 +15,7 @@ from missions.units import Cell, GridPoint
 from tests.fake_fleet.air import Storm
 from tests.prop.missions.flight.test_paths_in_flight import Watched, is_honest
 from tests.prop.quick_plans import quick_plans
-from tests.support.small_missions import Scenario, mission, square
+from tests.support.small_missions import Scenario, at_heights, mission, square
 
 BOX, FENCE = square(-10, 14, 40, 24), square(-40, -40, 120, 130)
 LIMIT_S = 2500.0
@@ -226,8 +226,8 @@ def test_homes_at_different_heights() -> None:
         BOX, FENCE, strategy="swath", mounting="gimbal", altitude_m=20.0, capacity_wh=60.0,
         vehicles=3,
     )  # fmt: skip
-    scenario = Scenario(chosen, region(60))
-    flight = Watched(Setting.of(chosen), scenario.roi, levels_m=(0.0, 5.0, -4.0))
+    scenario = Scenario(at_heights(chosen, (0.0, 5.0, -4.0)), region(60))
+    flight = Watched(Setting.of(scenario.mission), scenario.roi)
     flight.start()
     ended(flight, scenario)
 

@@ -114,6 +114,7 @@ COMMENTS: Final[Mapping[str, str]] = {
     "vehicles.url": "where it is reached; or `uavmap fly --connect`",
     "vehicles.camera": "as `uavmap fly --camera` (docs/cameras.md)",
     "vehicles.home": "where it stands; without it in a row east of the start",
+    "vehicles.home_height_m": "of its home above the start; else from `terrain.dem`, or 0",
     "vehicles.layer": "from 0, the lowest; shared by vehicles that work far apart",
     "terrain.dem": 'a GeoTIFF of heights beside this file, such as "dem.tif"',
     "terrain.source": '"autopilot": its own terrain database',

@@ -80,8 +80,6 @@ class VehicleFence:
     kind: Autopilot
     found: Mapping[str, float]
     """Its parameters."""
-    level_m: float = 0.0
-    """The height of its home above the reference of its team."""
 
     def plan(self) -> FencePlan:
         """What fits the vehicle."""
@@ -121,6 +119,11 @@ class VehicleFence:
         return math.ceil(above_m * 10.0 - 1e-6) / 10.0
 
     @property
+    def _level_m(self) -> float:
+        """The height of the home above what layers are counted from."""
+        return self.setting.home_level_m(self.number)
+
+    @property
     def _sets_return(self) -> bool:
         """Whether a mission sets the return height: in a team, and over ground that is not flat."""
         return len(self.setting.mission.vehicles) > 1 or self.setting.ground is not None
@@ -133,11 +136,11 @@ class VehicleFence:
     def return_height_m(self) -> float | None:
         """How high the vehicle will return by itself, above home; None: not known.
 
-        In a team in its own layer, which is counted from the reference of the team; over ground
-        that is not flat, so high above the highest.
+        In a team in its own layer, which is counted from the start; over ground that is not flat,
+        so high above the highest.
         """
         if self._sets_return:
-            layer_m = self.setting.mission.altitude_m(self.number - 1) - self.level_m
+            layer_m = self.setting.mission.altitude_m(self.number - 1) - self._level_m
             return max(layer_m, LEAST_HEIGHT_M) + self._highest_m
         name, units = self._return_name
         return self.found[name] / units if name in self.found else None
@@ -145,7 +148,7 @@ class VehicleFence:
     def _parameters(self) -> dict[str, float]:
         returns_m, mission = self.return_height_m(), self.setting.mission
         tops_m = [mission.top_altitude_m(i) for i in range(len(mission.vehicles))]
-        highest_flown_m = max(tops_m) + self._highest_m - min(self.level_m, 0.0)
+        highest_flown_m = max(tops_m) + self._highest_m - min(self._level_m, 0.0)
         top_m = float(math.ceil(max(highest_flown_m, returns_m or 0.0) + ABOVE_M))
         if self.kind is PX4:
             wanted = {"GF_ACTION": _PX4_RETURN, "GF_MAX_VER_DIST": top_m, "GF_MAX_HOR_DIST": 0.0}

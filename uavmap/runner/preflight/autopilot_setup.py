@@ -98,15 +98,13 @@ class AutopilotSetup:
         points = f"{len(before.fence or ())} items, {len(before.rally or ())} rally points"
         return f"{points}, {values or 'no parameters told'}"
 
-    def plan(self, before: Before, level_m: float = 0.0) -> FencePlan:
-        """What is to be set on a vehicle whose home is so much above the reference of its team."""
-        return self._fence(before, level_m).plan()
+    def plan(self, before: Before) -> FencePlan:
+        """What is to be set."""
+        return self._fence(before).plan()
 
-    def _fence(self, before: Before, level_m: float = 0.0) -> VehicleFence:
+    def _fence(self, before: Before) -> VehicleFence:
         values = {name: parameter.value for name, parameter in before.parameters.items()}
-        return VehicleFence(
-            self._setting, self._number, self._home, self._view.kind, values, level_m
-        )
+        return VehicleFence(self._setting, self._number, self._home, self._view.kind, values)
 
     @property
     def _home(self) -> LatLon:
@@ -114,17 +112,15 @@ class AutopilotSetup:
         return self._view.position or self._view.home or self._setting.mission.home
 
     # --- set ----------------------------------------------------------------------------------
-    async def apply(self, level_m: float = 0.0) -> list[Finding]:
+    async def apply(self) -> list[Finding]:
         """Set fence, rally point and return height, and read them back.
-
-        `level_m`: the height of its home above the reference of its team.
 
         What does not work is a finding. Raises `OutputError` where what was there cannot be noted:
         then nothing is changed.
         """
         try:
             before, found = await self.look()
-            plan = self.plan(before, level_m)
+            plan = self.plan(before)
             self._note(await self._aircraft(), before, plan)
             await self._put(Kind.FENCE, plan.fence)
             await self._put(Kind.RALLY, plan.rally)

@@ -22,7 +22,7 @@ from missions.flight.return_home import energy_of, has_energy_for
 from missions.flight.state import Phase, ReturnReason
 from missions.orders import AwaitBattery, FlyTo, Hold, Land, Look, TakeOff
 from missions.units import Cell, GridPoint
-from tests.support.small_missions import square
+from tests.support.small_missions import at_heights, square
 from tests.unit.missions.flight.test_step import HOME, Service, frame, over
 
 PAD = GridPoint(8.0, 0.0)
@@ -67,13 +67,20 @@ def test_who_flies_towards_air_that_a_failsafe_takes_is_stopped() -> None:
     assert orders[2] == Hold()  # the return climbs through its layer
 
 
-def test_layers_are_level_where_homes_are_not() -> None:
-    made = over(vehicles=2)
-    for number, at, amsl_m in ((1, HOME, 106.0), (2, PAD, 100.0)):
+@pytest.mark.parametrize("heights_m", [(0.0, 0.0), (6.0, 0.0), (-3.0, 1.5)])
+@pytest.mark.parametrize("receivers_amsl_m", [(500.0, 500.0), (500.0, 505.5), (512.0, 496.0)])
+def test_layers_are_counted_from_the_mission_whatever_receivers_report(
+    heights_m: tuple[float, float], receivers_amsl_m: tuple[float, float]
+) -> None:
+    made = Service(at_heights(over(vehicles=2).setting.mission, heights_m))
+    for number, at, amsl_m in zip((1, 2), (HOME, PAD), receivers_amsl_m, strict=True):
         made.post(Connected(number, 0.0, at, at, 0.0, False, True, 60.0, home_amsl_m=amsl_m))
-    heights = [made.state.vehicles[number].cruise_height_m for number in (1, 2)]
-    amsl = [106.0 + heights[0], 100.0 + heights[1]]
-    assert amsl[1] - amsl[0] == pytest.approx(6.0)  # a layer, and not none
+        made.post(Airborne(number, 1.0, home=at, home_amsl_m=amsl_m + 4.0))
+    levels_m = [
+        height_m + made.state.vehicles[number].cruise_height_m
+        for number, height_m in zip((1, 2), heights_m, strict=True)
+    ]
+    assert levels_m == pytest.approx([12.0, 18.0])
 
 
 def test_no_look_is_given_over_a_cell_that_has_left_the_fence() -> None:

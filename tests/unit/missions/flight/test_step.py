@@ -642,16 +642,6 @@ def test_layers_closer_than_the_buffer_do_not_block_each_other() -> None:
     assert pair.leg(1).cell == north
 
 
-def test_homes_that_are_nearly_level_leave_close_layers_their_distance() -> None:
-    """What may pass for level depends on the room between the layers."""
-    for layer_m, home_level_m in ((4.5, 0.9), (6.0, 0.0)):
-        pair = over(vehicles=2, layer_m=layer_m)
-        pad = GridPoint(8.0, 0.0)
-        pair.post(Connected(1, 0.0, HOME, HOME, 0.0, False, True, 60.0, home_amsl_m=500.0))
-        pair.post(Connected(2, 0.0, pad, pad, 0.0, False, True, 60.0, home_amsl_m=500.9))
-        assert pair.state.vehicles[2].home_level_m == home_level_m
-
-
 def test_who_comes_home_for_a_battery_flies_round_one_who_lands(pair: Service) -> None:
     pad = GridPoint(8.0, 0.0)
     pair.connect_all()

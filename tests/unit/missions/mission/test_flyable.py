@@ -20,8 +20,8 @@ from missions.mission.energy import AIRSPEED_LIMIT_M_S
 from missions.mission.schema import Flight, Mission
 from missions.mission.views import energy_model
 from missions.units import Cell
+from tests.support.small_missions import at_heights, square
 from tests.support.small_missions import mission as metres
-from tests.support.small_missions import square
 from tests.unit.missions.mission.test_mission_checks import fault, faults, rectangle, text
 from vision.projection import SEEN_SHARE
 
@@ -38,6 +38,16 @@ def warned(mission: Mission) -> list[str]:
 
 def area_of(mission: Mission) -> flyable.SearchArea:
     return flyable.search_area(mission, Grid.at(mission.home, mission.grid.cell_m))
+
+
+@pytest.mark.parametrize(("height_m", "faulty"), [(8.0, False), (11.0, True)])
+def test_flyable_home_just_below_its_layer_is_refused(height_m: float, faulty: bool) -> None:
+    made = at_heights(metres(square(-10, 16, 40, 30), square(-60, -60, 160, 160)), [height_m])
+    fault = (
+        "vehicles[0].home_height_m = 11: its layer, 12 m above the start, is less than 3 m above "
+        "its home; raise flight.altitude_m"
+    )
+    assert list(flyable.values(made)) == [fault] * faulty
 
 
 # --- refused: the changes, what the line says, and changes with which it flies ----------------
