@@ -13,6 +13,8 @@ from typing import Any, Final, TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from tests.real.sockets import Address, Socket
+
 Message: TypeAlias = Any  # pymavlink carries no types
 
 SYSTEM: Final = 255
@@ -36,12 +38,12 @@ class Item:
     height_m: float = 0.0
 
 
-class Pilot(asyncio.DatagramProtocol):
+class Pilot:
     """One link to one autopilot, on a UDP socket."""
 
     def __init__(
         self, system: int, mode_of: Callable[[Message], str], *, bytewise: bool,
-        peer: tuple[str, int] | None = None,
+        peer: Address | None = None,
     ) -> None:  # fmt: skip
         self.system, self._mode_of, self._bytewise, self._peer = system, mode_of, bytewise, peer
         self.latest: dict[str, Message] = {}
@@ -56,16 +58,13 @@ class Pilot(asyncio.DatagramProtocol):
         self._in = mav.MAVLink(None)
         self._in.robust_parsing = True
         self._out = mav.MAVLink(None, srcSystem=SYSTEM, srcComponent=mav.MAV_COMP_ID_MISSIONPLANNER)
-        self._transport: asyncio.DatagramTransport | None = None
+        self._socket = Socket(self._hear)
         self._tasks: list[asyncio.Task[None]] = []
 
     # --- the socket ------------------------------------------------------------------------------
     async def open(self, port: int) -> None:
         """Listen on a port of this computer, and send heartbeats."""
-        loop = asyncio.get_running_loop()
-        self._transport, _ = await loop.create_datagram_endpoint(
-            lambda: self, local_addr=("127.0.0.1", port)
-        )
+        await self._socket.open(port)
         self._tasks = [asyncio.create_task(self._beats()), asyncio.create_task(self._steers())]
 
     def forget(self) -> None:
@@ -78,18 +77,13 @@ class Pilot(asyncio.DatagramProtocol):
         """Say and hear no more."""
         for task in self._tasks:
             task.cancel()
-        if self._transport is not None:
-            self._transport.close()
+        self._socket.close()
 
-    def datagram_received(self, data: bytes, addr: tuple[str | Any, int]) -> None:
-        """Take what the autopilot sends."""
-        self._peer = addr
+    def _hear(self, data: bytes, address: Address) -> None:
+        self._peer = address
         for message in self._in.parse_buffer(data) or ():
             if message.get_srcSystem() == self.system and message.get_srcComponent() == 1:
                 self._take(message)
-
-    def error_received(self, exc: Exception) -> None:
-        """Pass over that nobody listens yet."""
 
     def _take(self, message: Message) -> None:
         kind = message.get_type()
@@ -107,8 +101,8 @@ class Pilot(asyncio.DatagramProtocol):
 
     def send(self, message: Message) -> None:
         """Send a message, if it is known where to."""
-        if self._transport is not None and self._peer is not None:
-            self._transport.sendto(message.pack(self._out), self._peer)
+        if self._peer is not None:
+            self._socket.send(message.pack(self._out), self._peer)
             self._out.seq = (self._out.seq + 1) & 0xFF
 
     async def _beats(self) -> None:
@@ -157,69 +151,44 @@ class Pilot(asyncio.DatagramProtocol):
             await asyncio.sleep(0.1)
 
     # --- asking ----------------------------------------------------------------------------------
-    async def heard(
-        self, matches: Callable[[Message], bool], ask: Message, wait_s: float = _ANSWER_S
-    ) -> Message | None:
-        """Ask until an answer comes; None where none does."""
+    async def answer(self, ask: Message, kind: str, **fields: object) -> Message:
+        """Ask until a message of a kind comes in which these fields are so."""
         found: asyncio.Future[Message] = asyncio.get_running_loop().create_future()
 
-        def look(message: Message) -> None:
-            if not found.done() and matches(message):
-                found.set_result(message)
+        def look(told: Message) -> None:
+            so = told.get_type() == kind and not found.done()
+            if so and all(getattr(told, key) == value for key, value in fields.items()):
+                found.set_result(told)
 
         self.follow.append(look)
         try:
             for _ in range(_TRIES):
                 self.send(ask)
                 with contextlib.suppress(TimeoutError):
-                    return await asyncio.wait_for(asyncio.shield(found), wait_s)
-            return None
+                    return await asyncio.wait_for(asyncio.shield(found), _ANSWER_S)
         finally:
             self.follow.remove(look)
+        raise AssertionError(f"no {kind} {fields} after {ask.get_type()}")
 
     async def command(self, number: int, *params: float) -> int:
         """Send a command; its result, a MAV_RESULT."""
         values = (*params, *([0.0] * (7 - len(params))))
         ask = mav.MAVLink_command_long_message(self.system, 1, number, 0, *values)
-        answer = await self.heard(
-            lambda m: m.get_type() == "COMMAND_ACK" and m.command == number, ask
-        )
-        assert answer is not None, f"no answer to command {number}"
-        return int(answer.result)
+        return int((await self.answer(ask, "COMMAND_ACK", command=number)).result)
 
     async def stream(self, message_id: int, rate_hz: float) -> None:
         """Ask for a message so often a second of the vehicle's clock."""
         await self.command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 1e6 / rate_hz)
 
-    async def parameter(self, name: str) -> float | None:
-        """The value of a parameter; None where there is none of that name."""
-        ask = mav.MAVLink_param_request_read_message(self.system, 1, name.encode(), -1)
-        answer = await self.heard(
-            lambda m: m.get_type() == "PARAM_VALUE" and m.param_id == name, ask
-        )
-        return None if answer is None else self._value(answer)
-
     async def set_parameter(self, name: str, value: float) -> None:
         """Set a parameter, and see that it is set."""
         ask = mav.MAVLink_param_request_read_message(self.system, 1, name.encode(), -1)
-        known = await self.heard(
-            lambda m: m.get_type() == "PARAM_VALUE" and m.param_id == name, ask
-        )
-        assert known is not None, f"there is no parameter {name}"
-        kind = known.param_type
+        kind = (await self.answer(ask, "PARAM_VALUE", param_id=name)).param_type
         whole = self._bytewise and kind != mav.MAV_PARAM_TYPE_REAL32
-        sent = struct.unpack("<f", struct.pack("<i", int(value)))[0] if whole else value
+        raw = struct.pack("<i", int(value)) if whole else struct.pack("<f", value)
+        sent = struct.unpack("<f", raw)[0]
         setting = mav.MAVLink_param_set_message(self.system, 1, name.encode(), sent, kind)
-        near = 1e-4 * max(1.0, abs(value))
-        answer = await self.heard(
-            lambda m: (
-                m.get_type() == "PARAM_VALUE"
-                and m.param_id == name
-                and abs(self._value(m) - value) < near
-            ),
-            setting,
-        )
-        assert answer is not None, f"{name} cannot be set to {value:g}"
+        await self.answer(setting, "PARAM_VALUE", param_id=name, param_value=sent)
 
     def _value(self, told: Message) -> float:
         if self._bytewise and told.param_type != mav.MAV_PARAM_TYPE_REAL32:
@@ -257,21 +226,12 @@ class Pilot(asyncio.DatagramProtocol):
     async def items(self, kind: int) -> list[Item]:
         """The fence or the rally points."""
         ask = mav.MAVLink_mission_request_list_message(self.system, 1, kind)
-        told = await self.heard(
-            lambda m: m.get_type() == "MISSION_COUNT" and m.mission_type == kind, ask
-        )
-        assert told is not None, "it does not tell its fence"
+        count = (await self.answer(ask, "MISSION_COUNT", mission_type=kind)).count
         found = []
-        for index in range(told.count):
+        for index in range(count):
             ask = mav.MAVLink_mission_request_int_message(self.system, 1, index, kind)
-            item = await self.heard(
-                lambda m, i=index: (  # type: ignore[misc]
-                    m.get_type() == "MISSION_ITEM_INT" and (m.seq, m.mission_type) == (i, kind)
-                ),
-                ask,
-            )
-            assert item is not None, f"it does not tell point {index} of its fence"
-            found.append(Item(item.command, item.param1, item.x, item.y, round(item.z, 2)))
+            told = await self.answer(ask, "MISSION_ITEM_INT", seq=index, mission_type=kind)
+            found.append(Item(told.command, told.param1, told.x, told.y, round(told.z, 2)))
         self.send(mav.MAVLink_mission_ack_message(self.system, 1, 0, kind))
         return found
 
@@ -292,12 +252,9 @@ class Pilot(asyncio.DatagramProtocol):
         self.follow.append(serve)
         try:
             ask = mav.MAVLink_mission_count_message(self.system, 1, len(items), kind)
-            done = await self.heard(
-                lambda m: m.get_type() == "MISSION_ACK" and m.mission_type == kind, ask
-            )
+            done = await self.answer(ask, "MISSION_ACK", mission_type=kind)
         finally:
             self.follow.remove(serve)
-        assert done is not None, "the fence was not taken"
         assert done.type == 0, f"the fence was not taken: {done.type}"
 
 

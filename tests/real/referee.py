@@ -18,7 +18,7 @@ from missions.mission.places import homes
 from missions.mission.schema import Mission, positions
 from missions.units import Cell, GridPoint, LatLon
 from tests.e2e.rig import ROI_STATES
-from tests.real.autopilots import Truth
+from tests.real.autopilot import Truth
 from uavmap.output.facts.score import Score, score, true_roi
 
 IN_THE_AIR_M: Final = 0.5

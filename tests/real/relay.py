@@ -8,8 +8,7 @@ from __future__ import annotations
 import asyncio
 import math
 import random
-from collections.abc import Callable
-from typing import Any, Final, cast
+from typing import Final, cast
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -19,39 +18,15 @@ from sitl.codec.wire import Cutter
 from sitl.mavlink.camera_component import Exposure, Payload
 from sitl.mavlink.telemetry import Telemetry
 from sitl.world.world import World
-from tests.real.autopilots import Autopilot
+from tests.real.autopilot import Autopilot
 from tests.real.pilot import Message
+from tests.real.sockets import LOOPBACK, Address, Socket
 
 CAMERA: Final = 100
 _BEAT_S: Final = 1.0
 _COMMANDS: Final = (mav.MAVLINK_MSG_ID_COMMAND_INT, mav.MAVLINK_MSG_ID_COMMAND_LONG)
 _FARTHEST_S: Final = 0.3
 """A position is carried on by its speed for so long."""
-
-
-class _End(asyncio.DatagramProtocol):
-    """One socket: what arrives goes to a function."""
-
-    def __init__(self, take: Callable[[bytes, tuple[str, int]], None]) -> None:
-        self._take = take
-        self._transport: asyncio.DatagramTransport | None = None
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        self._transport = cast(asyncio.DatagramTransport, transport)
-
-    def datagram_received(self, data: bytes, addr: tuple[str | Any, int]) -> None:
-        self._take(data, addr)
-
-    def error_received(self, exc: Exception) -> None:
-        """Pass over that nobody listens: the program was killed, or not started yet."""
-
-    def send(self, data: bytes, address: tuple[str, int]) -> None:
-        if self._transport is not None:
-            self._transport.sendto(data, address)
-
-    def close(self) -> None:
-        if self._transport is not None:
-            self._transport.close()
 
 
 class Relay:
@@ -71,10 +46,10 @@ class Relay:
         self.late_m: list[float] = []
         """By how much a picture's position was wrong."""
         self._autopilot, self._world, self._spec = autopilot, world, spec
-        self._vehicle: tuple[str, int] | None = None
+        self._vehicle: Address | None = None
         self.client_port = client_port
-        self._client = ("127.0.0.1", client_port)
-        self._outer, self._inner = _End(self._from_vehicle), _End(self._from_client)
+        self._client = (LOOPBACK, client_port)
+        self._outer, self._inner = Socket(self._from_vehicle), Socket(self._from_client)
         self._cutters = Cutter(), Cutter()
         self._decoder = mav.MAVLink(None)
         self._out = mav.MAVLink(None, srcSystem=autopilot.system, srcComponent=CAMERA)
@@ -85,10 +60,8 @@ class Relay:
     # --- the link --------------------------------------------------------------------------------
     async def open(self) -> None:
         """Open both ends."""
-        loop = asyncio.get_running_loop()
-        at = ("127.0.0.1", self._autopilot.relay_port)
-        await loop.create_datagram_endpoint(lambda: self._outer, local_addr=at)
-        await loop.create_datagram_endpoint(lambda: self._inner, local_addr=("127.0.0.1", 0))
+        await self._outer.open(self._autopilot.relay_port)
+        await self._inner.open()
         self._autopilot.pilot.follow.append(self._tick)
 
     def close(self) -> None:
@@ -102,12 +75,12 @@ class Relay:
         signing.secret_key, signing.link_id, signing.timestamp = key, 7, timestamp
         signing.sign_outgoing = True
 
-    def _from_vehicle(self, data: bytes, address: tuple[str, int]) -> None:
+    def _from_vehicle(self, data: bytes, address: Address) -> None:
         self._vehicle = address
         for frame in self._cutters[0].feed(data):
             self._pass_on(self._inner, frame, self._client)
 
-    def _from_client(self, data: bytes, address: tuple[str, int]) -> None:
+    def _from_client(self, data: bytes, address: Address) -> None:
         for frame in self._cutters[1].feed(data):
             asked = self._for_camera(frame)
             if asked is not None:
@@ -115,7 +88,7 @@ class Relay:
             elif self._vehicle is not None:
                 self._pass_on(self._outer, frame, self._vehicle)
 
-    def _pass_on(self, end: _End, frame: bytes, address: tuple[str, int]) -> None:
+    def _pass_on(self, end: Socket, frame: bytes, address: Address) -> None:
         if self.silent or self._random.random() < self.lost:
             return
         if self.delay_s:

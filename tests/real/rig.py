@@ -15,12 +15,13 @@ from typing import Final
 
 from missions.mission.places import homes
 from sitl.camera.http import PictureServer
-from tests.e2e.rig import ROOT, aircraft_process, command, environment, events, free_ports
-from tests.real.autopilots import Autopilot, Pad, Truth, Values
+from tests.e2e.rig import ROOT, aircraft_process, command, environment, events
+from tests.real.autopilot import Autopilot, Pad, Truth, Values
 from tests.real.figures import Row, simulated, summary_of
 from tests.real.pilot import FENCE, RALLY, Item, Message, changed
 from tests.real.referee import Referee, Track, middle_of_region, scored
 from tests.real.relay import Relay
+from tests.real.sockets import free_port
 from uavmap.load.mission_source import load
 from uavmap.runner.aircraft_process import ADDRESS
 from uavmap.runner.simulation import make_vehicles, setup_of
@@ -131,7 +132,7 @@ class Rig:
         world, camera = make_vehicles(self.mission, 1)[0].world, setup_of(self.mission, 1).camera
         self._port = await self._pictures.open(0)
         for k, one in enumerate(self.aircraft):
-            port, _ = free_ports(1)
+            port = free_port()
             prefix = f"http://127.0.0.1:{self._port}/{k + 1}/"
             self.relays.append(Relay(one, world, camera, port, prefix))
             await self.relays[-1].open()

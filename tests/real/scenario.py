@@ -10,12 +10,15 @@ from typing import Final
 
 import pytest
 
-from tests.real.autopilots import PROGRAMS, NotSimulatedError, Values
+from tests.real.arducopter import ArduCopter
+from tests.real.autopilot import Autopilot, NotSimulatedError, Values
 from tests.real.figures import Row
+from tests.real.px4 import Px4
 from tests.real.rig import SPEEDS, Rig
 
 VARIABLES: Final = {"ardupilot": "UAVMAP_ARDUCOPTER", "px4": "UAVMAP_PX4"}
 """Environment variables with the paths of the programs."""
+PROGRAMS: Final[Mapping[str, type[Autopilot]]] = {"ardupilot": ArduCopter, "px4": Px4}
 _NONE: Final[Mapping[str, Values]] = MappingProxyType({})
 
 

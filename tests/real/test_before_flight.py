@@ -5,7 +5,7 @@ from __future__ import annotations
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.geo.geodesy import LocalPlane
-from tests.real.autopilots import Autopilot, Values
+from tests.real.autopilot import Autopilot, Values
 from tests.real.pilot import FENCE, RALLY, Item
 from tests.real.rig import Rig
 from tests.real.scenario import scenario

@@ -10,9 +10,9 @@ from collections.abc import AsyncIterator
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from tests.e2e.rig import free_ports
 from tests.real.rig import Rig
 from tests.real.scenario import scenario
+from tests.real.sockets import free_port
 
 
 async def complete(rig: Rig, *words: object) -> None:
@@ -115,7 +115,7 @@ class _GroundStation(asyncio.DatagramProtocol):
 
 @scenario("--forward")
 async def test_a_ground_station_beside_it(rig: Rig) -> None:
-    port, _ = free_ports(1)
+    port = free_port()
     loop = asyncio.get_running_loop()
     transport, station = await loop.create_datagram_endpoint(
         _GroundStation, local_addr=("127.0.0.1", port)
