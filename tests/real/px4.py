@@ -29,7 +29,7 @@ class Px4(Autopilot):
         "STABILIZED": (7, 0), "DESCEND": (4, 12),
     }  # fmt: skip
     failures: ClassVar[Mapping[str, Values]] = {
-        "battery": {"SIM_BAT_DRAIN": 40.0},
+        "battery": {"SIM_BAT_DRAIN": 100.0},
         "satellites": {"SIM_GPS_USED": 0.0},
         "small fence": {"GF_MAX_VER_DIST": 10.0},
     }
