@@ -101,4 +101,5 @@ class ArduCopter(Autopilot):
 
     async def swap_battery(self) -> None:
         """Give an aircraft on the ground a fresh battery."""
+        await self.pilot.set_parameter("SIM_BATT_VOLTAGE", 12.6)
         await self.pilot.command(mav.MAV_CMD_BATTERY_RESET, 1, 100)

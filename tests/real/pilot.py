@@ -13,6 +13,7 @@ from typing import Any, Final, TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from missions.units import LatLon
 from tests.real.sockets import Address, Socket
 
 Message: TypeAlias = Any  # pymavlink carries no types
@@ -175,6 +176,15 @@ class Pilot:
         values = (*params, *([0.0] * (7 - len(params))))
         ask = mav.MAVLink_command_long_message(self.system, 1, number, 0, *values)
         return int((await self.answer(ask, "COMMAND_ACK", command=number)).result)
+
+    async def go_to(self, position: LatLon, amsl_m: float) -> None:
+        """Have it fly to a place, as a click on a ground station's map does."""
+        at = round(position.lat_deg * 1e7), round(position.lon_deg * 1e7)
+        ask = mav.MAVLink_command_int_message(
+            self.system, 1, mav.MAV_FRAME_GLOBAL_INT, mav.MAV_CMD_DO_REPOSITION, 0, 0,
+            -1, mav.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE, 0, math.nan, *at, amsl_m,
+        )  # fmt: skip
+        await self.answer(ask, "COMMAND_ACK", command=mav.MAV_CMD_DO_REPOSITION, result=0)
 
     async def stream(self, message_id: int, rate_hz: float) -> None:
         """Ask for a message so often a second of the vehicle's clock."""

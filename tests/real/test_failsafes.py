@@ -43,7 +43,8 @@ async def test_a_battery_failsafe_brings_it_home(rig: Rig) -> None:
     await rig.rest(8.0)
     if rig.referee.in_the_air and one.pilot.mode == "RTL":
         await one.set_mode(one.ours)
-    await rig.end_of(run, 300.0)
+    await rig.all_down()  # and not: it goes on searching
+    await rig.called_off(run)
     await rig.ends_well(run, 3)
 
 
@@ -92,8 +93,11 @@ async def test_a_fence_that_is_made_smaller_in_flight(rig: Rig) -> None:
 @scenario("radio control lost, and back", near=True)
 async def test_a_radio_control_that_is_lost_and_back(rig: Rig) -> None:
     one = rig.aircraft[0]
-    one.hold_sticks(centred=True)
-    run = await failed(rig, "radio")
+    run = await rig.fly("--auto-swap")
+    await rig.in_search(run)
+    one.hold_sticks(centred=True)  # with the throttle up nothing arms
+    await rig.rest(2.0)
+    await one.fail("radio")
     await rig.until(lambda: one.pilot.mode == "RTL", "a failsafe", 60.0)
     await rig.rest(5.0)
     await one.fail("radio back")

@@ -14,8 +14,8 @@ SHORT_S = 2.5
 async def test_a_pilots_mode_is_never_taken_back(rig: Rig) -> None:
     one = rig.aircraft[0]
     run = await rig.fly("--auto-swap")
-    one.hold_sticks(centred=True)
     await rig.in_search(run)
+    one.hold_sticks(centred=True)  # with the throttle up nothing arms
     taken: list[str] = []
     for mode in one.by_hand:
         if taken:
