@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import math
 import random
+import time
 from typing import Final, cast
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -25,6 +26,9 @@ from tests.real.sockets import LOOPBACK, Address, Socket
 CAMERA: Final = 100
 _BEAT_S: Final = 1.0
 _COMMANDS: Final = (mav.MAVLINK_MSG_ID_COMMAND_INT, mav.MAVLINK_MSG_ID_COMMAND_LONG)
+_EPOCH_S: Final = 1_420_070_400
+_TICKS: Final = 1e5
+"""Time in signatures, a second: since the beginning of 2015."""
 _FARTHEST_S: Final = 0.3
 """A position is carried on by its speed for so long."""
 
@@ -69,11 +73,10 @@ class Relay:
         self._outer.close()
         self._inner.close()
 
-    def sign_with(self, key: bytes, timestamp: int) -> None:
+    def sign_with(self, key: bytes) -> None:
         """Have the camera sign what it sends."""
         signing = self._out.signing
-        signing.secret_key, signing.link_id, signing.timestamp = key, 7, timestamp
-        signing.sign_outgoing = True
+        signing.secret_key, signing.link_id, signing.sign_outgoing = key, 7, True
 
     def _from_vehicle(self, data: bytes, address: Address) -> None:
         self._vehicle = address
@@ -130,6 +133,8 @@ class Relay:
             self._say(taken)
 
     def _say(self, message: Message) -> None:
+        signing = self._out.signing
+        signing.timestamp = max(signing.timestamp, round((time.time() - _EPOCH_S) * _TICKS))
         frame = bytes(message.pack(self._out))
         self._out.seq = (self._out.seq + 1) & 0xFF
         self._pass_on(self._inner, frame, self._client)

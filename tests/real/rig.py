@@ -29,7 +29,7 @@ from uavmap.runner.simulation import make_vehicles, setup_of
 
 BOOT_SPEED: Final = 20.0
 """Times real time while an aircraft starts: what it holds of that measures the computer."""
-SHARE: Final = 4.0
+SHARE: Final = 8.0
 """A flight with its cameras needs so many times what an aircraft alone needs."""
 SPEEDS: Final = (0.5, 1.0, 2.0)
 READY_S: Final = 240.0
