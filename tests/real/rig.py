@@ -31,7 +31,7 @@ BOOT_SPEED: Final = 20.0
 """Times real time while an aircraft starts: what it holds of that measures the computer."""
 SHARE: Final = 8.0
 """A flight with its cameras needs so many times what an aircraft alone needs."""
-SPEEDS: Final = (0.5, 1.0, 2.0)
+SPEEDS: Final = (0.25, 0.5, 1.0)
 READY_S: Final = 240.0
 _LOOK_S: Final = 0.02
 _SLOWEST: Final = 12.0
@@ -89,7 +89,7 @@ class Rig:
 
     def __init__(
         self, kind: type[Autopilot], program: Path, folder: Path, row: Row, mission: str, *,
-        near: bool, speed_m_s: float | None, parameters: Values, top_speed: float,
+        near: bool, speed_m_s: float | None, parameters: Values,
     ) -> None:  # fmt: skip
         self.kind, self.row, self.folder, self.out = kind, row, folder, folder / "out"
         self.source = folder / "mission.toml"
@@ -104,7 +104,7 @@ class Rig:
         text = text.replace("[sim]\n", f'[sim]\nautopilot = "{kind.name}"\n', 1)
         self.source.write_text(text, "utf-8")
         self.mission = load(str(self.source))
-        self.speed = self._top_speed = top_speed
+        self.speed = SPEEDS[0]
         pads, amsl_m = homes(self.mission), self.mission.start.amsl_m
         first = kind.free_instance(len(pads))
         self.aircraft = [
@@ -144,7 +144,7 @@ class Rig:
         begun_s, wall_s = self.now_s, time.monotonic()
         await asyncio.sleep(3.0)
         held = (self.now_s - begun_s) / (time.monotonic() - wall_s)
-        self.speed = min(self._top_speed, max(s for s in SPEEDS if s <= max(held / SHARE, 0.5)))
+        self.speed = max(s for s in SPEEDS if s <= max(held / SHARE, SPEEDS[0]))
         await self._until_ready()
         await asyncio.gather(*(one.keep_pace(self.speed) for one in self.aircraft))
         await self._until_ready()

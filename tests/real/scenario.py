@@ -14,7 +14,7 @@ from tests.real.arducopter import ArduCopter
 from tests.real.autopilot import Autopilot, NotSimulatedError, Values
 from tests.real.figures import Row
 from tests.real.px4 import Px4
-from tests.real.rig import SPEEDS, Rig
+from tests.real.rig import Rig
 
 VARIABLES: Final = {"ardupilot": "UAVMAP_ARDUCOPTER", "px4": "UAVMAP_PX4"}
 """Environment variables with the paths of the programs."""
@@ -24,8 +24,7 @@ _NONE: Final[Mapping[str, Values]] = MappingProxyType({})
 
 def scenario(
     name: str, mission: str = "runway", *, near: bool = False, speed_m_s: float | None = None,
-    parameters: Mapping[str, Values] = _NONE, top_speed: float = SPEEDS[-1],
-    only: str | None = None,
+    parameters: Mapping[str, Values] = _NONE, only: str | None = None,
 ) -> Callable[[Callable[[Rig], Awaitable[None]]], Callable[[str, Path, Path], None]]:  # fmt: skip
     """Make a test that flies a scenario.
 
@@ -35,7 +34,6 @@ def scenario(
         near: Whether its search begins where the region is.
         speed_m_s: Instead of the mission's.
         parameters: What the owner has set, by autopilot.
-        top_speed: Times real time at most.
         only: The one autopilot that can do this.
     """
 
@@ -49,7 +47,6 @@ def scenario(
                 async with Rig(
                     PROGRAMS[autopilot], program, tmp_path, row, mission, near=near,
                     speed_m_s=speed_m_s, parameters=parameters.get(autopilot, {}),
-                    top_speed=top_speed,
                 ) as rig:  # fmt: skip
                     await flown(rig)
 

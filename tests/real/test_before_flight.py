@@ -113,16 +113,16 @@ async def late(rig: Rig, delay_s: float) -> None:
     await rig.ends_well(run, 0)
 
 
-@scenario("dry run, 0.3 s late each way", top_speed=1.0)
+@scenario("dry run, 0.3 s late each way")
 async def test_a_link_0_3_s_late_each_way(rig: Rig) -> None:
     await late(rig, 0.3)
 
 
-@scenario("dry run, 0.6 s late each way", top_speed=1.0)
+@scenario("dry run, 0.6 s late each way")
 async def test_a_link_0_6_s_late_each_way(rig: Rig) -> None:
     await late(rig, 0.6)
 
 
-@scenario("dry run, 1.5 s late each way", top_speed=1.0)
+@scenario("dry run, 1.5 s late each way")
 async def test_a_link_1_5_s_late_each_way(rig: Rig) -> None:
     await late(rig, 1.5)

@@ -51,12 +51,12 @@ async def busy() -> AsyncIterator[None]:
             await one.wait()
 
 
-@scenario("runway", top_speed=1.0)
+@scenario("runway")
 async def test_runway_is_complete(rig: Rig) -> None:
     await complete(rig)
 
 
-@scenario("runway, half of the computer busy", top_speed=1.0)
+@scenario("runway, half of the computer busy")
 async def test_runway_is_complete_beside_a_busy_process(rig: Rig) -> None:
     async with busy():
         await complete(rig)
