@@ -19,6 +19,7 @@ class ArduCopter(Autopilot):
     name = "ardupilot"
     ours = "GUIDED"
     ports, step, most = (5501,), 10, 90
+    boot_speed = 20.0
     by_hand = ("LOITER", "BRAKE", "ALT_HOLD", "POSHOLD", "STABILIZE", "RTL")
     MODES: ClassVar[Mapping[str, int]] = {
         "STABILIZE": 0, "ALT_HOLD": 2, "GUIDED": 4, "LOITER": 5, "RTL": 6, "LAND": 9,

@@ -56,6 +56,8 @@ class Autopilot(ABC):
     """As a mission calls it."""
     ours: ClassVar[str]
     """The mode by which a pilot gives an aircraft back."""
+    boot_speed: ClassVar[float]
+    """Times real time while it starts: what it holds of that measures the computer."""
     by_hand: ClassVar[Sequence[str]]
     """Modes of a pilot's switch in which the aircraft stays in the air for a while."""
     failures: ClassVar[Mapping[str, Values]]

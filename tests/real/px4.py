@@ -22,6 +22,7 @@ class Px4(Autopilot):
     ours = "HOLD"
     # above instance 9 all send to one port
     ports, step, most = (14580, 18570), 1, 10
+    boot_speed = 4.0
     by_hand = ("POSITION", "ALTITUDE", "RTL")
     MODES: ClassVar[Mapping[str, tuple[int, int]]] = {
         "MANUAL": (1, 0), "ALTITUDE": (2, 0), "POSITION": (3, 0), "TAKEOFF": (4, 2),
@@ -64,6 +65,9 @@ class Px4(Autopilot):
         """Start it anew: it knows one speed only."""
         await self._end()
         await self._begin(speed)
+        await self.pilot.awake(ready=True)  # until it has booted it answers for no parameter
+        # its scripts change this by the speed of time, which passes for it all the same
+        await self.pilot.set_parameter("COM_OF_LOSS_T", 1.0)
 
     async def _begin(self, speed: float) -> None:
         pad, etc = self.pad, self.program.parents[1] / "etc"
@@ -84,8 +88,6 @@ class Px4(Autopilot):
         )  # fmt: skip
         await self.pilot.awake()
         await self.pilot.stream(0, 5)
-        if speed != 1.0:  # its scripts lengthen this by the speed of time, which needs it not
-            await self.pilot.set_parameter("COM_OF_LOSS_T", 1.0)
 
     def _see(self, data: bytes, address: Address) -> None:
         for told in self._in.parse_buffer(data) or ():

@@ -27,10 +27,8 @@ from uavmap.load.mission_source import load
 from uavmap.runner.aircraft_process import ADDRESS
 from uavmap.runner.simulation import make_vehicles, setup_of
 
-BOOT_SPEED: Final = 20.0
-"""Times real time while an aircraft starts: what it holds of that measures the computer."""
-SHARE: Final = 8.0
-"""A flight with its cameras needs so many times what an aircraft alone needs."""
+AFFORDED: Final = 2.5
+"""Speed that a computer affords on which an aircraft holds the speed at which it starts."""
 SPEEDS: Final = (0.25, 0.5, 1.0)
 READY_S: Final = 240.0
 _LOOK_S: Final = 0.02
@@ -140,11 +138,12 @@ class Rig:
             self.relays.append(Relay(one, world, camera, port, prefix))
             await self.relays[-1].open()
             one.pilot.follow.append(self._watch(k, one))
-        await asyncio.gather(*(one.start(BOOT_SPEED) for one in self.aircraft))
+        await asyncio.gather(*(one.start(self.kind.boot_speed) for one in self.aircraft))
         begun_s, wall_s = self.now_s, time.monotonic()
         await asyncio.sleep(3.0)
         held = (self.now_s - begun_s) / (time.monotonic() - wall_s)
-        self.speed = max(s for s in SPEEDS if s <= max(held / SHARE, SPEEDS[0]))
+        afforded = max(AFFORDED * held / self.kind.boot_speed, SPEEDS[0])
+        self.speed = max(speed for speed in SPEEDS if speed <= afforded)
         await self._until_ready()
         await asyncio.gather(*(one.keep_pace(self.speed) for one in self.aircraft))
         await self._until_ready()

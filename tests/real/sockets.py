@@ -10,6 +10,8 @@ from typing import Any, Final, TypeAlias, cast
 
 Address: TypeAlias = tuple[str, int]
 LOOPBACK: Final = "127.0.0.1"
+_KEPT_BYTES: Final = 1 << 20
+"""A busy computer reads late: until then nothing is lost."""
 
 
 class Socket(asyncio.DatagramProtocol):
@@ -21,8 +23,11 @@ class Socket(asyncio.DatagramProtocol):
 
     async def open(self, port: int = 0) -> None:
         """Listen on a port, or on any."""
-        loop = asyncio.get_running_loop()
-        await loop.create_datagram_endpoint(lambda: self, local_addr=(LOOPBACK, port))
+        one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _KEPT_BYTES)
+        one.setblocking(False)
+        one.bind((LOOPBACK, port))
+        await asyncio.get_running_loop().create_datagram_endpoint(lambda: self, sock=one)
 
     def close(self) -> None:
         """Listen no more."""
