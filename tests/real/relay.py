@@ -9,6 +9,7 @@ import asyncio
 import math
 import random
 import time
+from collections.abc import Callable
 from typing import Final, cast
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -45,10 +46,8 @@ class Relay:
         """Time on the way, in each direction, of the vehicle's clock."""
         self.silent = False
         self.camera_on = True
-        self.begun_s = 0.0
-        """Of the vehicle's clock, where the world's time begins."""
-        self.late_m: list[float] = []
-        """By how much a picture's position was wrong."""
+        self.mission_s: Callable[[], float] = lambda: 0.0
+        """The world's time, which is the mission's: the region may drift."""
         self._autopilot, self._world, self._spec = autopilot, world, spec
         self._vehicle: Address | None = None
         self.client_port = client_port
@@ -179,12 +178,11 @@ class Relay:
         b_east_m, b_north_m = plane.to_plane(LatLon(told.lat / 1e7, told.lon / 1e7))
         b_east_m += told.vy / 100.0 * told_s
         b_north_m += told.vx / 100.0 * told_s
-        self.late_m.append(math.hypot(b_east_m - east_m, b_north_m - north_m))
         open_s = self._spec.exposure_s
         body = turned.roll, turned.pitch, turned.yaw
         shot = Shot(
             east_m, north_m, up_m, self._spec.attitude(*truth.attitude_rad),
-            max(0.0, pilot.time_s - self.begun_s), self._autopilot.system * 1_000_003 + index,
+            self.mission_s(), self._autopilot.system * 1_000_003 + index,
             (east_m_s * open_s, north_m_s * open_s, -down_m_s * open_s),
         )  # fmt: skip
         believed = b_east_m, b_north_m, told.alt / 1000.0 - amsl_m

@@ -16,7 +16,7 @@ from typing import Final
 from missions.mission.places import homes
 from missions.units import LatLon
 from sitl.camera.http import PictureServer
-from tests.e2e.rig import ROOT, aircraft_process, command, environment, events
+from tests.e2e.rig import ROOT, aircraft_process, command, environment
 from tests.real.autopilot import Autopilot, Pad, Truth, Values
 from tests.real.figures import Row, simulated, summary_of
 from tests.real.pilot import FENCE, RALLY, Item, Message, changed
@@ -34,6 +34,7 @@ READY_S: Final = 240.0
 _LOOK_S: Final = 0.02
 _SLOWEST: Final = 12.0
 """A scenario may take so many times longer than the vehicle's clock says."""
+CLOCK: Final = re.compile(r'"mission_s":([0-9.]+),.*?"since_boot_s":([0-9.]+)')
 CHANGING: Final = (
     "STAT_", "SIM_", "MOT_THST_HOVER", "COM_FLIGHT_UUID", "LND_FLIGHT_T", "_HASH_CHECK",
 )  # fmt: skip
@@ -115,6 +116,8 @@ class Rig:
         self.before: list[Kept] = []
         self._pictures = PictureServer(self._picture)
         self._crew: asyncio.Task[None] | None = None
+        self._noted: tuple[float, float] | None = None
+        """Mission time, and the computer's, of one moment."""
 
     def _made(self, name: str) -> Path:
         (self.folder / name).mkdir(parents=True, exist_ok=True)
@@ -136,6 +139,7 @@ class Rig:
             port = free_port()
             prefix = f"http://127.0.0.1:{self._port}/{k + 1}/"
             self.relays.append(Relay(one, world, camera, port, prefix))
+            self.relays[-1].mission_s = self.mission_s
             await self.relays[-1].open()
             one.pilot.follow.append(self._watch(k, one))
         await asyncio.gather(*(one.start(self.kind.boot_speed) for one in self.aircraft))
@@ -205,6 +209,18 @@ class Rig:
         end_s = self.now_s + for_s
         await self.until(lambda: self.now_s >= end_s, f"{for_s:g} s", for_s + 60.0)
 
+    def mission_s(self) -> float:
+        """The mission's time, by its journal: it passes with the computer's clock."""
+        if self._noted is None:
+            path = self.out / "journal.jsonl"
+            found = CLOCK.search(path.read_text("utf-8")) if path.exists() else None
+            self._noted = None if found is None else (float(found[1]), float(found[2]))
+        if self._noted is None:
+            return 0.0
+        mission_s, since_boot_s = self._noted
+        passed_s = time.clock_gettime(time.CLOCK_BOOTTIME) - since_boot_s
+        return mission_s + self.speed * passed_s
+
     # --- uavmap ----------------------------------------------------------------------------------
     async def uavmap(self, *words: object) -> Run:
         """Start `uavmap` with these words, without a terminal."""
@@ -264,14 +280,11 @@ class Rig:
         return await self.end_of(run, 300.0)
 
     async def _swap(self) -> None:
-        """Swap the battery of who has landed, a minute later; note when the mission began."""
+        """Swap the battery of who has landed, a minute later."""
         landed_s: list[float | None] = [None] * len(self.aircraft)
         flown = [False] * len(self.aircraft)
         while True:
             await asyncio.sleep(0.1)
-            begun = events(self.out, "connected") if self.relays[0].begun_s == 0.0 else []
-            for relay in self.relays if begun else ():
-                relay.begun_s = self.now_s - float(begun[0]["t_s"])
             for k, one in enumerate(self.aircraft):
                 if self.referee.tracks[k].up_m > 2.0:
                     flown[k], landed_s[k] = True, None
