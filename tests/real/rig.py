@@ -36,7 +36,7 @@ _SLOWEST: Final = 12.0
 """A scenario may take so many times longer than the vehicle's clock says."""
 CLOCK: Final = re.compile(r'"mission_s":([0-9.]+),.*?"since_boot_s":([0-9.]+)')
 CHANGING: Final = (
-    "STAT_", "SIM_", "MOT_THST_HOVER", "COM_FLIGHT_UUID", "LND_FLIGHT_T", "_HASH_CHECK",
+    "STAT_", "SIM_", "MOT_THST_HOVER", "CAL_", "COM_FLIGHT_UUID", "LND_FLIGHT_T", "_HASH_CHECK",
 )  # fmt: skip
 """Parameters that an autopilot changes by itself in a flight, and those of its simulation."""
 

@@ -16,6 +16,7 @@ async def test_a_pilots_mode_is_never_taken_back(rig: Rig) -> None:
     run = await rig.fly("--auto-swap")
     await rig.in_search(run)
     one.hold_sticks(centred=True)  # with the throttle up nothing arms
+    await rig.rest(2.0)
     taken: list[str] = []
     for mode in one.by_hand:
         if taken:
