@@ -32,6 +32,7 @@ AFFORDED: Final = 2.5
 SPEEDS: Final = (0.25, 0.5, 1.0)
 READY_S: Final = 240.0
 _LOOK_S: Final = 0.02
+_LAST_WORDS_S: Final = 3.0
 _SLOWEST: Final = 12.0
 """A scenario may take so many times longer than the vehicle's clock says."""
 CLOCK: Final = re.compile(r'"mission_s":([0-9.]+),.*?"since_boot_s":([0-9.]+)')
@@ -71,7 +72,9 @@ class Run:
     async def kill(self) -> None:
         """Kill it, as a power cut does."""
         self.process.kill()
-        await self.process.wait()
+        # not `wait()`: the process of the aircraft keeps the pipe open
+        while self.process.returncode is None:  # noqa: ASYNC110 - nothing else tells it
+            await asyncio.sleep(_LOOK_S)
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,7 +267,7 @@ class Rig:
         """Wait for the end of a process; its exit code."""
         await self.until(lambda: run.over, "the end of uavmap", within_s)
         if run.reader is not None:
-            await run.reader
+            await asyncio.wait([run.reader], timeout=_LAST_WORDS_S)
         return run.code
 
     async def fly_simulated(self, *words: object) -> None:
