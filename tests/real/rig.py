@@ -383,7 +383,7 @@ class Rig:
         await self.all_down()
         wrong = self.referee.dishonest(code, run.lines, summary)
         assert not wrong, wrong
-        assert code in codes, f"exit {code}: {run.lines[-3:]}"
+        assert code in codes, f"exit {code}, not {' or '.join(map(str, codes))}"
         left = await self.not_put_back()
         self.row.put_back = left or "all"
         assert not (put_back and left), f"not put back: {left}"
