@@ -2,6 +2,7 @@
 # make test       the tests of every day: all but those of tests/slow.txt
 # make test-unit  the quick ones alone: no socket, no simulator, no whole command
 # make test-all   every test
+# make test-real  flights of real autopilots in their own simulations: ARDUCOPTER=path PX4=path
 # make check      ruff, mypy --strict, import-linter, the documentation without a broken link
 # make docs       the documentation as a site: site/index.html
 # make setup      .venv with everything; .venv/bin/uavmap is the command
@@ -31,7 +32,7 @@ ifneq (,$(filter check,$(MAKECMDGOALS)))
 test: check
 endif
 
-.PHONY: run test test-unit test-all check docs setup lock clean
+.PHONY: run test test-unit test-all test-real check docs setup lock clean
 
 run: .venv/ready
 	$(BIN)/uavmap fly runway --sim
@@ -45,6 +46,11 @@ test-unit: .venv/kernels
 # what `make test` has left out, after it
 test-all: test
 	$(PYTEST) -m slow
+
+# one after another: each flight has the whole computer. What they gave stands in a table afterwards
+test-real: .venv/kernels
+	UAVMAP_ARDUCOPTER="$(ARDUCOPTER)" UAVMAP_PX4="$(PX4)" $(BIN)/pytest -q tests/real; \
+		code=$$?; $(BIN)/python -m tests.real.figures && exit $$code
 
 check: setup
 	$(BIN)/ruff check .

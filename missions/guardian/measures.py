@@ -28,6 +28,7 @@ from missions.guardian.thresholds import (
     RECEDING_M_S,
     SWEPT_M_S,
     SWEPT_SHARE,
+    UNSEEN_S,
     UP_M,
 )
 from missions.units import GridPoint
@@ -118,8 +119,10 @@ def measured(limits: Limits, guard: Guard, seen: Seen) -> Guard:
     if place is not None and guard.last_position is not None:
         # the place moves on: what counts is what the vehicle itself has done
         guard = replace(guard, last_gap_m=guard.last_position.distance_to(place))
-    receding = guard.receding_since_s is not None  # a new order does not bring it to rest
-    swept = guard.swept_since_s is not None
+    # a new order does not bring it to rest; without a look for long nobody knows
+    recent = guard.last_s is None or seen.t_s - guard.last_s <= UNSEEN_S
+    receding = guard.receding_since_s is not None and recent
+    swept = guard.swept_since_s is not None and recent
     away_m_s = _away_m_s(guard, seen, guard.last_gap_m, gap_m)
     if away_m_s is not None:
         receding = away_m_s > RECEDING_M_S

@@ -26,6 +26,8 @@ BEHIND_STEP_S: Final = 0.25
 RECEDING_M_S: Final = 2.0
 RECEDING_S: Final = 4.0
 """A vehicle that moves away from its goal this fast for so long is carried away."""
+UNSEEN_S: Final = 3.0
+"""Longest time between two looks over which a movement counts as going on, s."""
 SWEPT_M_S: Final = 6.0
 SWEPT_SHARE: Final = 1.2
 SWEPT_S: Final = 3.0

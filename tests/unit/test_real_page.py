@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from tests.real.figures import kept, written
+
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "real-aircraft.md"
 
@@ -30,3 +32,8 @@ def test_every_row_says_what_happens_now() -> None:
     rows = [row for row in rows if row[0] not in ("what was done", "---")]
     assert len(rows) > 30
     assert [row for row in rows if not row[3] and "**not yet**" not in row[2]] == []
+
+
+def test_the_table_of_real_flights_shows_the_last_figures() -> None:
+    page = PAGE.read_text("utf-8")
+    assert page == written(page, kept()), "python -m tests.real.figures writes it anew"

@@ -93,6 +93,7 @@ class Pad:
         if kind.amsl:  # arming has moved home, and the height is to be above the new one
             armed_s = asyncio.get_running_loop().time()
             await session.until(lambda: view.position_s > armed_s, HOME_S)
+        view.keeps_home = True
         lifted = lambda: self._monitor.control.air.is_flying  # noqa: E731 - a name for three places
         try:
             await insist(lambda: self._commands.take_off(order.height_m, lifted))

@@ -141,6 +141,9 @@ class VehicleView:
     home: LatLon | None = None
     ground_home: LatLon | None = None
     """The home that `home_amsl_m` is of: the same, but for one that is moved in the air."""
+    keeps_home: bool = False
+    """Whether it was told to take off to a height above home as it is: a PX4 moves its home before
+    it reports that it has left the ground."""
     landed_state: int = 0
     prearm_ok: bool = False
     ekf_flags: int = 0
@@ -300,6 +303,11 @@ class VehicleView:
         """Armed, and not on the ground by the autopilot's own word; without one, once it rose."""
         unsaid = self.landed_state == mav.MAV_LANDED_STATE_UNDEFINED
         return self.armed and (self.rose if unsaid else self.landed_state in OFF_GROUND)
+
+    @property
+    def home_is_kept(self) -> bool:
+        """Whether heights stay above home as it was, wherever the vehicle moves it."""
+        return self.kind.amsl and (self.off_ground or (self.armed and self.keeps_home))
 
     def height_of(self, message: Message) -> float:
         """The height that a message of this vehicle tells, metres above `home_amsl_m`, or above

@@ -92,7 +92,9 @@ def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int
         return
     view.autopilot = message.autopilot
     view.mode = message.custom_mode
-    view.armed = bool(message.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
+    armed = bool(message.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
+    view.keeps_home = view.keeps_home and not (view.armed and not armed)
+    view.armed = armed
     critical = message.system_status == mav.MAV_STATE_CRITICAL
     view.failsafe = critical and view.kind.tells_failsafe
     if critical and not (view.critical or view.failsafe):
@@ -124,7 +126,7 @@ def _camera_heard(view: VehicleView, now_s: float, component: int) -> None:
 def _position(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     if now_s - view.landed_state_s > LANDED_STATE_S:
         view.landed_state = mav.MAV_LANDED_STATE_UNDEFINED
-    if not (view.kind.amsl and view.off_ground and view.position is not None):
+    if not (view.home_is_kept and view.position is not None):
         view.home_amsl_m = (message.alt - message.relative_alt) / 1000.0
     view.told = LatLon(message.lat / 1e7, message.lon / 1e7)
     view.follow_leap(view.told, message.time_boot_ms / 1000.0, now_s)
@@ -144,7 +146,7 @@ def _captured(view: VehicleView, message: Message, now_s: float, component: int)
 
 def _home(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     view.home = LatLon(message.latitude / 1e7, message.longitude / 1e7)
-    if view.ground_home is None or not (view.kind.amsl and view.off_ground):
+    if view.ground_home is None or not view.home_is_kept:
         view.ground_home = view.home
 
 

@@ -397,3 +397,13 @@ def test_height_that_is_lost_on_a_path_is_known() -> None:
     watched.seen = replace(watched.seen, height_m=6.0)
     fly_path(watched, 12.0)
     assert "lost height" in watched.verdicts[0][1].reason
+
+
+def test_a_movement_that_nobody_saw_for_long_has_not_lasted() -> None:
+    """Telemetry is late while it moves away, an order calls it home, and 20 s later it is seen."""
+    watched = Watched(leg())
+    assert watched.pass_time(2, east_m=-4.0) == []
+    watched.guard = watched.guard.told(leg(homeward=True, since_s=3.0))
+    watched.look(t_s=23.0, position=GridPoint(-6.0, 0.0))
+    assert watched.verdicts == []
+    assert watched.pass_time(3, east_m=4.0) == []

@@ -109,6 +109,24 @@ async def test_home_that_moves_on_arming_is_no_surprise(flight: Flight, /) -> No
     assert not flight.seen(OrderFailed)
 
 
+@by(fly, on_px4)
+async def test_home_that_moves_before_lift_off_is_reported_leaves_the_height_ordered(
+    flight: Flight, /
+) -> None:
+    """A real PX4 moved its home by 1 m as its propellers turned: "did not climb to 12 m"."""
+    flight.driver.give(TakeOff(UP_M))
+    view = flight.session.view
+    ordered = lambda: any(getattr(m, "command", 0) == 22 for _, m in flight.sent)  # noqa: E731
+    await flight.until(lambda: ordered() and view.armed)
+    autopilot = flight.vehicle._ap
+    east_m, north_m, up_m = autopilot.home
+    autopilot.home, autopilot.home_changed = (east_m, north_m, up_m + 1.0), True
+    await flight.sees(Airborne)
+    assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
+    assert view.height_m == pytest.approx(UP_M, abs=0.6)
+    assert not flight.seen(OrderFailed)
+
+
 def found_in_offboard(body: Callable[[Flight], Coroutine[Any, Any, None]], made: Mission) -> Flight:
     """Run a test with a PX4 on the ground that an earlier process left in OFFBOARD."""
     flight = Flight(made)

@@ -1,0 +1,157 @@
+"""What the scenarios need of a real autopilot in its own simulation."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from missions.units import LatLon
+from tests.real.pilot import Pilot
+from tests.real.sockets import free_port, is_free
+
+Values = Mapping[str, float]
+
+TRUTH_HZ: Final = 40.0
+_GONE_S: Final = 5.0
+
+
+class NotSimulatedError(Exception):
+    """The simulation of this autopilot cannot have this happen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """Where an aircraft really is, by its simulation, and how it moves (north, east, down)."""
+
+    t_s: float
+    position: LatLon
+    amsl_m: float
+    attitude_rad: tuple[float, float, float]
+    velocity_m_s: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Pad:
+    """Where an aircraft stands."""
+
+    instance: int
+    """Of the autopilot's program: its ports and its system follow from it."""
+    place: LatLon
+    amsl_m: float
+    folder: Path
+
+
+class Autopilot(ABC):
+    """One process of an autopilot with the simulation of one aircraft."""
+
+    name: ClassVar[str]
+    """As a mission calls it."""
+    ours: ClassVar[str]
+    """The mode by which a pilot gives an aircraft back."""
+    boot_speed: ClassVar[float]
+    """Times real time while it starts: what it holds of that measures the computer."""
+    by_hand: ClassVar[Sequence[str]]
+    """Modes of a pilot's switch in which the aircraft stays in the air for a while."""
+    failures: ClassVar[Mapping[str, Values]]
+    """Parameters that make something fail."""
+    always: ClassVar[Values] = {}
+    """What its owner has set, in every scenario."""
+    ports: ClassVar[tuple[int, ...]]
+    """Ports that its instance 0 has for itself, by UDP."""
+    step: ClassVar[int]
+    """From one instance's ports to the next."""
+    most: ClassVar[int]
+    """Instances that can run at a time."""
+
+    @classmethod
+    def free_instance(cls, vehicles: int) -> int:
+        """The first of so many instances in a row whose ports are free."""
+        for first in range(0, cls.most - vehicles + 1):
+            wanted = range(first, first + vehicles)
+            if all(is_free(port + cls.step * i) for port in cls.ports for i in wanted):
+                return first
+        raise AssertionError(f"too many of {cls.name} run on this computer")
+
+    def __init__(self, program: Path, pad: Pad, extra: Values) -> None:
+        self.program, self.pad = program, pad
+        self.speed = 1.0
+        """Times real time."""
+        self.relay_port = free_port()
+        """Where it sends to on its first link."""
+        self.extra: Values = {**self.always, **extra}
+        self.truth: Truth | None = None
+        self.system = pad.instance + 1
+        self.pilot = self._pilot()
+        self._process: asyncio.subprocess.Process | None = None
+
+    @abstractmethod
+    def _pilot(self) -> Pilot: ...
+
+    @abstractmethod
+    async def start(self, speed: float) -> None:
+        """Start it, and have the second link ask for what the referee and the camera need."""
+
+    @abstractmethod
+    async def keep_pace(self, speed: float) -> None:
+        """Let its time pass at this speed from now on; it may start anew for that."""
+
+    @abstractmethod
+    async def set_mode(self, mode: str) -> None:
+        """Turn the pilot's switch."""
+
+    @abstractmethod
+    def hold_sticks(self, centred: bool) -> None:
+        """Switch the radio control on with its sticks in the middle, or off."""
+
+    @abstractmethod
+    async def take_off(self, height_m: float) -> None:
+        """Take off as a pilot with a ground station does."""
+
+    @abstractmethod
+    async def swap_battery(self) -> None:
+        """Give an aircraft on the ground a fresh battery."""
+
+    async def fail(self, what: str) -> None:
+        """Let something fail. Raises `NotSimulatedError`."""
+        if what not in self.failures:
+            raise NotSimulatedError(f"{self.name} simulates no {what}")
+        for name, value in self.failures[what].items():
+            await self.pilot.set_parameter(name, value)
+
+    async def version(self) -> str:
+        """The version that it tells."""
+        ask = mav.MAVLink_command_long_message(
+            self.system, 1, mav.MAV_CMD_REQUEST_MESSAGE, 0, 148, 0, 0, 0, 0, 0, 0
+        )
+        parts = (await self.pilot.answer(ask, "AUTOPILOT_VERSION")).flight_sw_version
+        return f"{parts >> 24}.{parts >> 16 & 255}.{parts >> 8 & 255}"
+
+    async def stop(self) -> None:
+        """End the process that `start` started, and the second link."""
+        await self._end()
+        self.pilot.close()
+
+    async def _end(self) -> None:
+        if self._process is None or self._process.returncode is not None:
+            return
+        self._process.terminate()
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(self._process.wait(), _GONE_S)
+        if self._process.returncode is None:
+            self._process.kill()
+            await self._process.wait()
+
+    async def _run(self, *words: object, env: Mapping[str, str] | None = None) -> None:
+        with (self.pad.folder / "autopilot.log").open("wb") as log:
+            self._process = await asyncio.create_subprocess_exec(
+                *map(str, words), cwd=self.pad.folder, env={**os.environ, **(env or {})},
+                stdin=asyncio.subprocess.DEVNULL, stdout=log, stderr=log,
+            )  # fmt: skip

@@ -1,0 +1,125 @@
+"""The figures of flights of real autopilots, kept in `figures.json` and shown as one table in
+`docs/real-aircraft.md`: `python -m tests.real.figures` writes the table anew.
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from tests.real.referee import Referee
+    from uavmap.output.facts.score import Score
+
+ROOT: Final = Path(__file__).parents[2]
+KEPT: Final = Path(__file__).with_name("figures.json")
+PAGE: Final = ROOT / "docs" / "real-aircraft.md"
+BEGIN: Final = "<!-- flights of real autopilots -->"
+END: Final = "<!-- end of the flights -->"
+NAMES: Final = {"ardupilot": "ArduCopter", "px4": "PX4"}
+
+
+@dataclass(slots=True)
+class Row:
+    """One scenario, flown by one autopilot."""
+
+    autopilot: str
+    scenario: str
+    date: str = ""
+    version: str = ""
+    speed: float = 0.0
+    """Times real time that was asked for..."""
+    held: float = 0.0
+    """... and held."""
+    load: float = 0.0
+    """Of the computer, as the flight began."""
+    right: bool = False
+    code: int | None = None
+    detail: str = ""
+    makespan_s: float | None = None
+    iou: float | None = None
+    missed: int | None = None
+    apart_m: float | None = None
+    outside: int | None = None
+    put_back: str = ""
+    simulated: str = ""
+    """Makespan, IoU and missed cells of the same mission with `--sim`."""
+
+    def flown(self, summary: Mapping[str, Any], referee: Referee, score: Score | None) -> None:
+        """Note what a flight gave."""
+        if summary.get("completed"):  # of a part of a mission they say nothing
+            self.makespan_s = summary["makespan_s"]
+            self.iou = None if score is None else round(score.iou_cells, 3)
+            self.missed = None if score is None else score.cells_missed
+        self.apart_m = round(referee.least_m, 1) if math.isfinite(referee.least_m) else None
+        self.outside = referee.breaches
+
+    def keep(self, path: Path = KEPT) -> None:
+        """Put it in the place of the last flight of the same scenario."""
+        self.date = datetime.datetime.now(datetime.UTC).date().isoformat()
+        rows = {(row.autopilot, row.scenario): row for row in [*kept(path), self]}
+        found = [rows[key] for key in sorted(rows)]
+        path.write_text(json.dumps([asdict(row) for row in found], indent=1) + "\n", "utf-8")
+
+
+def kept(path: Path = KEPT) -> list[Row]:
+    """What was flown last."""
+    if not path.exists():
+        return []
+    known = {field.name for field in fields(Row)}
+    return [
+        Row(**{key: value for key, value in row.items() if key in known})
+        for row in json.loads(path.read_text("utf-8"))
+    ]
+
+
+def summary_of(folder: Path) -> dict[str, Any]:
+    """The summary of a flight; empty where there is none."""
+    path = folder / "summary.json"
+    found: dict[str, Any] = json.loads(path.read_text("utf-8")) if path.exists() else {}
+    return found
+
+
+def simulated(summary: Mapping[str, Any]) -> str:
+    """What a simulated flight gave, for a row."""
+    return f"{summary['makespan_s']:.0f} s, {summary['iou_cells']:.3f}, {summary['cells_missed']}"
+
+
+def table(rows: Iterable[Row]) -> str:
+    """The table of the page."""
+    lines = [
+        "| autopilot | scenario | date | speed, held | outcome | makespan s | IoU, missed "
+        "| `--sim`: s, IoU, missed | least distance m | left the fence | put back |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        outcome = "right" if row.right else "**WRONG**"
+        outcome += "" if row.code is None else f", exit {row.code}"
+        outcome += f": {row.detail}" if row.detail else ""
+        cells = (
+            f"{NAMES[row.autopilot]} {row.version}", row.scenario, row.date,
+            f"{row.speed:g}x, {row.held:.2f}x", outcome, _shown(row.makespan_s, ".0f"),
+            "" if row.iou is None else f"{row.iou:.3f}, {row.missed}", row.simulated,
+            _shown(row.apart_m, ".1f"), _shown(row.outside, "d"), row.put_back,
+        )  # fmt: skip
+        lines.append(f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |")
+    return "\n".join(lines)
+
+
+def _shown(value: float | None, form: str) -> str:
+    return "" if value is None else format(value, form)
+
+
+def written(page: str, rows: Iterable[Row]) -> str:
+    """The page with the table anew."""
+    before, rest = page.split(BEGIN)
+    return f"{before}{BEGIN}\n{table(rows)}\n{END}{rest.split(END)[1]}"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(written(PAGE.read_text("utf-8"), kept()), "utf-8")

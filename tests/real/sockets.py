@@ -1,0 +1,65 @@
+"""UDP sockets of this computer."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import Callable
+from typing import Any, Final, TypeAlias, cast
+
+Address: TypeAlias = tuple[str, int]
+LOOPBACK: Final = "127.0.0.1"
+_KEPT_BYTES: Final = 1 << 20
+"""A busy computer reads late: until then nothing is lost."""
+
+
+class Socket(asyncio.DatagramProtocol):
+    """One socket: what arrives goes to a function."""
+
+    def __init__(self, take: Callable[[bytes, Address], None]) -> None:
+        self._take = take
+        self._transport: asyncio.DatagramTransport | None = None
+
+    async def open(self, port: int = 0) -> None:
+        """Listen on a port, or on any."""
+        one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _KEPT_BYTES)
+        one.setblocking(False)
+        one.bind((LOOPBACK, port))
+        await asyncio.get_running_loop().create_datagram_endpoint(lambda: self, sock=one)
+
+    def close(self) -> None:
+        """Listen no more."""
+        if self._transport is not None:
+            self._transport.close()
+
+    def send(self, data: bytes, address: Address) -> None:
+        """Send a datagram, if the socket is open."""
+        if self._transport is not None and not self._transport.is_closing():
+            self._transport.sendto(data, address)
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = cast(asyncio.DatagramTransport, transport)
+
+    def datagram_received(self, data: bytes, addr: tuple[str | Any, int]) -> None:
+        self._take(data, addr)
+
+    def error_received(self, exc: Exception) -> None:
+        """Pass over that nobody listens: a program was killed, or has not begun."""
+
+
+def free_port() -> int:
+    """A port that nobody has."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind((LOOPBACK, 0))
+        port: int = one.getsockname()[1]
+        return port
+
+
+def is_free(port: int) -> bool:
+    """Whether nobody has a port."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one, contextlib.suppress(OSError):
+        one.bind((LOOPBACK, port))
+        return True
+    return False

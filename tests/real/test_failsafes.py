@@ -1,0 +1,109 @@
+"""What the autopilot does by itself, and what the mission makes of it."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from missions.geo.geodesy import LocalPlane
+from missions.units import LatLon
+from tests.real.autopilot import Values
+from tests.real.rig import Rig, Run
+from tests.real.scenario import scenario
+
+PLACE = re.compile(r"(-?\d+\.\d{5,})[,/ ]+(-?\d+\.\d{5,})")
+
+
+async def failed(rig: Rig, what: str) -> Run:
+    """Fly along a path, and let something fail."""
+    run = await rig.fly("--auto-swap")
+    await rig.in_search(run)
+    await rig.aircraft[0].fail(what)
+    return run
+
+
+def told_from_m(rig: Rig, run: Run) -> float:
+    """How far from the truth the last place lies that was told."""
+    places = PLACE.findall("\n".join(run.lines))
+    assert places, f"no place was told: {run.lines[-5:]}"
+    plane = LocalPlane(rig.mission.home)
+    told = plane.to_plane(LatLon(*map(float, places[-1])))
+    return math.dist(told, rig.referee.tracks[0].place)
+
+
+# of a PX4 that returns at 60 %: from its usual 7 % to an emergency it is a second
+EARLY: dict[str, Values] = {"px4": {"BAT_LOW_THR": 0.7, "BAT_CRIT_THR": 0.6}}
+
+
+@scenario("battery failsafe, given back in its return", near=True, parameters=EARLY)
+async def test_a_battery_failsafe_brings_it_home(rig: Rig) -> None:
+    one = rig.aircraft[0]
+    run = await failed(rig, "battery")
+    await rig.until(lambda: one.pilot.mode in ("RTL", "LAND"), "a failsafe", 120.0)
+    await rig.rest(8.0)
+    if rig.referee.in_the_air and one.pilot.mode == "RTL":
+        await one.set_mode(one.ours)
+    await rig.all_down()  # and not: it goes on searching
+    await rig.rest(20.0)  # a flight may end by itself then, or wait for a fresh battery
+    await rig.called_off(run)
+    await rig.ends_well(run, 3)
+
+
+@scenario("satellites off", near=True)
+async def test_without_satellites_it_lands_and_its_place_is_told(rig: Rig) -> None:
+    run = await failed(rig, "satellites")
+    await rig.end_of(run, 300.0)
+    await rig.ends_well(run, 4)
+    rig.row.detail = f"told {told_from_m(rig, run):.0f} m from where it lies"
+
+
+@scenario("satellites 55 m off for 15 s", near=True)
+async def test_a_glitch_of_the_satellites(rig: Rig) -> None:
+    run = await failed(rig, "glitch")
+    await rig.rest(15.0)
+    await rig.aircraft[0].fail("no glitch")
+    await rig.end_of(run, 300.0)
+    await rig.ends_well(run, 3, 4)
+
+
+@scenario("a motor fails", near=True)
+async def test_a_motor_fails_and_all_motors_are_stopped(rig: Rig) -> None:
+    run = await failed(rig, "motor")
+    await rig.end_of(run, 300.0)
+    await rig.ends_well(run, 4, put_back=False)  # where it lies nobody flies
+    rig.row.detail = f"told {told_from_m(rig, run):.0f} m from where it lies"
+
+
+@scenario("disarmed by force in the air", near=True)
+async def test_motors_that_are_stopped_in_the_air(rig: Rig) -> None:
+    run = await rig.fly("--auto-swap")
+    await rig.in_search(run)
+    await rig.aircraft[0].pilot.command(400, 0, 21196)
+    await rig.end_of(run, 300.0)
+    await rig.ends_well(run, 4, put_back=False)  # where it lies nobody flies
+    rig.row.detail = f"told {told_from_m(rig, run):.0f} m from where it lies"
+
+
+@scenario("fence made smaller in flight", near=True)
+async def test_a_fence_that_is_made_smaller_in_flight(rig: Rig) -> None:
+    run = await failed(rig, "small fence")
+    await rig.end_of(run, 300.0)
+    await rig.ends_well(run, 3)
+
+
+@scenario("radio control lost, and back", near=True)
+async def test_a_radio_control_that_is_lost_and_back(rig: Rig) -> None:
+    one = rig.aircraft[0]
+    run = await rig.fly("--auto-swap")
+    await rig.in_search(run)
+    one.hold_sticks(centred=True)  # with the throttle up nothing arms
+    await rig.rest(2.0)
+    await one.fail("radio")
+    await rig.until(lambda: one.pilot.mode == "RTL", "a failsafe", 60.0)
+    await rig.rest(5.0)
+    await one.fail("radio back")
+    await rig.rest(5.0)
+    await one.set_mode(one.ours)
+    await rig.in_search(run)
+    await rig.called_off(run)
+    await rig.ends_well(run, 3)

@@ -1,0 +1,125 @@
+"""Whole missions, and what the drivers, strategies and a busy computer make of them."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import sys
+from collections.abc import AsyncIterator
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
+from tests.real.rig import Rig
+from tests.real.scenario import scenario
+from tests.real.sockets import free_port
+
+
+async def complete(rig: Rig, *words: object) -> None:
+    """Fly a mission to its end, and the same one in the bundled simulator."""
+    run = await rig.fly("--auto-swap", *words)
+    await rig.end_of(run, 1800.0)
+    await rig.ends_well(run, 0)
+    assert rig.referee.breaches == 0
+    assert rig.row.missed == 0
+    await rig.fly_simulated(*words)
+
+
+async def begun(rig: Rig, *words: object, for_s: float = 60.0) -> None:
+    """Fly a mission for a while, and call it off."""
+    run = await rig.fly("--auto-swap", *words)
+    await rig.in_search(run)
+    await rig.rest(for_s)
+    await rig.called_off(run)
+    await rig.ends_well(run, 3)
+    assert rig.referee.breaches == 0
+
+
+@contextlib.asynccontextmanager
+async def busy() -> AsyncIterator[None]:
+    """Half of the computer's cores computing something else."""
+    cores = max(1, (os.cpu_count() or 2) // 2)
+    others = [
+        await asyncio.create_subprocess_exec(sys.executable, "-c", "while True: pass")
+        for _ in range(cores)
+    ]
+    try:
+        yield
+    finally:
+        for one in others:
+            one.kill()
+            await one.wait()
+
+
+@scenario("runway")
+async def test_runway_is_complete(rig: Rig) -> None:
+    await complete(rig)
+
+
+@scenario("runway, half of the computer busy")
+async def test_runway_is_complete_beside_a_busy_process(rig: Rig) -> None:
+    async with busy():
+        await complete(rig)
+
+
+@scenario("runway at 3 m/s", speed_m_s=3.0)
+async def test_runway_at_3_m_s(rig: Rig) -> None:
+    await begun(rig)
+
+
+@scenario("burn", "burn")
+async def test_burn_is_complete_with_swaps(rig: Rig) -> None:
+    await complete(rig)
+
+
+@scenario("spill, three aircraft", "spill")
+async def test_spill_is_complete_with_three(rig: Rig) -> None:
+    await complete(rig)
+    assert rig.referee.least_m > rig.mission.team.separation_m
+
+
+@scenario("--driver mavsdk")
+async def test_with_mavsdk(rig: Rig) -> None:
+    await begun(rig, "--driver", "mavsdk")
+
+
+@scenario("--strategy rdfs")
+async def test_rdfs(rig: Rig) -> None:
+    await begun(rig, "--strategy", "rdfs")
+
+
+@scenario("--strategy survey")
+async def test_survey(rig: Rig) -> None:
+    await begun(rig, "--strategy", "survey")
+
+
+class _GroundStation(asyncio.DatagramProtocol):
+    """Hears what is passed on, and asks for a parameter once."""
+
+    def __init__(self) -> None:
+        self.kinds: set[str] = set()
+        self._in, self._out = mav.MAVLink(None), mav.MAVLink(None, srcSystem=250)
+        self._in.robust_parsing = True
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.DatagramTransport)
+        self._transport = transport
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        for message in self._in.parse_buffer(data) or ():
+            if message.get_type() not in self.kinds and message.get_type() == "HEARTBEAT":
+                ask = mav.MAVLink_param_request_list_message(message.get_srcSystem(), 1)
+                self._transport.sendto(ask.pack(self._out), addr)
+            self.kinds.add(message.get_type())
+
+
+@scenario("--forward")
+async def test_a_ground_station_beside_it(rig: Rig) -> None:
+    port = free_port()
+    loop = asyncio.get_running_loop()
+    transport, station = await loop.create_datagram_endpoint(
+        _GroundStation, local_addr=("127.0.0.1", port)
+    )
+    await begun(rig, "--forward", f"udpout://127.0.0.1:{port}", for_s=20.0)
+    transport.close()
+    assert {"HEARTBEAT", "GLOBAL_POSITION_INT", "PARAM_VALUE"} <= station.kinds

@@ -1,0 +1,55 @@
+"""A pilot takes an aircraft by hand: it is his until he gives it back."""
+
+from __future__ import annotations
+
+from tests.real.rig import Rig
+from tests.real.scenario import scenario
+
+HOLD_S = 6.0
+SHORT_S = 2.5
+"""So long a pilot keeps it in a mode in which his sticks hold no height."""
+
+
+@scenario("pilot: each mode of the switch, in mid-path", near=True)
+async def test_a_pilots_mode_is_never_taken_back(rig: Rig) -> None:
+    one = rig.aircraft[0]
+    run = await rig.fly("--auto-swap")
+    await rig.in_search(run)
+    one.hold_sticks(centred=True)  # with the throttle up nothing arms
+    await rig.rest(2.0)
+    taken: list[str] = []
+    for mode in one.by_hand:
+        if taken:
+            await rig.in_search(run)
+        before = len(one.pilot.modes)
+        await one.set_mode(mode)
+        await rig.until(lambda: one.pilot.mode == mode, mode, 5.0)  # noqa: B023
+        await rig.rest(SHORT_S if mode in ("STABILIZE", "ALTITUDE") else HOLD_S)
+        told = [name for _, name in one.pilot.modes[before:]]
+        assert told[told.index(mode) :] == [mode], f"{mode} was taken back: {told}"
+        taken.append(mode)
+        await one.set_mode(one.ours)
+    rig.row.detail = f"kept: {', '.join(taken)}"
+    await rig.rest(5.0)
+    await rig.called_off(run)
+    await rig.ends_well(run, 3)
+
+
+@scenario("pilot lands it", near=True)
+async def test_a_pilot_lands_it_beside_its_pad(rig: Rig) -> None:
+    run = await rig.fly("--auto-swap")
+    await rig.in_search(run)
+    await rig.aircraft[0].set_mode("LAND")
+    await rig.end_of(run, 200.0)
+    await rig.ends_well(run, 4)
+    assert run.said("uavmap resume")
+
+
+@scenario("pilot has it return", near=True)
+async def test_a_pilot_has_it_return(rig: Rig) -> None:
+    run = await rig.fly("--auto-swap")
+    await rig.in_search(run)
+    await rig.aircraft[0].set_mode("RTL")
+    await rig.end_of(run, 200.0)
+    await rig.ends_well(run, 3)
+    assert run.said("uavmap resume")
