@@ -61,8 +61,8 @@ def layer_faults(mission: Mission) -> Iterator[str]:
 def home_height_faults(mission: Mission) -> Iterator[str]:
     """Homes that lie so high above the start that their layer is too near to them."""
     for i, vehicle in enumerate(mission.vehicles):
-        layer_m, home_m = mission.altitude_m(i), vehicle.home_height_m or 0.0
-        if mission.ground is None and layer_m - home_m < LEAST_HEIGHT_M:
+        layer_m, home_m = mission.altitude_m(i), vehicle.home_height_m
+        if mission.ground is None and home_m and layer_m - home_m < LEAST_HEIGHT_M:
             yield (
                 f"vehicles[{i}].home_height_m = {home_m:g}: its layer, {layer_m:g} m above the "
                 f"start, is less than {LEAST_HEIGHT_M:g} m above its home; raise flight.altitude_m"

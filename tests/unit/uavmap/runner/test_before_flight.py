@@ -16,6 +16,7 @@ from missions.mission.schema import Battery
 from missions.mission.sections.sim_section import SimFault
 from tests.support.field import BOTH, Field, mission_of, on_field
 from tests.support.running import by
+from tests.support.small_missions import at_heights
 from uavmap.base.messages import shown_on
 from uavmap.mavlink.vehicle_view import EKF_ABSOLUTE, VehicleView
 from uavmap.runner.before_flight import BeforeFlight, Preflight
@@ -116,13 +117,11 @@ async def test_a_dry_run_sets_all_and_arms_nothing(
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
-@by(on_field, lambda autopilot: mission_of(autopilot, 2))
+@by(on_field, lambda autopilot: at_heights(mission_of(autopilot, 2), (0.0, -6.0)))
 async def test_return_heights_of_a_team_are_apart_whatever_the_heights_of_its_homes(
     field: Field, /, autopilot: str, tmp_path: Path
 ) -> None:
     """Layers above each own home put two of them, 6 m apart in height, into the same air."""
-    field.vehicles[0]._altimeter.sea_m += 6.0
-    await asyncio.sleep(1.0)
     views = [link.session.view for link in field.links]
     assert views[0].home_amsl_m - views[1].home_amsl_m == pytest.approx(6.0, abs=0.1)
     await before(field, tmp_path, yes=True).go()
