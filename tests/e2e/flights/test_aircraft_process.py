@@ -117,7 +117,7 @@ def test_aircraft_that_cannot_be_started_again_are_named(tmp_path: Path) -> None
     folder = tmp_path / "out"
     with (
         simulator("speck", speedup=SPEEDUP) as urls,
-        started(*flying(mission("speck"), urls, folder)) as process,
+        started(*flying(mission("speck"), urls, folder, SPEEDUP, "--auto-swap")) as process,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
     ):
         under_way(process, folder)
@@ -144,7 +144,7 @@ def test_sigterm_to_the_process_of_the_aircraft_calls_all_home(tmp_path: Path) -
     folder = tmp_path / "out"
     with (
         simulator("speck", speedup=SPEEDUP) as urls,
-        started(*flying(mission("speck"), urls, folder)) as process,
+        started(*flying(mission("speck"), urls, folder, SPEEDUP, "--auto-swap")) as process,
     ):
         under_way(process, folder)
         os.kill(aircraft_process(folder), signal.SIGTERM)
@@ -162,7 +162,7 @@ def test_control_c_while_the_process_of_the_aircraft_starts_leaves_none_behind(
     folder = tmp_path / "out"
     port, _ = free_ports(1)
     url = f"udpin://{LOOPBACK}:{port}"
-    with started(*flying(mission("speck"), [url], folder)) as process:
+    with started(*flying(mission("speck"), [url], folder, SPEEDUP, "--auto-swap")) as process:
         wait_until((folder / "aircraft.json").exists, "the process of the aircraft")
         aircraft = aircraft_process(folder)
         process.send_signal(signal.SIGINT)
