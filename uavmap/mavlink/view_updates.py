@@ -191,6 +191,8 @@ def _percent(view: VehicleView, message: Message, now_s: float) -> None:
 
 def _extended(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     view.landed_state, view.landed_state_s = message.landed_state, now_s
+    if view.off_ground:  # which keeps home by itself, until it has landed
+        view.keeps_home = False
 
 
 def _ekf(view: VehicleView, message: Message, now_s: float, component: int) -> None:
