@@ -34,7 +34,7 @@ from tests.e2e.rig import (
     started,
     uavmap,
 )
-from uavmap.runner.aircraft_process import ADDRESS
+from uavmap.runner.aircraft_takeover import ADDRESS
 
 SPEEDUP = 4.0
 HOLD_S = 2.0

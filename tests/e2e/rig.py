@@ -22,7 +22,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from sitl.sockets.background import free_ports
 from tests.e2e.preloaded import Process
 from uavmap.journal.event_log import JournalReader
-from uavmap.runner.aircraft_process import ADDRESS
+from uavmap.runner.aircraft_takeover import ADDRESS
 
 ROOT = Path(__file__).resolve().parents[2]
 MISSIONS = ROOT / "tests" / "data"

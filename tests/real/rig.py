@@ -24,7 +24,7 @@ from tests.real.referee import Referee, Track, middle_of_region, scored
 from tests.real.relay import Relay
 from tests.real.sockets import free_port
 from uavmap.load.mission_source import load
-from uavmap.runner.aircraft_process import ADDRESS
+from uavmap.runner.aircraft_takeover import ADDRESS
 from uavmap.runner.simulation import make_vehicles, setup_of
 
 AFFORDED: Final = 2.5

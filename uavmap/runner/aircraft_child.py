@@ -30,16 +30,9 @@ from uavmap.base.clock import MissionClock, ScaledClock, run, wall_timeout
 from uavmap.base.messages import shown_on
 from uavmap.journal.flight_plan import TLOG, FlightPlan
 from uavmap.journal.telemetry_log import TlogWriter
-from uavmap.runner.aircraft_process import (
-    ADDRESS,
-    BEAT_WALL_S,
-    END_WALL_S,
-    RECORD,
-    SILENT_WALL_S,
-    START_WALL_S,
-    Address,
-)
+from uavmap.runner.aircraft_process import BEAT_WALL_S, END_WALL_S, SILENT_WALL_S, START_WALL_S
 from uavmap.runner.aircraft_side import AircraftSide
+from uavmap.runner.aircraft_takeover import ADDRESS, RECORD, Address
 from uavmap.runner.flight_links import LinkOptions, cameras_of, opened_links
 
 _READ_BYTES: Final = 1 << 16
@@ -187,8 +180,9 @@ class AircraftChild:
             answer = say.Attached("refused", "the aircraft are flown by another version of uavmap")
         elif self._writer is not None:
             answer = say.Attached("refused", "another process of uavmap flies this mission")
-        elif state == "returning":
-            answer = say.Attached("returning", f"{GONE}: the vehicles are brought home and land")
+        elif self._side is not None and state == "returning":
+            reason = f"{GONE}: the vehicles are brought home and land"
+            answer = say.Attached("returning", reason, self._side.beat().fates)
         writer.write(say.encode(answer))
         if answer.state in ("refused", "returning"):
             return False

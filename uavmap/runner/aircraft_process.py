@@ -2,9 +2,7 @@
 
     python -m uavmap.runner.aircraft_child     the other end
 
-The two speak over a socket of this computer. Where the process listens, and the word that it
-wants to hear, is in `aircraft.json` in the flight's folder, by which the next process of the
-mission finds the aircraft of one that has died.
+The two speak over a socket of this computer (`uavmap.runner.aircraft_takeover`).
 """
 
 from __future__ import annotations
@@ -15,39 +13,32 @@ import json
 import logging
 import os
 import signal
-import socket
 import time
 import traceback
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractAsyncContextManager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from missions.errors import LinkError
-from missions.events import Event, to_json
 from uavmap.aircraft.process import messages as say
 from uavmap.aircraft.process.port import Port, ended_by
 from uavmap.base.child_process import Child
 from uavmap.base.clock import wall_timeout
-from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import FlightPlan
+from uavmap.runner.aircraft_takeover import ADDRESS, RECORD, Address, Attachment, attach, recorded
 
 Connection = Callable[[Port, Callable[[], say.Begin]], AbstractAsyncContextManager[None]]
 """Connects a port to aircraft; the function makes the first message, for each time."""
 
-ADDRESS: Final = "aircraft.json"
-RECORD: Final = "aircraft.log"
-"""What the aircraft did while no mission was there: messages, as they would be sent."""
 MODULE: Final = "uavmap.runner.aircraft_child"
 BEAT_WALL_S: Final = 0.5
 """Time between two signs of life, real seconds."""
 SILENT_WALL_S: Final = 5.0
 """Longest silence of the other process that a busy machine explains, real seconds."""
-ATTACH_WALL_S: Final = 5.0
 END_WALL_S: Final = 5.0
 START_WALL_S: Final = 30.0
 TAKEN_IN_WALL_S: Final = 2.0
@@ -56,132 +47,6 @@ STARTS: Final = 3
 """Number of times in a row that the process is started before the mission gives up."""
 _READ_BYTES: Final = 1 << 16
 _LOG: Final = logging.getLogger("uavmap.flight")
-
-
-@dataclass(frozen=True, slots=True)
-class Address:
-    """Where the process of the aircraft is to be found."""
-
-    port: int
-    token: str
-    start_s: float
-    """When the clock of its loop was zero, on the monotonic clock of this computer."""
-    process: int
-    """Its number."""
-
-    @classmethod
-    def read(cls, folder: Path) -> Address | None:
-        """That of a folder, None where there is none."""
-        with contextlib.suppress(OSError, ValidationError):
-            return _ADDRESS.validate_json((folder / ADDRESS).read_bytes())
-        return None
-
-    def as_json(self) -> str:
-        """The text of its file."""
-        return _ADDRESS.dump_json(self).decode()
-
-
-_ADDRESS: Final[TypeAdapter[Address]] = TypeAdapter(Address)
-
-
-@dataclass(frozen=True, slots=True)
-class Attachment:
-    """A connection to a process of aircraft."""
-
-    address: Address
-    socket: socket.socket
-
-
-def attach(address: Address) -> tuple[say.Attached, Attachment] | None:
-    """Connect to a process of aircraft; None where it is gone. Raises `TimeoutError`."""
-    with contextlib.ExitStack() as failed:
-        try:
-            where = ("127.0.0.1", address.port)
-            line = failed.enter_context(socket.create_connection(where, ATTACH_WALL_S))
-            line.sendall(say.encode(say.Attach(say.VERSION, address.token)))
-            decoder = say.Decoder()
-            while data := line.recv(1):
-                for message in decoder.feed(data):
-                    if isinstance(message, say.Attached):
-                        failed.pop_all()
-                        return message, Attachment(address, line)
-        except TimeoutError:
-            raise
-        except (OSError, LinkError):
-            pass
-    return None
-
-
-def taken_over(folder: Path, journal: Journal) -> Attachment | None:
-    """Take over the aircraft of a mission process that has died; None where none is flown.
-
-    Waits while they are brought home. What happened meanwhile goes into the journal. Raises
-    `LinkError` where another mission has them.
-    """
-    found = _attached(folder)
-    _keep_record(folder, journal)
-    if found is not None:
-        _LOG.info("the aircraft process of this flight has the vehicles: they are taken over")
-    return found
-
-
-def _attached(folder: Path) -> Attachment | None:
-    said = False
-    while (address := Address.read(folder)) is not None:
-        try:
-            answer = attach(address)
-        except TimeoutError:
-            answer = None
-            if _lives(address.process):
-                raise LinkError(
-                    f"{folder}: process {address.process}, which has the aircraft, does not "
-                    f"answer; try again, or end it (kill -9 {address.process})"
-                ) from None
-        if answer is None:
-            (folder / ADDRESS).unlink(missing_ok=True)
-            return None
-        attached, line = answer
-        if attached.state in ("new", "flying"):
-            return line
-        line.socket.close()
-        if attached.state == "refused":
-            raise LinkError(f"{folder}: {attached.reason}")
-        if not said:
-            said = True
-            _LOG.info(f"{attached.reason}; the flight goes on when that is done")
-        time.sleep(BEAT_WALL_S)
-    return None
-
-
-def _lives(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except OSError:  # there is none, or it is another user's
-        return False
-    return True
-
-
-def _keep_record(folder: Path, journal: Journal) -> None:
-    """Take what the aircraft did alone into the journal."""
-    events: list[Event] = []
-    # the last that the mission had is written down as well: it may not have kept it
-    kept = set(journal.bodies())
-    for message in _recorded(folder):
-        if isinstance(message, say.Happened):
-            if to_json(message.event) not in kept:
-                events.append(message.event)
-        elif isinstance(message, say.Line):
-            _LOG.info(f"meanwhile: {message.text}")
-    journal.append_all(events)
-    (folder / RECORD).unlink(missing_ok=True)
-
-
-def _recorded(folder: Path) -> list[say.Message]:
-    """What the aircraft did alone; a last message that was cut short is left out."""
-    decoder, found = say.Decoder(), list[say.Message]()
-    with contextlib.suppress(OSError, LinkError):
-        found.extend(decoder.feed((folder / RECORD).read_bytes()))
-    return found
 
 
 class AircraftProcess:
@@ -250,7 +115,7 @@ class AircraftProcess:
         try:
             child.stdin.write(json.dumps(wanted).encode() + b"\n")
             child.stdin.close()
-            address = _ADDRESS.validate_json(child.stdout.readline())
+            address = Address.of(child.stdout.readline())
         except (OSError, ValidationError):
             raise LinkError(self._not_begun("start")) from None
         answer = None
@@ -308,7 +173,7 @@ class AircraftProcess:
             port.let_go()
             raise LinkError(attached.reason)
         _LOG.info("this process stood still for so long that the aircraft hold; it goes on")
-        for message in _recorded(self._folder):
+        for message in recorded(self._folder):
             port.receive(message)
         with contextlib.suppress(TimeoutError):
             async with wall_timeout(TAKEN_IN_WALL_S):

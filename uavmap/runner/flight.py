@@ -41,7 +41,7 @@ from uavmap.journal.flight_plan import (
 from uavmap.load.kept_detector import drop_detector, keep_detector
 from uavmap.load.mission_source import load
 from uavmap.mavlink.links.urls import parse_url
-from uavmap.runner.aircraft_process import taken_over
+from uavmap.runner.aircraft_takeover import taken_over
 from uavmap.runner.before_flight import KEEP_FENCE
 from uavmap.runner.flight_links import cameras_of, check_urls
 from uavmap.runner.one_flight import KEEP_FRAMES, Flight, written_results

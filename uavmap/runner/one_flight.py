@@ -38,8 +38,9 @@ from uavmap.journal.mission_time import (
 )
 from uavmap.journal.telemetry_log import TlogWriter
 from uavmap.output.write_results import flown_flight, write_results
-from uavmap.runner.aircraft_process import AircraftProcess, Attachment, Connection
+from uavmap.runner.aircraft_process import AircraftProcess, Connection
 from uavmap.runner.aircraft_side import in_this_process
+from uavmap.runner.aircraft_takeover import Attachment
 from uavmap.runner.before_flight import kept_fence
 from uavmap.runner.flight_links import Link, mavlink_link
 from uavmap.runner.ground_service import GroundService

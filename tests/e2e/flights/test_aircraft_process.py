@@ -79,6 +79,29 @@ def test_a_mission_process_that_dies_leaves_nobody_in_the_air(
     assert not (folder / "aircraft.log").exists()
 
 
+def test_control_c_while_the_aircraft_are_brought_home_names_them(
+    patient: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "out"
+    with simulator("speck", speedup=SPEEDUP) as urls:
+        with started(*flying(patient, urls, folder, SPEEDUP, "--auto-swap")) as process:
+            under_way(process, folder)
+            process.send_signal(signal.SIGKILL)
+            process.communicate()
+        record = folder / "aircraft.log"
+        wait_until(lambda: record.exists() and b'"guarded"' in record.read_bytes(), "the return")
+        with started("resume", folder, "--json") as waiting:
+            assert "the flight goes on when that is done" in waiting.stderr.readline()
+            waiting.send_signal(signal.SIGINT)
+            done = ended(waiting)
+        assert done.code == 4, done.err
+        assert (
+            "interrupted; the mission process has ended: the vehicles are brought home" in done.err
+        )
+        assert "vehicle 1: left to its autopilot in " in done.err
+        wait_until(lambda: not (folder / "aircraft.json").exists(), "the aircraft to be home")
+
+
 def test_the_next_process_takes_over_the_aircraft_in_the_air(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     with simulator("speck", speedup=SPEEDUP) as urls:

@@ -174,6 +174,8 @@ class Attached:
 
     state: Literal["new", "flying", "returning", "refused"]
     reason: str = ""
+    fates: dict[int, str] = field(default_factory=dict)
+    """As in `Ended`, while they are brought home."""
     kind: Literal["attached"] = "attached"
 
 

@@ -34,15 +34,9 @@ from uavmap.journal.flight_options import FlightOptions
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.runner import aircraft_process
 from uavmap.runner.aircraft_child import ASKED_TO_END, AircraftChild
-from uavmap.runner.aircraft_process import (
-    ADDRESS,
-    RECORD,
-    Address,
-    AircraftProcess,
-    Attachment,
-    taken_over,
-)
+from uavmap.runner.aircraft_process import AircraftProcess
 from uavmap.runner.aircraft_side import AircraftSide
+from uavmap.runner.aircraft_takeover import ADDRESS, RECORD, Address, Attachment, taken_over
 
 P = ParamSpec("P")
 BEGIN = say.Begin(0.0, {}, None, False, False)
