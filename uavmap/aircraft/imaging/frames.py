@@ -5,15 +5,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Awaitable, Iterator
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import Final, Protocol
 
 from missions.errors import CommandRefusedError, ImageError, LinkError
 from missions.events import FrameLost
 from missions.units import Cell
 from uavmap.aircraft.cameras.source import Announcement
-
-if TYPE_CHECKING:
-    from uavmap.aircraft.imaging.imaging import CameraDriver
 
 PICTURE_WAIT_S: Final = 3.0
 """A picture that is late by twice this is given up."""
@@ -40,6 +37,39 @@ def suppressed_silence() -> Iterator[None]:
         pass
 
 
+class Camera(Protocol):
+    """A camera that takes the pictures of one order."""
+
+    @property
+    def burst_size(self) -> int:
+        """How many frames a cell gets."""
+        ...
+
+    async def start(self, interval_s: float, count: int) -> None:
+        """Have pictures taken; a count of 0 goes on until stopped."""
+        ...
+
+    def stop(self) -> None:
+        """Have none taken any more."""
+        ...
+
+    def ended(self) -> None:
+        """A burst has taken all its pictures."""
+        ...
+
+    def uncertain(self) -> None:
+        """It is unknown what the camera does."""
+        ...
+
+    def ask_again(self, index: int) -> None:
+        """Have a lost announcement repeated."""
+        ...
+
+    def lost(self, reason: str, picture: Announcement | None = None) -> FrameLost:
+        """A picture that never came, or cannot be used."""
+        ...
+
+
 class LookAt(Protocol):
     """What is done with a picture that was announced."""
 
@@ -59,7 +89,7 @@ class Frames:
 
     def __init__(
         self,
-        camera: CameraDriver,
+        camera: Camera,
         look: LookAt,
         most: int | None,
         interval_s: float,
