@@ -27,8 +27,9 @@ class Pilot(Protocol):
     phase: Phase
     estimate: Estimate
     hold: Place
-    tuning: Tuning
 
+    @property
+    def tuning(self) -> Tuning: ...  # noqa: D102
     @property
     def airborne(self) -> bool: ...  # noqa: D102
     @property
