@@ -1,0 +1,174 @@
+"""How a mission finds the process of the aircraft: a new one, or one whose mission has died.
+
+Where the process listens, and the word that it expects, is in `aircraft.json` in the flight's
+folder. What the aircraft did while no mission was there is in `aircraft.log`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import socket
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from pydantic import TypeAdapter, ValidationError
+
+from missions.errors import AircraftError, LinkError
+from missions.events import Event, to_json
+from uavmap.aircraft.process import messages as say
+from uavmap.journal.event_log import Journal
+
+ADDRESS: Final = "aircraft.json"
+RECORD: Final = "aircraft.log"
+"""What the aircraft did while no mission was there: messages, as they would be sent."""
+ATTACH_WALL_S: Final = 5.0
+ASK_AGAIN_WALL_S: Final = 0.5
+"""Time between two questions whether the vehicles are home, real seconds."""
+_LOG: Final = logging.getLogger("uavmap.flight")
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where the process of the aircraft is to be found."""
+
+    port: int
+    token: str
+    start_s: float
+    """When the clock of its loop was zero, on the monotonic clock of this computer."""
+    process: int
+    """Its number."""
+
+    @classmethod
+    def of(cls, text: bytes | str) -> Address:
+        """That of the text of its file. Raises `ValidationError`."""
+        return _ADDRESS.validate_json(text)
+
+    @classmethod
+    def read(cls, folder: Path) -> Address | None:
+        """That of a folder, None where there is none."""
+        with contextlib.suppress(OSError, ValidationError):
+            return cls.of((folder / ADDRESS).read_bytes())
+        return None
+
+    def as_json(self) -> str:
+        """The text of its file."""
+        return _ADDRESS.dump_json(self).decode()
+
+
+_ADDRESS: Final[TypeAdapter[Address]] = TypeAdapter(Address)
+
+
+@dataclass(frozen=True, slots=True)
+class Attachment:
+    """A connection to a process of aircraft."""
+
+    address: Address
+    socket: socket.socket
+
+
+def attach(address: Address) -> tuple[say.Attached, Attachment] | None:
+    """Connect to a process of aircraft; None where it is gone. Raises `TimeoutError`."""
+    with contextlib.ExitStack() as failed:
+        try:
+            where = ("127.0.0.1", address.port)
+            line = failed.enter_context(socket.create_connection(where, ATTACH_WALL_S))
+            line.sendall(say.encode(say.Attach(say.VERSION, address.token)))
+            decoder = say.Decoder()
+            while data := line.recv(1):
+                for message in decoder.feed(data):
+                    if isinstance(message, say.Attached):
+                        failed.pop_all()
+                        return message, Attachment(address, line)
+        except TimeoutError:
+            raise
+        except (OSError, LinkError):
+            pass
+    return None
+
+
+def taken_over(folder: Path, journal: Journal) -> Attachment | None:
+    """Take over the aircraft of a mission process that has died; None where none is flown.
+
+    Waits while they are brought home. What happened meanwhile goes into the journal. Raises
+    `LinkError` where another mission has them, `AircraftError` where Ctrl-C ends the waiting.
+    """
+    found = _attached(folder)
+    _keep_record(folder, journal)
+    if found is not None:
+        _LOG.info("the aircraft process of this flight has the vehicles: they are taken over")
+    return found
+
+
+def _attached(folder: Path) -> Attachment | None:
+    said = False
+    while (address := Address.read(folder)) is not None:
+        try:
+            answer = attach(address)
+        except TimeoutError:
+            answer = None
+            if _lives(address.process):
+                raise LinkError(
+                    f"{folder}: process {address.process}, which has the aircraft, does not "
+                    f"answer; try again, or end it (kill -9 {address.process})"
+                ) from None
+        if answer is None:
+            (folder / ADDRESS).unlink(missing_ok=True)
+            return None
+        attached, line = answer
+        if attached.state in ("new", "flying"):
+            return line
+        line.socket.close()
+        if attached.state == "refused":
+            raise LinkError(f"{folder}: {attached.reason}")
+        if not said:
+            said = True
+            _LOG.info(f"{attached.reason}; the flight goes on when that is done")
+        try:
+            time.sleep(ASK_AGAIN_WALL_S)
+        except KeyboardInterrupt:
+            _say_fates(folder, attached)
+            raise
+    return None
+
+
+def _say_fates(folder: Path, attached: say.Attached) -> None:
+    """Raise `AircraftError` where a vehicle that is brought home without us is not there yet."""
+    fates = [f"vehicle {n}: {fate}" for n, fate in sorted(attached.fates.items()) if fate]
+    if fates:
+        brought = f"interrupted; {attached.reason} without this command, see {folder / RECORD}"
+        raise AircraftError("\n".join([brought, *fates])) from None
+
+
+def _lives(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except OSError:  # there is none, or it is another user's
+        return False
+    return True
+
+
+def _keep_record(folder: Path, journal: Journal) -> None:
+    """Take what the aircraft did alone into the journal."""
+    events: list[Event] = []
+    # the last that the mission had is written down as well: it may not have kept it
+    kept = set(journal.bodies())
+    for message in recorded(folder):
+        if isinstance(message, say.Happened):
+            if to_json(message.event) not in kept:
+                events.append(message.event)
+        elif isinstance(message, say.Line):
+            _LOG.info(f"meanwhile: {message.text}")
+    journal.append_all(events)
+    (folder / RECORD).unlink(missing_ok=True)
+
+
+def recorded(folder: Path) -> list[say.Message]:
+    """What the aircraft did alone; a last message that was cut short is left out."""
+    decoder, found = say.Decoder(), list[say.Message]()
+    with contextlib.suppress(OSError, LinkError):
+        found.extend(decoder.feed((folder / RECORD).read_bytes()))
+    return found
