@@ -104,34 +104,39 @@ def taken_over(folder: Path, journal: Journal) -> Attachment | None:
 
 
 def _attached(folder: Path) -> Attachment | None:
-    said = False
-    while (address := Address.read(folder)) is not None:
-        try:
-            answer = attach(address)
-        except TimeoutError:
-            answer = None
-            if _lives(address.process):
-                raise LinkError(
-                    f"{folder}: process {address.process}, which has the aircraft, does not "
-                    f"answer; try again, or end it (kill -9 {address.process})"
-                ) from None
-        if answer is None:
-            (folder / ADDRESS).unlink(missing_ok=True)
-            return None
-        attached, line = answer
-        if attached.state in ("new", "flying"):
-            return line
-        line.socket.close()
-        if attached.state == "refused":
-            raise LinkError(f"{folder}: {attached.reason}")
-        if not said:
-            said = True
-            _LOG.info(f"{attached.reason}; the flight goes on when that is done")
-        try:
+    returning: say.Attached | None = None
+    try:
+        while (address := Address.read(folder)) is not None:
+            answer = _answer(folder, address)
+            if answer is None:
+                (folder / ADDRESS).unlink(missing_ok=True)
+                return None
+            attached, line = answer
+            if attached.state in ("new", "flying"):
+                return line
+            line.socket.close()
+            if attached.state == "refused":
+                raise LinkError(f"{folder}: {attached.reason}")
+            first, returning = returning is None, attached
+            if first:
+                _LOG.info(f"{attached.reason}; the flight goes on when that is done")
             time.sleep(ASK_AGAIN_WALL_S)
-        except KeyboardInterrupt:
-            _say_fates(folder, attached)
-            raise
+    except KeyboardInterrupt:
+        if returning is not None:
+            _say_fates(folder, returning)
+        raise
+    return None
+
+
+def _answer(folder: Path, address: Address) -> tuple[say.Attached, Attachment] | None:
+    try:
+        return attach(address)
+    except TimeoutError:
+        if _lives(address.process):
+            raise LinkError(
+                f"{folder}: process {address.process}, which has the aircraft, does not "
+                f"answer; try again, or end it (kill -9 {address.process})"
+            ) from None
     return None
 
 

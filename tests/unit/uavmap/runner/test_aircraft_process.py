@@ -32,7 +32,7 @@ from uavmap.base.clock import MissionClock
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_options import FlightOptions
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
-from uavmap.runner import aircraft_process
+from uavmap.runner import aircraft_process, aircraft_takeover
 from uavmap.runner.aircraft_child import ASKED_TO_END, AircraftChild
 from uavmap.runner.aircraft_process import AircraftProcess
 from uavmap.runner.aircraft_side import AircraftSide
@@ -389,7 +389,7 @@ def test_a_silent_process_is_not_joined_by_a_second(
     *, lives: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A port of before may be anybody's now; a process that stands still has the vehicles yet."""
-    monkeypatch.setattr(aircraft_process, "ATTACH_WALL_S", 0.2)
+    monkeypatch.setattr(aircraft_takeover, "ATTACH_WALL_S", 0.2)
     with (
         listening() as (_, address),
         Journal.create(tmp_path / JOURNAL, {"plan": plan().as_json()}) as journal,
