@@ -172,7 +172,7 @@ def test_mavproxy(tmp_path):
         proxy.hear("NAV_TAKEOFF: ACCEPTED")
         sitl.until(lambda: sitl.truth.height_m > 7.0)
         proxy.say("param set RTL_ALT 1200")
-        for _ in range(50):  # it shows the old value until the new one is confirmed
+        for _ in range(2000):  # it shows the old value until the new one is confirmed
             proxy.say("param show RTL_ALT")
             if "1200" in proxy.hear("RTL_ALT "):
                 break
