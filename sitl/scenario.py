@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from missions.errors import UavmapError
 from missions.geo.geodesy import LocalPlane
@@ -143,13 +142,21 @@ class Setup:
                 SimVehicle(
                     VehicleSpec(
                         system_id=number,
+                        autopilot=self.autopilot,
                         home=place,
                         home_yaw_deg=home.yaw_deg,
+                        battery_wh=self.battery_wh,
+                        hover_power_w=self.hover_power_w,
+                        swap_after_s=self.swap_after_s,
+                        camera=self.camera,
+                        gps_sigma_m=self.gps_sigma_m,
+                        gps_tau_s=self.gps_tau_s,
+                        optical_flow=self.optical_flow,
+                        odometry_drift=self.odometry_drift,
+                        ready_after_s=self.ready_after_s,
                         image_url_prefix=image_url_prefix,
-                        **{
-                            **self._shared(VehicleSpec),
-                            "parameters": tuple(self.parameters.items()),
-                        },
+                        quirks=self.quirks,
+                        parameters=tuple(self.parameters.items()),
                     ),
                     world,
                 )
@@ -164,15 +171,24 @@ class Setup:
         return WorldSpec(
             home.position,
             home.amsl_m,
+            (*self.patches, *ground.patches),
+            drift_speed_m_s=self.drift_speed_m_s,
+            drift_toward_deg=self.drift_toward_deg,
+            wind_speed_m_s=self.wind_speed_m_s,
+            wind_from_deg=self.wind_from_deg,
+            gust_m_s=self.gust_m_s,
+            roi_intensity=self.roi_intensity,
+            ground_intensity=self.ground_intensity,
+            texture=self.texture,
+            sensor_noise=self.sensor_noise,
+            illumination=self.illumination,
+            seed=self.seed,
             orthophoto=ground.orthophoto,
+            relief=self.relief,
             pads=tuple(pad for pad in zip(self.places, heights_m, strict=True) if pad[1]),
-            **{**self._shared(WorldSpec), "patches": (*self.patches, *ground.patches)},
+            tag_m=self.tag_m,
+            tag_dictionary=self.tag_dictionary,
         )
-
-    def _shared(self, kind: type) -> dict[str, Any]:
-        """What is called the same here and there."""
-        mine = {field.name for field in fields(self)}
-        return {f.name: getattr(self, f.name) for f in fields(kind) if f.name in mine - {"home"}}
 
     def _rows(self, home: Home) -> list[LatLon]:
         plane = LocalPlane(home.position)
