@@ -78,6 +78,21 @@ def test_a_pilots_land_or_rtl_ends_what_the_service_does(mode: str) -> None:
     assert given[:1] == ["StandDown"]
 
 
+@pytest.mark.parametrize("deaf_for_s", [0.0, 150.0])
+def test_a_landing_below_the_reserve_is_seen_unless_no_command_could_reach_it(
+    deaf_for_s: float,
+) -> None:
+    """Seed 20471: its commands were lost for 149 s; the next one landed it."""
+    fleet = airborne(untroubled(0))
+    fleet.drivers[1].link = "commands lost"
+    heard_s = fleet.t_s + deaf_for_s
+    fleet.run(until=lambda fleet: fleet.t_s >= heard_s)
+    fleet.drivers[1].link = "good"
+    fleet.vehicles[1].wh = 0.5 * fleet.setting.energy.reserve_wh
+    fleet.run(until=lambda fleet: not fleet.vehicles[1].flying)
+    assert ("reserve" in kinds(fleet)) == (deaf_for_s == 0.0)
+
+
 def test_vehicles_are_apart_by_their_true_heights() -> None:
     """Receivers 5.5 m apart: told in layers of 12 and 18 m, they flew at 12.1 and 12.5 m."""
     fleet = next(f for f in map(untroubled, range(100)) if len(f.vehicles) > 1)

@@ -169,8 +169,9 @@ class Referee:
         if not landed or craft.crashed:
             return
         reserve_wh = fleet.setting.energy.reserve_wh
-        emptied = fleet.emptied.get(craft.number, 0.0)
-        if craft.wh < reserve_wh - 0.01 and not notes.sortie_free and not emptied:
+        deaf = fleet.t_s - notes.deaf_s < FORGIVEN_S
+        theirs = notes.sortie_free or fleet.emptied.get(craft.number, 0.0) or deaf
+        if craft.wh < reserve_wh - 0.01 and not theirs:
             text = f"vehicle {craft.number} landed with {craft.wh:.2f} Wh, reserve {reserve_wh:g}"
             self.note(fleet.t_s, "reserve", text)
 
