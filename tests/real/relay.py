@@ -19,6 +19,7 @@ from sitl.camera.pinhole import CameraSpec, Shot
 from sitl.codec.wire import Cutter
 from sitl.mavlink.camera_component import Exposure, Payload
 from sitl.mavlink.telemetry import Telemetry
+from sitl.quirks import Quirks
 from sitl.world.world import World
 from tests.real.autopilot import Autopilot
 from tests.real.pilot import Message
@@ -56,7 +57,9 @@ class Relay:
         self._cutters = Cutter(), Cutter()
         self._decoder = mav.MAVLink(None)
         self._out = mav.MAVLink(None, srcSystem=autopilot.system, srcComponent=CAMERA)
-        self._payload = Payload(spec, world, cast(Telemetry, self), pictures, self._exposure)
+        self._payload = Payload(
+            spec, world, cast(Telemetry, self), pictures, self._exposure, Quirks()
+        )
         self._random = random.Random(autopilot.system)
         self._beat_s = -math.inf
 
