@@ -21,7 +21,7 @@ class Px4(Autopilot):
     name = "px4"
     ours = "HOLD"
     # above instance 9 all send to one port
-    ports, step, most = (14580, 18570), 1, 10
+    ports, step, most = (14580, 18570, 19410), 1, 10
     boot_speed = 4.0
     by_hand = ("POSITION", "ALTITUDE", "RTL")
     MODES: ClassVar[Mapping[str, tuple[int, int]]] = {
