@@ -341,14 +341,19 @@ class State:
 
     @property
     def completed(self) -> bool:
-        """Mapped without a gap, and everybody is home."""
+        """Mapped without a gap, nobody down or lost, and everybody home.
+
+        A member of a fleet speaks of its own vehicle's landing only: others may still come home.
+        """
+        everybody = self.vehicles.values()
         return (
             self.exploration_finished
             and not self.abandoned
             and not self.undecided
             and not self.skipped
             and not self.unsearched
-            and all(v.landed and v.phase not in (Phase.DOWN, Phase.LOST) for v in self.ours)
+            and all(v.landed for v in self.ours or everybody)
+            and not any(v.phase in (Phase.DOWN, Phase.LOST) for v in everybody)
         )
 
     def robots(self) -> dict[int, Cell]:

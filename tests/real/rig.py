@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from missions.mission.places import homes
 from missions.units import LatLon
@@ -270,11 +270,13 @@ class Rig:
             await asyncio.wait([run.reader], timeout=_LAST_WORDS_S)
         return run.code
 
-    async def fly_simulated(self, *words: object) -> None:
-        """Fly the same mission in the bundled simulator, for the row."""
+    async def fly_simulated(self, *words: object) -> dict[str, Any]:
+        """Fly the same mission in the bundled simulator, for the row; its summary."""
         run = await self.uavmap("fly", self.source, "--sim", "--out", self.folder / "sim", *words)
         await run.process.wait()
-        self.row.simulated = simulated(summary_of(self.folder / "sim"))
+        summary = summary_of(self.folder / "sim")
+        self.row.simulated = simulated(summary)
+        return summary
 
     async def called_off(self, run: Run) -> int:
         """Press Ctrl-C and wait for the end."""

@@ -145,3 +145,15 @@ def test_pads_without_a_place_lie_far_enough_apart() -> None:
     grid = Grid.at(mission.home, mission.grid.cell_m)
     east_m = [grid.fixed(place).east_m for place in homes(mission)]
     assert [round(b - a) for a, b in itertools.pairwise(east_m)] == [13, 13, 13]
+
+
+def test_with_an_aircraft_down_nobody_calls_the_mission_complete(tmp_path: Path) -> None:
+    """Vehicle 3 falls at 40 s: the other two map the rest, and no summary says "complete"."""
+    file, out = made(tmp_path), tmp_path / "out"
+    fault = '[[sim.faults]]\nkind = "motor"\nvehicle = 3\nat_s = 40\nshare = 0.0\n'
+    file.write_text(file.read_text("utf-8") + fault, "utf-8")
+    done = uavmap("fly", file, "--sim", "--comms", "free", "--json", "--out", out)
+    assert done.code == 4, done.err
+    folders = (out, *members(out))
+    found = [json.loads((folder / "summary.json").read_text("utf-8")) for folder in folders]
+    assert [summary["completed"] for summary in found] == [False] * 4
