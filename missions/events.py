@@ -221,6 +221,8 @@ class Recalled:
 
     t_s: float
     kind: Literal["recalled"] = "recalled"
+    stamp: int | None = None
+    """Number of an operator's word to a fleet; None of an order given here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,6 +231,7 @@ class Paused:
 
     t_s: float
     kind: Literal["paused"] = "paused"
+    stamp: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,6 +240,7 @@ class Continued:
 
     t_s: float
     kind: Literal["continued"] = "continued"
+    stamp: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,6 +248,7 @@ class VehicleRecalled(OfVehicle):
     """The operator calls one vehicle home; it takes no further part until a resume."""
 
     kind: Literal["vehicle_recalled"] = "vehicle_recalled"
+    stamp: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,6 +45,14 @@ class LatLon:
     lon_deg: float
 
 
+class PadHeight(NamedTuple):
+    """What the receiver of a vehicle on its pad reports: height above the sea, and its standard
+    deviation."""
+
+    amsl_m: float
+    sigma_m: float
+
+
 class GridPoint(NamedTuple):
     """Ground metres along grid east and grid north from the centre of cell (0, 0)."""
 

@@ -15,7 +15,6 @@ from tests.real.rig import Rig
 from tests.real.scenario import scenario
 from tests.real.sockets import free_port
 
-
 WORSE: Final = 0.01
 """The map of a real flight may be worse by this IoU than that of the simulated one."""
 

@@ -38,13 +38,16 @@ class FleetClock:
         """Whether our clock is that of the fleet."""
 
     async def agree(self, wait_s: float) -> float:
-        """Listen until all are heard, at most `wait_s`; return by how much our clock moves on, s.
+        """Listen until all that stand have told the height of their pads, at most `wait_s`; return
+        by how much our clock moves on, s.
 
         It follows the clock of a member that has taken off, else that of the lowest number.
         """
         everybody = set(range(1, len(self._setting.mission.vehicles) + 1)) - {self._number}
         waited_s = 0.0
-        while waited_s < wait_s and not everybody <= set(self._peers):
+        while waited_s < wait_s:
+            if everybody <= {n for n, p in self._peers.items() if p.pad is not None or p.begun}:
+                break
             await asyncio.sleep(_STEP_S)
             waited_s += _STEP_S
         flying = {n: p for n, p in self._peers.items() if p.begun}

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Iterable
+import time
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -29,10 +30,11 @@ from missions.fleet_events import Allotted, Apart, Part, Shared
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.team.bits import BytesError
-from missions.flight.team.codec import Message, Presence, Word, decode, encode
+from missions.flight.team.codec import Message, Order, Presence, Word, decode, encode
 from missions.flight.team.knowledge import NOTHING, Knowledge
 from missions.flight.team.own_cells import OwnCells
 from missions.mapping.belief import Belief
+from missions.units import PadHeight
 from uavmap.base import messages
 from uavmap.fleet.airspace_leases import Airspace
 from uavmap.fleet.fleet_clock import FleetClock
@@ -60,6 +62,21 @@ PARTS_EVERY_S: Final = 6.0
 """Who maps what is told at most so often."""
 SOON_S: Final = 0.5
 """What somebody waits for is said at most so often."""
+
+
+_OF_ALL: Final[Mapping[Order, type[Recalled | Paused | Continued]]] = {
+    "recall": Recalled, "pause": Paused, "continue": Continued,
+}  # fmt: skip
+
+
+def _carried_out(event: Event) -> Word | None:
+    """The operator's word to the fleet that an event of the journal has carried out."""
+    if isinstance(event, VehicleRecalled) and event.stamp is not None:
+        return Word(event.stamp, event.vehicle, "recall")
+    for order, kind in _OF_ALL.items():
+        if isinstance(event, kind) and event.stamp is not None:
+            return Word(event.stamp, 0, order)
+    return None
 
 
 class Member:
@@ -102,6 +119,7 @@ class Member:
         self._parts_s = (-math.inf, -math.inf)
         """Of when what was told last of who maps what is, and when it was told."""
         self.damaged = 0
+        self._pad: PadHeight | None = None
 
     def remember(self, events: Iterable[Event]) -> None:
         """Take in what the journal of an earlier start holds."""
@@ -109,6 +127,8 @@ class Member:
             self._note(event)
             if isinstance(event, Shared):
                 self.knowledge.take(event.vehicle, event.first, event.frames)
+            elif (word := _carried_out(event)) is not None:
+                self._words[word.vehicle] = word
 
     def observe(self, event: Event, state: State) -> None:
         """Our service has acted on an event."""
@@ -125,12 +145,24 @@ class Member:
             self.knowledge.take(self._number, known, new)
 
     # --- the clock -----------------------------------------------------------------------------
-    async def agree(self, wait_s: float) -> float:
+    async def agree(self, wait_s: float, pad: PadHeight | None) -> float:
         """Listen until all are heard, at most `wait_s`; return by how much our clock moves on, s.
 
         Facts of others on cells count once `clock_moved` was called.
+
+        Args:
+            wait_s: Longest time to listen.
+            pad: What our vehicle's receiver reports; None of one in the air.
         """
+        self._pad = pad
+        self.beat_soon()
         return await self._clock.agree(wait_s)
+
+    @property
+    def pads(self) -> dict[int, PadHeight]:
+        """The heights of the pads on which vehicles of the fleet stood, as far as known."""
+        known = {self._number: self._pad, **{n: peer.pad for n, peer in self.peers.items()}}
+        return {number: pad for number, pad in sorted(known.items()) if pad is not None}
 
     def clock_moved(self, by_s: float) -> None:
         """Our clock was put forward, or back, by so much: as `agree` said."""
@@ -139,6 +171,12 @@ class Member:
         self._telling.clock_moved(by_s)
 
     # --- an operator's word --------------------------------------------------------------------
+    def command(self, order: Order, vehicle: int = 0) -> None:
+        """Send all an order of the operator here; it is newer than all heard, whatever the clock
+        says."""
+        newest = max((word.stamp for word in self._words.values()), default=0)
+        self.order(Word(max(newest + 1, int(time.time())), vehicle, order))
+
     def order(self, word: Word) -> None:
         """Tell all what an operator has ordered, and do it."""
         known = self._words.get(word.vehicle)
@@ -147,10 +185,9 @@ class Member:
         self._words[word.vehicle] = word
         t_s = round(self._now_s(), 3)
         if word.vehicle == 0:
-            said = {"recall": Recalled, "pause": Paused, "continue": Continued}
-            self._post(said[word.order](t_s))
+            self._post(_OF_ALL[word.order](t_s, stamp=word.stamp))
         elif word.vehicle == self._number and word.order == "recall":
-            self._post(VehicleRecalled(self._number, t_s))
+            self._post(VehicleRecalled(self._number, t_s, stamp=word.stamp))
 
     # --- speaking ------------------------------------------------------------------------------
     async def run(self) -> None:
@@ -224,6 +261,7 @@ class Member:
             ask=self._airspace.question,
             promised=self._airspace.promises(self._state),
             parts=self._parts(now_s),
+            pad=self._pad,
         )
 
     def _parts(self, now_s: float) -> tuple[Part, ...]:
@@ -282,6 +320,7 @@ class Member:
     def _hear_state(self, sender: int, peer: Peer, message: Message, now_s: float) -> None:
         """What another is, knows, asks for and has promised now."""
         before = peer.have
+        peer.pad = message.pad or peer.pad
         if message.have:
             peer.have, peer.have_s = message.have, now_s
         if message.presence is not None:

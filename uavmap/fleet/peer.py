@@ -13,7 +13,7 @@ from missions.flight.state import Phase, State, VehicleState
 from missions.flight.team.codec import Ask, Does, Presence
 from missions.flight.team.knowledge import Holding
 from missions.orders import FlyPath
-from missions.units import GridPoint
+from missions.units import GridPoint, PadHeight
 
 
 @dataclass(slots=True)
@@ -36,6 +36,7 @@ class Peer:
     ask: Ask | None = None
     promised: int = -1
     """Which of our questions for air it has promised."""
+    pad: PadHeight | None = None
     ahead_s: float = -math.inf
     """By how much its clock is ahead of ours, at least: what comes late seems less."""
 

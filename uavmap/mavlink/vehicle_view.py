@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import GeodesyError
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
-from missions.units import GridPoint, LatLon
+from missions.units import GridPoint, LatLon, PadHeight
 from uavmap.mavlink.autopilots import ARDUPILOT, AUTOPILOTS, Autopilot
 from uavmap.mavlink.continuity import distance_m
 from uavmap.mavlink.message_gate import Gate
@@ -308,6 +308,11 @@ class VehicleView:
     def home_is_kept(self) -> bool:
         """Whether heights stay above home as it was, wherever the vehicle moves it."""
         return self.kind.amsl and (self.off_ground or (self.armed and self.keeps_home))
+
+    @property
+    def pad_height(self) -> PadHeight:
+        """The height of its home above the sea, as its receiver reports it."""
+        return PadHeight(self.home_amsl_m, self.height_error_m)
 
     def height_of(self, message: Message) -> float:
         """The height that a message of this vehicle tells, metres above `home_amsl_m`, or above

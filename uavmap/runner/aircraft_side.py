@@ -78,7 +78,8 @@ class AircraftSide:
             for number, view in views.items()
             if view.position is not None and not view.armed
         }
-        return say.Ready(self.since_boot_s, start_s, standing)
+        pads = {number: views[number].pad_height for number in standing if views[number].home}
+        return say.Ready(self.since_boot_s, start_s, standing, pads)
 
     async def run(self) -> None:
         """Fly, look after the aircraft however that ends, and say how it did."""

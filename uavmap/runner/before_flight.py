@@ -124,7 +124,7 @@ class BeforeFlight:
     # --- look ---------------------------------------------------------------------------------
     async def _examine(self) -> list[Finding]:
         parts = await asyncio.gather(*map(self._examined, self._links))
-        standing = {n: self._view(n) for n in self._links if not self._view(n).armed}
+        standing = {n: self._view(n).pad_height for n in self._links if not self._view(n).armed}
         heights = pad_heights(self._setting, standing)
         found = [finding for part in parts for finding in part]
         return [*found, *(f for n, height in heights.items() for f in of_vehicle(n, [height]))]

@@ -7,14 +7,12 @@ its own vehicle do it; a member out of contact receives it later.
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import Callable
 
 from missions.events import Event
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.team.codec import Order as OrderWord
-from missions.flight.team.codec import Word
 from missions.orders import Order
 from uavmap.journal.event_log import Journal
 from uavmap.runner.service import Observer, Service
@@ -42,11 +40,10 @@ class GroundService(Service):
         state: State,
         observe: Observer,
         reports: asyncio.Queue[Event],
-        send: Callable[[Word], None],
+        send: Callable[[OrderWord, int], None],
     ) -> None:
         super().__init__(setting, journal, NoAircraft(), state, observe, reports)
         self._send = send
-        self._stamp = 0
 
     def recall(self) -> None:
         """Call all vehicles home."""
@@ -74,6 +71,5 @@ class GroundService(Service):
         return False
 
     def _command(self, order: OrderWord, vehicle: int = 0) -> bool:
-        self._stamp = max(self._stamp + 1, int(time.time()))
-        self._send(Word(self._stamp, vehicle, order))
+        self._send(order, vehicle)
         return True

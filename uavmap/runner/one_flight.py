@@ -6,15 +6,17 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Callable, Coroutine, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from missions.errors import OutputError
+from missions.errors import OutputError, PreflightError
 from missions.events import Event, Recalled, Resumed
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State
 from missions.orders import TakeOff
+from missions.units import PadHeight
 from uavmap.aircraft.guardian.last_watch import watched_over
 from uavmap.aircraft.process.messages import Before, Begin
 from uavmap.aircraft.process.port import Port
@@ -51,6 +53,7 @@ from uavmap.runner.operator.interrupts import interrupts, leave_map, like_contro
 from uavmap.runner.operator.keyboard import keyboard
 from uavmap.runner.operator.last_flights import doubts, say_last_known
 from uavmap.runner.operator.onlooker import Keepers
+from uavmap.runner.preflight.pad_heights import pad_heights
 from uavmap.runner.service import Service
 from uavmap.runner.vehicles import judge_of, numbers_of
 
@@ -251,7 +254,7 @@ class Flight:
         if connection is not None or member is None:
             service = Service(setting, journal, port, state, observe, reports)
         else:
-            service = GroundService(setting, journal, state, observe, reports, member.order)
+            service = GroundService(setting, journal, state, observe, reports, member.command)
         self._service = service
         for onlooker in company.onlookers:
             onlooker.begin(self._setting, again=self._again)
@@ -319,15 +322,17 @@ class Flight:
         member: Member | None,
         crew: Crew,
     ) -> State:
+        pad = None
         if port is not None:
             ready = await port.begun(begin())
+            pad = ready.pads.get(self._setting.member or 0)
             crew.doubt(doubts(self._journal.events(), ready.standing, self._setting.grid))
             if ready.start_s is not None:
                 self.clock.set_start(ready.start_s)
             elif self._resumed and not self._plan.simulated:
                 await self._settle_time(read_clocks(port.since_boot_s))
         if member is not None:
-            await self._agree(member)
+            await self._agree(member, pad)
         if self._resumed:
             begin_s = round(self.clock.now_s(), 3)
             service.post(Resumed(begin_s))
@@ -354,11 +359,17 @@ class Flight:
         )
         self.clock.set(await asyncio.to_thread(taken_up_at, found, _LOG.info, self._company.ask))
 
-    async def _agree(self, member: Member) -> None:
-        """Count the seconds that the others of a fleet count. Time never runs backwards."""
+    async def _agree(self, member: Member, pad: PadHeight | None) -> None:
+        """Count the seconds that the others of a fleet count. Time never runs backwards.
+
+        Raises `PreflightError` where the heights of pads contradict the mission, and ours stands.
+        """
         # on a clock that runs fast, the others' processes begin as late as on a slow one
         wait_s = AGREE_S * (1.0 if self._plan.simulated else max(self._plan.speedup or 1.0, 1.0))
-        by_s = await member.agree(wait_s)
+        by_s = await member.agree(wait_s, pad)
+        heights = pad_heights(self._setting, member.pads) if pad is not None else {}
+        if wrong := [replace(f, vehicle=n) for n, f in heights.items() if f.binding]:
+            raise PreflightError("\n".join(["not flown:", *(f.line() for f in wrong)]))
         if self._resumed:  # what the journal holds was before
             by_s = max(by_s, self._state.t_s - self.clock.now_s())
         self.clock.shift(by_s)

@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from missions.errors import LinkError
+from missions.errors import LinkError, PreflightError, leaves
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State
 from missions.mission.fleet_checks import check_fleet
@@ -44,7 +44,13 @@ def fly_fleet(plan: FlightPlan, folder: Path) -> dict[str, Any]:
     except ValueError as error:
         raise LinkError(f"--comms {plan.comms}: {error}") from None
     fleet = SimulatedFleet(plan, folder, model)
-    truth = run(fleet.fly(), VirtualClock(plan.speedup))
+    try:
+        truth = run(fleet.fly(), VirtualClock(plan.speedup))
+    except ExceptionGroup as group:
+        refused, rest = group.split(PreflightError)
+        if refused is None or rest is not None:
+            raise
+        raise leaves(refused)[0] from None  # each member says it
     for number, flight in fleet.flights.items():
         with of_member(number):
             flight.finish()

@@ -35,6 +35,8 @@ SLOW_TIMES = 2.0
 """... and so many times as long as it should take it has it at least."""
 OVER_PAD_M = 1.0
 """A vehicle that is nearer to its pad is in the column over it."""
+_CANNOT_PROMISE: Final = (Phase.APART, Phase.OFFLINE, Phase.YIELDED, Phase.GUARDED)
+"""What others are in whose member answers for nothing that they do, or is not heard."""
 ON_THE_WAY: Final = 0.8
 """So much of what a vehicle can climb on its way to its first lane is left for it at take-off."""
 
@@ -175,7 +177,10 @@ def _change_among_others(setting: Setting, state: State, vehicle: VehicleState) 
         return hold(state, vehicle)
     if not granted or vehicle.asks is None:
         return over_own_pad(setting, state, replace(vehicle, asks=None))
-    return _sent(state, replace(vehicle, cruise_altitude_m=layer_m), (vehicle.asks.place,))
+    moved = replace(vehicle, cruise_altitude_m=layer_m)
+    if not is_clear(setting, state, moved, moved.leg((vehicle.asks.place,))):
+        return hold(state, vehicle)
+    return _sent(state, moved, (vehicle.asks.place,))
 
 
 def _has_air(state: State, vehicle: VehicleState, layer_m: float) -> bool:
@@ -204,7 +209,7 @@ def _air_asked_for(
     ):
         asks = None  # blown away, or interrupted: that air is another, or was its own too briefly
     others = [v for v in state.vehicles.values() if not state.is_ours(v.vehicle)]
-    nobody_to_ask = any(v.phase in (Phase.APART, Phase.OFFLINE, Phase.YIELDED) for v in others)
+    nobody_to_ask = any(v.phase in _CANNOT_PROMISE for v in others)
     waited_s = 0.0 if asks is None else state.t_s - asks.asked_s
     if nobody_to_ask or waited_s > ASK_S:
         return vehicle, False

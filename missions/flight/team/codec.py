@@ -15,7 +15,7 @@ from typing import Final, Literal, NamedTuple, get_args
 from missions.fleet_events import Fact, Part
 from missions.flight.team.bits import MOST_CELLS, BytesError, Reader, Writer, deflated, inflated
 from missions.flight.team.knowledge import MOST_RUNS, Holding
-from missions.units import Cell, GridPoint
+from missions.units import Cell, GridPoint, PadHeight
 
 Does = Literal["stands", "flies", "returns", "pilot", "guarded", "ended", "down"]
 DOES: Final[tuple[Does, ...]] = get_args(Does)
@@ -92,6 +92,8 @@ class Message:
     """Whose air the sender keeps out of, by vehicle: the number of the question."""
     parts: tuple[Part, ...] = ()
     """Who is to map what, as the sender has laid it out."""
+    pad: PadHeight | None = None
+    """What the receiver of a vehicle reported that stood on its pad, by the half metre."""
 
 
 def encode(message: Message) -> bytes:
@@ -105,8 +107,12 @@ def encode(message: Message) -> bytes:
     out = Writer()
     out.signed(_ms(message.t_s))
     does = 0 if message.presence is None else 1 + DOES.index(message.presence.does)
-    flags = 4 * bool(message.parts) + 2 * (message.ask is not None) + message.begun
-    out.count(8 * does + flags)
+    flags = 8 * (message.pad is not None) + 4 * bool(message.parts)
+    flags += 2 * (message.ask is not None) + message.begun
+    out.count(16 * does + flags)
+    if message.pad is not None:
+        out.signed(round(message.pad.amsl_m / STEP_M))
+        out.count(math.ceil(message.pad.sigma_m / STEP_M))
     if message.presence is not None:
         _put_presence(out, message.presence)
     out.count(len(message.have))
@@ -137,9 +143,10 @@ def decode(data: bytes) -> Message:
     """The inverse of `encode`. Raises `BytesError` for anything else."""
     inp = Reader(data)
     t_s = inp.signed() / 1000
-    does, flags = divmod(inp.count(), 8)
+    does, flags = divmod(inp.count(), 16)
     if does > len(DOES):
         raise BytesError("nobody does that")
+    pad = PadHeight(inp.signed() * STEP_M, inp.count() * STEP_M) if flags & 8 else None
     presence = _presence(inp, DOES[does - 1]) if does else None
     have = {inp.count(): _holding(inp) for _ in range(_few(inp.count()))}
     words = tuple(_word(inp) for _ in range(_few(inp.count())))
@@ -151,7 +158,7 @@ def decode(data: bytes) -> Message:
         origin, first = inp.count(), inp.count()
         batches.append(Batch(origin, first, bytes_to_facts(inflated(inp.raw(), MOST_BYTES))))
     return Message(
-        t_s, presence, have, tuple(batches), words, bool(flags & 1), ask, promised, parts
+        t_s, presence, have, tuple(batches), words, bool(flags & 1), ask, promised, parts, pad
     )
 
 

@@ -25,7 +25,7 @@ from missions.flight.state import Allotment, Column, Phase, ReturnReason, State
 from missions.flight.team.own_cells import as_frames
 from missions.flight.team.work_shares import back_from_lanes_s, held_until_s
 from missions.geo.trajectory import rounded_path
-from missions.orders import FlyPath
+from missions.orders import FlyPath, TakeOff
 
 LEAST_STEP_M: Final = 1.0
 """Places of a path that lie nearer to each other are one."""
@@ -112,9 +112,14 @@ def leased(setting: Setting, state: State, event: Leased) -> State:
 def may_close(setting: Setting, state: State, column: Column) -> bool:
     """Whether ours can promise to keep out of a column until it is open again.
 
-    Either it stands, or it is out of it, and its next seconds do not lead into it.
+    Either it stands and stays, or it flies by our orders, is out of it, and its next seconds do not
+    lead into it. For one that others have, or that is silent in the air, nobody can promise.
     """
-    return all(ours.landed or clear_of(setting, state, ours, column) for ours in state.ours)
+    return all(
+        (ours.landed and not isinstance(ours.order, TakeOff))
+        or (not ours.untold and clear_of(setting, state, ours, column))
+        for ours in state.ours
+    )
 
 
 def shared(setting: Setting, state: State, event: Shared) -> State:

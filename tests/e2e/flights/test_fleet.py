@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from missions.errors import PreflightError
 from missions.events import Event
 from missions.fleet_events import Apart, Heard, Shared
 from missions.flight.joined_map import joined
@@ -19,15 +20,18 @@ from missions.geo.grid import Grid
 from missions.mission.fleet_checks import check_fleet, with_pads_apart
 from missions.mission.places import homes
 from missions.mission.schema import VehicleSection
-from missions.units import Cell
+from missions.units import Cell, PadHeight
 from tests.e2e.rig import uavmap
 from tests.support.fleet_rig import Death, Mishaps, field_text
 from tests.support.fleet_rig import flown as beset
+from tests.support.plans import plan_of
 from tests.support.small_missions import CELL_M, START, mission_text, ring, square
 from uavmap.fleet.simulated_radio import LinkModel
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.load.mission_source import load
+from uavmap.mavlink.vehicle_view import VehicleView
+from uavmap.runner.simulated_fleet import fly_fleet
 
 PADS = [(0.0, 0.0), (16.0, 0.0), (32.0, 0.0)]
 TRUE = [(10.0, 26.0), (34.0, 22.0), (36.0, 36.0), (24.0, 42.0), (12.0, 38.0)]
@@ -157,3 +161,30 @@ def test_with_an_aircraft_down_nobody_calls_the_mission_complete(tmp_path: Path)
     folders = (out, *members(out))
     found = [json.loads((folder / "summary.json").read_text("utf-8")) for folder in folders]
     assert [summary["completed"] for summary in found] == [False] * 4
+
+
+@pytest.mark.parametrize("second_m", [0.0, -6.0])
+def test_pads_whose_heights_contradict_the_mission_keep_a_fleet_on_the_ground(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, second_m: float
+) -> None:
+    """Pads 60 m apart on a slope of a tenth, receivers that are good to half a metre."""
+    homes_m = [(0.0, 0.0), (60.0, 0.0)]
+    text = mission_text(
+        square(-6.0, 14.0, 72.0, 40.0), square(-20.0, -14.0, 104.0, 84.0), vehicles=2,
+        homes=homes_m, capacity_wh=60.0, strategy="swath",
+    )  # fmt: skip
+    first, one, two = text.split("[[vehicles]]\n")
+    text = f"{first}[[vehicles]]\n{one}[[vehicles]]\nhome_height_m = {second_m}\n{two}"
+    text += f"[[sim.roi]]\npolygon = {ring(Grid.at(START, CELL_M), TRUE)}\n"
+    text += "[sim.terrain]\nslope_percent = 10.0\nrises_toward_deg = 270.0\n"
+    monkeypatch.setattr(
+        VehicleView, "pad_height", property(lambda view: PadHeight(view.home_amsl_m, 0.5))
+    )
+    plan = plan_of("field.toml", text, comms="free")
+    if second_m == 0.0:
+        with pytest.raises(PreflightError, match=r"2 home height: -6.0 m.*home_height_m"):
+            fly_fleet(plan, tmp_path)
+    else:
+        summary = fly_fleet(plan, tmp_path)
+        assert summary["completed"]
+        assert summary["min_separation_m"] > 4.0

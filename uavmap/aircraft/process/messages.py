@@ -22,7 +22,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from missions.errors import LinkError
 from missions.events import AnyEvent, FrameLost, FrameSeen
 from missions.orders import Order
-from missions.units import Cell, LatLon, Pose
+from missions.units import Cell, LatLon, PadHeight, Pose
 
 VERSION: Final = 1
 """Number of this set of messages; two processes with different numbers do not speak."""
@@ -187,7 +187,9 @@ class Ready:
     start_s: float | None = None
     """The mission time at which the clock of the loop was zero, where the aircraft know it."""
     standing: dict[int, LatLon] = field(default_factory=dict)
-    """Where vehicles stand whose motors are off."""
+    """Where vehicles stand whose motors are off..."""
+    pads: dict[int, PadHeight] = field(default_factory=dict)
+    """... and how high, by their receivers."""
     kind: Literal["ready"] = "ready"
 
 

@@ -12,34 +12,34 @@ from collections.abc import Mapping
 
 from missions.flight.setting import Setting
 from missions.mission.places import home_heights_m
-from uavmap.mavlink.vehicle_view import VehicleView
+from missions.units import PadHeight
 from uavmap.runner.preflight.finding import Finding, bad, ok, warn
 
 SIGMAS = 3.0
 """How many standard deviations two receivers may differ by."""
 
 
-def pad_heights(setting: Setting, views: Mapping[int, VehicleView]) -> dict[int, Finding]:
+def pad_heights(setting: Setting, pads: Mapping[int, PadHeight]) -> dict[int, Finding]:
     """Compare the height of each home with the mission's, relative to that of the first vehicle.
 
     Args:
         setting: The mission's.
-        views: The vehicles that stand on the ground, by number.
+        pads: What the receivers of vehicles that stand on the ground report, by number.
 
     Returns:
         A finding for every vehicle but the first: bad and binding where the receivers contradict
         the mission by more than their stated errors and the room between two layers.
     """
-    if len(views) < 2:
+    if len(pads) < 2:
         return {}
     given_m, team = home_heights_m(setting.mission), setting.mission.team
     room_m = team.layer_m - team.separation_m
-    first, *others = sorted(views)
+    first, *others = sorted(pads)
     found = {}
     for number in others:
-        reported_m = views[number].home_amsl_m - views[first].home_amsl_m
+        reported_m = pads[number].amsl_m - pads[first].amsl_m
         wanted_m = given_m[number - 1] - given_m[first - 1]
-        error_m = SIGMAS * math.hypot(views[first].height_error_m, views[number].height_error_m)
+        error_m = SIGMAS * math.hypot(pads[first].sigma_m, pads[number].sigma_m)
         text = f"{reported_m:+.1f} m from vehicle {first}'s by the receivers, +-{error_m:.1f} m"
         wanted = f"{wanted_m:+.1f} m by the mission"
         remedy = (

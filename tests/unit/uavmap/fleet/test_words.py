@@ -7,10 +7,12 @@ from collections.abc import Callable, Coroutine
 from dataclasses import dataclass, field
 from typing import Any
 
+import pytest
+
 from missions.events import Continued, Event, Paused, Recalled, VehicleRecalled
 from missions.flight.state import State
 from missions.flight.team.codec import Word
-from missions.units import GridPoint
+from missions.units import GridPoint, PadHeight
 from tests.support.said import Said
 from tests.unit.missions.flight.test_facts import small_setting
 from uavmap.base.clock import VirtualClock, run
@@ -30,6 +32,8 @@ class Station:
     place: GridPoint
     late_s: float = 0.0
     """By how much its clock is behind."""
+    start: int = 1
+    """How often its program has started."""
     events: list[Event] = field(default_factory=list)
     member: Member = field(init=False)
 
@@ -37,7 +41,7 @@ class Station:
         setting = small_setting(self.number)
         radio = self.air.radio(self.number, lambda: (self.place, 0.0))
         self.member = Member(
-            setting, Seal(KEY, self.number, 1), radio, self.now_s, self.events.append
+            setting, Seal(KEY, self.number, self.start), radio, self.now_s, self.events.append
         )
         self.member.observe(Continued(0.0), State.initial(setting))
 
@@ -108,7 +112,7 @@ def test_members_take_the_clock_of_the_lowest_number_and_later_that_of_the_fleet
     found: dict[int, float] = {}
 
     async def agree(station: Station) -> None:
-        by_s = await station.member.agree(15.0)
+        by_s = await station.member.agree(15.0, None)
         station.late_s -= by_s
         station.member.clock_moved(by_s)
         found[station.number] = station.now_s()
@@ -144,3 +148,56 @@ def test_a_talk_that_fails_is_told_once_and_goes_on(said: Said) -> None:
     assert len(said) == 1
     assert "the talk with the fleet fails (ValueError" in said[0]
     assert stations[1].told(Recalled) == [Recalled]
+
+
+def test_a_ground_station_whose_clock_went_back_is_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A station 5 minutes ahead has all hold; another with the right time calls them home."""
+
+    async def two_stations(stations: list[Station]) -> None:
+        await asyncio.sleep(20.0)
+        monkeypatch.setattr("time.time", lambda: 1_800_000_300.0)
+        stations[0].member.command("pause")
+        await asyncio.sleep(20.0)
+        monkeypatch.setattr("time.time", lambda: 1_800_000_000.0)
+        stations[1].member.command("recall")
+        await asyncio.sleep(30.0)
+
+    for station in together(lambda: in_a_row(10.0, 100.0), two_stations):
+        assert station.told(Paused, Recalled) == [Paused, Recalled], station.number
+
+
+def test_a_member_that_is_resumed_is_not_called_home_by_the_word_that_it_has_obeyed() -> None:
+    """The others repeat the recall while they wait; "resume" is a later word than that."""
+    again: list[Station] = []
+
+    async def resumed(stations: list[Station]) -> None:
+        await asyncio.sleep(20.0)
+        stations[0].member.command("recall")
+        await asyncio.sleep(60.0)
+        for number, journal in ((2, stations[2].events), (3, [])):
+            stations[number].place = GridPoint(1e6, 0.0)
+            one = Station(number, stations[0].air, GridPoint(10.0 * number, 0.0), start=2)
+            one.member.remember(journal)
+            again.append(one)
+        talking = [asyncio.create_task(one.member.run()) for one in again]
+        await asyncio.sleep(30.0)
+        for task in talking:
+            task.cancel()
+
+    together(lambda: in_a_row(10.0, 100.0), resumed)
+    assert [one.told(Recalled) for one in again] == [[], [Recalled]]
+
+
+def test_members_know_the_heights_of_all_pads_before_they_fly() -> None:
+    pads = {number: PadHeight(500.0 + number, 1.5) for number in (1, 2, 3)}
+    known: dict[int, dict[int, PadHeight]] = {}
+
+    async def agree(station: Station) -> None:
+        await station.member.agree(15.0, pads.get(station.number))
+        known[station.number] = station.member.pads
+
+    async def all_agree(stations: list[Station]) -> None:
+        await asyncio.gather(*map(agree, stations))
+
+    together(lambda: in_a_row(10.0, 100.0), all_agree)
+    assert known == dict.fromkeys(range(4), pads)

@@ -23,7 +23,7 @@ from missions.flight.team.codec import (
     encode,
 )
 from missions.flight.team.knowledge import MOST_RUNS, Holding
-from missions.units import Cell, GridPoint
+from missions.units import Cell, GridPoint, PadHeight
 
 CHECKED = settings(max_examples=60, deadline=None)
 halves = st.integers(-4000, 4000).map(lambda k: k / 2)
@@ -87,6 +87,7 @@ messages = st.builds(
     st.lists(
         st.builds(Part, st.integers(0, 30), st.lists(far_places, max_size=9).map(tuple)), max_size=4
     ).map(tuple),
+    st.none() | st.builds(PadHeight, halves, st.integers(0, 20).map(lambda k: k / 2)),
 )
 
 

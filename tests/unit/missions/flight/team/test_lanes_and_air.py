@@ -19,11 +19,11 @@ from missions.flight.strategy.two_heights import (
     change_layer,
     strays_from_layer,
 )
-from missions.flight.team.members import heard
+from missions.flight.team.members import heard, may_close
 from missions.flight.transitions import apply
 from missions.geo.trajectory import rounded_path
 from missions.mission.checks import parse_mission
-from missions.orders import FlyPath, FlyTo, Hold
+from missions.orders import FlyPath, FlyTo, Hold, StandDown, TakeOff
 from missions.units import GridPoint
 from tests.support.fleet_rig import field_text
 
@@ -149,3 +149,43 @@ def test_who_cannot_ask_everybody_leaves_the_layer_of_others_at_once() -> None:
     ours = sent_back(stopped_between(leased_s=10.0, apart=True))
     assert isinstance(ours.order, FlyTo)
     assert ours.order.height_m == setting().mission.altitude_m(OURS - 1)
+
+
+# --- air that ours promises --------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("changes", "promises"),
+    [
+        ({"phase": Phase.GROUNDED, "landed": True, "order": None}, True),
+        ({}, True),
+        ({"phase": Phase.GROUNDED, "landed": True, "order": TakeOff(30.0)}, False),
+        ({"phase": Phase.GUARDED, "order": StandDown()}, False),
+        ({"phase": Phase.YIELDED, "order": StandDown()}, False),
+        ({"phase": Phase.OFFLINE, "order": StandDown()}, False),
+    ],
+)
+def test_air_is_promised_only_for_a_vehicle_that_follows_our_orders(
+    changes: dict[str, object], promises: bool
+) -> None:
+    """One that stands, and one that hovers far away by our orders; the others may come there."""
+    state = in_the_air(on_lane=False)
+    mine = replace(state.vehicles[OURS], order=Hold(), lanes=())
+    column = Column(GridPoint(60.0, 60.0), 5.0, 35.0, 0.0, 60.0)
+    if isinstance(changes.get("order"), TakeOff):
+        column = replace(column, place=mine.position)
+    state = state.with_vehicle(replace(mine, **changes))  # type: ignore[arg-type]
+    assert may_close(setting(), state, column) == promises
+
+
+@pytest.mark.parametrize("does", ["pilot", "guarded"])
+def test_nobody_is_asked_for_air_while_others_have_the_vehicle_of_one(does: str) -> None:
+    """Its member answers, and cannot say where the vehicle goes: ours goes by its own pad."""
+    state = replace(in_the_air(on_lane=False), t_s=100.0)
+    for vehicle, doing in ((1, does), (3, "flies")):
+        state = heard(setting(), state, replace(told(doing, vehicle), lanes=()))
+    mine = replace(state.vehicles[OURS], lanes=(), order=None, position=GridPoint(20.0, 40.0))
+    after = change_layer(setting(), state.with_vehicle(mine), mine)
+    assert after is not None
+    order = after.vehicles[OURS].order
+    assert after.vehicles[OURS].asks is None
+    assert isinstance(order, FlyTo)
+    assert order.route[-1] == setting().pad_of(OURS)
