@@ -70,6 +70,13 @@ class Seen:
     """It knows better than its autopilot where it is: it is flown home by targets."""
     slews: bool = False
     """Its position leapt just now, and still follows: how fast that moves is no speed."""
+    home_amsl_m: float = 0.0
+    """Height above the sea that `height_m` is counted from; a PX4 moves it when it has landed."""
+
+    @property
+    def amsl_m(self) -> float:
+        """Its height above the sea."""
+        return self.home_amsl_m + self.height_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +109,7 @@ class Guard:
     was_up: bool = False
     at_height: bool = False
     down: bool = False
-    height_m: float = 0.0
+    amsl_m: float = 0.0
     fell: bool = False
     """It came down faster than anybody flies it."""
     along_m: float = 0.0

@@ -48,13 +48,13 @@ def falling(guard: Guard, seen: Seen) -> Guard:
     """The guard with the height, and with whether the vehicle falls."""
     fell = guard.fell
     if guard.last_s is not None and seen.t_s > guard.last_s:
-        sink_m_s = (guard.height_m - seen.height_m) / (seen.t_s - guard.last_s)
+        sink_m_s = (guard.amsl_m - seen.amsl_m) / (seen.t_s - guard.last_s)
         climbs = guard.task.doing == "climb" and not guard.hurries
         limit_m_s = FALL_M_S / 2 if climbs else FALL_M_S
-        # on the ground a height only jumps: arming sets it to zero anew
+        # above the sea: a home that is moved makes no fall
         in_air = guard.was_up or seen.airborne
         fell = in_air and (sink_m_s > limit_m_s or (fell and sink_m_s > -UP_M))
-    return replace(guard, height_m=seen.height_m, fell=fell)
+    return replace(guard, amsl_m=seen.amsl_m, fell=fell)
 
 
 def _goal(guard: Guard, seen: Seen, place: GridPoint | None) -> tuple[GridPoint, ...]:

@@ -94,7 +94,7 @@ def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | No
     is_down = (guard.fell and low(seen)) or seen.struck_m_s > HARD_M_S
     if seen.mode == "other" and seen.armed and not is_down:
         free = guard.released()
-        return replace(free, height_m=guard.height_m, fell=guard.fell, last_s=seen.t_s), None
+        return replace(free, amsl_m=guard.amsl_m, fell=guard.fell, last_s=seen.t_s), None
     guard = replace(
         guard,
         was_up=guard.was_up or (seen.airborne and seen.height_m > UP_M),

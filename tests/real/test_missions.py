@@ -7,7 +7,7 @@ import contextlib
 import os
 import sys
 from collections.abc import AsyncIterator
-from typing import Final
+from typing import Final, cast
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -108,8 +108,7 @@ class _GroundStation(asyncio.DatagramProtocol):
         self._in.robust_parsing = True
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.DatagramTransport)
-        self._transport = transport
+        self._transport = cast(asyncio.DatagramTransport, transport)
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         for message in self._in.parse_buffer(data) or ():

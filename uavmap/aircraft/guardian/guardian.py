@@ -219,6 +219,7 @@ class Guardian:
             t_s=reporter.now_s() - age_s,
             position=reporter.position(),
             height_m=view.height_m,
+            home_amsl_m=view.home_amsl_m,
             ground_speed_m_s=view.ground_speed_m_s,
             home=reporter.home(),
             armed=view.armed,

@@ -288,6 +288,18 @@ def test_a_landing_of_a_pilot_or_by_order_is_no_crash(
 
 
 # --- carried off -----------------------------------------------------------------------------
+def test_a_home_that_is_moved_after_the_landing_is_no_fall() -> None:
+    """A real PX4 1.17: told 0.17, 1.02 and -0.35 m within a second, on its pad, motors off."""
+    watched = Watched(LAND, replace(LANDING, home_amsl_m=535.0))
+    watched.pass_time(24, height_m=-0.5)
+    stands = {"airborne": False, "armed": False, "mode": "follow"}
+    for home_amsl_m, height_m in ((534.2, 1.02), (535.5, -0.35), (536.9, -1.7)):
+        assert watched.look(
+            t_s=watched.seen.t_s + 0.3, home_amsl_m=home_amsl_m, height_m=height_m, **stands
+        ) is None  # fmt: skip
+    assert not watched.guard.down
+
+
 def test_who_is_carried_off_faster_than_it_flies_lands_without_a_detour() -> None:
     """No wind is known: only the air can do that."""
     watched = Watched(hold())
