@@ -39,7 +39,7 @@ class Quirks:
     home_moves_m: float = 1.5
     stick: bool = True
     landed_state: bool = True
-    height_sigma_m: float = 0.0
+    height_sigma_m: float = 3.0
 
     def __post_init__(self) -> None:
         problems = []

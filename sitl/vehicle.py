@@ -69,9 +69,9 @@ class SimVehicle:
         )  # fmt: skip
         if spec.autopilot not in FLAVOURS:
             raise ValueError(f"autopilot {spec.autopilot!r}: there is {', '.join(FLAVOURS)}")
-        self._altimeter = Altimeter(
-            world.spec.origin_amsl_m, (*self._seed, _HEIGHT_SEED), spec.quirks.height_sigma_m
-        )
+        # without an error over ground the receiver is exact in height, too
+        sigma_m = spec.quirks.height_sigma_m if spec.gps_sigma_m else 0.0
+        self._altimeter = Altimeter(world.spec.origin_amsl_m, (*self._seed, _HEIGHT_SEED), sigma_m)
         flavour = FLAVOURS[spec.autopilot]
         kit = Kit(spec, self._body, self._error, self._battery, self._seed)
         self._ap = flavour.aircraft(kit)

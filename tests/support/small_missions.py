@@ -186,6 +186,12 @@ def at_heights(mission: Mission, heights_m: Sequence[float]) -> Mission:
     return mission.model_copy(update={"vehicles": tuple(vehicles)})
 
 
+def with_receivers(mission: Mission, height_sigma_m: float) -> Mission:
+    """The same with receivers whose heights err by this standard deviation."""
+    quirks = mission.sim.quirks.model_copy(update={"height_sigma_m": height_sigma_m})
+    return mission.model_copy(update={"sim": mission.sim.model_copy(update={"quirks": quirks})})
+
+
 def scattered(scenario: Scenario, seed: int, *, high: bool = False) -> Scenario:
     """The same by `swath` with `search.find = "all"`, and one to three patches more in the box.
 

@@ -115,7 +115,7 @@ class SimQuirks(Section):
     home_moves_m: Annotated[Number, Field(ge=0, le=20)] = 1.5
     stick: bool = True
     landed_state: bool = True
-    height_sigma_m: Annotated[Number, Field(ge=0, le=8)] = 0.0
+    height_sigma_m: Annotated[Number, Field(ge=0, le=8)] = 3.0
 
 
 class Sim(Section):

@@ -176,6 +176,7 @@ def test_pads_whose_heights_contradict_the_mission_keep_a_fleet_on_the_ground(
     first, one, two = text.split("[[vehicles]]\n")
     text = f"{first}[[vehicles]]\n{one}[[vehicles]]\nhome_height_m = {second_m}\n{two}"
     text += f"[[sim.roi]]\npolygon = {ring(Grid.at(START, CELL_M), TRUE)}\n"
+    text += "[sim.quirks]\nheight_sigma_m = 0.0\n"
     text += "[sim.terrain]\nslope_percent = 10.0\nrises_toward_deg = 270.0\n"
     monkeypatch.setattr(
         VehicleView, "pad_height", property(lambda view: PadHeight(view.home_amsl_m, 0.5))

@@ -61,7 +61,7 @@ def test_armed_it_keeps_the_height_of_arming():
 
 def fleet_of(autopilot, **setup):
     quirks = Quirks(height_sigma_m=3.0, home_moves_m=0.0)
-    made = Fleet(Setup(autopilot=autopilot, gps_sigma_m=0.0, quirks=quirks, **setup))
+    made = Fleet(Setup(autopilot=autopilot, gps_sigma_m=0.01, quirks=quirks, **setup))
     made.run(8.0)
     return made
 

@@ -521,7 +521,7 @@ def test_failure_injection_wants_its_parameter(sitl):
 @pytest.mark.parametrize("flying", [False, True])
 def test_garbage(flying):
     """On the ground any mode may be chosen by it, so only what matters is looked at."""
-    sitl = Fleet(Setup(autopilot="px4"))[0]
+    sitl = Fleet(Setup(autopilot="px4", gps_sigma_m=0.0))[0]
     sitl.run(6.0)
     if flying:
         take_off(sitl)

@@ -16,7 +16,7 @@ from missions.mission.schema import Battery
 from missions.mission.sections.sim_section import SimFault
 from tests.support.field import BOTH, Field, mission_of, on_field
 from tests.support.running import by
-from tests.support.small_missions import at_heights
+from tests.support.small_missions import at_heights, with_receivers
 from uavmap.base.messages import shown_on
 from uavmap.mavlink.vehicle_view import EKF_ABSOLUTE, VehicleView
 from uavmap.runner.before_flight import BeforeFlight, Preflight
@@ -117,7 +117,10 @@ async def test_a_dry_run_sets_all_and_arms_nothing(
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
-@by(on_field, lambda autopilot: at_heights(mission_of(autopilot, 2), (0.0, -6.0)))
+@by(
+    on_field,
+    lambda autopilot: at_heights(with_receivers(mission_of(autopilot, 2), 0.0), (0.0, -6.0)),
+)
 async def test_return_heights_of_a_team_are_apart_whatever_the_heights_of_its_homes(
     field: Field, /, autopilot: str, tmp_path: Path
 ) -> None:

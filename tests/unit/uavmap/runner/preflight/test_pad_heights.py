@@ -9,18 +9,15 @@ import pytest
 from missions.errors import NotFlownError, PreflightError
 from missions.flight.setting import Setting
 from missions.mission.schema import Mission
-from missions.mission.sections.sim_section import SimQuirks
 from tests.support.field import BOTH, Field, mission_of, on_field
-from tests.support.small_missions import at_heights
+from tests.support.small_missions import at_heights, with_receivers
 from uavmap.runner.before_flight import BeforeFlight, Preflight
 from uavmap.runner.operator.ground_crew import Operator
 
 
 def simulated(autopilot: str, second_m: float, sigma_m: float) -> Mission:
     """A mission of two whose second pad has this height, and receivers that err so much."""
-    made = mission_of(autopilot, vehicles=2)
-    sim = made.sim.model_copy(update={"quirks": SimQuirks(height_sigma_m=sigma_m)})
-    return at_heights(made.model_copy(update={"sim": sim}), (0.0, second_m))
+    return at_heights(with_receivers(mission_of(autopilot, 2), sigma_m), (0.0, second_m))
 
 
 def line_of(mission: Mission, given_m: float, folder: Path) -> str:
