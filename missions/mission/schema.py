@@ -53,6 +53,8 @@ HostName = Annotated[
 
 
 MAX_VEHICLES = 50
+WANDERS_M = 1.5
+"""How far a vehicle may be above its layer."""
 
 
 def positions(ring: tuple[Vertex, ...]) -> tuple[LatLon, ...]:
@@ -320,9 +322,13 @@ class Mission(Section):
 
     @property
     def overview_above_m(self) -> float | None:
-        """From this height on a frame is one of the search alone; None where there is none."""
-        low_m = self.search_altitude_m(0)
-        return None if low_m is None else (self.altitude_m(len(self.vehicles) - 1) + low_m) / 2.0
+        """From this height on a frame is one of the search alone, for a cell has less than
+        `camera.pixels_per_cell`; None where there is none."""
+        low_m, top_m = self.search_altitude_m(0), self.altitude_m(len(self.vehicles) - 1)
+        if low_m is None:
+            return None
+        fine_m = self.camera.optics.height_m(self.grid.cell_m, self.camera.pixels_per_cell)
+        return min(max(fine_m, top_m + WANDERS_M), (top_m + low_m) / 2.0)
 
     def altitude_m(self, vehicle: int) -> float:
         """The layer of a vehicle (from 0) above home, or above the ground.

@@ -101,8 +101,7 @@ def text_of(
     autopilot = rng.choice(["ardupilot", "px4"])
     text += f'\n[sim]\nautopilot = "{autopilot}"\nswap_s = 15.0\ngps_sigma_m = 0.1\n'
     text += f"[[sim.roi]]\npolygon = {region}\n"
-    habits = ({"height_sigma_m": "3.0"} if vehicles == 1 else {}) | dict(quirks)
-    text += "[sim.quirks]\n" + "".join(f"{key} = {value}\n" for key, value in habits.items())
+    text += "[sim.quirks]\n" + "".join(f"{key} = {value}\n" for key, value in quirks.items())
     for kind, phase in zip(flight.kinds, flight.phases, strict=True):
         fault = fault_of(kind, phase, rng) | {"vehicle": rng.randint(1, vehicles)}
         lines = [f"{key} = {_toml(value)}" for key, value in fault.items()]

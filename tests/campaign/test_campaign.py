@@ -39,6 +39,8 @@ def test_nothing_forbidden_happens_in_an_unkind_world() -> None:
         1303268,
         1402077,
         1506497,
+        31000774,
+        31002439,
     ],
 )
 def test_what_once_went_wrong_does_not_again(seed: int) -> None:

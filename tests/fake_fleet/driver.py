@@ -158,6 +158,8 @@ class Driver:
     hurry: bool = False
     """The guardian has it descend before it lands."""
     overridden: bool = False
+    told_mode: str = ""
+    """The mode of a pilot or a failsafe that was reported last."""
     was_airborne: bool = False
     silent_s: float = 0.0
     known_wh: float = 0.0
@@ -552,12 +554,12 @@ class Driver:
         self.silent_s, self.known_wh = 0.0, self.remaining_wh
         craft, now_s = self.craft, self.around.now_s
         theirs = craft.armed and self.theirs
-        if theirs and not self.overridden:
-            self.overridden = True
-            self.around.post(Overridden(self.number, now_s, self._mode_name()))
+        mode = self._mode_name()
+        if theirs and (not self.overridden or mode != self.told_mode):
+            self.overridden, self.told_mode = True, mode
+            self.around.post(Overridden(self.number, now_s, mode))
         elif self.overridden and craft.armed and craft.mode == "follow" and not craft.failsafe:
             self.overridden, self.asked = False, "follow"
-            self.guard = self.guard.released()
             self.around.post(Released(self.number, now_s, self.position, self.height_m))
         if craft.armed and craft.flying and craft.height_m > LIFTED_M and not self.was_airborne:
             self.was_airborne = True

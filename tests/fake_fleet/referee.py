@@ -112,7 +112,9 @@ class Referee:
         if craft.taken_back:
             craft.taken_back = False
             self.note(t_s, "taken", f"vehicle {craft.number} is taken back from its pilot")
-        known = vehicle.phase is Phase.YIELDED
+        # a pilot may have it return later than take it
+        returns = craft.mode == "rtl"
+        known = vehicle.phase is Phase.YIELDED and vehicle.returns_by_itself >= returns
         if not known:
             notes.known_s = t_s
         if not driver.obeys or fleet.gone:

@@ -165,7 +165,9 @@ class Monitor:
 
     def _report_control(self, before: Control) -> None:
         control, reporter = self.control, self._reporter
-        if before.is_ours and not control.is_ours:
+        # from one mode to another, too: in RTL it flies where in LOITER it did not
+        turned = control.armed and control.mode != before.mode
+        if not control.is_ours and (before.is_ours or turned):
             reporter.happened(Overridden, self._view.mode_name, cause=control.cause or None)
         elif control.is_ours and not before.is_ours:
             height_m = reporter.height_m() if control.off_ground else 0.0
