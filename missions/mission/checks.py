@@ -19,7 +19,7 @@ from missions.geo.grid import Grid
 from missions.mission import flyable, leapfrog_checks, places, terrain_checks
 from missions.mission.schema import Mission, parse_fields
 from missions.planning.stepwise import EXPLORERS
-from missions.planning.sweep.strategies import ON_PATHS
+from missions.planning.sweep.strategies import ON_PATHS, SWATH
 
 STRATEGIES: Final = ChainMap[str, Any](EXPLORERS, ON_PATHS)
 """All strategies by name, those that fly paths first; with those that register later."""
@@ -43,6 +43,16 @@ def parse_mission(
     mission = parse_fields(text, source)
     check(mission, source, strategies=strategies, detectors=detectors)
     return mission
+
+
+def with_strategy(mission: Mission, strategy: str) -> Mission:
+    """Return the mission with another strategy, without the keys of [search] that only `swath`
+    reads: it is one of a user who compares strategies."""
+    search = mission.search
+    if strategy != SWATH.name and search.find == "all":
+        plain = {"find": "first", "altitude_m": None, "layer_m": None}
+        search = search.model_copy(update=plain)
+    return mission.model_copy(update={"strategy": strategy, "search": search})
 
 
 def check(
@@ -105,7 +115,7 @@ def _names(
             near = difflib.get_close_matches(name, list(known), n=1)
             guess = f"did you mean {near[0]!r}? " if near else ""
             yield f"{key} = {name!r}: unknown; {guess}known: {', '.join(sorted(known))}"
-    if mission.search.find == "all" and mission.strategy != "swath":
+    if mission.search.find == "all" and mission.strategy != SWATH.name:
         yield (
             f'search.find = "all" is for strategy = "swath", not {mission.strategy!r}; '
             'leave it out, or set strategy = "swath"'

@@ -49,6 +49,7 @@ COMMANDS: Final = (20, 21, 22, 176, 192, 400, 2000)
 """RTL, land, take-off, mode, reposition, arm, capture."""
 FORGIVEN_S: Final = 60.0
 FAR_M: Final = 150.0
+LED_AWAY_M: Final = 5.0
 LIMIT_S: Final = 4000.0
 """A flight that has not ended by then never does."""
 
@@ -204,6 +205,9 @@ class Witness(Truth):
             if truth.landed or out_m < 0.01:
                 self.outside_s.pop(number, None)
                 continue
+            if _is_led_away(vehicle):  # nobody sees positions and velocities that agree and lie
+                self.outside_s[number] = truth.t_s
+                continue
             since_s = self.outside_s.setdefault(number, truth.t_s)
             by_itself = truth.failsafe and truth.mode.name in RETURNS
             by_itself = by_itself or self.has(number)
@@ -223,6 +227,12 @@ class Witness(Truth):
         if (number, kind) not in self.flagged:
             self.flagged.add((number, kind))
             self.found.append((kind, f"vehicle {number}: {text}"))
+
+
+def _is_led_away(vehicle: SimVehicle) -> bool:
+    """Whether the vehicle is elsewhere than its autopilot believes, by more than it may err."""
+    body, believed = vehicle._body, vehicle._ap.estimate
+    return math.hypot(believed.east - body.east, believed.north - body.north) > LED_AWAY_M
 
 
 RETURNS: Final = ("RTL", "LAND", "SMART_RTL", "AUTO_RTL", "AUTO_LAND", "RETURN")

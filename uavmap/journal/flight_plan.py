@@ -13,7 +13,7 @@ from pydantic import TypeAdapter
 
 from missions.errors import JournalError, LinkError, MissionFileError, UavmapError
 from missions.flight.setting import Setting
-from missions.mission.checks import FLOWN, STRATEGIES, check
+from missions.mission.checks import FLOWN, STRATEGIES, check, with_strategy
 from missions.mission.fleet_checks import check_fleet, with_own_air, with_vehicles
 from missions.mission.schema import Mission
 from uavmap.base.version import __version__
@@ -54,7 +54,7 @@ class FlightPlan(FlightOptions):
         given = {field.name: getattr(options, field.name) for field in fields(FlightOptions)}
         loaded = mission
         if options.strategy is not None:
-            mission = mission.model_copy(update={"strategy": options.strategy})
+            mission = with_strategy(mission, options.strategy)
         urls = options.urls if options.member is None else ()
         wanted = options.vehicles or len(urls) or len(mission.vehicles)
         if wanted != len(mission.vehicles):

@@ -61,6 +61,11 @@ def planned(options: FlightOptions) -> FlightPlan:
     options = replace(options, urls=_urls(options, mission))
     epoch_utc_s = SIM_EPOCH_UTC_S if options.simulated else time.time()
     plan = FlightPlan.make(options, mission, epoch_utc_s)
+    if plan.mission.search.find != mission.search.find:
+        _LOG.info(
+            f"--strategy {options.strategy}: search.find and search.altitude_m of the mission are "
+            "for swath, and are set aside"
+        )
     if plan.member != 0:  # a faulty camera is reported before a folder is made
         cameras_of(plan.cameras, plan.mission, plan.member)
     return plan

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from missions.mission import flyable
-from missions.mission.height_and_speed import LEAST_HEIGHT_M
+from missions.mission.height_and_speed import LEAST_HEIGHT_M, search_layer_faults
 from missions.mission.schema import Mission, parse_fields
 from missions.mission.sections.fields import AUTO
 from missions.units import LatLon
@@ -24,6 +24,13 @@ WIND_M_S: Final = 5.0
 STRATEGY: Final = "swath"
 _CAMERA: Final = ("hfov_deg", "width_px", "height_px", "interval_s", "mounting")
 _SETTLE_M_S: Final = 1.5
+_HIGH: Final = {
+    "search.altitude_m": AUTO,
+    "flight.climb_m_s": 2.5,
+    "flight.descent_m_s": 1.5,
+}
+"""A search from on high, and the speeds at which ArduPilot and PX4 climb and descend by default."""
+_SEARCHED_HIGH: Final = {"search.find": "all", **_HIGH}
 _LEAN_RAD: Final = math.radians(10.0)
 """More than a small multicopter leans in `WIND_M_S`."""
 
@@ -48,6 +55,7 @@ class Flying:
     altitude_m: float | None = None
     """None: as high as the pixels allow, `HIGHEST_M` at most."""
     ceiling_m: float | None = None
+    find: Literal["first", "all"] = "all"
 
 
 def compose(name: str, origin: str, layout: Layout, figures: Figures, flying: Flying) -> str:
@@ -57,6 +65,11 @@ def compose(name: str, origin: str, layout: Layout, figures: Figures, flying: Fl
     if flying.altitude_m is None:
         first = mission_text(values, header, flying.vehicles)
         values |= _seeing_enough(parse_fields(first, name))
+    if flying.find == "all" and flying.strategy == STRATEGY:
+        values |= _SEARCHED_HIGH
+        high = parse_fields(mission_text(values, header, flying.vehicles), name)
+        if list(search_layer_faults(high)):  # no room above the layers of the map
+            values = {key: value for key, value in values.items() if key not in _HIGH}
     return mission_text(values, header, flying.vehicles)
 
 

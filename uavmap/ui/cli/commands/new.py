@@ -97,8 +97,9 @@ def run(options: argparse.Namespace) -> int:
     drawing = _drawing(options)
     figures = figures_of(options)
     flying = Flying(
-        options.vehicles, options.strategy, options.wind, options.height, options.ceiling
-    )
+        options.vehicles, options.strategy, options.wind, options.height, options.ceiling,
+        options.find,
+    )  # fmt: skip
     layout = lay_out(drawing, _wishes(options, drawing, largest_cell_m(figures, flying)))
     name = options.name or folder_name(out.stem)
     origin = Path(drawing.source).name
@@ -227,6 +228,12 @@ def add_drone_options(parser: argparse.ArgumentParser) -> None:
     add("--interval", metavar="S", type=number_type(float, 0.01, 60), help="between pictures")
     add("--mounting", choices=("fixed", "gimbal"), help="of the camera")
     add("--vehicles", metavar="N", type=vehicle_count, default=1, help="how many (default 1)")
+    add(
+        "--find",
+        choices=("first", "all"),
+        default="all",
+        help="the piece of the region that is seen first, or all in the area (default)",
+    )
     add("--strategy", choices=STRATEGIES, default=STRATEGY, help=f"default {STRATEGY}", metavar="S")
     add(
         "--wind",
