@@ -213,10 +213,9 @@ def _(event: Tracked, vehicle: VehicleState, setting: Setting) -> VehicleState:
     if not vehicle.landed and elapsed_s > 0.0 and known:
         weight = min(elapsed_s / _DRAW_SMOOTHING_S, 1.0)
         drawn_w += weight * (used_wh * 3600.0 / elapsed_s - drawn_w)
-    # a take-off that is interrupted on its way leaves the vehicle in the air
-    # (one that was set down elsewhere may stand higher than its home)
-    yielded = vehicle.phase is Phase.YIELDED and not vehicle.landed_away_m
-    climbing = isinstance(vehicle.order, TakeOff) or yielded
+    # a take-off that is interrupted on its way leaves the vehicle in the air; of one that others
+    # have, only the report that it lifted off counts: a PX4 on its pad may report 1 m and more
+    climbing = isinstance(vehicle.order, TakeOff)
     silent_s = event.t_s - vehicle.judged_s
     if vehicle.path is not None and vehicle.works and silent_s >= _nothing_s(setting):
         note = "the camera is silent: no picture of its path was judged"

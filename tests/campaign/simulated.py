@@ -16,7 +16,7 @@ from shapely.geometry import Point
 
 from missions.errors import UavmapError
 from missions.flight.setting import Setting
-from missions.flight.state import Phase
+from missions.flight.state import Phase, VehicleState
 from missions.flight.step import fold
 from missions.geo.grid import Grid
 from missions.guardian import HARD_M_S, PAD_M
@@ -281,10 +281,10 @@ def fly(
         except* Exception as group:
             text = repr(group.exceptions[0])
             found.append(("no end" if "no end" in text else "traceback", text))
-        phases = _phases(asked, path, verbose=verbose)
-    found += _judged(flight, text, witness, summary, phases)
+        left = _left(asked, path, verbose=verbose)
+    found += _judged(flight, text, witness, summary, left)
     if verbose:
-        print(text, summary, phases, witness, sep="\n")
+        print(text, summary, left, witness, sep="\n")
     counts = {FORBIDDEN[kind] for kind, _ in found}
     counts.add("ok" if summary.get("completed") else "inc")
     away = any(at.distance_to(_home(number)) > 2 * PAD_M for number, at in witness.at.items())
@@ -298,7 +298,7 @@ def _home(number: int) -> GridPoint:
     return GridPoint(8.0 * (number - 1), 0.0)
 
 
-def _phases(asked: FlightPlan, path: Path, *, verbose: bool) -> dict[int, Phase]:
+def _left(asked: FlightPlan, path: Path, *, verbose: bool) -> dict[int, VehicleState]:
     """How the journal leaves each vehicle."""
     if not (path / JOURNAL).exists():
         return {}
@@ -309,12 +309,15 @@ def _phases(asked: FlightPlan, path: Path, *, verbose: bool) -> dict[int, Phase]
         for event in events:
             if event.kind not in ("tracked", "frame_seen"):
                 print(event)
-    state = fold(setting, events)
-    return {number: vehicle.phase for number, vehicle in state.vehicles.items()}
+    return dict(fold(setting, events).vehicles)
 
 
 def _judged(
-    flight: Plan, text: str, witness: Witness, summary: dict[str, Any], phases: dict[int, Phase]
+    flight: Plan,
+    text: str,
+    witness: Witness,
+    summary: dict[str, Any],
+    left: Mapping[int, VehicleState],
 ) -> list[tuple[str, str]]:
     """What of a flight is forbidden."""
     pilot = witness.pilot
@@ -331,20 +334,25 @@ def _judged(
     for number, truth in witness.last.items():
         theirs = truth.mode.name in RETURNS or witness.has(number)
         if not truth.landed and not truth.crashed and not theirs:
-            text = f"in {truth.mode.name}, with {truth.energy_wh:.1f} Wh, {phases.get(number)}"
+            text = f"in {truth.mode.name}, with {truth.energy_wh:.1f} Wh, {_phase(left, number)}"
             found.append(("air", f"vehicle {number} is in the air {text}"))
-        told = phases.get(number) in (Phase.DOWN, Phase.LOST, Phase.OFFLINE)
+        # (of one that never told where it is a crash is no more than a landing away from home)
+        told = number in left and (left[number].away or left[number].phase is Phase.OFFLINE)
         away = witness.at[number].distance_to(_home(number)) > PAD_M
         # a fall from a quarter of a metre tells itself from a landing by no message
         hard = witness.struck_m_s.get(number, 0.0) > HARD_M_S - STEP_S * GRAVITY_M_S2
         if truth.crashed and not told and away and hard:
-            found.append(("unreported", f"vehicle {number} is down as {phases.get(number)}"))
+            found.append(("unreported", f"vehicle {number} is down as {_phase(left, number)}"))
     if summary.get("completed") and not blind:
         if summary.get("cells_missed"):
             found.append(("lie", f"completed, {summary['cells_missed']} cells missed"))
         if witness.crashes:
             found.append(("lie", "completed, with an aircraft down"))
     return found
+
+
+def _phase(left: Mapping[int, VehicleState], number: int) -> Phase | None:
+    return left[number].phase if number in left else None
 
 
 def _poor(flight: Plan) -> bool:

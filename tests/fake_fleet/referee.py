@@ -58,6 +58,8 @@ class Notes:
     known_s: float = -math.inf
     """Since when the mission knows of that."""
     guarded_s: float = -math.inf
+    only_rtl_s: float = -math.inf
+    """When it obeyed no target last."""
     deaf_s: float = -math.inf
     """When no command reached it last."""
     outside_s: float | None = None
@@ -114,6 +116,8 @@ class Referee:
             self.note(t_s, "taken", f"vehicle {craft.number} is taken back from its pilot")
         # a pilot may have it return later than take it
         returns = craft.mode == "rtl"
+        if _obeys_no_target(fleet, craft):
+            notes.only_rtl_s = t_s
         known = vehicle.phase is Phase.YIELDED and vehicle.returns_by_itself >= returns
         if not known:
             notes.known_s = t_s
@@ -146,7 +150,8 @@ class Referee:
         if out_m < 0.01 or fleet.stood_outside or t_s - notes.spoofed_s < FORGIVEN_S:
             return  # who is led away by positions and velocities that agree cannot know it
         forgiven = max(notes.blind_s, notes.hands_s) >= notes.outside_s - FORGIVEN_S
-        if not notes.breach_told and not forgiven and not _takes_only_rtl(fleet, craft):
+        only_rtl = craft.mode == "rtl" and t_s - notes.only_rtl_s < FORGIVEN_S
+        if not notes.breach_told and not forgiven and not only_rtl:
             notes.breach_told = True
             self.note(t_s, "breach", f"vehicle {craft.number} is {out_m:.1f} m outside the fence")
         heard = t_s - notes.deaf_s > FORGIVEN_S
@@ -357,8 +362,6 @@ def _unseen_lanes(fleet: Fleet) -> Iterator[str]:
                 yield f"no frame shows {at}, on a lane"
 
 
-def _takes_only_rtl(fleet: Fleet, craft: Aircraft) -> bool:
-    """Whether it obeys neither a target nor LAND: it is RTL, over a hole of the fence, or to stay
-    in the air for ever."""
-    refuses = {"FlyTo", "Land"} <= {*fleet.drivers[craft.number].refuses}
-    return refuses and craft.mode == "rtl"
+def _obeys_no_target(fleet: Fleet, craft: Aircraft) -> bool:
+    """Whether it can be brought home by RTL only, which is straight, also past a hole."""
+    return "FlyTo" in fleet.drivers[craft.number].refuses
