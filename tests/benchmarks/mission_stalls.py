@@ -20,7 +20,7 @@ from pathlib import Path
 from pymavlink import mavutil
 
 from tests.benchmarks.frame import asked, spread
-from tests.e2e.rig import ended, simulator, started
+from tests.e2e.rig import ended, mission, simulator, started
 
 MOST_GAP_S = 0.25
 PATH_ENDS_S = 1.0
@@ -53,7 +53,7 @@ def main() -> int:
     ):
         folder = Path(below) / "out"
         with started(
-            "fly", f"tests/data/{options.mission}.toml", "--connect", urls[0], "--auto-swap",
+            "fly", mission(options.mission), "--connect", urls[0], "--auto-swap",
             "--strategy", "swath", "--json", "--out", folder,
         ) as process:  # fmt: skip
             over = threading.Event()

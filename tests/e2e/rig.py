@@ -35,8 +35,9 @@ ROI_STATES = ("explored", "under exploration", "unexplored")
 
 
 def mission(name: str) -> str:
-    """The path of a mission of the tests."""
-    return str(MISSIONS / f"{name}.toml")
+    """The path of a mission of the tests; else the name, which may be a shipped one's."""
+    path = MISSIONS / f"{name}.toml"
+    return str(path) if path.exists() else name
 
 
 def kinder(name: str, folder: Path, **quirks: bool) -> str:
@@ -186,8 +187,7 @@ def simulator(
 ) -> Iterator[list[str]]:
     """`uavmap sitl` in a process of its own; its URLs. The mission is one of the tests, or any."""
     port, http_port = free_ports(vehicles)
-    file = mission(name) if Path(mission(name)).exists() else name
-    arguments = ["sitl", "--mission", file, "--speedup", speedup, "--vehicles", vehicles]
+    arguments = ["sitl", "--mission", mission(name), "--speedup", speedup, "--vehicles", vehicles]
     arguments += ["--autopilot", autopilot, "--seed", seed]
     with started(*arguments, "--port", port, "--http-port", http_port) as process:
         lines: queue.Queue[str] = queue.Queue()
