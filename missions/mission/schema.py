@@ -17,8 +17,7 @@ import tomllib
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, ValidationError, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import Field, ValidationError, model_validator
 
 from missions.errors import MissionFileError
 from missions.geo.footprint import Optics
@@ -29,6 +28,8 @@ from missions.mission.sections.fields import (
     AUTO,
     Altitude,
     Count,
+    FileName,
+    HostName,
     NotNegative,
     Number,
     Positive,
@@ -47,11 +48,6 @@ from missions.mission.sections.terrain_section import (
 )
 from missions.units import LatLon
 
-HostName = Annotated[
-    str, Field(strict=True, min_length=1, max_length=253, pattern=r"^[A-Za-z0-9._:-]+$")
-]
-
-
 MAX_VEHICLES = 50
 WANDERS_M = 1.5
 """How far a vehicle may be above its layer."""
@@ -60,28 +56,6 @@ WANDERS_M = 1.5
 def positions(ring: tuple[Vertex, ...]) -> tuple[LatLon, ...]:
     """The vertices of a ring as positions."""
     return tuple(LatLon(lat, lon) for lat, lon in ring)
-
-
-LONGEST_NAME = 100
-_RESERVED = frozenset('<>:"/\\|?*')
-
-
-def _file_name(name: str) -> str:
-    """A name that can be the name of a folder, on every system that people copy results to."""
-    fault = ""
-    if not name or not name.strip("."):
-        fault = "must not be empty or only dots"
-    elif len(name) > LONGEST_NAME:
-        fault = f"at most {LONGEST_NAME} letters; this has {len(name):,}"
-    elif found := sorted(set(name) & _RESERVED):
-        fault = f"results go into a folder of this name: leave out {' '.join(found)}"
-    elif not name.isprintable():
-        fault = "results go into a folder of this name: leave out control characters"
-    elif name != name.strip() or name.endswith("."):
-        fault = "must not begin or end with a space, or end with a dot"
-    if fault:
-        raise PydanticCustomError("file_name", "{fault}", {"fault": fault})
-    return name
 
 
 class Start(Section):
@@ -228,7 +202,7 @@ class Mission(Section):
     Examples of keys and defaults are in the shipped missions (`missions/shipped`).
     """
 
-    name: Annotated[str, AfterValidator(_file_name)] = "mission"
+    name: FileName = "mission"
     strategy: str = "rdfs"
     start: Start
     search: Search

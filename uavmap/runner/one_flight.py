@@ -360,10 +360,8 @@ class Flight:
         self.clock.set(await asyncio.to_thread(taken_up_at, found, _LOG.info, self._company.ask))
 
     async def _agree(self, member: Member, pad: PadHeight | None) -> None:
-        """Count the seconds that the others of a fleet count. Time never runs backwards.
-
-        Raises `PreflightError` where the heights of pads contradict the mission, and ours stands.
-        """
+        """Count the seconds that the others of a fleet count; time never runs backwards. Raises
+        `PreflightError` where the heights of pads contradict the mission, and ours stands."""
         # on a clock that runs fast, the others' processes begin as late as on a slow one
         wait_s = AGREE_S * (1.0 if self._plan.simulated else max(self._plan.speedup or 1.0, 1.0))
         by_s = await member.agree(wait_s, pad)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Final, Literal
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     ConfigDict,
     Field,
@@ -30,7 +31,36 @@ TagDictionary = Literal[
 ]  # fmt: skip
 Ring = Annotated[tuple[Vertex, ...], Field(min_length=3)]
 
+HostName = Annotated[
+    str, Field(strict=True, min_length=1, max_length=253, pattern=r"^[A-Za-z0-9._:-]+$")
+]
+
 AUTO: Final = "auto"
+
+
+LONGEST_NAME: Final = 100
+_RESERVED: Final = frozenset('<>:"/\\|?*')
+
+
+def _file_name(name: str) -> str:
+    """A name that can be the name of a folder, on every system that people copy results to."""
+    fault = ""
+    if not name or not name.strip("."):
+        fault = "must not be empty or only dots"
+    elif len(name) > LONGEST_NAME:
+        fault = f"at most {LONGEST_NAME} letters; this has {len(name):,}"
+    elif found := sorted(set(name) & _RESERVED):
+        fault = f"results go into a folder of this name: leave out {' '.join(found)}"
+    elif not name.isprintable():
+        fault = "results go into a folder of this name: leave out control characters"
+    elif name != name.strip() or name.endswith("."):
+        fault = "must not begin or end with a space, or end with a dot"
+    if fault:
+        raise PydanticCustomError("file_name", "{fault}", {"fault": fault})
+    return name
+
+
+FileName = Annotated[str, AfterValidator(_file_name)]
 
 
 def _number_or_auto(value: object, number: ValidatorFunctionWrapHandler) -> object:
