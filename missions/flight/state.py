@@ -341,9 +341,9 @@ class State:
 
     @property
     def completed(self) -> bool:
-        """Mapped without a gap, nobody down or lost, and everybody home.
+        """Mapped without a gap, no vehicle down or lost, and all of ours at home.
 
-        A member of a fleet speaks of its own vehicle's landing only: others may still come home.
+        A member of a fleet knows the landing of its own vehicle only: others may still come home.
         """
         everybody = self.vehicles.values()
         return (

@@ -205,7 +205,9 @@ class Witness(Truth):
             if truth.landed or out_m < 0.01:
                 self.outside_s.pop(number, None)
                 continue
-            if _is_led_away(vehicle):  # nobody sees positions and velocities that agree and lie
+            if _is_led_away(
+                vehicle
+            ):  # positions and velocities that agree, and lie, cannot be seen
                 self.outside_s[number] = truth.t_s
                 continue
             since_s = self.outside_s.setdefault(number, truth.t_s)

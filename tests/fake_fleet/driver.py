@@ -158,7 +158,7 @@ class Driver:
     hurry: bool = False
     """The guardian has it descend before it lands."""
     overridden: bool = False
-    told_mode: str = ""
+    reported_mode: str = ""
     """The mode of a pilot or a failsafe that was reported last."""
     was_airborne: bool = False
     silent_s: float = 0.0
@@ -555,8 +555,8 @@ class Driver:
         craft, now_s = self.craft, self.around.now_s
         theirs = craft.armed and self.theirs
         mode = self._mode_name()
-        if theirs and (not self.overridden or mode != self.told_mode):
-            self.overridden, self.told_mode = True, mode
+        if theirs and (not self.overridden or mode != self.reported_mode):
+            self.overridden, self.reported_mode = True, mode
             self.around.post(Overridden(self.number, now_s, mode))
         elif self.overridden and craft.armed and craft.mode == "follow" and not craft.failsafe:
             self.overridden, self.asked = False, "follow"

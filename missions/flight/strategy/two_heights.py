@@ -36,7 +36,7 @@ SLOW_TIMES = 2.0
 OVER_PAD_M = 1.0
 """A vehicle that is nearer to its pad is in the column over it."""
 _CANNOT_PROMISE: Final = (Phase.APART, Phase.OFFLINE, Phase.YIELDED, Phase.GUARDED)
-"""What others are in whose member answers for nothing that they do, or is not heard."""
+"""Phases of a vehicle whose member does not control it, or is not heard."""
 ON_THE_WAY: Final = 0.8
 """So much of what a vehicle can climb on its way to its first lane is left for it at take-off."""
 

@@ -113,7 +113,7 @@ def may_close(setting: Setting, state: State, column: Column) -> bool:
     """Whether ours can promise to keep out of a column until it is open again.
 
     Either it stands and stays, or it flies by our orders, is out of it, and its next seconds do not
-    lead into it. For one that others have, or that is silent in the air, nobody can promise.
+    lead into it. A vehicle that others control, or that is silent in the air, promises nothing.
     """
     return all(
         (ours.landed and not isinstance(ours.order, TakeOff))

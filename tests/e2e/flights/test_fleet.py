@@ -151,7 +151,7 @@ def test_pads_without_a_place_lie_far_enough_apart() -> None:
     assert [round(b - a) for a, b in itertools.pairwise(east_m)] == [13, 13, 13]
 
 
-def test_with_an_aircraft_down_nobody_calls_the_mission_complete(tmp_path: Path) -> None:
+def test_with_an_aircraft_down_no_summary_is_complete(tmp_path: Path) -> None:
     """Vehicle 3 falls at 40 s: the other two map the rest, and no summary says "complete"."""
     file, out = made(tmp_path), tmp_path / "out"
     fault = '[[sim.faults]]\nkind = "motor"\nvehicle = 3\nat_s = 40\nshare = 0.0\n'

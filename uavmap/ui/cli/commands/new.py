@@ -232,7 +232,7 @@ def add_drone_options(parser: argparse.ArgumentParser) -> None:
         "--find",
         choices=("first", "all"),
         default="all",
-        help="the piece of the region that is seen first, or all in the area (default)",
+        help="map the piece that is seen first, or all in the area (default)",
     )
     add("--strategy", choices=STRATEGIES, default=STRATEGY, help=f"default {STRATEGY}", metavar="S")
     add(
