@@ -15,6 +15,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections import defaultdict
 from pathlib import Path
 
 from pymavlink import mavutil
@@ -28,13 +29,14 @@ PATH_ENDS_S = 1.0
 
 
 def gaps_of(log: Path, stalls: list[tuple[float, float]]) -> tuple[list[float], list[float]]:
-    """The gaps between setpoints, s, in all and those that meet a stall (UTC seconds)."""
-    times = []
+    """The gaps between setpoints of a vehicle, s, all and those that meet a stall (UTC seconds)."""
+    times = defaultdict[int, list[float]](list)
     reader = mavutil.mavlink_connection(str(log), dialect="ardupilotmega")
     while (message := reader.recv_match(type="SET_POSITION_TARGET_GLOBAL_INT")) is not None:
-        times.append(message._timestamp)
+        times[message.target_system].append(message._timestamp)
     gaps, met = [], []
-    for begin_s, end_s in itertools.pairwise(times):
+    pairs = (pair for of_one in times.values() for pair in itertools.pairwise(of_one))
+    for begin_s, end_s in pairs:
         stalled = any(begin_s < until_s and end_s > since_s for since_s, until_s in stalls)
         if stalled:
             met.append(end_s - begin_s)
