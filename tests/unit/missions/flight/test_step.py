@@ -386,6 +386,15 @@ def test_nothing_is_ordered_while_a_pilot_flies(service: Service) -> None:
     assert not service.state.vehicles[1].at_target
 
 
+def test_a_pilots_vehicle_on_its_pad_is_down_whatever_height_it_reports(service: Service) -> None:
+    """A PX4 moves its home for two minutes after take-off: 1.2 m, and the mission never ended."""
+    service.take_off()
+    service.post(Overridden(1, 20.0, "LAND"), Landed(1, 30.0, 50.0, HOME))
+    service.track(1, HOME, height_m=1.2)
+    assert service.state.vehicles[1].landed
+    assert service.state.over
+
+
 def test_a_fresh_battery_does_not_start_one_who_failed(service: Service) -> None:
     service.connect()
     service.post(OrderFailed(1, 2.0, "take off", "no arming"))

@@ -30,6 +30,19 @@ def flown_by(vehicles: int, made: Mission) -> Mission:
     return made.model_copy(update={"vehicles": (VehicleSection(),) * vehicles})
 
 
+def test_frames_count_for_the_map_from_where_a_cell_has_its_pixels() -> None:
+    """Searched from 76 m, mapped from 12: at 38 m a cell of 4 m has 40 of its 80 pixels."""
+    given = {"flight__altitude_m": "12.0", "strategy": "'swath'"}
+    assert parsed(**given).overview_above_m is None
+    high = parsed(**given, search__find="'all'", search__altitude_m="'auto'")
+    assert high.overview_above_m is not None
+    assert abs(high.overview_above_m - 19.07) < 0.01
+    coarse = high.model_copy(
+        update={"camera": high.camera.model_copy(update={"pixels_per_cell": 200.0})}
+    )
+    assert coarse.overview_above_m == 13.5  # never within what a vehicle strays from its layer
+
+
 def test_by_hand() -> None:
     """80 degrees over 640 px are 381.4 px of focal length: 4 m have 80 px from 19.07 m."""
     mission = parsed()
