@@ -205,9 +205,8 @@ class Witness(Truth):
             if truth.landed or out_m < 0.01:
                 self.outside_s.pop(number, None)
                 continue
-            if _is_led_away(
-                vehicle
-            ):  # positions and velocities that agree, and lie, cannot be seen
+            # positions and velocities that agree, and lie, cannot be seen
+            if _is_led_away(vehicle):
                 self.outside_s[number] = truth.t_s
                 continue
             since_s = self.outside_s.setdefault(number, truth.t_s)
@@ -339,7 +338,8 @@ def _judged(
             text = f"in {truth.mode.name}, with {truth.energy_wh:.1f} Wh, {_phase(left, number)}"
             found.append(("air", f"vehicle {number} is in the air {text}"))
         # (of one that never told where it is a crash is no more than a landing away from home)
-        told = number in left and (left[number].away or left[number].phase is Phase.OFFLINE)
+        told = _phase(left, number) in (Phase.DOWN, Phase.LOST, Phase.OFFLINE)
+        told = told or (number in left and left[number].landed_away_m > 0.0)
         away = witness.at[number].distance_to(_home(number)) > PAD_M
         # a fall from a quarter of a metre tells itself from a landing by no message
         hard = witness.struck_m_s.get(number, 0.0) > HARD_M_S - STEP_S * GRAVITY_M_S2

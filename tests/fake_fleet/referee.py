@@ -114,10 +114,10 @@ class Referee:
         if craft.taken_back:
             craft.taken_back = False
             self.note(t_s, "taken", f"vehicle {craft.number} is taken back from its pilot")
-        # a pilot may have it return later than take it
-        returns = craft.mode == "rtl"
         if _obeys_no_target(fleet, craft):
             notes.only_rtl_s = t_s
+        # a pilot may have it return later than take it
+        returns = craft.mode == "rtl"
         known = vehicle.phase is Phase.YIELDED and vehicle.returns_by_itself >= returns
         if not known:
             notes.known_s = t_s
