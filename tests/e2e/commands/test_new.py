@@ -60,3 +60,19 @@ def test_an_exported_search_comes_back_with_its_fence_and_home() -> None:
         box, lanes = (Polygon(mission.search.box) for mission in (runway, again))
         assert 0.8 * box.area < lanes.area < box.area
         assert lanes.intersection(box).area > 0.99 * lanes.area
+
+
+def test_a_new_mission_maps_all_of_its_area_and_other_strategies_say_what_they_leave(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    made = ["new", "--at", "52.4568,13.3044", "--size", "40x30", "--drone", "sim"]
+    assert main([*made, "--out", "all.toml"]) == 0
+    assert main([*made, "--find", "first", "--out", "first.toml"]) == 0
+    assert main([*made, "--ceiling", "20", "--out", "low.toml"]) == 0
+    searches = [load(f"{name}.toml").search for name in ("all", "first", "low")]
+    assert [(s.find, s.altitude_m) for s in searches] == [
+        ("all", "auto"), ("first", None), ("all", None),
+    ]  # fmt: skip
+    capsys.readouterr()
+    assert main(["fly", "all.toml", "--sim", "--strategy", "rdfs"]) == 0
+    assert "for swath, and are set aside" in capsys.readouterr().err

@@ -230,9 +230,8 @@ def _flight(mission: Paths, **given: Any) -> Job[Results]:
         raise UavmapError("dry_run=True is for real aircraft; `uavmap check` looks at a mission")
 
     def job(caller: Caller) -> Results:
-        plan = planned(options)
         with _shown(quiet=quiet) as onlookers:
-            plan = with_ground(plan)
+            plan = with_ground(planned(options))
             name = plan.mission.name
             folder = results_folder(out, name)
             _LOG.info(f"{name} into {folder}; to go on if it is interrupted: uavmap.resume")

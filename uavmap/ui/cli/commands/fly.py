@@ -62,7 +62,8 @@ def run(options: argparse.Namespace) -> int:
     """Fly."""
     member = 0 if options.fleet else None
     asked = flight_options(options, member=member, network=_network(options))
-    plan = planned(asked)
+    with shown_on(Terminal()):
+        plan = planned(asked)
     if plan.comms is not None:
         return _fly_fleet(options, plan)
     no_take_off = options.sim or options.fleet
