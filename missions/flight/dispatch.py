@@ -2,45 +2,33 @@
 
 A vehicle in the air comes home when called, when the battery or the camera says so, or when all
 is done (`missions.flight.return_home`); it searches until the ROI is found
-(`missions.flight.strategy.searching`), then explores (`missions.flight.strategy.exploring`). No
+(`missions.flight.strategy.searching`), then explores (`missions.flight.strategy.stepwise`). No
 order is given that would take a vehicle out of its fence, beyond its energy, or through the air
 that another vehicle claims (`missions.flight.airspace.deconfliction`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import replace
 
 from shapely.geometry import Point
 
-from missions.flight.airspace.deconfliction import give_if_clear, give_way, hold, revise, where
-from missions.flight.path_orders import come_inside, keep_clear
+from missions.flight.airspace.deconfliction import give_if_clear, give_way, hold, revise
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State, VehicleState
-from missions.flight.strategy.exploring import explore, explore_moves
-from missions.flight.strategy.gathering import gathers
-from missions.flight.strategy.lane_passes import drop_seen, end_searched, search_passes
-from missions.flight.strategy.leapfrogging import both_ready, take_turns
-from missions.flight.strategy.searching import find_work, idle_in_search, search
-from missions.flight.strategy.sweep_passes import awaits_others, explore_passes, give_up_rest
+from missions.flight.strategy.lane_passes import drop_seen
+from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.two_heights import (
     back_to_layer,
-    change_layer,
-    is_over_pad,
     layer_of,
-    over_own_pad,
     strays_from_layer,
     take_off_height_m,
 )
-from missions.flight.strategy.visiting import mark_unreachable
-from missions.flight.whole_box import open_cells
 from missions.geo.columns import PAD_M
 from missions.mission.energy import FRESH
 from missions.mission.height_and_speed import LEAST_HEIGHT_M
 from missions.orders import AwaitBattery, TakeOff
-from missions.units import Cell, GridPoint
 
 MOST_FRUITLESS_SORTIES = 3
 """After so many in a row the next place counts as out of reach."""
@@ -53,20 +41,13 @@ def assign(setting: Setting, state: State) -> State:
     """The state with an order for everybody who can have one."""
     if state.tree is None and setting.member is not None:
         state = drop_seen(setting, state)
+    strategy = setting.strategy.in_force(state)
     if state.tree is None and setting.lanes:
-        done = all(idle_in_search(v) for v in state.vehicles.values())
-        if not setting.sees_box:  # else it is done when its cells are decided
-            state = replace(state, exhausted=done)
+        state = strategy.searched(setting, state)
     state = revise(setting, state)
     for number in state.our_numbers:
         state = turn_back(setting, state, state.vehicles[number])
-    if setting.nonstop and not state.falls_back:
-        state = end_searched(setting, keep_clear(setting, state))
-        if not state.paused:
-            plan = take_turns if setting.leapfrogs else explore_passes
-            state = plan(setting, state)
-    elif not state.paused:
-        state = explore_moves(setting, state)
+    state = strategy.plan(setting, state)
     for number in state.our_numbers:
         vehicle = state.vehicles[number]
         if vehicle.idle and vehicle.phase is Phase.AIRBORNE:
@@ -87,37 +68,7 @@ def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
         return given_way
     if state.paused:
         return hold(state, vehicle)
-    if setting.nonstop and not state.falls_back:
-        return _waiting_for_a_path(setting, state, vehicle)
-    if state.tree is None:
-        return search(setting, state, vehicle)
-    return explore(setting, state, vehicle)
-
-
-def _waiting_for_a_path(setting: Setting, state: State, vehicle: VehicleState) -> State:
-    """A path along the lanes; in an exploration paths are planned for all at once."""
-    inside = come_inside(setting, state, vehicle)
-    if inside is not None:
-        return inside
-    if gathers(setting, state, vehicle):
-        if not is_over_pad(vehicle):
-            return over_own_pad(setting, state, vehicle)
-    elif setting.sees_box and not vehicle.lanes:
-        state = find_work(setting, state, vehicle)
-        vehicle = state.vehicles[vehicle.vehicle]
-    changed = change_layer(setting, state, vehicle)
-    if changed is not None:
-        return changed
-    if vehicle.asks is not None:  # it is there: the air is the others' again
-        vehicle = replace(vehicle, asks=None)
-        state = state.with_vehicle(vehicle)
-    if state.tree is None and vehicle.lanes:
-        return search_passes(setting, state, vehicle)
-    if state.tree is None and not setting.sees_box:
-        return search(setting, state, vehicle)  # others have lanes left, or it waits over its pad
-    if awaits_others(setting, state, vehicle) and not is_over_pad(vehicle):
-        return over_own_pad(setting, state, vehicle)  # where everybody comes, and is heard again
-    return hold(state, vehicle)
+    return setting.strategy.in_force(state).next_order(setting, state, vehicle)
 
 
 def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
@@ -129,29 +80,17 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
         return state
     if not vehicle.cleared:
         return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
-    if state.paused or not both_ready(setting, state):
+    strategy = setting.strategy.in_force(state)
+    if state.paused or not strategy.may_take_off(state):
         return state
-    if state.tree is None and idle_in_search(vehicle):
+    if state.tree is None and vehicle.idle_in_search:
         state = find_work(setting, state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
     if setting.searches_high:
         vehicle = replace(vehicle, cruise_altitude_m=layer_of(setting, vehicle))
-    target = _first_target(setting, state, vehicle)
-    # some milliseconds over a large region: once a report of the vehicle is soon enough
-    if target is None and setting.searches_high and vehicle.tracked_s == state.t_s:
-        # who has no lane maps at once
-        target = _nearest(setting, state, vehicle, _beside_patches(state))
-    if target is None and setting.sees_box and not any(v.lanes for v in state.vehicles.values()):
-        target = _nearest(setting, state, vehicle, open_cells(setting, state))
-        if target is None:
-            return give_up_rest(setting, state)
-    if target is None and not setting.lanes and state.tree is None:
-        note = (
-            "no part of the search box can be flown inside the geofence; move the one or the other"
-        )
-        return state.with_vehicle(vehicle.stood_down(Phase.FAILED, note))
+    target = strategy.first_target(setting, state, vehicle)
     if target is None:
-        return state
+        return strategy.without_target(setting, state, vehicle)
     if refusal := _unfit(setting, vehicle):
         return state.with_vehicle(vehicle.stood_down(Phase.FAILED, refusal))
     if vehicle.fruitless_sorties >= MOST_FRUITLESS_SORTIES:
@@ -190,29 +129,6 @@ def _unfit(setting: Setting, vehicle: VehicleState) -> str:
     return ""
 
 
-def _first_target(setting: Setting, state: State, vehicle: VehicleState) -> GridPoint | None:
-    """Where the vehicle would fly first, None when there is nothing for it to do."""
-    cell = vehicle.vertex or vehicle.candidate
-    if cell is not None:
-        return where(setting, state, cell)
-    return setting.over_ground(vehicle.lanes[0][0], state.t_s) if vehicle.lanes else None
-
-
-def _beside_patches(state: State) -> set[Cell]:
-    """The cells beside a patch that nobody has decided."""
-    belief = state.belief
-    beside = {near for cell in belief.roi for near in cell.neighbours()}
-    return {cell for cell in beside if belief.verdict(cell) is None}
-
-
-def _nearest(
-    setting: Setting, state: State, vehicle: VehicleState, cells: Collection[Cell]
-) -> GridPoint | None:
-    """Where the nearest of some cells is, of equal ones the lowest; None where there is none."""
-    places = (where(setting, state, cell) for cell in sorted(cells))
-    return min(places, key=vehicle.position.distance_to, default=None)
-
-
 def _out_of_reach(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """A full battery does not get there and back: somebody nearer, or nobody, will."""
     alone = not any(
@@ -220,10 +136,9 @@ def _out_of_reach(setting: Setting, state: State, vehicle: VehicleState) -> Stat
         for other in state.vehicles.values()
         if other.vehicle != vehicle.vehicle
     )
-    searches = state.tree is None and any(v.lanes for v in state.vehicles.values())
-    if alone and setting.nonstop and not state.falls_back and not searches:
-        return give_up_rest(setting, state)
-    if alone and vehicle.vertex is not None:
-        return mark_unreachable(state, vehicle, vehicle.vertex)
+    if alone:
+        given_up = setting.strategy.in_force(state).give_up_far(setting, state, vehicle)
+        if given_up is not None:
+            return given_up
     note = "its next place is out of reach on a full battery"
     return state.with_vehicle(vehicle.stood_down(Phase.FAILED, note))

@@ -17,7 +17,6 @@ from missions.flight.state import State
 from missions.flight.strategy.lane_passes import still_open
 from missions.flight.strategy.two_heights import with_plain
 from missions.flight.team.own_cells import OwnCells, as_frames
-from missions.flight.whole_box import open_cells
 from missions.mapping.belief import Ballot, Belief, FrameId
 from missions.units import Cell
 
@@ -126,21 +125,13 @@ def concluded(setting: Setting, state: State) -> State:
     Of who flies nothing, and of a member whose own vehicle came home before all was done: others
     may have done the rest. Lanes are what is left of them, whoever held them.
     """
-    early = state.over and setting.sees_box and not state.exploration_finished
+    strategy = setting.strategy
+    early = state.over and strategy.flies_all_lanes and not state.exploration_finished
     if state.our_numbers and not early:
         return state
-    open_ = open_cells(setting, state) if setting.sees_box else frozenset[Cell]()
-    if state.our_numbers and open_:
+    if state.our_numbers and strategy.open_cells(setting, state):
         return state
     left = () if state.tree is not None else still_open(setting, state, setting.lanes)
     vehicles = {number: replace(v, lanes=()) for number, v in state.vehicles.items()}
     state = replace(state, vehicles=vehicles, unreachable_lanes=left)
-    if not setting.sees_box:
-        return replace(state, exhausted=state.tree is None and not left)
-    return replace(
-        state,
-        exhausted=True,
-        surveyed=not open_,
-        undecided=open_,
-        unreachable_lanes=left if open_ else (),
-    )
+    return strategy.concluded(setting, state, left)

@@ -39,12 +39,7 @@ def to_skip(setting: Setting, state: State, vehicle: VehicleState) -> Cell | Non
 
     Paths without stopping lead over many cells, and lanes over all of them.
     """
-    if setting.nonstop and not state.falls_back:
-        return None
-    if state.tree is None:
-        return vehicle.candidate
-    at = vehicle.vertex
-    return at if at is not None and at in state.tree and not state.tree.has_looked(at) else None
+    return setting.strategy.in_force(state).to_skip(state, vehicle)
 
 
 def skip(setting: Setting, state: State, event: CellSkipped) -> State:

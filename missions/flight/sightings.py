@@ -64,15 +64,15 @@ def _seen_from_above(setting: Setting, state: State, event: FrameSeen) -> State:
     )
     belief = with_plain(state.belief, state.overview, overview, setting.in_box, votes)
     state = replace(state, belief=belief, overview=overview)
-    return _on_a_lane(setting, state, vehicle, event)
+    return on_a_lane(setting, state, vehicle, event)
 
 
-def _on_a_lane(setting: Setting, state: State, vehicle: VehicleState, event: FrameSeen) -> State:
+def on_a_lane(setting: Setting, state: State, vehicle: VehicleState, event: FrameSeen) -> State:
     """What a frame of a vehicle that does not stop means for the lane that it flies."""
     shown, judged = [vote.cell for vote in event.votes], searched(setting, state)
     vehicle = lane_passed(
         vehicle, setting.grid, setting.lane_rows, judged, shown, event.t_s,
-        drifts=setting.lanes_drift,
+        drifts=setting.strategy.lanes_drift,
     )  # fmt: skip
     return state.with_vehicle(vehicle)
 
@@ -96,17 +96,7 @@ def _seen_in_passing(
     if state.tree is not None:
         tree = grown(state.tree, state.belief, votes)
         return replace(state, tree=tree).with_vehicle(vehicle)
-    if not setting.nonstop:
-        return state.with_vehicle(vehicle)
-    state = _on_a_lane(setting, state, vehicle, event)
-    roi = [cell for cell in votes if cell in state.belief.roi]
-    if not roi or setting.sees_box:
-        return state
-    tree = grown(Tree.rooted(roi[0]), state.belief, votes)
-    return replace(state, tree=tree, found_s=state.t_s, vehicles={
-        number: replace(other, vertex=roi[0], candidate=None, on_lane=False)
-        for number, other in state.vehicles.items()
-    })  # fmt: skip
+    return setting.strategy.seen_in_passing(setting, state, vehicle, event, votes)
 
 
 def grown(tree: Tree, belief: Belief, fresh: Iterable[Cell]) -> Tree:

@@ -173,6 +173,11 @@ class VehicleState:
         return self.phase in others and not self.landed
 
     @property
+    def idle_in_search(self) -> bool:
+        """Whether it has neither a lane nor a suspicion to look at."""
+        return not self.lanes and self.candidate is None
+
+    @property
     def path(self) -> Trajectory | None:
         """The path that it flies without stopping, if it does."""
         return self.order.trajectory if isinstance(self.order, FlyPath) else None
@@ -282,8 +287,7 @@ class State:
     def initial(cls, setting: Setting) -> State:
         """Before anything has happened: every vehicle offline, with its share of the lanes."""
         mission = setting.mission
-        # a leapfrog has its own order (`missions.flight.strategy.leapfrogging`)
-        blocks = ((),) * len(mission.vehicles) if setting.leapfrogs else setting.shares
+        blocks = setting.strategy.begins_with(setting)
         vehicles = {
             number: VehicleState(
                 number,

@@ -15,6 +15,7 @@ from typing import Any
 
 from missions.events import FrameSeen, Tracked, Vote
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
 from missions.geo.trajectory import rounded_path
 from missions.mapping.belief import Belief, FrameId
@@ -38,7 +39,7 @@ def busy() -> tuple[Setting, State]:
     """A mission with a large region, half of which is explored."""
     text = f"{named_text('runway').text}\n[team]\nlayer_m = 5.0\n"
     plan = plan_of("runway", text, "rdfs", VEHICLES)
-    setting = Setting.of(plan.mission)
+    setting = setting_of(plan.mission)
     state, belief = State.initial(setting), Belief(5, 3)
     vertices = {}
     for east in range(SIDE):

@@ -26,7 +26,7 @@ import numpy as np
 import uavmap.runner.simulation
 from missions.errors import LinkError
 from missions.events import Vote
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.schema import Mission
 from sitl.scenario import Setup
 from tests.benchmarks import frame
@@ -80,7 +80,7 @@ def flipped_votes(seed: int, share: float) -> Iterator[None]:
 def false_frame(_: int) -> Iterator[None]:
     """One frame of the search, where there is no region, sees region everywhere."""
     mission = load(MISSION)
-    grid = Setting.of(mission).grid
+    grid = setting_of(mission).grid
     truth = true_roi(mission, grid)
     shares = shares_of(cells_near(truth, grid), truth, grid)
     region = {cell for cell, share in shares.items() if share >= CLEAR_SHARE}

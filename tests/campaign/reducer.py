@@ -6,7 +6,7 @@ import math
 import random
 
 from missions.events import FrameSeen, Tracked
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.guardian import PAD_M
 from missions.mission.schema import Mission
 from tests.fake_fleet import Fleet
@@ -40,7 +40,7 @@ def fleet_of(
     chosen, off_m = scenario.mission, []
     if "homes" in flight.kinds:
         chosen, off_m = _homes(chosen, random.Random(flight.seed + 2))
-    setting = Setting.of(chosen)
+    setting = setting_of(chosen)
     given = setting.energy.wind_m_s
     bearing = rng.uniform(0.0, math.tau)
     air = Air(

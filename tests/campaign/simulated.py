@@ -16,6 +16,7 @@ from shapely.geometry import Point
 
 from missions.errors import UavmapError
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, VehicleState
 from missions.flight.step import fold
 from missions.geo.grid import Grid
@@ -303,7 +304,7 @@ def _left(asked: FlightPlan, path: Path, *, verbose: bool) -> dict[int, VehicleS
     """How the journal leaves each vehicle."""
     if not (path / JOURNAL).exists():
         return {}
-    setting = Setting.of(asked.mission)
+    setting = setting_of(asked.mission)
     with Journal.open(path / JOURNAL) as journal:
         events = list(journal.events())
     if verbose:

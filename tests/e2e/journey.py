@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from missions.events import FrameSeen, from_json
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import State, VehicleState
 from missions.flight.step import step
 from tests.e2e.rig import bodies, mission
@@ -19,7 +19,7 @@ class Journey:
     def __init__(self, folder: Path, name: str, **changed: Any) -> None:
         """`changed` are the fields of the mission that the command line has changed."""
         self._folder = folder
-        self._setting = Setting.of(load(mission(name)).model_copy(update=changed))
+        self._setting = setting_of(load(mission(name)).model_copy(update=changed))
         self._state = State.initial(self._setting)
         self._read = 0
         self.frames = 0

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 
 from missions.events import Event, Recalled, Resumed
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
 from missions.flight.step import fold, step
 from missions.guardian import Guard, Limits
@@ -360,4 +361,4 @@ class Fleet:
 
 def fleet(mission: Mission, roi: Collection[Cell], *, draw: float = 1.08) -> Fleet:
     """A fleet for a mission on a true ROI, in the kind world."""
-    return Fleet(Setting.of(mission), roi, draw)
+    return Fleet(setting_of(mission), roi, draw)

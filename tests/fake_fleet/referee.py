@@ -289,11 +289,11 @@ class Referee:
 
     def _map(self, fleet: Fleet) -> Iterator[str]:
         state, setting, roi = fleet.state, fleet.setting, fleet.roi
-        if setting.surveys:
+        if setting.strategy.whole_box:
             if missing := {cell for cell in setting.box_cells if cell in roi} - state.belief.roi:
                 yield f"surveyed without {sorted(missing)}"
             return
-        if setting.finds_all:
+        if setting.strategy.patches:
             box = frozenset(setting.box_cells)
             there = [patch for patch in patches(roi) if patch & box]
             if missing := frozenset().union(*there) - state.belief.roi:
@@ -307,7 +307,7 @@ class Referee:
         root = state.tree.root
         if root not in roi:
             yield f"the root {root} is no ROI"
-        elif setting.grid.drift_speed_m_s > 0.0 or setting.nonstop:
+        elif setting.grid.drift_speed_m_s > 0.0 or not setting.strategy.stops:
             # (who does not stop judges cells from beside, over which the fence allows nobody)
             if missing := component(roi, root) - state.belief.roi:
                 yield f"completed without {sorted(missing)}"

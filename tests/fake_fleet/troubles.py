@@ -54,7 +54,7 @@ def in_phase(fleet: Fleet, trouble: Trouble) -> bool:
     vehicle = fleet.state.vehicles[trouble.vehicle]
     order, home = vehicle.order, vehicle.return_reason is not None
     found = fleet.state.tree is not None
-    if fleet.setting.finds_all:
+    if fleet.setting.strategy.patches:
         found = bool(fleet.state.belief.roi)
     if vehicle.phase in (Phase.YIELDED, Phase.GUARDED, Phase.OFFLINE):
         return False

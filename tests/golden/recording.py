@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from missions.events import Event
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.checks import parse_mission
 from tests.support.plans import named_text
 from uavmap.output.facts.figures import figures, summary
@@ -58,7 +59,7 @@ class Recording:
     def setting(self) -> Setting:
         source = named_text(self.mission)
         mission = parse_mission(source.text, source.source)
-        return Setting.of(mission.model_copy(update={"strategy": self.strategy}))
+        return setting_of(mission.model_copy(update={"strategy": self.strategy}))
 
     def recorded(self) -> dict[str, Any]:
         values: dict[str, Any] = json.loads(self.outcome.read_text("utf-8"))

@@ -11,7 +11,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.schema import Mission, VehicleSection
 from missions.mission.sections.sim_section import SimFault
 from sitl.vehicle import SimVehicle
@@ -42,7 +42,7 @@ class Field:
     """The vehicles of a mission. `lose` says of each frame, either way, whether it is lost."""
 
     def __init__(self, made: Mission) -> None:
-        self.setting = Setting.of(made)
+        self.setting = setting_of(made)
         self.vehicles = make_vehicles(made, 1)
         self.told = Said()
         self.lose: Callable[[], bool] = lambda: False

@@ -21,6 +21,7 @@ from typing import Any, Final
 from missions.events import Event
 from missions.flight.joined_map import joined
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.geo.grid import Grid
 from missions.units import Cell, GridPoint
@@ -211,7 +212,7 @@ class Beset(SimulatedFleet):
         at = self.folder(number)
         journal = Journal.open(at / JOURNAL)
         own = FlightPlan.read(journal)
-        mine = Setting.of(self.setting.mission, number)
+        mine = setting_of(self.setting.mission, number)
         return Flight(own, mine, at, journal, folded(mine, journal.events()))
 
     async def live(self, number: int) -> None:

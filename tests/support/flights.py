@@ -10,7 +10,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Airborne, Event, FrameSeen, Overridden
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.geo.grid import Grid
 from missions.mission.schema import Mission
 from missions.mission.sections.sim_section import SimQuirks, SimRegion
@@ -78,7 +78,7 @@ class Flight:
         driver: Callable[[Callable[[bytes], None]], tuple[Session, MavlinkCommands]] | None = None,
         **patience: Any,
     ) -> None:
-        self.setting = Setting.of(made)
+        self.setting = setting_of(made)
         self.vehicle = make_vehicles(made, seed)[0]
         self.events: list[Event] = []
         self.sent: list[tuple[float, Message]] = []

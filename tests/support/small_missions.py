@@ -12,6 +12,7 @@ import numpy as np
 import missions.lab.strategies  # noqa: F401 - the strategies of papers register themselves
 from missions.errors import MissionFileError
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.geo.grid import Grid
 from missions.lab.arena.roi import eden
 from missions.mission.checks import parse_mission
@@ -203,7 +204,7 @@ def scattered(scenario: Scenario, seed: int, *, high: bool = False) -> Scenario:
         lowest_m = made.altitude_m(len(made.vehicles)) + float(rng.uniform(0.0, 10.0))
         found = found.model_copy(update={"altitude_m": lowest_m})
     mission = made.model_copy(update={"strategy": "swath", "search": found})
-    box, roi = Setting.of(mission).box_cells, set(scenario.roi)
+    box, roi = setting_of(mission).box_cells, set(scenario.roi)
     for _ in range(int(rng.integers(1, 4))):
         seat = box[int(rng.integers(len(box)))]
         grown = eden(int(rng.integers(1, 9)), rng)

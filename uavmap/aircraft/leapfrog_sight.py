@@ -5,7 +5,7 @@
     telemetry       -> way that it tells to have flown
                        all -> by how much each told place is off -> navigation -> view.off_deg
 
-`missions.flight.strategy.leapfrogging` says who moves when; here is what is measured meanwhile.
+`missions.flight.strategy.leapfrog` says who moves when; here is what is measured meanwhile.
 While satellites are good a sighting only shows whether they are.
 """
 

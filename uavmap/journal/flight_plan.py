@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 
 from missions.errors import JournalError, LinkError, MissionFileError, UavmapError
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.checks import FLOWN, STRATEGIES, check, with_strategy
 from missions.mission.fleet_checks import check_fleet, with_own_air, with_vehicles
 from missions.mission.schema import Mission
@@ -116,7 +117,7 @@ class FlightPlan(FlightOptions):
 
     def known_setting(self) -> Setting:
         """The mission as it is flown, or was."""
-        return Setting.of(self.mission, self.member)
+        return setting_of(self.mission, self.member)
 
     def setting(self, say: Callable[[str], None]) -> Setting:
         """The mission, ready to be flown, its planner compiled; says so where it will be slow."""

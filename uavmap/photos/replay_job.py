@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from missions.errors import OutputError, UavmapError
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.schema import Mission
 from missions.mission.terrain_checks import refuse_unknown_ground
 from uavmap.base.atomic_write import write_text
@@ -111,7 +111,7 @@ def _replayed(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Do
     with Spool() as spool:
         with beside(lambda _: documents.load()):
             looked = look_at_all(
-                gathered, Setting.of(mission), spool, crew, lens=lens, any_day=wanted.any_day
+                gathered, setting_of(mission), spool, crew, lens=lens, any_day=wanted.any_day
             )
         looked.refuse_empty()
         make_folder(folder)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import ImageError
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.schema import Mission
 from missions.units import Cell, GridPoint, LatLon
 from uavmap.photos.ground.judging import Judge
@@ -80,7 +80,7 @@ def look_at(picture: Picture, mission: Mission, lens: Lens | None = None) -> Loo
     (placed,) = credible([picture], mission)
     if isinstance(placed, str):
         raise ImageError(f"{picture.name}: {placed}")
-    setting = Setting.of(mission)
+    setting = setting_of(mission)
     placed, grid = replace(placed, pose=above_ground(placed.pose, setting)), setting.grid
     search = UprightSearch(grid, UprightSearch.pitch_for([placed.pose.height_m]))
     judge = Judge.of(mission, grid, search, lens)

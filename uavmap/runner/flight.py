@@ -255,7 +255,7 @@ def _refuse_network(plan: FlightPlan, folder: Path) -> None:
 def _refuse_other_planner(journal: Journal, setting: Setting) -> None:
     """Raise `JournalError` where a flight that does not stop would come out otherwise here."""
     here = planner()
-    if not setting.nonstop or journal.planner == here:
+    if setting.strategy.stops or journal.planner == here:
         return
     folder = journal.path.parent
     remedy = "remove numba (`pip uninstall numba`)"

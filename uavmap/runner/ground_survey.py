@@ -15,7 +15,7 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from missions.errors import LinkError
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.geo.grid import Grid
 from missions.geo.terrain import encoded
 from missions.mission.schema import Mission
@@ -68,7 +68,7 @@ async def _simulated(
 ) -> dict[str, Any]:
     from uavmap.runner.simulation import Simulation  # noqa: PLC0415 - real aircraft need no simulator
 
-    simulation = Simulation(Setting.of(mission), plan.seed)
+    simulation = Simulation(setting_of(mission), plan.seed)
     session = simulation.open_session(0, lambda frame: None)
     world = tasks.create_task(simulation.run())
     table = await _lattice(session, simulation.names()[0], mission)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from missions.errors import LinkError, PreflightError, leaves
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
 from missions.mission.fleet_checks import check_fleet
 from missions.units import GridPoint
@@ -84,7 +84,7 @@ class SimulatedFleet:
         own = replace(self.plan, member=number)
         at = self.folder(number)
         journal = Journal.create(at / JOURNAL, {"plan": own.as_json()})
-        mine = Setting.of(self.setting.mission, number)
+        mine = setting_of(self.setting.mission, number)
         return Flight(own, mine, at, journal, State.initial(mine))
 
     def radio(self, flight: Flight, number: int, start: int = 1) -> SealedRadio:

@@ -17,6 +17,7 @@ import numpy as np
 
 from missions.errors import LinkError
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.geo.grid import Grid
 from missions.mission.places import home_heights_m, homes
 from missions.mission.schema import Mission, positions
@@ -44,7 +45,7 @@ def setup_of(
 
     `autopilot` instead of the mission's, if given.
     """
-    sim, grid = mission.sim, Setting.of(mission).grid
+    sim, grid = mission.sim, setting_of(mission).grid
     places, relief = homes(mission), relief_of(mission, grid)
     raised = relief is None and any(vehicle.home_height_m for vehicle in mission.vehicles)
     pad_heights_m = home_heights_m(mission) if raised else ()

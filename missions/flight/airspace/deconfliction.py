@@ -141,7 +141,7 @@ def hold(state: State, vehicle: VehicleState) -> State:
 
 def where(setting: Setting, state: State, cell: Cell) -> GridPoint:
     """Where the centre of a cell is now, in the fixed frame."""
-    return setting.grid.to_fixed(setting.grid.centre_of(cell), state.t_s)
+    return setting.where(cell, state.t_s)
 
 
 def spots_beside(setting: Setting, vehicle: VehicleState) -> list[GridPoint]:

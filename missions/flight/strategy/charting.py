@@ -16,7 +16,6 @@ from missions.flight.state import State, VehicleState
 from missions.flight.strategy.flyers import LONGEST_S, gate_of, over_pad
 from missions.flight.strategy.two_heights import at_map_height
 from missions.flight.strip import Strip
-from missions.flight.whole_box import asked_for
 from missions.planning.sweep.chart import Chart, Flags, Known
 from missions.units import Cell
 
@@ -52,12 +51,12 @@ def chart_of(
     if root is not None:
         return Known(chart, chart.index(root))
     wanted = np.zeros(chart.columns * chart.rows, np.uint8)
-    wanted[[chart.index(cell) for cell in asked_for(setting, state)]] = 1
+    wanted[[chart.index(cell) for cell in setting.strategy.asked_for(setting, state)]] = 1
     lanes = {lane for vehicle in state.vehicles.values() for lane in vehicle.lanes}
     time_s = setting.lane_time_s(state.t_s)
     for lane in sorted(lanes):
         _close(chart, Strip.of(setting.grid, lane, setting.lane_rows, time_s))
-    return Known(chart, -1, wanted, patches=setting.finds_all)
+    return Known(chart, -1, wanted, patches=setting.strategy.patches)
 
 
 def _close(chart: Chart, strip: Strip) -> None:

@@ -31,7 +31,7 @@ TOLD_S: Final = 15.0
 
 def gathers(setting: Setting, state: State, vehicle: VehicleState) -> bool:
     """Whether a vehicle of a fleet without lanes has to hear of others before it does anything."""
-    if setting.member is None or not setting.finds_all or vehicle.lanes:
+    if vehicle.lanes:
         return False
     if in_layer(setting, state, vehicle) and not is_over_pad(vehicle):
         return False  # it maps

@@ -23,9 +23,6 @@ from missions.orders import FlyPath
 from missions.planning.search.lanes import Lane, point_on, unseen
 from missions.units import GridPoint
 
-SHORT_CELLS: Final = 10.0
-"""What is left of a lane of a survey, and is shorter, is left to the planner of paths."""
-
 MOST_OFF: Final = 0.4
 """Of a lane at most this part is left out at either end, because it is seen from before it."""
 ROUND: Final = 0.05
@@ -76,7 +73,7 @@ def _lane_path(
 ) -> Trajectory:
     return through(
         setting, vehicle, points, corners, state.t_s + NOTICE_S,
-        drifts=setting.lanes_drift, cuts_m=_cuts_m(setting),
+        drifts=setting.strategy.lanes_drift, cuts_m=_cuts_m(setting),
     )  # fmt: skip
 
 
@@ -137,7 +134,7 @@ def still_open(setting: Setting, state: State, lanes: tuple[Lane, ...]) -> tuple
     grid, judged = setting.grid, searched(setting, state)
     if _leaves_cells(setting):
         return lanes
-    least_m = SHORT_CELLS * grid.cell_m if setting.sees_box else 0.0
+    least_m = setting.strategy.least_lane_m(setting)
     found: list[Lane] = []
     lanes_s = setting.lane_time_s(state.t_s)
     for lane in lanes:
@@ -181,7 +178,7 @@ def _cuts_m(setting: Setting) -> tuple[float, ...]:
 
 def _leaves_cells(setting: Setting) -> bool:
     """Whether cells drift out of lanes that lie still."""
-    return setting.grid.drift_speed_m_s > 0.0 and not setting.lanes_drift
+    return setting.grid.drift_speed_m_s > 0.0 and not setting.strategy.lanes_drift
 
 
 def _is_whole(setting: Setting, lane: Lane) -> bool:
@@ -220,11 +217,9 @@ def drop_seen(setting: Setting, state: State) -> State:
 
 
 def _is_open(setting: Setting, state: State, lane: Lane) -> bool:
-    """Whether a lane has a cell that is not judged; in a survey, not decided."""
+    """Whether a lane has a cell at which its work is not done."""
     strip = Strip.of(setting.grid, lane, setting.lane_rows, setting.lane_time_s(state.t_s))
-    if setting.surveys:
-        return not strip.is_known(lambda cell: state.belief.verdict(cell) is not None)
-    return not strip.is_known(searched(setting, state))
+    return not strip.is_known(setting.strategy.lane_done(setting, state))
 
 
 def _shown_from_inside(setting: Setting, vehicle: VehicleState, lane: Lane) -> Lane:

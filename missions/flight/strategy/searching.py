@@ -22,7 +22,7 @@ def search(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if not vehicle.lanes:
         state = find_work(setting, state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
-        if not idle_in_search(vehicle):
+        if not vehicle.idle_in_search:
             return state
         if vehicle.position.distance_to(vehicle.home) <= OVER_HOME_M:
             return hold(state, vehicle)
@@ -47,11 +47,6 @@ def search(setting: Setting, state: State, vehicle: VehicleState) -> State:
     return give_if_clear(setting, state, vehicle, order)
 
 
-def idle_in_search(vehicle: VehicleState) -> bool:
-    """Whether a vehicle has neither a lane nor a suspicion to look at."""
-    return not vehicle.lanes and vehicle.candidate is None
-
-
 def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """Take over a suspicion of a vehicle that dropped out, or lanes of the one with most left.
 
@@ -71,7 +66,7 @@ def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
         return state.with_vehicle(replace(vehicle, lanes=(orphan,), on_lane=False))
 
     def spare(other: VehicleState) -> int:
-        if setting.sees_box and other.on_lane and other.path is not None:
+        if setting.strategy.keeps_lanes(other):
             return 0
         if other.phase is Phase.APART and state.t_s < other.held_until_s:
             return 0  # out of contact: it should still be at it
@@ -88,7 +83,7 @@ def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
 
 def _held_by_nobody(setting: Setting, state: State) -> Lane | None:
     """The first lane that has something left to judge, and that nobody of a fleet holds."""
-    if setting.grid.drift_speed_m_s > 0.0 and not setting.lanes_drift:
+    if setting.grid.drift_speed_m_s > 0.0 and not setting.strategy.lanes_drift:
         return None  # lanes that lie still are flown as they are, seen or not
     held = {n for vehicle in state.vehicles.values() for n in lanes_held(setting, vehicle)}
     free = (lane for number, lane in enumerate(setting.lanes) if number not in held)

@@ -25,11 +25,9 @@ from missions.flight.strategy.charting import chart_of
 from missions.flight.strategy.direct_flight import fetch, value_of
 from missions.flight.strategy.fallback import fall_back, patience_s
 from missions.flight.strategy.flyers import flyer_of, gate_of, over_home_s, over_pad
-from missions.flight.strategy.gathering import gathers
-from missions.flight.strategy.touring import TourMemory, shared_out
+from missions.flight.strategy.interface import Strategy, TourMemory
 from missions.flight.strategy.two_heights import in_layer, is_over_pad
-from missions.flight.team.work_shares import own_part, share_parts, want_told
-from missions.flight.whole_box import open_cells
+from missions.flight.team.work_shares import want_told
 from missions.geo.trajectory import Trajectory
 from missions.orders import FlyPath
 from missions.planning.sweep.chart import Known
@@ -92,22 +90,18 @@ class PassMemory:
 
 
 # --- exploration -------------------------------------------------------------------------------
-def explore_passes(setting: Setting, state: State) -> State:
+def explore_passes(strategy: Strategy, setting: Setting, state: State) -> State:
     """Plan anew for everybody who explores, if there is news and the last plan is not quite new.
 
-    Where the whole box is seen that is who has no lanes left, for what those of the others do not
-    show.
+    Where all lanes are flown that is who has none left, for what those of the others do not show.
     """
     tree = state.tree
-    lanes_left = setting.sees_box and any(v.lanes for v in state.vehicles.values())
-    if setting.sees_box:
-        if state.exhausted:
-            return state
-    elif tree is None or tree.is_explored(tree.root):
-        return state
-    memory = state.memory if isinstance(state.memory, PassMemory) else PassMemory()
+    lanes_left = any(map(strategy.still_searches, state.vehicles.values()))
+    memory = _memory(state)
     team = {
-        n: v for n, v in sorted(state.vehicles.items()) if _takes_part(setting, state, v, memory)
+        n: v
+        for n, v in sorted(state.vehicles.items())
+        if _takes_part(strategy, setting, state, v, memory)
     }
     ours = frozenset(n for n in team if state.is_ours(n))
     waiting = frozenset(n for n in ours if team[n].idle)
@@ -115,7 +109,8 @@ def explore_passes(setting: Setting, state: State) -> State:
     fresh = frames != memory.frames
     news = fresh or bool(waiting - memory.waiting)
     retry = bool(waiting) and state.t_s >= memory.planned_s + RETRY_S
-    due = state.t_s >= memory.planned_s + _replan_s(setting) - 1e-6
+    replan_s = max(REPLAN_S, strategy.replan_s(setting))
+    due = state.t_s >= memory.planned_s + replan_s - 1e-6
     if not ours or not due or not (news or retry):
         return state
     begin_s = round(state.t_s + NOTICE_S, 3)
@@ -135,12 +130,9 @@ def explore_passes(setting: Setting, state: State) -> State:
         n: flyer_of(setting, vehicle, paths.get(n), routes.get(n), begin_s)
         for n, vehicle in team.items()
     }
-    others_part = None
-    if setting.finds_all and setting.member is not None:
-        state = share_parts(setting, state, known, flyers, memory.decisions)
-        others_part, tour, tours = own_part(setting, state, known.chart, memory.tour)
-    else:
-        tour, tours = shared_out(setting, state, known, flyers, memory.tour, memory.decisions)
+    state, tour, tours, others_part = strategy.share_work(
+        setting, state, known, flyers, memory.tour, memory.decisions
+    )
     memory = replace(memory, tour=tour)
     if others_part is not None:  # they plan for themselves
         team = {n: team[n] for n in sorted(ours)}
@@ -191,12 +183,6 @@ def _to_gate(setting: Setting, state: State, vehicle: VehicleState) -> State:
     return give_path(setting, state, vehicle, path)
 
 
-def _replan_s(setting: Setting) -> float:
-    """How long a plan is flown at least: where all patches are planned for, two frames of it."""
-    interval_s = setting.mission.camera.interval_s
-    return max(REPLAN_S, 2.0 * interval_s) if setting.finds_all else REPLAN_S
-
-
 def _fetch(
     setting: Setting, state: State, memory: PassMemory, known: Known, idle: frozenset[int]
 ) -> State:
@@ -218,12 +204,13 @@ def _fetch(
     return replace(state, memory=replace(memory, waiting=idle - {found.vehicle}))
 
 
-def awaits_others(setting: Setting, state: State, vehicle: VehicleState) -> bool:
-    """Whether a vehicle has nothing to do but to hear of some who are out of contact."""
-    memory = state.memory if isinstance(state.memory, PassMemory) else PassMemory()
-    away = (v for v in state.vehicles.values() if v.phase is Phase.APART)
-    waits = setting.finds_all and vehicle.vehicle in memory.waiting
-    return waits and any(state.t_s < v.held_until_s for v in away)
+def last_waiting(state: State) -> frozenset[int]:
+    """The vehicles for which the last plan had nothing to fly."""
+    return _memory(state).waiting
+
+
+def _memory(state: State) -> PassMemory:
+    return state.memory if isinstance(state.memory, PassMemory) else PassMemory()
 
 
 def _able(vehicle: VehicleState) -> bool:
@@ -244,16 +231,22 @@ def _gone_on(memory: PassMemory, state: State, team: Mapping[int, VehicleState])
     return replace(memory, planned_s=state.t_s, vain_s=vain_s, decisions=memory.decisions + 1)
 
 
-def _takes_part(setting: Setting, state: State, vehicle: VehicleState, memory: PassMemory) -> bool:
+def _takes_part(
+    strategy: Strategy, setting: Setting, state: State, vehicle: VehicleState, memory: PassMemory
+) -> bool:
     if vehicle.path is not None:
         apart = memory.fetching.get(vehicle.vehicle) is vehicle.path
     else:
         # ours comes inside first; over the pad of another only that one may be
         whole = setting.whole_fence if not state.is_ours(vehicle.vehicle) else None
         apart = is_outside(whole or setting.fence, vehicle.position)
-    if state.is_ours(vehicle.vehicle) and vehicle.idle and gathers(setting, state, vehicle):
+    if (
+        state.is_ours(vehicle.vehicle)
+        and vehicle.idle
+        and strategy.gathers(setting, state, vehicle)
+    ):
         return False
-    return not (apart or (setting.sees_box and vehicle.lanes)) and (
+    return not (apart or strategy.still_searches(vehicle)) and (
         vehicle.works
         and in_layer(setting, state, vehicle)
         and vehicle.braking_until_s is None
@@ -323,7 +316,7 @@ def give_up_rest(setting: Setting, state: State) -> State:
     """Nobody can decide what is left: what is known of it counts, and it is told."""
     tree = state.tree
     if tree is None:
-        open_ = open_cells(setting, state)
+        open_ = setting.strategy.open_cells(setting, state)
         return replace(state, exhausted=True, surveyed=True, undecided=open_)
     given_up: set[Cell] = set()
     left = [cell for cell, vertex in tree.vertices.items() if not vertex.looked]

@@ -9,12 +9,12 @@ what others are to see is left out of the plan.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.strategy.flyers import flyer_of
+from missions.flight.strategy.interface import TourMemory
 from missions.flight.strategy.two_heights import at_map_height
 from missions.planning.sweep.chart import Known
 from missions.units import Cell
@@ -25,19 +25,6 @@ if TYPE_CHECKING:
 
 EVERY_S: Final = 4.0
 """Between two decisions on who is to see what."""
-
-
-@dataclass(frozen=True, slots=True)
-class TourMemory:
-    """What was decided last."""
-
-    laid_s: float = float("-inf")
-    team: frozenset[int] = frozenset()
-    """Who was planned for."""
-    tours: Mapping[int, Tour] = field(default_factory=dict)
-    """Of each vehicle, also of those who still fly lanes."""
-    others: frozenset[Cell] = frozenset()
-    """What those are to see who still fly lanes."""
 
 
 def shared_out(
@@ -61,8 +48,6 @@ def shared_out(
     Returns:
         What is decided now, and waypoints for the team; none where the last plan goes on.
     """
-    if not setting.finds_all:
-        return memory, ()
     waypoints: Waypoints = ()
     numbers = frozenset(team)
     if state.t_s >= memory.laid_s + EVERY_S or not numbers <= memory.team:

@@ -23,7 +23,7 @@ from missions.flight.setting import Setting
 from missions.flight.sightings import frame_seen
 from missions.flight.state import Allotment, Column, Phase, ReturnReason, State
 from missions.flight.team.own_cells import as_frames
-from missions.flight.team.work_shares import back_from_lanes_s, held_until_s
+from missions.flight.team.work_shares import back_from_lanes_s
 from missions.geo.trajectory import rounded_path
 from missions.orders import FlyPath, TakeOff
 
@@ -75,7 +75,7 @@ def apart(setting: Setting, state: State, event: Apart) -> State:
     vehicle = state.vehicles[event.vehicle]
     if vehicle.phase in (Phase.FINISHED, Phase.DOWN) and vehicle.landed:
         return state
-    until_s = round(held_until_s(setting, state, vehicle, event.t_s), 1)
+    until_s = round(setting.strategy.held_until_s(setting, state, vehicle, event.t_s), 1)
     due_s = float("-inf")
     if vehicle.lanes:
         due_s = round(back_from_lanes_s(setting, vehicle, event.t_s), 1)

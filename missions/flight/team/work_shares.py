@@ -28,7 +28,8 @@ from missions.flight.optics import kinematics
 from missions.flight.setting import Setting
 from missions.flight.state import Allotment, Phase, State, VehicleState
 from missions.flight.strategy.flyers import flyer_of
-from missions.flight.strategy.touring import TourMemory, at_once, tours_of
+from missions.flight.strategy.interface import TourMemory
+from missions.flight.strategy.touring import at_once, tours_of
 from missions.flight.strategy.two_heights import at_map_height, layer_of
 from missions.geo.trajectory import Trajectory
 from missions.mission.views import path_speed_m_s, seen_whole_m
@@ -143,8 +144,6 @@ def want_told(setting: Setting, state: State, known: Known) -> bool:
 
 def held_until_s(setting: Setting, state: State, vehicle: VehicleState, t_s: float) -> float:
     """Until when one that has just gone out of contact should have done what it was to do."""
-    if not setting.finds_all or vehicle.phase not in (Phase.AIRBORNE, Phase.GROUNDED):
-        return t_s
     left_s, place = _lanes_left(setting, vehicle)
     found = state.allotment
     places = () if found is None else found.parts.get(vehicle.vehicle, ())

@@ -25,7 +25,7 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.geo.grid import Grid
 from missions.units import LatLon
 from tests.benchmarks import frame
@@ -81,7 +81,7 @@ def errors_m(one: BaseGeometry, other: BaseGeometry) -> np.ndarray:
 # --- the simulator -------------------------------------------------------------------------------
 def flown(seeds: int) -> None:
     """`runway`, seed by seed."""
-    setting = Setting.of(load("runway"))
+    setting = setting_of(load("runway"))
     truth = true_roi(setting.mission, setting.grid)
     print("seed  cells' IoU  boundary's IoU  error: median, 95 %, most (m)  told 95 %  area / true")
     found = []
@@ -118,7 +118,7 @@ def brighton_beach() -> None:
 
 
 def _one_detector(name: str, detector: Path) -> None:
-    grid = Setting.of(load("road")).grid
+    grid = setting_of(load("road")).grid
     rings = [[grid.fixed(LatLon(lat, lon)) for lon, lat in ring] for ring in brighton.rings()]
     truth = Polygon(rings[0], rings[1:])
     out = detector.with_name(f"{detector.name}-map")

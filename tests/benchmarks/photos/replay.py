@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import ImageError
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.schema import Mission
 from tests.benchmarks.photos.many_pictures import write_survey
 from uavmap.journal.event_log import Journal
@@ -90,7 +90,7 @@ def survives(data: bytes, path: Path) -> str:
 
 def looked(gathered: Gathered, workers: int) -> tuple[float, float]:
     """Wall and CPU seconds of both passes."""
-    setting = Setting.of(mission_of_text(derived(gathered), "derived"))
+    setting = setting_of(mission_of_text(derived(gathered), "derived"))
     begun, used = time.perf_counter(), time.process_time()
     with Spool() as spool:
         look_at_all(gathered, setting, spool, Threads(workers))
@@ -148,7 +148,7 @@ def result_costs(
     gathered: Gathered, mission: Mission, source: str, path: Path
 ) -> NDArray[np.float64]:
     """Wall and CPU seconds (columns) of verdicts, results and GeoTIFFs (rows) of a replay."""
-    setting = Setting.of(mission)
+    setting = setting_of(mission)
     with tempfile.TemporaryDirectory() as name, Spool() as spool:
         folder = Path(name)
         times = [(time.perf_counter(), time.process_time())]

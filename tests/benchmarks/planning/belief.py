@@ -18,6 +18,7 @@ from functools import partial
 
 from missions.events import Airborne, Arrived, Connected, Event, FrameSeen, Tracked, Vote
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
 from missions.flight.step import step
 from missions.mapping.belief import Belief, FrameId
@@ -37,7 +38,7 @@ HOME = GridPoint(0.0, 0.0)
 def setting() -> Setting:
     """One vehicle, a fence of 1 km x 1 km, and a battery that outlasts the measurement."""
     made = mission(square(-20, 16, 200, 20), square(-100, -100, 1000, 1000), capacity_wh=4000.0)
-    return Setting.of(made)
+    return setting_of(made)
 
 
 def block(cells: int) -> list[Cell]:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from missions.events import from_json
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.flight.step import step
 from missions.orders import FlyPath, Look, Order
@@ -65,7 +65,7 @@ def speck_passed(tmp_path_factory: pytest.TempPathFactory) -> Flight:
 def orders_of(name: str, lines: Sequence[str]) -> list[list[Order | None]]:
     """What everybody carries out after each event."""
     made = load(mission(name)).model_copy(update={"strategy": "swath"})
-    setting = Setting.of(made)
+    setting = setting_of(made)
     state, told = State.initial(setting), []
     for line in lines:
         state, _ = step(setting, state, from_json(line))

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from missions.events import FrameSeen, Tracked, from_json
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.flight.step import step
 from tests.e2e.rig import mission, uavmap
@@ -96,7 +96,7 @@ def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path: Path) ->
     overviews = [e.overview for e in events if isinstance(e, FrameSeen)]
     assert overviews.count(True) > 10
     assert overviews.count(None) > 10
-    setting = Setting.of(load(str(file)))
+    setting = setting_of(load(str(file)))
     state = State.initial(setting)
     watcher = Watcher(setting, state, now_s=lambda: 0.0)
     for event in events:  # what the live page shows is what the map says

@@ -6,6 +6,7 @@ import itertools
 from pathlib import Path
 
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.units import GridPoint
 from tests.e2e.rig import mission, uavmap
 from uavmap.load.mission_source import load
@@ -23,7 +24,7 @@ def plain_m(setting: Setting) -> float:
 
 def test_a_survey_in_the_wind_flies_its_lanes_once(tmp_path: Path) -> None:
     """The camera tilts with the airframe and looks to leeward: lanes are flown to windward."""
-    setting = Setting.of(load(mission("windy")))
+    setting = setting_of(load(mission("windy")))
     assert len(setting.lanes) == 3
     done = uavmap("fly", mission("windy"), "--sim", "--json", "--out", tmp_path / "out")
     assert done.code == 0, done.err

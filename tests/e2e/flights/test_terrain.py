@@ -10,6 +10,7 @@ import pytest
 from shapely.geometry import Polygon, box
 
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.geo.grid import Grid
 from missions.geo.terrain import FOLLOW_M
 from missions.units import Cell, GridPoint, LatLon, Pose
@@ -40,7 +41,7 @@ class Flown:
         text = mission_text(
             square(32, 35, 16, 9), square(-20, -20, 95, 95), altitude_m=ALTITUDE_M, **how
         )
-        grid = Setting.of(checked(text)).grid
+        grid = setting_of(checked(text)).grid
         region = ring(grid, square(34, 37, 13, 9))
         text = text_over(text, slope(10.0, TOWARD_DEG))
         text += f'\n[sim]\nautopilot = "{autopilot}"\ngps_sigma_m = 0.05\n'

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase
 from missions.lab.arena.roi import eden
 from missions.orders import AwaitBattery, FlyPath, Hold
@@ -42,7 +42,7 @@ def made(cells: int = 30, seat: Cell = SEAT, **how: object) -> tuple[Watched, Sc
         "box": BOX, "fence": FENCE, "interval_s": 0.25, **how,
     }  # fmt: skip
     scenario = Scenario(mission(**chosen), region(cells, seat))  # type: ignore[arg-type]
-    flight = Watched(Setting.of(scenario.mission), scenario.roi)
+    flight = Watched(setting_of(scenario.mission), scenario.roi)
     flight.start()
     return flight, scenario
 
@@ -227,7 +227,7 @@ def test_homes_at_different_heights() -> None:
         vehicles=3,
     )  # fmt: skip
     scenario = Scenario(at_heights(chosen, (0.0, 5.0, -4.0)), region(60))
-    flight = Watched(Setting.of(scenario.mission), scenario.roi)
+    flight = Watched(setting_of(scenario.mission), scenario.roi)
     flight.start()
     ended(flight, scenario)
 
@@ -240,7 +240,7 @@ def test_who_stands_in_the_margin_takes_part() -> None:
         capacity_wh=40.0,
     )  # fmt: skip
     scenario = Scenario(chosen, region(20, Cell(4, 6)))
-    flight = Watched(Setting.of(chosen), scenario.roi, stand_off_m=[(-1.8, -1.6)])
+    flight = Watched(setting_of(chosen), scenario.roi, stand_off_m=[(-1.8, -1.6)])
     flight.start()
     ended(flight, scenario)
     assert flight.vehicles[1].position.distance_to(GridPoint(-1.8, -1.6)) < 2.0

@@ -12,11 +12,9 @@ from missions.flight.optics import kinematics
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.step import step
-from missions.flight.strategy.fallback import moves_s, whole_bound_s
 from missions.mapping.belief import FrameId
 from missions.mapping.breadth_first import patches
 from missions.planning.bounds.lower_bounds import one_way_lower_bound, passing_bound_s
-from missions.planning.stepwise.interface import promised_moves
 from missions.units import GridPoint
 from uavmap.output.facts.counting import Counter
 from uavmap.output.facts.patch_certificates import certificates
@@ -68,7 +66,7 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
     state = State.initial(setting)
     counter, shares = Counter(state.vehicles), Shares()
     # looks from a cell are no facts of a fleet: of flights that are merged each keeps its own
-    in_fleet = setting.member is not None and setting.nonstop
+    in_fleet = setting.member is not None and not setting.strategy.stops
     facts = Facts(setting) if in_fleet else None
     for event in events:
         counter.before(event, state)
@@ -115,7 +113,7 @@ def _lower_bound_s(setting: Setting, state: State, breaks: int) -> float:
     tree = state.tree
     if tree is None or state.found_s is None:
         return 0.0
-    if setting.nonstop:
+    if not setting.strategy.stops:
         return _passing_bound_s(setting, state, state.found_s, breaks)
     votes, found_s = setting.mission.votes, state.found_s
     cells = [
@@ -161,13 +159,7 @@ def _passing_bound_s(setting: Setting, state: State, found_s: float, breaks: int
 
 
 def _bound_s(setting: Setting, state: State) -> float | None:
-    if state.tree is None:
-        return None
-    tree, robots = state.tree, len(setting.mission.vehicles)
-    if setting.nonstop:
-        return None if setting.surveys else round(whole_bound_s(setting, len(tree), tree.depth), 1)
-    moves = promised_moves(setting.explorer, tree, robots, setting.metric)
-    return None if moves is None else round(moves_s(setting, moves), 1)
+    return None if state.tree is None else setting.strategy.bound_s(setting, state.tree)
 
 
 def frames_judged(state: State) -> int:
@@ -182,9 +174,9 @@ def finding(setting: Setting, state: State) -> str:
     """Write what the mission found, in a sentence that claims no more than was judged."""
     frames = frames_judged(state)
     left_m = sum(a.distance_to(b) for a, b in state.unsearched)
-    if setting.finds_all and state.belief.roi:
+    if setting.strategy.patches and state.belief.roi:
         return _patches_found(state, frames, left_m)
-    if state.surveyed and not setting.finds_all:
+    if state.surveyed and not setting.strategy.patches:
         found = f"{len(state.belief.roi)} cells of the region in {frames} judged frames"
         if state.undecided:
             return f"{found}; {len(state.undecided)} cells of the box lack votes"

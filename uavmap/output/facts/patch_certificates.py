@@ -64,7 +64,7 @@ class Team:
         height_m = max(heights_m) + max(0.0, *(-v.home_level_m for v in vehicles.values()))
         height_m += mission.ground_span_m  # downhill a picture shows more, but never more than so
         speed_m_s = mission.flight.speed_m_s + mission.drift.speed_m_s
-        if setting.nonstop:
+        if not setting.strategy.stops:
             layers_m = (*low_m, *(mission.top_altitude_m(number - 1) for number in vehicles))
             speed_m_s = max(speed_m_s, *(path_speed_m_s(mission, m) for m in layers_m))
         wind_m_s = max(mission.wind.speed_m_s, *(v.wind_m_s for v in vehicles.values()))
@@ -74,7 +74,7 @@ class Team:
             mission.camera.optics.footprint(height_m),
             tilt_m_s2 * (setting.energy.accel_m_s2 + DRAG_1_S * (speed_m_s + wind_m_s)),
             speed_m_s,
-            state.falls_back or not setting.nonstop,
+            setting.strategy.in_force(state).stops,
             0.0 if setting.member is None else FACT_S,
         )
 
@@ -239,7 +239,7 @@ def beyond_fence(setting: Setting, cells: Collection[Cell], t_s: float) -> froze
         return frozenset()
     grid, mission, listed = setting.grid, setting.mission, list(cells)
     places = grid.cell_m * np.array(listed, dtype=np.float64) + drift_m(grid, t_s)
-    if setting.nonstop:
+    if not setting.strategy.stops:
         vehicles = range(len(mission.vehicles))
         half_east_m, half_north_m = seen_whole_m(
             mission, max(map(mission.altitude_m, vehicles)), east_ahead=setting.east_ahead

@@ -68,7 +68,7 @@ def search_flight(
         return Item(command, place, 0.0, frame, round(at_height_m, 3), (0.0, 0.0, math.nan))
 
     speed_m_s, every_m = mission.flight.speed_m_s, mission.grid.cell_m
-    if setting.nonstop:
+    if not setting.strategy.stops:
         speed_m_s = path_speed_m_s(mission, height_m)
         every_m = speed_m_s * mission.camera.interval_s
     items = [

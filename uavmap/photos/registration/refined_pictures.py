@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from missions.errors import ImageError
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.schema import Mission
 from uavmap.base.printable import printable
 from uavmap.output import summary
@@ -76,7 +76,7 @@ def refined(
     placed = [p for p in gathered.pictures if _has_place(p)]
     ground = None
     if mission is not None and mission.ground is not None:
-        ground = Setting.of(mission).grid, mission.ground
+        ground = setting_of(mission).grid, mission.ground
     with FeatureFile() as kept:
         crew = crew or Threads()
         taken = _looked_at(placed, lenses, crew, kept)

@@ -11,8 +11,6 @@ from typing import Final
 
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State, VehicleState
-from missions.flight.strategy.leapfrogging import steps_left_s
-from missions.flight.whole_box import open_cells
 from missions.mission.energy import LANDING_OVERHEAD_S
 
 ALMOST: Final = 0.99
@@ -81,7 +79,7 @@ def time_left(setting: Setting, state: State) -> Left:
     team = sum(not _is_out(vehicle) for vehicle in state.vehicles.values())
     if state.recalled or not team:
         return Left()
-    if setting.surveys:
+    if setting.strategy.whole_box:
         left = _of_a_survey(setting, state, team)
     else:
         left = _of_the_search(setting, state, team) or _of_the_region(setting, state, team)
@@ -129,10 +127,12 @@ def _of_the_search(setting: Setting, state: State, team: int) -> Left | None:
     if state.tree is not None:
         return None
     left_m = _lanes_left_m(state)
-    if setting.finds_all and not left_m:  # what the lanes have left open is flown to
-        left = len(open_cells(setting, state))
+    if setting.strategy.patches and not left_m:  # what the lanes have left open is flown to
+        left = len(setting.strategy.open_cells(setting, state))
         cells = "1 cell" if left == 1 else f"{left} cells"
-        return Left(f"{cells} to decide", "", None, left * _cell_s(setting) / team or None)
+        return Left(
+            f"{cells} to decide", "", None, left * setting.strategy.cell_s(setting) / team or None
+        )
     whole_m = sum(a.distance_to(b) for a, b in setting.lanes)
     return Left(
         f"{left_m:.0f} m of search lanes",
@@ -152,7 +152,7 @@ def _of_the_region(setting: Setting, state: State, team: int) -> Left:
     )
     looked = sum(vertex.looked for vertex in vertices.values())
     cells = "1 known cell" if left == 1 else f"{left} known cells"
-    about_s = left * _cell_s(setting) / team
+    about_s = left * setting.strategy.cell_s(setting) / team
     return Left(f"{cells} to look from", "the known region", _share(looked, left), about_s or None)
 
 
@@ -160,18 +160,6 @@ def _of_a_survey(setting: Setting, state: State, team: int) -> Left:
     """All cells of the box, wherever the region is."""
     cells = setting.box_cells
     left = sum(state.belief.verdict(cell) is None for cell in cells)
-    left_m = _lanes_left_m(state)
-    # what the lanes have not decided is flown to in the end
-    about_s = left_m / setting.energy.speed_m_s if left_m else left * _cell_s(setting)
-    if setting.leapfrogs:
-        about_s = team * steps_left_s(setting, state)
+    about_s = setting.strategy.rest_s(setting, state, _lanes_left_m(state), left, team)
     what = "1 cell of the box" if left == 1 else f"{left} cells of the box"
-    return Left(what, "the box", _share(len(cells) - left, left), about_s / team or None)
-
-
-def _cell_s(setting: Setting) -> float:
-    """About how long a cell takes one vehicle."""
-    if setting.nonstop:
-        footprint = setting.mission.camera.optics.footprint(setting.mission.altitude_m(0))
-        return setting.grid.cell_m**2 / footprint.short_m / setting.energy.speed_m_s
-    return setting.look_s + setting.energy.leg_s(setting.grid.cell_m)
+    return Left(what, "the box", _share(len(cells) - left, left), about_s or None)

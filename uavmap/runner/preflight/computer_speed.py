@@ -111,7 +111,7 @@ def longest_plan_s(setting: Setting, for_s: float = PLANS_S) -> float | None:
 
     None for a strategy that stops, which plans a leg in no time.
     """
-    if not setting.nonstop:
+    if setting.strategy.stops:
         return None
     ready_planner(setting.mission.strategy, lambda text: None)
     flight = _InThought(setting)

@@ -6,16 +6,12 @@ import math
 from typing import Any
 
 from missions.flight.setting import Setting
-from missions.flight.state import State
-from missions.flight.strategy.leapfrogging import steps_left_s
-from missions.geo.trajectory import LANE_CUTS_M, rounded_path
 from missions.mission import flyable
 from missions.mission.energy import LANDING_OVERHEAD_S
 from missions.mission.height_and_speed import Layer, altitude_reason, layers, search_layers
 from missions.mission.places import far_homes
 from missions.mission.schema import Mission
 from missions.mission.terrain_checks import off_if_flat_m
-from missions.mission.views import path_speed_m_s
 from missions.planning.search.lanes import search_length_m
 from missions.units import GridPoint
 
@@ -35,9 +31,7 @@ def estimate(setting: Setting) -> dict[str, Any]:
     lengths = [search_length_m(block, home) for block in blocks]
     layer_m = mission.top_altitude_m(len(mission.vehicles) - 1)
     overhead_s = layer_m / energy.climb_m_s + energy.descent_s(layer_m) + LANDING_OVERHEAD_S
-    search_s = _passing_s(setting) if setting.nonstop else _stopping_s(setting, max(lengths))
-    if setting.leapfrogs:
-        search_s = steps_left_s(setting, State.initial(setting))
+    search_s = setting.strategy.search_s(setting)
     usable_s = mission.battery.endurance_s * (1.0 - mission.battery.reserve) - overhead_s
     area = flyable.search_area(mission, setting.grid)
     corner = flyable.farthest_corner(mission, setting.grid)
@@ -46,7 +40,7 @@ def estimate(setting: Setting) -> dict[str, Any]:
     aside_wh = energy.climb_wh(corner_layer_m) + energy.home_wh(0.0, corner_layer_m)
     aside_wh -= energy.leg_wh(0.0)
     a_cell_s = 2.0 * mission.grid.cell_m / energy.speed_m_s + setting.look_s
-    looks = {} if setting.nonstop else {"exploration_s_per_cell": round(a_cell_s, 1)}
+    looks = {} if not setting.strategy.stops else {"exploration_s_per_cell": round(a_cell_s, 1)}
     return {
         "mission": mission.name,
         "strategy": mission.strategy,
@@ -151,25 +145,6 @@ def plan_lines(setting: Setting) -> list[str]:
         *(f"  {line}" for line in far_homes(mission, setting.grid)),
         *(f"  {line}" for line in ground_lines(setting)),
     ]
-
-
-def _stopping_s(setting: Setting, longest_m: float) -> float:
-    """How long the longest share of the lanes takes with a stop at every end of a lane."""
-    energy = setting.energy
-    legs = 2 * max(map(len, setting.shares)) + 1
-    return longest_m / energy.speed_m_s + legs * energy.speed_m_s / energy.accel_m_s2
-
-
-def _passing_s(setting: Setting) -> float:
-    """How long the longest share of the lanes takes as one path from home and back."""
-    mission, home = setting.mission, GridPoint(0.0, 0.0)
-    ends_s = []
-    for index, block in enumerate(setting.shares):
-        speed_m_s = path_speed_m_s(mission, mission.top_altitude_m(index))
-        points = [home, *(end for lane in block for end in lane), home]
-        path = rounded_path(points, 0.0, speed_m_s=speed_m_s, cut_m=LANE_CUTS_M[0])
-        ends_s.append(path.end_s)
-    return max(ends_s)
 
 
 def _figures(layer: Layer) -> dict[str, Any]:

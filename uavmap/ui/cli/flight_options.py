@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from missions.errors import LinkError, NotFlownError, UavmapError, leaves
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.journal.flight_options import KEY_VARIABLE, FleetNetwork, FlightOptions
@@ -52,7 +52,7 @@ def beside(
         return
     plan = plan() if callable(plan) else plan
     mission = plan.mission
-    under = of_tiles(Path(options.tiles), Setting.of(mission)) if options.tiles else None
+    under = of_tiles(Path(options.tiles), setting_of(mission)) if options.tiles else None
     config = {"title": mission.name, "steers": not plan.simulated}
     with opened(config, options.page, "--page", options.page_host) as feed:
         page = FlightPage(feed, simulated=plan.simulated, background=under)

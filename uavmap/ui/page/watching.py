@@ -125,7 +125,7 @@ class Watcher:
         self._tell(event, state)
 
     def _mark(self, voted: Iterable[Cell]) -> None:
-        if not self.setting.sees_box:
+        if not self.setting.strategy.flies_all_lanes:
             self._marked.update(dict.fromkeys(voted))
             return
         # without a tree a cell is explored once those beside it are decided, and what is plain

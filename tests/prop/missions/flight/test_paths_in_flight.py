@@ -16,10 +16,9 @@ from missions.events import Arrived, Event
 from missions.flight.airspace.deconfliction import is_clear
 from missions.flight.path_orders import NOTICE_S, OUTSIDE_M
 from missions.flight.return_home import HEARD_S, energy_of, way_home
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase
 from missions.flight.step import fold
-from missions.flight.whole_box import open_cells
 from missions.geo.braking import braked
 from missions.geo.course import Course
 from missions.geo.fence import route_length_m
@@ -127,7 +126,7 @@ class Watched(Fleet):
 
 
 def flown(scenario: Scenario, limit_s: float = 5000.0) -> Watched:
-    flight = Watched(Setting.of(scenario.mission), scenario.roi)
+    flight = Watched(setting_of(scenario.mission), scenario.roi)
     flight.start()
     flight.run(limit_s)
     return flight
@@ -189,7 +188,9 @@ def test_every_path_of_a_mission_that_finds_every_patch(seed: int, high: bool) -
     state, setting = flight.state, flight.setting
     assert state.tree is None
     if not state.completed:
-        assert open_cells(setting, state) or state.unsearched  # behind the hole, or the fence
+        assert (
+            setting.strategy.open_cells(setting, state) or state.unsearched
+        )  # behind the hole, or the fence
         return
     box = set(setting.box_cells)
     assert box <= state.belief.open_ballots.keys()
@@ -200,7 +201,7 @@ def test_every_path_of_a_mission_that_finds_every_patch(seed: int, high: bool) -
 @pytest.mark.parametrize("seed", [3])
 def test_a_journal_that_ends_anywhere_tells_the_same_state(seed: int) -> None:
     """Killed in the middle of a path: all that there is is the journal, plans included."""
-    flight = Watched(Setting.of((scenario := random_scenario(seed, strategy="swath")).mission),
+    flight = Watched(setting_of((scenario := random_scenario(seed, strategy="swath")).mission),
                      scenario.roi)  # fmt: skip
     flight.start()
     while not flight.ended and flight.t_s < 3000.0:

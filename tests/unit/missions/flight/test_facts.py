@@ -15,6 +15,7 @@ from missions.events import Event, FrameSeen, Vote
 from missions.fleet_events import Fact, Shared
 from missions.flight.joined_map import concluded, joined
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
 from missions.flight.team.knowledge import Knowledge
 from missions.flight.team.own_cells import OwnCells
@@ -105,7 +106,7 @@ def small_setting(member: int | None) -> Setting:
         [(-60.0, -60.0), (90.0, -60.0), (90.0, 90.0), (-60.0, 90.0)],
         vehicles=3, homes=[(0.0, -20.0), (20.0, -20.0), (40.0, -20.0)], strategy="swath",
     )  # fmt: skip
-    return Setting.of(parse_mission(text, "test"), member)
+    return setting_of(parse_mission(text, "test"), member)
 
 
 facts = st.lists(st.booleans(), max_size=30).map(
@@ -163,7 +164,7 @@ def test_whoever_compares_what_they_have_ends_with_the_same(
 # --- the end -----------------------------------------------------------------------------------
 @pytest.mark.parametrize("missing", [0, 1])
 def test_who_came_home_early_tells_that_the_others_did_the_rest(missing: int) -> None:
-    setting = Setting.of(parse_mission(field_text(high=True), "test"), 1)
+    setting = setting_of(parse_mission(field_text(high=True), "test"), 1)
     state = replace(State.initial(setting), t_s=300.0)
     for number, phase in ((1, Phase.FAILED), (2, Phase.FINISHED), (3, Phase.FINISHED)):
         came = replace(state.vehicles[number], phase=phase, landed=True, order=None)

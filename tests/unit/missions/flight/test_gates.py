@@ -12,10 +12,10 @@ from shapely.geometry import LineString
 from missions.fleet_events import Fact, Shared
 from missions.flight.path_orders import allowed
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
 from missions.flight.strategy.charting import chart_of
 from missions.flight.strategy.flyers import flyer_of, gate_of
-from missions.flight.strategy.sweep_passes import explore_passes
 from missions.flight.transitions import apply
 from missions.geo.trajectory import rounded_path
 from missions.mission.checks import parse_mission
@@ -27,9 +27,9 @@ from tests.benchmarks.fleet_growth import text_for
 CORNERS = [GridPoint(-600.0, 100.0), GridPoint(600.0, 100.0), GridPoint(0.0, 900.0)]
 
 
-def setting_of(vehicles: int, member: int) -> Setting:
+def made(vehicles: int, member: int) -> Setting:
     text = text_for(vehicles, apart=True)
-    return Setting.of(with_own_air(parse_mission(text, "bay")), member)
+    return setting_of(with_own_air(parse_mission(text, "bay")), member)
 
 
 def over(setting: Setting, place: GridPoint) -> State:
@@ -48,7 +48,7 @@ def over(setting: Setting, place: GridPoint) -> State:
 
 @pytest.mark.parametrize(("vehicles", "member"), [(5, 1), (5, 5), (10, 4), (10, 10)])
 def test_every_way_to_the_box_is_free_from_a_gate(vehicles: int, member: int) -> None:
-    setting = setting_of(vehicles, member)
+    setting = made(vehicles, member)
     pad = setting.pad_of(member)
     state = over(setting, pad)
     gate = gate_of(setting, state.vehicles[member])
@@ -70,21 +70,21 @@ def test_every_way_to_the_box_is_free_from_a_gate(vehicles: int, member: int) ->
 
 
 def test_one_service_has_no_gates() -> None:
-    setting = Setting.of(parse_mission(text_for(5), "bay"))
+    setting = setting_of(parse_mission(text_for(5), "bay"))
     vehicle = State.initial(setting).vehicles[1]
     assert gate_of(setting, replace(vehicle, home=setting.pad_of(1))) == setting.pad_of(1)
 
 
 def test_who_stands_between_two_columns_is_planned_for() -> None:
     """The way to its work leads past the pads of others: it leaves straight, and goes on there."""
-    setting = setting_of(10, 3)
+    setting = made(10, 3)
     region = {Cell(20 + i, 2 + j) for i in range(4) for j in range(3)}  # far to the east, and near
     state = over(setting, setting.pad_of(3))
     told = Fact(90.0, tuple((cell, True) for cell in sorted(region)))
     state = apply(setting, state, Shared(1, 99.0, 0, (told,)))
     lanes = {number: replace(v, lanes=()) for number, v in state.vehicles.items()}
     state = replace(state, vehicles=lanes, t_s=110.0)
-    order = explore_passes(setting, state).vehicles[3].order
+    order = setting.strategy.plan(setting, state).vehicles[3].order
     assert isinstance(order, FlyPath)
     assert allowed(setting.fence, order.trajectory)
     assert order.trajectory.length_m > 5.0

@@ -7,6 +7,7 @@ from dataclasses import replace
 from missions.events import Arrived
 from missions.flight.return_home import fly_home
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.flight.transitions import apply
 from missions.orders import FlyTo, Hold, Land
@@ -24,7 +25,7 @@ def out(state: State, setting: Setting, number: int, place: GridPoint) -> Vehicl
 
 
 def test_who_has_to_wait_for_another_that_comes_home_comes_nearer_meanwhile() -> None:
-    setting = Setting.of(load("bay"))
+    setting = setting_of(load("bay"))
     state = State.initial(setting)
     first = out(state, setting, 4, GridPoint(600.0, 60.0))
     across = FlyTo((GridPoint(-600.0, 60.0),), None, stop=True, height_m=40.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.mission.flyable import fence_of, look_s, search_area
 from missions.planning.search.lanes import share_out
@@ -15,7 +16,7 @@ BOX, FENCE = square(-10, 16, 40, 30), square(-60, -60, 160, 160)
 
 
 def setting(**changes: object) -> Setting:
-    return Setting.of(mission(BOX, FENCE, **changes))  # type: ignore[arg-type]
+    return setting_of(mission(BOX, FENCE, **changes))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("margin_m", [0.0, 2.0, 5.0])
@@ -29,7 +30,7 @@ def test_checks_and_flights_have_the_same_fence_and_lanes() -> None:
     """What is accepted is what is flown."""
     hole = square(0, 25, 8, 8)
     made = mission(BOX, FENCE, [hole])
-    flown = Setting.of(made)
+    flown = setting_of(made)
     checked = fence_of(made, flown.grid)
     assert checked.inner.equals(flown.fence.inner)
     assert search_area(made, flown.grid).lanes == flown.lanes

@@ -29,9 +29,10 @@ from missions.events import (
     Tracked,
     Vote,
 )
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, ReturnReason, State
 from missions.flight.step import Orders, step
+from missions.flight.strategy.stepwise import Stepwise
 from missions.flight.transitions import MOST_HOME_REFUSED_AROUND, apply
 from missions.geo.trajectory import Trajectory
 from missions.mapping.tree import Tree
@@ -62,7 +63,7 @@ class Service:
     """Events in, orders out, and the state between."""
 
     def __init__(self, made: Mission) -> None:
-        self.setting = Setting.of(made)
+        self.setting = setting_of(made)
         self.state = State.initial(self.setting)
         self.now_s = 0.0
 
@@ -575,7 +576,7 @@ def test_the_battery_turns_a_vehicle_back_to_a_swap_and_out_again(service: Servi
 
 
 def test_the_cell_of_one_whose_battery_ends_is_looked_at_by_one_who_waited(pair: Service) -> None:
-    pair.setting = replace(pair.setting, explorer=EXPLORERS["horizon"])
+    pair.setting = replace(pair.setting, strategy=Stepwise(EXPLORERS["horizon"]))
     last, centre = Cell(2, 7), pair.setting.grid.centre_of
     for vehicle, at in ((1, centre(Cell(2, 3))), (2, centre(ROOT))):
         pair.connect(vehicle, at=GridPoint(8.0 * vehicle, 0.0))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from shapely.affinity import rotate
 from shapely.geometry import Point, box
 
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.geo.grid import Grid
 from missions.mission import flyable
 from missions.mission.checks import parse_mission
@@ -140,7 +140,7 @@ def test_some_headway_must_be_left(wind: str, refused: bool) -> None:
 
 def test_the_limit_of_the_file_is_that_of_the_energy_model() -> None:
     assert Flight().max_airspeed_m_s == AIRSPEED_LIMIT_M_S
-    assert Setting.of(parsed()).energy.max_airspeed_m_s == AIRSPEED_LIMIT_M_S
+    assert setting_of(parsed()).energy.max_airspeed_m_s == AIRSPEED_LIMIT_M_S
 
 
 # --- camera ----------------------------------------------------------------------------------
@@ -207,7 +207,7 @@ def test_what_is_accepted_can_take_off_in_the_reducer_s_own_reckoning(
     energy = energy_model(small)
     refused = bool(list(flyable.search(small, Grid.at(small.home, 4.0))))
     out_m = max(away_m, 0.0)
-    need_wh = energy.sortie_wh(out_m, out_m, 12.0, Setting.of(small).look_s)
+    need_wh = energy.sortie_wh(out_m, out_m, 12.0, setting_of(small).look_s)
     if not math.isclose(need_wh, capacity_wh, rel_tol=0.01):
         assert refused == (need_wh > capacity_wh)
 

@@ -9,7 +9,7 @@ import pytest
 from missions.errors import MissionFileError
 from missions.flight.airspace.deconfliction import _untold_claims
 from missions.flight.return_home import has_energy_for
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State, VehicleState
 from missions.mission.flyable import farthest_corner, warnings
 from missions.mission.height_and_speed import altitude_reason
@@ -37,7 +37,7 @@ def faults(content):
 def test_a_mission_that_says_nothing_of_the_ground_is_as_before():
     made = checked(text())
     assert (made.ground, made.surveyed, made.relief, made.highest_ground_m) == (None,) * 3 + (0.0,)
-    assert Setting.of(made).relief_m == 0.0
+    assert setting_of(made).relief_m == 0.0
 
 
 def over_slope(percent, **how):
@@ -80,7 +80,7 @@ def test_a_geotiff_is_not_read_without_its_mission_file():
 
 def test_level_flight_over_lower_ground_is_warned_of_with_what_it_costs():
     made = checked(text_over(text(), slope(14.0, 180.0), above="home"))
-    told = warnings(made, Setting.of(made).grid)
+    told = warnings(made, setting_of(made).grid)
     assert any("-10.1 to +5.6 m" in line and "off by up to 6.1 m" in line for line in told), told
     assert made.ground is None
 
@@ -105,7 +105,7 @@ def test_pictures_show_less_uphill_and_paths_climb_no_faster_than_autopilots():
 
 def test_climbs_on_the_way_are_paid_for():
     made = checked(text())
-    flat, sloped = Setting.of(made), Setting.of(over(made, hills(2, 60.0)))
+    flat, sloped = setting_of(made), setting_of(over(made, hills(2, 60.0)))
     corner = farthest_corner(made, flat.grid)
     assert farthest_corner(sloped.mission, flat.grid).sortie_wh > corner.sortie_wh
     far = GridPoint(40.0, 50.0)
@@ -139,7 +139,7 @@ def test_who_returns_above_the_highest_ground_is_expected_so_high_above_the_lowe
     """A return height is kept over a valley, too, and in the air of whoever flies there."""
     made = over(checked(text(vehicles=2)), slope(40.0, 0.0))
     high = made.model_copy(update={"flight": made.flight.model_copy(update={"altitude_m": 50.0})})
-    setting = Setting.of(high)
+    setting = setting_of(high)
     assert setting.relief_m == pytest.approx(46.4, abs=2.5)
     returning = VehicleState(
         1, 50.0, phase=Phase.GUARDED, height_m=50.0, landed=False, order=ReturnToLaunch()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.schema import Mission
 from missions.mission.views import (
     DRAG_1_S,
@@ -36,7 +37,7 @@ def windy(
     optics = {"hfov_deg": 80.0, "width_px": 640, "height_px": 480}
     camera = made.camera.model_copy(update=optics)
     wind = made.wind.model_copy(update={"speed_m_s": wind_m_s, "from_deg": from_deg})
-    setting = Setting.of(made.model_copy(update={"camera": camera, "wind": wind}))
+    setting = setting_of(made.model_copy(update={"camera": camera, "wind": wind}))
     assert setting.east_ahead == east_ahead
     return setting
 

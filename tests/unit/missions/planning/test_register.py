@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from missions.errors import MissionFileError, StrategyError
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.lab.arena.arena_run import run
 from missions.planning.stepwise import EXPLORERS, Decision, Situation, register
 from missions.planning.stepwise.rdfs import Rdfs
@@ -33,7 +33,7 @@ def test_register_a_strategy_makes_it_known_to_missions_and_simulations() -> Non
     mine = Mine()
     register(mine)
     try:
-        assert Setting.of(mission(box, fence, strategy="mine")).explorer is mine
+        assert setting_of(mission(box, fence, strategy="mine")).strategy.about is mine
         assert run(EXPLORERS["mine"], {Cell(0, 0), Cell(1, 0)}, Cell(0, 0), 1).makespan == 2.0
     finally:
         del EXPLORERS["mine"]

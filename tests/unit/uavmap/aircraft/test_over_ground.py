@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import Airborne, Arrived, Crashed, Landed
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.geo.terrain import FOLLOW_M
 from missions.geo.trajectory import rounded_path
 from missions.mission.schema import Mission
@@ -95,7 +95,7 @@ async def test_setpoints_of_a_path_carry_the_height_and_the_climb(
     ("kind", "name", "unit"), [(ARDUPILOT, "RTL_ALT", 100.0), (PX4, "RTL_RETURN_ALT", 1.0)]
 )
 def test_return_heights_and_ceilings_clear_the_highest_ground(kind, name, unit):
-    setting = Setting.of(sloped("ardupilot", 20.0, speed_m_s=5.0))
+    setting = setting_of(sloped("ardupilot", 20.0, speed_m_s=5.0))
     home = setting.mission.home
     highest_m = setting.mission.highest_ground_m
     assert highest_m == pytest.approx(14.4)  # 70 m north of the start, and the rest of a mesh

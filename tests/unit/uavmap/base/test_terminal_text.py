@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from missions.events import FrameLost
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
 from tests.support.small_missions import mission, square
 from uavmap.base.printable import printable
@@ -47,7 +47,7 @@ def test_say_writes_no_escape_sequences_but_keeps_its_lines() -> None:
 
 
 def test_a_note_that_looks_like_markup_breaks_no_table() -> None:
-    setting = Setting.of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
+    setting = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
     state = State.initial(setting)
     lost = replace(state.vehicles[1], phase=Phase.FAILED, note="[/x] \x1b[2Jrefused [bold]")
     out = Tty()

@@ -15,6 +15,7 @@ from missions.fleet_events import Asked, Fact
 from missions.flight.airspace.deconfliction import SEPARATION_BUFFER_M, is_clear
 from missions.flight.airspace.volumes import Volume
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Column, Phase, State, VehicleState
 from missions.flight.team.codec import Ask, Message, encode
 from missions.flight.transitions import apply
@@ -37,8 +38,8 @@ CLIMB_S = 12.0
 
 
 @lru_cache
-def setting_of(member: int) -> Setting:
-    return Setting.of(parse_mission(field_text(high=True), "test"), member)
+def made(member: int) -> Setting:
+    return setting_of(parse_mission(field_text(high=True), "test"), member)
 
 
 @dataclass(slots=True)
@@ -60,7 +61,7 @@ class Mind:
     """Whether its service takes in what is reported, or has not begun yet."""
 
     def __post_init__(self) -> None:
-        self.setting = setting_of(self.number)
+        self.setting = made(self.number)
         state = State.initial(self.setting)
         place = GridPoint(4.0 + 12.0 * self.number, 40.0)
         low_m = self.setting.mission.altitude_m(self.number - 1)
@@ -141,7 +142,7 @@ class Mind:
 
 def too_near(one: Column, other: Column) -> bool:
     """Whether two come nearer than they may, and half a metre that places are rounded by."""
-    team = setting_of(0).mission.team
+    team = made(0).mission.team
     air, there = (Volume((c.place,), c.low_m, c.high_m) for c in (one, other))
     return air.meets(there, team.separation_m + SEPARATION_BUFFER_M - 0.5, team.layer_m)
 
@@ -226,7 +227,7 @@ def test_a_message_that_was_overtaken_opens_no_air() -> None:
     async def told() -> list[Asked]:
         ours, theirs, found = Seal(KEY, 1, 1), Seal(KEY, 2, 1), list[Event]()
         radio = Air(LinkModel()).radio(1, lambda: (GridPoint(0.0, 0.0), 0.0))
-        member = Member(setting_of(1), ours, radio, lambda: 5.0, found.append)
+        member = Member(made(1), ours, radio, lambda: 5.0, found.append)
         member.clock_moved(0.0)
         theirs.opened(ours.sealed(b""))
         ours.opened(theirs.sealed(b""))

@@ -10,7 +10,7 @@ import pytest
 from pyproj import Transformer
 
 from missions.errors import MissionFileError
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.geo.grid import Grid
 from missions.units import GridPoint, Pose, Quaternion
 from tests.support.photographs import write_photo
@@ -220,12 +220,12 @@ def test_files_that_are_no_geotiff_are_refused_in_a_line(tmp_path, capsys, monke
 
 def test_photographs_are_read_from_their_height_above_the_ground_below(tmp_path):
     geotiff(tmp_path / "dem.tif")
-    setting = Setting.of(load(str(mission_file(tmp_path))))
+    setting = setting_of(load(str(mission_file(tmp_path))))
     place = GridPoint(30.0, 40.0)
     taken = Pose(GRID.position(place), 50.0, Quaternion.from_euler(0.0, -math.pi / 2, 0.0))
     told = above_ground(taken, setting)
     assert told.height_m == pytest.approx(50.0 - ground_m(30.0, 40.0), abs=0.1)
-    level = Setting.of(load(str(mission_file(tmp_path, above="home"))))
+    level = setting_of(load(str(mission_file(tmp_path, above="home"))))
     assert above_ground(taken, level) is taken
 
 

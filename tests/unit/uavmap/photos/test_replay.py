@@ -15,6 +15,7 @@ from PIL import Image
 
 from missions.events import FrameLost, FrameSeen
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.geo.grid import Grid
 from missions.mission.checks import parse_mission
 from missions.units import Cell, GridPoint
@@ -113,7 +114,7 @@ def setting(recorded: str = "evidence") -> Setting:
         detector = {{intensity = 140, dilations = 0, share = 0.5, view = "all"}}
         votes = {{frames = 3, positive = 2, recorded = "{recorded}"}}
     """
-    return Setting.of(parse_mission(text, "painted"))
+    return setting_of(parse_mission(text, "painted"))
 
 
 def replayed(
@@ -243,7 +244,7 @@ NO_ROAD = [
 
 @pytest.mark.skipif(not REAL.is_dir(), reason=f"no photographs in {REAL}")
 def test_real_photographs_map_the_road(tmp_path: Path) -> None:
-    made = Setting.of(load("road"))
+    made = setting_of(load("road"))
     # as tagged: the places were picked by eye on that map
     _, states = mapped(REAL, made, tmp_path / "out", refine=False)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mapping.evidence import Evidence
 from tests.benchmarks.photos.many_pictures import write_survey
 from tests.unit.uavmap.output.maps import make_map
@@ -44,7 +44,7 @@ def traced() -> Iterator[Callable[[], tuple[int, int]]]:
 
 def looked_at(folder: Path, spool: Spool) -> Looked:
     gathered = gather(open_source(folder))
-    setting = Setting.of(mission_of_text(derived(gathered), "derived"))
+    setting = setting_of(mission_of_text(derived(gathered), "derived"))
     return look_at_all(gathered, setting, spool, Threads(1))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.flight.strategy import fallback
 from missions.flight.strategy import sweep_passes as passes
@@ -56,7 +56,7 @@ def test_it_is_never_needed_where_frames_decide(
 
 
 def test_the_patience_grows_with_what_is_known() -> None:
-    setting = Setting.of(load(MISSION))
+    setting = setting_of(load(MISSION))
     state = State.initial(setting)
     assert fallback.patience_s(setting, state) == fallback.LEAST_PATIENCE_S
     root = Cell(0, 0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from missions.errors import ImageError, MissionFileError
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.sections.detector_section import DetectorSection
 from tests.support.flights import small_mission
 from tests.support.said import Said
@@ -20,7 +20,7 @@ from uavmap.runner.vehicles import judge_of
 def judge(model: Path, *, recall: bool) -> PictureJudge:
     section = DetectorSection(name="learned", model=str(model), model_sha256="0" * 64)
     made = small_mission().model_copy(update={"detector": section})
-    return judge_of(Setting.of(made), recall=recall)
+    return judge_of(setting_of(made), recall=recall)
 
 
 @pytest.mark.parametrize("there", [False, True])

@@ -10,7 +10,7 @@ import pytest
 
 from missions.errors import JournalError
 from missions.events import Connected, Crashed, Event, LinkLost, Overridden, Recalled, Tracked
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
 from missions.flight.step import fold
 from missions.orders import Order, StandDown, TakeOff
@@ -57,7 +57,7 @@ def journal(tmp_path: Path) -> Iterator[Journal]:
 
 
 def serve(journal: Journal, vehicle: Played, act: Callable[[Service], None]) -> State:
-    setting = Setting.of(small_mission())
+    setting = setting_of(small_mission())
     seen: list[Event] = []
     service = Service(
         setting, journal, vehicle, State.initial(setting), lambda e, _: seen.append(e)
@@ -152,7 +152,7 @@ def test_a_journal_that_cannot_be_written_ends_the_mission(
         (1.0, CONNECTED),
         *((t_s, Tracked(1, t_s, HOME, 0.0, 25.0)) for t_s in (20.0, 21.0, 22.0)),
     )
-    setting = Setting.of(small_mission())
+    setting = setting_of(small_mission())
     service = Service(setting, journal, vehicle, State.initial(setting), lambda *_: None)
 
     async def main() -> None:
@@ -180,7 +180,7 @@ def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(
     """The guardians bring everybody down: whoever resumes must know how that ended."""
     flying = Connected(1, 1.0, HOME, HOME, 12.0, True, True, 25.0)
     vehicle = Played((1.0, flying), (5.0, Tracked(1, 5.0, HOME, 12.0, 25.0)))
-    setting = Setting.of(small_mission())
+    setting = setting_of(small_mission())
     service = Service(setting, journal, vehicle, State.initial(setting), lambda *_: None)
     append = journal.append
 
@@ -213,7 +213,7 @@ def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(
 
 @by(on_virtual_time)
 async def test_what_is_kept_after_the_end_is_known_to_the_aircraft(journal: Journal) -> None:
-    setting = Setting.of(small_mission())
+    setting = setting_of(small_mission())
     service = Service(setting, journal, Played(), State.initial(setting), lambda *_: None)
 
     async def nobody(_: object) -> None:
@@ -237,7 +237,7 @@ async def test_a_report_that_no_journal_can_hold_is_refused_and_told(
 ) -> None:
     nowhere = GridPoint(float("inf"), 0.0)
     vehicle = Played((1.0, CONNECTED), (2.0, Tracked(1, 2.0, nowhere, 0.0, 25.0)))
-    setting = Setting.of(small_mission())
+    setting = setting_of(small_mission())
     service = Service(setting, journal, vehicle, State.initial(setting), lambda *_: None)
     vehicle.play(service)
     asyncio.get_running_loop().call_later(10.0, service.stop)

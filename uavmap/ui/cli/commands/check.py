@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission import flyable
 from uavmap.load.mission_source import load
 from uavmap.runner.preflight.plan_figures import estimate, ground_figures, ground_lines, taken_lines
@@ -37,7 +37,7 @@ def run(options: argparse.Namespace) -> int:
     """Check."""
     if options.map is not None:
         check_kind(options.map, "--map")
-    setting = Setting.of(load(options.mission))
+    setting = setting_of(load(options.mission))
     figures = estimate(setting)
     warnings = flyable.warnings(setting.mission, setting.grid)
     if options.map is not None:

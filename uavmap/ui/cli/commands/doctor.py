@@ -12,6 +12,7 @@ from typing import Final
 
 from missions.errors import MissionFileError
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.schema import CameraSection
 from uavmap.aircraft.cameras.spec import CameraSpec, parse_camera
 from uavmap.aircraft.imaging.classifier import detector_of
@@ -109,7 +110,7 @@ def _setting(name: str | None, links: int) -> Setting | None:
             f"{name}: {len(mission.vehicles)} vehicles, but {links} connection URLs; give "
             "--connect at most once a vehicle"
         )
-    return Setting.of(mission)
+    return setting_of(mission)
 
 
 def _cameras(given: Sequence[str], setting: Setting | None, links: int) -> list[CameraSpec]:

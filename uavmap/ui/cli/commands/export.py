@@ -12,7 +12,7 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import MissionFileError, OutputError, UavmapError
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.schema import Mission
 from uavmap.base.atomic_write import write_bytes, write_text
 from uavmap.base.terminal import Terminal
@@ -144,7 +144,7 @@ def _flights(
     options: argparse.Namespace, mission: Mission, frame: int, say: Callable[[str], None]
 ) -> list[SearchFlight]:
     """The search of the vehicle of --vehicle, or of all that have a lane to fly."""
-    setting, flights, count = Setting.of(mission), [], len(mission.vehicles)
+    setting, flights, count = setting_of(mission), [], len(mission.vehicles)
     if options.vehicle is not None and options.vehicle > count:
         raise UavmapError(f"--vehicle {options.vehicle}: {options.source} has {count}")
     for vehicle in range(count) if options.vehicle is None else (options.vehicle - 1,):

@@ -11,6 +11,7 @@ from typing import Final
 
 from missions.errors import AreaError, MissionFileError, OutputError
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.geo.grid import Grid
 from missions.mission import flyable
 from missions.mission.checks import STRATEGIES
@@ -105,7 +106,7 @@ def run(options: argparse.Namespace) -> int:
     origin = Path(drawing.source).name
     try:
         text = compose(name, origin, layout, figures, flying)
-        setting = Setting.of(mission_of_text(text, str(out)))
+        setting = setting_of(mission_of_text(text, str(out)))
     except MissionFileError as error:
         raise AreaError(
             f"such a mission could not be flown, nothing is written:\n{error}"

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.flight.strategy.charting import chart_of
 from missions.flight.strategy.flyers import flyer_of
@@ -30,7 +30,7 @@ def drifting() -> str:
 
 @pytest.mark.parametrize("lasting_s", [0.0, 20.0, 40.0, 53.0, 80.0, 200.0])
 def test_the_end_of_a_path_is_open_however_late_it_ends(lasting_s: float) -> None:
-    setting = Setting.of(parse_mission(drifting(), "test"), 2)
+    setting = setting_of(parse_mission(drifting(), "test"), 2)
     assert setting.grid.drift_speed_m_s > 0.0
     state = State.initial(setting)
     path = rounded_path([GridPoint(0.0, 30.0), GridPoint(4.0, 30.0)], BEGIN_S, speed_m_s=5.0)

@@ -9,7 +9,7 @@ import pytest
 
 from missions.events import FrameSeen, Vote
 from missions.flight.path_orders import allowed
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State, VehicleState
 from missions.flight.strategy.lane_passes import flown_along, search_passes, still_open, turned
 from missions.mission.fleet_checks import with_own_air
@@ -119,7 +119,7 @@ def test_who_flies_lanes_that_others_have_seen_meanwhile_brakes() -> None:
 def test_in_a_region_that_drifts_a_way_round_the_pads_of_others_is_always_found(t_s: float) -> None:
     flown = with_own_air(load("bay"))
     for number in range(1, 6):
-        setting = Setting.of(flown, number)
+        setting = setting_of(flown, number)
         state = replace(State.initial(setting), t_s=t_s)
         vehicle = replace(
             state.vehicles[number], phase=Phase.AIRBORNE, landed=False, order=None, height_m=90.0,

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.flight.dispatch import assign
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
 from missions.flight.strategy.two_heights import with_plain
 from missions.mapping.belief import Belief, FrameId
@@ -58,7 +58,7 @@ def test_looking_at_what_a_frame_has_decided_is_as_good_as_looking_at_all(
 
 def test_who_has_no_lane_takes_off_as_soon_as_there_is_an_outline_to_map() -> None:
     mission = load("bay")
-    setting = Setting.of(mission)
+    setting = setting_of(mission)
     region = frozenset(Cell(east, north) for east in range(10, 20) for north in range(20, 30))
     state = State.initial(setting)
     for number, vehicle in state.vehicles.items():

@@ -11,6 +11,7 @@ import pytest
 from missions.events import Arrived, FrameSeen, Vote
 from missions.fleet_events import Apart, Heard, Leased
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Column, Phase, State, VehicleState
 from missions.flight.strategy.lane_passes import drop_seen
 from missions.flight.strategy.two_heights import (
@@ -32,7 +33,7 @@ OURS = 2
 
 @lru_cache
 def setting() -> Setting:
-    return Setting.of(parse_mission(field_text(high=True), "test"), OURS)
+    return setting_of(parse_mission(field_text(high=True), "test"), OURS)
 
 
 def in_the_air(*, on_lane: bool) -> State:

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from missions.fleet_events import Allotted, Apart, Fact, Heard, Part, Shared
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Allotment, Phase, State
 from missions.flight.strategy.searching import find_work
-from missions.flight.strategy.sweep_passes import NEAR_PAD_M, explore_passes
+from missions.flight.strategy.sweep_passes import NEAR_PAD_M
 from missions.flight.strategy.touring import TourMemory
 from missions.flight.team.work_shares import EVERY_S, KNOWN_S, own_part, share_parts
 from missions.flight.transitions import apply
@@ -35,7 +36,7 @@ tours = st.fixed_dictionaries(
 
 @lru_cache
 def setting(member: int) -> Setting:
-    return Setting.of(parse_mission(field_text(high=True), "test"), member)
+    return setting_of(parse_mission(field_text(high=True), "test"), member)
 
 
 def flying(member: int, *, t_s: float = 100.0) -> State:
@@ -157,21 +158,22 @@ def test_the_lowest_of_those_who_map_lays_out_the_parts(member: int) -> None:
 
 @pytest.mark.parametrize("at", [GridPoint(40.0, 50.0), GridPoint(16.0, 4.0)])
 def test_who_has_no_part_flies_home_meanwhile_and_may_be_called_on_its_way(at: GridPoint) -> None:
-    from missions.flight.strategy.sweep_passes import explore_passes  # noqa: PLC0415 - numba takes a second
 
     state = flying(2)
     state = state.with_vehicle(replace(state.vehicles[2], position=at))
     state = told(state, {1: (GridPoint(10.0, 30.0),), 2: (), 3: (GridPoint(30.0, 30.0),)})
-    order = explore_passes(setting(2), state).vehicles[2].order
+    order = setting(2).strategy.plan(setting(2), state).vehicles[2].order
     pad = setting(2).pad_of(2)
     if at.distance_to(pad) < NEAR_PAD_M:
         assert order is None
         return
     assert isinstance(order, FlyPath)
     assert order.trajectory.place_at(order.trajectory.end_s).distance_to(pad) < 1.0
-    called = told(explore_passes(setting(2), state), {1: (), 2: (GridPoint(30.0, 30.0),), 3: ()})
+    called = told(
+        setting(2).strategy.plan(setting(2), state), {1: (), 2: (GridPoint(30.0, 30.0),), 3: ()}
+    )
     called = replace(called, t_s=103.0)
-    again = explore_passes(setting(2), replace(called, memory=None)).vehicles[2].order
+    again = setting(2).strategy.plan(setting(2), replace(called, memory=None)).vehicles[2].order
     assert isinstance(again, FlyPath)
     assert again is not order
 
@@ -184,7 +186,7 @@ def test_who_waits_over_its_pad_has_its_part_in_what_is_laid_out() -> None:
         for number in (1, 3):
             at = setting(member).pad_of(number)
             state = state.with_vehicle(replace(state.vehicles[number], position=at))
-        state = explore_passes(setting(member), state)
+        state = setting(member).strategy.plan(setting(member), state)
         assert (state.allotment is not None) is lays
         if lays:
             assert state.allotment is not None

@@ -6,7 +6,7 @@ import pytest
 from shapely.geometry import Polygon
 
 from missions.errors import MissionFileError
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.geo.fence import Fence
 from missions.mission.checks import parse_mission
 from missions.mission.places import prior_of
@@ -77,7 +77,7 @@ def test_a_position_alone_is_a_list_of_one_place() -> None:
 
 def test_a_point_without_a_spread_has_half_of_the_shorter_side() -> None:
     mission = parse_mission(HEAD + "search.prior = [48.0005, 11.0005]\n", "m.toml")
-    (spot,) = prior_of(mission, Setting.of(mission).grid)
+    (spot,) = prior_of(mission, setting_of(mission).grid)
     assert isinstance(spot, Spot)
     assert spot.spread_m == pytest.approx(37.3, abs=1.5)  # 0.001 degrees of longitude, turned
 
@@ -128,6 +128,6 @@ def test_one_place_in_the_box_is_enough() -> None:
 
 def test_without_a_prior_nobody_knows_when_the_region_is_seen() -> None:
     text = mission_text(square(0, 0, 60, 40), square(-60, -60, 200, 200))
-    setting = Setting.of(parse_mission(text, "m.toml"))
+    setting = setting_of(parse_mission(text, "m.toml"))
     assert setting.likely == ()
     assert setting.first_sighting_s is None

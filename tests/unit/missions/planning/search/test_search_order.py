@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
@@ -48,7 +49,7 @@ def field(prior: tuple[float, float] | None, vehicles: int = 1, north_m: float =
             "[search]",
             f"[search]\nprior = [{{position = [{place.lat_deg}, {place.lon_deg}], spread_m = 8}}]",
         )
-    return Setting.of(parse_mission(text, "field.toml"))
+    return setting_of(parse_mission(text, "field.toml"))
 
 
 # --- by hand ---------------------------------------------------------------------------------

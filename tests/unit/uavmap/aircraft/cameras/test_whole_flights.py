@@ -13,7 +13,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.events import FrameLost, FrameSeen
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.mission.schema import Mission
 from tests.support.flights import small_mission
@@ -107,7 +107,7 @@ class RiggedFlight(Flight):
 def flown(rig: Rig, made: Mission, folder: Path) -> tuple[dict[str, Any], list[Any], list[str]]:
     """The summary, the events and what was said of a flight."""
     plan = plan_of("m.toml", made, None, None, 1, (), None, SIM_EPOCH_UTC_S)
-    setting, said = Setting.of(made), Said()
+    setting, said = setting_of(made), Said()
     folder.mkdir()
     with Journal.create(folder / JOURNAL, {"plan": plan.as_json()}) as journal:
         flight = RiggedFlight(rig, said, plan, setting, folder, journal, State.initial(setting))

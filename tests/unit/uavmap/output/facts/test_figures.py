@@ -16,6 +16,7 @@ from missions.events import (
     Vote,
 )
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.strategy import sweep_passes as passes
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import fleet
@@ -26,7 +27,7 @@ HOME = GridPoint(0.0, 0.0)
 
 
 def setting(vehicles: int = 1) -> Setting:
-    return Setting.of(
+    return setting_of(
         mission(square(-4, 10, 24, 16), square(-40, -40, 100, 110), vehicles=vehicles)
     )
 

@@ -15,6 +15,7 @@ from missions.events import FrameSeen, Vote
 from missions.fleet_events import Fact, Shared
 from missions.flight.joined_map import joined
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.flight.team.own_cells import OwnCells
 from missions.geo.grid import Grid
@@ -39,7 +40,7 @@ def setting(member: int | None = None, *, strategy: str = "swath") -> Setting:
         square(-6, 10, 28, 16), square(-40, -40, 100, 110), vehicles=2, strategy=strategy,
         mounting="gimbal",
     )  # fmt: skip
-    return Setting.of(made, member)
+    return setting_of(made, member)
 
 
 def seen(t_s: float, region: set[Cell], ground: set[Cell], vehicle: int = 1) -> FrameSeen:

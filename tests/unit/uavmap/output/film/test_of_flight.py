@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from missions.events import Connected, FrameSeen, Tracked, Vote
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.units import Cell, GridPoint
 from tests.support.small_missions import mission, square
 from uavmap.output.film.film import Place, Unit
@@ -19,7 +19,7 @@ def seen(t_s: float, positive: bool) -> FrameSeen:
 
 
 def test_what_was_judged_and_where_the_vehicle_was_as_seen_from_the_roi():
-    setting = Setting.of(mission(BOX, FENCE, drift_m_s=0.4, toward_deg=90.0))
+    setting = setting_of(mission(BOX, FENCE, drift_m_s=0.4, toward_deg=90.0))
     events = [
         Connected(1, 0.0, GridPoint(0.0, 0.0), GridPoint(0.0, 0.0), 0.0, False, True, 25.0),
         Tracked(1, 10.0, GridPoint(8.0, 0.0), 12.0, 24.0),
@@ -45,7 +45,7 @@ def test_what_was_judged_and_where_the_vehicle_was_as_seen_from_the_roi():
 
 
 def test_of_photographs_there_are_cells_and_no_tracks():
-    setting = Setting.of(mission(BOX, FENCE))
+    setting = setting_of(mission(BOX, FENCE))
     events = [seen(0.1 * i, True) for i in range(5)]
     film, _ = film_of_flight(setting, events, "photographs", recorded=True)
     assert film.tracks == {}

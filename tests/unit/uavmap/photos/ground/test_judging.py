@@ -17,7 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import ImageError, LinkError
 from missions.events import FrameLost, FrameSeen
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.units import Cell, Quaternion
 from tests.support.flights import HEIGHT_PX, WIDTH_PX, small_mission
 from tests.support.mavlink_peer import Peer, heartbeat
@@ -34,7 +34,7 @@ from uavmap.runner.flight_links import mount_of
 DOWN = Quaternion.from_euler(0.0, -math.pi / 2, 0.0)
 URL = b"http://127.0.0.1/0.jpg"
 MISSION = small_mission()
-SETTING = Setting.of(MISSION)
+SETTING = setting_of(MISSION)
 CAMERA = MISSION.camera
 
 

@@ -12,6 +12,7 @@ import pytest
 from missions.errors import ImageError
 from missions.events import Event, FrameSeen
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from tests.support.flights import small_mission
 from uavmap.runner.preflight import computer_speed
@@ -26,7 +27,7 @@ from uavmap.runner.preflight.finding import Level
 
 
 def setting(strategy: str = "swath") -> Setting:
-    return Setting.of(small_mission(strategy=strategy))
+    return setting_of(small_mission(strategy=strategy))
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from missions.errors import NotFlownError, PreflightError
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.schema import Mission
 from tests.support.field import BOTH, Field, mission_of, on_field
 from tests.support.small_missions import at_heights, with_receivers
@@ -24,7 +24,7 @@ def line_of(mission: Mission, given_m: float, folder: Path) -> str:
     """What preflight finds of the second home where its mission gives this height."""
 
     async def body(field: Field) -> None:
-        setting = Setting.of(at_heights(mission, (0.0, given_m)))
+        setting = setting_of(at_heights(mission, (0.0, given_m)))
         dry = Preflight(lambda setting: [], dry_run=True).asked(setting)
         with pytest.raises(NotFlownError):
             await BeforeFlight(dry, setting, folder, field.links, Operator().ask).go()
@@ -53,7 +53,7 @@ def test_pad_heights_contradicted_keep_the_team_on_the_ground(tmp_path: Path) ->
     mission = simulated("ardupilot", 8.0, 0.0)
 
     async def body(field: Field) -> None:
-        setting = Setting.of(at_heights(mission, (0.0, 0.0)))
+        setting = setting_of(at_heights(mission, (0.0, 0.0)))
         wanted = Preflight(lambda setting: [], yes=True).asked(setting)
         flight = BeforeFlight(wanted, setting, tmp_path, field.links, Operator().ask)
         with pytest.raises(PreflightError, match=r"home height: .*set vehicles.1..home_height_m"):

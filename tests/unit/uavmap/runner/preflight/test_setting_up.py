@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import Point, Polygon
 
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.checks import parse_mission
 from missions.units import GridPoint, LatLon
 from tests.support.field import BOTH, Field, mission_of, on_field
@@ -99,7 +99,7 @@ async def test_in_a_team_each_returns_in_its_own_layer(
 async def test_a_member_of_a_fleet_is_told_whose_air_its_autopilot_does_not_know(
     field: Field, /, tmp_path: Path
 ) -> None:
-    field.setting = Setting.of(field.setting.mission, 2)
+    field.setting = setting_of(field.setting.mission, 2)
     (line,) = texts(await field.setup(2, tmp_path).apply(), Level.WARN)
     assert "fence: the air over the pads of vehicles 1, 3 is narrower than 32 m" in line
     assert "fence.holes" not in line

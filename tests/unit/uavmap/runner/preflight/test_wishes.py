@@ -8,6 +8,7 @@ import pytest
 from pymavlink import mavutil
 
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.schema import NavigationSection
 from tests.e2e.rig import SHARED
 from tests.support.field import mission_of
@@ -43,7 +44,7 @@ def found(
     vehicles: int = 1,
     setting: Setting | None = None,
 ) -> list[Finding]:
-    setting = setting or Setting.of(mission_of("ardupilot", vehicles))
+    setting = setting or setting_of(mission_of("ardupilot", vehicles))
     told = {name: Parameter(float(value), 9) for name, value in values.items()}
     return list(parameter_findings(kind, told, setting, volts))
 
@@ -142,7 +143,7 @@ def test_a_real_arducopter_has_every_parameter_that_is_looked_at() -> None:
         told[message.param_id] = Parameter(message.param_value, message.param_type)
     log.close()
     assert {*names_of(ARDUPILOT), *ARDUPILOT_FENCE} <= set(told)
-    setting = Setting.of(mission_of("ardupilot"))
+    setting = setting_of(mission_of("ardupilot"))
     findings = list(parameter_findings(ARDUPILOT, told, setting, 12.6))
     assert not_ok(findings) == ["BATT_FS_LOW_ACT", "FS_GCS_ENABLE", "BATT_CAPACITY"]
     assert findings[-1].found.startswith("3300 mAh, with 12.6 V (taken for 3 cells) about 37 Wh")
@@ -151,7 +152,7 @@ def test_a_real_arducopter_has_every_parameter_that_is_looked_at() -> None:
 @pytest.mark.parametrize("kind", [ARDUPILOT, PX4])
 def test_who_goes_on_without_satellites_needs_flow(kind: Autopilot) -> None:
     mission = mission_of("ardupilot", 1)
-    on = Setting.of(mission.model_copy(update={"navigation": NavigationSection(gnss_loss="map")}))
+    on = setting_of(mission.model_copy(update={"navigation": NavigationSection(gnss_loss="map")}))
     more = set(names_of(kind, on)) - set(names_of(kind))
     assert len(more) == 2
     good = GOOD_PX4 if kind is PX4 else GOOD_ARDUPILOT
@@ -176,7 +177,7 @@ def test_an_autopilot_climbs_as_fast_as_the_mission_says(
 ) -> None:
     mission = mission_of("ardupilot", 1)
     flight = mission.flight.model_copy(update={"climb_m_s": 5.0, "descent_m_s": 3.0})
-    setting = Setting.of(mission.model_copy(update={"flight": flight}))
+    setting = setting_of(mission.model_copy(update={"flight": flight}))
     rates = (
         {"WPNAV_SPEED_UP": 500, "WPNAV_SPEED_DN": 300}
         if kind is ARDUPILOT

@@ -14,7 +14,7 @@ import shapely
 
 import uavmap
 from missions.events import Paused
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.geo.geodesy import Utm, UtmZone
 from tests.support.plans import named_text
@@ -220,7 +220,7 @@ def test_what_the_file_leaves_out_is_said_by_the_plan() -> None:
     assert taken_lines(without) == [
         "[battery] is not in the file; taken: 60 Wh, 300 W in hover, a reserve of 15 %"
     ]
-    assert f"  {taken_lines(without)[0]}" in plan_lines(Setting.of(without))
+    assert f"  {taken_lines(without)[0]}" in plan_lines(setting_of(without))
 
 
 def test_a_simulated_flight_without_a_region_says_so(
@@ -242,7 +242,7 @@ def test_a_stream_that_is_no_terminal_gets_lines_whatever_the_environment_says(
     monkeypatch.setenv("FORCE_COLOR", "1")
     text = io.StringIO()
     progress = ProgressTable(Terminal(text))
-    setting = Setting.of(load("runway"))
+    setting = setting_of(load("runway"))
     progress.begin(setting, again=False)
     progress.update(Paused(1.0), State.initial(setting), 0)
     progress.end()

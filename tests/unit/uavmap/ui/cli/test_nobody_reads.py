@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from missions.events import GivenUp
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from tests.support.said import Gone
 from tests.support.small_missions import mission, square
@@ -27,7 +27,7 @@ FAILURES = (BrokenPipeError(), OSError(errno.EIO, "gone"), ValueError("closed fi
 @pytest.mark.parametrize("terminal", [False, True])
 @pytest.mark.parametrize("failure", FAILURES, ids=repr)
 def test_progress_goes_on_in_silence(failure: Exception, terminal: bool) -> None:
-    setting = Setting.of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
+    setting = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
     state, stream = State.initial(setting), Gone(failure, terminal=terminal)
     terminal_ = Terminal(stream)
     progress = ProgressTable(terminal_)

@@ -13,6 +13,7 @@ import pytest
 
 from missions.errors import OutputError
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.units import GridPoint, LatLon
 from uavmap.load.mission_source import load
 from uavmap.ui.page.background import of_mosaic, of_tiles
@@ -23,7 +24,7 @@ ZOOM = 18
 
 @pytest.fixture(scope="module")
 def setting() -> Setting:
-    return Setting.of(load(MISSION))
+    return setting_of(load(MISSION))
 
 
 def tile_of(place: LatLon, zoom: int) -> tuple[float, float]:

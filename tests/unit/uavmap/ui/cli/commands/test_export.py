@@ -17,6 +17,7 @@ from shapely.geometry import LineString
 
 from missions.events import FrameSeen, Vote
 from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.places import homes
 from missions.mission.schema import positions
 from missions.units import Cell, GridPoint, LatLon
@@ -49,7 +50,7 @@ def text_of(vehicles: int = 1, **more: Any) -> str:
 def mission_file(tmp: Path, vehicles: int = 1, **more: Any) -> tuple[Path, Setting]:
     path = tmp / "field.toml"
     path.write_text(text_of(vehicles, **more), "utf-8")
-    return path, Setting.of(load(str(path)))
+    return path, setting_of(load(str(path)))
 
 
 def exported(tmp: Path, *arguments: object, code: int = 0) -> dict[str, Any]:
@@ -72,7 +73,7 @@ def results(tmp: Path, cells: frozenset[Cell], **more: Any) -> tuple[Path, Setti
     plan = replace(PLAN, mission_source="field.toml", mission=mission)
     votes = tuple(Vote(cell, True, 0.9) for cell in sorted(cells))
     frames = [FrameSeen(1, 1.0 + n, None, votes) for n in range(5)]
-    return begun(tmp / "flown", plan, frames), Setting.of(mission)
+    return begun(tmp / "flown", plan, frames), setting_of(mission)
 
 
 def places_of(items: list[dict[str, Any]]) -> list[LatLon]:

@@ -27,16 +27,18 @@ from missions.flight.path_orders import NOTICE_S, give_path, is_outside, through
 from missions.flight.return_home import send_home
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.strategy.interface import Shares
 from missions.flight.strategy.lane_passes import flown_along, turned
+from missions.flight.strategy.survey import Survey
 from missions.flight.strategy.sweep_passes import give_up_rest
 from missions.flight.strip import Strip
-from missions.flight.whole_box import open_cells
 from missions.geo.fence import Fence
 from missions.geo.trajectory import ACCELERATION_M_S2
 from missions.mission.leapfrog_checks import tracker_view
 from missions.mission.views import path_speed_m_s
 from missions.planning.leapfrog_geometry import Role, Step, TrackerView, plan_leapfrog
 from missions.planning.search.lanes import Lane, unseen
+from missions.planning.sweep.strategies import LEAPFROG
 from missions.units import Cell, GridPoint
 
 MAPPER: Final = 1
@@ -67,16 +69,6 @@ class LeapfrogMemory:
     """Whether this is the way back over the mapper's pad."""
     waits_since_s: float | None = None
     rests_until_s: float = float("-inf")
-
-
-def both_ready(setting: Setting, state: State) -> bool:
-    """Whether a leapfrog may begin: both in the air, or able to take off."""
-    if not setting.leapfrogs:
-        return True
-    return all(
-        v.works or (v.phase is Phase.GROUNDED and v.cleared and v.return_reason is None)
-        for v in state.vehicles.values()
-    )
 
 
 def take_turns(setting: Setting, state: State) -> State:
@@ -153,7 +145,7 @@ def _passed(memory: LeapfrogMemory, state: State) -> LeapfrogMemory:
 def _next_round(setting: Setting, state: State, memory: LeapfrogMemory) -> LeapfrogMemory:
     """What is left of the lanes; the way home when that is nothing, or cannot be decided."""
     mapper = state.vehicles[MAPPER]
-    left = len(open_cells(setting, state))
+    left = len(setting.strategy.open_cells(setting, state))
     lanes = () if memory.open == left else lanes_left(setting, state)
     view = tracker_view(setting.mission)
     steps = steps_along(setting.fence, view, _way(setting, state, mapper, lanes)) if lanes else ()
@@ -272,3 +264,42 @@ def steps_left_s(setting: Setting, state: State) -> float:
         return 2.0 * math.sqrt(length_m / ACCELERATION_M_S2)
 
     return sum(flight_s(step.length_m) + BESIDES_S for step in steps)
+
+
+class Leapfrog(Survey):
+    """Decide every cell of the box with two vehicles that move by turns."""
+
+    about = LEAPFROG
+    lanes_drift = False
+
+    def shares(self, setting: Setting) -> Shares:
+        """All lanes are the mapper's."""
+        return (setting.lanes, *((),) * (len(setting.pads) - 1))
+
+    def begins_with(self, setting: Setting) -> Shares:
+        """None: the two fly rounds along what is left of the lanes."""
+        return ((),) * len(setting.pads)
+
+    def search_s(self, setting: Setting) -> float:
+        """Return the time of the steps of the first round."""
+        return steps_left_s(setting, State.initial(setting))
+
+    def rest_s(
+        self, setting: Setting, state: State, lanes_m: float, cells: int, team: int
+    ) -> float:
+        """Return the time of the steps that are left of this round."""
+        return steps_left_s(setting, state)
+
+    def may_take_off(self, state: State) -> bool:
+        """Whether both are in the air, or able to take off."""
+        return all(
+            v.works or (v.phase is Phase.GROUNDED and v.cleared and v.return_reason is None)
+            for v in state.vehicles.values()
+        )
+
+    def plan_paths(self, setting: Setting, state: State) -> State:
+        """Have the one move whose turn it is."""
+        return take_turns(setting, state)
+
+
+PAIR: Final = Leapfrog()

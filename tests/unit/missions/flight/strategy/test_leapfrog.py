@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.errors import MissionFileError
-from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase
-from missions.flight.strategy.leapfrogging import MAPPER, TRACKER, steps_along
+from missions.flight.strategy.leapfrog import MAPPER, TRACKER, steps_along
 from missions.geo.fence import Fence
 from missions.mission.leapfrog_checks import tracker_view
 from missions.orders import FlyPath, FlyTo
@@ -32,7 +32,7 @@ def fleet(capacity_wh: float = 60.0) -> Fleet:
     made = mission(
         BOX, AROUND, vehicles=2, capacity_wh=capacity_wh, strategy="leapfrog", layer_m=12.0
     )
-    found = Fleet(Setting.of(made), ROI)
+    found = Fleet(setting_of(made), ROI)
     found.start()
     return found
 

@@ -1,0 +1,52 @@
+"""Laying a mission out on the ground: its grid, fence, lanes, and the strategy by its name."""
+
+from __future__ import annotations
+
+from missions.flight.setting import Setting
+from missions.flight.strategies import strategy_of
+from missions.geo.columns import columns_over, fence_without
+from missions.geo.grid import Grid
+from missions.mission.flyable import fence_of
+from missions.mission.places import homes, prior_of
+from missions.mission.schema import Mission, positions
+from missions.mission.views import energy_model
+from missions.planning.search.prior import likely_lanes
+
+
+def setting_of(mission: Mission, member: int | None = None) -> Setting:
+    """Return the setting of a checked mission.
+
+    Args:
+        mission: Of a mission file.
+        member: The one vehicle that is flown, where each has a service of its own
+            (`missions.flight.team`), 0 for one that flies none and only listens; None: all of them
+            are flown.
+    """
+    grid = Grid.at(
+        mission.home, mission.grid.cell_m, mission.drift.speed_m_s, mission.drift.toward_deg
+    )
+    fence = common = whole = fence_of(mission, grid)
+    pads = [grid.fixed(place) for place in homes(mission)]
+    if member:  # 0 flies nothing, and needs no air
+        columns = columns_over(pads, mission.team.separation_m)
+        others = [column for k, column in enumerate(columns, start=1) if k != member]
+        fence = fence_without(whole, others, mission.fence.margin_m)
+        common = fence_without(whole, columns, mission.fence.margin_m)
+    box = [grid.fixed(place) for place in positions(mission.search.box)]
+    strategy = strategy_of(mission)
+    lanes, east_ahead, rows = strategy.lay(mission, grid, box, common, pads)
+    prior = prior_of(mission, grid) if lanes else ()
+    return Setting(
+        mission,
+        grid,
+        fence,
+        energy_model(mission),
+        strategy,
+        lanes,
+        east_ahead,
+        rows,
+        likely_lanes(lanes, box, prior, mission.grid.cell_m, rows) if prior else (),
+        mission.ground,
+        member,
+        whole if member else None,
+    )

@@ -1,0 +1,229 @@
+"""`swath` with `find = "all"`: fly all lanes, and sweep over every patch that begins in the box.
+
+What is common to strategies that fly all their lanes is here, too (`Covering`). Lanes decide nearly
+all of what their pictures show. What is left then is flown to: what no frame has shown, what some
+frame took for region, and what lies beside a patch, in the box or beyond it. A cell that every
+frame so far took for no region is done with: it is no part of a patch unless one reaches it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+from missions.flight.airspace.deconfliction import hold
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, State, VehicleState
+from missions.flight.strategy.gathering import gathers
+from missions.flight.strategy.interface import Lanes, Shares, TourMemory, Work
+from missions.flight.strategy.searching import find_work
+from missions.flight.strategy.sweep import Paths
+from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest, last_waiting
+from missions.flight.strategy.touring import shared_out
+from missions.flight.strategy.two_heights import is_over_pad, over_own_pad
+from missions.flight.team.work_shares import held_until_s, own_part, share_parts
+from missions.geo.fence import Fence
+from missions.geo.grid import Grid
+from missions.mission.schema import Mission
+from missions.mission.views import rows_across
+from missions.planning.search.lanes import Lane, along_east, lanes, longest_m, share_by_time
+from missions.planning.sweep.strategies import SWATH
+from missions.units import Cell, GridPoint
+
+if TYPE_CHECKING:
+    from missions.planning.sweep.chart import Known
+    from missions.planning.sweep.planned_team import Flyer
+
+SHORT_CELLS: Final = 10.0
+"""What is left of a lane and is shorter is left to the planner of paths."""
+
+
+class Covering(Paths):
+    """What is common to strategies whose vehicles fly all lanes, whatever they see on the way."""
+
+    flies_all_lanes = True
+    lanes_drift = True
+
+    def searched(self, setting: Setting, state: State) -> State:
+        """The state as it is: the search is done when its cells are decided."""
+        return state
+
+    def still_searches(self, vehicle: VehicleState) -> bool:
+        """Whether it has lanes."""
+        return bool(vehicle.lanes)
+
+    def keeps_lanes(self, vehicle: VehicleState) -> bool:
+        """Whether it is on a path along them: another would fly a lane a second time."""
+        return vehicle.on_lane and vehicle.path is not None
+
+    def least_lane_m(self, setting: Setting) -> float:
+        """What is shorter is flown to, in the best order that is found."""
+        return SHORT_CELLS * setting.grid.cell_m
+
+    def take_work(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+        """Take lanes of others, or what they suspected."""
+        return state if vehicle.lanes else find_work(setting, state, vehicle)
+
+    def plan_paths(self, setting: Setting, state: State) -> State:
+        """Plan for all who have no lanes left."""
+        return state if state.exhausted else explore_passes(self, setting, state)
+
+    def without_lanes(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+        """It is planned for with the others."""
+        return hold(state, vehicle)
+
+    def first_target(
+        self, setting: Setting, state: State, vehicle: VehicleState
+    ) -> GridPoint | None:
+        """Return where its lanes begin, or the nearest cell that is open once nobody has lanes."""
+        target = super().first_target(setting, state, vehicle)
+        if target is None:
+            target = self.beside_lanes(setting, state, vehicle)
+        if target is None and not any(v.lanes for v in state.vehicles.values()):
+            return nearest(setting, state, vehicle, self.open_cells(setting, state))
+        return target
+
+    def beside_lanes(
+        self, setting: Setting, state: State, vehicle: VehicleState
+    ) -> GridPoint | None:
+        """Where one without lanes maps while others fly theirs; None where it does not."""
+        return None
+
+    def without_target(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+        """The rest is given up once nobody has lanes."""
+        if any(v.lanes for v in state.vehicles.values()):
+            return super().without_target(setting, state, vehicle)
+        return give_up_rest(setting, state)
+
+    def concluded(self, setting: Setting, state: State, left: tuple[Lane, ...]) -> State:
+        """What is open stays undecided; lanes matter only while something is."""
+        open_ = self.open_cells(setting, state)
+        return replace(
+            state,
+            exhausted=True,
+            surveyed=not open_,
+            undecided=open_,
+            unreachable_lanes=left if open_ else (),
+        )
+
+
+class EveryPatch(Covering):
+    """Fly all lanes, and sweep over every patch."""
+
+    about = SWATH
+    patches = True
+
+    def lay(
+        self,
+        mission: Mission,
+        grid: Grid,
+        box: Sequence[GridPoint],
+        fence: Fence,
+        pads: Sequence[GridPoint],
+    ) -> Lanes:
+        """Lay lanes along the side of the box along which the team is done sooner.
+
+        With a prior, or for one vehicle, along the longer one. A row or two that no frame has shown
+        are flown to: they are not worth a lane.
+        """
+        longer = along_east(box)
+        both = len(pads) > 1 and not mission.search.prior
+        laid = []
+        for ahead in (longer, not longer) if both else (longer,):
+            rows = rows_across(mission, grid, east_ahead=ahead)
+            spare = rows_across(mission, grid, len(pads) - 1, east_ahead=ahead) - rows
+            laid.append(Lanes(lanes(box, grid.cell_m, fence, rows, ahead, spare), ahead, rows))
+        if not both:
+            return laid[0]
+        return min(laid, key=lambda one: longest_m(share_by_time(one.lanes, pads), pads))
+
+    def shares(self, setting: Setting) -> Shares:
+        """The lanes by pad; by the prior where there is one."""
+        if setting.likely or len(setting.pads) == 1:
+            return super().shares(setting)
+        return share_by_time(setting.lanes, setting.pads)
+
+    def asked_for(self, setting: Setting, state: State) -> Iterator[Cell]:
+        """Cells of the box that no frame has shown, and those that a frame took for region."""
+        belief, shown = state.belief, state.shown
+        ballots = belief.open_ballots
+        yield from (cell for cell in setting.box_cells if cell not in ballots and cell not in shown)
+        for cell, ballot in ballots.items():
+            if any(vote for _, vote in ballot) and belief.verdict(cell) is None:
+                yield cell
+
+    def open_cells(self, setting: Setting, state: State) -> frozenset[Cell]:
+        """Those, and the cells beside a patch."""
+        belief = state.belief
+        found = set(self.asked_for(setting, state))
+        region = (cell for cell in belief.open_ballots if belief.provisional(cell))
+        found.update(near for cell in region for near in cell.neighbours())
+        return frozenset(cell for cell in found if belief.verdict(cell) is None)
+
+    def beside_lanes(
+        self, setting: Setting, state: State, vehicle: VehicleState
+    ) -> GridPoint | None:
+        """Where lanes are flown from on high, others may map what they have found."""
+        # some milliseconds over a large region: once a report of the vehicle is soon enough
+        if not setting.searches_high or vehicle.tracked_s != state.t_s:
+            return None
+        belief = state.belief
+        beside = {near for cell in belief.roi for near in cell.neighbours()}
+        undecided = {cell for cell in beside if belief.verdict(cell) is None}
+        return nearest(setting, state, vehicle, undecided)
+
+    def replan_s(self, setting: Setting) -> float:
+        """Two frames: more than that is flown before it is known what they show."""
+        return 2.0 * setting.mission.camera.interval_s
+
+    def share_work(
+        self,
+        setting: Setting,
+        state: State,
+        known: Known,
+        team: Mapping[int, Flyer],
+        memory: TourMemory,
+        decision: int,
+    ) -> Work:
+        """Lay tours for all, also for those who still fly lanes; in a fleet, keep to one's part."""
+        if setting.member is None:
+            return Work(state, *shared_out(setting, state, known, team, memory, decision))
+        state = share_parts(setting, state, known, team, decision)
+        others, memory, tours = own_part(setting, state, known.chart, memory)
+        return Work(state, memory, tours, others)
+
+    def gathers(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
+        """Members without lanes wait until all that are due have told what they know."""
+        return setting.member is not None and gathers(setting, state, vehicle)
+
+    def awaits(self, state: State, vehicle: VehicleState, waiting: Collection[int]) -> bool:
+        """Whether a member out of contact is left what it was to do."""
+        away = (v for v in state.vehicles.values() if v.phase is Phase.APART)
+        return vehicle.vehicle in waiting and any(state.t_s < v.held_until_s for v in away)
+
+    def held_until_s(
+        self, setting: Setting, state: State, vehicle: VehicleState, t_s: float
+    ) -> float:
+        """As long as its lanes and its part of the map should take it, and some more."""
+        if vehicle.phase not in (Phase.AIRBORNE, Phase.GROUNDED):
+            return t_s
+        return held_until_s(setting, state, vehicle, t_s)
+
+    def without_lanes(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+        """Who waits for members out of contact does so over its pad, where everybody is heard."""
+        waits = self.awaits(state, vehicle, last_waiting(state))
+        if waits and not is_over_pad(vehicle):
+            return over_own_pad(setting, state, vehicle)
+        return hold(state, vehicle)
+
+
+def nearest(
+    setting: Setting, state: State, vehicle: VehicleState, cells: Collection[Cell]
+) -> GridPoint | None:
+    """Where the nearest of some cells is, of equal ones the lowest; None where there is none."""
+    places = (setting.where(cell, state.t_s) for cell in sorted(cells))
+    return min(places, key=vehicle.position.distance_to, default=None)
+
+
+ALL: Final = EveryPatch()

@@ -1,0 +1,290 @@
+"""What a strategy is: how vehicles find a region and map it.
+
+`missions.flight.dispatch` and the modules below it ask `Setting.strategy` wherever strategies
+differ; nowhere else is that decided by a name or a flag. A strategy keeps nothing between two
+calls: what it has to remember is `State.memory`. So a resume repeats what was flown.
+
+To add one, inherit from `Strategy` or from one of those beside this file, redefine what differs,
+and give it a name with `missions.flight.strategies.register`, or by an entry point
+(docs/strategies.md).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missions.events import FrameSeen
+from missions.flight.setting import Setting
+from missions.flight.state import Phase, State, VehicleState
+from missions.geo.fence import Fence
+from missions.geo.grid import Grid
+from missions.mapping.belief import Verdicts
+from missions.mapping.tree import Tree
+from missions.mission.schema import Mission
+from missions.planning.search.lanes import Lane, share_out
+from missions.planning.search.search_order import Pace, soonest
+from missions.units import Cell, GridPoint
+
+if TYPE_CHECKING:
+    from missions.planning.sweep.chart import Known
+    from missions.planning.sweep.planned_team import Flyer
+    from missions.planning.sweep.tours import Tour, Waypoints
+
+Bits = NDArray[np.bool_]
+Shares = tuple[tuple[Lane, ...], ...]
+"""The lanes of each vehicle, in the order of flight."""
+
+
+class About(Protocol):
+    """What users read about a strategy."""
+
+    @property
+    def name(self) -> str:
+        """The name in mission files and on the command line."""
+
+    @property
+    def guarantee(self) -> str:
+        """What it promises, in a line."""
+
+    @property
+    def source(self) -> str:
+        """Where it comes from."""
+
+    @property
+    def when(self) -> str:
+        """When to use it, in a line."""
+
+
+class Lanes(NamedTuple):
+    """Lanes over a search box."""
+
+    lanes: tuple[Lane, ...]
+    east_ahead: bool
+    """Whether they lie along grid east, else along north."""
+    rows: int
+    """How many rows of cells a lane decides."""
+
+
+@dataclass(frozen=True, slots=True)
+class TourMemory:
+    """Who was to see what, as it was decided last."""
+
+    laid_s: float = float("-inf")
+    team: frozenset[int] = frozenset()
+    """Who was planned for."""
+    tours: Mapping[int, Tour] = field(default_factory=dict)
+    """Of each vehicle, also of those who still fly lanes."""
+    others: frozenset[Cell] = frozenset()
+    """What those are to see who still fly lanes."""
+
+
+class Work(NamedTuple):
+    """Who is to see what is left to map."""
+
+    state: State
+    memory: TourMemory
+    waypoints: Waypoints = ()
+    """What a plan begins with; none where the last one goes on."""
+    others: Bits | None = None
+    """The cells that other members of a fleet are to see, closed in the chart; None: none are."""
+
+
+class Strategy(ABC):
+    """How vehicles find a region and map it."""
+
+    about: About
+    """Its name, and what users read about it."""
+    stops: bool
+    """Whether vehicles stop over cells to look."""
+    patches: bool = False
+    """Whether every patch of the region that begins in the box is looked for."""
+    whole_box: bool = False
+    """Whether every cell of the box is decided, whatever is seen."""
+    flies_all_lanes: bool = False
+    """Whether all lanes are flown, whatever is seen on the way."""
+    lanes_drift: bool = False
+    """Whether lanes drift with the cells; a search for the first sight flies over ground."""
+
+    def in_force(self, state: State) -> Strategy:
+        """The strategy that is followed now: this one, or what it falls back on."""
+        return self
+
+    # --- before the flight ----------------------------------------------------------------------
+    @abstractmethod
+    def lay(
+        self,
+        mission: Mission,
+        grid: Grid,
+        box: Sequence[GridPoint],
+        fence: Fence,
+        pads: Sequence[GridPoint],
+    ) -> Lanes:
+        """Lay lanes over the box, inside of the fence, for vehicles that start from their pads."""
+
+    def shares(self, setting: Setting) -> Shares:
+        """The lanes of each vehicle; with a prior so that the region is expected to be seen
+        soonest."""
+        if setting.likely:
+            blocks = soonest(setting.likely, setting.pads, self.pace(setting))
+            return tuple(tuple(part.lane for part in block) for block in blocks)
+        return share_out(setting.lanes, len(setting.pads))
+
+    def begins_with(self, setting: Setting) -> Shares:
+        """The lanes that each vehicle holds when the mission begins."""
+        return setting.shares
+
+    @abstractmethod
+    def pace(self, setting: Setting) -> Pace:
+        """How fast lanes are flown, from the lowest layer."""
+
+    @abstractmethod
+    def search_s(self, setting: Setting) -> float:
+        """About how long the longest share of the lanes takes in the air, seconds."""
+
+    @abstractmethod
+    def cell_s(self, setting: Setting) -> float:
+        """About how long a cell of the region takes one vehicle, seconds."""
+
+    def rest_s(
+        self, setting: Setting, state: State, lanes_m: float, cells: int, team: int
+    ) -> float:
+        """About how long a team takes for the rest of its lanes, and then for cells, seconds."""
+        if lanes_m:  # what lanes leave undecided is flown to in the end
+            return lanes_m / setting.energy.speed_m_s / team
+        return cells * self.cell_s(setting) / team
+
+    def bound_s(self, setting: Setting, tree: Tree) -> float | None:
+        """The longest that an exploration of this tree may take, seconds; None without a bound."""
+        return None
+
+    # --- what has to be decided -----------------------------------------------------------------
+    def asked_for(self, setting: Setting, state: State) -> Iterator[Cell]:
+        """The cells that have to be decided and are not, whatever lies beside them."""
+        return iter(())
+
+    def open_cells(self, setting: Setting, state: State) -> frozenset[Cell]:
+        """All cells that have to be decided and are not, those beside a patch among them."""
+        return frozenset()
+
+    def concluded(self, setting: Setting, state: State, left: tuple[Lane, ...]) -> State:
+        """The state at the end, by the map of a whole fleet: how far the mission has come.
+
+        `left` are the stretches of lanes that no frame has shown.
+        """
+        return replace(state, exhausted=state.tree is None and not left)
+
+    # --- the search -----------------------------------------------------------------------------
+    def searched(self, setting: Setting, state: State) -> State:
+        """Note that the search has ended in vain once nobody has a lane or a suspicion left."""
+        done = all(v.idle_in_search for v in state.vehicles.values())
+        return replace(state, exhausted=done)
+
+    def still_searches(self, vehicle: VehicleState) -> bool:
+        """Whether a vehicle flies its lanes to their end before it maps."""
+        return False
+
+    def keeps_lanes(self, vehicle: VehicleState) -> bool:
+        """Whether a vehicle flies all lanes that it holds on one path, and can spare none."""
+        return False
+
+    def least_lane_m(self, setting: Setting) -> float:
+        """What is left of a lane and is shorter is no lane any more, metres."""
+        return 0.0
+
+    def lane_done(self, setting: Setting, state: State) -> Callable[[Cell], bool]:
+        """Return what says whether a lane has done its work at a cell: any frame has judged it."""
+        return state.belief.open_ballots.__contains__
+
+    @abstractmethod
+    def seen_in_passing(
+        self,
+        setting: Setting,
+        state: State,
+        vehicle: VehicleState,
+        event: FrameSeen,
+        votes: Verdicts,
+    ) -> State:
+        """What a frame from anywhere means for a search, besides its votes.
+
+        `vehicle` has taken it, and is not in the state yet.
+        """
+
+    # --- orders ---------------------------------------------------------------------------------
+    @abstractmethod
+    def plan(self, setting: Setting, state: State) -> State:
+        """Give orders that are planned for all vehicles at once, after an event."""
+
+    @abstractmethod
+    def next_order(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+        """Give an order to an idle vehicle in the air that may work."""
+
+    def may_take_off(self, state: State) -> bool:
+        """Whether a vehicle that is ready may take off now."""
+        return True
+
+    def first_target(
+        self, setting: Setting, state: State, vehicle: VehicleState
+    ) -> GridPoint | None:
+        """Where a vehicle on the ground would fly first; None where nothing is left for it."""
+        cell = vehicle.vertex or vehicle.candidate
+        if cell is not None:
+            return setting.where(cell, state.t_s)
+        return setting.over_ground(vehicle.lanes[0][0], state.t_s) if vehicle.lanes else None
+
+    def without_target(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+        """The state where nothing is left for a vehicle on the ground."""
+        if setting.lanes or state.tree is not None:
+            return state
+        note = (
+            "no part of the search box can be flown inside the geofence; move the one or the other"
+        )
+        return state.with_vehicle(vehicle.stood_down(Phase.FAILED, note))
+
+    def give_up_far(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+        """Give up what the last vehicle cannot reach on a full battery; None: it takes no more
+        part."""
+        return None
+
+    def to_skip(self, state: State, vehicle: VehicleState) -> Cell | None:
+        """The cell that a vehicle looks from, or is on its way to; None where there is none."""
+        return None
+
+    # --- work that is shared --------------------------------------------------------------------
+    def replan_s(self, setting: Setting) -> float:
+        """How long a plan is flown at least, seconds."""
+        return 0.0
+
+    def share_work(
+        self,
+        setting: Setting,
+        state: State,
+        known: Known,
+        team: Mapping[int, Flyer],
+        memory: TourMemory,
+        decision: int,
+    ) -> Work:
+        """Close in the chart what others are to see; `decision` seeds the search for tours."""
+        return Work(state, memory)
+
+    def gathers(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
+        """Whether a vehicle of a fleet has to hear of others before it does anything."""
+        return False
+
+    def awaits(self, state: State, vehicle: VehicleState, waiting: Collection[int]) -> bool:
+        """Whether a vehicle has nothing to do but to hear of members out of contact.
+
+        `waiting` are those for whom the last plan had nothing.
+        """
+        return False
+
+    def held_until_s(
+        self, setting: Setting, state: State, vehicle: VehicleState, t_s: float
+    ) -> float:
+        """Until when a member that is out of contact since `t_s` is left what it was to do."""
+        return t_s

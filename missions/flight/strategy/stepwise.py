@@ -1,0 +1,220 @@
+"""`rdfs` and all others that stop to look: the explorer says which cell is next, this flies there.
+
+The search flies lanes with stops for what looks like the region. Each explorer of
+`missions.planning.stepwise` is a strategy by this.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+from missions.events import FrameSeen
+from missions.flight.return_home import send_home
+from missions.flight.setting import Setting
+from missions.flight.state import ReturnReason, State, VehicleState
+from missions.flight.strategy.fallback import moves_s
+from missions.flight.strategy.interface import Lanes, Strategy
+from missions.flight.strategy.searching import search
+from missions.flight.strategy.visiting import mark_unreachable, visit
+from missions.geo.fence import Fence
+from missions.geo.grid import Grid
+from missions.mapping.belief import Verdicts
+from missions.mapping.tree import Tree
+from missions.mission.schema import Mission
+from missions.orders import TakeOff
+from missions.planning.search.lanes import LANE_CELLS, along_east, lanes, search_length_m
+from missions.planning.search.search_order import Pace
+from missions.planning.stepwise import EXPLORERS, Explorer, Situation
+from missions.planning.stepwise.interface import promised_moves, refuse_impossible
+from missions.units import Cell, GridPoint
+
+WAIT_S: Final = 20.0
+"""Where everybody is told to wait, and for so long nothing new is known, nothing will be."""
+
+
+def explore_moves(explorer: Explorer, setting: Setting, state: State) -> State:
+    """Let the explorer say where robots move that stand at a vertex which is done.
+
+    Raises `StrategyError` for a move that cannot be.
+    """
+    tree = state.tree
+    if tree is None or tree.is_explored(tree.root):
+        return state
+    at = state.robots()
+    away = frozenset(n for n in at if _away(state.vehicles[n]))
+    waiting = _told_to_wait(state, away)
+    asked = tuple(n for n in sorted(at) if n not in waiting and _decides(state.vehicles[n], tree))
+    if not asked:
+        return _end_in_vain(explorer, setting, state, waiting)
+    metric = replace(setting.metric, passable=_passable(setting, state))
+    situation = Situation(tree, at, asked, state.memory, metric, away)
+    decision = explorer.decide(situation)
+    refuse_impossible(explorer.name, situation, decision)
+    state = replace(state, memory=decision.memory)
+    for number in asked:
+        cell = decision.moves.get(number)
+        if cell is not None:
+            vehicle = replace(
+                state.vehicles[number], vertex=cell, at_target=False, fruitless_sorties=0
+            )
+            state = state.with_vehicle(vehicle)
+    stay = frozenset(n for n in asked if decision.moves.get(n) is None)
+    return replace(state, last_wait=(tree, _present(state, away), waiting | stay, state.t_s))
+
+
+def _end_in_vain(
+    explorer: Explorer, setting: Setting, state: State, waiting: frozenset[int]
+) -> State:
+    """Send everybody home whom the strategy leaves waiting, while nobody is there to change it.
+
+    Else they would hover, battery after battery.
+    """
+    still = [v for v in state.vehicles.values() if not v.ended]
+    alone = all(v.vehicle in waiting and _waits(v) for v in still)
+    if not waiting or not alone or state.last_wait is None:
+        return state
+    if state.t_s - state.last_wait[3] < WAIT_S:
+        return state
+    for vehicle in still:
+        note = f"the strategy {explorer.name} leaves it waiting, and cells are unexplored"
+        state = send_home(setting, state, replace(vehicle, note=note), ReturnReason.FAULT)
+    return state
+
+
+def _waits(vehicle: VehicleState) -> bool:
+    """Whether a vehicle hovers at its vertex, with nothing else to do."""
+    return vehicle.at_target and vehicle.idle and not _away(vehicle)
+
+
+def _decides(vehicle: VehicleState, tree: Tree) -> bool:
+    """Whether a vehicle is at its vertex and has looked."""
+    return (
+        vehicle.idle
+        and vehicle.return_reason is None
+        and vehicle.braking_until_s is None
+        and vehicle.at_target
+        and vehicle.vertex is not None
+        and tree.has_looked(vehicle.vertex)
+    )
+
+
+def _away(vehicle: VehicleState) -> bool:
+    """Whether a vehicle is on its way home, or on the ground and not taking off."""
+    return vehicle.return_reason is not None or (
+        vehicle.landed and not isinstance(vehicle.order, TakeOff)
+    )
+
+
+def _present(state: State, away: frozenset[int]) -> dict[int, Cell]:
+    """Where those are who explore and are not away."""
+    return {n: cell for n, cell in state.robots().items() if n not in away}
+
+
+def _told_to_wait(state: State, away: frozenset[int]) -> frozenset[int]:
+    """Who was told to wait and has nothing new to go by: the tree, and where the others are."""
+    if state.last_wait is None:
+        return frozenset()
+    tree, places, waiting, _ = state.last_wait
+    same = tree is state.tree and places == _present(state, away)
+    return waiting if same else frozenset()
+
+
+def _passable(setting: Setting, state: State) -> Callable[[Cell, Cell], bool]:
+    """Whether the fence allows the straight way between two cells, where they are now."""
+
+    def allowed(start: Cell, end: Cell) -> bool:
+        return setting.fence.allows_leg(
+            setting.where(start, state.t_s), setting.where(end, state.t_s)
+        )
+
+    return allowed
+
+
+def explore(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """Fly to the vertex; look from it unless somebody has or does."""
+    tree = state.tree
+    if tree is None or vehicle.vertex is None:
+        raise AssertionError("a vehicle explores without a tree or a vertex")
+    return visit(setting, state, vehicle, vehicle.vertex, stop=not tree.has_looked(vehicle.vertex))
+
+
+class Stepwise(Strategy):
+    """Search with stops, then explore cell by cell as an explorer says."""
+
+    stops = True
+
+    def __init__(self, explorer: Explorer) -> None:
+        self.about = self.explorer = explorer
+
+    def lay(
+        self,
+        mission: Mission,
+        grid: Grid,
+        box: Sequence[GridPoint],
+        fence: Fence,
+        pads: Sequence[GridPoint],
+    ) -> Lanes:
+        """Lay lanes as far apart as a look from above one shows, along the longer side."""
+        ahead = along_east(box)
+        return Lanes(lanes(box, grid.cell_m, fence, LANE_CELLS, ahead), ahead, LANE_CELLS)
+
+    def pace(self, setting: Setting) -> Pace:
+        """Return the speed of legs, and what a stop takes."""
+        return Pace(setting.energy.speed_m_s, setting.energy.leg_s(0.0))
+
+    def search_s(self, setting: Setting) -> float:
+        """Return the time of the longest share with a stop at every end of a lane."""
+        energy, home = setting.energy, GridPoint(0.0, 0.0)
+        longest_m = max(search_length_m(block, home) for block in setting.shares)
+        legs = 2 * max(map(len, setting.shares)) + 1
+        return longest_m / energy.speed_m_s + legs * energy.speed_m_s / energy.accel_m_s2
+
+    def cell_s(self, setting: Setting) -> float:
+        """Return the time of a leg to the next cell, and of a look."""
+        return setting.look_s + setting.energy.leg_s(setting.grid.cell_m)
+
+    def bound_s(self, setting: Setting, tree: Tree) -> float | None:
+        """What the explorer promises in moves, in seconds."""
+        robots = len(setting.mission.vehicles)
+        moves = promised_moves(self.explorer, tree, robots, setting.metric)
+        return None if moves is None else round(moves_s(setting, moves), 1)
+
+    def seen_in_passing(
+        self,
+        setting: Setting,
+        state: State,
+        vehicle: VehicleState,
+        event: FrameSeen,
+        votes: Verdicts,
+    ) -> State:
+        """Evidence, and no more: lanes and looks have frames of their own."""
+        return state.with_vehicle(vehicle)
+
+    def plan(self, setting: Setting, state: State) -> State:
+        """Ask the explorer for those who have looked from where they are."""
+        return state if state.paused else explore_moves(self.explorer, setting, state)
+
+    def next_order(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+        """Search until there is a root, then fly to the vertex and look."""
+        if state.tree is None:
+            return search(setting, state, vehicle)
+        return explore(setting, state, vehicle)
+
+    def give_up_far(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+        """Go on in the tree without the vertex."""
+        if vehicle.vertex is None:
+            return None
+        return mark_unreachable(state, vehicle, vehicle.vertex)
+
+    def to_skip(self, state: State, vehicle: VehicleState) -> Cell | None:
+        """Its suspicion, or a vertex that nobody has looked from."""
+        if state.tree is None:
+            return vehicle.candidate
+        at = vehicle.vertex
+        return at if at is not None and at in state.tree and not state.tree.has_looked(at) else None
+
+
+RDFS: Final = Stepwise(EXPLORERS["rdfs"])
+"""What strategies without stops fall back on."""

@@ -1,0 +1,188 @@
+"""`swath` with `find = "first"`: search until the region is seen, and sweep over it without a stop.
+
+What is common to all strategies that fly paths is here, too (`Paths`). How they are planned and
+given is in `missions.flight.strategy.lane_passes` and `sweep_passes`.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+from missions.events import FrameSeen
+from missions.flight.airspace.deconfliction import hold
+from missions.flight.path_orders import come_inside, keep_clear
+from missions.flight.setting import Setting
+from missions.flight.sightings import grown, on_a_lane
+from missions.flight.state import State, VehicleState
+from missions.flight.strategy.fallback import whole_bound_s
+from missions.flight.strategy.interface import Lanes, Strategy
+from missions.flight.strategy.lane_passes import end_searched, search_passes
+from missions.flight.strategy.searching import search
+from missions.flight.strategy.stepwise import RDFS
+from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest
+from missions.flight.strategy.two_heights import (
+    change_layer,
+    is_over_pad,
+    over_own_pad,
+    searched,
+)
+from missions.geo.fence import Fence
+from missions.geo.grid import Grid
+from missions.geo.trajectory import LANE_CUTS_M, corner_pause_s, rounded_path
+from missions.mapping.belief import Verdicts
+from missions.mapping.tree import Tree
+from missions.mission.schema import Mission
+from missions.mission.views import path_speed_m_s, rows_across
+from missions.planning.search.lanes import along_east, lanes
+from missions.planning.search.search_order import Pace
+from missions.planning.sweep.strategies import SWATH
+from missions.units import Cell, GridPoint
+
+
+class Paths(Strategy):
+    """What is common to strategies whose vehicles do not stop."""
+
+    stops = False
+
+    def in_force(self, state: State) -> Strategy:
+        """`rdfs` once paths have had their time (`missions.flight.strategy.fallback`)."""
+        return RDFS if state.falls_back else self
+
+    def lay(
+        self,
+        mission: Mission,
+        grid: Grid,
+        box: Sequence[GridPoint],
+        fence: Fence,
+        pads: Sequence[GridPoint],
+    ) -> Lanes:
+        """Lay lanes as far apart as pictures show whole cells, along the longer side."""
+        ahead = along_east(box)
+        rows = rows_across(mission, grid, east_ahead=ahead)
+        return Lanes(lanes(box, grid.cell_m, fence, rows, ahead), ahead, rows)
+
+    def pace(self, setting: Setting) -> Pace:
+        """Return the speed of paths, and what a corner takes."""
+        speed_m_s = path_speed_m_s(setting.mission, setting.mission.top_altitude_m(0))
+        return Pace(speed_m_s, corner_pause_s(speed_m_s, LANE_CUTS_M[0]))
+
+    def search_s(self, setting: Setting) -> float:
+        """Return the time of one path along the lanes, from home and back."""
+        mission, home = setting.mission, GridPoint(0.0, 0.0)
+        ends_s = []
+        for index, block in enumerate(setting.shares):
+            speed_m_s = path_speed_m_s(mission, mission.top_altitude_m(index))
+            points = [home, *(end for lane in block for end in lane), home]
+            path = rounded_path(points, 0.0, speed_m_s=speed_m_s, cut_m=LANE_CUTS_M[0])
+            ends_s.append(path.end_s)
+        return max(ends_s)
+
+    def cell_s(self, setting: Setting) -> float:
+        """Return the time in which a picture passes over a cell's area."""
+        footprint = setting.mission.camera.optics.footprint(setting.mission.altitude_m(0))
+        return setting.grid.cell_m**2 / footprint.short_m / setting.energy.speed_m_s
+
+    def lane_done(self, setting: Setting, state: State) -> Callable[[Cell], bool]:
+        """Whether any frame has judged a cell."""
+        return searched(setting, state)
+
+    def seen_in_passing(
+        self,
+        setting: Setting,
+        state: State,
+        vehicle: VehicleState,
+        event: FrameSeen,
+        votes: Verdicts,
+    ) -> State:
+        """A frame counts for the lane that its vehicle flies."""
+        return on_a_lane(setting, state, vehicle, event)
+
+    def plan(self, setting: Setting, state: State) -> State:
+        """Stop those who meet claimed air or have nothing left on their lanes, and plan anew."""
+        state = end_searched(setting, keep_clear(setting, state))
+        return state if state.paused else self.plan_paths(setting, state)
+
+    @abstractmethod
+    def plan_paths(self, setting: Setting, state: State) -> State:
+        """Give paths that are planned for all at once."""
+
+    def next_order(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+        """A path along the lanes; in an exploration paths are planned for all at once."""
+        inside = come_inside(setting, state, vehicle)
+        if inside is not None:
+            return inside
+        if self.gathers(setting, state, vehicle):
+            if not is_over_pad(vehicle):
+                return over_own_pad(setting, state, vehicle)
+        else:
+            state = self.take_work(setting, state, vehicle)
+            vehicle = state.vehicles[vehicle.vehicle]
+        changed = change_layer(setting, state, vehicle)
+        if changed is not None:
+            return changed
+        if vehicle.asks is not None:  # it is there: the air is the others' again
+            vehicle = replace(vehicle, asks=None)
+            state = state.with_vehicle(vehicle)
+        if state.tree is None and vehicle.lanes:
+            return search_passes(setting, state, vehicle)
+        return self.without_lanes(setting, state, vehicle)
+
+    def take_work(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+        """Give a vehicle without lanes some of others before it changes its layer."""
+        return state
+
+    @abstractmethod
+    def without_lanes(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+        """Give an order to an idle vehicle that has no lanes to fly."""
+
+    def give_up_far(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+        """Give up the rest, unless lanes are left that a vehicle may still fly."""
+        if state.tree is None and any(v.lanes for v in state.vehicles.values()):
+            return None
+        return give_up_rest(setting, state)
+
+
+class Sweep(Paths):
+    """Search until the region is seen, and sweep over what hangs together with that."""
+
+    about = SWATH
+
+    def bound_s(self, setting: Setting, tree: Tree) -> float:
+        """Twice the bound of `rdfs`, a leg and two minutes."""
+        return round(whole_bound_s(setting, len(tree), tree.depth), 1)
+
+    def seen_in_passing(
+        self,
+        setting: Setting,
+        state: State,
+        vehicle: VehicleState,
+        event: FrameSeen,
+        votes: Verdicts,
+    ) -> State:
+        """The first cell that is region is the root: everybody leaves the search."""
+        state = super().seen_in_passing(setting, state, vehicle, event, votes)
+        root = next((cell for cell in votes if cell in state.belief.roi), None)
+        if root is None:
+            return state
+        tree = grown(Tree.rooted(root), state.belief, votes)
+        return replace(state, tree=tree, found_s=state.t_s, vehicles={
+            number: replace(other, vertex=root, candidate=None, on_lane=False)
+            for number, other in state.vehicles.items()
+        })  # fmt: skip
+
+    def plan_paths(self, setting: Setting, state: State) -> State:
+        """Plan for all who explore, once there is a region."""
+        tree = state.tree
+        if tree is None or tree.is_explored(tree.root):
+            return state
+        return explore_passes(self, setting, state)
+
+    def without_lanes(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+        """Others have lanes left, or it waits over its pad; in an exploration it is planned for."""
+        return search(setting, state, vehicle) if state.tree is None else hold(state, vehicle)
+
+
+FIRST: Final = Sweep()
