@@ -30,6 +30,8 @@ class Quirks:
     stream of setpoints is lost goes to POSITION (COM_OBL_RC_ACT 0) instead of home.
     `landed_state`: it sends EXTENDED_SYS_STATE; or else it refuses to. `height_sigma_m`: standard
     deviation of its receiver's height above the sea, which wanders (`sitl.body.altimeter`).
+    `tilt_sigma_deg`, `heading_sigma_deg`: standard deviations of its roll and pitch, and of its
+    heading (`sitl.body.attitude_error`).
     """
 
     camera: CameraKind = "component"
@@ -40,6 +42,8 @@ class Quirks:
     stick: bool = True
     landed_state: bool = True
     height_sigma_m: float = 3.0
+    tilt_sigma_deg: float = 0.8
+    heading_sigma_deg: float = 2.0
 
     def __post_init__(self) -> None:
         problems = []
@@ -53,5 +57,9 @@ class Quirks:
             problems.append("home_moves_m is 0 to 20")
         if not 0.0 <= self.height_sigma_m <= 8.0:
             problems.append("height_sigma_m is 0 to 8")
+        if not 0.0 <= self.tilt_sigma_deg <= 10.0:
+            problems.append("tilt_sigma_deg is 0 to 10")
+        if not 0.0 <= self.heading_sigma_deg <= 10.0:
+            problems.append("heading_sigma_deg is 0 to 10")
         if problems:
             raise ValueError("; ".join(problems))

@@ -18,6 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.units import Quaternion
 from sitl.autopilot_types import FLAVOURS, Kit
 from sitl.body.altimeter import Altimeter
+from sitl.body.attitude_error import AttitudeError
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import MAX_STEP_S, Body
@@ -41,7 +42,7 @@ _HEARTBEAT_S, _HEARTBEAT = 1.0, mav.MAVLINK_MSG_ID_HEARTBEAT
 _TIMESYNC_S = 10.0
 _SOON_S = 1e-6
 _MAX_LINKS = 256
-_HEIGHT_SEED = 45
+_HEIGHT_SEED, _ATTITUDE_SEED = 45, 46
 # Power over hovering's: per m/s of climb, per m/s of descent, per (m/s)^2 of airspeed
 _CLIMB_POWER, _DESCENT_POWER, _AIRSPEED_POWER = 0.08, 0.02, 0.0015
 _IDLE_POWER = 0.08  # motors turning on the ground
@@ -58,9 +59,15 @@ class SimVehicle:
         rng = np.random.default_rng(list(self._seed))
         self.fail = Faults()
         """What goes wrong with this vehicle, and when."""
+        quirks, errs = spec.quirks, spec.gps_sigma_m > 0.0  # exact over ground: exact in all
+        tilt_rad, heading_rad = (
+            math.radians(sigma_deg) if errs else 0.0
+            for sigma_deg in (quirks.tilt_sigma_deg, quirks.heading_sigma_deg)
+        )
         self._body = Body(
             east, north, math.radians(spec.home_yaw_deg), math.radians(spec.max_tilt_deg),
             world.ground_m(east, north),
+            AttitudeError((*self._seed, _ATTITUDE_SEED), tilt_rad, heading_rad),
         )  # fmt: skip
         self._battery = Battery(spec.battery_wh)
         self._error = Estimator(
@@ -69,8 +76,7 @@ class SimVehicle:
         )  # fmt: skip
         if spec.autopilot not in FLAVOURS:
             raise ValueError(f"autopilot {spec.autopilot!r}: there is {', '.join(FLAVOURS)}")
-        # without an error over ground the receiver is exact in height, too
-        sigma_m = spec.quirks.height_sigma_m if spec.gps_sigma_m else 0.0
+        sigma_m = quirks.height_sigma_m if errs else 0.0
         self._altimeter = Altimeter(world.spec.origin_amsl_m, (*self._seed, _HEIGHT_SEED), sigma_m)
         flavour = FLAVOURS[spec.autopilot]
         kit = Kit(spec, self._body, self._error, self._battery, self._seed)
@@ -258,6 +264,7 @@ class SimVehicle:
         body = self._body
         body.ground = self.world.ground_m(body.east, body.north)
         self._altimeter.step(dt_s, armed=ap.armed)
+        body.attitude_error.step(dt_s)
         ap.step(self._wind(), dt_s)
         self._spend(dt_s)
         t_s = ap.t_s
@@ -357,6 +364,6 @@ class SimVehicle:
             shot,
             (now.east, now.north, now.up),
             now.up - self._ap.home[2],
-            (roll, pitch, body.heading),
-            self.spec.camera.attitude(roll, pitch, body.heading),
+            (*body.told_roll_pitch, body.heading),
+            self.spec.camera.attitude(*body.told_roll_pitch, body.heading),
         )

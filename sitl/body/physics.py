@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from sitl.body.attitude_error import AttitudeError
+
 GRAVITY_M_S2 = 9.80665
 MAX_STEP_S = 0.05
 
@@ -56,6 +58,7 @@ class Body:
         yaw_rad: float,
         max_tilt_rad: float,
         ground_m: float = 0.0,
+        attitude_error: AttitudeError | None = None,
     ) -> None:
         self.east, self.north, self.up = east_m, north_m, ground_m
         self.ground = ground_m
@@ -72,13 +75,25 @@ class Body:
         self.crashed = False
         self.motor_share = 1.0  # of its thrust that the weakest motor gives
         self.compass_rad = 0.0  # what the compass reads too much
+        self.attitude_error = attitude_error or AttitudeError([0], 0.0, 0.0)
         self._lag_step_s = 0.0  # the length of step for which the shares of the lags hold
         self._tilt_share = self._thrust_share = self._yaw_share = 0.0
 
     @property
     def heading(self) -> float:
         """The bearing that the compass says, 0 to 2 pi."""
-        return (self.yaw + self.compass_rad) % math.tau
+        return (self.yaw + self.off_rad) % math.tau
+
+    @property
+    def off_rad(self) -> float:
+        """What its heading is off by, radians."""
+        return self.compass_rad + self.attitude_error.heading
+
+    @property
+    def told_roll_pitch(self) -> tuple[float, float]:
+        """Roll and pitch as the autopilot has them, radians."""
+        roll, pitch = self.roll_pitch
+        return roll + self.attitude_error.roll, pitch + self.attitude_error.pitch
 
     @property
     def roll_pitch(self) -> tuple[float, float]:
@@ -96,7 +111,7 @@ class Body:
         """Advance by `dt_s` (at most `MAX_STEP_S`) in `wind` m/s (east, north)."""
         if not self.motors_on or self.crashed:
             command = IDLE
-        elif self.compass_rad != 0.0:
+        elif self.off_rad != 0.0:
             command = self._misled(command)
         if self.motors_on and self.motor_share < 1.0:
             command = self._weakened(command)
@@ -125,7 +140,7 @@ class Body:
 
     def _misled(self, command: Command) -> Command:
         """The thrust goes where the nose really points: the wrong heading turned back."""
-        sin, cos = math.sin(self.compass_rad), math.cos(self.compass_rad)
+        sin, cos = math.sin(self.off_rad), math.cos(self.off_rad)
         east, north = command.east_m_s2, command.north_m_s2
         return Command(
             east * cos - north * sin,

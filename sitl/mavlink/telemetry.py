@@ -261,7 +261,7 @@ class Telemetry:
     def attitude(self) -> Packed:
         """ATTITUDE."""
         body = self._ap.body
-        roll, pitch = body.roll_pitch
+        roll, pitch = body.told_roll_pitch
         yaw = math.remainder(body.heading, math.tau)
         return layouts.attitude(self.boot_ms, roll, pitch, yaw, 0.0, 0.0, body.yaw_rate)
 

@@ -116,6 +116,8 @@ class SimQuirks(Section):
     stick: bool = True
     landed_state: bool = True
     height_sigma_m: Annotated[Number, Field(ge=0, le=8)] = 3.0
+    tilt_sigma_deg: Annotated[Number, Field(ge=0, le=10)] = 0.8
+    heading_sigma_deg: Annotated[Number, Field(ge=0, le=10)] = 2.0
 
 
 class Sim(Section):

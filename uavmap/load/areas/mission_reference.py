@@ -68,6 +68,8 @@ _NESTED: Final[Mapping[str, str]] = {
     "sim.quirks.stick": "whether a pilot's radio control is on, its sticks centred",
     "sim.quirks.landed_state": "whether it sends EXTENDED_SYS_STATE",
     "sim.quirks.height_sigma_m": "how far a receiver's height above the sea is off; it wanders",
+    "sim.quirks.tilt_sigma_deg": "how far its roll and pitch are off, for some seconds",
+    "sim.quirks.heading_sigma_deg": "how far its heading is off, for some 20 s",
     "sim.faults": "Something that goes wrong.",
     "sim.faults.vehicle": "which vehicle, from 1",
     "sim.faults.at_s": "when, on the mission's time",
