@@ -21,9 +21,8 @@ from missions.flight.strategy.lane_passes import drop_seen
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.two_heights import (
     back_to_layer,
-    layer_of,
+    heights_of,
     strays_from_layer,
-    take_off_height_m,
 )
 from missions.geo.columns import PAD_M
 from missions.mission.energy import FRESH
@@ -86,8 +85,8 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if state.tree is None and vehicle.idle_in_search:
         state = find_work(setting, state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
-    if setting.searches_high:
-        vehicle = replace(vehicle, cruise_altitude_m=layer_of(setting, vehicle))
+    heights = heights_of(setting)
+    vehicle = replace(vehicle, cruise_altitude_m=heights.layer_m(setting, vehicle))
     target = strategy.first_target(setting, state, vehicle)
     if target is None:
         return strategy.without_target(setting, state, vehicle)
@@ -99,7 +98,7 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
         if vehicle.remaining_wh < FRESH * setting.energy.capacity_wh:
             return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
         return _out_of_reach(setting, state, vehicle)
-    order = TakeOff(take_off_height_m(setting, state, vehicle))
+    order = TakeOff(heights.take_off_height_m(setting, state, vehicle))
     return give_if_clear(setting, state, vehicle, order)
 
 

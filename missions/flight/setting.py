@@ -101,11 +101,6 @@ class Setting:
             return 0.0
         return self.ground.ups_and_downs_m(points, self.energy.speed_m_s, self.energy.climb_m_s)
 
-    @property
-    def searches_high(self) -> bool:
-        """Whether lanes are flown in layers of their own."""
-        return self.mission.search.altitude_m is not None
-
     def where(self, cell: Cell, t_s: float) -> GridPoint:
         """Where the centre of a cell is at a time, in the fixed frame."""
         return self.grid.to_fixed(self.grid.centre_of(cell), t_s)

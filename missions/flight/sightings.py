@@ -9,7 +9,7 @@ from missions.events import FrameSeen, LookEnded
 from missions.flight.lane_progress import lane_passed, lane_seen
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
-from missions.flight.strategy.two_heights import searched, with_plain
+from missions.flight.strategy.two_heights import heights_of, with_plain
 from missions.flight.strategy.visiting import drifts_out, give_up
 from missions.mapping.belief import Belief, FrameId, Verdicts
 from missions.mapping.tree import Tree
@@ -69,7 +69,7 @@ def _seen_from_above(setting: Setting, state: State, event: FrameSeen) -> State:
 
 def on_a_lane(setting: Setting, state: State, vehicle: VehicleState, event: FrameSeen) -> State:
     """What a frame of a vehicle that does not stop means for the lane that it flies."""
-    shown, judged = [vote.cell for vote in event.votes], searched(setting, state)
+    shown, judged = [vote.cell for vote in event.votes], heights_of(setting).searched(state)
     vehicle = lane_passed(
         vehicle, setting.grid, setting.lane_rows, judged, shown, event.t_s,
         drifts=setting.strategy.lanes_drift,

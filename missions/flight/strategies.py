@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from missions.errors import StrategyError
 from missions.flight.strategy.every_patch import ALL
 from missions.flight.strategy.interface import Strategy
 from missions.flight.strategy.leapfrog import PAIR
@@ -13,6 +14,7 @@ from missions.flight.strategy.survey import WHOLE_BOX
 from missions.flight.strategy.sweep import FIRST
 from missions.mission.schema import Mission
 from missions.planning.stepwise import EXPLORERS
+from missions.planning.sweep.strategies import ON_PATHS, About
 
 Choice = Callable[[Mission], Strategy]
 """Which strategy a mission is flown by that names it."""
@@ -29,3 +31,21 @@ def strategy_of(mission: Mission) -> Strategy:
     """Return the strategy that a mission names."""
     choose = _FLOWN.get(mission.strategy)
     return Stepwise(EXPLORERS[mission.strategy]) if choose is None else choose(mission)
+
+
+def register(strategy: Strategy) -> None:
+    """Make a strategy known to missions and commands by the name in its `about`.
+
+    Raises `StrategyError` where another one has the name.
+    """
+    about = strategy.about
+    if not isinstance(about, About):
+        raise StrategyError(f"{about.name}: its texts are no `About`")
+    if about.name in EXPLORERS or ON_PATHS.setdefault(about.name, about) is not about:
+        raise StrategyError(f"{about.name}: another strategy has this name; choose a new one")
+    _FLOWN.setdefault(about.name, lambda mission: strategy)
+
+
+def forget(strategy: Strategy) -> None:
+    """Take a strategy out again that was registered."""
+    del _FLOWN[strategy.about.name], ON_PATHS[strategy.about.name]

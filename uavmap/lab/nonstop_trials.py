@@ -11,7 +11,7 @@ from missions.lab.arena.offline_reference import reference
 from missions.lab.arena.roi import Roi
 from missions.lab.arena.survey import surveyed
 from missions.lab.arena.time_bounds import lower_bound_s
-from missions.planning.sweep.strategies import SURVEY, WithoutStopping
+from missions.planning.sweep.strategies import SURVEY, About
 from uavmap.lab.trials import Figures, Trial, means_of, ratio
 
 
@@ -27,9 +27,7 @@ class FlightTerms:
     seed: int = 1
 
 
-def flown_under(
-    roi: Roi, strategy: WithoutStopping, terms: FlightTerms, *, record: bool = False
-) -> Flown:
+def flown_under(roi: Roi, strategy: About, terms: FlightTerms, *, record: bool = False) -> Flown:
     """Fly in the arena. Raises `StrategyError` for a footprint too small for cells or speed."""
     if strategy is SURVEY:
         return surveyed(
@@ -39,7 +37,7 @@ def flown_under(
 
 
 def nonstop_trials(
-    rois: Sequence[Roi], strategies: Sequence[WithoutStopping], terms: FlightTerms
+    rois: Sequence[Roi], strategies: Sequence[About], terms: FlightTerms
 ) -> Iterator[Trial]:
     """Yield every strategy on every ROI, one ROI after the other; raises as `flown_under`."""
     for roi in rois:

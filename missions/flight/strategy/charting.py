@@ -14,7 +14,7 @@ from missions.flight.optics import kinematics
 from missions.flight.setting import Setting
 from missions.flight.state import State, VehicleState
 from missions.flight.strategy.flyers import LONGEST_S, gate_of, over_pad
-from missions.flight.strategy.two_heights import at_map_height
+from missions.flight.strategy.two_heights import heights_of
 from missions.flight.strip import Strip
 from missions.planning.sweep.chart import Chart, Flags, Known
 from missions.units import Cell
@@ -121,7 +121,7 @@ def _fence(
         return
     seen = np.zeros_like(allowed)
     for vehicle in team.values():
-        flown = kinematics(setting, at_map_height(setting, vehicle))
+        flown = kinematics(setting, heights_of(setting).as_mapping(setting, vehicle))
         reach_e = math.floor(flown.half_east_m / cell_m)
         reach_n = math.floor(flown.half_north_m / cell_m)
         seen |= _dilated(np.asarray(allowed), reach_e, reach_n)

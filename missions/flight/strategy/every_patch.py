@@ -21,7 +21,7 @@ from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep import Paths
 from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest, last_waiting
 from missions.flight.strategy.touring import shared_out
-from missions.flight.strategy.two_heights import is_over_pad, over_own_pad
+from missions.flight.strategy.two_heights import heights_of, is_over_pad, over_own_pad
 from missions.flight.team.work_shares import held_until_s, own_part, share_parts
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
@@ -165,8 +165,7 @@ class EveryPatch(Covering):
         self, setting: Setting, state: State, vehicle: VehicleState
     ) -> GridPoint | None:
         """Where lanes are flown from on high, others may map what they have found."""
-        # some milliseconds over a large region: once a report of the vehicle is soon enough
-        if not setting.searches_high or vehicle.tracked_s != state.t_s:
+        if not heights_of(setting).maps_meanwhile(state, vehicle):
             return None
         belief = state.belief
         beside = {near for cell in belief.roi for near in cell.neighbours()}

@@ -14,7 +14,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,8 @@ from missions.mapping.tree import Tree
 from missions.mission.schema import Mission
 from missions.planning.search.lanes import Lane, share_out
 from missions.planning.search.search_order import Pace, soonest
+from missions.planning.stepwise import Explorer
+from missions.planning.sweep.strategies import About
 from missions.units import Cell, GridPoint
 
 if TYPE_CHECKING:
@@ -39,26 +41,6 @@ if TYPE_CHECKING:
 Bits = NDArray[np.bool_]
 Shares = tuple[tuple[Lane, ...], ...]
 """The lanes of each vehicle, in the order of flight."""
-
-
-class About(Protocol):
-    """What users read about a strategy."""
-
-    @property
-    def name(self) -> str:
-        """The name in mission files and on the command line."""
-
-    @property
-    def guarantee(self) -> str:
-        """What it promises, in a line."""
-
-    @property
-    def source(self) -> str:
-        """Where it comes from."""
-
-    @property
-    def when(self) -> str:
-        """When to use it, in a line."""
 
 
 class Lanes(NamedTuple):
@@ -98,7 +80,7 @@ class Work(NamedTuple):
 class Strategy(ABC):
     """How vehicles find a region and map it."""
 
-    about: About
+    about: About | Explorer
     """Its name, and what users read about it."""
     stops: bool
     """Whether vehicles stop over cells to look."""

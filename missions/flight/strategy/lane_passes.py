@@ -15,18 +15,13 @@ from missions.flight.path_orders import NOTICE_S, allowed, brake, give_path, thr
 from missions.flight.return_home import REACTION_S, go_home, has_energy_for
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
-from missions.flight.strategy.two_heights import searched
+from missions.flight.strategy.two_heights import heights_of
 from missions.flight.strip import Strip
-from missions.geo.trajectory import LANE_CUTS_M, Trajectory
-from missions.mission.views import beside_rows_m, path_speed_m_s, seen_whole_m
+from missions.geo.trajectory import Trajectory
+from missions.mission.views import beside_rows_m, path_speed_m_s
 from missions.orders import FlyPath
-from missions.planning.search.lanes import Lane, point_on, unseen
+from missions.planning.search.lanes import Lane, unseen
 from missions.units import GridPoint
-
-MOST_OFF: Final = 0.4
-"""Of a lane at most this part is left out at either end, because it is seen from before it."""
-ROUND: Final = 0.05
-"""Corners between lanes of a search from on high are cut by this share of a lane's width."""
 
 WORTH_S: Final = 8.0
 """A path that ends sooner is flown to its end."""
@@ -73,7 +68,7 @@ def _lane_path(
 ) -> Trajectory:
     return through(
         setting, vehicle, points, corners, state.t_s + NOTICE_S,
-        drifts=setting.strategy.lanes_drift, cuts_m=_cuts_m(setting),
+        drifts=setting.strategy.lanes_drift, cuts_m=heights_of(setting).cuts_m(setting),
     )  # fmt: skip
 
 
@@ -131,7 +126,7 @@ def still_open(setting: Setting, state: State, lanes: tuple[Lane, ...]) -> tuple
     Where the whole box is seen, what is left of lanes and short is flown to once they are, in the
     best order that is found.
     """
-    grid, judged = setting.grid, searched(setting, state)
+    grid, judged = setting.grid, heights_of(setting).searched(state)
     if _leaves_cells(setting):
         return lanes
     least_m = setting.strategy.least_lane_m(setting)
@@ -167,13 +162,6 @@ def turned(setting: Setting, at: GridPoint, lanes: tuple[Lane, ...]) -> tuple[La
             for each in ((lane,) if setting.likely and _is_whole(setting, lane) else (lane, back))
         ]
     return min(ways, key=lambda way: way[0])[1]
-
-
-def _cuts_m(setting: Setting) -> tuple[float, ...]:
-    """By how much corners are cut, the most first."""
-    if not setting.searches_high:
-        return LANE_CUTS_M
-    return (ROUND * setting.lane_rows * setting.grid.cell_m, *LANE_CUTS_M)
 
 
 def _leaves_cells(setting: Setting) -> bool:
@@ -222,23 +210,6 @@ def _is_open(setting: Setting, state: State, lane: Lane) -> bool:
     return not strip.is_known(setting.strategy.lane_done(setting, state))
 
 
-def _shown_from_inside(setting: Setting, vehicle: VehicleState, lane: Lane) -> Lane:
-    """A lane without its ends, as far as pictures from on high show them from before them.
-
-    The last column stays in the picture for all of its frames at full speed, and one more.
-    """
-    if not setting.searches_high:
-        return lane
-    mission, height_m = setting.mission, vehicle.cruise_height_m
-    halves_m = seen_whole_m(mission, height_m, east_ahead=setting.east_ahead)
-    ahead_m = halves_m[0] if setting.east_ahead else halves_m[1]
-    seen_s = (mission.votes.frames + 1) * mission.camera.interval_s
-    short_m = ahead_m - seen_s * path_speed_m_s(mission, height_m)
-    length_m = lane[0].distance_to(lane[1])
-    short_m = min(max(short_m, 0.0), MOST_OFF * length_m)
-    return point_on(lane, short_m), point_on(lane, length_m - short_m)
-
-
 def flown_along(setting: Setting, state: State, vehicle: VehicleState, lane: Lane) -> Lane:
     """Where a lane is flown, so far beside the middle of its rows as the fence allows."""
     grid = setting.grid
@@ -246,10 +217,10 @@ def flown_along(setting: Setting, state: State, vehicle: VehicleState, lane: Lan
     beside_m = beside_rows_m(
         setting.mission, grid, vehicle.cruise_height_m, east_ahead=setting.east_ahead
     )
-    missing = strip.missing_rows(searched(setting, state))
+    missing = strip.missing_rows(heights_of(setting).searched(state))
     if missing and not _leaves_cells(setting):
         beside_m += (missing[0] + missing[-1]) / 2 * grid.cell_m - strip.line_m
-    lane = _shown_from_inside(setting, vehicle, lane)
+    lane = heights_of(setting).shortened(setting, vehicle, lane)
     for share in (1.0, 0.5):
         away_m = share * beside_m
         east_m, north_m = (0.0, away_m) if strip.eastward else (away_m, 0.0)

@@ -25,9 +25,9 @@ from missions.flight.strategy.stepwise import RDFS
 from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest
 from missions.flight.strategy.two_heights import (
     change_layer,
+    heights_of,
     is_over_pad,
     over_own_pad,
-    searched,
 )
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
@@ -87,7 +87,7 @@ class Paths(Strategy):
 
     def lane_done(self, setting: Setting, state: State) -> Callable[[Cell], bool]:
         """Whether any frame has judged a cell."""
-        return searched(setting, state)
+        return heights_of(setting).searched(state)
 
     def seen_in_passing(
         self,

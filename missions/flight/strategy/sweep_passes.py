@@ -26,7 +26,7 @@ from missions.flight.strategy.direct_flight import fetch, value_of
 from missions.flight.strategy.fallback import fall_back, patience_s
 from missions.flight.strategy.flyers import flyer_of, gate_of, over_home_s, over_pad
 from missions.flight.strategy.interface import Strategy, TourMemory
-from missions.flight.strategy.two_heights import in_layer, is_over_pad
+from missions.flight.strategy.two_heights import heights_of, is_over_pad
 from missions.flight.team.work_shares import want_told
 from missions.geo.trajectory import Trajectory
 from missions.orders import FlyPath
@@ -248,7 +248,7 @@ def _takes_part(
         return False
     return not (apart or strategy.still_searches(vehicle)) and (
         vehicle.works
-        and in_layer(setting, state, vehicle)
+        and heights_of(setting).in_layer(setting, state, vehicle)
         and vehicle.braking_until_s is None
         and (vehicle.idle or vehicle.path is not None)
     )

@@ -25,8 +25,11 @@ from typing import Final
 from missions.flight.airspace.deconfliction import OFF_LAYER_M, hold, is_clear, spots_around
 from missions.flight.setting import Setting
 from missions.flight.state import Column, Phase, State, VehicleState
+from missions.geo.trajectory import LANE_CUTS_M
 from missions.mapping.belief import Belief, FrameId
 from missions.mission.energy import CLIMB_SPEED_M_S
+from missions.mission.views import path_speed_m_s, seen_whole_m
+from missions.planning.search.lanes import Lane, point_on
 from missions.units import Cell, GridPoint
 
 ASK_S = 12.0
@@ -37,41 +40,120 @@ OVER_PAD_M = 1.0
 """A vehicle that is nearer to its pad is in the column over it."""
 _CANNOT_PROMISE: Final = (Phase.APART, Phase.OFFLINE, Phase.YIELDED, Phase.GUARDED)
 """Phases of a vehicle whose member does not control it, or is not heard."""
+MOST_OFF: Final = 0.4
+"""Of a lane at most this part is left out at either end, because it is seen from before it."""
+ROUND: Final = 0.05
+"""Corners between lanes of a search from on high are cut by this share of a lane's width."""
 ON_THE_WAY: Final = 0.8
 """So much of what a vehicle can climb on its way to its first lane is left for it at take-off."""
 
 
-def searched(setting: Setting, state: State) -> Callable[[Cell], bool]:
-    """Whether any frame has judged a cell, from on high or from below."""
-    low, high = state.belief.open_ballots, state.overview.open_ballots
-    if not setting.searches_high:
-        return low.__contains__
-    return lambda cell: cell in high or cell in low
+class OneHeight:
+    """Lanes are flown in the layers from which the map is made."""
 
+    def searched(self, state: State) -> Callable[[Cell], bool]:
+        """Return what says whether any frame has judged a cell."""
+        return state.belief.open_ballots.__contains__
 
-def layer_of(setting: Setting, vehicle: VehicleState) -> float:
-    """The altitude that a vehicle works in: with lanes to fly that of the search."""
-    mission, index = setting.mission, vehicle.vehicle - 1
-    high_m = mission.search_altitude_m(index)
-    return high_m if high_m is not None and vehicle.lanes else mission.altitude_m(index)
+    def layer_m(self, setting: Setting, vehicle: VehicleState) -> float:
+        """The altitude that a vehicle works in."""
+        return setting.mission.altitude_m(vehicle.vehicle - 1)
 
-
-def in_layer(setting: Setting, state: State, vehicle: VehicleState) -> bool:
-    """Whether a vehicle is where it works, or will be by the time it has to."""
-    if not setting.searches_high:
+    def in_layer(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
+        """Whether a vehicle is where it works, or will be by the time it has to."""
         return True
-    layer_m = layer_of(setting, vehicle)
-    if vehicle.cruise_altitude_m != layer_m:
+
+    def take_off_height_m(self, setting: Setting, state: State, vehicle: VehicleState) -> float:
+        """How high a vehicle climbs over its pad, above it."""
+        return vehicle.cruise_height_m
+
+    def as_mapping(self, setting: Setting, vehicle: VehicleState) -> VehicleState:
+        """A vehicle as it will be once it maps."""
+        return vehicle
+
+    def maps_meanwhile(self, state: State, vehicle: VehicleState) -> bool:
+        """Whether one that stands without lanes takes off to map while others fly theirs."""
         return False
-    if abs(vehicle.level_m - layer_m) <= OFF_LAYER_M:
-        return True
-    if setting.member is not None:  # others are asked for a column, not for a way
-        return False
-    flight = setting.mission.flight
-    if not vehicle.lanes:  # its frames count as soon as they are taken from low enough
-        return flight.descent_m_s is not None and vehicle.level_m > layer_m
-    rise_m = layer_m - vehicle.level_m
-    return 0.0 < rise_m <= climbed_on_the_way_m(setting, state, vehicle)
+
+    def cuts_m(self, setting: Setting) -> tuple[float, ...]:
+        """By how much corners between lanes are cut, the most first."""
+        return LANE_CUTS_M
+
+    def shortened(self, setting: Setting, vehicle: VehicleState, lane: Lane) -> Lane:
+        """A lane without its ends, as far as pictures show them from before them."""
+        return lane
+
+
+class TwoHeights(OneHeight):
+    """Lanes are flown in layers of their own, above all those from which the map is made."""
+
+    def searched(self, state: State) -> Callable[[Cell], bool]:
+        """The same, from on high or from below."""
+        low, high = state.belief.open_ballots, state.overview.open_ballots
+        return lambda cell: cell in high or cell in low
+
+    def layer_m(self, setting: Setting, vehicle: VehicleState) -> float:
+        """With lanes to fly that of the search."""
+        mission, index = setting.mission, vehicle.vehicle - 1
+        high_m = mission.search_altitude_m(index)
+        return high_m if high_m is not None and vehicle.lanes else mission.altitude_m(index)
+
+    def in_layer(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
+        """The rest of a climb or descent may be flown on the way."""
+        layer_m = self.layer_m(setting, vehicle)
+        if vehicle.cruise_altitude_m != layer_m:
+            return False
+        if abs(vehicle.level_m - layer_m) <= OFF_LAYER_M:
+            return True
+        if setting.member is not None:  # others are asked for a column, not for a way
+            return False
+        flight = setting.mission.flight
+        if not vehicle.lanes:  # its frames count as soon as they are taken from low enough
+            return flight.descent_m_s is not None and vehicle.level_m > layer_m
+        rise_m = layer_m - vehicle.level_m
+        return 0.0 < rise_m <= climbed_on_the_way_m(setting, state, vehicle)
+
+    def take_off_height_m(self, setting: Setting, state: State, vehicle: VehicleState) -> float:
+        """The rest is climbed on the way. Never lower than the layer from which it maps."""
+        low_m = setting.mission.altitude_m(vehicle.vehicle - 1) - vehicle.home_level_m
+        sure_m = ON_THE_WAY * climbed_on_the_way_m(setting, state, vehicle)
+        return min(vehicle.cruise_height_m, max(low_m, vehicle.cruise_height_m - sure_m))
+
+    def as_mapping(self, setting: Setting, vehicle: VehicleState) -> VehicleState:
+        """In the lower of its two layers."""
+        return replace(vehicle, cruise_altitude_m=setting.mission.altitude_m(vehicle.vehicle - 1))
+
+    def maps_meanwhile(self, state: State, vehicle: VehicleState) -> bool:
+        """What lanes have found is mapped at once.
+
+        To look for it takes milliseconds over a large region: once a report of the vehicle is soon
+        enough.
+        """
+        return vehicle.tracked_s == state.t_s
+
+    def cuts_m(self, setting: Setting) -> tuple[float, ...]:
+        """Pictures from on high show the rim of a lane from farther inside."""
+        return (ROUND * setting.lane_rows * setting.grid.cell_m, *LANE_CUTS_M)
+
+    def shortened(self, setting: Setting, vehicle: VehicleState, lane: Lane) -> Lane:
+        """The last column is in the picture for all of its frames at full speed, and one more."""
+        mission, height_m = setting.mission, vehicle.cruise_height_m
+        halves_m = seen_whole_m(mission, height_m, east_ahead=setting.east_ahead)
+        ahead_m = halves_m[0] if setting.east_ahead else halves_m[1]
+        seen_s = (mission.votes.frames + 1) * mission.camera.interval_s
+        short_m = ahead_m - seen_s * path_speed_m_s(mission, height_m)
+        length_m = lane[0].distance_to(lane[1])
+        short_m = min(max(short_m, 0.0), MOST_OFF * length_m)
+        return point_on(lane, short_m), point_on(lane, length_m - short_m)
+
+
+_ONE: Final = OneHeight()
+_TWO: Final = TwoHeights()
+
+
+def heights_of(setting: Setting) -> OneHeight:
+    """Return how high the vehicles of a mission search and map."""
+    return _ONE if setting.mission.search.altitude_m is None else _TWO
 
 
 def climbed_on_the_way_m(setting: Setting, state: State, vehicle: VehicleState) -> float:
@@ -87,36 +169,18 @@ def climbed_on_the_way_m(setting: Setting, state: State, vehicle: VehicleState) 
     return climb_m_s * vehicle.position.distance_to(start) / setting.energy.speed_m_s
 
 
-def take_off_height_m(setting: Setting, state: State, vehicle: VehicleState) -> float:
-    """How high a vehicle climbs over its pad, above it; the rest is climbed on the way.
-
-    Never lower than the layer from which it maps.
-    """
-    if not setting.searches_high:
-        return vehicle.cruise_height_m
-    low_m = setting.mission.altitude_m(vehicle.vehicle - 1) - vehicle.home_level_m
-    sure_m = ON_THE_WAY * climbed_on_the_way_m(setting, state, vehicle)
-    return min(vehicle.cruise_height_m, max(low_m, vehicle.cruise_height_m - sure_m))
-
-
-def at_map_height(setting: Setting, vehicle: VehicleState) -> VehicleState:
-    """A vehicle as it will be once it maps."""
-    if not setting.searches_high:
-        return vehicle
-    return replace(vehicle, cruise_altitude_m=setting.mission.altitude_m(vehicle.vehicle - 1))
-
-
 def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State | None:
     """Have a vehicle climb or descend to where it works; None where it is there.
 
     While the air is not free it stays where it is, and tries again.
     """
-    if in_layer(setting, state, vehicle):
+    heights = heights_of(setting)
+    if heights.in_layer(setting, state, vehicle):
         return None
     if setting.member is not None and not is_over_pad(vehicle):
         return _change_among_others(setting, state, vehicle)
-    moved = replace(vehicle, cruise_altitude_m=layer_of(setting, vehicle))
-    if moved != vehicle and in_layer(setting, state, moved):  # on the way
+    moved = replace(vehicle, cruise_altitude_m=heights.layer_m(setting, vehicle))
+    if moved != vehicle and heights.in_layer(setting, state, moved):  # on the way
         return hold(state, moved)
     for spot in (vehicle.position, *spots_around(setting, vehicle)):
         route = setting.fence.route(vehicle.position, spot) or (vehicle.position,)
@@ -171,7 +235,7 @@ def _change_among_others(setting: Setting, state: State, vehicle: VehicleState) 
     It asks them for that air, and has it once all have promised to keep out of it. Who is out of
     contact cannot be asked: then it goes where the air is nobody else's anyway, over its pad.
     """
-    layer_m = layer_of(setting, vehicle)
+    layer_m = heights_of(setting).layer_m(setting, vehicle)
     vehicle, granted = _air_asked_for(state, vehicle, layer_m)
     if granted is None:
         return hold(state, vehicle)

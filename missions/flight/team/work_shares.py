@@ -30,7 +30,7 @@ from missions.flight.state import Allotment, Phase, State, VehicleState
 from missions.flight.strategy.flyers import flyer_of
 from missions.flight.strategy.interface import TourMemory
 from missions.flight.strategy.touring import at_once, tours_of
-from missions.flight.strategy.two_heights import at_map_height, layer_of
+from missions.flight.strategy.two_heights import heights_of
 from missions.geo.trajectory import Trajectory
 from missions.mission.views import path_speed_m_s, seen_whole_m
 from missions.planning.search.lanes import Lane
@@ -128,7 +128,7 @@ def want_told(setting: Setting, state: State, known: Known) -> bool:
     if found is None or mine is None or wanted is None:
         return False
     chart, any_ = known.chart, False
-    low = at_map_height(setting, state.vehicles[mine])
+    low = heights_of(setting).as_mapping(setting, state.vehicles[mine])
     seen = kinematics(setting, low)
     reach_e, reach_n = seen.half_east_m / chart.cell_m, seen.half_north_m / chart.cell_m
     for place in found.parts.get(mine, ()):
@@ -150,7 +150,7 @@ def held_until_s(setting: Setting, state: State, vehicle: VehicleState, t_s: flo
     if not places and not vehicle.lanes:
         return t_s
     way_m = sum(a.distance_to(b) for a, b in pairwise((place, *places, vehicle.pad)))
-    low = at_map_height(setting, vehicle)
+    low = heights_of(setting).as_mapping(setting, vehicle)
     map_s = way_m / path_speed_m_s(setting.mission, low.cruise_height_m)
     return t_s + SPARE_S + SLOW_TIMES * (left_s + map_s)
 
@@ -158,7 +158,7 @@ def held_until_s(setting: Setting, state: State, vehicle: VehicleState, t_s: flo
 def back_from_lanes_s(setting: Setting, vehicle: VehicleState, t_s: float) -> float:
     """When one that has just gone out of contact should be back over its pad, its lanes flown."""
     left_s, place = _lanes_left(setting, vehicle)
-    speed_m_s = path_speed_m_s(setting.mission, layer_of(setting, vehicle))
+    speed_m_s = path_speed_m_s(setting.mission, heights_of(setting).layer_m(setting, vehicle))
     return t_s + left_s + place.distance_to(vehicle.pad) / speed_m_s
 
 
@@ -219,7 +219,7 @@ def _later(
         if number in team or not vehicle.works:
             continue
         left_s, place = _lanes_left(setting, vehicle)
-        low = replace(at_map_height(setting, vehicle), order=None)
+        low = replace(heights_of(setting).as_mapping(setting, vehicle), order=None)
         flyer = flyer_of(setting, low, None, None, begin_s)
         found[number] = replace(flyer, place=place), left_s
     return found
@@ -227,7 +227,7 @@ def _later(
 
 def _lanes_left(setting: Setting, vehicle: VehicleState) -> tuple[float, GridPoint]:
     """How long a vehicle will still fly lanes and change its layer, and where it will be then."""
-    high = replace(vehicle, cruise_altitude_m=layer_of(setting, vehicle))
+    high = replace(vehicle, cruise_altitude_m=heights_of(setting).layer_m(setting, vehicle))
     speed_m_s = path_speed_m_s(setting.mission, high.cruise_height_m)
     now_s = vehicle.tracked_s
     at, way_m = setting.grid.to_moving(vehicle.position, now_s), 0.0

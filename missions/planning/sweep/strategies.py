@@ -7,8 +7,8 @@ from typing import Final
 
 
 @dataclass(frozen=True, slots=True)
-class WithoutStopping:
-    """A strategy that is told in seconds and paths, not in moves from cell to cell."""
+class About:
+    """What users read about a strategy whose vehicles do not stop."""
 
     name: str
     guarantee: str
@@ -16,20 +16,20 @@ class WithoutStopping:
     when: str
 
 
-SWATH = WithoutStopping(
+SWATH = About(
     "swath",
     "every ROI cell that hangs together with the first is decided, and its neighbours; in flight T "
     "<= twice the bound of rdfs in seconds, a leg and two minutes",
     "paths planned anew while they are flown: docs/strategies.md",
     "the shape is unknown and time counts",
 )
-SURVEY = WithoutStopping(
+SURVEY = About(
     "survey",
     "every cell of the box is decided where no frame errs; no bound",
     "lanes over the box: docs/strategies.md",
     "a box is known to hold the region; to compare with",
 )
-LEAPFROG = WithoutStopping(
+LEAPFROG = About(
     "leapfrog",
     "the mapper never leaves the tracker's picture; every cell of the box is decided where no "
     "frame errs; no bound",
@@ -39,4 +39,4 @@ LEAPFROG = WithoutStopping(
 NONSTOP: Final = {strategy.name: strategy for strategy in (SWATH, SURVEY)}
 """Those that simulations without flight know as well, by name."""
 ON_PATHS: Final = {**NONSTOP, LEAPFROG.name: LEAPFROG}
-"""All that fly paths, by name."""
+"""All that fly paths, by name; with those that register later."""

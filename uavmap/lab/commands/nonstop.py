@@ -10,7 +10,7 @@ from typing import Final
 from missions.errors import StrategyError, UavmapError
 from missions.lab.arena.nonstop import Camera, Team
 from missions.lab.arena.roi import Roi
-from missions.planning.sweep.strategies import WithoutStopping
+from missions.planning.sweep.strategies import About
 from uavmap.lab.commands.runs import Column, Outcome, print_means, run_trials, tell
 from uavmap.lab.commands.simulate_options import NONSTOP_DEFAULTS
 from uavmap.lab.nonstop_trials import FlightTerms, flown_under, nonstop_means, nonstop_trials
@@ -26,7 +26,7 @@ _CELL_M: Final = 4.0
 def run_nonstop(
     options: argparse.Namespace,
     rois: Sequence[Roi],
-    strategies: Sequence[WithoutStopping],
+    strategies: Sequence[About],
     out: Path | None,
 ) -> int:
     """Simulate; return the exit code."""

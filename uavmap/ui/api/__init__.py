@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import missions.lab.strategies  # noqa: F401 - the strategies of papers register themselves
+from uavmap.load.strategy_source import load_strategies
 from uavmap.ui.api.flying import fly, fly_async, resume, resume_async
 from uavmap.ui.api.replaying import replay
 from uavmap.ui.api.results import Results, open_results
@@ -16,3 +17,5 @@ __all__ = [
     "resume",
     "resume_async",
 ]
+
+load_strategies()

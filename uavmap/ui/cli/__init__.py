@@ -52,6 +52,7 @@ OF_THE_LAB: Final = ("simulate", "study")
 
 def _module_of(command: str) -> Any:
     import_module("missions.lab.strategies")  # these register themselves, for all commands
+    import_module("uavmap.load.strategy_source").load_strategies()
     package = "uavmap.lab.commands" if command in OF_THE_LAB else "uavmap.ui.cli.commands"
     return import_module(f"{package}.{command}")
 

@@ -12,7 +12,7 @@ from missions.fleet_events import Fact
 from missions.flight.team.codec import Batch, Message, encode
 from missions.flight.team.knowledge import Holding, Knowledge
 from missions.units import Cell, GridPoint
-from tests.unit.uavmap.fleet.test_members_in_air import KEY, setting_of
+from tests.unit.uavmap.fleet.test_members_in_air import KEY, made
 from uavmap.base.clock import VirtualClock, run
 from uavmap.fleet.member import Member
 from uavmap.fleet.peer import Peer
@@ -117,7 +117,7 @@ def test_news_is_told_soon_and_once_and_what_was_lost_again(loss: float) -> None
         for number in (1, 2, 3):
             radio = air.radio(number, lambda: (GridPoint(0.0, 0.0), 0.0))
             seal = Seal(KEY, number, 1)
-            member = Member(setting_of(number), seal, radio, loop.time, lambda event: None)
+            member = Member(made(number), seal, radio, loop.time, lambda event: None)
             member.clock_moved(0.0)
             members.append(member)
         said = Counter[tuple[int, int]]()

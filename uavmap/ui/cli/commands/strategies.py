@@ -14,7 +14,7 @@ from rich.text import Text
 
 from missions.planning.stepwise import EXPLORERS
 from missions.planning.stepwise.interface import Explorer
-from missions.planning.sweep.strategies import ON_PATHS, WithoutStopping
+from missions.planning.sweep.strategies import ON_PATHS, About
 
 EXAMPLES: Final = """\
 examples:
@@ -25,7 +25,7 @@ examples:
 """
 TABLE_WIDTH: Final = 76
 """In fewer columns a table of four columns has words that do not fit."""
-_EVERY: Sequence[Explorer | WithoutStopping] = (*EXPLORERS.values(), *ON_PATHS.values())
+_EVERY: Sequence[Explorer | About] = (*EXPLORERS.values(), *ON_PATHS.values())
 DESCRIPTION: Final = "The strategies that --strategy takes."
 
 
