@@ -29,6 +29,7 @@ from missions.mission.schema import positions
 from missions.units import GridPoint
 from tests.benchmarks import frame
 from tests.support.plans import named_text
+from tests.support.small_missions import first_patch
 from uavmap.load.mission_source import load
 
 MISSIONS = ("runway", "burn", "spill")
@@ -78,7 +79,7 @@ def _ring(grid: Grid, polygon: Polygon) -> str:
 # --- flights -----------------------------------------------------------------------------------
 def flight(job: Job) -> dict[str, Any]:
     """The summary of a flight."""
-    text, strategy = named_text(job.mission).text, job.strategy
+    text, strategy = first_patch(named_text(job.mission).text), job.strategy
     if strategy in (TIGHT, WIDE):
         text, strategy = survey_text(text, job.mission, strategy), "survey"
     return frame.summary_of(

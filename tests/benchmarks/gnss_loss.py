@@ -24,6 +24,7 @@ from missions.flight.setting import Setting
 from sitl.vehicle import SimVehicle
 from tests.benchmarks import frame
 from tests.support.plans import named_text
+from tests.support.small_missions import first_patch
 
 FLOW = "optical_flow = true\nodometry_drift = 0.02\n"
 DRIFT = '[[sim.faults]]\nkind = "gps_drift"\nm_s = 0.1\nat_s = {at_s}\ntoward_deg = {deg}\n'
@@ -55,7 +56,7 @@ def text_of(job: Job, mission: str, gnss_loss: str, autopilot: str) -> str:
     fault = fault.format(at_s=job.at_s, deg=(job.seed * 77) % 360)
     if autopilot == "px4":
         more = f'autopilot = "px4"\n{more}parameters = {{ COM_POS_FS_EPH = -1 }}\n'
-    text = named_text(mission).text.replace("[sim]\n", f"[sim]\n{more}", 1)
+    text = first_patch(named_text(mission).text).replace("[sim]\n", f"[sim]\n{more}", 1)
     watch = "watch = false\n" if job.case == "reckoned" else ""
     return f'{text}\n[navigation]\ngnss_loss = "{gnss_loss}"\n{watch}{fault}'
 

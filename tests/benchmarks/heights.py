@@ -15,6 +15,7 @@ import statistics
 from missions.mission.checks import parse_mission
 from tests.benchmarks.frame import asked, head, row, summary_of
 from tests.support.plans import named_text
+from tests.support.small_missions import first_patch
 
 PIXELS = (127.0, 80.0, 70.0, 60.0, 45.0, 30.0)
 COUNTS = ("cells_missed", "false_positives", "false_negatives", "detections")
@@ -22,7 +23,9 @@ COUNTS = ("cells_missed", "false_positives", "false_negatives", "detections")
 
 def text_of(pixels: float) -> str:
     """The mission `runway` as high as so many pixels a cell allow."""
-    text = re.sub(r"altitude_m = [0-9.]+", 'altitude_m = "auto"', named_text("runway").text)
+    text = re.sub(
+        r"altitude_m = [0-9.]+", 'altitude_m = "auto"', first_patch(named_text("runway").text)
+    )
     return re.sub(r"pixels_per_cell = [0-9.]+", f"pixels_per_cell = {pixels:g}", text)
 
 

@@ -26,6 +26,7 @@ from tests.benchmarks.frame import asked, cpu_ms, spread
 from tests.support.browser import browser
 from tests.support.plans import named_text, plan_of
 from tests.support.said import Said
+from tests.support.small_missions import first_patch
 from uavmap.base.messages import shown_on
 from uavmap.ui.page.feed import Feed, opened
 from uavmap.ui.page.page_scene import scene_of
@@ -37,7 +38,7 @@ SECONDS = 10.0
 
 def busy() -> tuple[Setting, State]:
     """A mission with a large region, half of which is explored."""
-    text = f"{named_text('runway').text}\n[team]\nlayer_m = 5.0\n"
+    text = f"{first_patch(named_text('runway').text)}\n[team]\nlayer_m = 5.0\n"
     plan = plan_of("runway", text, "rdfs", VEHICLES)
     setting = setting_of(plan.mission)
     state, belief = State.initial(setting), Belief(5, 3)

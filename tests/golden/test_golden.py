@@ -13,6 +13,7 @@ from missions.events import Event, from_json, to_json
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.step import fold, step
+from missions.flight.strategy.two_heights import with_plain
 from missions.orders import FlyPath, Look
 from missions.planning.kernels.jit import COMPILED
 from tests.golden.recording import PASSES, RECORDINGS, STOPS, Recording, outcome
@@ -71,10 +72,13 @@ def test_any_prefix_folds_to_the_state_that_was_held_then(told: Told) -> None:
 
 def test_the_order_of_the_frames_does_not_change_the_map(told: Told) -> None:
     frames = [event for event in told.events if event.kind == "frame_seen"]
-    belief = State.initial(told.setting).belief
+    none = State.initial(told.setting)
+    low, high = none.belief, none.overview
     for event in reversed(frames):
-        state, _ = step(told.setting, State.initial(told.setting), event)
-        belief = belief.join(state.belief)
+        state, _ = step(told.setting, none, event)
+        low, high = low.join(state.belief), high.join(state.overview)
+    shown = list(high.open_ballots)
+    belief = with_plain(low, none.overview, high, told.setting.in_box, shown)
     assert sorted([c.east, c.north] for c in belief.roi) == told.recording.recorded()["roi"]
 
 

@@ -8,7 +8,7 @@ import os
 import re
 import signal
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
@@ -24,6 +24,7 @@ from tests.real.pilot import FENCE, RALLY, Item, Message, changed
 from tests.real.referee import Referee, Track, middle_of_region, scored
 from tests.real.relay import Relay
 from tests.real.sockets import free_port
+from tests.support.small_missions import first_patch
 from uavmap.load.mission_source import load
 from uavmap.runner.aircraft_takeover import ADDRESS
 from uavmap.runner.simulation import make_vehicles, setup_of
@@ -94,17 +95,16 @@ class Rig:
 
     def __init__(
         self, kind: type[Autopilot], program: Path, folder: Path, row: Row, mission: str, *,
-        near: bool, speed_m_s: float | None, parameters: Values, more: Mapping[str, str],
+        near: bool, speed_m_s: float | None, parameters: Values, shipped: bool,
     ) -> None:  # fmt: skip
         self.kind, self.row, self.folder, self.out = kind, row, folder, folder / "out"
         self.source = folder / "mission.toml"
         text = (ROOT / "missions" / "shipped" / f"{mission}.toml").read_text("utf-8")
+        text = text if shipped else first_patch(text)
         if near:
             at = middle_of_region(load(mission))
             prior = f"prior = [{at.lat_deg:.6f}, {at.lon_deg:.6f}]"
             text = text.replace("[search]\n", f"[search]\n{prior}\n", 1)
-        for table, lines in more.items():
-            text = text.replace(f"[{table}]\n", f"[{table}]\n{lines}\n", 1)
         if speed_m_s is not None:
             text = re.sub(r"(?m)^speed_m_s = \S+", f"speed_m_s = {speed_m_s}", text, count=1)
         # for `--sim` alone: a real flight does not read it

@@ -20,13 +20,11 @@ VARIABLES: Final = {"ardupilot": "UAVMAP_ARDUCOPTER", "px4": "UAVMAP_PX4"}
 """Environment variables with the paths of the programs."""
 PROGRAMS: Final[Mapping[str, type[Autopilot]]] = {"ardupilot": ArduCopter, "px4": Px4}
 _NONE: Final[Mapping[str, Values]] = MappingProxyType({})
-_PLAIN: Final[Mapping[str, str]] = MappingProxyType({})
 
 
 def scenario(
     name: str, mission: str = "runway", *, near: bool = False, speed_m_s: float | None = None,
-    parameters: Mapping[str, Values] = _NONE, only: str | None = None,
-    more: Mapping[str, str] = _PLAIN,
+    parameters: Mapping[str, Values] = _NONE, only: str | None = None, shipped: bool = False,
 ) -> Callable[[Callable[[Rig], Awaitable[None]]], Callable[[str, Path, Path], None]]:  # fmt: skip
     """Make a test that flies a scenario.
 
@@ -37,7 +35,8 @@ def scenario(
         speed_m_s: Instead of the mission's.
         parameters: What the owner has set, by autopilot.
         only: The one autopilot that can do this.
-        more: Lines that tables of the mission have besides, by table.
+        shipped: Whether the mission flies as it is shipped; else it ends with the first patch, and
+            is flown at the height of the map.
     """
 
     def made(flown: Callable[[Rig], Awaitable[None]]) -> Callable[[str, Path, Path], None]:
@@ -49,7 +48,7 @@ def scenario(
             async def whole() -> None:
                 async with Rig(
                     PROGRAMS[autopilot], program, tmp_path, row, mission, near=near,
-                    speed_m_s=speed_m_s, parameters=parameters.get(autopilot, {}), more=more,
+                    speed_m_s=speed_m_s, parameters=parameters.get(autopilot, {}), shipped=shipped,
                 ) as rig:  # fmt: skip
                     await flown(rig)
 

@@ -15,11 +15,6 @@ from tests.real.rig import Rig
 from tests.real.scenario import scenario
 from tests.real.sockets import free_port
 
-HIGH: Final = {
-    "search": 'find = "all"\naltitude_m = "auto"',
-    "flight": "climb_m_s = 2.5\ndescent_m_s = 1.5",
-}
-"""The keys with which `uavmap new` writes a mission."""
 WORSE: Final = 0.01
 """The map of a real flight may be worse by this IoU than that of the simulated one."""
 
@@ -67,7 +62,7 @@ async def test_runway_is_complete(rig: Rig) -> None:
     await complete(rig)
 
 
-@scenario("runway, searched from on high", more=HIGH)
+@scenario("runway, searched from on high", shipped=True)
 async def test_runway_is_complete_from_on_high(rig: Rig) -> None:
     await complete(rig)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -185,6 +186,16 @@ def at_heights(mission: Mission, heights_m: Sequence[float]) -> Mission:
         for vehicle, height_m in zip(mission.vehicles, heights_m, strict=True)
     ]
     return mission.model_copy(update={"vehicles": tuple(vehicles)})
+
+
+def first_patch(text: str) -> str:
+    """A shipped mission that ends with the first patch and is flown at the height of the map.
+
+    As `runway` and `burn` were until decision 38: figures of that time are of such flights.
+    """
+    keys = 'find|altitude_m = "auto"  |climb_m_s|descent_m_s'
+    head, search, rest = text.partition("[search]\n")
+    return head + search + re.sub(rf"(?m)^(?:{keys}).*\n(?: +#.*\n)*", "", rest)
 
 
 def with_receivers(mission: Mission, height_sigma_m: float) -> Mission:

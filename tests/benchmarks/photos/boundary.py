@@ -32,6 +32,8 @@ from tests.benchmarks import frame
 from tests.benchmarks.photos import brighton
 from tests.benchmarks.photos.brighton import PAINTED, detector_folder, learned_from
 from tests.benchmarks.photos.replay import result_costs
+from tests.support.plans import named_text
+from tests.support.small_missions import first_patch
 from uavmap.load.mission_source import load
 from uavmap.output.facts.boundary_model import FILE
 from uavmap.output.facts.score import true_roi
@@ -87,7 +89,8 @@ def flown(seeds: int) -> None:
     found = []
     flying = partial(fly, keep_frames=True)
     for seed in range(1, seeds + 1):
-        with frame.flown("runway", fly=flying, seed=seed) as (_, folder):
+        text = first_patch(named_text("runway").text)
+        with frame.flown("runway", text, fly=flying, seed=seed) as (_, folder):
             draw_boundary(folder, print, Wishes(ortho=False))
             region = mapped(folder, setting.grid, "boundary")
             cells = mapped(folder, setting.grid, "outline")

@@ -30,6 +30,7 @@ from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.benchmarks import frame
 from tests.support.plans import named_text
+from tests.support.small_missions import first_patch
 from uavmap.aircraft.map_navigation import Navigation
 from vision.look import Frame
 
@@ -48,7 +49,7 @@ class Job(NamedTuple):
 
 def text_of(lost_s: float, layer_m: float) -> str:
     """The mission file of the flights."""
-    text = named_text("runway").text
+    text = first_patch(named_text("runway").text)
     mission = parse_fields(text, "runway")
     grid = Grid.at(mission.home, mission.grid.cell_m)
 

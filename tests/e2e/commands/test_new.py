@@ -46,8 +46,8 @@ def test_a_kml_is_flown_in_the_simulator(
 
 
 def test_an_exported_search_comes_back_with_its_fence_and_home() -> None:
-    assert main(["export", "runway", "--plan", "r.plan", "--waypoints", "r.waypoints"]) == 0
-    runway = load("runway")
+    assert main(["export", "runway-field", "--plan", "r.plan", "--waypoints", "r.waypoints"]) == 0
+    runway = load("runway-field")
     for name in ("r.plan", "r.waypoints"):
         out = f"{name[2:]}.toml"
         assert main(["new", name, "--drone", "sim", "--out", out]) == 0

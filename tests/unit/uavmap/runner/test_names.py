@@ -55,7 +55,7 @@ def test_a_name_that_is_no_file_name(
     assert main(["fly", "field.toml", "--sim"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert re.search(BAD[name], line)
-    assert line.startswith("uavmap: field.toml:13: name = ")
+    assert line.startswith("uavmap: field.toml:14: name = ")
     assert len(line) < 250
     assert line.isprintable()
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["a", "b", "c", "field.toml"]
