@@ -324,26 +324,28 @@ def to_json(event: Event) -> str:
         # without a vantage is something that a frame says; elsewhere None is what nobody has said
         if isinstance(event, FrameSeen):
             unsaid = {"overview"} if event.overview is None else None
-            data = _ADAPTER.dump_json(event, exclude=unsaid)
+            data, nones = _ADAPTER.dump_json(event, exclude=unsaid), event.vantage is None
         else:
-            data = _ADAPTER.dump_json(event, exclude_none=True)
+            data, nones = _ADAPTER.dump_json(event, exclude_none=True), False
         text = data.decode()
     except (PydanticSerializationError, UnicodeError) as error:
         raise EventError(f"{event.kind}: no text of an event: {error}") from None
-    _refuse_what_json_cannot_hold(event, data)
+    _refuse_what_json_cannot_hold(event, data, int(nones))
     return text
 
 
 def from_json(text: str) -> Event:
     """The inverse of `to_json`. Raises ValueError for anything else."""
     event = _ADAPTER.validate_json(text, strict=True)
-    _refuse_what_json_cannot_hold(event, _ADAPTER.dump_json(event))
+    nones = sum(getattr(event, field.name) is None for field in fields(event))
+    _refuse_what_json_cannot_hold(event, _ADAPTER.dump_json(event), nones)
     return event
 
 
-def _refuse_what_json_cannot_hold(event: Event, data: bytes) -> None:
-    """Pydantic writes a NaN and an infinity as null; the walk is only for texts with that word."""
-    if b"null" not in data:
+def _refuse_what_json_cannot_hold(event: Event, data: bytes, nones: int) -> None:
+    """Pydantic writes a NaN and an infinity as null: only a text with more of these than the
+    event has values that are None is walked through."""
+    if data.count(b"null") <= nones:
         return
     for field in fields(event):
         if not _finite(value := getattr(event, field.name)):

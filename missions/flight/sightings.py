@@ -57,12 +57,14 @@ def _seen_from_above(setting: Setting, state: State, event: FrameSeen) -> State:
     """A frame from the height of a search counts for the lane, and for what is plain by it."""
     frame = FrameId(event.vehicle, event.t_s)
     said = {vote.cell: vote.positive for vote in event.votes}
-    votes = state.overview.in_time(None, frame, said)
-    overview = state.overview.with_frame(None, frame, votes)
+    before = state.overview
+    votes = before.in_time(None, frame, said)
+    fresh = [cell for cell in votes if before.verdict(cell) is None]  # what is decided stays so
+    overview = before.with_frame(None, frame, votes)
     vehicle = replace(
         state.vehicles[event.vehicle], frames_lost=0, judged_s=state.t_s, fruitless_sorties=0
     )
-    belief = with_plain(state.belief, state.overview, overview, setting.in_box, votes)
+    belief = with_plain(state.belief, before, overview, setting.in_box, fresh)
     state = replace(state, belief=belief, overview=overview)
     return on_a_lane(setting, state, vehicle, event)
 

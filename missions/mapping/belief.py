@@ -92,6 +92,14 @@ class Belief:
         default_factory=PersistentMap
     )
     """By vantage and by cell: follows from `looks`, kept because it is asked for at every frame."""
+    open_tallies: PersistentMap[Cell, Tally] = field(
+        default_factory=PersistentMap, compare=False, repr=False
+    )
+    """The votes of every open ballot, in the order of their first votes: follows from them."""
+    _verdicts: PersistentMap[Cell, bool | None] = field(
+        default_factory=PersistentMap, compare=False, repr=False
+    )
+    """What is decided, of every cell with a ballot: follows from them, too."""
 
     def with_frame(self, vantage: Vantage, frame: FrameId, verdicts: Verdicts) -> Belief:
         """This belief and one frame taken over `vantage`; the same frame twice counts once.
@@ -106,10 +114,13 @@ class Belief:
         A verdict is too late when its ballot is full and counts a frame that was taken later. Who
         adds only these to a belief never sees a cell leave `roi`.
         """
-        kept = {}
+        ballots = self._ballots.get(vantage)
+        if ballots is None:
+            return dict(verdicts)
+        kept, exposed, most = {}, frame.exposed, self.frames
         for cell, says_roi in verdicts.items():
-            ballot = self._ballot(cell, vantage)
-            if len(ballot) < self.frames or frame.exposed >= ballot[-1][0].exposed:
+            ballot = ballots.get(cell, ())
+            if len(ballot) < most or exposed >= ballot[-1][0].exposed:
                 kept[cell] = says_roi
         return kept
 
@@ -139,9 +150,7 @@ class Belief:
         `in_time` leaves of them is added, and no vantage elects a cell that the open ballot has
         decided against.
         """
-        if cell in self.roi:
-            return True
-        return self._decided(self._ballot(cell, None))
+        return self._verdicts.get(cell)
 
     def provisional(self, cell: Cell) -> bool | None:
         """What to take a cell for while it is not decided; None if no open vote was cast on it.
@@ -149,11 +158,10 @@ class Belief:
         The verdict, where there is one; else whether its open ballot would elect it if the votes
         to come were as those so far. For three of five that is the majority, and a tie is a no.
         """
-        verdict = self.verdict(cell)
-        positive, total = self.tally(cell, None)
-        if verdict is not None or not total:
+        verdict, tally = self.verdict(cell), self.open_tallies.get(cell)
+        if verdict is not None or tally is None:
             return verdict
-        return positive * self.frames >= self.positive * total
+        return tally.positive * self.frames >= self.positive * tally.total
 
     @property
     def open_ballots(self) -> Mapping[Cell, Ballot]:
@@ -199,8 +207,8 @@ class Belief:
             for cell, ballot in sorted(self._ballots[vantage].items())
             if len(ballot) >= self.frames
         ]
-        for cell, ballot in sorted(self.open_ballots.items()):
-            if (decided := self._decided(ballot)) is not None:
+        for cell, tally in sorted(self.open_tallies.items()):
+            if (decided := self._says(tally)) is not None:
                 by_vantage.append((None, cell, decided))
         return by_vantage
 
@@ -225,14 +233,18 @@ class Belief:
         counted: dict[Cell, Ballot] = {}
         for frame, verdicts in frames.items():
             taken[frame] = seen = _either(at_vantage.get(frame, {}), verdicts)
+            exposed = frame.exposed
             for cell in verdicts:
-                ballot = counted.get(cell) or self._ballot(cell, vantage)
-                counted[cell] = self._counted(ballot, frame, seen[cell])
-        elected = {cell for cell, ballot in counted.items() if self._elects(ballot)}
+                ballot = counted.get(cell) or ballots.get(cell) or ()
+                if not ballot or ballot[-1][0].exposed < exposed:  # as nearly all come
+                    if len(ballot) < self.frames:
+                        counted[cell] = (*ballot, (frame, seen[cell]))
+                else:
+                    counted[cell] = self._counted(ballot, frame, seen[cell])
+        tallies = {cell: _tally(ballot) for cell, ballot in counted.items()}
+        elected = {cell for cell, tally in tallies.items() if tally.positive >= self.positive}
         taken_back = {
-            cell
-            for cell in counted
-            if cell not in elected and self._elects(self._ballot(cell, vantage))
+            cell for cell in counted if cell not in elected and self._elects(ballots.get(cell, ()))
         }
         # here the maps change hands: what they were must have been read before
         looks = self.looks.updated({vantage: at_vantage.updated(taken)})
@@ -247,7 +259,16 @@ class Belief:
                     if not any(self._elects(at.get(cell, ())) for at in still)
                 }
             )
-        return Belief(self.frames, self.positive, looks, roi, all_ballots)
+        open_tallies = self.open_tallies.updated(tallies if vantage is None else {})
+        none = Tally(0, 0)
+        says: dict[Cell, bool | None] = {
+            cell: True if cell in roi else self._says(open_tallies.get(cell, none))
+            for cell in counted
+        }
+        return Belief(
+            self.frames, self.positive, looks, roi, all_ballots,
+            open_tallies, self._verdicts.updated(says),
+        )  # fmt: skip
 
     def _ballot(self, cell: Cell, vantage: Vantage) -> Ballot:
         at_vantage = self._ballots.get(vantage)
@@ -262,20 +283,25 @@ class Belief:
     def _elects(self, ballot: Ballot) -> bool:
         return _tally(ballot).positive >= self.positive
 
-    def _decided(self, ballot: Ballot) -> bool | None:
+    def _says(self, tally: Tally) -> bool | None:
         """What a ballot says, whatever votes it still lacks; None while these could change it."""
-        positive, total = _tally(ballot)
+        positive, total = tally
         if positive >= self.positive:
             return True
         return False if positive + self.frames - total < self.positive else None
 
 
 def _tally(ballot: Ballot) -> Tally:
-    return Tally(sum(says_roi for _, says_roi in ballot), len(ballot))
+    positive = 0
+    for _, says_roi in ballot:
+        positive += says_roi
+    return Tally(positive, len(ballot))
 
 
 def _either(one: Verdicts, other: Verdicts) -> Verdicts:
     """Two reports of one frame: what either says; a positive outweighs a negative."""
+    if not one:
+        return {cell: other[cell] for cell in sorted(other)}
     both = {**one, **other}
     return {cell: one.get(cell, False) or other.get(cell, False) for cell in sorted(both)}
 

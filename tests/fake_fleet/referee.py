@@ -57,6 +57,8 @@ class Notes:
     """When a pilot or a failsafe flew it last."""
     known_s: float = -math.inf
     """Since when the mission knows of that."""
+    mode: str = ""
+    """That it had when it was looked at last."""
     guarded_s: float = -math.inf
     only_rtl_s: float = -math.inf
     """When it obeyed no target last."""
@@ -119,8 +121,9 @@ class Referee:
         # a pilot may have it return later than take it
         returns = craft.mode == "rtl"
         known = vehicle.phase is Phase.YIELDED and vehicle.returns_by_itself >= returns
-        if not known:
+        if not known or craft.mode != notes.mode:  # which may be known at once
             notes.known_s = t_s
+        notes.mode = craft.mode
         if not driver.obeys or fleet.gone:
             notes.deaf_s = t_s
         if vehicle.phase is not Phase.GUARDED:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from itertools import chain
 
 import numpy as np
 import shapely
@@ -16,7 +17,7 @@ from missions.flight.state import State, VehicleState
 from missions.flight.strategy.flyers import LONGEST_S, gate_of, over_pad
 from missions.flight.strategy.two_heights import heights_of
 from missions.flight.strip import Strip
-from missions.planning.sweep.chart import Chart, Flags, Known
+from missions.planning.sweep.chart import Chart, Flags, Known, places
 from missions.units import Cell
 
 Metres = NDArray[np.float64]
@@ -36,14 +37,16 @@ def chart_of(
     lies on a lane that is still to be flown is nobody's.
     """
     belief, cell_m = state.belief, setting.mission.grid.cell_m
-    ballots = belief.open_ballots
+    tallies = belief.open_tallies
     box = setting.box_cells if root is None else ()
     ways = _ways(setting, begin_s, team)
-    chart = Chart.around([*((root,) if root else box), *ballots, *ways], cell_m)
-    for cell, ballot in ballots.items():
-        index = chart.index(cell)
-        yes = sum(vote for _, vote in ballot)
-        chart.yes[index], chart.no[index] = yes, len(ballot) - yes
+    chart = Chart.around([*((root,) if root else box), *tallies, *ways], cell_m)
+    if tallies:
+        east, north = places(tallies.keys()).T
+        index = (north - chart.south) * chart.columns + east - chart.west
+        counted = chain.from_iterable(tallies.values())
+        positive, total = np.fromiter(counted, np.int64, 2 * len(tallies)).reshape(-1, 2).T
+        chart.yes[index], chart.no[index] = positive, total - positive
     for cell in belief.roi:
         chart.yes[chart.index(cell)] = belief.positive
         chart.no[chart.index(cell)] = 0

@@ -147,17 +147,17 @@ class EveryPatch(Covering):
     def asked_for(self, setting: Setting, state: State) -> Iterator[Cell]:
         """Cells of the box that no frame has shown, and those that a frame took for region."""
         belief, shown = state.belief, state.shown
-        ballots = belief.open_ballots
-        yield from (cell for cell in setting.box_cells if cell not in ballots and cell not in shown)
-        for cell, ballot in ballots.items():
-            if any(vote for _, vote in ballot) and belief.verdict(cell) is None:
+        tallies = belief.open_tallies
+        yield from (cell for cell in setting.box_cells if cell not in tallies and cell not in shown)
+        for cell, (positive, _) in tallies.items():
+            if positive and belief.verdict(cell) is None:
                 yield cell
 
     def open_cells(self, setting: Setting, state: State) -> frozenset[Cell]:
         """Those, and the cells beside a patch."""
         belief = state.belief
         found = set(self.asked_for(setting, state))
-        region = (cell for cell in belief.open_ballots if belief.provisional(cell))
+        region = (cell for cell in belief.open_tallies if belief.provisional(cell))
         found.update(near for cell in region for near in cell.neighbours())
         return frozenset(cell for cell in found if belief.verdict(cell) is None)
 

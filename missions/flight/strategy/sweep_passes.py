@@ -221,7 +221,7 @@ def _able(vehicle: VehicleState) -> bool:
 
 def _gone_on(memory: PassMemory, state: State, team: Mapping[int, VehicleState]) -> PassMemory:
     """The memory at a new plan: whether the last ones have added a vote."""
-    votes = sum(map(len, state.belief.open_ballots.values()))
+    votes = sum(total for _, total in state.belief.open_tallies.values())
     since_s = min(state.t_s - memory.planned_s, RETRY_S)
     memory, vain_s = replace(memory, flown_s=memory.flown_s + since_s), memory.vain_s + since_s
     if votes != memory.votes:

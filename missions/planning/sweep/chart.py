@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,16 @@ Flags = NDArray[np.uint8]
 
 PAD_CELLS = 8
 """Around what is known: as far as anything is worth a look, and a way round it."""
+
+
+def places(cells: Collection[Cell]) -> Ints:
+    """Cells as an array of shape (number, 2): east, north.
+
+    >>> places([Cell(3, -1)]).tolist()
+    [[3, -1]]
+    """
+    flat = np.fromiter(chain.from_iterable(cells), np.int64, 2 * len(cells))
+    return flat.reshape(-1, 2)
 
 
 @dataclass(slots=True)
@@ -44,11 +55,10 @@ class Chart:
         >>> chart.columns, chart.rows, chart.index(Cell(-1, -1)), chart.index(Cell(3, 1))
         (6, 4, 0, 16)
         """
-        known = list(cells)
-        west = min(c.east for c in known) - pad
-        south = min(c.north for c in known) - pad
-        columns = max(c.east for c in known) + pad + 1 - west
-        rows = max(c.north for c in known) + pad + 1 - south
+        known = places(list(cells))
+        west, south = (int(low) - pad for low in known.min(axis=0))
+        east, north = (int(high) + pad + 1 for high in known.max(axis=0))
+        columns, rows = east - west, north - south
         size = columns * rows
         return cls(
             west, south, columns, rows, cell_m,
