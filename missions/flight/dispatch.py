@@ -17,6 +17,7 @@ from missions.flight.airspace.deconfliction import give_if_clear, give_way, hold
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State, VehicleState
+from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.lane_passes import drop_seen
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.two_heights import (
@@ -40,7 +41,7 @@ def assign(setting: Setting, state: State) -> State:
     """The state with an order for everybody who can have one."""
     if state.tree is None and setting.member is not None:
         state = drop_seen(setting, state)
-    strategy = setting.strategy.in_force(state)
+    strategy = strategy_of(setting).in_force(state)
     if state.tree is None and setting.lanes:
         state = strategy.searched(setting, state)
     state = revise(setting, state)
@@ -67,7 +68,7 @@ def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
         return given_way
     if state.paused:
         return hold(state, vehicle)
-    return setting.strategy.in_force(state).next_order(setting, state, vehicle)
+    return strategy_of(setting).in_force(state).next_order(setting, state, vehicle)
 
 
 def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
@@ -79,7 +80,7 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
         return state
     if not vehicle.cleared:
         return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
-    strategy = setting.strategy.in_force(state)
+    strategy = strategy_of(setting).in_force(state)
     if state.paused or not strategy.may_take_off(state):
         return state
     if state.tree is None and vehicle.idle_in_search:
@@ -136,7 +137,7 @@ def _out_of_reach(setting: Setting, state: State, vehicle: VehicleState) -> Stat
         if other.vehicle != vehicle.vehicle
     )
     if alone:
-        given_up = setting.strategy.in_force(state).give_up_far(setting, state, vehicle)
+        given_up = strategy_of(setting).in_force(state).give_up_far(setting, state, vehicle)
         if given_up is not None:
             return given_up
     note = "its next place is out of reach on a full battery"

@@ -14,6 +14,7 @@ from missions.events import Event, FrameSeen, Tracked
 from missions.fleet_events import Fact, Shared
 from missions.flight.setting import Setting
 from missions.flight.state import State
+from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.lane_passes import still_open
 from missions.flight.strategy.two_heights import with_plain
 from missions.flight.team.own_cells import OwnCells, as_frames
@@ -125,7 +126,7 @@ def concluded(setting: Setting, state: State) -> State:
     Of who flies nothing, and of a member whose own vehicle came home before all was done: others
     may have done the rest. Lanes are what is left of them, whoever held them.
     """
-    strategy = setting.strategy
+    strategy = strategy_of(setting)
     early = state.over and strategy.flies_all_lanes and not state.exploration_finished
     if state.our_numbers and not early:
         return state

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from missions.flight.setting import Setting
-from missions.flight.strategies import strategy_of
+from missions.flight.strategies import chosen
 from missions.geo.columns import columns_over, fence_without
 from missions.geo.grid import Grid
 from missions.mission.flyable import fence_of
@@ -33,7 +33,7 @@ def setting_of(mission: Mission, member: int | None = None) -> Setting:
         fence = fence_without(whole, others, mission.fence.margin_m)
         common = fence_without(whole, columns, mission.fence.margin_m)
     box = [grid.fixed(place) for place in positions(mission.search.box)]
-    strategy = strategy_of(mission)
+    strategy = chosen(mission)
     lanes, east_ahead, rows = strategy.lay(mission, grid, box, common, pads)
     prior = prior_of(mission, grid) if lanes else ()
     return Setting(

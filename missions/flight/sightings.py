@@ -9,6 +9,7 @@ from missions.events import FrameSeen, LookEnded
 from missions.flight.lane_progress import lane_passed, lane_seen
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.two_heights import heights_of, with_plain
 from missions.flight.strategy.visiting import drifts_out, give_up
 from missions.mapping.belief import Belief, FrameId, Verdicts
@@ -98,7 +99,7 @@ def _seen_in_passing(
     if state.tree is not None:
         tree = grown(state.tree, state.belief, votes)
         return replace(state, tree=tree).with_vehicle(vehicle)
-    return setting.strategy.seen_in_passing(setting, state, vehicle, event, votes)
+    return strategy_of(setting).seen_in_passing(setting, state, vehicle, event, votes)
 
 
 def grown(tree: Tree, belief: Belief, fresh: Iterable[Cell]) -> Tree:

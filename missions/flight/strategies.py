@@ -27,7 +27,7 @@ _FLOWN: Final[dict[str, Choice]] = {
 """Those that do not stop. All others are the explorers of `missions.planning.stepwise`."""
 
 
-def strategy_of(mission: Mission) -> Strategy:
+def chosen(mission: Mission) -> Strategy:
     """Return the strategy that a mission names."""
     choose = _FLOWN.get(mission.strategy)
     return Stepwise(EXPLORERS[mission.strategy]) if choose is None else choose(mission)

@@ -15,6 +15,7 @@ from missions.flight.optics import kinematics
 from missions.flight.setting import Setting
 from missions.flight.state import State, VehicleState
 from missions.flight.strategy.flyers import LONGEST_S, gate_of, over_pad
+from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.two_heights import heights_of
 from missions.flight.strip import Strip
 from missions.planning.sweep.chart import Chart, Flags, Known, places
@@ -54,7 +55,7 @@ def chart_of(
     if root is not None:
         return Known(chart, chart.index(root))
     wanted = np.zeros(chart.columns * chart.rows, np.uint8)
-    wanted[[chart.index(cell) for cell in setting.strategy.asked_for(setting, state)]] = 1
+    wanted[[chart.index(cell) for cell in strategy_of(setting).asked_for(setting, state)]] = 1
     lanes = {lane for vehicle in state.vehicles.values() for lane in vehicle.lanes}
     time_s = setting.lane_time_s(state.t_s)
     for lane in sorted(lanes):

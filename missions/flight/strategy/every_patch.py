@@ -13,10 +13,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from missions.flight.airspace.deconfliction import hold
-from missions.flight.setting import Setting
+from missions.flight.setting import Setting, Shares
 from missions.flight.state import Phase, State, VehicleState
 from missions.flight.strategy.gathering import gathers
-from missions.flight.strategy.interface import Lanes, Shares, TourMemory, Work
+from missions.flight.strategy.interface import Lanes, TourMemory, Work
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep import Paths
 from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest, last_waiting

@@ -15,6 +15,7 @@ from missions.flight.path_orders import NOTICE_S, allowed, brake, give_path, thr
 from missions.flight.return_home import REACTION_S, go_home, has_energy_for
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.two_heights import heights_of
 from missions.flight.strip import Strip
 from missions.geo.trajectory import Trajectory
@@ -207,7 +208,7 @@ def drop_seen(setting: Setting, state: State) -> State:
 def _is_open(setting: Setting, state: State, lane: Lane) -> bool:
     """Whether a lane has a cell at which its work is not done."""
     strip = Strip.of(setting.grid, lane, setting.lane_rows, setting.lane_time_s(state.t_s))
-    return not strip.is_known(setting.strategy.lane_done(setting, state))
+    return not strip.is_known(strategy_of(setting).lane_done(setting, state))
 
 
 def flown_along(setting: Setting, state: State, vehicle: VehicleState, lane: Lane) -> Lane:

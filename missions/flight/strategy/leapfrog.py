@@ -25,9 +25,9 @@ from shapely.ops import substring
 from missions.flight.airspace.deconfliction import give_if_clear
 from missions.flight.path_orders import NOTICE_S, give_path, is_outside, through
 from missions.flight.return_home import send_home
-from missions.flight.setting import Setting
+from missions.flight.setting import Setting, Shares
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
-from missions.flight.strategy.interface import Shares
+from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.lane_passes import flown_along, turned
 from missions.flight.strategy.survey import Survey
 from missions.flight.strategy.sweep_passes import give_up_rest
@@ -145,7 +145,7 @@ def _passed(memory: LeapfrogMemory, state: State) -> LeapfrogMemory:
 def _next_round(setting: Setting, state: State, memory: LeapfrogMemory) -> LeapfrogMemory:
     """What is left of the lanes; the way home when that is nothing, or cannot be decided."""
     mapper = state.vehicles[MAPPER]
-    left = len(setting.strategy.open_cells(setting, state))
+    left = len(strategy_of(setting).open_cells(setting, state))
     lanes = () if memory.open == left else lanes_left(setting, state)
     view = tracker_view(setting.mission)
     steps = steps_along(setting.fence, view, _way(setting, state, mapper, lanes)) if lanes else ()

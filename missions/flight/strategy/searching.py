@@ -9,6 +9,7 @@ from missions.flight.lane_progress import lane_left, lanes_held
 from missions.flight.return_home import OVER_HOME_M, REACTION_S, go_home, has_energy_for, home_order
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.lane_passes import give_up_lane, still_open
 from missions.flight.strategy.visiting import visit
 from missions.orders import FlyTo, Order, Sweep
@@ -66,7 +67,7 @@ def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
         return state.with_vehicle(replace(vehicle, lanes=(orphan,), on_lane=False))
 
     def spare(other: VehicleState) -> int:
-        if setting.strategy.keeps_lanes(other):
+        if strategy_of(setting).keeps_lanes(other):
             return 0
         if other.phase is Phase.APART and state.t_s < other.held_until_s:
             return 0  # out of contact: it should still be at it

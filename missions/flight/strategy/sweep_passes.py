@@ -25,7 +25,7 @@ from missions.flight.strategy.charting import chart_of
 from missions.flight.strategy.direct_flight import fetch, value_of
 from missions.flight.strategy.fallback import fall_back, patience_s
 from missions.flight.strategy.flyers import flyer_of, gate_of, over_home_s, over_pad
-from missions.flight.strategy.interface import Strategy, TourMemory
+from missions.flight.strategy.interface import Strategy, TourMemory, strategy_of
 from missions.flight.strategy.two_heights import heights_of, is_over_pad
 from missions.flight.team.work_shares import want_told
 from missions.geo.trajectory import Trajectory
@@ -316,7 +316,7 @@ def give_up_rest(setting: Setting, state: State) -> State:
     """Nobody can decide what is left: what is known of it counts, and it is told."""
     tree = state.tree
     if tree is None:
-        open_ = setting.strategy.open_cells(setting, state)
+        open_ = strategy_of(setting).open_cells(setting, state)
         return replace(state, exhausted=True, surveyed=True, undecided=open_)
     given_up: set[Cell] = set()
     left = [cell for cell, vertex in tree.vertices.items() if not vertex.looked]

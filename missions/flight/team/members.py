@@ -22,6 +22,7 @@ from missions.flight.lane_progress import lane_number
 from missions.flight.setting import Setting
 from missions.flight.sightings import frame_seen
 from missions.flight.state import Allotment, Column, Phase, ReturnReason, State
+from missions.flight.strategy.interface import strategy_of
 from missions.flight.team.own_cells import as_frames
 from missions.flight.team.work_shares import back_from_lanes_s
 from missions.geo.trajectory import rounded_path
@@ -75,7 +76,7 @@ def apart(setting: Setting, state: State, event: Apart) -> State:
     vehicle = state.vehicles[event.vehicle]
     if vehicle.phase in (Phase.FINISHED, Phase.DOWN) and vehicle.landed:
         return state
-    until_s = round(setting.strategy.held_until_s(setting, state, vehicle, event.t_s), 1)
+    until_s = round(strategy_of(setting).held_until_s(setting, state, vehicle, event.t_s), 1)
     due_s = float("-inf")
     if vehicle.lanes:
         due_s = round(back_from_lanes_s(setting, vehicle, event.t_s), 1)

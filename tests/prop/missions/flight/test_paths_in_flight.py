@@ -19,6 +19,7 @@ from missions.flight.return_home import HEARD_S, energy_of, way_home
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase
 from missions.flight.step import fold
+from missions.flight.strategy.interface import strategy_of
 from missions.geo.braking import braked
 from missions.geo.course import Course
 from missions.geo.fence import route_length_m
@@ -189,7 +190,7 @@ def test_every_path_of_a_mission_that_finds_every_patch(seed: int, high: bool) -
     assert state.tree is None
     if not state.completed:
         assert (
-            setting.strategy.open_cells(setting, state) or state.unsearched
+            strategy_of(setting).open_cells(setting, state) or state.unsearched
         )  # behind the hole, or the fence
         return
     box = set(setting.box_cells)
