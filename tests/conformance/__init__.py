@@ -1,1 +1,1 @@
-"""One suite that every driver passes against both flavours of the simulator."""
+"""Suites that every driver, every detector and every strategy passes."""
