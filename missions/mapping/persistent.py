@@ -95,7 +95,8 @@ class PersistentMap(Mapping[K, V]):
     def get(self, key: K, /, default: V | D) -> V | D: ...
     def get(self, key: K, /, default: V | D | None = None) -> V | D | None:
         """The value of a key, or another."""
-        return self._whole().get(key, default)
+        table = self._table
+        return (self._whole() if table is None else table).get(key, default)
 
     def __len__(self) -> int:
         return len(self._whole())

@@ -68,6 +68,8 @@ def test_a_new_mission_maps_all_of_its_area_and_other_strategies_say_what_they_l
     made = ["new", "--at", "52.4568,13.3044", "--size", "40x30", "--drone", "sim"]
     assert main([*made, "--out", "all.toml"]) == 0
     assert main([*made, "--find", "first", "--out", "first.toml"]) == 0
+    assert main([*made, "--find", "all", "--strategy", "rdfs", "--out", "none.toml"]) == 2
+    assert "--find all is for --strategy swath, not rdfs" in capsys.readouterr().err
     assert main([*made, "--ceiling", "20", "--out", "low.toml"]) == 0
     searches = [load(f"{name}.toml").search for name in ("all", "first", "low")]
     assert [(s.find, s.altitude_m) for s in searches] == [

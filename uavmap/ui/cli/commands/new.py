@@ -91,6 +91,11 @@ def run(options: argparse.Namespace) -> int:
         for line in table_lines():
             print(line)
         return 0
+    if options.find == "all" and options.strategy != STRATEGY:
+        raise AreaError(
+            f"--find all is for --strategy {STRATEGY}, not {options.strategy}, which maps the "
+            "piece that is seen first; leave --find out"
+        )
     _ask_for_source(options)
     out = options.out or Path(f"{folder_name(Path(options.source or 'area').stem)}.toml")
     preview = options.preview or out.with_suffix(".png")
@@ -99,7 +104,7 @@ def run(options: argparse.Namespace) -> int:
     figures = figures_of(options)
     flying = Flying(
         options.vehicles, options.strategy, options.wind, options.height, options.ceiling,
-        options.find,
+        options.find or "all",
     )  # fmt: skip
     layout = lay_out(drawing, _wishes(options, drawing, largest_cell_m(figures, flying)))
     name = options.name or folder_name(out.stem)
@@ -232,8 +237,7 @@ def add_drone_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--find",
         choices=("first", "all"),
-        default="all",
-        help="map the piece that is seen first, or all in the area (default)",
+        help="map the piece that is seen first, or all in the area (default; swath only)",
     )
     add("--strategy", choices=STRATEGIES, default=STRATEGY, help=f"default {STRATEGY}", metavar="S")
     add(
