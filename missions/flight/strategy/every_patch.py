@@ -76,7 +76,7 @@ class Covering(Paths):
     def first_target(
         self, setting: Setting, state: State, vehicle: VehicleState
     ) -> GridPoint | None:
-        """Return where its lanes begin, or the nearest cell that is open once nobody has lanes."""
+        """Return where its lanes begin, or the nearest open cell once no vehicle has lanes."""
         target = super().first_target(setting, state, vehicle)
         if target is None:
             target = self.beside_lanes(setting, state, vehicle)
@@ -91,7 +91,7 @@ class Covering(Paths):
         return None
 
     def without_target(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
-        """The rest is given up once nobody has lanes."""
+        """The rest is given up once no vehicle has lanes."""
         if any(v.lanes for v in state.vehicles.values()):
             return super().without_target(setting, state, vehicle)
         return give_up_rest(setting, state)
@@ -193,7 +193,7 @@ class EveryPatch(Covering):
         return Work(state, memory, tours, others)
 
     def gathers(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
-        """Members without lanes wait until all that are due have told what they know."""
+        """Members without lanes wait until all that are due have reported what they know."""
         return setting.member is not None and gathers(setting, state, vehicle)
 
     def awaits(self, state: State, vehicle: VehicleState, waiting: Collection[int]) -> bool:
@@ -210,7 +210,7 @@ class EveryPatch(Covering):
         return held_until_s(setting, state, vehicle, t_s)
 
     def without_lanes(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
-        """Who waits for members out of contact does so over its pad, where everybody is heard."""
+        """One that waits for members out of contact does so over its pad, where all are heard."""
         waits = self.awaits(state, vehicle, last_waiting(state))
         if waits and not is_over_pad(vehicle):
             return over_own_pad(setting, state, vehicle)

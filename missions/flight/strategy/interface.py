@@ -53,11 +53,11 @@ class Lanes(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class TourMemory:
-    """Who was to see what, as it was decided last."""
+    """The last decision on which vehicle is to see what."""
 
     laid_s: float = float("-inf")
     team: frozenset[int] = frozenset()
-    """Who was planned for."""
+    """The vehicles that were planned for."""
     tours: Mapping[int, Tour] = field(default_factory=dict)
     """Of each vehicle, also of those who still fly lanes."""
     others: frozenset[Cell] = frozenset()
@@ -65,7 +65,7 @@ class TourMemory:
 
 
 class Work(NamedTuple):
-    """Who is to see what is left to map."""
+    """Which vehicle is to see what is left to map."""
 
     state: State
     memory: TourMemory
@@ -143,7 +143,7 @@ class Strategy(Kind, ABC):
 
     # --- the search -----------------------------------------------------------------------------
     def searched(self, setting: Setting, state: State) -> State:
-        """Note that the search has ended in vain once nobody has a lane or a suspicion left."""
+        """Note that the search has ended in vain once no vehicle has a lane or a suspicion."""
         done = all(v.idle_in_search for v in state.vehicles.values())
         return replace(state, exhausted=done)
 

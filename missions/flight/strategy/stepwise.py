@@ -209,7 +209,7 @@ class Stepwise(Strategy):
         return mark_unreachable(state, vehicle, vehicle.vertex)
 
     def to_skip(self, state: State, vehicle: VehicleState) -> Cell | None:
-        """Its suspicion, or a vertex that nobody has looked from."""
+        """Its suspicion, or a vertex that is not looked from yet."""
         if state.tree is None:
             return vehicle.candidate
         at = vehicle.vertex

@@ -57,10 +57,10 @@ def with_path(folder: Path) -> dict[str, str]:
 def test_an_entry_point_is_all_that_a_strategy_needs(tmp_path: Path) -> None:
     (tmp_path / "spiral.py").write_text(SPIRAL, "utf-8")
     assert len(SPIRAL.strip().splitlines()) <= 30
-    told = tmp_path / "spiral-1.0.dist-info"
-    told.mkdir()
-    (told / "METADATA").write_text("Metadata-Version: 2.1\nName: spiral\nVersion: 1.0\n", "utf-8")
-    (told / "entry_points.txt").write_text("[uavmap.strategies]\nspiral = spiral:SPIRAL\n", "utf-8")
+    info = tmp_path / "spiral-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: spiral\nVersion: 1.0\n", "utf-8")
+    (info / "entry_points.txt").write_text("[uavmap.strategies]\nspiral = spiral:SPIRAL\n", "utf-8")
     out, beside = tmp_path / "out", with_path(tmp_path)
 
     def run(*words: object) -> str:
@@ -79,10 +79,10 @@ def test_an_entry_point_is_all_that_a_strategy_needs(tmp_path: Path) -> None:
 
 
 def test_a_plug_in_that_cannot_be_loaded_is_said(tmp_path: Path) -> None:
-    told = tmp_path / "broken-1.0.dist-info"
-    told.mkdir()
-    (told / "METADATA").write_text("Metadata-Version: 2.1\nName: broken\nVersion: 1.0\n", "utf-8")
-    (told / "entry_points.txt").write_text("[uavmap.strategies]\nbroken = nothere:X\n", "utf-8")
+    info = tmp_path / "broken-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: broken\nVersion: 1.0\n", "utf-8")
+    (info / "entry_points.txt").write_text("[uavmap.strategies]\nbroken = nothere:X\n", "utf-8")
     done = subprocess.run(
         [sys.executable, "-m", "uavmap", "strategies", "--json"],
         env=with_path(tmp_path),
