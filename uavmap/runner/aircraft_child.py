@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import json
 import os
 import secrets
@@ -116,6 +117,9 @@ class AircraftChild:
                     )
                     for message in self._waiting:
                         side.host.receive(message)
+                    # to look through all that is loaded takes 0.1 s, which a stream has not
+                    gc.collect()
+                    gc.freeze()
                     await side.run()
         except UavmapError as error:
             self._send(ended_by(error, {}, str(error)))

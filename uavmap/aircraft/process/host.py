@@ -10,7 +10,7 @@ from typing import Literal, Protocol, TypeVar
 import numpy as np
 
 from missions.errors import ImageError
-from missions.events import Event, FrameSeen
+from missions.events import Event
 from missions.orders import Hold, Order
 from uavmap.aircraft.imaging.imaging import Taken
 from uavmap.aircraft.process import messages as say
@@ -70,7 +70,7 @@ class Host:
                     self._vehicles[message.vehicle].give(message.order)
             case say.Judged():
                 if (waiting := self._pictures.pop(message.serial, None)) and not waiting.done():
-                    waiting.set_result(isinstance(message.verdict, FrameSeen))
+                    waiting.set_result(message.seen)
             case say.LandHere():
                 if message.vehicle in self._vehicles:
                     self._vehicles[message.vehicle].land_here(message.reason)

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter, ValidationError
 
 from missions.errors import LinkError
-from missions.events import AnyEvent, FrameLost, FrameSeen
+from missions.events import AnyEvent
 from missions.orders import Order
 from missions.units import Cell, LatLon, PadHeight, Pose
 
-VERSION: Final = 1
+VERSION: Final = 2
 """Number of this set of messages; two processes with different numbers do not speak."""
 _LENGTHS: Final = struct.Struct(">II")
 MOST_TEXT_BYTES: Final = 32 << 20
@@ -114,7 +114,8 @@ class Judged:
     """A picture was judged, and all that follows from it was ordered."""
 
     serial: int
-    verdict: Annotated[FrameSeen | FrameLost, Field(discriminator="kind")]
+    seen: bool
+    """Whether it says something of the ground; it is lost otherwise."""
     kind: Literal["judged"] = "judged"
 
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import missions.errors
 from missions.errors import LinkError, NotFlownError, UavmapError
-from missions.events import Event, LinkLost, Recalled
+from missions.events import Event, FrameSeen, LinkLost, Recalled
 from missions.orders import Order
 from uavmap.aircraft.imaging.imaging import Taken
 from uavmap.aircraft.imaging.judge import PictureJudge
@@ -195,7 +195,7 @@ class Port:
         )  # fmt: skip
         self._post(verdict)
         await self.taken_in()
-        self.send(say.Judged(picture.serial, verdict))
+        self.send(say.Judged(picture.serial, isinstance(verdict, FrameSeen)))
 
     async def _swapped(self, vehicle: int) -> None:
         await self._swap(vehicle)

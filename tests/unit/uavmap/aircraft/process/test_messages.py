@@ -9,7 +9,7 @@ import pytest
 
 from missions import orders
 from missions.errors import ImageError, LinkError
-from missions.events import FrameLost, FrameSeen, Tracked, Vote
+from missions.events import FrameSeen, Tracked, Vote
 from missions.geo.trajectory import rounded_path
 from missions.units import Cell, GridPoint, LatLon, Pose, Quaternion
 from tests.support.running import by, on_virtual_time
@@ -44,8 +44,8 @@ ALL: list[say.Message] = [
         )
     ),
     say.LandHere(1, "the operator wants it down"),
-    say.Judged(7, SEEN),
-    say.Judged(8, FrameLost(1, 2.0, "dark")),
+    say.Judged(7, seen=True),
+    say.Judged(8, seen=False),
     say.Swapped(1),
     say.Answered(None),
     say.Finish("the mission is over"),
