@@ -84,6 +84,9 @@ def test_a_flight_maps_the_region_ends_at_home_and_may_be_flown_again(
     assert state.completed
     assert state.belief.roi >= ROI
     assert not strategy_of(setting).open_cells(setting, state)
+    # once it has ended no vehicle is ordered anything
+    last = next(event for event in reversed(flight.events) if event.kind == "tracked")
+    assert step(setting, state, last)[1] == ()
     # it keeps nothing to itself: another that never flew gives the same orders
     assert vars(setting.strategy) == before
     other, again = setting_of(setting.mission), State.initial(setting)
@@ -93,14 +96,3 @@ def test_a_flight_maps_the_region_ends_at_home_and_may_be_flown_again(
         given += [order for _, order in orders]
     assert again == state
     assert given == [order for _, _, order in flight.orders]
-
-
-@each
-def test_once_it_has_ended_nobody_is_ordered_anything(strategy: str, vehicles: int) -> None:
-    setting = setting_of(made(strategy, vehicles))
-    flight = fleet(setting.mission, roi=ROI)
-    flight.start()
-    flight.run()
-    last = next(event for event in reversed(flight.events) if event.kind == "tracked")
-    _, orders = step(flight.setting, flight.state, last)
-    assert orders == ()
