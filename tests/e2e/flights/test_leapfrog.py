@@ -88,6 +88,6 @@ def test_both_know_where_they_are_after_satellites_are_lost(
         track = errors[event.vehicle]
         _, east_m, north_m = track[bisect.bisect_left(track, (event.t_s,))]
         left_m = math.hypot(event.off_m.east_m - east_m, event.off_m.north_m - north_m)
-        assert left_m < max(0.5, 3.0 * event.sigma_m)
+        assert left_m < max(0.5, 4.0 * event.sigma_m)  # a heading errs by degrees besides
     last = max(e.t_s for e in told)
     assert last > LOST_S + 30.0
