@@ -317,7 +317,7 @@ AnyEvent = Annotated[Event, Field(discriminator="kind")]
 """An event, by its kind."""
 
 _ADAPTER: TypeAdapter[Event] = TypeAdapter(AnyEvent)
-_MAY_OVERFLOW: Final = re.compile(r"NaN|Infinity|\d[eE]\+?\d{3}|\d{300}")
+_MAY_OVERFLOW: Final = re.compile(r"NaN|Infinity|\d[eE]\+?\d{2}|\d{300}")
 """What a text has in which a number may be no finite one."""
 
 

@@ -19,7 +19,7 @@ from missions.planning.sweep.strategies import ON_PATHS, About
 Choice = Callable[[Mission], Strategy]
 """Which strategy a mission is flown by that names it."""
 
-_FLOWN: Final[dict[str, Choice]] = {
+CHOICES: Final[dict[str, Choice]] = {
     FIRST.about.name: lambda mission: ALL if mission.search.find == "all" else FIRST,
     WHOLE_BOX.about.name: lambda mission: WHOLE_BOX,
     PAIR.about.name: lambda mission: PAIR,
@@ -29,7 +29,7 @@ _FLOWN: Final[dict[str, Choice]] = {
 
 def chosen(mission: Mission) -> Strategy:
     """Return the strategy that a mission names."""
-    choose = _FLOWN.get(mission.strategy)
+    choose = CHOICES.get(mission.strategy)
     return Stepwise(EXPLORERS[mission.strategy]) if choose is None else choose(mission)
 
 
@@ -43,9 +43,4 @@ def register(strategy: Strategy) -> None:
         raise StrategyError(f"{about.name}: its texts are no `About`")
     if about.name in EXPLORERS or ON_PATHS.setdefault(about.name, about) is not about:
         raise StrategyError(f"{about.name}: another strategy has this name; choose a new one")
-    _FLOWN.setdefault(about.name, lambda mission: strategy)
-
-
-def forget(strategy: Strategy) -> None:
-    """Take a strategy out again that was registered."""
-    del _FLOWN[strategy.about.name], ON_PATHS[strategy.about.name]
+    CHOICES.setdefault(about.name, lambda mission: strategy)

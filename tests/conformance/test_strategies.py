@@ -15,7 +15,7 @@ from missions.flight.strategy.interface import strategy_of
 from missions.mission.checks import FLOWN, parse_mission
 from missions.mission.schema import Mission
 from missions.units import Cell
-from tests.fake_fleet import fleet
+from tests.fake_fleet import Fleet
 from tests.support.small_missions import mission_text, square
 
 BOX = square(0.0, -4.0, 60.0, 44.0)
@@ -75,8 +75,7 @@ def test_a_flight_maps_the_region_ends_at_home_and_may_be_flown_again(
 ) -> None:
     setting = setting_of(made(strategy, vehicles))
     before = copy.deepcopy(vars(setting.strategy))
-    flight = fleet(setting.mission, roi=ROI)
-    flight.setting = setting
+    flight = Fleet(setting, ROI)
     flight.start()
     flight.run()
     assert flight.faults == []

@@ -40,7 +40,7 @@ def mission(name: str) -> str:
     return str(path) if path.exists() else name
 
 
-def kinder(name: str, folder: Path, **quirks: bool) -> str:
+def kinder(name: str, folder: Path, **quirks: float) -> str:
     """The name of a mission with other habits of its simulated aircraft, for `mission`."""
     lines = [f"{key} = {str(value).lower()}" for key, value in quirks.items()]
     text = Path(mission(name)).read_text(encoding="utf-8")

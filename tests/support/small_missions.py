@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -186,6 +186,10 @@ def at_heights(mission: Mission, heights_m: Sequence[float]) -> Mission:
         for vehicle, height_m in zip(mission.vehicles, heights_m, strict=True)
     ]
     return mission.model_copy(update={"vehicles": tuple(vehicles)})
+
+
+EXACT_ATTITUDE: Final = "\n[sim.quirks]\ntilt_sigma_deg = 0\nheading_sigma_deg = 0\n"
+"""What a mission has for vehicles whose roll, pitch and heading are exact."""
 
 
 def first_patch(text: str) -> str:

@@ -8,8 +8,6 @@ from importlib.metadata import entry_points
 from typing import Final
 
 from missions.errors import StrategyError
-from missions.flight.strategies import register
-from missions.flight.strategy.interface import Strategy
 
 GROUP: Final = "uavmap.strategies"
 """The entry points that plug-ins have: a name, and an object that is a `Strategy`."""
@@ -35,6 +33,10 @@ def load_strategies() -> None:
 
 def _registered(strategy: object) -> str:
     """Register a strategy; what is wrong with it, empty for nothing."""
+    # half a second, which no command needs where there is no plug-in
+    from missions.flight.strategies import register  # noqa: PLC0415
+    from missions.flight.strategy.interface import Strategy  # noqa: PLC0415
+
     if not isinstance(strategy, Strategy):
         return "it is no missions.flight.strategy.interface.Strategy"
     try:

@@ -10,7 +10,8 @@ from typing import Final
 
 from missions.errors import LinkError, MissionFileError
 from missions.flight.setting import Setting
-from missions.flight.strategy.leapfrog import MAPPER, PAIR, TRACKER
+from missions.flight.strategy.leapfrog import MAPPER, TRACKER
+from missions.flight.strategy.leapfrog import Leapfrog as LeapfrogStrategy
 from missions.planning.leapfrog_geometry import Role
 from uavmap.aircraft.cameras.local import LocalSource
 from uavmap.aircraft.cameras.pose import Poses
@@ -108,7 +109,7 @@ def vehicles_of(
             if plan.simulated
             else ClockRate(WINDOW_WALL_S * (plan.speedup or 1.0), plan.speedup or 1.0),
         )
-    if setting.strategy is PAIR:
+    if isinstance(setting.strategy, LeapfrogStrategy):
         both = Leapfrog(setting.mission.navigation, host.line)
         vehicles[MAPPER].leapfrog(both, Role.MAPPER)
         vehicles[TRACKER].leapfrog(both, Role.TRACKER)

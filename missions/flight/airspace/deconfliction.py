@@ -23,7 +23,7 @@ from missions.flight.state import Column, Phase, State, VehicleState
 from missions.geo.fence import route_length_m
 from missions.geo.trajectory import Trajectory
 from missions.orders import FlyPath, FlyTo, Hold, Land, Look, Order, ReturnToLaunch, Sweep, TakeOff
-from missions.units import Cell, GridPoint
+from missions.units import GridPoint
 
 RTL_HEIGHT_M = 30.0
 """Up to this height above home a vehicle is expected that returns by its autopilot: the height
@@ -139,11 +139,6 @@ def hold(state: State, vehicle: VehicleState) -> State:
     return state.with_vehicle(replace(vehicle, order=order))
 
 
-def where(setting: Setting, state: State, cell: Cell) -> GridPoint:
-    """Where the centre of a cell is now, in the fixed frame."""
-    return setting.where(cell, state.t_s)
-
-
 def spots_beside(setting: Setting, vehicle: VehicleState) -> list[GridPoint]:
     """Places inside the fence where a vehicle can land beside its pad, the nearest first."""
     allowed = filter(setting.fence.allows, _ring(setting, vehicle.home, (1.5, 2.5)))
@@ -199,10 +194,10 @@ def _points(setting: Setting, state: State, order: Order | None) -> tuple[GridPo
     if isinstance(order, Sweep):
         return (order.end,)
     if isinstance(order, FlyTo):
-        cell = () if order.cell is None else (where(setting, state, order.cell),)
+        cell = () if order.cell is None else (setting.where(order.cell, state.t_s),)
         return (*order.route, *cell)
     if isinstance(order, Look):
-        return (where(setting, state, order.cell),)
+        return (setting.where(order.cell, state.t_s),)
     if isinstance(order, FlyPath):
         return _next_places(order, state.t_s)
     return ()

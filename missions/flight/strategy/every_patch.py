@@ -196,11 +196,6 @@ class EveryPatch(Covering):
         """Members without lanes wait until all that are due have reported what they know."""
         return setting.member is not None and gathers(setting, state, vehicle)
 
-    def awaits(self, state: State, vehicle: VehicleState, waiting: Collection[int]) -> bool:
-        """Whether a member out of contact is left what it was to do."""
-        away = (v for v in state.vehicles.values() if v.phase is Phase.APART)
-        return vehicle.vehicle in waiting and any(state.t_s < v.held_until_s for v in away)
-
     def held_until_s(
         self, setting: Setting, state: State, vehicle: VehicleState, t_s: float
     ) -> float:
@@ -211,7 +206,9 @@ class EveryPatch(Covering):
 
     def without_lanes(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
         """One that waits for members out of contact does so over its pad, where all are heard."""
-        waits = self.awaits(state, vehicle, last_waiting(state))
+        away = (v for v in state.vehicles.values() if v.phase is Phase.APART)
+        waits = vehicle.vehicle in last_waiting(state)
+        waits = waits and any(state.t_s < v.held_until_s for v in away)
         if waits and not is_over_pad(vehicle):
             return over_own_pad(setting, state, vehicle)
         return hold(state, vehicle)

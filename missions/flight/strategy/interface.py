@@ -12,7 +12,7 @@ and give it a name with `missions.flight.strategies.register`, or by an entry po
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -236,13 +236,6 @@ class Strategy(Kind, ABC):
 
     def gathers(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
         """Whether a vehicle of a fleet has to hear of others before it does anything."""
-        return False
-
-    def awaits(self, state: State, vehicle: VehicleState, waiting: Collection[int]) -> bool:
-        """Whether a vehicle has nothing to do but to hear of members out of contact.
-
-        `waiting` are those for whom the last plan had nothing.
-        """
         return False
 
     def held_until_s(

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from missions.flight.airspace.deconfliction import give_if_clear, hold, where
+from missions.flight.airspace.deconfliction import give_if_clear, hold
 from missions.flight.return_home import REACTION_S, go_home, has_energy_for
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
@@ -28,7 +28,7 @@ def visit(
         return _fly_to_cell(setting, state, vehicle, cell, stop=stop)
     if setting.grid.drift_speed_m_s > 0.0:
         # a wait may have let the cell drift away, or out of the fence
-        off_m = vehicle.position.distance_to(where(setting, state, cell))
+        off_m = vehicle.position.distance_to(setting.where(cell, state.t_s))
         if off_m > setting.grid.cell_m / 4:
             return _fly_to_cell(setting, state, replace(vehicle, at_target=False), cell, stop=stop)
         if stop and not _stays_inside(setting, state, vehicle, (vehicle.position,), cell):
@@ -42,7 +42,7 @@ def visit(
 def _fly_to_cell(
     setting: Setting, state: State, vehicle: VehicleState, cell: Cell, *, stop: bool
 ) -> State:
-    target = where(setting, state, cell)
+    target = setting.where(cell, state.t_s)
     route = setting.fence.route(vehicle.position, target)
     if route is None or not _stays_inside(setting, state, vehicle, route, cell, look=stop):
         return give_up(state, vehicle, cell)
@@ -77,7 +77,7 @@ def drifts_out(setting: Setting, state: State, cell: Cell) -> bool:
     """Whether a drifting cell is, or within `REACTION_S` will be, where the fence allows nobody."""
     if setting.grid.drift_speed_m_s == 0.0:
         return False
-    now = where(setting, state, cell)
+    now = setting.where(cell, state.t_s)
     soon = setting.grid.to_fixed(setting.grid.centre_of(cell), state.t_s + REACTION_S)
     return not setting.fence.allows_leg(now, soon)
 

@@ -14,7 +14,7 @@ from missions.events import Navigated
 from missions.flight.setting import Setting
 from missions.geo.grid import Grid
 from sitl.vehicle import SimVehicle
-from tests.support.small_missions import CELL_M, START, mission_text, ring, square
+from tests.support.small_missions import CELL_M, EXACT_ATTITUDE, START, mission_text, ring, square
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.runner.simulation import Truth
@@ -48,8 +48,9 @@ at_s = {lost}
 """
 
 
+@pytest.mark.parametrize(("attitude", "sigmas"), [(EXACT_ATTITUDE, 3.0), ("", 4.0)])
 def test_both_know_where_they_are_after_satellites_are_lost(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    attitude: str, sigmas: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text = mission_text(
         square(2, 6, 14, 8), square(-20, -20, 60, 60), vehicles=2, capacity_wh=60.0,
@@ -59,7 +60,7 @@ def test_both_know_where_they_are_after_satellites_are_lost(
         "[camera]\n", "[camera]\nwidth_px = 320\nheight_px = 240\npixels_per_cell = 40\n"
     )
     grid = Grid.at(START, CELL_M)
-    text += TABLES.format(roi=ring(grid, square(4, 7, 8, 6)), lost=LOST_S)
+    text += TABLES.format(roi=ring(grid, square(4, 7, 8, 6)), lost=LOST_S) + attitude
     file = tmp_path / "pair.toml"
     file.write_text(text, "utf-8")
     errors: dict[int, list[tuple[float, float, float]]] = {1: [], 2: []}
@@ -88,6 +89,6 @@ def test_both_know_where_they_are_after_satellites_are_lost(
         track = errors[event.vehicle]
         _, east_m, north_m = track[bisect.bisect_left(track, (event.t_s,))]
         left_m = math.hypot(event.off_m.east_m - east_m, event.off_m.north_m - north_m)
-        assert left_m < max(0.5, 4.0 * event.sigma_m)  # a heading errs by degrees besides
+        assert left_m < max(0.5, sigmas * event.sigma_m)
     last = max(e.t_s for e in told)
     assert last > LOST_S + 30.0

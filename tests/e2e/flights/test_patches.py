@@ -14,6 +14,7 @@ from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.flight.step import step
 from tests.e2e.rig import mission, uavmap
+from tests.support.small_missions import EXACT_ATTITUDE
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load
@@ -108,14 +109,17 @@ def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path: Path) ->
     assert shown == {row.cell: row.state for row in rows}
 
 
-def test_vehicles_climb_on_their_way_to_lanes_that_drift_and_share_layers(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("attitude", "most_missed"), [(EXACT_ATTITUDE, 0), ("", 1)])
+def test_vehicles_climb_on_their_way_to_lanes_that_drift_and_share_layers(
+    attitude: str, most_missed: int, tmp_path: Path
+) -> None:
     text = made()
     high = '[search]\nfind = "all"\naltitude_m = 30.0\nlayer_m = 0'
     text = text.replace("[search]", high)
     text = text.replace("[flight]", "[flight]\nclimb_m_s = 4.0\ndescent_m_s = 3.0")
     text = text.replace("[[vehicles]]", "[[vehicles]]\nlayer = 0\n[[vehicles]]\nlayer = 0")
     text = re.sub(r"(?m)^interval_s = .*$", "interval_s = 0.4", text)
-    text += "\n[drift]\nspeed_m_s = 0.1\ntoward_deg = 90.0\n"
+    text += "\n[drift]\nspeed_m_s = 0.1\ntoward_deg = 90.0\n" + attitude
     file = tmp_path / "drifting.toml"
     file.write_text(text, encoding="utf-8")
     done = uavmap("fly", file, "--sim", "--json", "--out", tmp_path / "out")
@@ -124,7 +128,7 @@ def test_vehicles_climb_on_their_way_to_lanes_that_drift_and_share_layers(tmp_pa
     assert summary["completed"]
     assert len(summary["patches"]) == 2
     assert summary["patches_in_all"]["complete"]
-    assert summary["cells_missed"] <= 1  # at the rim, where a heading is off by degrees
+    assert summary["cells_missed"] <= most_missed
     assert summary["fence_breaches"] == 0
     assert summary["reserve_violations"] == 0
     assert summary["min_separation_m"] > 3.0

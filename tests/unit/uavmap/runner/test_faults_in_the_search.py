@@ -17,6 +17,7 @@ from tests.benchmarks import faults
 from tests.benchmarks.watched import flown, mission_text
 from tests.support.flights import Flight, fly
 from tests.support.running import by
+from tests.support.small_missions import EXACT_ATTITUDE
 from tests.unit.uavmap.runner.test_single_troubles import serve
 from uavmap.mavlink.session import Session
 from uavmap.runner.service import Service
@@ -52,8 +53,7 @@ def test_what_a_leaning_camera_shows_beside_its_lane_is_no_search_of_it() -> Non
     The region that lies there was missed, the lane called searched, and the mission complete.
     """
     gust = {"kind": "wind_gust", "m_s": 12.0, "at_s": 18.0}
-    exact = "\n[sim.quirks]\ntilt_sigma_deg = 0\nheading_sigma_deg = 0\n"
-    flight = flown("wind_gust", mission_text("speck", [gust]) + exact, 1)
+    flight = flown("wind_gust", mission_text("speck", [gust]) + EXACT_ATTITUDE, 1)
     assert not faults.forbidden(flight), flight.line()
     assert flight.code == 3, flight.line()
     assert "16 m of search lanes are not judged" in flight.summary["finding"]

@@ -12,9 +12,9 @@ import pytest
 
 from missions.errors import StrategyError
 from missions.flight.setting_of import setting_of
-from missions.flight.strategies import forget, register
+from missions.flight.strategies import CHOICES, register
 from missions.flight.strategy.survey import Survey
-from missions.planning.sweep.strategies import SURVEY, About
+from missions.planning.sweep.strategies import ON_PATHS, SURVEY, About
 from tests.e2e.rig import ROOT, command, environment
 from tests.support.small_missions import mission, square
 
@@ -104,7 +104,7 @@ def test_a_registered_strategy_flies_by_its_name_and_may_be_taken_out_again() ->
     try:
         assert setting_of(mission(box, fence, strategy="mine")).strategy is mine
     finally:
-        forget(mine)
+        del CHOICES["mine"], ON_PATHS["mine"]
 
     class Other(Survey):
         about = About(SURVEY.name, "none", "a test", "never")
