@@ -3,8 +3,8 @@
 A vehicle in the air comes home when called, when the battery or the camera says so, or when all
 is done (`missions.flight.return_home`); it searches until the ROI is found
 (`missions.flight.strategy.searching`), then explores (`missions.flight.strategy.stepwise`). No
-order is given that would take a vehicle out of its fence, beyond its energy, or through the air
-that another vehicle claims (`missions.flight.airspace.deconfliction`).
+order is given that would take a vehicle out of its fence, beyond its energy, or through air that
+another vehicle has reserved (`missions.flight.airspace.airspace`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from shapely.geometry import Point
 
-from missions.flight.airspace.deconfliction import give_if_clear, give_way, hold, revise
+from missions.flight.airspace.airspace import Airspace
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State, VehicleState
@@ -44,7 +44,7 @@ def assign(setting: Setting, state: State) -> State:
     strategy = strategy_of(setting).in_force(state)
     if state.tree is None and setting.lanes:
         state = strategy.searched(setting, state)
-    state = revise(setting, state)
+    state = Airspace(setting, state).revised()
     for number in state.our_numbers:
         state = turn_back(setting, state, state.vehicles[number])
     state = strategy.plan(setting, state)
@@ -59,15 +59,15 @@ def assign(setting: Setting, state: State) -> State:
 
 def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if vehicle.braking_until_s is not None:
-        return hold(state, vehicle)
+        return state.holding(vehicle)
     if setting.member is not None and strays_from_layer(vehicle):
         return back_to_layer(setting, state, vehicle)
     if vehicle.return_reason is not None:
         return fly_home(setting, state, vehicle)
-    if (given_way := give_way(setting, state, vehicle)) is not None:
+    if (given_way := Airspace(setting, state).made_way(vehicle)) is not None:
         return given_way
     if state.paused:
-        return hold(state, vehicle)
+        return state.holding(vehicle)
     return strategy_of(setting).in_force(state).next_order(setting, state, vehicle)
 
 
@@ -100,7 +100,7 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
             return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
         return _out_of_reach(setting, state, vehicle)
     order = TakeOff(heights.take_off_height_m(setting, state, vehicle))
-    return give_if_clear(setting, state, vehicle, order)
+    return Airspace(setting, state).reserve_or_wait(vehicle, order)
 
 
 def _unfit(setting: Setting, vehicle: VehicleState) -> str:

@@ -1,10 +1,9 @@
 """Giving a path that is flown without stopping, and taking it back: where it may lead, and when.
 
 A path is given only if the fence allows all of it, and the air of its next
-`missions.flight.airspace.deconfliction.AHEAD_S` seconds is free; that is looked at again at every
-report, and a vehicle brakes along its path before it meets air that somebody else has claimed
-(`keep_clear`). Whether the energy lasts is looked at by `missions.flight.return_home`, at every
-report, too.
+`missions.flight.airspace.needs.AHEAD_S` seconds is clear. That is checked again at every report,
+and a vehicle brakes along its path before it meets air that another has reserved (`keep_clear`).
+At every report `missions.flight.return_home` checks whether the energy lasts.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from shapely.geometry import LineString, Point
 from shapely.ops import nearest_points
 
-from missions.flight.airspace.deconfliction import give_if_clear, hold, is_clear, leads_into_untold
+from missions.flight.airspace.airspace import Airspace
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State, VehicleState
 from missions.geo.braking import braked, cut_short
@@ -66,13 +65,10 @@ def give_path(
     if not fits and partly and (short := as_far_as_allowed(setting, path)) is not None:
         path, fits = short, True
     order = FlyPath(path, vehicle.cruise_height_m, setting.yaw_deg, mission.camera.interval_s)
-    # what would be stopped at the next report is not begun: the vehicle makes way first
-    free = is_clear(setting, state, vehicle, order)
-    if fits and free and not leads_into_untold(setting, state, vehicle, order):
-        if vehicle.path is None:
-            vehicle = replace(vehicle, judged_s=path.begin_s)
-        return state.with_vehicle(replace(vehicle, order=order))
-    return hold(state, vehicle) if vehicle.path is None else state
+    begins = vehicle if vehicle.path is not None else replace(vehicle, judged_s=path.begin_s)
+    if fits and (given := Airspace(setting, state).reserve(begins, order)) is not None:
+        return given
+    return state.holding(vehicle) if vehicle.path is None else state
 
 
 def as_far_as_allowed(setting: Setting, path: Trajectory) -> Trajectory | None:
@@ -204,11 +200,11 @@ def come_inside(setting: Setting, state: State, vehicle: VehicleState) -> State 
     route = fence.route(vehicle.position, GridPoint(float(near.x), float(near.y)))
     if route is None:
         return None
-    return give_if_clear(setting, state, vehicle, vehicle.leg(route))
+    return Airspace(setting, state).reserve_or_wait(vehicle, vehicle.leg(route))
 
 
 def keep_clear(setting: Setting, state: State) -> State:
-    """Let those brake along their paths whose next seconds lead into air that is claimed."""
+    """Let those brake along their paths whose next seconds lead into air that others reserve."""
     for number in state.our_numbers:
         vehicle = state.vehicles[number]
         order = vehicle.order
@@ -216,7 +212,7 @@ def keep_clear(setting: Setting, state: State) -> State:
             continue
         if order.trajectory.end_s <= state.t_s + NOTICE_S:
             continue
-        if not is_clear(setting, state, vehicle, order):
+        if not Airspace(setting, state).is_clear(vehicle, order):
             state = brake(setting, state, vehicle, order)
     return state
 

@@ -4,15 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.flight.airspace.deconfliction import (
-    OFF_LAYER_M,
-    RTL_HEIGHT_M,
-    give_if_clear,
-    hold,
-    is_clear,
-    spots_beside,
-    untold_but,
-)
+from missions.flight.airspace.airspace import Airspace
+from missions.flight.airspace.needs import OFF_LAYER_M, RTL_HEIGHT_M
 from missions.flight.lane_progress import set_free
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
@@ -131,11 +124,11 @@ def go_home(setting: Setting, state: State, vehicle: VehicleState, reason: Retur
 def fly_home(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """The next order of a vehicle that comes home, once it is at rest."""
     if vehicle.braking_until_s is not None:
-        return hold(state, vehicle)
+        return state.holding(vehicle)
     if vehicle.position.distance_to(vehicle.pad) <= OVER_HOME_M:
         # it is there already, perhaps half-way down: no need to climb first
         vehicle = replace(vehicle, over_home=True)
-    after = give_if_clear(setting, state, vehicle, home_order(setting, vehicle))
+    after = Airspace(setting, state).reserve_or_wait(vehicle, home_order(setting, vehicle))
     waits = isinstance(after.vehicles[vehicle.vehicle].order, Hold)
     if waits and vehicle.over_home and not _can_wait(setting, vehicle):
         return _land_beside(setting, after, after.vehicles[vehicle.vehicle])
@@ -149,7 +142,7 @@ def fly_home(setting: Setting, state: State, vehicle: VehicleState) -> State:
 
 
 def _come_nearer(setting: Setting, state: State, waiting: State, vehicle: VehicleState) -> State:
-    """Fly a part of a way home that is claimed farther on.
+    """Fly a part of a way home whose air is reserved farther on.
 
     Who waited where it is for another that comes home before it in the same layer would use up
     there what it needs for its own way.
@@ -160,8 +153,9 @@ def _come_nearer(setting: Setting, state: State, waiting: State, vehicle: Vehicl
         if share * length_m < NEARER_M:
             break
         order = vehicle.leg(_first_of(vehicle.position, route, share * length_m))
-        if is_clear(setting, state, vehicle, order):
-            return state.with_vehicle(replace(vehicle, order=order))
+        nearer = Airspace(setting, state).reserve(vehicle, order)
+        if nearer is not None:
+            return nearer
     return waiting
 
 
@@ -182,7 +176,7 @@ def _first_of(
 def _waits_in_vain(setting: Setting, state: State, vehicle: VehicleState) -> bool:
     """Whether the way home stays blocked by one that cannot be told to make way, until the last
     moment at which the autopilot, which climbs first, brings it home with the reserve."""
-    blocked = bool(untold_but(state, vehicle))
+    blocked = bool(Airspace(setting, state).uncontrolled_but(vehicle))
     returns_m = max(RTL_HEIGHT_M, vehicle.cruise_height_m) + setting.relief_m
     climb_m = max(returns_m - vehicle.height_m, 0.0)
     energy = setting.energy
@@ -205,13 +199,13 @@ def _can_wait(setting: Setting, vehicle: VehicleState) -> bool:
 
 def _land_beside(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """The pad stays blocked: land beside it while the reserve is whole."""
-    for spot in spots_beside(setting, vehicle):
+    air = Airspace(setting, state)
+    for spot in air.places_beside_pad(vehicle):
         elsewhere = replace(vehicle, spare_pad=spot, over_home=False)
         order = home_order(setting, elsewhere)
         landing = replace(elsewhere, position=spot, over_home=True)
-        free = is_clear(setting, state, elsewhere, order)
-        if free and is_clear(setting, state, landing, Land()):
-            return give_if_clear(setting, state, elsewhere, order)
+        if air.is_clear(landing, Land()) and (given := air.reserve(elsewhere, order)) is not None:
+            return given
     return state
 
 

@@ -167,8 +167,8 @@ class VehicleState:
         return self.phase is Phase.AIRBORNE and self.return_reason is None
 
     @property
-    def untold(self) -> bool:
-        """Whether it is in the air and cannot be told to make way: silent, or in other hands."""
+    def uncontrolled(self) -> bool:
+        """Whether it is in the air and cannot be commanded: silent, or in other hands."""
         others = (Phase.YIELDED, Phase.OFFLINE, Phase.GUARDED)
         return self.phase in others and not self.landed
 
@@ -303,6 +303,11 @@ class State:
     def with_vehicle(self, vehicle: VehicleState) -> State:
         """This state with one vehicle changed."""
         return replace(self, vehicles={**self.vehicles, vehicle.vehicle: vehicle})
+
+    def holding(self, vehicle: VehicleState) -> State:
+        """This state with a vehicle waiting where it is: it reserves the air there, and no more."""
+        order = vehicle.order if isinstance(vehicle.order, Hold) else Hold()
+        return self.with_vehicle(replace(vehicle, order=order))
 
     @property
     def our_numbers(self) -> tuple[int, ...]:

@@ -29,7 +29,7 @@ from missions.events import (
     Tracked,
 )
 from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, OfVehicle, Shared
-from missions.flight.airspace.deconfliction import OFF_LAYER_M
+from missions.flight.airspace.needs import OFF_LAYER_M
 from missions.flight.connections import (
     LIFTED_M,
     connected,

@@ -12,11 +12,10 @@ from typing import Final
 
 from missions.events import Event
 from missions.fleet_events import Asked, Leased
-from missions.flight.airspace.deconfliction import meets
+from missions.flight.airspace.airspace import Airspace
 from missions.flight.setting import Setting
 from missions.flight.state import Column, State
 from missions.flight.team.codec import Ask
-from missions.flight.team.members import may_close
 from missions.units import GridPoint
 from uavmap.fleet.peer import Peer
 
@@ -24,7 +23,7 @@ MOST_ASK_S: Final = 600.0
 """Nobody needs air for longer, and nobody keeps out of it for longer."""
 
 
-class Airspace:
+class AirspaceLeases:
     """What one member asks for, and what it has promised the others, which are in `peers`.
 
     `hurry` sends the next message soon.
@@ -100,10 +99,10 @@ class Airspace:
             column = state.closed.get(number)
             if peer.ask is None or column is None or peer.ask.place != column.place:
                 continue
-            ours = self._column
+            ours, air = self._column, Airspace(self._setting, state)
             first = self._leased == self._question or self._number < number
-            wanted = ours is not None and meets(self._setting, ours, column) and first
-            if not wanted and may_close(self._setting, state, column):
+            wanted = ours is not None and air.columns_meet(ours, column) and first
+            if not wanted and air.can_promise(column):
                 found[number] = peer.ask.number
         return found
 

@@ -36,7 +36,7 @@ from missions.flight.team.own_cells import OwnCells
 from missions.mapping.belief import Belief
 from missions.units import PadHeight
 from uavmap.base import messages
-from uavmap.fleet.airspace_leases import Airspace
+from uavmap.fleet.airspace_leases import AirspaceLeases
 from uavmap.fleet.fleet_clock import FleetClock
 from uavmap.fleet.peer import Peer, heard_of, presence_of
 from uavmap.fleet.radio import Radio
@@ -103,7 +103,7 @@ class Member:
         self.knowledge = Knowledge()
         self.peers: dict[int, Peer] = {}
         self._clock = FleetClock(setting, self._number, self.peers)
-        self._airspace = Airspace(
+        self._airspace = AirspaceLeases(
             setting, self._number, self.peers, now_s, post, hurry=self.beat_soon
         )
         self._telling = Telling(self._number, self.peers)

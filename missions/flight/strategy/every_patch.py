@@ -12,7 +12,6 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from missions.flight.airspace.deconfliction import hold
 from missions.flight.setting import Setting, Shares
 from missions.flight.state import Phase, State, VehicleState
 from missions.flight.strategy.gathering import gathers
@@ -71,7 +70,7 @@ class Covering(Paths):
 
     def without_lanes(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
         """It is planned for with the others."""
-        return hold(state, vehicle)
+        return state.holding(vehicle)
 
     def first_target(
         self, setting: Setting, state: State, vehicle: VehicleState
@@ -211,7 +210,7 @@ class EveryPatch(Covering):
         waits = waits and any(state.t_s < v.held_until_s for v in away)
         if waits and not is_over_pad(vehicle):
             return over_own_pad(setting, state, vehicle)
-        return hold(state, vehicle)
+        return state.holding(vehicle)
 
 
 def nearest(

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from missions.flight.airspace.deconfliction import give_if_clear, hold
+from missions.flight.airspace.airspace import Airspace
 from missions.flight.path_orders import NOTICE_S, allowed, brake, give_path, through
 from missions.flight.return_home import REACTION_S, go_home, has_energy_for
 from missions.flight.setting import Setting
@@ -35,7 +35,7 @@ def search_passes(setting: Setting, state: State, vehicle: VehicleState) -> Stat
     if lanes != vehicle.lanes:
         vehicle = replace(vehicle, lanes=lanes, on_lane=False, lane_seen_m=())
     if not lanes:
-        return hold(state, vehicle)
+        return state.holding(vehicle)
     points, corners = _way_along(setting, state, vehicle)
     if not points:  # a part of the box that no way inside the fence leads to
         return give_up_lane(state, vehicle)
@@ -57,7 +57,7 @@ def give_up_lane(state: State, vehicle: VehicleState) -> State:
     """Note that no way leads to the first lane of a vehicle, which waits where it is."""
     lost = (*state.unreachable_lanes, vehicle.lanes[0])
     state = replace(state, unreachable_lanes=lost)
-    return hold(state, replace(vehicle, lanes=vehicle.lanes[1:]))
+    return state.holding(replace(vehicle, lanes=vehicle.lanes[1:]))
 
 
 def _lane_path(
@@ -79,8 +79,10 @@ def _to_first_lane(
     """Fly over ground, round the corners of the fence, to where a lane begins."""
     route = setting.fence.route(vehicle.position, start)
     if route is None:
-        return hold(state, vehicle)
-    return give_if_clear(setting, state, replace(vehicle, on_lane=False), vehicle.leg(route))
+        return state.holding(vehicle)
+    return Airspace(setting, state).reserve_or_wait(
+        replace(vehicle, on_lane=False), vehicle.leg(route)
+    )
 
 
 def _way_along(

@@ -22,7 +22,7 @@ from typing import Final
 from shapely.geometry import LineString
 from shapely.ops import substring
 
-from missions.flight.airspace.deconfliction import give_if_clear
+from missions.flight.airspace.airspace import Airspace
 from missions.flight.path_orders import NOTICE_S, give_path, is_outside, through
 from missions.flight.return_home import send_home
 from missions.flight.setting import Setting, Shares
@@ -165,7 +165,7 @@ def _move(setting: Setting, state: State, memory: LeapfrogMemory) -> State:
     places = [GridPoint(*place) for place in step.way[1:]]
     if step.mover is Role.TRACKER:
         mover = state.vehicles[TRACKER]
-        state = give_if_clear(setting, state, mover, mover.leg(places))
+        state = Airspace(setting, state).reserve_or_wait(mover, mover.leg(places))
     else:
         mover = state.vehicles[MAPPER]
         if mover.position.distance_to(places[0]) < _LEAST_M and len(places) > 1:

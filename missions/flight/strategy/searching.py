@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.flight.airspace.deconfliction import give_if_clear, hold
+from missions.flight.airspace.airspace import Airspace
 from missions.flight.lane_progress import lane_left, lanes_held
 from missions.flight.return_home import OVER_HOME_M, REACTION_S, go_home, has_energy_for, home_order
 from missions.flight.setting import Setting
@@ -26,18 +26,18 @@ def search(setting: Setting, state: State, vehicle: VehicleState) -> State:
         if not vehicle.idle_in_search:
             return state
         if vehicle.position.distance_to(vehicle.home) <= OVER_HOME_M:
-            return hold(state, vehicle)
+            return state.holding(vehicle)
         # it waits over its own pad, where it is not in the way of anybody who has to land
-        return give_if_clear(setting, state, vehicle, home_order(setting, vehicle))
+        return Airspace(setting, state).reserve_or_wait(vehicle, home_order(setting, vehicle))
     start, end = vehicle.lanes[0]
     if vehicle.on_lane and setting.fence.allows_leg(vehicle.position, end):
         # flown as far as the battery lasts; the next sortie takes up the rest
         order: Order = Sweep(end, setting.mission.grid.cell_m, vehicle.cruise_height_m)
-        return give_if_clear(setting, state, vehicle, order)
+        return Airspace(setting, state).reserve_or_wait(vehicle, order)
     if vehicle.on_lane:  # it left the lane for a suspicion, and the fence lies between
         vehicle = lane_left(vehicle, setting.grid.cell_m)
         if not vehicle.lanes:
-            return hold(state, vehicle)
+            return state.holding(vehicle)
         start, end = vehicle.lanes[0]
     route = setting.fence.route(vehicle.position, start)
     if route is None:  # a part of the box that no way inside the fence leads to
@@ -45,7 +45,7 @@ def search(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if not has_energy_for(setting, vehicle, start, REACTION_S):
         return go_home(setting, state, vehicle, ReturnReason.BATTERY)
     order = FlyTo(route, None, stop=False, height_m=vehicle.cruise_height_m)
-    return give_if_clear(setting, state, vehicle, order)
+    return Airspace(setting, state).reserve_or_wait(vehicle, order)
 
 
 def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:

@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import Final
 
 from missions.events import FrameSeen
-from missions.flight.airspace.deconfliction import hold
 from missions.flight.path_orders import come_inside, keep_clear
 from missions.flight.setting import Setting
 from missions.flight.sightings import grown, on_a_lane
@@ -182,7 +181,7 @@ class Sweep(Paths):
 
     def without_lanes(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
         """Others have lanes left, or it waits over its pad; in an exploration it is planned for."""
-        return search(setting, state, vehicle) if state.tree is None else hold(state, vehicle)
+        return search(setting, state, vehicle) if state.tree is None else state.holding(vehicle)
 
 
 FIRST: Final = Sweep()

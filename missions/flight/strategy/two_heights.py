@@ -17,29 +17,20 @@ flies to what has to be mapped while it comes down.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Container
 from dataclasses import replace
 from typing import Final
 
-from missions.flight.airspace.deconfliction import OFF_LAYER_M, hold, is_clear, spots_around
+from missions.flight.airspace.airspace import OVER_PAD_M, Airspace
+from missions.flight.airspace.needs import OFF_LAYER_M
 from missions.flight.setting import Setting
-from missions.flight.state import Column, Phase, State, VehicleState
+from missions.flight.state import State, VehicleState
 from missions.geo.trajectory import LANE_CUTS_M
 from missions.mapping.belief import Belief, FrameId
-from missions.mission.energy import CLIMB_SPEED_M_S
 from missions.mission.views import path_speed_m_s, seen_whole_m
 from missions.planning.search.lanes import Lane, point_on
-from missions.units import Cell, GridPoint
+from missions.units import Cell
 
-ASK_S = 12.0
-"""So long a member waits for the air that it has asked for..."""
-SLOW_TIMES = 2.0
-"""... and so many times as long as it should take it has it at least."""
-OVER_PAD_M = 1.0
-"""A vehicle that is nearer to its pad is in the column over it."""
-_CANNOT_PROMISE: Final = (Phase.APART, Phase.OFFLINE, Phase.YIELDED, Phase.GUARDED)
-"""Phases of a vehicle whose member does not control it, or is not heard."""
 MOST_OFF: Final = 0.4
 """Of a lane at most this part is left out at either end, because it is seen from before it."""
 ROUND: Final = 0.05
@@ -181,12 +172,13 @@ def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State
         return _change_among_others(setting, state, vehicle)
     moved = replace(vehicle, cruise_altitude_m=heights.layer_m(setting, vehicle))
     if moved != vehicle and heights.in_layer(setting, state, moved):  # on the way
-        return hold(state, moved)
-    for spot in (vehicle.position, *spots_around(setting, vehicle)):
+        return state.holding(moved)
+    air, begins = Airspace(setting, state), replace(moved, at_target=False)
+    for spot in (vehicle.position, *air.places_around(vehicle)):
         route = setting.fence.route(vehicle.position, spot) or (vehicle.position,)
-        if is_clear(setting, state, moved, moved.leg(route)):
-            return _sent(state, moved, route)
-    return hold(state, vehicle)
+        if (given := air.reserve(begins, begins.leg(route))) is not None:
+            return given
+    return state.holding(vehicle)
 
 
 def is_over_pad(vehicle: VehicleState) -> bool:
@@ -196,12 +188,8 @@ def is_over_pad(vehicle: VehicleState) -> bool:
 
 def over_own_pad(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """Have a vehicle of a fleet fly to the column that is its own, in its layer."""
-    way = setting.fence.route(vehicle.position, vehicle.pad) or (vehicle.pad,)
-    return _sent(state, vehicle, way)
-
-
-def _sent(state: State, vehicle: VehicleState, way: tuple[GridPoint, ...]) -> State:
-    return state.with_vehicle(replace(vehicle, order=vehicle.leg(way), at_target=False))
+    route = setting.fence.route(vehicle.position, vehicle.pad) or (vehicle.pad,)
+    return Airspace(setting, state).leave(vehicle, route)
 
 
 def strays_from_layer(vehicle: VehicleState) -> bool:
@@ -215,75 +203,35 @@ def back_to_layer(setting: Setting, state: State, vehicle: VehicleState) -> Stat
 
     It has been stopped on its way between two layers. While the air of that way is still its own it
     goes on. Else it asks for the way to the nearer of its two layers; it goes without an answer
-    where nobody can be asked, as it is in somebody's layer already.
+    where the others cannot be asked, as it is in another's layer already.
     """
-    layer_m = vehicle.cruise_altitude_m
-    if not _has_air(state, vehicle, layer_m):
+    air, layer_m = Airspace(setting, state), vehicle.cruise_altitude_m
+    if not air.has_column(vehicle, layer_m):
         mission, index = setting.mission, vehicle.vehicle - 1
         high_m = mission.search_altitude_m(index)
         own_m = [layer_m, mission.altitude_m(index), *([high_m] if high_m else [])]
         layer_m = min(own_m, key=lambda own: abs(own - vehicle.level_m))
-        vehicle, granted = _air_asked_for(state, vehicle, layer_m)
+        vehicle, granted = air.ask_for_column(vehicle, layer_m)
         if granted is None:
-            return hold(state, vehicle)
-    return _sent(state, replace(vehicle, cruise_altitude_m=layer_m), (vehicle.position,))
+            return state.holding(vehicle)
+    return air.leave(replace(vehicle, cruise_altitude_m=layer_m), (vehicle.position,))
 
 
 def _change_among_others(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """The same for a member of a fleet: its column crosses the layers of others.
 
-    It asks them for that air, and has it once all have promised to keep out of it. Who is out of
-    contact cannot be asked: then it goes where the air is nobody else's anyway, over its pad.
+    It asks them for that air, and has it once all have promised to keep out of it. If a member is
+    out of contact, the vehicle goes where the air is its own anyway, over its pad.
     """
-    layer_m = heights_of(setting).layer_m(setting, vehicle)
-    vehicle, granted = _air_asked_for(state, vehicle, layer_m)
+    air, layer_m = Airspace(setting, state), heights_of(setting).layer_m(setting, vehicle)
+    vehicle, granted = air.ask_for_column(vehicle, layer_m)
     if granted is None:
-        return hold(state, vehicle)
+        return state.holding(vehicle)
     if not granted or vehicle.asks is None:
         return over_own_pad(setting, state, replace(vehicle, asks=None))
-    moved = replace(vehicle, cruise_altitude_m=layer_m)
-    if not is_clear(setting, state, moved, moved.leg((vehicle.asks.place,))):
-        return hold(state, vehicle)
-    return _sent(state, moved, (vehicle.asks.place,))
-
-
-def _has_air(state: State, vehicle: VehicleState, layer_m: float) -> bool:
-    """Whether all have promised the air from here to a layer, for long enough."""
-    asks, change_s = vehicle.asks, abs(vehicle.level_m - layer_m) / CLIMB_SPEED_M_S
-    if asks is None or asks.place.distance_to(vehicle.position) > OVER_PAD_M:
-        return False
-    holds = asks.low_m - OFF_LAYER_M <= layer_m <= asks.high_m + OFF_LAYER_M
-    return holds and vehicle.leased_until_s >= state.t_s + SLOW_TIMES * change_s
-
-
-def _air_asked_for(
-    state: State, vehicle: VehicleState, layer_m: float
-) -> tuple[VehicleState, bool | None]:
-    """A vehicle that asks for the air from here to a layer; whether it has it, None while it waits.
-
-    It has not where somebody cannot be asked, or does not answer in time.
-    """
-    if _has_air(state, vehicle, layer_m):
-        return vehicle, True
-    asks = vehicle.asks
-    if asks is not None and (
-        asks.place.distance_to(vehicle.position) > OVER_PAD_M
-        or vehicle.leased_until_s > -math.inf
-        or state.t_s >= asks.until_s
-    ):
-        asks = None  # blown away, or interrupted: that air is another, or was its own too briefly
-    others = [v for v in state.vehicles.values() if not state.is_ours(v.vehicle)]
-    nobody_to_ask = any(v.phase in _CANNOT_PROMISE for v in others)
-    waited_s = 0.0 if asks is None else state.t_s - asks.asked_s
-    if nobody_to_ask or waited_s > ASK_S:
-        return vehicle, False
-    if asks is None:
-        low_m, high_m = sorted((vehicle.level_m, layer_m))
-        change_s = (high_m - low_m) / CLIMB_SPEED_M_S
-        until_s = round(state.t_s + ASK_S + 2.0 * SLOW_TIMES * change_s, 1)
-        asks = Column(vehicle.position, low_m, high_m, state.t_s, until_s)
-        vehicle = replace(vehicle, leased_until_s=-math.inf)  # that was for other air
-    return replace(vehicle, asks=asks), None
+    moved = replace(vehicle, cruise_altitude_m=layer_m, at_target=False)
+    given = air.reserve(moved, moved.leg((vehicle.asks.place,)))
+    return state.holding(vehicle) if given is None else given
 
 
 # --- what is plain -----------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from missions.flight.airspace.deconfliction import give_if_clear, hold
+from missions.flight.airspace.airspace import Airspace
 from missions.flight.return_home import REACTION_S, go_home, has_energy_for
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
@@ -34,9 +34,11 @@ def visit(
         if stop and not _stays_inside(setting, state, vehicle, (vehicle.position,), cell):
             return give_up(state, vehicle, cell)
     if not stop or _someone_looks(state, vehicle, cell):
-        return hold(state, vehicle)
+        return state.holding(vehicle)
     frames = EXTRA_FRAMES * setting.mission.votes.frames
-    return give_if_clear(setting, state, vehicle, Look(cell, frames, vehicle.cruise_height_m))
+    return Airspace(setting, state).reserve_or_wait(
+        vehicle, Look(cell, frames, vehicle.cruise_height_m)
+    )
 
 
 def _fly_to_cell(
@@ -49,7 +51,7 @@ def _fly_to_cell(
     if not has_energy_for(setting, vehicle, target, setting.look_s if stop else REACTION_S):
         return go_home(setting, state, vehicle, ReturnReason.BATTERY)
     order = FlyTo(route[:-1], cell, stop=stop, height_m=vehicle.cruise_height_m)
-    return give_if_clear(setting, state, vehicle, order)
+    return Airspace(setting, state).reserve_or_wait(vehicle, order)
 
 
 def _stays_inside(
@@ -85,9 +87,9 @@ def drifts_out(setting: Setting, state: State, cell: Cell) -> bool:
 def give_up(state: State, vehicle: VehicleState, cell: Cell) -> State:
     """Nobody may fly there now: the vehicle waits where it is."""
     if state.tree is None:
-        return hold(state, replace(vehicle, candidate=None, at_target=False))
+        return state.holding(replace(vehicle, candidate=None, at_target=False))
     state = mark_unreachable(state, vehicle, cell)
-    return hold(state, state.vehicles[vehicle.vehicle])
+    return state.holding(state.vehicles[vehicle.vehicle])
 
 
 def mark_unreachable(state: State, vehicle: VehicleState, cell: Cell) -> State:

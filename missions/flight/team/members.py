@@ -17,7 +17,6 @@ from dataclasses import replace
 from typing import Final
 
 from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
-from missions.flight.airspace.deconfliction import clear_of
 from missions.flight.lane_progress import lane_number
 from missions.flight.setting import Setting
 from missions.flight.sightings import frame_seen
@@ -26,7 +25,7 @@ from missions.flight.strategy.interface import strategy_of
 from missions.flight.team.own_cells import as_frames
 from missions.flight.team.work_shares import back_from_lanes_s
 from missions.geo.trajectory import rounded_path
-from missions.orders import FlyPath, TakeOff
+from missions.orders import FlyPath
 
 LEAST_STEP_M: Final = 1.0
 """Places of a path that lie nearer to each other are one."""
@@ -108,19 +107,6 @@ def leased(setting: Setting, state: State, event: Leased) -> State:
     if vehicle.asks is None or vehicle.asks.place != event.place:
         return state
     return state.with_vehicle(replace(vehicle, leased_until_s=event.until_s))
-
-
-def may_close(setting: Setting, state: State, column: Column) -> bool:
-    """Whether ours can promise to keep out of a column until it is open again.
-
-    Either it stands and stays, or it flies by our orders, is out of it, and its next seconds do not
-    lead into it. A vehicle that others control, or that is silent in the air, promises nothing.
-    """
-    return all(
-        (ours.landed and not isinstance(ours.order, TakeOff))
-        or (not ours.untold and clear_of(setting, state, ours, column))
-        for ours in state.ours
-    )
 
 
 def shared(setting: Setting, state: State, event: Shared) -> State:

@@ -14,7 +14,8 @@ from itertools import pairwise, product
 from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
-from missions.flight.airspace.deconfliction import OFF_LAYER_M, is_clear
+from missions.flight.airspace.airspace import Airspace
+from missions.flight.airspace.needs import OFF_LAYER_M
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State, VehicleState
@@ -128,7 +129,7 @@ def test_an_order_that_is_clear_leads_past_what_the_other_does(data: st.DataObje
     # whoever is too near already may leave; who got there is judged elsewhere
     assume(all(math.dist(begin, place) >= separation_m + 2.0 for place in theirs))
     state = replace(State.initial(setting()), vehicles={1: first, 2: second})
-    if not is_clear(setting(), state, first, asked):
+    if not Airspace(setting(), state).is_clear(first, asked):
         event("refused")
         return
     event(f"given: {asked.kind}, {doing.kind if doing else 'on the ground'}")
@@ -153,4 +154,4 @@ def test_two_in_their_layers_never_wait_for_each_other(data: st.DataObject) -> N
     first, second = pair
     state = replace(State.initial(setting()), vehicles={1: first, 2: second})
     assert first.order is not None
-    assert is_clear(setting(), state, first, first.order)
+    assert Airspace(setting(), state).is_clear(first, first.order)

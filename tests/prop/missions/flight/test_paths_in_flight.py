@@ -13,7 +13,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from missions.events import Arrived, Event
-from missions.flight.airspace.deconfliction import is_clear
+from missions.flight.airspace.airspace import Airspace
 from missions.flight.path_orders import NOTICE_S, OUTSIDE_M
 from missions.flight.return_home import HEARD_S, energy_of, way_home
 from missions.flight.setting_of import setting_of
@@ -114,7 +114,7 @@ class Watched(Fleet):
         setting, state = self.setting, self.state
         vehicle, path, now_s = state.vehicles[number], order.trajectory, state.t_s
         stop = braked(path, max(path.begin_s, now_s + NOTICE_S), ACCELERATION_M_S2)
-        if not is_clear(setting, state, vehicle, order) and path.end_s > stop.end_s + 0.6:
+        if not Airspace(setting, state).is_clear(vehicle, order) and path.end_s > stop.end_s + 0.6:
             self._note(number, "it flies on into air that is claimed")
         if vehicle.return_reason is not None:
             return

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 from missions.events import Event
 from missions.fleet_events import Asked, Fact
-from missions.flight.airspace.deconfliction import SEPARATION_BUFFER_M, is_clear
+from missions.flight.airspace.airspace import SEPARATION_BUFFER_M, Airspace
 from missions.flight.airspace.volumes import Volume
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
@@ -130,7 +130,7 @@ class Mind:
             min(max(mine.position.north_m + self.chance.uniform(-STEP_M, STEP_M), 30.0), 50.0),
         )
         order = FlyTo((there,), None, stop=True, height_m=mine.cruise_height_m)
-        free = is_clear(self.setting, self.state, mine, order)
+        free = Airspace(self.setting, self.state).is_clear(mine, order)
         return replace(mine, position=there) if free else mine
 
     @property

@@ -10,17 +10,17 @@ import pytest
 
 from missions.events import Arrived, FrameSeen, Vote
 from missions.fleet_events import Apart, Heard, Leased
+from missions.flight.airspace.airspace import ASK_S, Airspace
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Column, Phase, State, VehicleState
 from missions.flight.strategy.lane_passes import drop_seen
 from missions.flight.strategy.two_heights import (
-    ASK_S,
     back_to_layer,
     change_layer,
     strays_from_layer,
 )
-from missions.flight.team.members import heard, may_close
+from missions.flight.team.members import heard
 from missions.flight.transitions import apply
 from missions.geo.trajectory import rounded_path
 from missions.mission.checks import parse_mission
@@ -174,7 +174,7 @@ def test_air_is_promised_only_for_a_vehicle_that_follows_our_orders(
     if isinstance(changes.get("order"), TakeOff):
         column = replace(column, place=mine.position)
     state = state.with_vehicle(replace(mine, **changes))  # type: ignore[arg-type]
-    assert may_close(setting(), state, column) == promises
+    assert Airspace(setting(), state).can_promise(column) == promises
 
 
 @pytest.mark.parametrize("does", ["pilot", "guarded"])

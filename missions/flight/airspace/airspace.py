@@ -1,0 +1,343 @@
+"""The air that vehicles reserve: an order is given only if the air that it needs is clear.
+
+    air = Airspace(setting, state)
+    air.is_clear(vehicle, order)        whether the air that an order needs is clear
+    air.reserve(vehicle, order)         the state with the order; None if its air is not clear
+    state.holding(vehicle)              releases all but the air that the vehicle waits in
+
+A reservation is the order that a vehicle carries out: nothing is kept beside it that could differ
+from what is flown. A vehicle that cannot be commanded reserves all the air that it may be in: a
+silent one flies on with its last order, and may return by itself; a pilot or a failsafe may go
+anywhere near. When such a reservation changes, orders under way are checked again (`revised`).
+
+A member of a fleet that leaves its own layer or column asks the others for a column of air, and
+has it once all of them have promised to keep out of it (`ask_for_column`, `can_promise`).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from missions.flight.airspace.needs import (
+    OFF_LAYER_M,
+    column_air,
+    hover_air,
+    needed_air,
+    stopping_m,
+    uncontrolled_air,
+)
+from missions.flight.airspace.volumes import Volume
+from missions.flight.lane_progress import lane_left
+from missions.flight.setting import Setting
+from missions.flight.state import Column, Phase, State, VehicleState
+from missions.geo.fence import route_length_m
+from missions.mission.energy import CLIMB_SPEED_M_S
+from missions.orders import FlyPath, FlyTo, Land, Look, Order, Sweep, TakeOff
+from missions.units import GridPoint
+
+SEPARATION_BUFFER_M: Final = 2.0
+"""Distance that two vehicles may stray towards each other while they stay apart, m."""
+RING_TIMES: Final = (1.5, 2.5, 4.0)
+"""How far a vehicle flies to make way, in the distances that reservations keep; nearest first."""
+CLOSED_S: Final = 3.0
+"""Time for which air stays closed beyond what was asked, s: members' clocks differ a little."""
+ASK_S: Final = 12.0
+"""Longest wait of a member for the air that it has asked for, s."""
+SLOW_TIMES: Final = 2.0
+"""A member has such air for so many times as long as the change of layer should take."""
+OVER_PAD_M: Final = 1.0
+"""Distance to its pad within which a vehicle is in the column over it, m."""
+_CANNOT_PROMISE: Final = (Phase.APART, Phase.OFFLINE, Phase.YIELDED, Phase.GUARDED)
+"""Phases of a vehicle whose member does not control it, or is not heard."""
+
+
+@dataclass(frozen=True, slots=True)
+class Airspace:
+    """Which vehicle may be where, at an instant of a mission."""
+
+    setting: Setting
+    state: State
+
+    # --- reservations ---------------------------------------------------------------------------
+    def is_clear(self, vehicle: VehicleState, order: Order) -> bool:
+        """Return whether the air that an order needs is clear of what binds the vehicle."""
+        others = self._reserved_by_others(vehicle, order)
+        if not others:
+            return True
+        needs = self._needed(vehicle, order)
+        return not any(self._meet(needs, other) for other in others)
+
+    def reserve(self, vehicle: VehicleState, order: Order) -> State | None:
+        """Return the state in which a vehicle carries out an order; None if its air is not clear.
+
+        A path also has to stay clear of vehicles that cannot be commanded: else it would be stopped
+        at the next report (`revised`).
+        """
+        blocked = isinstance(order, FlyPath) and self._leads_into_uncontrolled(vehicle, order)
+        if blocked or not self.is_clear(vehicle, order):
+            return None
+        return self.state.with_vehicle(replace(vehicle, order=order))
+
+    def reserve_or_wait(self, vehicle: VehicleState, order: Order) -> State:
+        """Reserve the air for an order, or for a detour on the way home; else the vehicle waits.
+
+        A vehicle that flies a path goes on with it, and one on the ground stays there.
+        """
+        given = self.reserve(vehicle, order)
+        if given is not None:
+            return given
+        if isinstance(order, FlyTo) and vehicle.return_reason is not None:
+            for detour in self._detours(vehicle, order):
+                given = self.reserve(vehicle, detour)
+                if given is not None:
+                    return given
+        if vehicle.landed or vehicle.path is not None:
+            return self.state
+        return self.state.holding(vehicle)
+
+    def leave(self, vehicle: VehicleState, route: tuple[GridPoint, ...]) -> State:
+        """Return the state in which a member leaves air that may be another's, clear or not.
+
+        For a column or layer of its own, or where the others cannot be asked.
+        """
+        return self.state.with_vehicle(replace(vehicle, order=vehicle.leg(route), at_target=False))
+
+    # --- vehicles that cannot be commanded ------------------------------------------------------
+    def uncontrolled_but(self, vehicle: VehicleState) -> list[VehicleState]:
+        """Return the other vehicles in the air that cannot be commanded to make way."""
+        others = (v for v in self.state.vehicles.values() if v.vehicle != vehicle.vehicle)
+        return [other for other in others if other.uncontrolled]
+
+    def revised(self) -> State:
+        """Return the state in which vehicles stop that fly towards uncontrolled or closed air."""
+        state = self.state
+        for vehicle in state.ours:
+            flying = vehicle.phase is Phase.AIRBORNE and not vehicle.landed
+            if not flying or not isinstance(vehicle.order, FlyTo | Sweep | Look | FlyPath):
+                continue
+            if Airspace(self.setting, state)._leads_into_uncontrolled(vehicle, vehicle.order):
+                stopped = replace(vehicle.interrupted(state.t_s), at_target=False)
+                state = state.with_vehicle(stopped)
+        return state
+
+    def made_way(self, vehicle: VehicleState) -> State | None:
+        """Return the state in which a vehicle flies out of uncontrolled or closed air.
+
+        None where it is in no such air, or where no place beside it is clear.
+        """
+        others = self._uncontrolled(vehicle) + self._closed()
+        if not self._is_in(hover_air(vehicle), others):
+            return None
+        for place in self._ring(vehicle.position, RING_TIMES):
+            route = self.setting.fence.route(vehicle.position, place)
+            if route is None or self._is_in(hover_air(vehicle, place), others):
+                continue
+            order = vehicle.leg(route)
+            if self.is_clear(vehicle, order):
+                off_lane = lane_left(vehicle, self.setting.grid.cell_m)
+                moved = replace(off_lane, order=order, at_target=False)
+                return self.state.with_vehicle(moved)
+        return None
+
+    def _leads_into_uncontrolled(self, vehicle: VehicleState, order: Order) -> bool:
+        """Whether an order leads through uncontrolled air, or air that is closed to ours.
+
+        A vehicle that is in such air already may leave it.
+        """
+        others, closed = self.uncontrolled_but(vehicle), self._closed()
+        if not others and not closed:
+            return False
+        here, needs = hover_air(vehicle), self._needed(vehicle, order)
+        # a vehicle in closed air leaves it: it was not promised yet
+        if any(not self._meet(here, air) and self._meet(needs, air) for air in closed):
+            return True
+        returns = vehicle.return_reason is not None  # on its way out of whatever air it is in
+        end = replace(needs, path=needs.path[-1:])
+        for air in self._uncontrolled(vehicle):
+            leaves = self._meet(here, air) and (returns or not self._meet(end, air))
+            if not leaves and self._meet(needs, air):
+                return True
+        return False
+
+    # --- places ---------------------------------------------------------------------------------
+    def places_beside_pad(self, vehicle: VehicleState) -> list[GridPoint]:
+        """Return places inside the fence for a landing beside the pad, the nearest first."""
+        allowed = filter(self.setting.fence.allows, self._ring(vehicle.home, (1.5, 2.5)))
+        return sorted(allowed, key=lambda place: (vehicle.position.distance_to(place), place))
+
+    def places_around(self, vehicle: VehicleState) -> list[GridPoint]:
+        """Return places inside the fence just out of the air that a vehicle is in, and farther."""
+        around = self._ring(vehicle.position, (1.5, 4.0))
+        return list(filter(self.setting.fence.allows, around))
+
+    def _ring(self, centre: GridPoint, times: Iterable[float]) -> Iterator[GridPoint]:
+        """Eight places around a centre, from north on, at so many times the distance kept."""
+        for each, eighth in itertools.product(times, range(8)):
+            distance_m, turn_rad = each * self._distance_m, eighth * math.tau / 8
+            yield GridPoint(
+                round(centre.east_m + distance_m * math.sin(turn_rad), 2),
+                round(centre.north_m + distance_m * math.cos(turn_rad), 2),
+            )
+
+    def _detours(self, vehicle: VehicleState, order: FlyTo) -> list[FlyTo]:
+        """Ways home round the columns of others, the shortest first.
+
+        A landing takes half a minute: a vehicle that comes home for a battery cannot always wait
+        that long.
+        """
+        fence, ways = self.setting.fence, []
+        others = self._reserved_by_others(vehicle, order)
+        for centre in {air.path[0] for air in others if len(set(air.path)) == 1}:
+            for via in self._ring(centre, (2.0,)):
+                there, back = fence.route(vehicle.position, via), fence.route(via, vehicle.pad)
+                if there is not None and back is not None:
+                    ways.append((*there, *back))
+        ways.sort(key=lambda way: (route_length_m(vehicle.position, way), way))
+        return [replace(order, route=way) for way in ways]
+
+    # --- what others reserve --------------------------------------------------------------------
+    @property
+    def _distance_m(self) -> float:
+        """How far two reservations lie apart over ground, m."""
+        return self.setting.mission.team.separation_m + SEPARATION_BUFFER_M
+
+    def _meet(self, one: Volume, other: Volume) -> bool:
+        """Whether two volumes come too near to each other; layers never meet."""
+        return one.meets(other, self._distance_m, self.setting.mission.team.layer_m)
+
+    def _is_in(self, one: Volume, others: Iterable[Volume]) -> bool:
+        return any(self._meet(one, other) for other in others)
+
+    def _needed(self, vehicle: VehicleState, order: Order | None) -> Volume:
+        return needed_air(self.setting, self.state.t_s, vehicle, order)
+
+    def _uncontrolled(self, vehicle: VehicleState) -> list[Volume]:
+        """The air in which the others may be that cannot be commanded."""
+        return [
+            air
+            for other in self.uncontrolled_but(vehicle)
+            for air in uncontrolled_air(self.setting, self.state.t_s, other)
+        ]
+
+    def _closed(self) -> list[Volume]:
+        """The columns that are closed to ours now, because other members have asked for them."""
+        return [
+            column_air(column)
+            for _, column in sorted(self.state.closed.items())
+            if column.until_s + CLOSED_S > self.state.t_s
+        ]
+
+    def _reserved_by_others(self, asking: VehicleState, order: Order) -> list[Volume]:
+        found = [
+            air
+            for other in self.state.vehicles.values()
+            if other.vehicle != asking.vehicle
+            for air in self._reserved_by(other, asking, order)
+        ]
+        closed = [] if asking.landed or isinstance(order, Land) else self._closed()
+        return found + [air for air in closed if not self._meet(hover_air(asking), air)]
+
+    def _reserved_by(
+        self, other: VehicleState, asking: VehicleState, order: Order
+    ) -> Sequence[Volume]:
+        """The air that another vehicle reserves, as far as it binds the one that asks."""
+        climbing = isinstance(other.order, TakeOff)
+        if other.phase is Phase.LOST or (other.landed and not climbing):
+            return ()
+        here = hover_air(asking)
+        if other.uncontrolled:
+            airs = uncontrolled_air(self.setting, self.state.t_s, other)
+            if asking.landed or isinstance(order, Land):
+                return airs
+            # it cannot make way: a vehicle that is near it must be free to leave
+            return [air for air in airs if not self._meet(here, air)]
+        if not self.state.is_ours(other.vehicle):
+            return ()  # each keeps to air that no other may enter (`missions.geo.columns`)
+        airs = [self._needed(other, other.order)]
+        if other.idle and self._leads_out(asking, order, airs[0]):
+            airs = []  # two that a pilot has left too near would else wait for each other
+        if other.over_home and other.idle:
+            # it waits to land; a vehicle that is in its column already must be free to leave
+            column = self._needed(other, Land())
+            if not asking.landed and not self._meet(here, column):
+                airs.append(column)
+        return airs
+
+    def _leads_out(self, asking: VehicleState, order: Order, air: Volume) -> bool:
+        """Whether an order leads out of air that another hovers in, and never nearer to it."""
+        now = Volume((asking.position,), asking.level_m, asking.level_m)
+        if asking.landed or not self._meet(now, air):
+            return False
+        needs = self._needed(asking, order)
+        end = replace(needs, path=needs.path[-1:])
+        past = needs.low_m < air.high_m and needs.high_m > air.low_m  # through its height
+        return not past and not self._meet(end, air) and needs.parts_from(air)
+
+    # --- columns that members of a fleet ask each other for -------------------------------------
+    def has_column(self, vehicle: VehicleState, layer_m: float) -> bool:
+        """Return whether all have promised the air from here to a layer, for long enough."""
+        asks, change_s = vehicle.asks, abs(vehicle.level_m - layer_m) / CLIMB_SPEED_M_S
+        if asks is None or asks.place.distance_to(vehicle.position) > OVER_PAD_M:
+            return False
+        holds = asks.low_m - OFF_LAYER_M <= layer_m <= asks.high_m + OFF_LAYER_M
+        return holds and vehicle.leased_until_s >= self.state.t_s + SLOW_TIMES * change_s
+
+    def ask_for_column(
+        self, vehicle: VehicleState, layer_m: float
+    ) -> tuple[VehicleState, bool | None]:
+        """Ask for the air from here to a layer.
+
+        Returns:
+            The vehicle that asks; and whether it has the air, None while it waits. It has not where
+            a member cannot be asked, or does not answer in time.
+        """
+        if self.has_column(vehicle, layer_m):
+            return vehicle, True
+        t_s, asks = self.state.t_s, vehicle.asks
+        if asks is not None and (
+            asks.place.distance_to(vehicle.position) > OVER_PAD_M
+            or vehicle.leased_until_s > -math.inf
+            or t_s >= asks.until_s
+        ):
+            asks = (
+                None  # blown away, or interrupted: that air is another, or was its own too briefly
+            )
+        others = (v for v in self.state.vehicles.values() if not self.state.is_ours(v.vehicle))
+        waited_s = 0.0 if asks is None else t_s - asks.asked_s
+        if waited_s > ASK_S or any(v.phase in _CANNOT_PROMISE for v in others):
+            return vehicle, False
+        if asks is None:
+            low_m, high_m = sorted((vehicle.level_m, layer_m))
+            change_s = (high_m - low_m) / CLIMB_SPEED_M_S
+            until_s = round(t_s + ASK_S + 2.0 * SLOW_TIMES * change_s, 1)
+            asks = Column(vehicle.position, low_m, high_m, t_s, until_s)
+            vehicle = replace(vehicle, leased_until_s=-math.inf)  # that was for other air
+        return replace(vehicle, asks=asks), None
+
+    def can_promise(self, column: Column) -> bool:
+        """Return whether ours can promise to keep out of a column until it is open again.
+
+        Either it stands and stays, or it is under our control, is out of the column, and its next
+        seconds do not lead into it. A vehicle that others control, or that is silent in the air,
+        promises nothing.
+        """
+        return all(
+            (ours.landed and not isinstance(ours.order, TakeOff))
+            or (not ours.uncontrolled and self._keeps_out(ours, column))
+            for ours in self.state.ours
+        )
+
+    def _keeps_out(self, vehicle: VehicleState, column: Column) -> bool:
+        """Whether a vehicle is out of a column, and its order does not lead into it."""
+        here = replace(hover_air(vehicle), stray_m=stopping_m(self.setting))
+        needs = self._needed(vehicle, vehicle.order)
+        air = column_air(column)
+        return not self._meet(here, air) and not self._meet(needs, air)
+
+    def columns_meet(self, one: Column, other: Column) -> bool:
+        """Return whether two columns come too near to each other."""
+        return self._meet(column_air(one), column_air(other))
