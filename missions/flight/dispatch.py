@@ -20,12 +20,7 @@ from missions.flight.state import Phase, State, VehicleState
 from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.lane_passes import drop_seen
 from missions.flight.strategy.searching import find_work
-from missions.flight.strategy.two_heights import (
-    back_to_layer,
-    heights_of,
-    strays_from_layer,
-)
-from missions.geo.columns import PAD_M
+from missions.flight.strategy.two_heights import heights_of
 from missions.mission.energy import FRESH
 from missions.mission.height_and_speed import LEAST_HEIGHT_M
 from missions.orders import AwaitBattery, TakeOff
@@ -39,7 +34,7 @@ CLIMB_ROOM_M = 0.5
 
 def assign(setting: Setting, state: State) -> State:
     """The state with an order for everybody who can have one."""
-    if state.tree is None and setting.member is not None:
+    if state.tree is None:
         state = drop_seen(setting, state)
     strategy = strategy_of(setting).in_force(state)
     if state.tree is None and setting.lanes:
@@ -60,8 +55,8 @@ def assign(setting: Setting, state: State) -> State:
 def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if vehicle.braking_until_s is not None:
         return state.holding(vehicle)
-    if setting.member is not None and strays_from_layer(vehicle):
-        return back_to_layer(setting, state, vehicle)
+    if (first := setting.team.first(setting, state, vehicle)) is not None:
+        return first
     if vehicle.return_reason is not None:
         return fly_home(setting, state, vehicle)
     if (given_way := Airspace(setting, state).made_way(vehicle)) is not None:
@@ -107,12 +102,8 @@ def _unfit(setting: Setting, vehicle: VehicleState) -> str:
     """Why a vehicle may not take off from where it stands; empty if it may."""
     if not setting.fence.contains(vehicle.position):
         return "it stands outside of the geofence; move it, or the fence"
-    off_m = setting.pad_of(vehicle.vehicle).distance_to(vehicle.position)
-    if setting.member is not None and off_m > PAD_M:
-        return (
-            f"it stands {off_m:.1f} m from the place that its fleet keeps clear for it; move it, "
-            "or its home in the mission of everybody"
-        )
+    if refusal := setting.team.refusal(setting, vehicle):
+        return refusal
     room_m = setting.fence.outer.boundary.distance(Point(vehicle.position))
     if room_m < min(CLIMB_ROOM_M, setting.mission.fence.margin_m):
         return (

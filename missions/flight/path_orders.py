@@ -143,6 +143,14 @@ def along_route(
     return through(setting, vehicle, list(route), corners, begin_s)
 
 
+def fly_route(
+    setting: Setting, state: State, vehicle: VehicleState, route: Sequence[GridPoint]
+) -> State:
+    """Give an idle vehicle a path along a way inside the fence."""
+    path = along_route(setting, vehicle, route, state.t_s + NOTICE_S)
+    return give_path(setting, state, vehicle, path)
+
+
 def allowed(fence: Fence, path: Trajectory) -> bool:
     """Whether the margin of the fence holds all of a path, at the time when it is flown.
 

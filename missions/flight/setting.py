@@ -11,6 +11,7 @@ from typing import Protocol
 
 from shapely.geometry import Point, Polygon
 
+from missions.flight.team.interface import Team
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
@@ -81,6 +82,8 @@ class Setting:
     grid: Grid
     fence: Fence
     energy: EnergyModel
+    team: Team
+    """The vehicles that are commanded."""
     strategy: Kind
     """How vehicles find the region and map it."""
     lanes: tuple[Lane, ...]
@@ -92,12 +95,16 @@ class Setting:
     """The lanes with what the prior says of them; empty without a prior."""
     ground: Terrain | None = None
     """What layers are above; None: flat ground at the height of the start."""
-    member: int | None = None
-    """Of a fleet whose vehicles each have a service of their own: which vehicle is ours."""
     whole_fence: Fence | None = None
-    """Of such a fleet: the fence without the columns over others' pads, which are holes of ours."""
+    """Of a member of a fleet: the fence without the columns over others' pads, which are holes of
+    ours."""
     plans: PlanMemo = field(default_factory=PlanMemo, compare=False, repr=False)
     """What was planned before in this flight."""
+
+    @property
+    def member(self) -> int | None:
+        """The one vehicle that is commanded, 0 for none of a fleet; None: all are."""
+        return self.team.number
 
     @cached_property
     def shares(self) -> Shares:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from missions.flight.setting import Setting
 from missions.flight.strategies import chosen
-from missions.geo.columns import columns_over, fence_without
+from missions.flight.team.teams import team_of
 from missions.geo.grid import Grid
 from missions.mission.flyable import fence_of
 from missions.mission.places import homes, prior_of
@@ -25,28 +25,23 @@ def setting_of(mission: Mission, member: int | None = None) -> Setting:
     grid = Grid.at(
         mission.home, mission.grid.cell_m, mission.drift.speed_m_s, mission.drift.toward_deg
     )
-    fence = common = whole = fence_of(mission, grid)
-    pads = [grid.fixed(place) for place in homes(mission)]
-    if member:  # 0 flies nothing, and needs no air
-        columns = columns_over(pads, mission.team.separation_m)
-        others = [column for k, column in enumerate(columns, start=1) if k != member]
-        fence = fence_without(whole, others, mission.fence.margin_m)
-        common = fence_without(whole, columns, mission.fence.margin_m)
+    team, pads = team_of(member), [grid.fixed(place) for place in homes(mission)]
+    fences = team.fences(mission, fence_of(mission, grid), pads)
     box = [grid.fixed(place) for place in positions(mission.search.box)]
     strategy = chosen(mission)
-    lanes, east_ahead, rows = strategy.lay(mission, grid, box, common, pads)
+    lanes, east_ahead, rows = strategy.lay(mission, grid, box, fences.everyones, pads)
     prior = prior_of(mission, grid) if lanes else ()
     return Setting(
         mission,
         grid,
-        fence,
+        fences.ours,
         energy_model(mission),
+        team,
         strategy,
         lanes,
         east_ahead,
         rows,
         likely_lanes(lanes, box, prior, mission.grid.cell_m, rows) if prior else (),
         mission.ground,
-        member,
-        whole if member else None,
+        fences.whole,
     )

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from missions.flight.setting import Setting
+from missions.flight.team.interface import Team
 from missions.geo.trajectory import Trajectory
 from missions.mapping.belief import Belief
 from missions.mapping.tree import Tree
@@ -244,6 +245,8 @@ class State:
 
     belief: Belief
     vehicles: Mapping[int, VehicleState]
+    team: Team
+    """Which of the vehicles are commanded."""
     t_s: float = 0.0
     tree: Tree | None = None
     exhausted: bool = False
@@ -272,8 +275,6 @@ class State:
     """When the ROI was first confirmed."""
     overview: Belief = _NOTHING
     """The votes of frames from the height of a search (`missions.flight.strategy.two_heights`)."""
-    member: int | None = None
-    """Of a fleet whose vehicles each have a service of their own: which vehicle is ours."""
     closed: Mapping[int, Column] = field(default_factory=dict)
     """The air that others of a fleet have asked for, which ours keeps out of."""
     shown: frozenset[Cell] = frozenset()
@@ -298,7 +299,7 @@ class State:
             for number in range(1, len(mission.vehicles) + 1)
         }
         none_seen = Belief(mission.votes.frames, mission.votes.positive)
-        return cls(none_seen, vehicles, overview=none_seen, member=setting.member)
+        return cls(none_seen, vehicles, setting.team, overview=none_seen)
 
     def with_vehicle(self, vehicle: VehicleState) -> State:
         """This state with one vehicle changed."""
@@ -312,9 +313,7 @@ class State:
     @property
     def our_numbers(self) -> tuple[int, ...]:
         """The numbers of the vehicles that are told what to do, in order."""
-        if self.member is None:
-            return tuple(sorted(self.vehicles))
-        return (self.member,) if self.member in self.vehicles else ()
+        return self.team.controlled(self.vehicles)
 
     @property
     def ours(self) -> tuple[VehicleState, ...]:
@@ -323,7 +322,7 @@ class State:
 
     def is_ours(self, number: int) -> bool:
         """Whether we tell a vehicle what to do."""
-        return self.member is None or number == self.member
+        return self.team.controls(number)
 
     @property
     def over(self) -> bool:

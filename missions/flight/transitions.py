@@ -81,7 +81,7 @@ def landed(event: Landed, vehicle: VehicleState, setting: Setting) -> VehicleSta
         return replace(down, phase=Phase.FINISHED, order=StandDown(), vertex=None)
     if vehicle.phase is Phase.GUARDED:
         return down.stood_down(Phase.FAILED, vehicle.note)
-    if setting.member == 0:  # who only knows does not know what it was told to do
+    if not setting.team.knows_orders:
         return replace(down, phase=Phase.GROUNDED)
     unexpected = "landed unexpectedly (no land command was sent)"
     return down.stood_down(Phase.FAILED, vehicle.note or unexpected)

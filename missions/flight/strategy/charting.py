@@ -115,7 +115,7 @@ def _fence(
         column = shapely.contains_xy(inner, x, y)
         column &= ~shapely.contains_xy(setting.fence.inner, x, y)
         allowed[column] = 0
-        ours = team.get(setting.member or 0)
+        ours = next((v for n, v in team.items() if setting.team.controls(n)), None)
         if ours is not None:  # the way to its own is free, wherever the middle of a cell lies
             way = LineString([over_pad(setting, ours), gate_of(setting, ours)])
             allowed[shapely.dwithin(shapely.points(x, y), way, cell_m)] = 1

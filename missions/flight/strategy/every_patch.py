@@ -14,14 +14,12 @@ from typing import TYPE_CHECKING, Final
 
 from missions.flight.setting import Setting, Shares
 from missions.flight.state import Phase, State, VehicleState
-from missions.flight.strategy.gathering import gathers
 from missions.flight.strategy.interface import Lanes, TourMemory, Work
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep import Paths
 from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest, last_waiting
-from missions.flight.strategy.touring import shared_out
 from missions.flight.strategy.two_heights import heights_of, is_over_pad, over_own_pad
-from missions.flight.team.work_shares import held_until_s, own_part, share_parts
+from missions.flight.team.work_shares import held_until_s
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
 from missions.mission.schema import Mission
@@ -184,16 +182,12 @@ class EveryPatch(Covering):
         memory: TourMemory,
         decision: int,
     ) -> Work:
-        """Lay tours for all, also for those who still fly lanes; in a fleet, keep to one's part."""
-        if setting.member is None:
-            return Work(state, *shared_out(setting, state, known, team, memory, decision))
-        state = share_parts(setting, state, known, team, decision)
-        others, memory, tours = own_part(setting, state, known.chart, memory)
-        return Work(state, memory, tours, others)
+        """As the team shares its work."""
+        return setting.team.share_work(setting, state, known, team, memory, decision)
 
     def gathers(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
-        """Members without lanes wait until all that are due have reported what they know."""
-        return setting.member is not None and gathers(setting, state, vehicle)
+        """As the team does."""
+        return setting.team.gathers(setting, state, vehicle)
 
     def held_until_s(
         self, setting: Setting, state: State, vehicle: VehicleState, t_s: float

@@ -130,7 +130,7 @@ def still_open(setting: Setting, state: State, lanes: tuple[Lane, ...]) -> tuple
     best order that is found.
     """
     grid, judged = setting.grid, heights_of(setting).searched(state)
-    if _leaves_cells(setting):
+    if cells_drift_out(setting):
         return lanes
     least_m = setting.strategy.least_lane_m(setting)
     found: list[Lane] = []
@@ -167,8 +167,8 @@ def turned(setting: Setting, at: GridPoint, lanes: tuple[Lane, ...]) -> tuple[La
     return min(ways, key=lambda way: way[0])[1]
 
 
-def _leaves_cells(setting: Setting) -> bool:
-    """Whether cells drift out of lanes that lie still."""
+def cells_drift_out(setting: Setting) -> bool:
+    """Return whether cells drift out of lanes that lie still."""
     return setting.grid.drift_speed_m_s > 0.0 and not setting.strategy.lanes_drift
 
 
@@ -179,7 +179,7 @@ def _is_whole(setting: Setting, lane: Lane) -> bool:
 
 def end_searched(setting: Setting, state: State) -> State:
     """Let those brake whose lanes others have seen meanwhile, from higher up or in their stead."""
-    if state.tree is not None or _leaves_cells(setting):
+    if state.tree is not None or cells_drift_out(setting):
         return state
     for number in state.our_numbers:
         vehicle = state.vehicles[number]
@@ -221,7 +221,7 @@ def flown_along(setting: Setting, state: State, vehicle: VehicleState, lane: Lan
         setting.mission, grid, vehicle.cruise_height_m, east_ahead=setting.east_ahead
     )
     missing = strip.missing_rows(heights_of(setting).searched(state))
-    if missing and not _leaves_cells(setting):
+    if missing and not cells_drift_out(setting):
         beside_m += (missing[0] + missing[-1]) / 2 * grid.cell_m - strip.line_m
     lane = heights_of(setting).shortened(setting, vehicle, lane)
     for share in (1.0, 0.5):

@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.lane_progress import lane_left, lanes_held
+from missions.flight.lane_progress import lane_left
 from missions.flight.return_home import OVER_HOME_M, REACTION_S, go_home, has_energy_for, home_order
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.flight.strategy.interface import strategy_of
-from missions.flight.strategy.lane_passes import give_up_lane, still_open
+from missions.flight.strategy.lane_passes import give_up_lane
 from missions.flight.strategy.visiting import visit
 from missions.orders import FlyTo, Order, Sweep
-from missions.planning.search.lanes import Lane
 
 
 def search(setting: Setting, state: State, vehicle: VehicleState) -> State:
@@ -62,7 +61,7 @@ def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
             heir = replace(vehicle, candidate=other.candidate, at_target=False)
             return state.with_vehicle(heir)
 
-    orphan = _held_by_nobody(setting, state) if setting.member is not None else None
+    orphan = setting.team.free_lane(setting, state)
     if orphan is not None:
         return state.with_vehicle(replace(vehicle, lanes=(orphan,), on_lane=False))
 
@@ -80,12 +79,3 @@ def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
     busiest = max(others, key=lambda v: (spare(v), -v.vehicle))
     state = state.with_vehicle(replace(busiest, lanes=busiest.lanes[:-1]))
     return state.with_vehicle(replace(vehicle, lanes=(busiest.lanes[-1],), on_lane=False))
-
-
-def _held_by_nobody(setting: Setting, state: State) -> Lane | None:
-    """The first lane that has something left to judge, and that nobody of a fleet holds."""
-    if setting.grid.drift_speed_m_s > 0.0 and not setting.strategy.lanes_drift:
-        return None  # lanes that lie still are flown as they are, seen or not
-    held = {n for vehicle in state.vehicles.values() for n in lanes_held(setting, vehicle)}
-    free = (lane for number, lane in enumerate(setting.lanes) if number not in held)
-    return next((part for lane in free for part in still_open(setting, state, (lane,))), None)

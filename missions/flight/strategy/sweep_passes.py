@@ -17,17 +17,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
-from missions.flight.path_orders import NOTICE_S, allowed, along_route, give_path, is_outside
+from missions.flight.path_orders import NOTICE_S, allowed, fly_route, give_path, is_outside
 from missions.flight.setting import Setting
 from missions.flight.sightings import grown
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.flight.strategy.charting import chart_of
 from missions.flight.strategy.direct_flight import fetch, value_of
 from missions.flight.strategy.fallback import fall_back, patience_s
-from missions.flight.strategy.flyers import flyer_of, gate_of, over_home_s, over_pad
+from missions.flight.strategy.flyers import flyer_of, over_home_s, over_pad
 from missions.flight.strategy.interface import Strategy, TourMemory, strategy_of
-from missions.flight.strategy.two_heights import heights_of, is_over_pad
-from missions.flight.team.work_shares import want_told
+from missions.flight.strategy.two_heights import heights_of
 from missions.geo.trajectory import Trajectory
 from missions.orders import FlyPath
 from missions.planning.sweep.chart import Known
@@ -139,7 +138,8 @@ def explore_passes(strategy: Strategy, setting: Setting, state: State) -> State:
         flyers = {n: flyers[n] for n in team}
     times = 1.0 if others_part is None else ALONE_TIMES
     plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
-    if plan.work == 0 and others_part is not None and want_told(setting, state, known):
+    left_out = plan.work == 0 and others_part is not None
+    if left_out and setting.team.want_reported(setting, state, known):
         plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and others_part is not None:
         known.chart.closed[others_part] = 0
@@ -169,18 +169,8 @@ def _homeward(setting: Setting, state: State, waiting: frozenset[int]) -> State:
         vehicle = state.vehicles[number]
         route = setting.fence.route(vehicle.position, over_pad(setting, vehicle))
         if route and vehicle.position.distance_to(route[-1]) > NEAR_PAD_M:
-            path = along_route(setting, vehicle, route, state.t_s + NOTICE_S)
-            state = give_path(setting, state, vehicle, path)
+            state = fly_route(setting, state, vehicle, route)
     return state
-
-
-def _to_gate(setting: Setting, state: State, vehicle: VehicleState) -> State:
-    """Have one whose way leads past the columns over other pads fly straight out of its own."""
-    gate = gate_of(setting, vehicle)
-    if vehicle.position.distance_to(gate) < STEP_M:
-        return state
-    path = along_route(setting, vehicle, [gate], state.t_s + NOTICE_S)
-    return give_path(setting, state, vehicle, path)
 
 
 def _fetch(
@@ -299,8 +289,8 @@ def _fly(
             longest_s = max(longest_s, flown.end_s - state.t_s)
         elif vehicle.idle and allowed(setting.fence, flown):
             blocked = True  # its air is claimed, which passes: nothing is in vain yet
-        elif vehicle.idle and setting.member is not None and is_over_pad(vehicle):
-            state = _to_gate(setting, state, vehicle)
+        elif vehicle.idle:
+            state = setting.team.way_out(setting, state, vehicle)
     vain_s = 0.0 if blocked else memory.vain_s
     memory = replace(memory, routes=routes, paths=paths, longest_s=longest_s, vain_s=vain_s)
     return state, memory, blocked

@@ -96,7 +96,7 @@ class TwoHeights(OneHeight):
             return False
         if abs(vehicle.level_m - layer_m) <= OFF_LAYER_M:
             return True
-        if setting.member is not None:  # others are asked for a column, not for a way
+        if not setting.team.climbs_on_path:
             return False
         flight = setting.mission.flight
         if not vehicle.lanes:  # its frames count as soon as they are taken from low enough
@@ -154,7 +154,7 @@ def climbed_on_the_way_m(setting: Setting, state: State, vehicle: VehicleState) 
     member of a fleet, which has promised the others to keep to its layer.
     """
     climb_m_s = setting.mission.flight.climb_m_s
-    if climb_m_s is None or not vehicle.lanes or setting.member is not None:
+    if climb_m_s is None or not vehicle.lanes or not setting.team.climbs_on_path:
         return 0.0
     start = setting.over_ground(vehicle.lanes[0][0], state.t_s)
     return climb_m_s * vehicle.position.distance_to(start) / setting.energy.speed_m_s
@@ -168,8 +168,9 @@ def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State
     heights = heights_of(setting)
     if heights.in_layer(setting, state, vehicle):
         return None
-    if setting.member is not None and not is_over_pad(vehicle):
-        return _change_among_others(setting, state, vehicle)
+    changed = setting.team.change_layer(setting, state, vehicle)
+    if changed is not None:
+        return changed
     moved = replace(vehicle, cruise_altitude_m=heights.layer_m(setting, vehicle))
     if moved != vehicle and heights.in_layer(setting, state, moved):  # on the way
         return state.holding(moved)
@@ -190,48 +191,6 @@ def over_own_pad(setting: Setting, state: State, vehicle: VehicleState) -> State
     """Have a vehicle of a fleet fly to the column that is its own, in its layer."""
     route = setting.fence.route(vehicle.position, vehicle.pad) or (vehicle.pad,)
     return Airspace(setting, state).leave(vehicle, route)
-
-
-def strays_from_layer(vehicle: VehicleState) -> bool:
-    """Whether a vehicle is in a layer that may be another's, and not over its pad."""
-    off_m = abs(vehicle.level_m - vehicle.cruise_altitude_m)
-    return off_m > OFF_LAYER_M and not is_over_pad(vehicle)
-
-
-def back_to_layer(setting: Setting, state: State, vehicle: VehicleState) -> State:
-    """Have a vehicle climb or descend where it is, before it goes anywhere.
-
-    It has been stopped on its way between two layers. While the air of that way is still its own it
-    goes on. Else it asks for the way to the nearer of its two layers; it goes without an answer
-    where the others cannot be asked, as it is in another's layer already.
-    """
-    air, layer_m = Airspace(setting, state), vehicle.cruise_altitude_m
-    if not air.has_column(vehicle, layer_m):
-        mission, index = setting.mission, vehicle.vehicle - 1
-        high_m = mission.search_altitude_m(index)
-        own_m = [layer_m, mission.altitude_m(index), *([high_m] if high_m else [])]
-        layer_m = min(own_m, key=lambda own: abs(own - vehicle.level_m))
-        vehicle, granted = air.ask_for_column(vehicle, layer_m)
-        if granted is None:
-            return state.holding(vehicle)
-    return air.leave(replace(vehicle, cruise_altitude_m=layer_m), (vehicle.position,))
-
-
-def _change_among_others(setting: Setting, state: State, vehicle: VehicleState) -> State:
-    """The same for a member of a fleet: its column crosses the layers of others.
-
-    It asks them for that air, and has it once all have promised to keep out of it. If a member is
-    out of contact, the vehicle goes where the air is its own anyway, over its pad.
-    """
-    air, layer_m = Airspace(setting, state), heights_of(setting).layer_m(setting, vehicle)
-    vehicle, granted = air.ask_for_column(vehicle, layer_m)
-    if granted is None:
-        return state.holding(vehicle)
-    if not granted or vehicle.asks is None:
-        return over_own_pad(setting, state, replace(vehicle, asks=None))
-    moved = replace(vehicle, cruise_altitude_m=layer_m, at_target=False)
-    given = air.reserve(moved, moved.leg((vehicle.asks.place,)))
-    return state.holding(vehicle) if given is None else given
 
 
 # --- what is plain -----------------------------------------------------------------------------

@@ -60,10 +60,15 @@ Parts = tuple[tuple[int, tuple[GridPoint, ...]], ...]
 
 
 def share_parts(
-    setting: Setting, state: State, known: Known, flyers: Mapping[int, Flyer], decision: int
+    mine: int,
+    setting: Setting,
+    state: State,
+    known: Known,
+    flyers: Mapping[int, Flyer],
+    decision: int,
 ) -> State:
     """The state with what is left to map laid out anew, if that is ours to do, and is due."""
-    mine, last = setting.member, state.allotment
+    last = state.allotment
     if mine != min(flyers):
         return state
     before = {} if last is None else last.parts
@@ -90,7 +95,7 @@ def share_parts(
 
 
 def own_part(
-    setting: Setting, state: State, chart: Chart, memory: TourMemory
+    mine: int, setting: Setting, state: State, chart: Chart, memory: TourMemory
 ) -> tuple[Bits | None, TourMemory, Waypoints]:
     """Close what others are to map in a chart, for as long as ours keeps to its part.
 
@@ -98,8 +103,8 @@ def own_part(
         The cells that were closed, None where there is no part to keep to; what is to be remembered
         of it; and what a plan for ours may begin with, none where the last one goes on.
     """
-    found, mine = state.allotment, setting.member
-    if found is None or mine is None or mine not in found.parts:
+    found = state.allotment
+    if found is None or mine not in found.parts:
         return None, memory, ()
     if state.t_s >= found.made_s + KNOWN_S:
         return None, memory, ()
@@ -118,14 +123,14 @@ def _tour(places: Sequence[GridPoint]) -> Tour:
     return tuple((place.east_m, place.north_m, CUT_M) for place in places)
 
 
-def want_told(setting: Setting, state: State, known: Known) -> bool:
+def want_reported(mine: int, setting: Setting, state: State, known: Known) -> bool:
     """Have seen from the places told to ours what there is undecided; whether there is any.
 
     Votes that decide nothing are not told: whoever has laid out the parts may miss what ours takes
     for seen, and nobody else will look.
     """
-    found, mine, wanted = state.allotment, setting.member, known.wanted
-    if found is None or mine is None or wanted is None:
+    found, wanted = state.allotment, known.wanted
+    if found is None or wanted is None:
         return False
     chart, any_ = known.chart, False
     low = heights_of(setting).as_mapping(setting, state.vehicles[mine])

@@ -175,7 +175,8 @@ def phase(state: State) -> str:
     """What the mission as a whole is doing.
 
     >>> from missions.mapping.belief import Belief
-    >>> phase(State(Belief(5, 3), {}, recalled=True))
+    >>> from missions.flight.team.teams import Alone
+    >>> phase(State(Belief(5, 3), {}, Alone(), recalled=True))
     'recalled'
     """
     if state.recalled:

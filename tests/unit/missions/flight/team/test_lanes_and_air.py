@@ -16,9 +16,7 @@ from missions.flight.setting_of import setting_of
 from missions.flight.state import Column, Phase, State, VehicleState
 from missions.flight.strategy.lane_passes import drop_seen
 from missions.flight.strategy.two_heights import (
-    back_to_layer,
     change_layer,
-    strays_from_layer,
 )
 from missions.flight.team.members import heard
 from missions.flight.transitions import apply
@@ -119,8 +117,9 @@ def stopped_between(*, leased_s: float, apart: bool = False) -> State:
 
 
 def sent_back(state: State) -> VehicleState:
-    assert strays_from_layer(state.vehicles[OURS])
-    return back_to_layer(setting(), state, state.vehicles[OURS]).vehicles[OURS]
+    after = setting().team.first(setting(), state, state.vehicles[OURS])
+    assert after is not None
+    return after.vehicles[OURS]
 
 
 def test_who_is_stopped_between_its_layers_goes_on_while_the_air_is_its_own() -> None:

@@ -8,8 +8,8 @@ import pytest
 
 from missions.fleet_events import Apart, Fact, Shared
 from missions.flight.state import Allotment, ReturnReason, State
-from missions.flight.strategy.gathering import LATE_S, SILENT_S, TELLS_S, TOLD_S, gathers
 from missions.flight.strategy.interface import strategy_of
+from missions.flight.team.gathering import LATE_S, SILENT_S, TELLS_S, TOLD_S, gathers
 from missions.flight.transitions import apply
 from missions.orders import FlyPath
 from missions.units import Cell, GridPoint

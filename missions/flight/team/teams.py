@@ -1,0 +1,188 @@
+"""A service that commands all vehicles, a member of a fleet, and a station that only listens.
+
+A member keeps to a layer and to a column over its pad that are its own, asks the others before it
+leaves them (`missions.flight.airspace.airspace`), and waits over its pad to hear what the others
+know (`missions.flight.team.gathering`). One of the members lays out which vehicle maps what
+(`missions.flight.team.work_shares`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+from missions.flight.airspace.airspace import Airspace
+from missions.flight.airspace.needs import OFF_LAYER_M
+from missions.flight.lane_progress import lanes_held
+from missions.flight.path_orders import fly_route
+from missions.flight.setting import Setting
+from missions.flight.state import State, VehicleState
+from missions.flight.strategy.flyers import gate_of
+from missions.flight.strategy.interface import TourMemory, Work
+from missions.flight.strategy.lane_passes import cells_drift_out, still_open
+from missions.flight.strategy.touring import shared_out
+from missions.flight.strategy.two_heights import heights_of, is_over_pad, over_own_pad
+from missions.flight.team.gathering import gathers
+from missions.flight.team.interface import Fences, Team
+from missions.flight.team.work_shares import own_part, share_parts, want_reported
+from missions.geo.columns import PAD_M, columns_over, fence_without
+from missions.geo.fence import Fence
+from missions.mission.schema import Mission
+from missions.planning.search.lanes import Lane
+from missions.planning.sweep.chart import Known
+from missions.units import GridPoint
+
+if TYPE_CHECKING:
+    from missions.planning.sweep.planned_team import Flyer
+
+GATE_M: Final = 1.0
+"""Distance from the gate of its pad within which a vehicle is out of its column, m."""
+
+
+@dataclass(frozen=True)
+class Alone(Team):
+    """A service that commands all vehicles."""
+
+    def share_work(
+        self,
+        setting: Setting,
+        state: State,
+        known: Known,
+        flyers: Mapping[int, Flyer],
+        memory: TourMemory,
+        decision: int,
+    ) -> Work:
+        """Lay tours for all, also for those which still fly lanes."""
+        return Work(state, *shared_out(setting, state, known, flyers, memory, decision))
+
+
+@dataclass(frozen=True)
+class Member(Team):
+    """A service that commands one vehicle of a fleet."""
+
+    number: int
+    climbs_on_path = False  # others are asked for a column, not for a way
+
+    def controls(self, number: int) -> bool:
+        """Return whether it is its own vehicle."""
+        return number == self.number
+
+    def fences(self, mission: Mission, whole: Fence, pads: Sequence[GridPoint]) -> Fences:
+        """The columns over the pads of others are holes."""
+        columns = columns_over(pads, mission.team.separation_m)
+        others = [column for k, column in enumerate(columns, start=1) if k != self.number]
+        ours, everyones = (
+            fence_without(whole, holes, mission.fence.margin_m) for holes in (others, columns)
+        )
+        return Fences(ours, everyones, whole)
+
+    def refusal(self, setting: Setting, vehicle: VehicleState) -> str:
+        """It has to stand where its fleet keeps clear for it."""
+        off_m = setting.pad_of(vehicle.vehicle).distance_to(vehicle.position)
+        if off_m <= PAD_M:
+            return ""
+        return (
+            f"it stands {off_m:.1f} m from the place that its fleet keeps clear for it; move it, "
+            "or its home in the mission of everybody"
+        )
+
+    def first(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+        """Have a vehicle climb or descend where it is, if its layer may be another's.
+
+        It has been stopped on its way between two layers. While the air of that way is still its
+        own it goes on. Else it asks for the way to the nearer of its two layers; it goes without an
+        answer where the others cannot be asked, as it is in another's layer already.
+        """
+        layer_m = vehicle.cruise_altitude_m
+        if abs(vehicle.level_m - layer_m) <= OFF_LAYER_M or is_over_pad(vehicle):
+            return None
+        air = Airspace(setting, state)
+        if not air.has_column(vehicle, layer_m):
+            mission, index = setting.mission, vehicle.vehicle - 1
+            high_m = mission.search_altitude_m(index)
+            own_m = [layer_m, mission.altitude_m(index), *([high_m] if high_m else [])]
+            layer_m = min(own_m, key=lambda own: abs(own - vehicle.level_m))
+            vehicle, granted = air.ask_for_column(vehicle, layer_m)
+            if granted is None:
+                return state.holding(vehicle)
+        return air.leave(replace(vehicle, cruise_altitude_m=layer_m), (vehicle.position,))
+
+    def change_layer(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+        """Ask the others for a column, for it crosses their layers, unless it is over its own pad.
+
+        The vehicle has the air once all have promised to keep out of it. If a member is out of
+        contact, it goes where the air is its own anyway, over its pad.
+        """
+        if is_over_pad(vehicle):
+            return None
+        air, layer_m = Airspace(setting, state), heights_of(setting).layer_m(setting, vehicle)
+        vehicle, granted = air.ask_for_column(vehicle, layer_m)
+        if granted is None:
+            return state.holding(vehicle)
+        if not granted or vehicle.asks is None:
+            return over_own_pad(setting, state, replace(vehicle, asks=None))
+        moved = replace(vehicle, cruise_altitude_m=layer_m, at_target=False)
+        given = air.reserve(moved, moved.leg((vehicle.asks.place,)))
+        return state.holding(vehicle) if given is None else given
+
+    def way_out(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
+        """Have it fly straight out of its column where its way leads past those of others."""
+        gate = gate_of(setting, vehicle)
+        if not is_over_pad(vehicle) or vehicle.position.distance_to(gate) < GATE_M:
+            return state
+        return fly_route(setting, state, vehicle, [gate])
+
+    def free_lane(self, setting: Setting, state: State) -> Lane | None:
+        """What a member that dropped out held, and no other has taken up."""
+        if cells_drift_out(setting):
+            return None  # lanes that lie still are flown as they are, seen or not
+        held = {n for vehicle in state.vehicles.values() for n in lanes_held(setting, vehicle)}
+        free = (lane for number, lane in enumerate(setting.lanes) if number not in held)
+        return next((part for lane in free for part in still_open(setting, state, (lane,))), None)
+
+    def gathers(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
+        """Members without lanes wait until all that are due have reported what they know."""
+        return gathers(setting, state, vehicle)
+
+    def share_work(
+        self,
+        setting: Setting,
+        state: State,
+        known: Known,
+        flyers: Mapping[int, Flyer],
+        memory: TourMemory,
+        decision: int,
+    ) -> Work:
+        """Keep to its own part, and lay out all parts if that is its duty."""
+        state = share_parts(self.number, setting, state, known, flyers, decision)
+        others, memory, tours = own_part(self.number, setting, state, known.chart, memory)
+        return Work(state, memory, tours, others)
+
+    def want_reported(self, setting: Setting, state: State, known: Known) -> bool:
+        """Votes that decide nothing are not reported: others may miss what ours takes for seen."""
+        return want_reported(self.number, setting, state, known)
+
+
+@dataclass(frozen=True)
+class Listener(Member):
+    """A station that commands no vehicle of a fleet, and knows what all of them report."""
+
+    number: int = 0
+    knows_orders = False
+
+    def fences(self, mission: Mission, whole: Fence, pads: Sequence[GridPoint]) -> Fences:
+        """It flies nothing, and needs no air."""
+        return Fences(whole, whole, None)
+
+
+def team_of(member: int | None) -> Team:
+    """Return the team of a service.
+
+    Args:
+        member: The one vehicle that it commands, where each has a service of its own; 0 for none;
+            None: it commands all.
+    """
+    if member is None:
+        return Alone()
+    return Member(member) if member else Listener()
