@@ -9,10 +9,10 @@ from typing import Final
 
 from missions.flight.setting import Setting
 from missions.flight.state import VehicleState
-from missions.flight.strip import Strip
 from missions.geo.grid import Grid
 from missions.geo.trajectory import LANE_CUTS_M
 from missions.planning.search.lanes import Lane, along_m, offset_m, unseen
+from missions.planning.search.strip import Strip
 from missions.units import Cell, GridPoint
 
 BESIDE_CELLS = 1.5

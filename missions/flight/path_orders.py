@@ -8,22 +8,19 @@ At every report `missions.flight.return_home` checks whether the energy lasts.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
 import shapely
-from numpy.typing import NDArray
-from shapely.geometry import LineString, Point
+from shapely.geometry import Point
 from shapely.ops import nearest_points
 
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State, VehicleState
-from missions.geo.braking import braked, cut_short
-from missions.geo.fence import Fence
+from missions.geo.braking import braked
+from missions.geo.path_in_fence import allowed, as_far_as_allowed, is_outside
 from missions.geo.trajectory import LANE_CUTS_M, Trajectory, rounded_path
 from missions.mission.views import path_speed_m_s
 from missions.orders import FlyPath
@@ -33,19 +30,8 @@ NOTICE_S: Final = 1.0
 """A plan begins so long after it is made: what is streamed is up to 0.75 s ahead of its time."""
 CORNER_CUT_M: Final = 0.005
 """Corners of the fence are not cut: a vehicle nearly stops there."""
-ROUNDING_M: Final = 0.02
-"""A path along the rim of the margin may miss it by so much."""
-OUTSIDE_M: Final = 1.0
-"""A path may begin so far outside of the margin, where a gust has blown the vehicle."""
-INSIDE_S: Final = 4.0
-"""... if it leads inside within this time, and on the way no farther out."""
 DEPTH_M: Final = 1.5
 """Who is farther outside flies so far inside first."""
-BEFORE_S: Final = (4.0, 6.0, 9.0, 13.0)
-"""So long before a path would lead where the fence does not allow it, it is braked."""
-WORTH_S: Final = 5.0
-"""A path that has to be braked sooner is not begun."""
-_STEP_S: Final = 0.25
 
 
 def give_path(
@@ -62,37 +48,14 @@ def give_path(
     """
     mission = setting.mission
     fits = allowed(setting.fence, path)
-    if not fits and partly and (short := as_far_as_allowed(setting, path)) is not None:
-        path, fits = short, True
+    if not fits and partly:
+        short = as_far_as_allowed(setting.fence, path, setting.energy.accel_m_s2)
+        path, fits = (path, False) if short is None else (short, True)
     order = FlyPath(path, vehicle.cruise_height_m, setting.yaw_deg, mission.camera.interval_s)
     begins = vehicle if vehicle.path is not None else replace(vehicle, judged_s=path.begin_s)
     if fits and (given := Airspace(setting, state).reserve(begins, order)) is not None:
         return given
     return state.holding(vehicle) if vehicle.path is None else state
-
-
-def as_far_as_allowed(setting: Setting, path: Trajectory) -> Trajectory | None:
-    """A path that is not allowed as a whole, braked before it would lead where it is not.
-
-    Plans are made anew every other second, so what matters is where a path leads next. Its last
-    part is the way home as the planner sees it, past whatever stands around the pads: that is no
-    reason not to fly the first part. None where that is not worth to be begun.
-    """
-    fence = setting.fence
-    places = _places(path)
-    inside = _inside(fence, places)
-    first = int(inside.argmax())
-    if not inside[first] or inside[first:].all():
-        return None
-    step_s = (path.end_s - path.begin_s) / (len(places) - 1)
-    leaves_s = path.begin_s + step_s * (first + int((~inside[first:]).argmax()))
-    for before_s in BEFORE_S:
-        if leaves_s - before_s < path.begin_s + WORTH_S:
-            break
-        short = cut_short(path, leaves_s - before_s, setting.energy.accel_m_s2)
-        if allowed(fence, short):
-            return short
-    return None
 
 
 def through(
@@ -149,52 +112,6 @@ def fly_route(
     """Give an idle vehicle a path along a way inside the fence."""
     path = along_route(setting, vehicle, route, state.t_s + NOTICE_S)
     return give_path(setting, state, vehicle, path)
-
-
-def allowed(fence: Fence, path: Trajectory) -> bool:
-    """Whether the margin of the fence holds all of a path, at the time when it is flown.
-
-    A vehicle may begin a little outside of it if it goes inside from there, and no farther out.
-    """
-    places = _places(path)
-    inside = _inside(fence, places)
-    if not inside.any():
-        return False
-    first = int(inside.argmax())
-    if first and not _comes_in(fence, places[: first + 1]):
-        return False
-    if not bool(inside[first:].all()):
-        return False
-    if first + 1 == len(places):
-        return True
-    line = LineString(places[first:])
-    return bool(shapely.covers(fence.shrunk(-ROUNDING_M), line))
-
-
-def _places(path: Trajectory) -> list[GridPoint]:
-    steps = max(1, round((path.end_s - path.begin_s) / _STEP_S))
-    step_s = (path.end_s - path.begin_s) / steps
-    return [path.place_at(path.begin_s + k * step_s) for k in range(steps + 1)]
-
-
-def _inside(fence: Fence, places: list[GridPoint]) -> NDArray[np.bool_]:
-    rim = fence.shrunk(-ROUNDING_M)
-    return np.asarray(shapely.intersects_xy(rim, np.array(places)), dtype=np.bool_)
-
-
-def _comes_in(fence: Fence, places: list[GridPoint]) -> bool:
-    """Whether a path that begins outside of the margin goes straight in, inside of the fence."""
-    if len(places) * _STEP_S > INSIDE_S or not all(map(fence.contains, places)):
-        return False
-    out_m = [float(fence.inner.distance(Point(place))) for place in places]
-    return out_m[0] <= OUTSIDE_M and all(
-        after <= before + ROUNDING_M for before, after in itertools.pairwise(out_m)
-    )
-
-
-def is_outside(fence: Fence, place: GridPoint) -> bool:
-    """Whether a place is too far outside of the margin for a path to begin there."""
-    return not fence.inner.dwithin(Point(place), OUTSIDE_M)
 
 
 def come_inside(setting: Setting, state: State, vehicle: VehicleState) -> State | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from missions.flight.setting import Setting
 from missions.flight.strategies import chosen
+from missions.flight.strategy.interface import Area
 from missions.flight.team.teams import team_of
 from missions.geo.grid import Grid
 from missions.mission.flyable import fence_of
@@ -29,7 +30,7 @@ def setting_of(mission: Mission, member: int | None = None) -> Setting:
     fences = team.fences(mission, fence_of(mission, grid), pads)
     box = [grid.fixed(place) for place in positions(mission.search.box)]
     strategy = chosen(mission)
-    lanes, east_ahead, rows = strategy.lay(mission, grid, box, fences.everyones, pads)
+    lanes, east_ahead, rows = strategy.lay(Area(mission, grid, box, fences.everyones, pads))
     prior = prior_of(mission, grid) if lanes else ()
     return Setting(
         mission,

@@ -10,9 +10,10 @@ from missions.flight.lane_progress import lane_passed, lane_seen
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.flight.strategy.interface import strategy_of
-from missions.flight.strategy.two_heights import heights_of, with_plain
+from missions.flight.strategy.two_heights import heights_of
 from missions.flight.strategy.visiting import drifts_out, give_up
 from missions.mapping.belief import Belief, FrameId, Verdicts
+from missions.mapping.overview import with_plain
 from missions.mapping.tree import Tree
 from missions.orders import FlyTo, Look
 from missions.units import Cell

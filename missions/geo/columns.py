@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
+from itertools import pairwise
 from typing import Final
 
-from shapely.geometry import Polygon
+from shapely.geometry import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from missions.geo.fence import Fence
@@ -21,6 +23,14 @@ STRAY_M: Final = 2.0
 PAD_M: Final = 2.0
 """So far from its pad it may stand."""
 _CORNERS: Final = 12
+GATE_STEP_M: Final = 4.0
+GATE_STEPS: Final = 15
+"""So far from its pad a gate is looked for."""
+ROW_TIMES: Final = 1.5
+"""Pads that reach so many times farther in one direction than across it stand in a row."""
+WAY_M: Final = 120.0
+WAYS_RAD: Final = tuple(math.radians(turn) for turn in (-75.0, -50.0, -25.0, 0.0, 25.0, 50.0, 75.0))
+"""These ways from a gate lead past no column."""
 
 
 def column_radius_m(separation_m: float) -> float:
@@ -62,3 +72,48 @@ def fence_without(fence: Fence, columns: Sequence[Sequence[GridPoint]], margin_m
 
 def _points(coordinates: Sequence[Sequence[float]]) -> list[GridPoint]:
     return [GridPoint(float(at[0]), float(at[1])) for at in list(coordinates)[:-1]]
+
+
+@lru_cache(maxsize=64)
+def gate_past_columns(fence: Fence, whole: Fence, pad: GridPoint, cell_m: float) -> GridPoint:
+    """Return a place before a pad from which ways lead past all columns, the holes of `fence`.
+
+    `whole` is the fence without them; the pad itself where no such place is found.
+    """
+    # (a plan looks at whole cells)
+    columns = whole.inner.difference(fence.inner).buffer(cell_m * math.sqrt(0.5))
+    if columns.is_empty:
+        return pad
+    middle = whole.inner.centroid
+    ahead = math.atan2(middle.y - pad.north_m, middle.x - pad.east_m)
+    # straight out of a row of pads, not along it
+    out = _across(columns.minimum_rotated_rectangle, ahead)
+    for step in range(GATE_STEPS + 1):
+        gate = _beyond(pad, out, step * GATE_STEP_M)
+        if not fence.allows(gate):
+            continue
+        ways = [LineString([gate, _beyond(gate, out + turn, WAY_M)]) for turn in WAYS_RAD]
+        if not any(way.intersects(columns) for way in ways):
+            return gate
+    return pad
+
+
+def _across(row: BaseGeometry, ahead: float) -> float:
+    """The direction across the longer side of a rectangle that is nearest to another."""
+    if not isinstance(row, Polygon):
+        return ahead
+    corners = [GridPoint(x, y) for x, y in row.exterior.coords[:3]]
+    (short_m, _), (long_m, along) = sorted(
+        (a.distance_to(b), math.atan2(b.north_m - a.north_m, b.east_m - a.east_m))
+        for a, b in pairwise(corners)
+    )
+    if long_m < ROW_TIMES * short_m:
+        return ahead
+    turns = (along + math.pi / 2.0, along - math.pi / 2.0)
+    return max(turns, key=lambda turn: math.cos(turn - ahead))
+
+
+def _beyond(place: GridPoint, turn_rad: float, way_m: float) -> GridPoint:
+    return GridPoint(
+        place.east_m + way_m * math.cos(turn_rad), place.north_m + way_m * math.sin(turn_rad)
+    )

@@ -15,17 +15,23 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import pairwise
 from typing import Final
 
 import shapely
 from shapely.geometry import LineString
 from shapely.ops import substring
 
+from missions.geo.fence import Fence
+from missions.units import GridPoint
+
 Point = tuple[float, float]
 """East and north, in metres."""
 
 _STILL_M: Final = 1e-6
 _HALVINGS: Final = 32
+LEAST_M: Final = 0.5
+"""Shortest path that is flown, m."""
 
 
 class Role(StrEnum):
@@ -191,3 +197,43 @@ def _piece(line: LineString, start_m: float, end_m: float) -> LineString:
 def _centre(piece: LineString) -> Point:
     circle = shapely.minimum_bounding_circle(piece).centroid
     return float(circle.x), float(circle.y)
+
+
+def steps_along(fence: Fence, view: TrackerView, way: list[GridPoint]) -> tuple[Step, ...]:
+    """Return the moves of both vehicles, in turn, for a mapper that flies `way` inside of a fence.
+
+    Where the shortest ways of the tracker would leave the fence it flies along the mapper's way.
+    """
+    path = [(float(east), float(north)) for east, north in way]
+    length_m = sum(math.dist(a, b) for a, b in pairwise(path))
+    if length_m <= LEAST_M:
+        return ()
+    plan = plan_leapfrog(path, view)
+    inside = all(
+        fence.allows_leg(GridPoint(*step.start), GridPoint(*step.end))
+        for step in plan.steps
+        if step.mover is Role.TRACKER
+    )
+    return plan.steps if inside else _above_the_way(path, view)
+
+
+def _above_the_way(path: list[tuple[float, float]], view: TrackerView) -> tuple[Step, ...]:
+    """The tracker hovers above the middle of each piece, and flies along the path."""
+    line = LineString(path)
+    count = math.ceil(line.length / (2.0 * view.reach_m))
+    piece_m = line.length / count
+    steps: list[Step] = []
+    mapper, above_m = path[0], 0.0
+    for k in range(count):
+        middle_m = (k + 0.5) * piece_m
+        steps.append(Step(Role.TRACKER, _part(line, above_m, middle_m), mapper))
+        above_m = middle_m
+        way = _part(line, k * piece_m, (k + 1) * piece_m)
+        steps.append(Step(Role.MAPPER, way, steps[-1].end))
+        mapper = way[-1]
+    return tuple(steps)
+
+
+def _part(line: LineString, start_m: float, end_m: float) -> tuple[tuple[float, float], ...]:
+    places = substring(line, start_m, end_m).coords
+    return tuple((float(east), float(north)) for east, north in places)

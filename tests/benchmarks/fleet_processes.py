@@ -32,10 +32,10 @@ from pathlib import Path
 from typing import IO, Any
 
 from missions.events import Landed, LiftedOff
-from missions.flight.joined_map import joined
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from tests.benchmarks.frame import asked
+from tests.support.small_missions import joined
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.load.mission_source import load

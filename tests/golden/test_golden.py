@@ -13,7 +13,7 @@ from missions.events import Event, from_json, to_json
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.step import fold, step
-from missions.flight.strategy.two_heights import with_plain
+from missions.mapping.overview import with_plain
 from missions.orders import FlyPath, Look
 from missions.planning.kernels.jit import COMPILED
 from tests.golden.recording import PASSES, RECORDINGS, STOPS, Recording, outcome

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from missions.events import Event
-from missions.flight.joined_map import joined
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
@@ -27,7 +26,7 @@ from missions.geo.grid import Grid
 from missions.units import Cell, GridPoint
 from sitl.vehicle import SimVehicle
 from tests.support.plans import plan_of
-from tests.support.small_missions import CELL_M, START, mission_text, ring, square
+from tests.support.small_missions import CELL_M, START, joined, mission_text, ring, square
 from uavmap.base.clock import VirtualClock, run
 from uavmap.base.messages import shown_on
 from uavmap.fleet.radio import Radio, SealedRadio

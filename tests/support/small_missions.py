@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -12,8 +12,11 @@ import numpy as np
 
 import missions.lab.strategies  # noqa: F401 - the strategies of papers register themselves
 from missions.errors import MissionFileError
+from missions.events import Event
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import State
+from missions.flight.team.members import facts_of, with_map
 from missions.geo.grid import Grid
 from missions.lab.arena.roi import eden
 from missions.mission.checks import parse_mission
@@ -308,3 +311,11 @@ def reachable(setting: Setting, roi: Collection[Cell], root: Cell) -> tuple[set[
         looked.add(cell)
         todo.extend(cell.neighbours())
     return looked, looked | {n for c in looked for n in c.neighbours() if n in roi}
+
+
+def joined(setting: Setting, state: State, events: Iterable[Event]) -> State:
+    """The state of a member after its journal, with the map that its facts make in any order."""
+    facts = facts_of(setting)
+    for event in events:
+        facts.take(event)
+    return with_map(state, facts)

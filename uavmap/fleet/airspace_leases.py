@@ -15,8 +15,8 @@ from missions.fleet_events import Asked, Leased
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.setting import Setting
 from missions.flight.state import Column, State
-from missions.flight.team.codec import Ask
 from missions.units import GridPoint
+from uavmap.fleet.codec import Ask
 from uavmap.fleet.peer import Peer
 
 MOST_ASK_S: Final = 600.0

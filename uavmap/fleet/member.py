@@ -29,15 +29,15 @@ from missions.events import (
 from missions.fleet_events import Allotted, Apart, Part, Shared
 from missions.flight.setting import Setting
 from missions.flight.state import State
-from missions.flight.team.bits import BytesError
-from missions.flight.team.codec import Message, Order, Presence, Word, decode, encode
-from missions.flight.team.knowledge import NOTHING, Knowledge
-from missions.flight.team.own_cells import OwnCells
 from missions.mapping.belief import Belief
+from missions.mapping.own_cells import OwnCells
 from missions.units import PadHeight
 from uavmap.base import messages
 from uavmap.fleet.airspace_leases import AirspaceLeases
+from uavmap.fleet.bits import BytesError
+from uavmap.fleet.codec import Message, Order, Presence, Word, decode, encode
 from uavmap.fleet.fleet_clock import FleetClock
+from uavmap.fleet.knowledge import NOTHING, Knowledge
 from uavmap.fleet.peer import Peer, heard_of, presence_of
 from uavmap.fleet.radio import Radio
 from uavmap.fleet.reports import Telling

@@ -10,10 +10,10 @@ from missions.fleet_events import Heard
 from missions.flight.lane_progress import lanes_held
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State, VehicleState
-from missions.flight.team.codec import Ask, Does, Presence
-from missions.flight.team.knowledge import Holding
 from missions.orders import FlyPath
 from missions.units import GridPoint, PadHeight
+from uavmap.fleet.codec import Ask, Does, Presence
+from uavmap.fleet.knowledge import Holding
 
 
 @dataclass(slots=True)

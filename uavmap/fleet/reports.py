@@ -10,8 +10,8 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
-from missions.flight.team.codec import Batch, Message, encode
-from missions.flight.team.knowledge import NOTHING, Knowledge, runs_of
+from uavmap.fleet.codec import Batch, Message, encode
+from uavmap.fleet.knowledge import NOTHING, Knowledge, runs_of
 from uavmap.fleet.peer import Peer
 
 RELAY_S: Final = 8.0

@@ -18,9 +18,9 @@ from dataclasses import dataclass, field
 from hashlib import blake2s
 from typing import Final
 
-from missions.flight.team.bits import BytesError, Reader, Writer
 from missions.mission.places import home_heights_m
 from missions.mission.schema import Mission
+from uavmap.fleet.bits import BytesError, Reader, Writer
 
 CODE_BYTES: Final = 8
 NONCE_BYTES: Final = 8

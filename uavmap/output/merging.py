@@ -17,9 +17,9 @@ from typing import Any, Final
 from missions.errors import JournalError, OutputError
 from missions.events import Continued, Event, FrameSeen, Paused, Recalled, Resumed, Tracked, to_json
 from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, Shared
-from missions.flight.joined_map import Facts
-from missions.flight.team.knowledge import Knowledge
+from missions.flight.team.members import facts_of
 from missions.mission.fleet_checks import with_vehicles
+from uavmap.fleet.knowledge import Knowledge
 from uavmap.fleet.sealing import meaning_of
 from uavmap.journal.event_log import Journal, JournalReader
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
@@ -127,7 +127,7 @@ def _only_heard(sources: Sequence[Source]) -> list[Shared]:
     """Return the facts that only other members' journals have."""
     known, counted = Knowledge(), dict[int, int]()
     for source in sources:
-        own = Facts(source.plan.known_setting())
+        own = facts_of(source.plan.known_setting())
         for event in source.events:
             if isinstance(event, Shared):
                 known.take(event.vehicle, event.first, event.frames)

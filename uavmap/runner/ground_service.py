@@ -12,8 +12,8 @@ from collections.abc import Callable
 from missions.events import Event
 from missions.flight.setting import Setting
 from missions.flight.state import State
-from missions.flight.team.codec import Order as OrderWord
 from missions.orders import Order
+from uavmap.fleet.codec import Order as OrderWord
 from uavmap.journal.event_log import Journal
 from uavmap.runner.service import Observer, Service
 

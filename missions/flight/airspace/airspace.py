@@ -30,11 +30,11 @@ from missions.flight.airspace.needs import (
     stopping_m,
     uncontrolled_air,
 )
-from missions.flight.airspace.volumes import Volume
 from missions.flight.lane_progress import lane_left
 from missions.flight.setting import Setting
 from missions.flight.state import Column, Phase, State, VehicleState
 from missions.geo.fence import route_length_m
+from missions.geo.volumes import Volume
 from missions.mission.energy import CLIMB_SPEED_M_S
 from missions.orders import FlyPath, FlyTo, Land, Look, Order, Sweep, TakeOff
 from missions.units import GridPoint

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missions.flight.airspace.volumes import Volume
 from missions.flight.setting import Setting
 from missions.flight.state import Column, Phase, VehicleState
 from missions.geo.trajectory import Trajectory
+from missions.geo.volumes import Volume
 from missions.orders import FlyPath, FlyTo, Land, Look, Order, ReturnToLaunch, Sweep, TakeOff
 from missions.units import GridPoint
 

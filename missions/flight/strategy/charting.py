@@ -11,13 +11,12 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import LineString
 
-from missions.flight.optics import kinematics
 from missions.flight.setting import Setting
 from missions.flight.state import State, VehicleState
-from missions.flight.strategy.flyers import LONGEST_S, gate_of, over_pad
+from missions.flight.strategy.flyers import LONGEST_S, gate_of, kinematics, over_pad
 from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.two_heights import heights_of
-from missions.flight.strip import Strip
+from missions.planning.search.strip import Strip
 from missions.planning.sweep.chart import Chart, Flags, Known, places
 from missions.units import Cell
 

@@ -12,11 +12,12 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from missions.flight.optics import kinematics
-from missions.flight.path_orders import NOTICE_S, allowed, along_route
+from missions.flight.path_orders import NOTICE_S, along_route
 from missions.flight.setting import Setting
 from missions.flight.state import State, VehicleState
+from missions.flight.strategy.flyers import kinematics
 from missions.geo.fence import route_length_m
+from missions.geo.path_in_fence import allowed
 from missions.geo.trajectory import Piece, Trajectory
 from missions.planning.sweep.chart import Known
 from missions.units import Cell, GridPoint

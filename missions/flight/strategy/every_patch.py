@@ -8,29 +8,25 @@ frame so far took for no region is done with: it is no part of a patch unless on
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from missions.flight.setting import Setting, Shares
 from missions.flight.state import Phase, State, VehicleState
-from missions.flight.strategy.interface import Lanes, TourMemory, Work
+from missions.flight.strategy.interface import Area, Lanes, OpenWork, Work
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep import Paths
 from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest, last_waiting
 from missions.flight.strategy.two_heights import heights_of, is_over_pad, over_own_pad
 from missions.flight.team.work_shares import held_until_s
-from missions.geo.fence import Fence
-from missions.geo.grid import Grid
-from missions.mission.schema import Mission
 from missions.mission.views import rows_across
-from missions.planning.search.lanes import Lane, along_east, lanes, longest_m, share_by_time
+from missions.planning.search.lanes import Lane, along_east, longest_m, share_by_time
 from missions.planning.sweep.strategies import SWATH
 from missions.units import Cell, GridPoint
 
 if TYPE_CHECKING:
-    from missions.planning.sweep.chart import Known
-    from missions.planning.sweep.planned_team import Flyer
+    pass
 
 SHORT_CELLS: Final = 10.0
 """What is left of a lane and is shorter is left to the planner of paths."""
@@ -111,26 +107,20 @@ class EveryPatch(Covering):
     about = SWATH
     patches = True
 
-    def lay(
-        self,
-        mission: Mission,
-        grid: Grid,
-        box: Sequence[GridPoint],
-        fence: Fence,
-        pads: Sequence[GridPoint],
-    ) -> Lanes:
+    def lay(self, area: Area) -> Lanes:
         """Lay lanes along the side of the box along which the team is done sooner.
 
         With a prior, or for one vehicle, along the longer one. A row or two that no frame has shown
         are flown to: they are not worth a lane.
         """
-        longer = along_east(box)
+        mission, grid, pads = area.mission, area.grid, area.pads
+        longer = along_east(area.box)
         both = len(pads) > 1 and not mission.search.prior
         laid = []
         for ahead in (longer, not longer) if both else (longer,):
             rows = rows_across(mission, grid, east_ahead=ahead)
             spare = rows_across(mission, grid, len(pads) - 1, east_ahead=ahead) - rows
-            laid.append(Lanes(lanes(box, grid.cell_m, fence, rows, ahead, spare), ahead, rows))
+            laid.append(area.lanes(rows, ahead, spare))
         if not both:
             return laid[0]
         return min(laid, key=lambda one: longest_m(share_by_time(one.lanes, pads), pads))
@@ -173,17 +163,9 @@ class EveryPatch(Covering):
         """Two frames: more than that is flown before it is known what they show."""
         return 2.0 * setting.mission.camera.interval_s
 
-    def share_work(
-        self,
-        setting: Setting,
-        state: State,
-        known: Known,
-        team: Mapping[int, Flyer],
-        memory: TourMemory,
-        decision: int,
-    ) -> Work:
+    def share_work(self, setting: Setting, state: State, work: OpenWork) -> Work:
         """As the team shares its work."""
-        return setting.team.share_work(setting, state, known, team, memory, decision)
+        return setting.team.share_work(setting, state, work)
 
     def gathers(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
         """As the team does."""

@@ -4,32 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import lru_cache
-from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
-from shapely.geometry import LineString, Polygon
-from shapely.geometry.base import BaseGeometry
-
-from missions.flight.optics import kinematics
 from missions.flight.setting import Setting
 from missions.flight.state import VehicleState
-from missions.geo.fence import Fence
+from missions.geo.columns import gate_past_columns
 from missions.geo.trajectory import Trajectory
+from missions.mission.views import DRAG_1_S, G_M_S2, path_speed_m_s, seen_whole_m, wind_toward
 from missions.units import GridPoint
 
 if TYPE_CHECKING:
     from missions.planning.sweep.paths import Route
-    from missions.planning.sweep.planned_team import Flyer
+    from missions.planning.sweep.planned_team import Flyer, Kinematics
 
-GATE_STEP_M: Final = 4.0
-GATE_STEPS: Final = 15
-"""So far from its pad a gate is looked for."""
-ROW_TIMES: Final = 1.5
-"""Pads that reach so many times farther in one direction than across it stand in a row."""
-WAY_M: Final = 120.0
-WAYS_RAD: Final = tuple(math.radians(turn) for turn in (-75.0, -50.0, -25.0, 0.0, 25.0, 50.0, 75.0))
-"""These ways from a gate lead past no column."""
 LONGEST_S: Final = 300.0
 """A path is not planned for later: a region that drifts would be out of the fence by then."""
 
@@ -130,45 +117,29 @@ def gate_of(setting: Setting, vehicle: VehicleState) -> GridPoint:
     pad = over_pad(setting, vehicle)
     if setting.whole_fence is None:
         return pad
-    return _gate(setting.fence, setting.whole_fence, pad, setting.mission.grid.cell_m)
+    return gate_past_columns(setting.fence, setting.whole_fence, pad, setting.mission.grid.cell_m)
 
 
-@lru_cache(maxsize=64)
-def _gate(fence: Fence, whole: Fence, pad: GridPoint, cell_m: float) -> GridPoint:
-    # (a plan looks at whole cells)
-    columns = whole.inner.difference(fence.inner).buffer(cell_m * math.sqrt(0.5))
-    if columns.is_empty:
-        return pad
-    middle = whole.inner.centroid
-    ahead = math.atan2(middle.y - pad.north_m, middle.x - pad.east_m)
-    # straight out of a row of pads, not along it
-    out = _across(columns.minimum_rotated_rectangle, ahead)
-    for step in range(GATE_STEPS + 1):
-        gate = _beyond(pad, out, step * GATE_STEP_M)
-        if not fence.allows(gate):
-            continue
-        ways = [LineString([gate, _beyond(gate, out + turn, WAY_M)]) for turn in WAYS_RAD]
-        if not any(way.intersects(columns) for way in ways):
-            return gate
-    return pad
+def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
+    """Of one vehicle in its layer, along the grid's axes.
 
+    The nose is held at `setting.yaw_rad`, so the picture's sides lie along the axes.
+    """
+    from missions.planning.sweep.planned_team import Kinematics  # noqa: PLC0415 - numba takes a second to load
 
-def _across(row: BaseGeometry, ahead: float) -> float:
-    """The direction across the longer side of a rectangle that is nearest to another."""
-    if not isinstance(row, Polygon):
-        return ahead
-    corners = [GridPoint(x, y) for x, y in row.exterior.coords[:3]]
-    (short_m, _), (long_m, along) = sorted(
-        (a.distance_to(b), math.atan2(b.north_m - a.north_m, b.east_m - a.east_m))
-        for a, b in pairwise(corners)
-    )
-    if long_m < ROW_TIMES * short_m:
-        return ahead
-    turns = (along + math.pi / 2.0, along - math.pi / 2.0)
-    return max(turns, key=lambda turn: math.cos(turn - ahead))
-
-
-def _beyond(place: GridPoint, turn_rad: float, way_m: float) -> GridPoint:
-    return GridPoint(
-        place.east_m + way_m * math.cos(turn_rad), place.north_m + way_m * math.sin(turn_rad)
+    mission, grid = setting.mission, setting.grid
+    height_m = vehicle.cruise_height_m
+    half_east_m, half_north_m = seen_whole_m(mission, height_m, east_ahead=setting.east_ahead)
+    fixed = mission.camera.mounting == "fixed"
+    wind_east, wind_north = wind_toward(mission, grid)
+    return Kinematics(
+        speed_m_s=path_speed_m_s(mission, height_m, vehicle.wind_m_s),
+        accel_m_s2=setting.energy.accel_m_s2,
+        frame_s=mission.camera.interval_s,
+        half_east_m=max(half_east_m, 0.1),
+        half_north_m=max(half_north_m, 0.1),
+        tilt_m_s2=height_m / G_M_S2 if fixed else 0.0,
+        drag_1_s=DRAG_1_S,
+        wind_east_m_s=wind_east - grid.drift_east_m_s,  # relative to the region
+        wind_north_m_s=wind_north - grid.drift_north_m_s,
     )

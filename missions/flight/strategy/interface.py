@@ -27,7 +27,7 @@ from missions.geo.grid import Grid
 from missions.mapping.belief import Verdicts
 from missions.mapping.tree import Tree
 from missions.mission.schema import Mission
-from missions.planning.search.lanes import Lane, share_out
+from missions.planning.search.lanes import Lane, lanes, share_out
 from missions.planning.search.search_order import soonest
 from missions.planning.stepwise import Explorer
 from missions.planning.sweep.strategies import About
@@ -39,6 +39,24 @@ if TYPE_CHECKING:
     from missions.planning.sweep.tours import Tour, Waypoints
 
 Bits = NDArray[np.bool_]
+
+
+class Area(NamedTuple):
+    """Where lanes are laid."""
+
+    mission: Mission
+    grid: Grid
+    box: Sequence[GridPoint]
+    """The corners of the search box."""
+    fence: Fence
+    """Where each vehicle may fly."""
+    pads: Sequence[GridPoint]
+    """Where the vehicles start."""
+
+    def lanes(self, rows: int, ahead: bool, spare: int = 0) -> Lanes:
+        """Lay lanes of so many rows along grid east (`ahead`) or north, `spare` rows left out."""
+        laid = lanes(self.box, self.grid.cell_m, self.fence, rows, ahead, spare)
+        return Lanes(laid, ahead, rows)
 
 
 class Lanes(NamedTuple):
@@ -62,6 +80,16 @@ class TourMemory:
     """Of each vehicle, also of those who still fly lanes."""
     others: frozenset[Cell] = frozenset()
     """What those are to see who still fly lanes."""
+
+
+class OpenWork(NamedTuple):
+    """What is left to map, and the vehicles that can map it now."""
+
+    known: Known
+    flyers: Mapping[int, Flyer]
+    memory: TourMemory
+    decision: int
+    """Seeds the search for tours."""
 
 
 class Work(NamedTuple):
@@ -91,15 +119,8 @@ class Strategy(Kind, ABC):
 
     # --- before the flight ----------------------------------------------------------------------
     @abstractmethod
-    def lay(
-        self,
-        mission: Mission,
-        grid: Grid,
-        box: Sequence[GridPoint],
-        fence: Fence,
-        pads: Sequence[GridPoint],
-    ) -> Lanes:
-        """Lay lanes over the box, inside of the fence, for vehicles that start from their pads."""
+    def lay(self, area: Area) -> Lanes:
+        """Lay lanes over the box, inside of the fence."""
 
     def shares(self, setting: Setting) -> Shares:
         """The lanes of each vehicle; with a prior so that the region is expected to be seen
@@ -222,17 +243,9 @@ class Strategy(Kind, ABC):
         """How long a plan is flown at least, seconds."""
         return 0.0
 
-    def share_work(
-        self,
-        setting: Setting,
-        state: State,
-        known: Known,
-        team: Mapping[int, Flyer],
-        memory: TourMemory,
-        decision: int,
-    ) -> Work:
-        """Close in the chart what others are to see; `decision` seeds the search for tours."""
-        return Work(state, memory)
+    def share_work(self, setting: Setting, state: State, work: OpenWork) -> Work:
+        """Close in the chart what others are to see."""
+        return Work(state, work.memory)
 
     def gathers(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
         """Whether a vehicle of a fleet has to hear of others before it does anything."""

@@ -11,17 +11,18 @@ from dataclasses import replace
 from typing import Final
 
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.path_orders import NOTICE_S, allowed, brake, give_path, through
+from missions.flight.path_orders import NOTICE_S, brake, give_path, through
 from missions.flight.return_home import REACTION_S, go_home, has_energy_for
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.two_heights import heights_of
-from missions.flight.strip import Strip
+from missions.geo.path_in_fence import allowed
 from missions.geo.trajectory import Trajectory
 from missions.mission.views import beside_rows_m, path_speed_m_s
 from missions.orders import FlyPath
 from missions.planning.search.lanes import Lane, unseen
+from missions.planning.search.strip import Strip
 from missions.units import GridPoint
 
 WORTH_S: Final = 8.0

@@ -16,14 +16,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Final
 
-from shapely.geometry import LineString
-from shapely.ops import substring
-
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.path_orders import NOTICE_S, give_path, is_outside, through
+from missions.flight.path_orders import NOTICE_S, give_path, through
 from missions.flight.return_home import send_home
 from missions.flight.setting import Setting, Shares
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
@@ -31,13 +27,13 @@ from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.lane_passes import flown_along, turned
 from missions.flight.strategy.survey import Survey
 from missions.flight.strategy.sweep_passes import give_up_rest
-from missions.flight.strip import Strip
-from missions.geo.fence import Fence
+from missions.geo.path_in_fence import is_outside
 from missions.geo.trajectory import ACCELERATION_M_S2
 from missions.mission.leapfrog_checks import tracker_view
 from missions.mission.views import path_speed_m_s
-from missions.planning.leapfrog_geometry import Role, Step, TrackerView, plan_leapfrog
+from missions.planning.leapfrog_geometry import LEAST_M, Role, Step, steps_along
 from missions.planning.search.lanes import Lane, unseen
+from missions.planning.search.strip import Strip
 from missions.planning.sweep.strategies import LEAPFROG
 from missions.units import Cell, GridPoint
 
@@ -52,7 +48,6 @@ STALLED_S: Final = 60.0
 """If nobody may move for so long, what is left is given up."""
 BESIDES_S: Final = 4.0
 """A step takes about so much longer than its flight: what is seen, reported and ordered."""
-_LEAST_M: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +163,7 @@ def _move(setting: Setting, state: State, memory: LeapfrogMemory) -> State:
         state = Airspace(setting, state).reserve_or_wait(mover, mover.leg(places))
     else:
         mover = state.vehicles[MAPPER]
-        if mover.position.distance_to(places[0]) < _LEAST_M and len(places) > 1:
+        if mover.position.distance_to(places[0]) < LEAST_M and len(places) > 1:
             places = places[1:]
         begin_s = round(state.t_s + NOTICE_S, 3)
         path = through(setting, mover, places, [False] * len(places), begin_s)
@@ -204,46 +199,6 @@ def _way(
         if there is not None and along is not None:
             places.extend((*there, *along))
     return places
-
-
-def steps_along(fence: Fence, view: TrackerView, way: list[GridPoint]) -> tuple[Step, ...]:
-    """Who moves, one after the other, for a mapper that flies `way`, inside of the fence.
-
-    Where the shortest ways of the tracker would leave the fence it flies along the mapper's way.
-    """
-    path = [(float(east), float(north)) for east, north in way]
-    length_m = sum(math.dist(a, b) for a, b in pairwise(path))
-    if length_m <= _LEAST_M:
-        return ()
-    plan = plan_leapfrog(path, view)
-    inside = all(
-        fence.allows_leg(GridPoint(*step.start), GridPoint(*step.end))
-        for step in plan.steps
-        if step.mover is Role.TRACKER
-    )
-    return plan.steps if inside else _above_the_way(path, view)
-
-
-def _above_the_way(path: list[tuple[float, float]], view: TrackerView) -> tuple[Step, ...]:
-    """The tracker hovers above the middle of each piece, and flies along the path."""
-    line = LineString(path)
-    count = math.ceil(line.length / (2.0 * view.reach_m))
-    piece_m = line.length / count
-    steps: list[Step] = []
-    mapper, above_m = path[0], 0.0
-    for k in range(count):
-        middle_m = (k + 0.5) * piece_m
-        steps.append(Step(Role.TRACKER, _part(line, above_m, middle_m), mapper))
-        above_m = middle_m
-        way = _part(line, k * piece_m, (k + 1) * piece_m)
-        steps.append(Step(Role.MAPPER, way, steps[-1].end))
-        mapper = way[-1]
-    return tuple(steps)
-
-
-def _part(line: LineString, start_m: float, end_m: float) -> tuple[tuple[float, float], ...]:
-    places = substring(line, start_m, end_m).coords
-    return tuple((float(east), float(north)) for east, north in places)
 
 
 def steps_left_s(setting: Setting, state: State) -> float:

@@ -6,7 +6,7 @@ The search flies lanes with stops for what looks like the region. Each explorer 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
@@ -15,16 +15,13 @@ from missions.flight.return_home import send_home
 from missions.flight.setting import Setting
 from missions.flight.state import ReturnReason, State, VehicleState
 from missions.flight.strategy.fallback import moves_s
-from missions.flight.strategy.interface import Lanes, Strategy
+from missions.flight.strategy.interface import Area, Lanes, Strategy
 from missions.flight.strategy.searching import search
 from missions.flight.strategy.visiting import mark_unreachable, visit
-from missions.geo.fence import Fence
-from missions.geo.grid import Grid
 from missions.mapping.belief import Verdicts
 from missions.mapping.tree import Tree
-from missions.mission.schema import Mission
 from missions.orders import TakeOff
-from missions.planning.search.lanes import LANE_CELLS, along_east, lanes, search_length_m
+from missions.planning.search.lanes import LANE_CELLS, along_east, search_length_m
 from missions.planning.search.search_order import Pace
 from missions.planning.stepwise import EXPLORERS, Explorer, Situation
 from missions.planning.stepwise.interface import promised_moves, refuse_impossible
@@ -148,17 +145,9 @@ class Stepwise(Strategy):
     def __init__(self, explorer: Explorer) -> None:
         self.about = self.explorer = explorer
 
-    def lay(
-        self,
-        mission: Mission,
-        grid: Grid,
-        box: Sequence[GridPoint],
-        fence: Fence,
-        pads: Sequence[GridPoint],
-    ) -> Lanes:
+    def lay(self, area: Area) -> Lanes:
         """Lay lanes as far apart as a look from above one shows, along the longer side."""
-        ahead = along_east(box)
-        return Lanes(lanes(box, grid.cell_m, fence, LANE_CELLS, ahead), ahead, LANE_CELLS)
+        return area.lanes(LANE_CELLS, along_east(area.box))
 
     def pace(self, setting: Setting) -> Pace:
         """Return the speed of legs, and what a stop takes."""

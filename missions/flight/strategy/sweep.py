@@ -7,7 +7,7 @@ given is in `missions.flight.strategy.lane_passes` and `sweep_passes`.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
@@ -17,7 +17,7 @@ from missions.flight.setting import Setting
 from missions.flight.sightings import grown, on_a_lane
 from missions.flight.state import State, VehicleState
 from missions.flight.strategy.fallback import whole_bound_s
-from missions.flight.strategy.interface import Lanes, Strategy
+from missions.flight.strategy.interface import Area, Lanes, Strategy
 from missions.flight.strategy.lane_passes import end_searched, search_passes
 from missions.flight.strategy.searching import search
 from missions.flight.strategy.stepwise import RDFS
@@ -28,14 +28,11 @@ from missions.flight.strategy.two_heights import (
     is_over_pad,
     over_own_pad,
 )
-from missions.geo.fence import Fence
-from missions.geo.grid import Grid
 from missions.geo.trajectory import LANE_CUTS_M, corner_pause_s, rounded_path
 from missions.mapping.belief import Verdicts
 from missions.mapping.tree import Tree
-from missions.mission.schema import Mission
 from missions.mission.views import path_speed_m_s, rows_across
-from missions.planning.search.lanes import along_east, lanes
+from missions.planning.search.lanes import along_east
 from missions.planning.search.search_order import Pace
 from missions.planning.sweep.strategies import SWATH
 from missions.units import Cell, GridPoint
@@ -50,18 +47,10 @@ class Paths(Strategy):
         """`rdfs` once paths have had their time (`missions.flight.strategy.fallback`)."""
         return RDFS if state.falls_back else self
 
-    def lay(
-        self,
-        mission: Mission,
-        grid: Grid,
-        box: Sequence[GridPoint],
-        fence: Fence,
-        pads: Sequence[GridPoint],
-    ) -> Lanes:
+    def lay(self, area: Area) -> Lanes:
         """Lay lanes as far apart as pictures show whole cells, along the longer side."""
-        ahead = along_east(box)
-        rows = rows_across(mission, grid, east_ahead=ahead)
-        return Lanes(lanes(box, grid.cell_m, fence, rows, ahead), ahead, rows)
+        ahead = along_east(area.box)
+        return area.lanes(rows_across(area.mission, area.grid, east_ahead=ahead), ahead)
 
     def pace(self, setting: Setting) -> Pace:
         """Return the speed of paths, and what a corner takes."""

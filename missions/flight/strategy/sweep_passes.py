@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
-from missions.flight.path_orders import NOTICE_S, allowed, fly_route, give_path, is_outside
+from missions.flight.path_orders import NOTICE_S, fly_route, give_path
 from missions.flight.setting import Setting
 from missions.flight.sightings import grown
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
@@ -25,8 +25,9 @@ from missions.flight.strategy.charting import chart_of
 from missions.flight.strategy.direct_flight import fetch, value_of
 from missions.flight.strategy.fallback import fall_back, patience_s
 from missions.flight.strategy.flyers import flyer_of, over_home_s, over_pad
-from missions.flight.strategy.interface import Strategy, TourMemory, strategy_of
+from missions.flight.strategy.interface import OpenWork, Strategy, TourMemory, strategy_of
 from missions.flight.strategy.two_heights import heights_of
+from missions.geo.path_in_fence import allowed, is_outside
 from missions.geo.trajectory import Trajectory
 from missions.orders import FlyPath
 from missions.planning.sweep.chart import Known
@@ -130,7 +131,7 @@ def explore_passes(strategy: Strategy, setting: Setting, state: State) -> State:
         for n, vehicle in team.items()
     }
     state, tour, tours, others_part = strategy.share_work(
-        setting, state, known, flyers, memory.tour, memory.decisions
+        setting, state, OpenWork(known, flyers, memory.tour, memory.decisions)
     )
     memory = replace(memory, tour=tour)
     if others_part is not None:  # they plan for themselves

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.strategy.flyers import flyer_of
-from missions.flight.strategy.interface import TourMemory
+from missions.flight.strategy.interface import OpenWork, TourMemory
 from missions.flight.strategy.two_heights import heights_of
 from missions.planning.sweep.chart import Known
 from missions.units import Cell
@@ -27,27 +27,13 @@ EVERY_S: Final = 4.0
 """Between two decisions on who is to see what."""
 
 
-def shared_out(
-    setting: Setting,
-    state: State,
-    known: Known,
-    team: Mapping[int, Flyer],
-    memory: TourMemory,
-    decision: int,
-) -> tuple[TourMemory, Waypoints]:
-    """Close what others are to see, and lay tours if it is time to.
-
-    Args:
-        setting: Of the mission.
-        state: Now.
-        known: What is left to map; what others are to see is closed in it.
-        team: Those who are planned for.
-        memory: What was decided last.
-        decision: Seeds the search.
+def shared_out(setting: Setting, state: State, work: OpenWork) -> tuple[TourMemory, Waypoints]:
+    """Close what others are to see in the chart, and lay tours if it is time to.
 
     Returns:
         What is decided now, and waypoints for the team; none where the last plan goes on.
     """
+    known, team, memory, decision = work
     waypoints: Waypoints = ()
     numbers = frozenset(team)
     if state.t_s >= memory.laid_s + EVERY_S or not numbers <= memory.team:

@@ -1,13 +1,8 @@
-"""Searching high and mapping low: who changes its layer, and what is plain from on high.
+"""Searching high and mapping low: which vehicle changes its layer, where and when.
 
 With `search.altitude_m` lanes are flown in layers of their own above all those from which the map
-is made, so wide that few of them see the box. What such a frame (an *overview*) shows is coarse, so
-its votes are kept apart (`State.overview`). A cell is *plain* when the overview has decided it and
-all eight around it alike: then its votes count as any others, and nobody flies there again. All
-else, which is what lies along outlines, is looked at from below. If each vote is wrong with
-probability e, independently of the others, three of five are with 10 e^3 at most: a patch or a hole
-of a single cell is taken for plain ground so often, which is the chance of any verdict. Amid nine
-cells that are alike in truth, all nine have to be wrong at once.
+is made, so wide that few of them see the box. What such a frame shows of plain ground counts
+(`missions.mapping.overview`); all else is looked at from below.
 
 A vehicle changes its layer where it is, or a few metres beside, in air that nobody has claimed. If
 the mission says how fast the autopilot climbs and descends, it does so on its way: at take-off it
@@ -17,7 +12,7 @@ flies to what has to be mapped while it comes down.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Container
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
@@ -26,7 +21,6 @@ from missions.flight.airspace.needs import OFF_LAYER_M
 from missions.flight.setting import Setting
 from missions.flight.state import State, VehicleState
 from missions.geo.trajectory import LANE_CUTS_M
-from missions.mapping.belief import Belief, FrameId
 from missions.mission.views import path_speed_m_s, seen_whole_m
 from missions.planning.search.lanes import Lane, point_on
 from missions.units import Cell
@@ -191,46 +185,3 @@ def over_own_pad(setting: Setting, state: State, vehicle: VehicleState) -> State
     """Have a vehicle of a fleet fly to the column that is its own, in its layer."""
     route = setting.fence.route(vehicle.position, vehicle.pad) or (vehicle.pad,)
     return Airspace(setting, state).leave(vehicle, route)
-
-
-# --- what is plain -----------------------------------------------------------------------------
-def with_plain(
-    belief: Belief,
-    before: Belief,
-    overview: Belief,
-    box: Container[Cell],
-    fresh: Collection[Cell],
-) -> Belief:
-    """A belief with the votes of cells that have become plain, after `fresh` got votes from above.
-
-    `before` is the overview without these. What was decided from below stays as it is. Beyond the
-    `box` nobody searches: there a cell that no overview shows stands in the way of region only,
-    which may go on there.
-    """
-    found: dict[FrameId, dict[Cell, bool]] = {}
-    decided = (cell for cell in fresh if overview.verdict(cell) is not before.verdict(cell))
-    for cell in sorted({near for one in decided for near in _around(one)}):
-        if belief.verdict(cell) is None and _is_plain(overview, box, cell):
-            for frame, vote in overview.open_ballots[cell]:
-                found.setdefault(frame, {})[cell] = vote
-    for frame, votes in sorted(found.items()):
-        belief = belief.with_frame(None, frame, votes)
-    return belief
-
-
-def _is_plain(overview: Belief, box: Container[Cell], cell: Cell) -> bool:
-    verdict = overview.verdict(cell)
-    if verdict is None:
-        return False
-    for near in _around(cell):
-        other = overview.verdict(near)
-        unseen = near not in overview.open_ballots and near not in box
-        if other is not verdict and not (unseen and not verdict):
-            return False
-    return True
-
-
-def _around(cell: Cell) -> list[Cell]:
-    """A cell and the eight around it."""
-    steps = (-1, 0, 1)
-    return [Cell(cell.east + east, cell.north + north) for east in steps for north in steps]

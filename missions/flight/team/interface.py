@@ -8,7 +8,7 @@ commands all vehicles. What is not overridden is what the latter does.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from missions.geo.fence import Fence
@@ -19,9 +19,8 @@ from missions.units import GridPoint
 if TYPE_CHECKING:
     from missions.flight.setting import Setting
     from missions.flight.state import State, VehicleState
-    from missions.flight.strategy.interface import TourMemory, Work
+    from missions.flight.strategy.interface import OpenWork, Work
     from missions.planning.sweep.chart import Known
-    from missions.planning.sweep.planned_team import Flyer
 
 
 class Fences(NamedTuple):
@@ -86,16 +85,8 @@ class Team(ABC):
         return False
 
     @abstractmethod
-    def share_work(
-        self,
-        setting: Setting,
-        state: State,
-        known: Known,
-        flyers: Mapping[int, Flyer],
-        memory: TourMemory,
-        decision: int,
-    ) -> Work:
-        """Close in the chart what others are to see; `decision` seeds the search for tours."""
+    def share_work(self, setting: Setting, state: State, work: OpenWork) -> Work:
+        """Close in the chart what others are to see."""
 
     def want_reported(self, setting: Setting, state: State, known: Known) -> bool:
         """Have observed what others take for observed by ours and is undecided; whether there is

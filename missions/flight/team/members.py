@@ -6,7 +6,7 @@ those who hear each other (`missions.flight.team.work_shares`), and nobody is ob
 else. A member out of contact (`Apart`) goes on with its own share, leaves to others what they were
 to do for as long as that should take them, and then does what they have left. What others have
 decided (`Shared`) counts as votes for what is done next; the map of the results is made of all
-facts (`missions.flight.joined_map`).
+facts (`missions.mapping.joined_map`).
 
 That nobody meets anybody does not hang on any of this: `missions.geo.columns`.
 """
@@ -22,9 +22,12 @@ from missions.flight.setting import Setting
 from missions.flight.sightings import frame_seen
 from missions.flight.state import Allotment, Column, Phase, ReturnReason, State
 from missions.flight.strategy.interface import strategy_of
-from missions.flight.team.own_cells import as_frames
+from missions.flight.strategy.lane_passes import still_open
 from missions.flight.team.work_shares import back_from_lanes_s
 from missions.geo.trajectory import rounded_path
+from missions.mapping.belief import Belief
+from missions.mapping.joined_map import Facts
+from missions.mapping.own_cells import as_frames
 from missions.orders import FlyPath
 
 LEAST_STEP_M: Final = 1.0
@@ -172,3 +175,33 @@ def _share_lanes(setting: Setting, state: State, event: Heard) -> State:
             ours = replace(ours, lanes=tuple(kept), on_lane=on_lane, lane_seen_m=seen_m)
             state = state.with_vehicle(ours)
     return state
+
+
+def facts_of(setting: Setting) -> Facts:
+    """Return an empty collection of facts, for the events of a journal."""
+    votes = setting.mission.votes
+    return Facts(Belief(votes.frames, votes.positive), setting.in_box)
+
+
+def with_map(state: State, facts: Facts) -> State:
+    """Return a state with the map that facts make, in whatever order they became known."""
+    belief, overview, shown = facts.joined()
+    return replace(state, belief=belief, overview=overview, shown=shown)
+
+
+def concluded(setting: Setting, state: State) -> State:
+    """Return the state at the end, with what its map says of how far the mission has come.
+
+    It differs for a service that flies nothing, and for a member whose vehicle came home before all
+    was done: others may have done the rest. Lanes are what is left of them, whoever held them.
+    """
+    strategy = strategy_of(setting)
+    early = state.over and strategy.flies_all_lanes and not state.exploration_finished
+    if state.our_numbers and not early:
+        return state
+    if state.our_numbers and strategy.open_cells(setting, state):
+        return state
+    left = () if state.tree is not None else still_open(setting, state, setting.lanes)
+    vehicles = {number: replace(v, lanes=()) for number, v in state.vehicles.items()}
+    state = replace(state, vehicles=vehicles, unreachable_lanes=left)
+    return strategy.concluded(setting, state, left)

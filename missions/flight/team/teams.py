@@ -8,9 +8,9 @@ know (`missions.flight.team.gathering`). One of the members lays out which vehic
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.airspace.needs import OFF_LAYER_M
@@ -19,7 +19,7 @@ from missions.flight.path_orders import fly_route
 from missions.flight.setting import Setting
 from missions.flight.state import State, VehicleState
 from missions.flight.strategy.flyers import gate_of
-from missions.flight.strategy.interface import TourMemory, Work
+from missions.flight.strategy.interface import OpenWork, Work
 from missions.flight.strategy.lane_passes import cells_drift_out, still_open
 from missions.flight.strategy.touring import shared_out
 from missions.flight.strategy.two_heights import heights_of, is_over_pad, over_own_pad
@@ -33,9 +33,6 @@ from missions.planning.search.lanes import Lane
 from missions.planning.sweep.chart import Known
 from missions.units import GridPoint
 
-if TYPE_CHECKING:
-    from missions.planning.sweep.planned_team import Flyer
-
 GATE_M: Final = 1.0
 """Distance from the gate of its pad within which a vehicle is out of its column, m."""
 
@@ -44,17 +41,9 @@ GATE_M: Final = 1.0
 class Alone(Team):
     """A service that commands all vehicles."""
 
-    def share_work(
-        self,
-        setting: Setting,
-        state: State,
-        known: Known,
-        flyers: Mapping[int, Flyer],
-        memory: TourMemory,
-        decision: int,
-    ) -> Work:
+    def share_work(self, setting: Setting, state: State, work: OpenWork) -> Work:
         """Lay tours for all, also for those which still fly lanes."""
-        return Work(state, *shared_out(setting, state, known, flyers, memory, decision))
+        return Work(state, *shared_out(setting, state, work))
 
 
 @dataclass(frozen=True)
@@ -145,18 +134,10 @@ class Member(Team):
         """Members without lanes wait until all that are due have reported what they know."""
         return gathers(setting, state, vehicle)
 
-    def share_work(
-        self,
-        setting: Setting,
-        state: State,
-        known: Known,
-        flyers: Mapping[int, Flyer],
-        memory: TourMemory,
-        decision: int,
-    ) -> Work:
+    def share_work(self, setting: Setting, state: State, work: OpenWork) -> Work:
         """Keep to its own part, and lay out all parts if that is its duty."""
-        state = share_parts(self.number, setting, state, known, flyers, decision)
-        others, memory, tours = own_part(self.number, setting, state, known.chart, memory)
+        state = share_parts(self.number, setting, state, work)
+        others, memory, tours = own_part(self.number, setting, state, work.known.chart, work.memory)
         return Work(state, memory, tours, others)
 
     def want_reported(self, setting: Setting, state: State, known: Known) -> bool:

@@ -24,11 +24,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.flight.optics import kinematics
 from missions.flight.setting import Setting
 from missions.flight.state import Allotment, Phase, State, VehicleState
-from missions.flight.strategy.flyers import flyer_of
-from missions.flight.strategy.interface import TourMemory
+from missions.flight.strategy.flyers import flyer_of, kinematics
+from missions.flight.strategy.interface import OpenWork, TourMemory
 from missions.flight.strategy.touring import at_once, tours_of
 from missions.flight.strategy.two_heights import heights_of
 from missions.geo.trajectory import Trajectory
@@ -59,16 +58,9 @@ Bits = NDArray[np.bool_]
 Parts = tuple[tuple[int, tuple[GridPoint, ...]], ...]
 
 
-def share_parts(
-    mine: int,
-    setting: Setting,
-    state: State,
-    known: Known,
-    flyers: Mapping[int, Flyer],
-    decision: int,
-) -> State:
+def share_parts(mine: int, setting: Setting, state: State, work: OpenWork) -> State:
     """The state with what is left to map laid out anew, if that is ours to do, and is due."""
-    last = state.allotment
+    last, flyers = state.allotment, work.flyers
     if mine != min(flyers):
         return state
     before = {} if last is None else last.parts
@@ -78,12 +70,14 @@ def share_parts(
     begin_s = round(state.t_s + 1.0, 3)
     everyone = at_once(flyers) | _later(setting, state, frozenset(flyers), begin_s)
     held = {n: part for n, part in before.items() if n not in everyone and _maps(state, n)}
-    chart = known.chart
+    chart = work.known.chart
     open_ = chart.closed.copy()
     if held:
         chart.closed[_of(setting, chart, before, state, frozenset(held))] = 1
     cuts = {number: _tour(places) for number, places in before.items()}
-    tours = tours_of(setting, known, everyone, begin_s, decision, cuts, least=1, keep_s=KEEP_S)
+    tours = tours_of(
+        setting, work.known, everyone, begin_s, work.decision, cuts, least=1, keep_s=KEEP_S
+    )
     chart.closed[:] = open_
     if tours is None:
         return state

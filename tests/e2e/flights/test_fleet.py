@@ -13,7 +13,6 @@ import pytest
 from missions.errors import PreflightError
 from missions.events import Event
 from missions.fleet_events import Apart, Heard, Shared
-from missions.flight.joined_map import joined
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.geo.grid import Grid
@@ -25,7 +24,7 @@ from tests.e2e.rig import uavmap
 from tests.support.fleet_rig import Death, Mishaps, field_text
 from tests.support.fleet_rig import flown as beset
 from tests.support.plans import plan_of
-from tests.support.small_missions import CELL_M, START, mission_text, ring, square
+from tests.support.small_missions import CELL_M, START, joined, mission_text, ring, square
 from uavmap.fleet.simulated_radio import LinkModel
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from missions.events import Event, FrameSeen
-from missions.flight.joined_map import Facts, concluded
-from missions.flight.optics import kinematics
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.step import step
+from missions.flight.strategy.flyers import kinematics
+from missions.flight.team.members import concluded, facts_of, with_map
 from missions.mapping.belief import FrameId
 from missions.mapping.breadth_first import patches
 from missions.planning.bounds.lower_bounds import one_way_lower_bound, passing_bound_s
@@ -67,7 +67,7 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
     counter, shares = Counter(state.vehicles), Shares()
     # looks from a cell are no facts of a fleet: of flights that are merged each keeps its own
     in_fleet = setting.member is not None and not setting.strategy.stops
-    facts = Facts(setting) if in_fleet else None
+    facts = facts_of(setting) if in_fleet else None
     for event in events:
         counter.before(event, state)
         state, _ = step(setting, state, event)
@@ -77,7 +77,7 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
         if facts is not None:
             facts.take(event)
     if facts is not None:
-        state = concluded(setting, facts.joined(state))
+        state = concluded(setting, with_map(state, facts))
     return state, replace(figures_of(setting, state, counter), shares=shares)
 
 

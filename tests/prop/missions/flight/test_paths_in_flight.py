@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from missions.events import Arrived, Event
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.path_orders import NOTICE_S, OUTSIDE_M
+from missions.flight.path_orders import NOTICE_S
 from missions.flight.return_home import HEARD_S, energy_of, way_home
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase
@@ -23,6 +23,7 @@ from missions.flight.strategy.interface import strategy_of
 from missions.geo.braking import braked
 from missions.geo.course import Course
 from missions.geo.fence import route_length_m
+from missions.geo.path_in_fence import OUTSIDE_M
 from missions.geo.trajectory import ACCELERATION_M_S2, Trajectory
 from missions.lab.arena.roi import component
 from missions.mapping.breadth_first import patches

@@ -13,17 +13,17 @@ from hypothesis import strategies as st
 
 from missions.events import Event, FrameSeen, Vote
 from missions.fleet_events import Fact, Shared
-from missions.flight.joined_map import concluded, joined
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
-from missions.flight.team.knowledge import Knowledge
-from missions.flight.team.own_cells import OwnCells
+from missions.flight.team.members import concluded
 from missions.mapping.belief import Belief, FrameId
+from missions.mapping.own_cells import OwnCells
 from missions.mission.checks import parse_mission
 from missions.units import Cell
 from tests.support.fleet_rig import field_text
-from tests.support.small_missions import mission_text
+from tests.support.small_missions import joined, mission_text
+from uavmap.fleet.knowledge import Knowledge
 
 CHECKED = settings(max_examples=150, deadline=None)
 cells = st.builds(Cell, st.integers(0, 3), st.integers(0, 1))

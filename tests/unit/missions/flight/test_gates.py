@@ -10,7 +10,6 @@ import pytest
 from shapely.geometry import LineString
 
 from missions.fleet_events import Fact, Shared
-from missions.flight.path_orders import allowed
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
@@ -18,6 +17,7 @@ from missions.flight.strategy.charting import chart_of
 from missions.flight.strategy.flyers import flyer_of, gate_of
 from missions.flight.strategy.interface import strategy_of
 from missions.flight.transitions import apply
+from missions.geo.path_in_fence import allowed
 from missions.geo.trajectory import rounded_path
 from missions.mission.checks import parse_mission
 from missions.mission.fleet_checks import with_own_air

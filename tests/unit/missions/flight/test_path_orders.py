@@ -17,15 +17,7 @@ from missions.events import (
     Vote,
 )
 from missions.flight.lane_progress import lane_passed
-from missions.flight.path_orders import (
-    BEFORE_S,
-    NOTICE_S,
-    WORTH_S,
-    allowed,
-    as_far_as_allowed,
-    come_inside,
-    is_outside,
-)
+from missions.flight.path_orders import NOTICE_S, come_inside
 from missions.flight.return_home import turn_back
 from missions.flight.state import ReturnReason, VehicleState
 from missions.flight.strategy.flyers import flyer_of
@@ -33,6 +25,7 @@ from missions.flight.transitions import BEHIND_S, MOST_BEHIND
 from missions.geo.course import Course
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
+from missions.geo.path_in_fence import BEFORE_S, WORTH_S, allowed, as_far_as_allowed, is_outside
 from missions.geo.trajectory import Trajectory, rounded_path
 from missions.guardian import Guard, Limits, Seen, Task, watch
 from missions.guardian.measures import is_behind
@@ -321,7 +314,7 @@ def test_a_path_whose_end_the_fence_forbids_is_flown_as_far_as_it_may_be() -> No
     inside, outside = GridPoint(0.0, 30.0), GridPoint(900.0, 30.0)
     path = rounded_path([inside, outside], 20.0, speed_m_s=6.0)
     assert not allowed(setting.fence, path)
-    short = as_far_as_allowed(setting, path)
+    short = as_far_as_allowed(setting.fence, path, setting.energy.accel_m_s2)
     assert short is not None
     assert allowed(setting.fence, short)
     assert short.begin_s == path.begin_s
@@ -337,14 +330,14 @@ def test_a_path_that_has_to_end_at_once_is_refused_as_a_whole() -> None:
     setting = flying().setting
     near = setting.fence.inner.bounds[2] - 3.0
     path = rounded_path([GridPoint(near, 30.0), GridPoint(900.0, 30.0)], 20.0, speed_m_s=6.0)
-    assert as_far_as_allowed(setting, path) is None
+    assert as_far_as_allowed(setting.fence, path, setting.energy.accel_m_s2) is None
 
 
 def test_the_planner_goes_on_from_all_that_it_planned() -> None:
     made = flying()
     setting, vehicle = made.setting, made.state.vehicles[1]
     path = rounded_path([GridPoint(0.0, 30.0), GridPoint(900.0, 30.0)], 20.0, speed_m_s=6.0)
-    short = as_far_as_allowed(setting, path)
+    short = as_far_as_allowed(setting.fence, path, setting.energy.accel_m_s2)
     assert short is not None
     vehicle = replace(vehicle, order=FlyPath(short, 12.0, None, 0.5))
     route = Route(((900.0, 30.0, 1.0),), (900.0,))

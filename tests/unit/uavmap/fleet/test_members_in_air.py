@@ -13,18 +13,18 @@ from functools import lru_cache
 from missions.events import Event
 from missions.fleet_events import Asked, Fact
 from missions.flight.airspace.airspace import SEPARATION_BUFFER_M, Airspace
-from missions.flight.airspace.volumes import Volume
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Column, Phase, State, VehicleState
-from missions.flight.team.codec import Ask, Message, encode
 from missions.flight.transitions import apply
+from missions.geo.volumes import Volume
 from missions.mission.checks import parse_mission
 from missions.orders import FlyTo
 from missions.partition import Partition
 from missions.units import Cell, GridPoint
 from tests.support.fleet_rig import field_text
 from uavmap.base.clock import VirtualClock, run
+from uavmap.fleet.codec import Ask, Message, encode
 from uavmap.fleet.member import Member
 from uavmap.fleet.sealing import Seal
 from uavmap.fleet.simulated_radio import Air, LinkModel

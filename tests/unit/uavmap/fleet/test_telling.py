@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 import pytest
 
 from missions.fleet_events import Fact
-from missions.flight.team.codec import Batch, Message, encode
-from missions.flight.team.knowledge import Holding, Knowledge
 from missions.units import Cell, GridPoint
 from tests.unit.uavmap.fleet.test_members_in_air import KEY, made
 from uavmap.base.clock import VirtualClock, run
+from uavmap.fleet.codec import Batch, Message, encode
+from uavmap.fleet.knowledge import Holding, Knowledge
 from uavmap.fleet.member import Member
 from uavmap.fleet.peer import Peer
 from uavmap.fleet.reports import RELAY_S, Telling

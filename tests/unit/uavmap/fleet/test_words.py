@@ -11,11 +11,11 @@ import pytest
 
 from missions.events import Continued, Event, Paused, Recalled, VehicleRecalled
 from missions.flight.state import State
-from missions.flight.team.codec import Word
 from missions.units import GridPoint, PadHeight
 from tests.support.said import Said
 from tests.unit.missions.flight.test_facts import small_setting
 from uavmap.base.clock import VirtualClock, run
+from uavmap.fleet.codec import Word
 from uavmap.fleet.member import Member
 from uavmap.fleet.sealing import Seal
 from uavmap.fleet.simulated_radio import Air, LinkModel

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from shapely.geometry import LineString, Point, Polygon
 from shapely.ops import unary_union
 
-from missions.flight.airspace.volumes import Volume
 from missions.geo.fence import Fence, route_length_m
+from missions.geo.volumes import Volume
 from missions.planning.search.lanes import lanes, share_out, unseen
 from missions.units import GridPoint
 

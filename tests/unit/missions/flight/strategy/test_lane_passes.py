@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 
 from missions.events import FrameSeen, Vote
-from missions.flight.path_orders import allowed
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State, VehicleState
 from missions.flight.strategy.lane_passes import flown_along, search_passes, still_open, turned
+from missions.geo.path_in_fence import allowed
 from missions.mission.fleet_checks import with_own_air
 from missions.orders import FlyPath, FlyTo
 from missions.units import Cell, GridPoint

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from missions.errors import MissionFileError
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase
-from missions.flight.strategy.leapfrog import MAPPER, TRACKER, steps_along
+from missions.flight.strategy.leapfrog import MAPPER, TRACKER
 from missions.geo.fence import Fence
 from missions.mission.leapfrog_checks import tracker_view
 from missions.orders import FlyPath, FlyTo
-from missions.planning.leapfrog_geometry import Role, TrackerView
+from missions.planning.leapfrog_geometry import Role, TrackerView, steps_along
 from missions.planning.leapfrog_offsets import OffsetNoise, Offsets
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import Fleet

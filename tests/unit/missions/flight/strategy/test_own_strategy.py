@@ -34,8 +34,8 @@ class Spiral(Sweep):
         "the region is expected at the rim of the box",
     )
 
-    def lay(self, mission, grid, box, fence, pads):
-        laid = super().lay(mission, grid, box, fence, pads)
+    def lay(self, area):
+        laid = super().lay(area)
         inwards = list(laid.lanes)
         spiral = []
         while inwards:

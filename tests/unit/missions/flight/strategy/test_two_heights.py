@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from missions.flight.dispatch import assign
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
-from missions.flight.strategy.two_heights import with_plain
 from missions.mapping.belief import Belief, FrameId
+from missions.mapping.overview import with_plain
 from missions.orders import TakeOff
 from missions.units import Cell
 from uavmap.load.mission_source import load

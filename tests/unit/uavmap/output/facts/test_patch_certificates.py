@@ -13,18 +13,17 @@ from hypothesis import strategies as st
 
 from missions.events import FrameSeen, Vote
 from missions.fleet_events import Fact, Shared
-from missions.flight.joined_map import joined
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
-from missions.flight.team.own_cells import OwnCells
 from missions.geo.grid import Grid
 from missions.mapping.belief import Belief, FrameId, judging_frames
+from missions.mapping.own_cells import OwnCells
 from missions.planning.bounds.lower_bounds import passing_bound_s
 from missions.units import Cell
 from tests.fake_fleet import fleet
 from tests.golden.recording import STOPS
-from tests.support.small_missions import mission, random_scenario, scattered, square
+from tests.support.small_missions import joined, mission, random_scenario, scattered, square
 from uavmap.output.facts.figures import figures, summary
 from uavmap.output.facts.patch_certificates import beyond_fence, certificates
 from uavmap.output.facts.patch_summary import lines

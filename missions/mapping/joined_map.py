@@ -7,32 +7,38 @@ was made first, whoever made it, so members that know the same facts have the sa
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Container, Mapping
+from typing import NamedTuple
 
 from missions.events import Event, FrameSeen, Tracked
 from missions.fleet_events import Fact, Shared
-from missions.flight.setting import Setting
-from missions.flight.state import State
-from missions.flight.strategy.interface import strategy_of
-from missions.flight.strategy.lane_passes import still_open
-from missions.flight.strategy.two_heights import with_plain
-from missions.flight.team.own_cells import OwnCells, as_frames
 from missions.mapping.belief import Ballot, Belief, FrameId
+from missions.mapping.overview import with_plain
+from missions.mapping.own_cells import OwnCells, as_frames
 from missions.units import Cell
 
 Decision = tuple[float, int, bool]
 """When, by whom, and what."""
 
 
+class JoinedMap(NamedTuple):
+    """The votes that all facts come to."""
+
+    belief: Belief
+    """Of frames from the map's height, and of plain cells."""
+    overview: Belief
+    """Of frames from the height of a search."""
+    shown: frozenset[Cell]
+    """What frames have shown, and took for no region without a decision."""
+
+
 class Facts:
     """The facts in a journal of a fleet, as they come: of vehicles whose frames it holds, and of
     those that it has heard."""
 
-    def __init__(self, setting: Setting) -> None:
-        votes = setting.mission.votes
-        self._setting = setting
-        self._none = Belief(votes.frames, votes.positive)
+    def __init__(self, none_seen: Belief, box: Container[Cell]) -> None:
+        self._none = none_seen
+        self._box = box
         self._own: dict[int, OwnCells] = {}
         self._decided: dict[bool, dict[Cell, Decision]] = {False: {}, True: {}}
         self._shown: set[Cell] = set()
@@ -59,16 +65,16 @@ class Facts:
             new = (fact.t_s, vehicle, says)
             decided[cell] = min(new, decided.get(cell, new))
 
-    def joined(self, state: State) -> State:
-        """A state with the map of all facts; what nobody has decided has our votes on it."""
+    def joined(self) -> JoinedMap:
+        """Return the map of all facts; what no vehicle has decided has our votes on it."""
         for vehicle, own in sorted(self._own.items()):
             for fact in own.passed(float("1e9")):
                 self._take(vehicle, fact)
         high, low = self._belief(overview=True), self._belief(overview=False)
-        low = with_plain(low, self._none, high, self._setting.in_box, list(high.open_ballots))
+        low = with_plain(low, self._none, high, self._box, list(high.open_ballots))
         # our own votes come last: others have not heard them, and the map is to be the same
         low, high = self._with_open(low, overview=False), self._with_open(high, overview=True)
-        return replace(state, belief=low, overview=high, shown=frozenset(self._shown))
+        return JoinedMap(low, high, frozenset(self._shown))
 
     def _with_open(self, belief: Belief, *, overview: bool) -> Belief:
         """A belief with the votes of one vehicle on each cell that nothing has decided."""
@@ -110,29 +116,3 @@ def _with_frames(belief: Belief, found: Mapping[FrameId, Mapping[Cell, bool]]) -
     for frame, votes in sorted(found.items(), key=lambda item: item[0].exposed):
         belief = belief.with_frame(None, frame, votes)
     return belief
-
-
-def joined(setting: Setting, state: State, events: Iterable[Event]) -> State:
-    """The state of a member after its journal, with the map that its facts make in any order."""
-    facts = Facts(setting)
-    for event in events:
-        facts.take(event)
-    return facts.joined(state)
-
-
-def concluded(setting: Setting, state: State) -> State:
-    """The state at the end, with what the map says of how far the mission has come.
-
-    Of who flies nothing, and of a member whose own vehicle came home before all was done: others
-    may have done the rest. Lanes are what is left of them, whoever held them.
-    """
-    strategy = strategy_of(setting)
-    early = state.over and strategy.flies_all_lanes and not state.exploration_finished
-    if state.our_numbers and not early:
-        return state
-    if state.our_numbers and strategy.open_cells(setting, state):
-        return state
-    left = () if state.tree is not None else still_open(setting, state, setting.lanes)
-    vehicles = {number: replace(v, lanes=()) for number, v in state.vehicles.items()}
-    state = replace(state, vehicles=vehicles, unreachable_lanes=left)
-    return strategy.concluded(setting, state, left)

@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.fleet_events import Fact, Part
-from missions.flight.team.bits import BytesError, Reader, Writer, inflated
-from missions.flight.team.codec import (
+from missions.units import Cell, GridPoint, PadHeight
+from uavmap.fleet.bits import BytesError, Reader, Writer, inflated
+from uavmap.fleet.codec import (
     DOES,
     ORDERS,
     PART_M,
@@ -22,8 +23,7 @@ from missions.flight.team.codec import (
     decode,
     encode,
 )
-from missions.flight.team.knowledge import MOST_RUNS, Holding
-from missions.units import Cell, GridPoint, PadHeight
+from uavmap.fleet.knowledge import MOST_RUNS, Holding
 
 CHECKED = settings(max_examples=60, deadline=None)
 halves = st.integers(-4000, 4000).map(lambda k: k / 2)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.flight.airspace.volumes import Volume
+from missions.geo.volumes import Volume
 from missions.units import GridPoint
 
 FAST = settings(max_examples=120, deadline=None)

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple, get_args
 
 from missions.fleet_events import Fact, Part
-from missions.flight.team.bits import MOST_CELLS, BytesError, Reader, Writer, deflated, inflated
-from missions.flight.team.knowledge import MOST_RUNS, Holding
 from missions.units import Cell, GridPoint, PadHeight
+from uavmap.fleet.bits import MOST_CELLS, BytesError, Reader, Writer, deflated, inflated
+from uavmap.fleet.knowledge import MOST_RUNS, Holding
 
 Does = Literal["stands", "flies", "returns", "pilot", "guarded", "ended", "down"]
 DOES: Final[tuple[Does, ...]] = get_args(Does)
