@@ -29,9 +29,9 @@ class Quirks:
     radio control is on, its sticks centred: modes by hand can be chosen in flight, and a PX4 whose
     stream of setpoints is lost goes to POSITION (COM_OBL_RC_ACT 0) instead of home.
     `landed_state`: it sends EXTENDED_SYS_STATE; or else it refuses to. `height_sigma_m`: standard
-    deviation of its receiver's height above the sea, which wanders (`sitl.body.altimeter`).
+    deviation of its receiver's height above the sea, which wanders (`sitl.body.sensors`).
     `tilt_sigma_deg`, `heading_sigma_deg`: standard deviations of its roll and pitch, and of its
-    heading (`sitl.body.attitude_error`).
+    heading (`sitl.body.sensors`).
     """
 
     camera: CameraKind = "component"

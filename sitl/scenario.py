@@ -10,12 +10,12 @@ from pathlib import Path
 from missions.errors import UavmapError
 from missions.geo.geodesy import LocalPlane
 from missions.units import LatLon
-from sitl.autopilot_types import FLAVOURS
 from sitl.camera.pinhole import CameraSpec
 from sitl.quirks import Quirks
 from sitl.vehicle import SimVehicle, VehicleSpec
+from sitl.vehicle_spec import FLAVOURS
 from sitl.world.files import load_ground
-from sitl.world.relief import Relief
+from sitl.world.ground import Relief
 from sitl.world.world import Patch, World, WorldSpec
 
 _BETWEEN_M = 3.0  # from one vehicle's place of start to the next

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.codec.wire import Framer, Message, Packer
+from sitl.codec import Framer, Message, Packer
 from sitl.scenario import Setup
-from sitl.sockets.background import Background
+from sitl.sockets.server import Background
 from sitl.vehicle import SimVehicle, VehicleTruth
 
 if TYPE_CHECKING:

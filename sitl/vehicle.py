@@ -16,23 +16,19 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import Quaternion
-from sitl.autopilot_types import FLAVOURS, Kit
-from sitl.body.altimeter import Altimeter
-from sitl.body.attitude_error import AttitudeError
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import MAX_STEP_S, Body
-from sitl.camera.corrupt_images import Spoiler
+from sitl.body.sensors import Altimeter, AttitudeError
 from sitl.camera.pinhole import Shot
-from sitl.codec.wire import Message
+from sitl.codec import Message
 from sitl.faults.faults import Faults
 from sitl.faults.injection import SIM_PARAMETERS, inject
 from sitl.mavlink.camera_component import Exposure, Payload
 from sitl.mavlink.commands import Request
-from sitl.mavlink.links import Link
-from sitl.mavlink.signing import Signing
+from sitl.mavlink.links import Link, Signing
 from sitl.mavlink.streams import Streams
-from sitl.vehicle_spec import VehicleSpec, VehicleTruth
+from sitl.vehicle_spec import FLAVOURS, VehicleSpec, VehicleTruth
 from sitl.world.tags import TAG_OVER_FEET_M, TagPose, check_number
 from sitl.world.world import World
 
@@ -79,8 +75,7 @@ class SimVehicle:
         sigma_m = quirks.height_sigma_m if errs else 0.0
         self._altimeter = Altimeter(world.spec.origin_amsl_m, (*self._seed, _HEIGHT_SEED), sigma_m)
         flavour = FLAVOURS[spec.autopilot]
-        kit = Kit(spec, self._body, self._error, self._battery, self._seed)
-        self._ap = flavour.aircraft(kit)
+        self._ap = flavour.aircraft(spec, self._body, self._error, self._battery, self._seed)
         self._telemetry = flavour.telemetry(
             self._ap, world, self._altimeter, self._wind, spec.quirks
         )
@@ -109,7 +104,6 @@ class SimVehicle:
         self._next_timesync_s = 0.0
         self._resting_s = 0.0
         self._swaps = 0
-        self._spoiler = Spoiler()
         self._signing = Signing()
         self._links: list[Link] = []
         self._main = self.connect()
@@ -184,8 +178,7 @@ class SimVehicle:
 
     def image(self, url: str) -> bytes | None:
         """The JPEG announced under a `file_url`; None when unknown or too old."""
-        data = self._payload.image(url)
-        return None if data is None else self._spoiler.spoil(url, data)
+        return self._payload.image(url)
 
     def announce_pictures_at(self, prefix: str) -> None:
         """Change what the addresses of further pictures begin with."""
@@ -291,8 +284,6 @@ class SimVehicle:
                 sent += self._interpreter.camera_wire.pack(picture)
             if self._interpreter.camera_feedback:
                 sent += wire.pack(self._payload.feedback)
-            if fail.picture:
-                self._spoiler.note(picture.file_url, fail.picture)
         return sent
 
     def _announce(self) -> bytes:
@@ -366,4 +357,5 @@ class SimVehicle:
             now.up - self._ap.home[2],
             (*body.told_roll_pitch, body.heading),
             self.spec.camera.attitude(*body.told_roll_pitch, body.heading),
+            self.fail.picture,
         )

@@ -1,12 +1,33 @@
-"""What a simulated vehicle is made of, and what is really the case with it."""
+"""What a simulated vehicle is made of, what is really the case with it, and its autopilot.
+
+This is the one place where an autopilot is chosen. Body, physics, battery, camera, links, faults
+and signing are the same for all.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import NamedTuple
 
 from missions.units import LatLon
+from sitl.ardupilot.autopilot import Autopilot
+from sitl.body.battery import Battery
+from sitl.body.estimator import Estimator
+from sitl.body.physics import Body
 from sitl.camera.pinhole import CameraSpec
+from sitl.copter.aircraft import Aircraft
+from sitl.copter.motion import Airframe
+from sitl.mavlink.commands import Commands
+from sitl.mavlink.flight_commands import FlightCommands
+from sitl.mavlink.interpreter import Interpreter
+from sitl.mavlink.telemetry import Telemetry
+from sitl.px4.autopilot import Px4Autopilot
+from sitl.px4.commander import HomeCorrection
+from sitl.px4.commands import Px4Commands
+from sitl.px4.interpreter import Px4Interpreter
+from sitl.px4.telemetry import Px4Telemetry
 from sitl.quirks import Quirks
 
 MOST_DRIFT = 0.5
@@ -16,7 +37,7 @@ MOST_DRIFT = 0.5
 class VehicleSpec:
     """One vehicle.
 
-    `autopilot` is a name in `sitl.autopilot_types`.
+    `autopilot` is a name in `FLAVOURS`.
     `swap_after_s`: landed, disarmed and not full for so long, it gets a fresh battery (a ground
     crew); 0 never. `gps_sigma_m` and `gps_tau_s`: size and correlation time of the horizontal
     position error. `optical_flow`: without satellites it flies on by optical flow, whose way errs
@@ -91,3 +112,44 @@ class VehicleTruth:
     """One of its own failsafes is on."""
     estimate_error_m: tuple[float, float] = (0.0, 0.0)
     """What the autopilot's estimate of its position errs by (east, north)."""
+
+
+_HOME_SEED = 43
+
+
+def _airframe(spec: VehicleSpec) -> Airframe:
+    """What the autopilot cannot change."""
+    return Airframe(spec.max_speed_m_s, spec.max_accel_m_s2, spec.ready_after_s, spec.quirks.stick)
+
+
+def _ardupilot(
+    spec: VehicleSpec, body: Body, error: Estimator, battery: Battery, seed: tuple[int, ...]
+) -> Aircraft:
+    autopilot = Autopilot(body, error, battery, _airframe(spec))
+    if spec.quirks.camera == "autopilot":
+        autopilot.parameters.preset("CAM1_TYPE", 1)
+    return autopilot
+
+
+def _px4(
+    spec: VehicleSpec, body: Body, error: Estimator, battery: Battery, seed: tuple[int, ...]
+) -> Aircraft:
+    correction = HomeCorrection((*seed, _HOME_SEED), spec.quirks.home_moves_m)
+    return Px4Autopilot(
+        body, error, battery, _airframe(spec), system_id=spec.system_id, correction=correction
+    )
+
+
+class Flavour(NamedTuple):
+    """An autopilot and its ways on the wire."""
+
+    aircraft: Callable[[VehicleSpec, Body, Estimator, Battery, tuple[int, ...]], Aircraft]
+    telemetry: type[Telemetry]
+    commands: type[Commands]
+    interpreter: type[Interpreter]
+
+
+FLAVOURS: Mapping[str, Flavour] = {
+    "ardupilot": Flavour(_ardupilot, Telemetry, FlightCommands, Interpreter),
+    "px4": Flavour(_px4, Px4Telemetry, Px4Commands, Px4Interpreter),
+}

@@ -12,11 +12,15 @@ from sitl.copter.fence import Fence, names
 from sitl.copter.mission_items import FENCE, MISSION, RALLY, Item
 from sitl.copter.modes import LEVEL, UNARMABLE, Mode, Phase
 from sitl.copter.motion import Airframe
-from sitl.copter.params import Parameters
+from sitl.copter.params import Parameters, copter_tuning
 from sitl.copter.route import Progress
-from sitl.copter.streaming import Setpoint, ShapedFollower
-from sitl.copter.trajectory import MOST_JERK_M_S3, copter_speed, shaping_jerk
-from sitl.copter.tuning import copter_tuning
+from sitl.copter.trajectory import (
+    MOST_JERK_M_S3,
+    Setpoint,
+    ShapedFollower,
+    copter_speed,
+    shaping_jerk,
+)
 
 _LANDED, _AUTO = Phase.LANDED, Mode.AUTO  # looked up once, not at every step
 _ARM_IN_AUTO, _TAKE_OFF_IN_AUTO = 1, 2  # AUTO_OPTIONS

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from sitl.body.attitude_error import AttitudeError
+from sitl.body.sensors import AttitudeError
 
 GRAVITY_M_S2 = 9.80665
 MAX_STEP_S = 0.05

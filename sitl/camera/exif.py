@@ -1,5 +1,7 @@
 """Geotags as a DJI writes them: EXIF and XMP put into a JPEG that is encoded already.
 
+And the pictures of a camera that fails: black ones, and files that are no whole JPEG.
+
 The pixels stay as they are: two APP1 segments are inserted before the first quantization table.
 EXIF holds place, date and angle of view, XMP (`drone-dji:*`) the heights and angles.
 """
@@ -10,6 +12,9 @@ import math
 import struct
 import time
 from dataclasses import dataclass
+
+import cv2
+import numpy as np
 
 from missions.units import LatLon, Quaternion
 
@@ -23,6 +28,7 @@ _NEARLY_VERTICAL = 1.0 - 1e-9
 _BYTE, _ASCII, _SHORT, _LONG, _RATIONAL, _UNDEFINED = 1, 2, 3, 4, 5, 7
 _EXIF_POINTER, _GPS_POINTER = 0x8769, 0x8825
 _APP0, _APP1 = b"\xff\xe0", b"\xff\xe1"
+_JPEG_QUALITY = 90
 
 _XMP = (
     '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?>'
@@ -179,3 +185,37 @@ def _sexagesimal(degrees: float) -> bytes:
     parts = round(abs(degrees) * 3600.0 * _SECOND_PARTS)
     minutes, seconds = divmod(parts, 60 * _SECOND_PARTS)
     return struct.pack("<6I", minutes // 60, 1, minutes % 60, 1, seconds, _SECOND_PARTS)
+
+
+# --- a camera that fails ------------------------------------------------------------------------
+def black(jpeg: bytes) -> bytes:
+    """A black picture of the same size with the same metadata."""
+    picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    if picture is None:
+        raise ValueError("not a JPEG")
+    night = np.zeros_like(picture)
+    done, data = cv2.imencode(".jpg", night, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    if not done:
+        raise RuntimeError("OpenCV could not encode a black frame")
+    encoded = bytes(data)
+    return encoded[:2] + _metadata(jpeg) + encoded[2:]
+
+
+def broken(jpeg: bytes) -> bytes:
+    """As a write that was cut short leaves it: the first half.
+
+    >>> broken(bytes(8))
+    b'\\x00\\x00\\x00\\x00'
+    """
+    return jpeg[: len(jpeg) // 2]
+
+
+def _metadata(jpeg: bytes) -> bytes:
+    """The segments APP1 (EXIF, XMP) of a JPEG."""
+    found, at = b"", 2
+    while at + 4 <= len(jpeg) and jpeg[at] == 0xFF and jpeg[at + 1] in range(0xE0, 0xF0):
+        size = 2 + int.from_bytes(jpeg[at + 2 : at + 4], "big")
+        if jpeg[at + 1] == 0xE1:
+            found += jpeg[at : at + size]
+        at += size
+    return found

@@ -15,8 +15,7 @@ import cv2
 import numpy as np
 
 from missions.units import Quaternion
-from sitl.world.orthophoto import Matrix
-from sitl.world.relief import Relief
+from sitl.world.ground import Matrix, Relief
 from sitl.world.tags import TagPose
 
 _LENS_OVER_GROUND_M = 0.1  # of a landed vehicle

@@ -24,9 +24,16 @@ from sitl.camera.pinhole import (
     seen_ground,
 )
 from sitl.camera.tag_layer import shows_tag, with_tags
-from sitl.world.orthophoto import Matrix, Orthophoto, Picture
-from sitl.world.relief import Relief
-from sitl.world.texture import METRES_PER_PIXEL, TILE_M, TILE_PX, Gray
+from sitl.world.ground import (
+    METRES_PER_PIXEL,
+    TILE_M,
+    TILE_PX,
+    Gray,
+    Matrix,
+    Orthophoto,
+    Picture,
+    Relief,
+)
 from sitl.world.world import World
 
 _JPEG_QUALITY = 90

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sitl.camera.pinhole import CameraSpec, Shot, axes_to_ned, lens_height_m
-from sitl.world.orthophoto import Matrix, Picture
+from sitl.world.ground import Matrix, Picture
 from sitl.world.tags import TagPose, modules
 
 _BLACK, _WHITE = 25.0, 235.0  # gray levels of print on paper in the light of the ground

@@ -15,6 +15,7 @@ from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import Body, Command
 from sitl.copter.aiding import Aiding
+from sitl.copter.control import Tuning
 from sitl.copter.failsafes import Failsafes
 from sitl.copter.fence import Fence
 from sitl.copter.mission_items import FENCE, MISSION, RALLY, Item
@@ -22,10 +23,8 @@ from sitl.copter.modes import Phase
 from sitl.copter.motion import Airframe, Motion
 from sitl.copter.params import Parameters
 from sitl.copter.route import Route
-from sitl.copter.streaming import Follower, Setpoint
-from sitl.copter.trajectory import SpeedLaw
+from sitl.copter.trajectory import Follower, Setpoint, SpeedLaw
 from sitl.copter.transfer import Plans
-from sitl.copter.tuning import Tuning
 
 _PREARM_SHARE = 0.8  # of the time to readiness: the prearm bit goes true before the position
 _HOME_SHARE = 0.5

@@ -8,6 +8,7 @@ slow estimate of the disturbance (wind) turns it into thrust.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from sitl.body.physics import Body, Command
@@ -34,6 +35,28 @@ class Limits:
     p_xy: float
     p_z: float
     yaw_rate_rad_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tuning:
+    """Lengths in metres, heights above home, times in seconds, speeds in m/s.
+
+    `return_height_m` gives the height of the way home from a distance and a height,
+    `landing_m_s` the descent of a landing by what the limits are now and at a height.
+    """
+
+    limits: Limits
+    jerk_m_s3: float  # of a shaped path; 0: as directly as it can
+    turns_nose: bool  # towards a far target
+    arrival_m: float  # at which a waypoint counts as reached
+    return_height_m: Callable[[float, float], float]
+    landing_m_s: Callable[[Limits, float], float]
+    return_speed_m_s: float = 0.0  # 0: as any other
+    return_hover_s: float  # above home before it comes down
+    return_final_m: float  # height at which a return ends; 0: on the ground
+    rally_within_m: float = 0.0  # how far away a rally point may be; 0: anywhere
+    rally_or_home: bool = True  # home is a place to return to although there are rally points
+    mission_restarts: bool = False  # one that was left begins anew
 
 
 def sqrt_controller(error: float, p_1_s: float, accel_m_s2: float) -> float:

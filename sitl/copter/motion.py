@@ -9,13 +9,11 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from sitl.body.physics import Body, Command
-from sitl.copter.control import WIND_TAU_S, Controller, Estimate
+from sitl.copter.control import WIND_TAU_S, Controller, Estimate, Tuning
 from sitl.copter.fence import Place
 from sitl.copter.modes import Mode, Phase
 from sitl.copter.params import Parameters
-from sitl.copter.streaming import Follower, Setpoint
-from sitl.copter.trajectory import Shaper, SpeedLaw, shaping_jerk
-from sitl.copter.tuning import Tuning
+from sitl.copter.trajectory import Follower, Setpoint, Shaper, SpeedLaw, shaping_jerk
 
 _SPOOL_S = 2.5  # motors up to speed, before the climb
 _CONTACT_S = 1.0  # standing for so long counts as landed

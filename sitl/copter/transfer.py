@@ -15,7 +15,7 @@ from typing import TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.codec.wire import Message
+from sitl.codec import Message
 from sitl.copter.mission_items import ALL, FENCE, MISSION, OK, RALLY, Item, check, check_fence
 
 _RETRY_S, _GIVE_UP_S = 1.0, 8.0

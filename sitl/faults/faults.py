@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
 from sitl.body.battery import Battery
+from sitl.body.estimator import PositionError
 from sitl.body.physics import Body
-from sitl.body.sensors import PositionError
 from sitl.faults.lossy_radio import CLEAN, LinkQuality
 
 Kind: TypeAlias = Literal[

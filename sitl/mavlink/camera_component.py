@@ -11,14 +11,15 @@ import math
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon, Quaternion
-from sitl.camera.exif import EPOCH_UTC_S, Geotag, tagged
+from sitl.camera.exif import EPOCH_UTC_S, Geotag, black, broken, tagged
 from sitl.camera.pinhole import CameraSpec, Shot
 from sitl.camera.render import render
-from sitl.codec.wire import Message
+from sitl.codec import Message
 from sitl.mavlink.telemetry import Telemetry
 from sitl.quirks import Quirks
 from sitl.world.world import World
@@ -39,6 +40,7 @@ class Exposure:
     believed_height_m: float  # above home
     body_rad: tuple[float, float, float]  # roll, pitch, yaw of the aircraft, by its compass
     attitude: Quaternion  # of the camera, by the compass
+    damage: Literal["", "black", "corrupt"]  # what a fault makes of the picture
 
 
 class Payload:
@@ -166,7 +168,9 @@ class Payload:
             data = self._jpegs[url] = tagged(picture, self._geotag(exposure))
             if len(self._jpegs) > _KEPT_JPEGS:
                 self._jpegs.popitem(last=False)
-        return data
+        if exposure.damage == "black":
+            return black(data)
+        return broken(data) if exposure.damage == "corrupt" else data
 
     def _geotag(self, exposure: Exposure) -> Geotag:
         """What the autopilot believes, as the announcement says it."""

@@ -15,7 +15,7 @@ from typing import ClassVar
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
-from sitl.codec.wire import Message
+from sitl.codec import Message
 from sitl.copter.aiding import Answer
 from sitl.copter.aircraft import Aircraft
 from sitl.copter.fence import Place, zones

@@ -7,20 +7,19 @@ except unknown commands, which are refused.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.codec.wire import Message, Packer
+from sitl.codec import Message, Packer
 from sitl.copter.aircraft import Aircraft, Notice
 from sitl.copter.mission_items import Item
 from sitl.copter.params import Parameter
-from sitl.copter.streaming import Setpoint
+from sitl.copter.trajectory import Setpoint
 from sitl.copter.transfer import Transfer
 from sitl.mavlink.commands import Commands, Request, statustext
-from sitl.mavlink.positions import ARDUPILOT_FRAMES, ToldPositions
 from sitl.mavlink.streams import STREAM_GROUPS, Streams
 from sitl.mavlink.telemetry import Telemetry
 
@@ -33,13 +32,17 @@ _FTP_NAK, _FTP_FAIL = 129, 1
 _READS_A_STEP = 24  # parameters asked for one by one: what comes faster is lost
 _TERRAIN_READ_S = 1.0
 _UNASKED = 65535  # index of a parameter that nobody has asked for
+_NORTH_NORTH, _EAST_EAST = 0, 6  # in the upper triangle of a covariance
+_NO_ACCURACY: int = mav.GPS_INPUT_IGNORE_FLAG_HORIZONTAL_ACCURACY
+_BAD_QUALITY = -1  # of ODOMETRY
 
 
 @dataclass(eq=False)
 class Interpreter:
     """The vehicle's end of the link."""
 
-    odometry_frames: ClassVar[tuple[int, ...]] = ARDUPILOT_FRAMES
+    odometry_frames: ClassVar[tuple[int, ...]] = (mav.MAV_FRAME_LOCAL_FRD,)
+    """In which ODOMETRY is taken; they lie north here."""
     banner: ClassVar[bytes] = b"\r\n\r\nInit ArduCopter V4.6.0\r\n\r\nFree RAM: 131072\r\n"
     """What a TCP client is greeted with."""
     tells_mode_at_once: ClassVar[bool] = True
@@ -77,9 +80,9 @@ class Interpreter:
             "HEARTBEAT": self._heartbeat,
             "MISSION_SET_CURRENT": self._set_current,
             **dict.fromkeys(self._transfer.handled, self._mission),
-            **ToldPositions(
-                self.ap, lambda: self.telemetry.origin, self.commands.locate, self.odometry_frames
-            ).handlers,
+            "GPS_INPUT": self._gps_input,
+            "VISION_POSITION_ESTIMATE": self._vision,
+            "ODOMETRY": self._odometry,
         }
 
     def _make_transfer(self) -> Transfer:
@@ -184,6 +187,33 @@ class Interpreter:
                 self.ap.go_along(Setpoint(target, velocity), yaw)
         elif not m.type_mask & NO_VELOCITY and all(map(math.isfinite, (m.vx, m.vy, m.vz))):
             self.ap.go_along(Setpoint(None, (m.vy, m.vx, -m.vz)))
+        return b""
+
+    # --- positions that others tell; their time of arrival counts --------------------------------
+
+    def _gps_input(self, m: Message) -> bytes:
+        place = self.commands.locate(m.lat, m.lon)
+        if place is not None:
+            sigma_m = 0.0 if m.ignore_flags & _NO_ACCURACY else _told(m.horiz_accuracy)
+            self.ap.aiding.receiver(place[0], place[1], sigma_m, m.fix_type)
+        return b""
+
+    def _vision(self, m: Message) -> bytes:
+        return self._local_position(m, m.covariance)
+
+    def _odometry(self, m: Message) -> bytes:
+        bodily = m.child_frame_id == mav.MAV_FRAME_BODY_FRD
+        if m.frame_id in self.odometry_frames and bodily and m.quality != _BAD_QUALITY:
+            return self._local_position(m, m.pose_covariance)
+        return b""
+
+    def _local_position(self, m: Message, covariance: Sequence[float]) -> bytes:
+        """North and east of the origin (GPS_GLOBAL_ORIGIN)."""
+        if math.isfinite(m.x) and math.isfinite(m.y) and self.ap.home_known:
+            east, north, _ = self.telemetry.origin
+            variance = 0.5 * (_told(covariance[_NORTH_NORTH]) + _told(covariance[_EAST_EAST]))
+            sigma_m = math.sqrt(variance)
+            self.ap.aiding.vision(east + m.y, north + m.x, sigma_m, m.reset_counter)
         return b""
 
     # --- missions -------------------------------------------------------------------------------
@@ -299,3 +329,12 @@ class Interpreter:
                 0, m.get_srcSystem(), m.get_srcComponent(), list(payload)
             )
         )
+
+
+def _told(value: float) -> float:
+    """A number that says something; 0 where it is not known.
+
+    >>> _told(math.nan), _told(0.25)
+    (0.0, 0.25)
+    """
+    return value if math.isfinite(value) and value > 0.0 else 0.0

@@ -11,10 +11,9 @@ from collections.abc import Callable, Collection
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
-from sitl.body.altimeter import Altimeter
-from sitl.codec import fast_packing as layouts
-from sitl.codec.fast_packing import int16, int32, uint16
-from sitl.codec.wire import Message, Packed
+from sitl import codec
+from sitl.body.sensors import Altimeter
+from sitl.codec import Message, Packed, int16, int32, uint16
 from sitl.copter.aircraft import Aircraft
 from sitl.copter.modes import Mode, Phase
 from sitl.quirks import Quirks
@@ -34,9 +33,9 @@ _PRESENT_AT_REST = _PRESENT & ~mav.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
 
 _SMALL = (0.01, 0.01, 0.01, 0.01, 0.0, 0.0)  # variances
 # attitude, velocities, relative and absolute position, predictions
-_EKF_READY = layouts.ekf_status_report(0x33F, *_SMALL)
-_EKF_RELATIVE = layouts.ekf_status_report(0x12F, *_SMALL)  # where on earth it is not known
-_EKF_CONSTANT_POSITION = layouts.ekf_status_report(0xA7, *_SMALL)  # no absolute position yet
+_EKF_READY = codec.ekf_status_report(0x33F, *_SMALL)
+_EKF_RELATIVE = codec.ekf_status_report(0x12F, *_SMALL)  # where on earth it is not known
+_EKF_CONSTANT_POSITION = codec.ekf_status_report(0xA7, *_SMALL)  # no absolute position yet
 _TARGET_POSITION_ONLY = 0xFDF8
 _TARGET_VELOCITY_ONLY = 0xFDC7
 _TARGET_BOTH = 0xFDC0
@@ -183,7 +182,7 @@ class Telemetry:
             status = mav.MAV_STATE_CRITICAL
         elif ap.airborne or ap.t_s < _CLAIMS_ACTIVE_S:
             status = mav.MAV_STATE_ACTIVE
-        return layouts.heartbeat(
+        return codec.heartbeat(
             mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, base, int(ap.mode), status, 3
         )
 
@@ -198,7 +197,7 @@ class Telemetry:
         if ap.prearm_ok:
             health |= _PREARM
         battery = ap.battery
-        return layouts.sys_status(
+        return codec.sys_status(
             _PRESENT, _PRESENT if ap.armed else _PRESENT_AT_REST, health, 100,
             uint16(battery.voltage_v * 1000.0), self._current_ca,
             self._percents[0], 0, 0, 0, 0, 0, 0,
@@ -224,7 +223,7 @@ class Telemetry:
     def battery_status(self) -> Packed:
         """BATTERY_STATUS: mAh, hectojoules, percent."""
         battery = self._ap.battery
-        return layouts.battery_status(
+        return codec.battery_status(
             0, mav.MAV_BATTERY_FUNCTION_ALL, mav.MAV_BATTERY_TYPE_LIPO, 32767,
             uint16(battery.voltage_v * 1000.0), *_NO_CELLS, self._current_ca, *self._consumed,
             self._percents[1], 0, self._ap.failsafes.charge_state,
@@ -232,19 +231,19 @@ class Telemetry:
 
     def system_time(self) -> Packed:
         """SYSTEM_TIME; the date is not known."""
-        return layouts.system_time(0, self.boot_ms)
+        return codec.system_time(0, self.boot_ms)
 
     def gps_raw_int(self) -> Packed:
         """GPS_RAW_INT, of the first receiver; no fix until home is known."""
         ap = self._ap
         if not ap.home_known or ap.error.lost:
             kind = mav.GPS_FIX_TYPE_NO_FIX if ap.home_known else mav.GPS_FIX_TYPE_NO_GPS
-            return layouts.gps_raw_int(0, kind, 0, 0, 0, 65535, 65535, 0, 0, 0, 0, 0, 0)
+            return codec.gps_raw_int(0, kind, 0, 0, 0, 65535, 65535, 0, 0, 0, 0, 0, 0)
         now = ap.estimate
         receiver_m = self._altimeter.receiver_m - self._altimeter.datum_m
         lat, lon, amsl = self.place(*self._fix, now.up + receiver_m)
         course = math.degrees(math.atan2(now.v_east, now.v_north)) % 360.0
-        return layouts.gps_raw_int(
+        return codec.gps_raw_int(
             int(ap.t_s * 1e6), mav.GPS_FIX_TYPE_3D_FIX, lat, lon, amsl, 121, 200,
             uint16(100.0 * math.hypot(now.v_east, now.v_north)), uint16(course * 100.0) % 36000,
             10, amsl, 300, max(300, int(1000.0 * self._altimeter.sigma_m)),
@@ -263,14 +262,14 @@ class Telemetry:
         body = self._ap.body
         roll, pitch = body.told_roll_pitch
         yaw = math.remainder(body.heading, math.tau)
-        return layouts.attitude(self.boot_ms, roll, pitch, yaw, 0.0, 0.0, body.yaw_rate)
+        return codec.attitude(self.boot_ms, roll, pitch, yaw, 0.0, 0.0, body.yaw_rate)
 
     def local_position_ned(self) -> Packed | None:
         """LOCAL_POSITION_NED around the place of booting."""
         if not self._ap.home_known:
             return None
         now, (east, north, up) = self._ap.estimate, self.origin
-        return layouts.local_position_ned(
+        return codec.local_position_ned(
             self.boot_ms, now.north - north, now.east - east, up - now.up,
             now.v_north, now.v_east, -now.v_up,
         )  # fmt: skip
@@ -280,10 +279,10 @@ class Telemetry:
         ap = self._ap
         heading = uint16(math.degrees(ap.body.heading) * 100.0) % 36000
         if not ap.home_known:
-            return layouts.global_position_int(self.boot_ms, 0, 0, 0, 0, 0, 0, 0, heading)
+            return codec.global_position_int(self.boot_ms, 0, 0, 0, 0, 0, 0, 0, heading)
         now = ap.estimate
         lat, lon, amsl = self.place(now.east, now.north, now.up)
-        return layouts.global_position_int(
+        return codec.global_position_int(
             self.boot_ms, lat, lon, amsl, int32((now.up - ap.home[2]) * 1000.0),
             int16(now.v_north * 100.0), int16(now.v_east * 100.0), int16(-now.v_up * 100.0),
             heading,
@@ -294,7 +293,7 @@ class Telemetry:
         route = self._ap.route
         total = route.total
         state = int(route.progress) if total else mav.MISSION_STATE_NO_MISSION
-        return layouts.mission_current(route.current, total, state, int(self._ap.in_mission))
+        return codec.mission_current(route.current, total, state, int(self._ap.in_mission))
 
     def fence_status(self) -> Packed | None:
         """FENCE_STATUS, while the fence is on."""
@@ -302,7 +301,7 @@ class Telemetry:
         if not ap.fence.enabled(ap.parameters):
             return None
         fence = ap.fence
-        return layouts.fence_status(
+        return codec.fence_status(
             int(fence.broken != 0), uint16(fence.count), fence.breach_type,
             round(fence.at_s * 1000.0) & 0xFFFFFFFF,
         )  # fmt: skip
@@ -311,12 +310,12 @@ class Telemetry:
         """GPS_GLOBAL_ORIGIN: the origin of LOCAL_POSITION_NED."""
         if not self._ap.home_known:
             return None
-        return layouts.gps_global_origin(*self.place(*self.origin))
+        return codec.gps_global_origin(*self.place(*self.origin))
 
     def vfr_hud(self) -> Packed:
         """VFR_HUD."""
         body, now = self._ap.body, self._ap.estimate
-        return layouts.vfr_hud(
+        return codec.vfr_hud(
             body.air_speed_m_s, math.hypot(now.v_east, now.v_north),
             int16(math.degrees(body.heading)) % 360, 50 if self._ap.airborne else 0,
             self.amsl_m + now.up, now.v_up,
@@ -327,7 +326,7 @@ class Telemetry:
         ap = self._ap
         if ap.target is not None:
             lat, lon, _ = self.place(*ap.target)
-            return layouts.position_target_global_int(
+            return codec.position_target_global_int(
                 self.boot_ms, mav.MAV_FRAME_GLOBAL, _TARGET_POSITION_ONLY, lat, lon,
                 self.amsl_m + ap.target[2], *([0.0] * 8),
             )  # fmt: skip
@@ -338,7 +337,7 @@ class Telemetry:
                 lat, lon, _ = self.place(*place)
                 amsl_m = self.amsl_m + place[2]
             mask = _TARGET_VELOCITY_ONLY if place is None else _TARGET_BOTH
-            return layouts.position_target_global_int(
+            return codec.position_target_global_int(
                 self.boot_ms, mav.MAV_FRAME_GLOBAL, mask, lat, lon, amsl_m,
                 north, east, -up, *([0.0] * 5),
             )  # fmt: skip
@@ -346,7 +345,7 @@ class Telemetry:
 
     def autopilot_version(self) -> Packed:
         """AUTOPILOT_VERSION of an ArduCopter 4.6, with the simulator's own vendor and product."""
-        return layouts.autopilot_version(
+        return codec.autopilot_version(
             _CAPABILITIES, _VERSION_4_6_0, 0, 0, 0, *_NO_HASHES, *IDENTITY, 0
         )
 
@@ -354,7 +353,7 @@ class Telemetry:
         """WIND: where it comes from, degrees, and its speed."""
         east, north = self._wind()
         coming_from = math.degrees(math.atan2(-east, -north))
-        return layouts.wind(coming_from, math.hypot(east, north), 0.0)
+        return codec.wind(coming_from, math.hypot(east, north), 0.0)
 
     def ekf_status_report(self) -> Packed:
         """EKF_STATUS_REPORT: constant position mode until ready."""
@@ -369,7 +368,7 @@ class Telemetry:
             return None
         east, north, up = ap.home
         boot_east, boot_north, boot_up = self.origin
-        return layouts.home_position(
+        return codec.home_position(
             *self.place(east, north, up), north - boot_north, east - boot_east, boot_up - up,
             *_NAN4, 0.0, 0.0, 0.0, int(ap.t_s * 1e6),
         )  # fmt: skip
@@ -377,4 +376,4 @@ class Telemetry:
     def extended_sys_state(self) -> Packed:
         """EXTENDED_SYS_STATE: on the ground, taking off, in the air, landing."""
         state = _LANDED_STATE.get(self._ap.phase, mav.MAV_LANDED_STATE_IN_AIR)
-        return layouts.extended_sys_state(mav.MAV_VTOL_STATE_MC, state)
+        return codec.extended_sys_state(mav.MAV_VTOL_STATE_MC, state)

@@ -9,7 +9,7 @@ from sitl.copter.aircraft import SEVERITY_CRITICAL
 from sitl.copter.mission_items import Item
 from sitl.copter.modes import Phase
 from sitl.copter.route import Progress
-from sitl.copter.streaming import Setpoint
+from sitl.copter.trajectory import Setpoint
 from sitl.px4.commander import LASTS_S, Commander, Wish
 from sitl.px4.modes import LEVEL, Px4Mode
 

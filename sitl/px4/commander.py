@@ -17,8 +17,7 @@ from sitl.copter.fence import ALT_MAX, CIRCLE, POLYGON, Fence, names
 from sitl.copter.modes import Phase
 from sitl.copter.motion import Airframe
 from sitl.copter.params import Parameters
-from sitl.copter.streaming import DelayedFollower
-from sitl.copter.trajectory import px4_speed
+from sitl.copter.trajectory import DelayedFollower, px4_speed
 from sitl.px4.aiding import Ekf2Aiding
 from sitl.px4.failsafes import Px4Failsafes, Setpoints
 from sitl.px4.modes import BY_HAND, LEVEL, UNARMABLE, Px4Mode

@@ -12,7 +12,7 @@ import struct
 from collections.abc import Mapping
 from enum import IntEnum
 
-from sitl.codec.wire import EVENT, Packed, crc_extra_of
+from sitl.codec import EVENT, Packed, crc_extra_of
 from sitl.copter.aircraft import Notice
 from sitl.px4.modes import Px4Mode
 

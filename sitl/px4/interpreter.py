@@ -7,15 +7,14 @@ from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.codec.wire import Message
+from sitl.codec import Message
 from sitl.copter.aircraft import Notice
 from sitl.copter.mission_items import IDLE_COMMANDS, MISSION, Item
 from sitl.copter.mission_items import check as check_any
 from sitl.copter.params import INT32, Parameter
-from sitl.copter.streaming import Setpoint
+from sitl.copter.trajectory import Setpoint
 from sitl.copter.transfer import Transfer
 from sitl.mavlink.interpreter import AUTOPILOT, NO_POSITION, NO_VELOCITY, NO_YAW, Interpreter
-from sitl.mavlink.positions import PX4_FRAMES
 from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.events import Events
 from sitl.px4.params import bytewise, from_bytewise
@@ -63,7 +62,7 @@ class Px4Interpreter(Interpreter):
     """A PX4's end of the link."""
 
     ap: Px4Autopilot
-    odometry_frames = PX4_FRAMES
+    odometry_frames = (mav.MAV_FRAME_LOCAL_FRD, mav.MAV_FRAME_LOCAL_NED)
     banner = b""
     tells_mode_at_once = False
     camera_feedback = False

@@ -10,9 +10,8 @@ import math
 import struct
 from functools import partial
 
-from sitl.copter.control import Limits
+from sitl.copter.control import Limits, Tuning
 from sitl.copter.params import INT32, REAL32, Parameter, Parameters
-from sitl.copter.tuning import Tuning
 
 _ROWS = (
     Parameter("BAT1_CAPACITY", -1.0, REAL32),  # mAh, set to the pack's at the start

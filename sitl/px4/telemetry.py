@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import Quaternion
-from sitl.codec.wire import CURRENT_MODE, Message, Packed, crc_extra_of
+from sitl.codec import CURRENT_MODE, Message, Packed, crc_extra_of
 from sitl.mavlink.telemetry import IDENTITY, Telemetry
 from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.modes import UNARMABLE, Px4Mode

@@ -10,7 +10,7 @@ import asyncio
 from collections import OrderedDict, deque
 from typing import cast
 
-from sitl.codec.wire import cut
+from sitl.codec import cut
 from sitl.mavlink.links import Link
 from sitl.vehicle import SimVehicle
 

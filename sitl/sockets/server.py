@@ -2,22 +2,118 @@
 
 UDP: a vehicle has one socket that sends to a port where a client listens (what MAVSDK calls
 `udpin://127.0.0.1:14550`), and also to whoever else has spoken to it. TCP: a vehicle listens and
-serves one client at a time (`tcpout://127.0.0.1:5760`), as ArduPilot's own simulator does.
+serves one client at a time (`tcpout://127.0.0.1:5760`), as ArduPilot's own simulator does. The
+announced pictures are served over HTTP.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import socket
+import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import Literal, TypeAlias
+from concurrent.futures import Future
+from typing import Literal, TypeAlias, TypeVar
 from urllib.parse import urlsplit
 
-from sitl.camera.http import PictureServer
 from sitl.sockets.client_sockets import LOOPBACK, TcpPort, UdpPort
 from sitl.vehicle import SimVehicle
 
-__all__ = ["LOOPBACK", "PORTS_BETWEEN_VEHICLES", "Transport", "serve"]
+_MAX_HEADER_BYTES = 16_384
+_IDLE_S = 30.0
+
+
+class PictureServer:
+    """Serves over HTTP/1.1, GET only, what `find(path)` returns; `path` begins with a slash.
+
+    It runs between two steps of the vehicles, so a picture is looked up and rendered without a
+    lock.
+    """
+
+    def __init__(self, find: Callable[[str], bytes | None]) -> None:
+        self._find = find
+        self._server: asyncio.Server | None = None
+        self._writers: set[asyncio.StreamWriter] = set()
+        self._talks: set[asyncio.Task[None]] = set()
+
+    async def open(self, port: int) -> int:
+        """Listen on 127.0.0.1; port 0 takes any free one. Returns the port."""
+        self._server = await asyncio.start_server(
+            self._talk, LOOPBACK, port, limit=_MAX_HEADER_BYTES
+        )
+        return int(self._server.sockets[0].getsockname()[1])
+
+    async def close(self) -> None:
+        """Close the listening socket and every connection."""
+        if self._server is None:
+            return
+        self._server.close()
+        for writer in list(self._writers):
+            writer.close()
+        await self._server.wait_closed()
+        if self._talks:  # they end by themselves now that their connections are closed
+            await asyncio.wait(self._talks)
+
+    async def _talk(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._writers.add(writer)
+        if (task := asyncio.current_task()) is not None:
+            self._talks.add(task)
+            task.add_done_callback(self._talks.discard)
+        try:
+            while await self._answer(reader, writer):
+                pass
+        except (
+            TimeoutError,
+            ConnectionError,
+            asyncio.IncompleteReadError,
+            asyncio.LimitOverrunError,
+        ):
+            pass  # the other side is gone, silent, or speaks no HTTP: only its connection ends
+        finally:
+            self._writers.discard(writer)
+            writer.close()
+
+    async def _answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
+        """One request and its response; whether the connection stays open."""
+        async with asyncio.timeout(_IDLE_S):
+            head = await reader.readuntil(b"\r\n\r\n")
+        lines = head.decode("latin-1").split("\r\n")
+        words = lines[0].split(" ")
+        headers = {
+            name.strip().lower(): value.strip().lower()
+            for name, _, value in (line.partition(":") for line in lines[1:])
+        }
+        if len(words) != 3 or not words[2].startswith("HTTP/1."):
+            writer.write(_response("400 Bad Request", b"", "close"))
+            return False
+        # a body would be read as the next request: such a connection ends here
+        keep = words[2] == "HTTP/1.1" and headers.get("connection") != "close"
+        keep = keep and headers.get("content-length", "0") == "0"
+        keep = keep and "transfer-encoding" not in headers
+        connection = "keep-alive" if keep else "close"
+        if words[0] not in ("GET", "HEAD"):
+            writer.write(_response("405 Method Not Allowed", b"", connection))
+        else:
+            data = self._find(words[1].partition("?")[0])
+            if data is None:
+                writer.write(_response("404 Not Found", b"", connection))
+            else:
+                writer.write(_response("200 OK", data, connection, words[0] == "HEAD"))
+        await writer.drain()
+        return keep
+
+
+def _response(status: str, body: bytes, connection: str, head_only: bool = False) -> bytes:
+    head = (
+        f"HTTP/1.1 {status}\r\n"
+        "Content-Type: image/jpeg\r\n"
+        f"Content-Length: {len(body)}\r\n"
+        f"Connection: {connection}\r\n\r\n"
+    )
+    return head.encode("ascii") + (b"" if head_only else body)
+
 
 PORTS_BETWEEN_VEHICLES = 10
 BASE_PORT = {"udp": 14550, "tcp": 5760}
@@ -115,3 +211,105 @@ def _check_prefix(prefix: str, http_port: int) -> None:
             f"pictures are served at http://{LOOPBACK}:{http_port}/, "
             f"but the vehicle announces them at {prefix}"
         )
+
+
+_PATIENCE_S = 20.0
+
+T = TypeVar("T")
+
+
+class Background:
+    """Serves vehicles in a thread of its own, until `close`; raises `OSError` when it cannot."""
+
+    def __init__(
+        self, vehicles: Sequence[SimVehicle], *, speedup: float, tcp: bool = False
+    ) -> None:
+        self.urls: list[str] = []
+        self._vehicles = vehicles
+        self._failed: BaseException | None = None
+        self._ready = threading.Event()
+        self._loop = asyncio.new_event_loop()
+        self._speedup = speedup
+        self._transport: Transport = "tcp" if tcp else "udp"
+        self._thread = threading.Thread(target=self._run, name="sitl", daemon=True)
+        self._thread.start()
+        if not self._ready.wait(_PATIENCE_S):
+            raise OSError("the simulator did not open its sockets")
+        if self._failed is not None:
+            self._thread.join()
+            raise OSError(f"the simulator could not open its sockets: {self._failed}")
+
+    def ask(self, question: Callable[[], T]) -> T:
+        """The answer to a question, put to the vehicles between two steps."""
+        if not self._thread.is_alive():
+            return question()
+        answer: Future[T] = Future()
+
+        def put() -> None:
+            try:
+                answer.set_result(question())
+            except BaseException as error:
+                answer.set_exception(error)
+
+        self._loop.call_soon_threadsafe(put)
+        return answer.result(_PATIENCE_S)
+
+    def check(self) -> None:
+        """Raise `RuntimeError` when the thread has died."""
+        if self._failed is not None or not self._thread.is_alive():
+            raise RuntimeError("the simulator has stopped") from self._failed
+
+    def close(self) -> None:
+        """End the thread and close every socket."""
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._task.cancel)
+            self._thread.join(_PATIENCE_S)
+
+    def _run(self) -> None:
+        try:
+            with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+                runner.run(self._serve())
+        except asyncio.CancelledError:
+            pass
+        except BaseException as error:  # told to whoever waits
+            self._failed = error
+        finally:
+            self._ready.set()
+
+    async def _serve(self) -> None:
+        task = asyncio.current_task()
+        assert task is not None
+        self._task = task
+        port, http_port = free_ports(len(self._vehicles), tcp=self._transport == "tcp")
+        for vehicle in self._vehicles:
+            vehicle.announce_pictures_at(f"http://{LOOPBACK}:{http_port}/")
+
+        def ready(urls: list[str]) -> None:
+            self.urls = urls
+            self._ready.set()
+
+        await serve(
+            self._vehicles,
+            speedup=self._speedup,
+            base_port=port,
+            http_port=http_port,
+            transport=self._transport,
+            on_ready=ready,
+        )
+
+
+def free_ports(vehicles: int, *, tcp: bool = False) -> tuple[int, int]:
+    """A port whose neighbours, those of further vehicles, are free too; and one for pictures."""
+    kind = socket.SOCK_STREAM if tcp else socket.SOCK_DGRAM
+    for _ in range(100):
+        with contextlib.ExitStack() as stack, contextlib.suppress(OSError, OverflowError):
+            pictures = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
+            pictures.bind((LOOPBACK, 0))
+            first = stack.enter_context(socket.socket(socket.AF_INET, kind))
+            first.bind((LOOPBACK, 0))
+            port = int(first.getsockname()[1])
+            for i in range(1, vehicles):
+                other = stack.enter_context(socket.socket(socket.AF_INET, kind))
+                other.bind((LOOPBACK, port + PORTS_BETWEEN_VEHICLES * i))
+            return port, int(pictures.getsockname()[1])
+    raise OSError(f"no {vehicles} free ports in a row")

@@ -24,7 +24,7 @@ from shapely.geometry import Polygon
 from missions.errors import WorldError
 from missions.geo.geodesy import LocalPlane
 from missions.units import LatLon
-from sitl.world.orthophoto import Matrix, Orthophoto
+from sitl.world.ground import Matrix, Orthophoto
 from sitl.world.world import Patch
 
 WGS84 = 4326

@@ -17,10 +17,8 @@ from shapely.geometry.base import BaseGeometry
 
 from missions.geo.geodesy import LocalPlane
 from missions.units import LatLon
-from sitl.world.orthophoto import Orthophoto
-from sitl.world.relief import Relief
+from sitl.world.ground import Gray, Orthophoto, Relief, ground_tile, roi_tile
 from sitl.world.tags import Carriers
-from sitl.world.texture import Gray, ground_tile, roi_tile
 
 # numbers that keep the streams of random numbers of one seed apart
 _WIND, _LIGHT, _GROUND, _ROI = 1, 2, 3, 4
@@ -186,7 +184,7 @@ class World:
 
     @cached_property
     def ground_texture(self) -> Gray:
-        """The ground's tile: gray levels, `sitl.world.texture.METRES_PER_PIXEL`, wraps around."""
+        """The ground's tile: gray levels, `sitl.world.ground.METRES_PER_PIXEL`, wraps around."""
         spec = self.spec
         return ground_tile((spec.seed, _GROUND), spec.ground_intensity, spec.texture)
 

@@ -23,7 +23,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.scenario import Setup
-from sitl.sockets.background import free_ports
+from sitl.sockets.server import free_ports
 from sitl.testing import Fleet
 from tests.benchmarks.frame import asked, cpu_ms, head, row
 from tests.e2e.rig import started

@@ -19,7 +19,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.sockets.background import free_ports
+from sitl.sockets.server import free_ports
 from tests.e2e.preloaded import Process
 from uavmap.journal.event_log import JournalReader
 from uavmap.runner.aircraft_takeover import ADDRESS

@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
 from sitl.camera.pinhole import CameraSpec, Shot
-from sitl.codec.wire import Cutter
+from sitl.codec import Cutter
 from sitl.mavlink.camera_component import Exposure, Payload
 from sitl.mavlink.telemetry import Telemetry
 from sitl.quirks import Quirks

@@ -16,7 +16,7 @@ from typing import Final
 
 from missions.mission.places import homes
 from missions.units import LatLon
-from sitl.camera.http import PictureServer
+from sitl.sockets.server import PictureServer
 from tests.e2e.rig import ROOT, aircraft_process, command, environment
 from tests.real.autopilot import Autopilot, Pad, Truth, Values
 from tests.real.figures import Row, simulated, summary_of

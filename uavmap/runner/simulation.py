@@ -30,7 +30,7 @@ from sitl.quirks import Quirks
 from sitl.scenario import Home, Setup
 from sitl.sockets.server import serve
 from sitl.vehicle import SimVehicle
-from sitl.world.relief import HeightField, Relief
+from sitl.world.ground import HeightField, Relief
 from sitl.world.world import Patch
 from uavmap.mavlink.session import Session
 

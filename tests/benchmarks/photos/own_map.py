@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from missions.navigation import ToldErrors
 from missions.units import LatLon, Pose
-from sitl.body.sensors import PositionError
+from sitl.body.estimator import PositionError
 from sitl.camera.pinhole import Shot
 from sitl.camera.render import render
 from tests.benchmarks.frame import asked, spread

@@ -9,7 +9,7 @@ import struct
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.codec.wire import CURRENT_MODE, cut
+from sitl.codec import CURRENT_MODE, cut
 from sitl.px4.events import EVENT
 from sitl.px4.modes import Px4Mode
 from sitl.px4.params import bytewise

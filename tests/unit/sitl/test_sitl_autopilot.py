@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
-from sitl.codec.wire import Framer
+from sitl.codec import Framer
 from sitl.copter.modes import Mode
 from sitl.quirks import Quirks
 from sitl.vehicle import SimVehicle, VehicleSpec

@@ -7,8 +7,7 @@ import asyncio
 import pytest
 
 from missions.units import LatLon
-from sitl.camera.http import PictureServer
-from sitl.sockets.server import serve
+from sitl.sockets.server import PictureServer, serve
 from sitl.vehicle import SimVehicle, VehicleSpec
 from sitl.world.world import World, WorldSpec
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from missions.geo.grid import Grid
 from missions.units import GridPoint, LatLon
-from sitl.world.texture import METRES_PER_PIXEL, TILE_PX, ground_tile
+from sitl.world.ground import METRES_PER_PIXEL, TILE_PX, ground_tile
 from tests.unit.vision.scene import camera_axes, nadir_pose, photograph
 from vision.camera import Camera
 from vision.registration.ground_plane import Relief, bearing

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from missions.units import LatLon
-from sitl.camera.corrupt_images import black
+from sitl.camera.exif import black
 from sitl.camera.pinhole import CameraSpec, Shot
 from sitl.camera.render import render
 from sitl.world.world import Patch, World, WorldSpec

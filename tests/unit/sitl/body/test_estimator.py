@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.body.estimator import DeadReckoning, Estimator
-from sitl.body.sensors import PositionError
+from sitl.body.estimator import DeadReckoning, Estimator, PositionError
 from sitl.scenario import Setup
 from sitl.testing import Fleet
 from tests.unit.sitl.copter.test_route import UP, WP, Planner, row

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.units import LatLon, Quaternion
 from sitl.camera.pinhole import CameraSpec, Shot, ground_to_pixel
 from sitl.camera.render import render
-from sitl.world.texture import TILE_M
+from sitl.world.ground import TILE_M
 from sitl.world.world import Patch, World, WorldSpec
 
 ORIGIN = LatLon(37.2, -80.4)

@@ -12,8 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.mission.schema import parse_fields
 from missions.units import LatLon
 from sitl.body.battery import Battery
+from sitl.body.estimator import PositionError
 from sitl.body.physics import Body
-from sitl.body.sensors import PositionError
 from sitl.faults.faults import Faults
 from sitl.faults.injection import CAMERA_UNIT
 from uavmap.runner.simulation import make_vehicles

@@ -9,7 +9,7 @@ import subprocess
 import pytest
 from pymavlink import mavutil
 
-from sitl.sockets.background import free_ports
+from sitl.sockets.server import free_ports
 from tests.e2e.rig import command, environment
 from uavmap.ui.cli import main
 

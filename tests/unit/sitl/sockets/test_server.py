@@ -10,11 +10,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
-from sitl.codec.wire import Packer, cut
-from sitl.mavlink.signing import Signing
-from sitl.sockets.background import free_ports
+from sitl.codec import Packer, cut
+from sitl.mavlink.links import Signing
 from sitl.sockets.client_sockets import Connection, TcpPort, datagrams
-from sitl.sockets.server import serve
+from sitl.sockets.server import free_ports, serve
 from sitl.vehicle import SimVehicle, VehicleSpec
 from sitl.world.world import World, WorldSpec
 

@@ -12,7 +12,7 @@ from missions.units import LatLon
 from sitl.camera.pinhole import CameraSpec, Shot, ground_to_pixel, pixels_of, seen_ground
 from sitl.camera.render import render
 from sitl.scenario import Setup
-from sitl.world.relief import HeightField, Relief
+from sitl.world.ground import HeightField, Relief
 from sitl.world.world import Patch, World, WorldSpec
 
 ORIGIN = LatLon(47.3, 8.5)

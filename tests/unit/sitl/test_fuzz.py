@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.codec.wire import Packer
+from sitl.codec import Packer
 from tests.support.hostile import Hostile, bombard, condition
 
 SIZE = 400_000

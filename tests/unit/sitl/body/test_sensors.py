@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.body.altimeter import WORST_M, Altimeter
+from sitl.body.sensors import WORST_M, Altimeter
 from sitl.quirks import Quirks
 from sitl.scenario import Setup
 from sitl.testing import Fleet
-from sitl.world.relief import Relief
+from sitl.world.ground import Relief
 
 AMSL_M = 488.0
 HOME, POSITION, GPS = 242, 33, 24

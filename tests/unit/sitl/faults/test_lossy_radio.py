@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.codec.wire import Cutter, Packer, cut
+from sitl.codec import Cutter, Packer, cut
 from sitl.faults.lossy_radio import LinkQuality, Lossy
 
 FRAMES = [bytes([n // 256, n % 256]) * 10 for n in range(2000)]

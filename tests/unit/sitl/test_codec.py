@@ -10,10 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.codec import fast_packing as layouts
-from sitl.codec import wire
-from sitl.codec.fast_packing import int16, int32, layout, uint16
-from sitl.codec.wire import Packer
+from sitl import codec
+from sitl.codec import Packer, int16, int32, layout, uint16
 
 # each kind that is streamed, with the number of its fields that telemetry fills in
 KINDS = {
@@ -51,7 +49,7 @@ def test_a_frame_is_pymavlinks_frame(name, data):
     flat = [x for field in fields for x in (field if isinstance(field, list) else [field])]
     for sequence in range(2):
         theirs.seq = sequence
-        assert ours.pack(getattr(layouts, name)(*flat)) == kind(*fields).pack(theirs)
+        assert ours.pack(getattr(codec, name)(*flat)) == kind(*fields).pack(theirs)
 
 
 def test_every_frame_of_a_flight_is_pymavlinks_frame(make_client):
@@ -83,9 +81,9 @@ def test_every_frame_of_a_flight_is_pymavlinks_frame(make_client):
     command(mav.MAV_CMD_IMAGE_START_CAPTURE, 0, 1.0, 2)
     heard += client.vehicle.step(4.0)
 
-    ids, codec = set(), mav.MAVLink(None)
-    for frame in wire.cut(bytes(heard)):
-        message = codec.decode(bytearray(frame))
+    ids, decoder = set(), mav.MAVLink(None)
+    for frame in codec.cut(bytes(heard)):
+        message = decoder.decode(bytearray(frame))
         ids.add(message.get_msgId())
         out = mav.MAVLink(None, message.get_srcSystem(), message.get_srcComponent())
         out.seq = message.get_seq()
@@ -95,7 +93,7 @@ def test_every_frame_of_a_flight_is_pymavlinks_frame(make_client):
 
 
 def test_a_wrong_number_of_values_is_an_error():
-    for pack in (layouts.attitude, layouts.vfr_hud):  # in order, and not
+    for pack in (codec.attitude, codec.vfr_hud):  # in order, and not
         for count in (0, 5, 8):
             with pytest.raises(struct.error):
                 pack(*[0] * count)
@@ -116,7 +114,7 @@ def test_the_checksum_is_the_same_without_the_c_function():
     for size in range(60):
         data = random_bytes(size)
         slow = mav._x25crc_slow(data).crc
-        assert wire._checksum(data) == wire._x25(data) == slow
+        assert codec._checksum(data) == codec._x25(data) == slow
 
 
 @given(st.floats(-1e12, 1e12))

@@ -1,1 +1,0 @@
-"""Bytes of MAVLink frames, packed fast."""
