@@ -23,8 +23,8 @@ from sitl.mavlink.commands import Commands
 from sitl.mavlink.flight_commands import FlightCommands
 from sitl.mavlink.interpreter import Interpreter
 from sitl.mavlink.telemetry import Telemetry
+from sitl.px4.aiding import HomeCorrection
 from sitl.px4.autopilot import Px4Autopilot
-from sitl.px4.commander import HomeCorrection
 from sitl.px4.commands import Px4Commands
 from sitl.px4.interpreter import Px4Interpreter
 from sitl.px4.telemetry import Px4Telemetry

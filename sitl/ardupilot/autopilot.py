@@ -34,30 +34,16 @@ class Autopilot(Aircraft):
     mode: Mode
     failsafes: ArduPilotFailsafes
 
-    def __init__(
-        self,
-        body: Body,
-        error: Estimator,
-        battery: Battery,
-        airframe: Airframe,
-    ) -> None:
+    tune = staticmethod(copter_tuning)
+    speed_law = staticmethod(copter_speed)
+    first_item = 1
+
+    def __init__(self, body: Body, error: Estimator, battery: Battery, airframe: Airframe) -> None:
         parameters = Parameters()
-        super().__init__(
-            body,
-            error,
-            battery,
-            airframe,
-            parameters,
-            Fence(),
-            Ek3Aiding(body, error, parameters),
-            tune=copter_tuning,
-            speed_law=copter_speed,
-            # PSC_JERK_XY of 0 leaves it to what the vehicle can do
-            follower=ShapedFollower(
-                lambda: shaping_jerk(parameters["PSC_JERK_XY"] or MOST_JERK_M_S3)
-            ),
-            first_item=1,
-        )
+        aiding = Ek3Aiding(body, error, parameters)
+        # PSC_JERK_XY of 0 leaves it to what the vehicle can do
+        follower = ShapedFollower(lambda: shaping_jerk(parameters["PSC_JERK_XY"] or MOST_JERK_M_S3))
+        super().__init__(body, error, battery, airframe, parameters, Fence(), aiding, follower)
         self.mode = Mode.STABILIZE
         self.failsafes = ArduPilotFailsafes()
         self.parameters.preset("BATT_CAPACITY", battery.capacity_mah)

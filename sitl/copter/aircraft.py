@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import Body, Command
 from sitl.copter.aiding import Aiding
-from sitl.copter.control import Tuning
 from sitl.copter.failsafes import Failsafes
 from sitl.copter.fence import Fence
 from sitl.copter.mission_items import FENCE, MISSION, RALLY, Item
@@ -23,7 +21,7 @@ from sitl.copter.modes import Phase
 from sitl.copter.motion import Airframe, Motion
 from sitl.copter.params import Parameters
 from sitl.copter.route import Route
-from sitl.copter.trajectory import Follower, Setpoint, SpeedLaw
+from sitl.copter.trajectory import Follower, Setpoint
 from sitl.copter.transfer import Plans
 
 _PREARM_SHARE = 0.8  # of the time to readiness: the prearm bit goes true before the position
@@ -52,6 +50,8 @@ class Aircraft(Motion, ABC):
     no MAVLink: requests are method calls that return None or the reason for a refusal.
     """
 
+    first_item: ClassVar[int]
+    """The item of a mission that is flown first: an ArduPilot's item 0 is home."""
     failsafes: Failsafes
 
     def __init__(
@@ -63,19 +63,15 @@ class Aircraft(Motion, ABC):
         parameters: Parameters,
         fence: Fence,
         aiding: Aiding,
-        *,
-        tune: Callable[[Parameters], Tuning],
-        speed_law: SpeedLaw,
         follower: Follower,
-        first_item: int,
     ) -> None:
-        super().__init__(body, airframe, parameters, tune, speed_law, follower)
+        super().__init__(body, airframe, parameters, follower)
         self.error = error
         self.aiding = aiding
         self.battery = battery
         self.armed = False
         self.plans: Plans = {MISSION: [], FENCE: [], RALLY: []}
-        self.route = Route(self.plans[MISSION], first_item)
+        self.route = Route(self.plans[MISSION], self.first_item)
         self.fence = fence
         self.texts: list[Notice] = []
         self.mode_changed = False

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from enum import IntEnum
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from sitl.body.physics import Body, Command
 from sitl.copter.control import WIND_TAU_S, Controller, Estimate, Tuning
@@ -44,6 +44,9 @@ class Airframe(NamedTuple):
 class Motion:
     """What is flown now; the autopilot on top of it decides what that is."""
 
+    tune: ClassVar[Callable[[Parameters], Tuning]]
+    """What the parameters say, as one record."""
+    speed_law: ClassVar[SpeedLaw]
     mode: IntEnum
 
     def __init__(
@@ -51,8 +54,6 @@ class Motion:
         body: Body,
         airframe: Airframe,
         parameters: Parameters,
-        tune: Callable[[Parameters], Tuning],
-        speed_law: SpeedLaw,
         follower: Follower,
     ) -> None:
         self.body = body
@@ -69,11 +70,11 @@ class Motion:
         self.hold: Place = self.home
         self.radio_lost = False  # set by a fault
         self._airframe = airframe
-        self._tune, self._tuned_version = tune, -1
+        self._tuned_version = -1
         self._speeds: dict[str, float] = {}
         self._refresh_limits()
         self._control = Controller()
-        self._shaper = Shaper(speed_law)
+        self._shaper = Shaper(self.speed_law)
         self._since_s = 0.0  # when the present phase began
         self._contact_s = 0.0
         self._follower = follower
@@ -85,7 +86,7 @@ class Motion:
         """What the parameters say now."""
         if self._tuned_version != self.parameters.version:
             self._tuned_version = self.parameters.version
-            self._tuning = self._tune(self.parameters)
+            self._tuning = self.tune(self.parameters)
         return self._tuning
 
     @property

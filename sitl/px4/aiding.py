@@ -1,4 +1,4 @@
-"""What PX4's EKF2 lets count for its position.
+"""What PX4's EKF2 lets count for its position, and how the height of home is corrected.
 
 EKF2_GPS_CTRL and EKF2_EV_CTRL (bit 0: horizontal position) say what is fused. Beside satellites a
 companion's positions only count by how they change: their offset is estimated. One position at a
@@ -6,6 +6,11 @@ time is taken by EXTERNAL_POSITION_ESTIMATE, while nothing else helps.
 """
 
 from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
 
 from sitl.body.estimator import Estimator
 from sitl.body.physics import Body
@@ -111,3 +116,50 @@ class Ekf2Aiding(Aiding):
         else:
             error.fuse(*errs_by, sigma_m)
         return Answer.TAKEN
+
+
+_LASTS_S = 120.0
+_EVERY_S = 2.0
+
+
+class HomeCorrection:
+    """By how much the height of home is off, as a seed has it, after each take-off.
+
+    For a while after take-off the height of home follows a better estimate of it.
+
+    >>> home = HomeCorrection([1], most_m=1.5)
+    >>> home.height_m(1.9)
+    0.0
+    >>> home.height_m(2.0) == home.height_m(3.9) != home.height_m(4.0)
+    True
+    >>> abs(home.height_m(500.0)) <= 1.5
+    True
+    """
+
+    def __init__(self, seed: Sequence[int], most_m: float) -> None:
+        rng = np.random.default_rng(list(seed))
+        count = int(_LASTS_S / _EVERY_S)
+        drawn = rng.standard_normal(count) * (0.5 * most_m)
+        self._heights_m: list[float] = [0.0, *np.clip(drawn, -most_m, most_m).tolist()]
+        self._since_s: float | None = None  # when it took off
+        self._up = 0.0  # of home then
+
+    def height_m(self, flown_s: float) -> float:
+        """The error so long after take-off."""
+        at = min(int(flown_s / _EVERY_S + 1e-9), len(self._heights_m) - 1)
+        return self._heights_m[max(at, 0)]
+
+    def home_up(self, t_s: float, up: float, *, airborne: bool) -> float:
+        """Return the height of home over the plane at `t_s`; `up` is the height that it has."""
+        if not airborne:
+            self._since_s = None
+            return up
+        if self._since_s is None:
+            self._since_s, self._up = t_s, up
+        flown_s = t_s - self._since_s
+        corrected = self._up + self.height_m(flown_s)
+        return corrected if flown_s <= _LASTS_S else up
+
+    def end(self) -> None:
+        """Leave home where it is until the next take-off."""
+        self._since_s = -math.inf

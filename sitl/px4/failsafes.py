@@ -31,7 +31,7 @@ from sitl.px4.events import MOTORS_OFF, Cause, failsafe
 from sitl.px4.modes import BY_HAND, Px4Mode
 
 if TYPE_CHECKING:
-    from sitl.px4.commander import Commander
+    from sitl.px4.autopilot import Px4Autopilot
 
 FRESH_S = 0.5
 """At least two setpoints a second: the last is no older than this when the mode is asked for."""
@@ -117,7 +117,7 @@ class Px4Failsafes(Failsafes):
         """The pilot has asked for a mode, or the motors have stopped."""
         self.engaged, self._due, self._action, self._streamless = False, None, 0, False
 
-    def step(self, craft: Commander) -> None:
+    def step(self, craft: Px4Autopilot) -> None:
         """Look at everything once."""
         self._battery(craft)
         self._links(craft)
@@ -133,7 +133,7 @@ class Px4Failsafes(Failsafes):
 
     # --- one each -------------------------------------------------------------------------------
 
-    def _battery(self, craft: Commander) -> None:
+    def _battery(self, craft: Px4Autopilot) -> None:
         self.is_fresh_pack(craft)
         battery, get = craft.battery, craft.parameters
         share = battery.energy_wh / battery.capacity_wh
@@ -150,7 +150,7 @@ class Px4Failsafes(Failsafes):
         elif self.charge_state == CHARGE_CRITICAL and wanted == 3:
             self._act(craft, _BATTERY_CAUSES[CHARGE_CRITICAL], Px4Mode.RTL)
 
-    def _links(self, craft: Commander) -> None:
+    def _links(self, craft: Px4Autopilot) -> None:
         get = craft.parameters
         known = self.silent_s(craft.t_s) >= 0.0
         if self.begins(craft, STATION, known and not self.hears_station(craft.t_s, get)):
@@ -161,7 +161,7 @@ class Px4Failsafes(Failsafes):
             if not int(get["COM_RCL_EXCEPT"]) & _RADIO_EXCEPT.get(craft.mode, 0):
                 self._act(craft, Cause.RADIO, _LINK_ACTIONS.get(int(get["NAV_RCL_ACT"])))
 
-    def _position(self, craft: Commander) -> None:
+    def _position(self, craft: Px4Autopilot) -> None:
         """Satellites stop being fused, and it flies on until the filter has no position."""
         if craft.sources.just_stopped and craft.armed and not craft.position_lost:
             self._without_satellites = True
@@ -175,7 +175,7 @@ class Px4Failsafes(Failsafes):
             craft.texts.append(failsafe(craft.intended, Px4Mode.LAND, Cause.GENERIC))
             self._carry_out(craft, Px4Mode.LAND)  # there is nothing to wait in Hold with
 
-    def _offboard(self, craft: Commander) -> None:
+    def _offboard(self, craft: Px4Autopilot) -> None:
         """A stream that is lost, and one that is back while it still does what followed."""
         if not craft.armed:
             return
@@ -195,7 +195,7 @@ class Px4Failsafes(Failsafes):
     # --- what follows ---------------------------------------------------------------------------
 
     def _act(
-        self, craft: Commander, cause: Cause, action: int | None, *, streamless: bool = False
+        self, craft: Px4Autopilot, cause: Cause, action: int | None, *, streamless: bool = False
     ) -> None:
         """Begin an action, unless a graver one is on; `streamless`: for a lost stream, at once."""
         if action is None or not craft.armed:
@@ -223,10 +223,10 @@ class Px4Failsafes(Failsafes):
         self._carry_out(craft, action)
 
     @staticmethod
-    def _landing(craft: Commander) -> bool:
+    def _landing(craft: Px4Autopilot) -> bool:
         return craft.mode in (Px4Mode.RTL, Px4Mode.LAND)
 
-    def _carry_out(self, craft: Commander, action: int) -> None:
+    def _carry_out(self, craft: Px4Autopilot, action: int) -> None:
         self._action, self._due, self.engaged = action, None, True
         if action == MOTORS_OFF:
             craft.disarm(force=True)

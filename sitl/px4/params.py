@@ -11,6 +11,7 @@ import struct
 from functools import partial
 
 from sitl.copter.control import Limits, Tuning
+from sitl.copter.fence import ALT_MAX, CIRCLE, POLYGON, Fence
 from sitl.copter.params import INT32, REAL32, Parameter, Parameters
 
 _ROWS = (
@@ -147,3 +148,22 @@ def _landing_speed(parameters: Parameters, limits: Limits, height_m: float) -> f
     high_m = max(low_m + 0.1, parameters["MPC_LAND_ALT1"])
     share = max(0.0, min(1.0, (height_m - low_m) / (high_m - low_m)))
     return slow + share * max(0.0, limits.descent_m_s - slow)
+
+
+class Px4Fence(Fence):
+    """Uploaded polygons and circles, GF_MAX_HOR_DIST and GF_MAX_VER_DIST."""
+
+    def enabled(self, parameters: Parameters) -> bool:
+        """Whether there is anything to break, and GF_ACTION says that it matters."""
+        there = self.zones or parameters["GF_MAX_HOR_DIST"] or parameters["GF_MAX_VER_DIST"]
+        return bool(there) and parameters["GF_ACTION"] != 0.0
+
+    def floor_m(self, parameters: Parameters) -> float:
+        """There is none."""
+        return -math.inf
+
+    def _limits(self, parameters: Parameters) -> tuple[int, float, float, float]:
+        """Distances that are not positive are none."""
+        farthest = (parameters[name] for name in ("GF_MAX_VER_DIST", "GF_MAX_HOR_DIST"))
+        high_m, far_m = (limit_m if limit_m > 0.0 else math.inf for limit_m in farthest)
+        return ALT_MAX | CIRCLE | POLYGON, -math.inf, high_m, far_m
