@@ -12,6 +12,7 @@ from typing import Literal
 
 CameraKind = Literal["component", "autopilot", "none"]
 _MOST_PPM = 200_000.0
+_MOST = {"home_moves_m": 20, "height_sigma_m": 8, "tilt_sigma_deg": 10, "heading_sigma_deg": 10}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,13 +54,8 @@ class Quirks:
             problems.append("camera_clock_s is a number of seconds")
         if not abs(self.clock_ppm) <= _MOST_PPM:
             problems.append(f"clock_ppm is -{_MOST_PPM:.0f} to {_MOST_PPM:.0f}")
-        if not 0.0 <= self.home_moves_m <= 20.0:
-            problems.append("home_moves_m is 0 to 20")
-        if not 0.0 <= self.height_sigma_m <= 8.0:
-            problems.append("height_sigma_m is 0 to 8")
-        if not 0.0 <= self.tilt_sigma_deg <= 10.0:
-            problems.append("tilt_sigma_deg is 0 to 10")
-        if not 0.0 <= self.heading_sigma_deg <= 10.0:
-            problems.append("heading_sigma_deg is 0 to 10")
+        for name, most in _MOST.items():
+            if not 0.0 <= getattr(self, name) <= most:
+                problems.append(f"{name} is 0 to {most}")
         if problems:
             raise ValueError("; ".join(problems))

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import Any
 
 from missions.errors import UavmapError
 from missions.geo.geodesy import LocalPlane
@@ -139,56 +140,29 @@ class Setup:
         world = World(self._world_spec(home))
         try:
             return [
-                SimVehicle(
-                    VehicleSpec(
-                        system_id=number,
-                        autopilot=self.autopilot,
-                        home=place,
-                        home_yaw_deg=home.yaw_deg,
-                        battery_wh=self.battery_wh,
-                        hover_power_w=self.hover_power_w,
-                        swap_after_s=self.swap_after_s,
-                        camera=self.camera,
-                        gps_sigma_m=self.gps_sigma_m,
-                        gps_tau_s=self.gps_tau_s,
-                        optical_flow=self.optical_flow,
-                        odometry_drift=self.odometry_drift,
-                        ready_after_s=self.ready_after_s,
-                        image_url_prefix=image_url_prefix,
-                        quirks=self.quirks,
-                        parameters=tuple(self.parameters.items()),
-                    ),
-                    world,
-                )
+                SimVehicle(self._vehicle_spec(number, place, home, image_url_prefix), world)
                 for number, place in enumerate(self.places or self._rows(home), start=1)
             ]
         except ValueError as error:
             raise UavmapError(str(error)) from error
 
+    def _given(self, kind: type[VehicleSpec] | type[WorldSpec]) -> dict[str, Any]:
+        """The fields that a specification has in common with this, by name."""
+        names = {field.name for field in fields(self)} & {field.name for field in fields(kind)}
+        return {name: getattr(self, name) for name in names}
+
+    def _vehicle_spec(self, number: int, place: LatLon, home: Home, prefix: str) -> VehicleSpec:
+        own: dict[str, Any] = {"system_id": number, "home": place, "home_yaw_deg": home.yaw_deg}
+        own |= {"image_url_prefix": prefix, "parameters": tuple(self.parameters.items())}
+        return VehicleSpec(**(self._given(VehicleSpec) | own))
+
     def _world_spec(self, home: Home) -> WorldSpec:
         ground = load_ground(self.world, self.world_epsg, home.position)
         heights_m = self.pad_heights_m or [0.0] * len(self.places)
-        return WorldSpec(
-            home.position,
-            home.amsl_m,
-            (*self.patches, *ground.patches),
-            drift_speed_m_s=self.drift_speed_m_s,
-            drift_toward_deg=self.drift_toward_deg,
-            wind_speed_m_s=self.wind_speed_m_s,
-            wind_from_deg=self.wind_from_deg,
-            gust_m_s=self.gust_m_s,
-            roi_intensity=self.roi_intensity,
-            ground_intensity=self.ground_intensity,
-            texture=self.texture,
-            sensor_noise=self.sensor_noise,
-            illumination=self.illumination,
-            seed=self.seed,
-            orthophoto=ground.orthophoto,
-            relief=self.relief,
-            pads=tuple(pad for pad in zip(self.places, heights_m, strict=True) if pad[1]),
-            tag_m=self.tag_m,
-            tag_dictionary=self.tag_dictionary,
-        )
+        pads = tuple(pad for pad in zip(self.places, heights_m, strict=True) if pad[1])
+        own: dict[str, Any] = {"origin": home.position, "origin_amsl_m": home.amsl_m, "pads": pads}
+        own |= {"patches": (*self.patches, *ground.patches), "orthophoto": ground.orthophoto}
+        return WorldSpec(**(self._given(WorldSpec) | own))
 
     def _rows(self, home: Home) -> list[LatLon]:
         plane = LocalPlane(home.position)
