@@ -157,8 +157,7 @@ class HomeCorrection:
         if self._since_s is None:
             self._since_s, self._up = t_s, up
         flown_s = t_s - self._since_s
-        corrected = self._up + self.height_m(flown_s)
-        return corrected if flown_s <= _LASTS_S else up
+        return self._up + self.height_m(flown_s) if flown_s <= _LASTS_S else up
 
     def end(self) -> None:
         """Leave home where it is until the next take-off."""

@@ -126,6 +126,17 @@ def test_home_that_moves_is_seeded_and_can_be_had_still():
     assert len(set(homes(home_moves_m=0.0))) == 1
 
 
+def test_home_that_is_set_in_flight_moves_no_more(sitl):
+    take_off(sitl)
+    sitl.run(5.0)
+    assert sitl.command(mav.MAV_CMD_DO_SET_HOME, 1) == ACCEPTED
+    sitl.receive()
+    sitl.run(20.0)
+    told = {m.altitude for m in sitl.receive() if m.get_type() == "HOME_POSITION"}
+    assert len(told) == 1
+    assert told.pop() / 1000.0 == pytest.approx(498.0, abs=1.0)
+
+
 def test_a_battery_failsafe_breaks_a_landing_off_holds_and_lands(sitl):
     set_param(sitl, "COM_LOW_BAT_ACT", 3)
     take_off(sitl)
