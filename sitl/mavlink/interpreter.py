@@ -32,6 +32,11 @@ _FTP_NAK, _FTP_FAIL = 129, 1
 _READS_A_STEP = 24  # parameters asked for one by one: what comes faster is lost
 _TERRAIN_READ_S = 1.0
 _UNASKED = 65535  # index of a parameter that nobody has asked for
+_TO_ALL = {
+    "HEARTBEAT", "PING", "TERRAIN_CHECK", "TIMESYNC", "GPS_INPUT", "VISION_POSITION_ESTIMATE",
+    "ODOMETRY",
+}  # fmt: skip
+"""Messages that are for everybody; all others name the system that they are for."""
 _NORTH_NORTH, _EAST_EAST = 0, 6  # in the upper triangle of a covariance
 _NO_ACCURACY: int = mav.GPS_INPUT_IGNORE_FLAG_HORIZONTAL_ACCURACY
 _BAD_QUALITY = -1  # of ODOMETRY
@@ -64,7 +69,8 @@ class Interpreter:
         self._transfer = self._make_transfer()
         self.autopilot_wire = Packer(self.system_id, AUTOPILOT)
         self.camera_wire = Packer(self.system_id, CAMERA)
-        self._handlers: dict[str, Callable[[Message], bytes]] = {
+        self._sent = bytearray()  # since it was last taken
+        self._handlers: dict[str, Callable[[Message], None]] = {
             "COMMAND_LONG": self._command_long,
             "COMMAND_INT": self._command_int,
             "SET_MODE": self._set_mode,
@@ -97,30 +103,26 @@ class Interpreter:
 
     def handle(self, messages: Iterable[Message]) -> bytes:
         """Handle received messages; the immediate replies."""
-        replies = bytearray()
         for message in messages:
             self.heard = True
-            handler = self._handlers.get(message.get_type())
-            if handler is not None:
-                replies += handler(message)
-        return bytes(replies)
+            kind = message.get_type()
+            handler = self._handlers.get(kind)
+            if handler is not None and (kind in _TO_ALL or self._ours(message)):
+                handler(message)
+        return self._take()
 
     def step(self) -> bytes:
         """What the passing of time brings: missing mission items asked for again, news."""
         self._reads = 0
         ap = self.ap
-        sent = [self.autopilot_wire.pack(m) for m in self._transfer.step(ap.t_s)]
-        if not (ap.route.reached or ap.parameters.untold):
-            return b"".join(sent)
-        if self.heard:
-            sent += [
-                self.autopilot_wire.pack(mav.MAVLink_mission_item_reached_message(seq))
-                for seq in ap.route.reached
-            ]
-            sent += [self._param_value(name, _UNASKED) for name in ap.parameters.untold]
-        ap.route.reached.clear()
-        ap.parameters.untold.clear()
-        return b"".join(sent)
+        self._send(*self._transfer.step(ap.t_s))
+        if ap.route.reached or ap.parameters.untold:
+            if self.heard:
+                self._send(*map(mav.MAVLink_mission_item_reached_message, ap.route.reached))
+                self._send(*(self._param_value(n, _UNASKED) for n in ap.parameters.untold))
+            ap.route.reached.clear()
+            ap.parameters.untold.clear()
+        return self._take()
 
     def tell(self, notice: Notice) -> bytes:
         """What the autopilot says, as a text."""
@@ -129,52 +131,59 @@ class Interpreter:
     def _ours(self, message: Message) -> bool:
         return message.target_system in (0, self.system_id)
 
-    def _terrain_check(self, m: Message) -> bytes:
+    def _send(self, *messages: Message) -> None:
+        """The autopilot says this."""
+        for message in messages:
+            self._sent += self.autopilot_wire.pack(message)
+
+    def _take(self) -> bytes:
+        sent = bytes(self._sent)
+        self._sent.clear()
+        return sent
+
+    def _terrain_check(self, m: Message) -> None:
         """What its terrain database knows of a place; it takes a moment to be read."""
         now_s = self.ap.t_s
         if self._terrain_s is None:
             self._terrain_s = now_s + _TERRAIN_READ_S
         loaded = now_s >= self._terrain_s
-        return self.autopilot_wire.pack(self.telemetry.terrain_report(m.lat, m.lon, loaded=loaded))
+        self._send(self.telemetry.terrain_report(m.lat, m.lon, loaded=loaded))
 
     # --- commands -------------------------------------------------------------------------------
 
-    def _command_long(self, m: Message) -> bytes:
+    def _command_long(self, m: Message) -> None:
         p = (m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7)
-        return self._command(m, Request(m.command, p, None))
+        self._command(m, Request(m.command, p, None))
 
-    def _command_int(self, m: Message) -> bytes:
+    def _command_int(self, m: Message) -> None:
         p = (m.param1, m.param2, m.param3, m.param4, 0.0, 0.0, m.z)
-        return self._command(m, Request(m.command, p, (m.frame, m.x, m.y)))
+        self._command(m, Request(m.command, p, (m.frame, m.x, m.y)))
 
-    def _command(self, m: Message, request: Request) -> bytes:
-        if not self._ours(m) or m.target_component not in (0, AUTOPILOT, CAMERA):
-            return b""
+    def _command(self, m: Message, request: Request) -> None:
+        if m.target_component not in (0, AUTOPILOT, CAMERA):
+            return
         for_camera = m.target_component == CAMERA
         reply = self.commands.carry_out(request, for_camera)
         if reply.silent:
-            return b""
+            return
         as_camera = for_camera and not reply.by_autopilot
         wire = self.camera_wire if as_camera else self.autopilot_wire
         sender = self.camera_wire if reply.from_camera or as_camera else self.autopilot_wire
         asker = m.get_srcSystem(), m.get_srcComponent()
-        sent = bytearray()
         for result in (*reply.before, reply.result):
-            sent += wire.pack(mav.MAVLink_command_ack_message(m.command, result, 0, 0, *asker))
+            ack = mav.MAVLink_command_ack_message(m.command, result, 0, 0, *asker)
+            self._sent += wire.pack(ack)
         for message in reply.messages:
-            sent += sender.pack(message)
-        return bytes(sent)
+            self._sent += sender.pack(message)
 
-    def _set_mode(self, m: Message) -> bytes:
-        if not self._ours(m) or not m.base_mode & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
-            return b""
-        reply = self.commands.set_mode(m.custom_mode)
-        return b"".join(self.autopilot_wire.pack(message) for message in reply.messages)
+    def _set_mode(self, m: Message) -> None:
+        if m.base_mode & mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+            self._send(*self.commands.set_mode(m.custom_mode).messages)
 
-    def _position_target(self, m: Message) -> bytes:
+    def _position_target(self, m: Message) -> None:
         """Never acknowledged; outside guided flight dropped without a word."""
-        if not self._ours(m) or m.target_component not in (0, AUTOPILOT):
-            return b""
+        if m.target_component not in (0, AUTOPILOT):
+            return
         if not m.type_mask & NO_POSITION:
             target = self.commands.target(m.coordinate_frame, m.lat_int, m.lon_int, m.alt)
             yaw = None if m.type_mask & NO_YAW or not math.isfinite(m.yaw) else m.yaw
@@ -187,48 +196,41 @@ class Interpreter:
                 self.ap.go_along(Setpoint(target, velocity), yaw)
         elif not m.type_mask & NO_VELOCITY and all(map(math.isfinite, (m.vx, m.vy, m.vz))):
             self.ap.go_along(Setpoint(None, (m.vy, m.vx, -m.vz)))
-        return b""
 
     # --- positions that others tell; their time of arrival counts --------------------------------
 
-    def _gps_input(self, m: Message) -> bytes:
+    def _gps_input(self, m: Message) -> None:
         place = self.commands.locate(m.lat, m.lon)
         if place is not None:
             sigma_m = 0.0 if m.ignore_flags & _NO_ACCURACY else _told(m.horiz_accuracy)
             self.ap.aiding.receiver(place[0], place[1], sigma_m, m.fix_type)
-        return b""
 
-    def _vision(self, m: Message) -> bytes:
-        return self._local_position(m, m.covariance)
+    def _vision(self, m: Message) -> None:
+        self._local_position(m, m.covariance)
 
-    def _odometry(self, m: Message) -> bytes:
+    def _odometry(self, m: Message) -> None:
         bodily = m.child_frame_id == mav.MAV_FRAME_BODY_FRD
         if m.frame_id in self.odometry_frames and bodily and m.quality != _BAD_QUALITY:
-            return self._local_position(m, m.pose_covariance)
-        return b""
+            self._local_position(m, m.pose_covariance)
 
-    def _local_position(self, m: Message, covariance: Sequence[float]) -> bytes:
+    def _local_position(self, m: Message, covariance: Sequence[float]) -> None:
         """North and east of the origin (GPS_GLOBAL_ORIGIN)."""
         if math.isfinite(m.x) and math.isfinite(m.y) and self.ap.home_known:
             east, north, _ = self.telemetry.origin
             variance = 0.5 * (_told(covariance[_NORTH_NORTH]) + _told(covariance[_EAST_EAST]))
             sigma_m = math.sqrt(variance)
             self.ap.aiding.vision(east + m.y, north + m.x, sigma_m, m.reset_counter)
-        return b""
 
     # --- missions -------------------------------------------------------------------------------
 
-    def _mission(self, m: Message) -> bytes:
-        if not self._ours(m) or m.target_component not in (0, AUTOPILOT):
-            return b""
-        answers = self._transfer.receive(m, self.ap.t_s)
-        return b"".join(self.autopilot_wire.pack(answer) for answer in answers)
+    def _mission(self, m: Message) -> None:
+        if m.target_component in (0, AUTOPILOT):
+            self._send(*self._transfer.receive(m, self.ap.t_s))
 
-    def _set_current(self, m: Message) -> bytes:
+    def _set_current(self, m: Message) -> None:
         """MISSION_SET_CURRENT: answered with MISSION_CURRENT; an unknown item meets silence."""
-        if not self._ours(m) or not self.ap.route.jump_to(m.seq, self.ap):
-            return b""
-        return self.autopilot_wire.pack(self.telemetry.mission_current())
+        if self.ap.route.jump_to(m.seq, self.ap):
+            self._send(self.telemetry.mission_current())
 
     def _home_item(self) -> Item:
         lat, lon, amsl_mm = self.telemetry.place(*self.ap.home)
@@ -236,17 +238,14 @@ class Interpreter:
             mav.MAV_CMD_NAV_WAYPOINT, mav.MAV_FRAME_GLOBAL, x=lat, y=lon, z=amsl_mm / 1000.0
         )
 
-    def _heartbeat(self, m: Message) -> bytes:
+    def _heartbeat(self, m: Message) -> None:
         """Whoever has the number of its ground station is that, whatever it calls itself."""
         if m.get_srcSystem() == int(self.ap.parameters["SYSID_MYGCS"]):
             self.ap.failsafes.hear_station(self.ap.t_s)
-        return b""
 
     # --- streams --------------------------------------------------------------------------------
 
-    def _data_stream(self, m: Message) -> bytes:
-        if not self._ours(m):
-            return b""
+    def _data_stream(self, m: Message) -> None:
         every = m.req_stream_id == mav.MAV_DATA_STREAM_ALL
         groups = STREAM_GROUPS.values() if every else [STREAM_GROUPS.get(m.req_stream_id, ())]
         rate_hz = m.req_message_rate if m.start_stop else 0
@@ -254,41 +253,32 @@ class Interpreter:
         for group in groups:
             for message_id in group:
                 self.streams.set(message_id, interval_s, self.ap.t_s)
-        return b""
 
     # --- parameters -----------------------------------------------------------------------------
 
-    def _param_list(self, m: Message) -> bytes:
-        if not self._ours(m):
-            return b""
-        return b"".join(self._param_value(p.name) for p in self.ap.parameters.table)
+    def _param_list(self, m: Message) -> None:
+        self._send(*(self._param_value(p.name) for p in self.ap.parameters.table))
 
-    def _param_read(self, m: Message) -> bytes:
-        if not self._ours(m):
-            return b""
+    def _param_read(self, m: Message) -> None:
         self._reads += 1
-        if self._reads > _READS_A_STEP:
-            return b""
+        parameters, name = self.ap.parameters, m.param_id
         if m.param_index >= 0:
-            table = self.ap.parameters.table
-            known = m.param_index < len(table)
-            return self._param_value(table[m.param_index].name) if known else b""
-        return self._param_value(m.param_id) if m.param_id in self.ap.parameters else b""
+            known = m.param_index < len(parameters.table)
+            name = parameters.table[m.param_index].name if known else ""
+        if self._reads <= _READS_A_STEP and name in parameters:
+            self._send(self._param_value(name))
 
-    def _param_set(self, m: Message) -> bytes:
+    def _param_set(self, m: Message) -> None:
         """The new value is the answer; an unknown name or a NaN meets silence."""
-        if not self._ours(m) or not self.ap.parameters.set(m.param_id, m.param_value):
-            return b""
-        return self._param_value(m.param_id)
+        if self.ap.parameters.set(m.param_id, m.param_value):
+            self._send(self._param_value(m.param_id))
 
-    def _param_value(self, name: str, told_index: int | None = None) -> bytes:
+    def _param_value(self, name: str, told_index: int | None = None) -> Message:
         parameters = self.ap.parameters
         parameter, index = parameters.by_name[name], parameters.index[name]
-        return self.autopilot_wire.pack(
-            mav.MAVLink_param_value_message(
-                name.encode("ascii"), self._on_wire(parameter, parameters[name]), parameter.type,
-                len(parameters.table), index if told_index is None else told_index,
-            )
+        return mav.MAVLink_param_value_message(
+            name.encode("ascii"), self._on_wire(parameter, parameters[name]), parameter.type,
+            len(parameters.table), index if told_index is None else told_index,
         )  # fmt: skip
 
     def _on_wire(self, parameter: Parameter, value: float) -> float:
@@ -297,24 +287,17 @@ class Interpreter:
 
     # --- small talk -----------------------------------------------------------------------------
 
-    def _ping(self, m: Message) -> bytes:
-        if m.target_system != 0:  # somebody's answer
-            return b""
-        return self.autopilot_wire.pack(
-            mav.MAVLink_ping_message(m.time_usec, m.seq, m.get_srcSystem(), m.get_srcComponent())
-        )
+    def _ping(self, m: Message) -> None:
+        if m.target_system == 0:  # or it is somebody's answer
+            asker = m.get_srcSystem(), m.get_srcComponent()
+            self._send(mav.MAVLink_ping_message(m.time_usec, m.seq, *asker))
 
-    def _timesync(self, m: Message) -> bytes:
-        if m.tc1 != 0:  # an answer to ours
-            return b""
-        return self.autopilot_wire.pack(
-            mav.MAVLink_timesync_message(round(self.ap.t_s * 1e9), m.ts1)
-        )
+    def _timesync(self, m: Message) -> None:
+        if m.tc1 == 0:  # or it is an answer to ours
+            self._send(mav.MAVLink_timesync_message(round(self.ap.t_s * 1e9), m.ts1))
 
-    def _ftp(self, m: Message) -> bytes:
+    def _ftp(self, m: Message) -> None:
         """Refused aloud: a client that meets silence waits for many seconds."""
-        if not self._ours(m):
-            return b""
         request = bytes(m.payload)
         sequence = (int.from_bytes(request[:2], "little") + 1) & 0xFFFF
         payload = bytearray(len(request))
@@ -324,11 +307,8 @@ class Interpreter:
         payload[4] = 1  # size of the data: the error code
         payload[5] = request[3]  # the opcode that is refused
         payload[12] = _FTP_FAIL
-        return self.autopilot_wire.pack(
-            mav.MAVLink_file_transfer_protocol_message(
-                0, m.get_srcSystem(), m.get_srcComponent(), list(payload)
-            )
-        )
+        asker = m.get_srcSystem(), m.get_srcComponent()
+        self._send(mav.MAVLink_file_transfer_protocol_message(0, *asker, list(payload)))
 
 
 def _told(value: float) -> float:

@@ -103,22 +103,21 @@ class Px4Interpreter(Interpreter):
             check=check,
         )
 
-    def _heartbeat(self, m: Message) -> bytes:
+    def _heartbeat(self, m: Message) -> None:
         if m.type == mav.MAV_TYPE_GCS:
             self.ap.failsafes.hear_station(self.ap.t_s)
-        return b""
 
     # --- setpoints ------------------------------------------------------------------------------
 
-    def _position_target(self, m: Message) -> bytes:
+    def _position_target(self, m: Message) -> None:
         if self._is_setpoint(m):
             self.ap.setpoints.hear(self.ap.t_s)
-        return super()._position_target(m)
+        super()._position_target(m)
 
-    def _local_target(self, m: Message) -> bytes:
+    def _local_target(self, m: Message) -> None:
         """SET_POSITION_TARGET_LOCAL_NED, around the place of booting; BODY_NED for velocities."""
         if not self._is_setpoint(m):
-            return b""
+            return
         self.ap.setpoints.hear(self.ap.t_s)
         if not m.type_mask & NO_POSITION:
             if m.coordinate_frame == mav.MAV_FRAME_LOCAL_NED:
@@ -136,11 +135,10 @@ class Px4Interpreter(Interpreter):
                 v_north = m.vx * math.cos(heading) - m.vy * math.sin(heading)
                 v_east = m.vx * math.sin(heading) + m.vy * math.cos(heading)
             self.ap.go_along(Setpoint(None, (v_east, v_north, -m.vz)))
-        return b""
 
     def _is_setpoint(self, m: Message) -> bool:
         """For this vehicle, and of finite numbers only."""
-        if not self._ours(m) or m.target_component not in (0, AUTOPILOT):
+        if m.target_component not in (0, AUTOPILOT):
             return False
         numbers = [m.vx, m.vy, m.vz, m.afx, m.afy, m.afz, m.yaw]
         if m.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
@@ -149,22 +147,18 @@ class Px4Interpreter(Interpreter):
 
     # --- parameters -----------------------------------------------------------------------------
 
-    def _param_set(self, m: Message) -> bytes:
+    def _param_set(self, m: Message) -> None:
         """The new value is the answer; an unknown name is told, another type meets silence."""
-        if not self._ours(m):
-            return b""
         parameter = self.ap.parameters.by_name.get(m.param_id)
         if parameter is None:
             self.ap.say(mav.MAV_SEVERITY_ERROR, f"unknown param: {m.param_id}")
-            return b""
+            return
         if m.param_type != parameter.type:
-            return b""
+            return
         value = from_bytewise(m.param_value) if parameter.type == INT32 else m.param_value
-        if not self.ap.parameters.set(m.param_id, value):
-            return b""
-        answer = self._param_value(m.param_id)
-        self._copies.append(self._param_value(m.param_id))
-        return answer
+        if self.ap.parameters.set(m.param_id, value):
+            self._send(self._param_value(m.param_id))
+            self._copies.append(self.autopilot_wire.pack(self._param_value(m.param_id)))
 
     def step(self) -> bytes:
         """Besides, each parameter that was set is sent once more, up to 50 ms later.
