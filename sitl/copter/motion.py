@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from enum import IntEnum
 from typing import ClassVar, NamedTuple
@@ -13,7 +12,7 @@ from sitl.copter.control import WIND_TAU_S, Controller, Estimate, Tuning
 from sitl.copter.fence import Place
 from sitl.copter.modes import Mode, Phase
 from sitl.copter.params import Parameters
-from sitl.copter.trajectory import Follower, Setpoint, Shaper, SpeedLaw, shaping_jerk
+from sitl.copter.trajectory import Follower, Setpoint, Shaper, shaping_jerk
 
 _SPOOL_S = 2.5  # motors up to speed, before the climb
 _CONTACT_S = 1.0  # standing for so long counts as landed
@@ -44,9 +43,9 @@ class Airframe(NamedTuple):
 class Motion:
     """What is flown now; the autopilot on top of it decides what that is."""
 
-    tune: ClassVar[Callable[[Parameters], Tuning]]
+    tune: ClassVar[staticmethod[[Parameters], Tuning]]
     """What the parameters say, as one record."""
-    speed_law: ClassVar[SpeedLaw]
+    speed_law: ClassVar[staticmethod[[float, float, float], float]]
     mode: IntEnum
 
     def __init__(

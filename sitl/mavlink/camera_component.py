@@ -40,7 +40,7 @@ class Exposure:
     believed_height_m: float  # above home
     body_rad: tuple[float, float, float]  # roll, pitch, yaw of the aircraft, by its compass
     attitude: Quaternion  # of the camera, by the compass
-    damage: Literal["", "black", "corrupt"]  # what a fault makes of the picture
+    damage: Literal["", "black", "corrupt"] = ""  # what a fault makes of the picture
 
 
 class Payload:
