@@ -10,7 +10,7 @@ from missions.flight.setting_of import setting_of
 from missions.guardian import PAD_M
 from missions.mission.schema import Mission
 from tests.fake_fleet import Fleet
-from tests.fake_fleet.air import Air
+from tests.fake_fleet.aircraft import Air
 from tests.fake_fleet.troubles import ACTS, PHASES, Trouble, drawn
 from tests.support.small_missions import at_heights, scattered, unkind_scenario
 

@@ -18,7 +18,7 @@ from missions.units import Cell
 from tests.fake_fleet import Fleet
 from tests.support.small_missions import mission_text, square
 
-BOX = square(0.0, -4.0, 60.0, 44.0)
+BOX = square(0.0, -4.0, 48.0, 36.0)
 FENCE = square(-30.0, -40.0, 130.0, 120.0)
 ROI = frozenset(Cell(east, north) for east in range(6, 10) for north in range(3, 7))
 """One patch; for a strategy that ends with the first that is all."""

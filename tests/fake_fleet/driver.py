@@ -63,8 +63,7 @@ from missions.orders import (
 from missions.units import Cell, GridPoint
 from tests.support.footprints import whole_cells
 
-from .air import Vector
-from .aircraft import LIFTED_M, Aircraft
+from .aircraft import LIFTED_M, STOP_M, Aircraft, Vector
 
 TRACK_S = 1.0
 WATCH_S = 0.5
@@ -83,7 +82,6 @@ NO_ACK_S = 7.5
 """After so long without an acknowledgement a command counts as failed."""
 REFUSED_S = 0.5
 CLIMB_TOLERANCE_M = 0.4
-STOP_M = 0.7
 PASS_M = 2.0
 CORNER_M = 2.0
 BRISK_M_S = 1.0

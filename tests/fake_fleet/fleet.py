@@ -25,12 +25,10 @@ from missions.mission.schema import Mission
 from missions.orders import Order, StandDown
 from missions.units import Cell, GridPoint
 
-from .air import Air
-from .aircraft import Aircraft
+from .aircraft import Air, Aircraft
 from .driver import PATH_TRACK_S, TRACK_S, WATCH_S, Driver, Surroundings
-from .pilot import Pilot
 from .referee import Referee
-from .troubles import ACTS, Trouble, in_phase
+from .troubles import ACTS, Pilot, Trouble, in_phase
 
 TICK_S = 0.25
 HANDS_OFF = (Phase.YIELDED, Phase.FAILED, Phase.OFFLINE, Phase.DOWN, Phase.LOST)

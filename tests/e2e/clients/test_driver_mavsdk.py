@@ -98,22 +98,18 @@ def test_control_c_brings_it_home_and_leaves_nothing_behind(tmp_path):
     assert gone(child)
 
 
-def test_a_simulated_flight_by_mavsdk_is_refused_with_the_remedy(tmp_path):
-    done = uavmap("fly", "runway", "--sim", "--driver", "mavsdk", "--out", tmp_path / "out")
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("fly", "runway", "--sim", "--driver", "mavsdk"), ("virtual time", "uavmap sitl")),
+        (("resume", "OVER", "--driver", "mavsdk"), ("virtual time",)),
+        (("fly", "runway", "--driver", "dronekit"), ("pymavlink", "mavsdk")),
+    ],
+)
+def test_a_driver_that_cannot_fly_this_is_refused_with_the_remedy(arguments, said, speck, tmp_path):
+    words = [speck.folder if word == "OVER" else word for word in arguments]
+    out = [] if "OVER" in arguments else ["--out", tmp_path / "out"]
+    done = uavmap(*words, *out)
     assert done.code == 2
-    assert "virtual time" in done.err
-    assert "uavmap sitl" in done.err
+    assert all(text in done.err for text in said)
     assert not (tmp_path / "out").exists()
-
-
-def test_a_simulated_flight_does_not_go_on_by_mavsdk(speck):
-    done = uavmap("resume", speck.folder, "--driver", "mavsdk")
-    assert done.code == 2
-    assert "virtual time" in done.err
-
-
-def test_a_driver_that_does_not_exist_is_named_with_those_that_do(tmp_path):
-    done = uavmap("fly", "runway", "--driver", "dronekit", "--out", tmp_path / "out")
-    assert done.code == 2
-    assert "pymavlink" in done.err
-    assert "mavsdk" in done.err

@@ -12,7 +12,7 @@ from missions.flight.state import Phase
 from missions.lab.arena.roi import eden
 from missions.orders import AwaitBattery, FlyPath, Hold
 from missions.units import Cell, GridPoint
-from tests.fake_fleet.air import Storm
+from tests.fake_fleet.aircraft import Storm
 from tests.prop.missions.flight.test_paths_in_flight import Watched, is_honest
 from tests.prop.quick_plans import quick_plans
 from tests.support.small_missions import Scenario, at_heights, mission, square

@@ -6,6 +6,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import cv2
+import numpy as np
+import numpy.typing as npt
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -17,6 +20,20 @@ from sitl.world.world import Patch, World, WorldSpec
 ORIGIN = LatLon(37.2, -80.4)
 
 
+def plain_vehicle(system_id: int = 1, world: World | None = None, **spec: Any) -> SimVehicle:
+    """A vehicle with nothing to see below it, just switched on."""
+    return SimVehicle(
+        VehicleSpec(system_id, ORIGIN, **spec), world or World(WorldSpec(ORIGIN, 600.0, ()))
+    )
+
+
+def decoded(jpeg: bytes, flags: int = cv2.IMREAD_GRAYSCALE) -> npt.NDArray[np.uint8]:
+    """The pixels of a picture."""
+    picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), flags)
+    assert picture is not None
+    return np.asarray(picture, dtype=np.uint8)
+
+
 class Client:
     """Speaks to a vehicle in bytes, remembers every message with the time it came."""
 
@@ -25,6 +42,7 @@ class Client:
         self.log: list[tuple[float, Any]] = []
         self._out = mav.MAVLink(None, srcSystem=255, srcComponent=190)
         self._in = mav.MAVLink(None)
+        self._in.robust_parsing = True
 
     def _note(self, data: bytes) -> list[Any]:
         messages = self._in.parse_buffer(data) or []

@@ -116,27 +116,22 @@ def test_a_silent_ground_station_brings_it_home(make_client):
     assert last_heartbeat(client).custom_mode == RTL
 
 
-def test_another_station_number(make_client):
+@pytest.mark.parametrize(
+    ("settings", "beats", "kind", "then"),
+    [
+        ({"FS_GCS_ENABLE": 5, "SYSID_MYGCS": 7}, 3, mav.MAV_TYPE_GCS, GUIDED),  # another's beats
+        ({"FS_GCS_ENABLE": 5}, 1, mav.MAV_TYPE_GCS, LAND),
+        # as measured: its station is known by its number and not by its type
+        ({"FS_GCS_ENABLE": 1}, 8, mav.MAV_TYPE_ONBOARD_CONTROLLER, RTL),
+    ],
+)
+def test_its_ground_station_is_known_by_its_number(make_client, settings, beats, kind, then):
     client = make_client()
-    put(client, FS_GCS_ENABLE=5, SYSID_MYGCS=7)
+    put(client, **settings)
     client.take_off()
-    beat(client, 3)
-    client.run(10.0)
-    assert last_heartbeat(client).custom_mode == GUIDED
-    put(client, SYSID_MYGCS=255)
-    beat(client, 1)
+    beat(client, beats, kind)
     client.run(6.0)
-    assert last_heartbeat(client).custom_mode == LAND
-
-
-def test_its_ground_station_is_known_by_its_number_and_not_by_its_type(make_client):
-    """As measured: a service of type ONBOARD_CONTROLLER that had the number was listened to."""
-    client = make_client()
-    put(client, FS_GCS_ENABLE=1)
-    client.take_off()
-    beat(client, 8, mav.MAV_TYPE_ONBOARD_CONTROLLER)
-    client.run(6.0)
-    assert last_heartbeat(client).custom_mode == RTL
+    assert last_heartbeat(client).custom_mode == then
 
 
 def test_without_satellites_it_lands_after_eight_seconds(make_client):

@@ -78,11 +78,11 @@ def home_m(vehicle):
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_vehicles_side_by_side_on_level_ground_tell_other_heights_of_home(autopilot):
-    fleet = fleet_of(autopilot, vehicles=4, seed=2)
+    fleet = fleet_of(autopilot, vehicles=3, seed=2)
     told = [home_m(vehicle) for vehicle in fleet]
     assert max(told) - min(told) > 2.0
     assert all(abs(height_m - AMSL_M) <= WORST_M for height_m in told)
-    fleet.run(300.0)
+    fleet.run(100.0)
     assert max(abs(home_m(v) - before_m) for v, before_m in zip(fleet, told, strict=True)) > 0.3
 
 
@@ -125,8 +125,3 @@ def test_on_a_slope_each_tells_the_height_of_its_own_home_before_arming(autopilo
     fleet.run(8.0)
     told = [home_m(vehicle) for vehicle in fleet]
     assert told == pytest.approx([AMSL_M, AMSL_M + 0.3, AMSL_M + 0.6], abs=0.02)
-
-
-def test_heights_are_seeded():
-    assert (heights(4, 50) == heights(4, 50)).all()
-    assert (heights(4, 50) != heights(5, 50)).any()

@@ -4,25 +4,18 @@ from __future__ import annotations
 
 import math
 
-import cv2
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.units import LatLon, Quaternion
+from missions.units import Quaternion
 from sitl.camera.pinhole import CameraSpec, Shot, ground_to_pixel
 from sitl.camera.render import render
 from sitl.world.ground import TILE_M
 from sitl.world.world import Patch, World, WorldSpec
+from tests.unit.sitl.conftest import ORIGIN, decoded
 
-ORIGIN = LatLon(37.2, -80.4)
 LENS_M = 0.1
-
-
-def gray(jpeg):
-    picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE)
-    assert picture is not None
-    return picture
 
 
 def pixel(camera, shot, east_m, north_m):
@@ -36,44 +29,28 @@ def shot_at(camera, height_m, roll_deg=0.0, pitch_deg=0.0, yaw_deg=0.0, east_m=0
     return Shot(east_m, north_m, height_m - LENS_M, attitude, 0.0, 0)
 
 
+TEN_M = 10.0 * math.tan(math.radians(10.0))  # from 10 m, 10 degrees off the vertical
+
+
 # focal length 200 px, centre (199.5, 149.5), height 10 m: 20 pixels a metre at nadir
 @pytest.mark.parametrize(
-    ("yaw_deg", "expected"),
+    ("turned", "how", "place", "expected"),
     [
-        (0.0, (199.5 + 40, 149.5 - 60)),  # east is right, north is up
-        (90.0, (199.5 - 60, 149.5 - 40)),  # up is east, so north is left
-        (180.0, (199.5 - 40, 149.5 + 60)),
+        ((0.0, 0.0, 0.0), {}, (2.0, 3.0), (239.5, 89.5)),  # east is right, north is up
+        ((0.0, 0.0, 90.0), {}, (2.0, 3.0), (139.5, 109.5)),  # up is east, so north is left
+        ((0.0, 0.0, 180.0), {}, (2.0, 3.0), (159.5, 209.5)),
+        # pitched down by 10 degrees a bolted nadir camera looks 10 degrees behind the foot point,
+        # which lies ahead of the axis: towards the upper edge
+        ((0.0, -10.0, 0.0), {}, (0.0, -TEN_M), (199.5, 149.5)),
+        ((0.0, -10.0, 0.0), {}, (0.0, 0.0), (199.5, 149.5 - 20.0 * TEN_M)),
+        ((10.0, 0.0, 0.0), {}, (-TEN_M, 0.0), (199.5, 149.5)),  # rolled to the right it looks left
+        ((12.0, -9.0, 0.0), {"fixed": False}, (2.0, 3.0), (239.5, 89.5)),  # a gimbal keeps to nadir
+        ((0.0, 0.0, 0.0), {"yaw_deg": 90.0}, (2.0, 3.0), (139.5, 109.5)),  # as it is mounted
     ],
 )
-def test_level_geometry(camera, yaw_deg, expected):
-    shot = shot_at(camera, 10.0, yaw_deg=yaw_deg)
-    assert pixel(camera, shot, 2.0, 3.0) == pytest.approx(expected)
-
-
-def test_a_nose_down_camera_looks_backwards(camera):
-    # pitched down by 10 degrees a bolted nadir camera looks 10 degrees behind the foot point
-    shot = shot_at(camera, 10.0, pitch_deg=-10.0)
-    behind = 10.0 * math.tan(math.radians(10.0))
-    assert pixel(camera, shot, 0.0, -behind) == pytest.approx((199.5, 149.5))
-    # the foot point lies ahead of the axis: towards the upper edge
-    ahead = 200.0 * math.tan(math.radians(10.0))
-    assert pixel(camera, shot, 0.0, 0.0) == pytest.approx((199.5, 149.5 - ahead))
-
-
-def test_a_roll_to_the_right_looks_left(camera):
-    shot = shot_at(camera, 10.0, roll_deg=10.0)
-    left = 10.0 * math.tan(math.radians(10.0))
-    assert pixel(camera, shot, -left, 0.0) == pytest.approx((199.5, 149.5))
-
-
-def test_a_gimbal_keeps_to_nadir(camera):
-    held = CameraSpec(hfov_deg=90.0, width_px=400, height_px=300, fixed=False)
-    assert pixel(held, shot_at(held, 10.0, 12.0, -9.0), 2.0, 3.0) == pytest.approx((239.5, 89.5))
-
-
-def test_mounting_turns_the_picture():
-    turned = CameraSpec(hfov_deg=90.0, width_px=400, height_px=300, yaw_deg=90.0)
-    assert pixel(turned, shot_at(turned, 10.0), 2.0, 3.0) == pytest.approx((139.5, 109.5))
+def test_a_place_on_the_ground_falls_into_its_pixel(turned, how, place, expected):
+    camera = CameraSpec(hfov_deg=90.0, width_px=400, height_px=300, **how)
+    assert pixel(camera, shot_at(camera, 10.0, *turned), *place) == pytest.approx(expected)
 
 
 def test_attitude_is_that_of_a_nadir_camera(camera):
@@ -84,7 +61,7 @@ def test_attitude_is_that_of_a_nadir_camera(camera):
 def test_the_corner_of_the_roi_is_where_it_should_be(camera, square):
     world = World(WorldSpec(ORIGIN, 600.0, (square,), texture=0.0, sensor_noise=0.0, seed=1))
     # 5 m east and 4 m north of the corner: it lies 100 px left of and 80 px below the centre
-    picture = gray(render(world, camera, shot_at(camera, 10.0, east_m=5.0, north_m=4.0)))
+    picture = decoded(render(world, camera, shot_at(camera, 10.0, east_m=5.0, north_m=4.0)))
     dark = picture < 137
     assert dark[:225, 105:].mean() > 0.99
     assert dark[:, :94].mean() < 0.01
@@ -98,7 +75,7 @@ def test_the_corner_of_the_roi_is_where_it_should_be(camera, square):
 def test_the_corner_in_a_tilted_picture(camera, square):
     world = World(WorldSpec(ORIGIN, 600.0, (square,), texture=0.0, sensor_noise=0.0, seed=1))
     shot = shot_at(camera, 10.0, pitch_deg=-10.0)  # over the corner itself
-    dark = gray(render(world, camera, shot)) < 137
+    dark = decoded(render(world, camera, shot)) < 137
     row = 149.5 - 200.0 * math.tan(math.radians(10.0))
     assert dark[: int(row) - 2, 203:].mean() > 0.99
     assert dark[int(row) + 3 :, :].mean() < 0.01
@@ -110,7 +87,7 @@ def test_holes_show_the_ground(camera, square):
     hole = tuple(plane.to_wgs84(e, n) for e, n in ((8, 8), (12, 8), (12, 12), (8, 12)))
     patch = Patch(square.polygon, (hole,))
     world = World(WorldSpec(ORIGIN, 600.0, (patch,), seed=1))
-    picture = gray(render(world, camera, shot_at(camera, 10.0, east_m=10.0, north_m=10.0)))
+    picture = decoded(render(world, camera, shot_at(camera, 10.0, east_m=10.0, north_m=10.0)))
     assert picture[120:180, 170:230].mean() > 150 > picture[120:180, 60:140].mean()
 
 
@@ -119,8 +96,8 @@ def test_the_roi_drifts_with_time(camera, square):
     world = World(spec)
     over_corner = shot_at(camera, 10.0, east_m=1.0, north_m=10.0)
     later = Shot(1.0, 10.0, over_corner.height_m, over_corner.attitude, 20.0, 0)
-    assert gray(render(world, camera, over_corner))[150, 205:].mean() < 130
-    assert gray(render(world, camera, later))[150, :300].mean() > 150
+    assert decoded(render(world, camera, over_corner))[150, 205:].mean() < 130
+    assert decoded(render(world, camera, later))[150, :300].mean() > 150
     assert world.drift_at(20.0) == pytest.approx((10.0, 0.0), abs=1e-6)
 
 
@@ -131,7 +108,7 @@ def test_a_threshold_separates_roi_from_ground_in_any_light(square):
         for t_s in (0.0, 150.0, 500.0):
             for east_m, roi in ((10.0, True), (-30.0, False)):
                 shot = Shot(east_m, 10.0, 8.0, camera.attitude(0, 0, 0), t_s, 3)
-                dark = (gray(render(world, camera, shot)) < 150).mean()
+                dark = (decoded(render(world, camera, shot)) < 150).mean()
                 assert (dark > 0.95) if roi else (dark < 0.05)
 
 
@@ -148,11 +125,11 @@ def test_the_ground_has_dark_gaps_and_repeats_without_a_seam():
 
 def test_the_ground_is_fixed_to_the_world(camera):
     quiet = World(WorldSpec(ORIGIN, 600.0, (), sensor_noise=0.0, illumination=0.0, seed=4))
-    here = gray(render(quiet, camera, shot_at(camera, 10.0)))
-    there = gray(render(quiet, camera, shot_at(camera, 10.0, east_m=2.0, north_m=1.0)))
+    here = decoded(render(quiet, camera, shot_at(camera, 10.0)))
+    there = decoded(render(quiet, camera, shot_at(camera, 10.0, east_m=2.0, north_m=1.0)))
     moved = there[20:, :-40].astype(int) - here[:-20, 40:]
     assert np.abs(moved).mean() < 2.0
-    far = gray(render(quiet, camera, shot_at(camera, 10.0, east_m=TILE_M, north_m=-TILE_M)))
+    far = decoded(render(quiet, camera, shot_at(camera, 10.0, east_m=TILE_M, north_m=-TILE_M)))
     assert np.abs(far.astype(int) - here).mean() < 2.0
 
 
@@ -196,7 +173,7 @@ def test_pictures_on_command(make_client, square):
     yaw = client.vehicle.truth.yaw_rad
     nadir = Quaternion.from_euler(0.0, -math.pi / 2, yaw)
     assert abs(np.dot(captured.q, nadir)) == pytest.approx(1.0, abs=1e-3)
-    picture = gray(client.vehicle.image(captured.file_url))
+    picture = decoded(client.vehicle.image(captured.file_url))
     assert picture.shape == (480, 640)
     assert picture[240, 320] < 150
     assert client.vehicle.image(captured.file_url) == client.vehicle.image(captured.file_url)

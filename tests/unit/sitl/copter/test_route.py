@@ -9,9 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.units import LatLon
-from sitl.vehicle import SimVehicle, VehicleSpec
-from sitl.world.world import World, WorldSpec
+from tests.unit.sitl.conftest import plain_vehicle
 
 ARM, MODE, START = 400, 176, 300
 AUTO, GUIDED, RTL, BRAKE = 3, 4, 6, 17
@@ -343,7 +341,7 @@ _NUMBER = st.one_of(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25)
 @given(
     rows=st.lists(
         st.tuples(
@@ -357,8 +355,7 @@ _NUMBER = st.one_of(
     )
 )  # fmt: skip
 def test_any_mission_leaves_a_sane_vehicle(rows):
-    home = LatLon(48.0, 11.0)
-    vehicle = SimVehicle(VehicleSpec(1, home), World(WorldSpec(home, 500.0, ())))
+    vehicle = plain_vehicle()
     vehicle.step(6.0)
     link = mav.MAVLink(None, 255, 190)
     rows = [(16, (0.0,) * 4, 0, 0, 0.0, 0), (22, (0.0,) * 4, 0, 0, 8.0, 3), *rows]

@@ -5,14 +5,11 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.units import LatLon
-from sitl.vehicle import SimVehicle, VehicleSpec
-from sitl.world.world import World, WorldSpec
+from tests.unit.sitl.conftest import plain_vehicle
 
 KEY = bytes(range(1, 33))
 MINUTE = 6_000_000  # in units of 10 us
 START = 3 * 365 * 1440 * MINUTE
-HOME = LatLon(48.0, 11.0)
 
 
 class Signer:
@@ -44,7 +41,7 @@ class Signer:
 
 @pytest.fixture
 def vehicle():
-    vehicle = SimVehicle(VehicleSpec(1, HOME), World(WorldSpec(HOME, 0.0, ())))
+    vehicle = plain_vehicle()
     vehicle.step(6.0)
     return vehicle
 

@@ -10,41 +10,35 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.px4.events import number_of
 from sitl.px4.modes import Px4Mode
-from sitl.quirks import Quirks
-from sitl.scenario import Setup
-from sitl.testing import Fleet
-from tests.unit.sitl.px4.test_px4 import (
+from tests.unit.sitl.px4.flying import (
     ACCEPTED,
     ARM,
     MAIN,
     REJECTED,
     SET_MODE,
+    events,
     local,
     mode,
+    px4,
     said,
     set_param,
     stream,
     take_off,
 )
-from tests.unit.sitl.test_measured_px4 import events
 
-MAIN |= {"ALTITUDE": (2, 0), "MANUAL": (1, 0)}
 NORTHWARD = local(0, 0, 0, 0xDC7, 1, (5.0, 0.0, 0.0))
 
 
-def px4(wind_m_s=0.0, **quirks):
-    setup = Setup(
-        autopilot="px4", gps_sigma_m=0.0, wind_speed_m_s=wind_m_s, quirks=Quirks(**quirks)
-    )
-    vehicle = Fleet(setup)[0]
-    vehicle.run(6.0)
+def heard(**setup):
+    """One that a ground station speaks to."""
+    vehicle = px4(**setup)
     vehicle.ground_station()
     vehicle.receive()
     return vehicle
 
 
 def streaming(**quirks):
-    vehicle = px4(**quirks)
+    vehicle = heard(**quirks)
     take_off(vehicle)
     stream(vehicle, NORTHWARD, 0.5)
     assert mode(vehicle, "OFFBOARD") == ACCEPTED
@@ -56,7 +50,7 @@ def streaming(**quirks):
 @pytest.mark.parametrize("name", ["POSITION", "ALTITUDE", "MANUAL"])
 def test_modes_by_hand_with_the_stick_centred_keep_the_height(name):
     """Race of the measurements: POSITION and ALTITUDE in mid-path were kept 16 of 16 times."""
-    sitl = px4(wind_m_s=3.0)
+    sitl = heard(wind_m_s=3.0)
     take_off(sitl)
     assert mode(sitl, name) == ACCEPTED
     before = sitl.truth.position
@@ -70,7 +64,7 @@ def test_modes_by_hand_with_the_stick_centred_keep_the_height(name):
 
 @pytest.mark.parametrize("name", ["HOLD", "RTL", "LAND"])
 def test_the_pilots_automatic_modes_are_not_failsafes(name):
-    sitl = px4()
+    sitl = heard()
     take_off(sitl)
     assert mode(sitl, name) == ACCEPTED
     sitl.receive()
@@ -80,7 +74,7 @@ def test_the_pilots_automatic_modes_are_not_failsafes(name):
 
 def test_without_a_stick_modes_by_hand_are_refused_by_the_commander():
     """ "POSITION without a stick: ACK 0 then ACK 1, stays in Hold"."""
-    sitl = px4(stick=False)
+    sitl = heard(stick=False)
     take_off(sitl)
     assert mode(sitl, "POSITION") == REJECTED
     said(sitl, "no manual control")
@@ -173,7 +167,7 @@ HOLDS, RETURNS, LANDS = 5, 6, 7  # failsafe_action_t
 )
 def test_why_a_failsafe_came_is_in_the_arguments_of_its_event_alone(what, text, name, arguments):
     """`failsafe/framework.cpp`, `notifyUser`: the text is the same for all."""
-    sitl = px4()
+    sitl = heard()
     set_param(sitl, "COM_LOW_BAT_ACT", 3)
     take_off(sitl)
     sitl.ground_station()

@@ -9,23 +9,21 @@ import socket
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.units import LatLon
 from sitl.codec import Packer, cut
 from sitl.mavlink.links import Signing
 from sitl.sockets.client_sockets import Connection, TcpPort, datagrams
-from sitl.sockets.server import free_ports, serve
-from sitl.vehicle import SimVehicle, VehicleSpec
+from sitl.sockets.server import PictureServer, free_ports, serve
 from sitl.world.world import World, WorldSpec
+from tests.unit.sitl.conftest import ORIGIN, plain_vehicle
 
-HOME = LatLon(48.0, 11.0)
 GLOBAL_POSITION_INT = mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
 
 
 @contextlib.asynccontextmanager
 async def served(transport, count=1, speedup=20.0):
     """Vehicles on sockets and their first port."""
-    world = World(WorldSpec(HOME, 500.0, ()))
-    vehicles = [SimVehicle(VehicleSpec(i + 1, HOME), world) for i in range(count)]
+    world = World(WorldSpec(ORIGIN, 500.0, ()))
+    vehicles = [plain_vehicle(i + 1, world) for i in range(count)]
     port, _ = free_ports(count, tcp=transport == "tcp")
     ready = asyncio.get_running_loop().create_future()
     task = asyncio.create_task(
@@ -238,7 +236,7 @@ class FullTransport:
 
 
 def test_what_waits_for_a_client_is_bounded():
-    vehicle = SimVehicle(VehicleSpec(1, HOME), World(WorldSpec(HOME, 0.0, ())))
+    vehicle = plain_vehicle()
     port, connection = TcpPort(vehicle), Connection(None)
     connection.transport = FullTransport()
     port.arrived(connection)
@@ -275,8 +273,7 @@ def test_a_port_that_is_taken_leaves_none_open():
         with socket.socket() as taken:
             taken.bind(("127.0.0.1", port + 10))
             taken.listen()
-            world = World(WorldSpec(HOME, 500.0, ()))
-            vehicles = [SimVehicle(VehicleSpec(i, HOME), world) for i in (1, 2)]
+            vehicles = [plain_vehicle(i) for i in (1, 2)]
             with pytest.raises(OSError, match="address already in use"):
                 await serve(
                     vehicles, transport="tcp", base_port=port, http_port=None, on_ready=print
@@ -285,11 +282,6 @@ def test_a_port_that_is_taken_leaves_none_open():
             again.bind(("127.0.0.1", port))
 
     asyncio.run(scenario())
-
-
-def test_an_unknown_transport_is_refused():
-    with pytest.raises(ValueError, match="udp"):
-        asyncio.run(serve([], transport="pigeon", http_port=None, on_ready=print))
 
 
 def test_frames_are_never_cut():
@@ -302,3 +294,57 @@ def test_frames_are_never_cut():
     assert all(len(datagram) <= 1400 for datagram in made)
     assert [frame for datagram in made for frame in cut(datagram)] == frames
     assert len(made) < 8
+
+
+@pytest.mark.parametrize(
+    ("how", "said"),
+    [
+        ({"speedup": 0.0, "http_port": 1}, "speed-up"),
+        ({"speedup": -1.0, "http_port": 1}, "speed-up"),
+        ({"speedup": float("nan"), "http_port": 1}, "speed-up"),
+        ({"http_port": 8123}, "announces them at sim://"),
+        ({"transport": "pigeon", "http_port": None}, "udp"),
+    ],
+)
+def test_what_cannot_be_served_is_refused(how, said):
+    with pytest.raises(ValueError, match=said):
+        asyncio.run(serve([plain_vehicle()], on_ready=print, **how))
+
+
+async def get(port, path, extra=""):
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    writer.write(f"GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n{extra}\r\n".encode())
+    data = await asyncio.wait_for(reader.read(), 10.0)
+    writer.close()
+    head, _, body = data.partition(b"\r\n\r\n")
+    return head.split(b"\r\n")[0].decode(), body
+
+
+def test_http_that_is_none():
+    async def scenario():
+        server = PictureServer(lambda path: b"picture" if path == "/a" else None)
+        port = await server.open(0)
+        try:
+            assert await get(port, "/a?x=1") == ("HTTP/1.1 200 OK", b"picture")
+            assert (await get(port, "/b"))[0] == "HTTP/1.1 404 Not Found"
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(b"POST /a HTTP/1.1\r\nContent-Length: 3\r\n\r\nabc")
+            assert (await reader.readline()).startswith(b"HTTP/1.1 405")
+            writer.close()
+            for nonsense in (b"\xfd\x00\r\n\r\n", b"GET\r\n\r\n", b"x" * 40_000):
+                reader, writer = await asyncio.open_connection("127.0.0.1", port)
+                writer.write(nonsense)
+                answer = await asyncio.wait_for(reader.read(), 10.0)
+                assert answer == b"" or answer.startswith(b"HTTP/1.1 400")
+                writer.close()
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            for _ in range(2):  # the same connection again
+                writer.write(b"GET /a HTTP/1.1\r\n\r\n")
+                head = await reader.readuntil(b"\r\n\r\n")
+                assert b"keep-alive" in head
+                assert await reader.readexactly(7) == b"picture"
+            writer.close()
+        finally:
+            await server.close()
+
+    asyncio.run(scenario())

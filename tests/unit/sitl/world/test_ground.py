@@ -18,6 +18,7 @@ from sitl.camera.pinhole import CameraSpec, Shot, ground_to_pixel
 from sitl.camera.render import render
 from sitl.world.files import load_ground, load_orthophoto, load_patches
 from sitl.world.world import World, WorldSpec
+from tests.unit.sitl.conftest import decoded
 
 HOME = LatLon(48.0, 11.0)
 PLANE = LocalPlane(HOME)
@@ -179,7 +180,7 @@ def where_is_red(photo, shot, **world):
     """Centre of the red square in the rendered picture, as an offset from the middle."""
     spec = {"texture": 0.0, "sensor_noise": 0.0, "illumination": 0.0, **world}
     data = render(World(WorldSpec(HOME, 0.0, (), orthophoto=photo, **spec)), CAMERA, shot)
-    view = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR).astype(int)
+    view = decoded(data, cv2.IMREAD_COLOR).astype(int)
     rows, columns = np.nonzero((view[:, :, 2] > 130) & (view[:, :, 1] < 100))
     assert len(rows) > 20
     return columns.mean() - 199.5, rows.mean() - 149.5, len(rows)
@@ -242,9 +243,7 @@ def test_beyond_its_edge_and_where_it_is_transparent_there_is_meadow(tmp_path):
     plain = {"texture": 0.0, "sensor_noise": 0.0, "illumination": 0.0}
     world = World(WorldSpec(HOME, 0.0, (), orthophoto=photo, **plain))
     for east in (0.0, SIZE_M / 2):
-        view = cv2.imdecode(
-            np.frombuffer(render(world, CAMERA, over(east, 0.0)), np.uint8), cv2.IMREAD_COLOR
-        )
+        view = decoded(render(world, CAMERA, over(east, 0.0)), cv2.IMREAD_COLOR)
         left, right = view[150, 100].astype(int), view[150, 300].astype(int)
         green, meadow = (left, right) if east else (right, left)
         assert green == pytest.approx((60, 150, 40), abs=6)
@@ -261,7 +260,7 @@ def test_a_region_lies_on_the_picture_drifts_and_the_light_changes(tmp_path):
 
     def gray_at(east_m, t_s):
         shot = Shot(east_m, 10.0, 9.9, CAMERA.attitude(0.0, 0.0, 0.0), t_s, 0)
-        view = cv2.imdecode(np.frombuffer(render(world, CAMERA, shot), np.uint8), cv2.IMREAD_COLOR)
+        view = decoded(render(world, CAMERA, shot), cv2.IMREAD_COLOR)
         middle = view[140:160, 190:210].reshape(-1, 3).mean(axis=0)
         return abs(middle[0] - middle[1]) < 30.0  # the region is gray, the picture green
 

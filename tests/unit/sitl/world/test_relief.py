@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 
-import cv2
 import numpy as np
 import pytest
 
-from missions.units import LatLon
 from sitl.camera.pinhole import CameraSpec, Shot, ground_to_pixel, pixels_of, seen_ground
 from sitl.camera.render import render
 from sitl.scenario import Setup
 from sitl.world.ground import HeightField, Relief
 from sitl.world.world import Patch, World, WorldSpec
+from tests.unit.sitl.conftest import ORIGIN, decoded
 
-ORIGIN = LatLon(47.3, 8.5)
 CAMERA = CameraSpec(hfov_deg=80.0, width_px=320, height_px=240)
 
 
@@ -49,7 +47,7 @@ def test_the_region_is_where_its_height_puts_it():
         )
     )  # fmt: skip
     shot = Shot(0.0, 0.0, 14.0, CAMERA.attitude(0.0, 0.0, 0.0), 0.0, 1)
-    picture = cv2.imdecode(np.frombuffer(render(world, CAMERA, shot), np.uint8), 0)
+    picture = decoded(render(world, CAMERA, shot))
     column = picture[:, 160].astype(float)
     edge = int(np.flatnonzero(column < 98).max())
     wanted = 119.5 - CAMERA.focal_px * 3.0 / (14.1 - 0.75)  # 3 m north the ground is 0.75 m higher

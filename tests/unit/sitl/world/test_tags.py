@@ -12,15 +12,15 @@ import pytest
 
 from missions.errors import MissionFileError, UavmapError
 from missions.mission.checks import parse_mission
-from missions.units import LatLon, Quaternion
+from missions.units import Quaternion
 from sitl.camera.pinhole import CameraSpec, Shot
 from sitl.camera.render import render
 from sitl.scenario import Setup
 from sitl.world.tags import DICTIONARIES, TAG_OVER_FEET_M, TagPose, modules
 from sitl.world.world import World, WorldSpec
+from tests.unit.sitl.conftest import ORIGIN, decoded
 from uavmap.runner.simulation import setup_of
 
-ORIGIN = LatLon(37.2, -80.4)
 LENS_M = 0.1
 # focal length 200 px; a metre that is 10 m below is 20 px
 CAMERA = CameraSpec(hfov_deg=90.0, width_px=400, height_px=300)
@@ -40,8 +40,7 @@ def tag(east_m=0.0, north_m=0.0, below_m=10.0, roll_deg=0.0, pitch_deg=0.0, yaw_
 
 
 def gray(spec, taken):
-    jpeg = render(World(spec), CAMERA, taken)
-    return cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE)
+    return decoded(render(World(spec), CAMERA, taken))
 
 
 def extent(dark):

@@ -10,20 +10,18 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.codec import CURRENT_MODE, cut
-from sitl.px4.events import EVENT
 from sitl.px4.modes import Px4Mode
 from sitl.px4.params import bytewise
-from sitl.quirks import Quirks
-from sitl.scenario import Setup
-from sitl.testing import Fleet
-from tests.unit.sitl.px4.test_px4 import (
+from tests.unit.sitl.px4.flying import (
     ACCEPTED,
     ARM,
     MAIN,
     REJECTED,
     SET_MODE,
+    events,
     local,
     mode,
+    px4,
     reposition,
     set_param,
     stream,
@@ -38,13 +36,6 @@ def sitl():
     return px4()
 
 
-def px4(**quirks):
-    vehicle = Fleet(Setup(autopilot="px4", gps_sigma_m=0.0, quirks=Quirks(**quirks)))[0]
-    vehicle.run(6.0)
-    vehicle.receive()
-    return vehicle
-
-
 def acks(sitl, command):
     sitl.run(0.05)
     return [
@@ -54,10 +45,6 @@ def acks(sitl, command):
 
 def kinds(sitl):
     return [m.get_type() for m in sitl.receive()]
-
-
-def events(data):
-    return [frame for frame in cut(data) if int.from_bytes(frame[7:10], "little") == EVENT]
 
 
 @pytest.mark.parametrize(("name", "commander"), [("OFFBOARD", REJECTED), ("LAND", ACCEPTED)])
