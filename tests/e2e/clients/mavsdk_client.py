@@ -70,43 +70,6 @@ async def upload_fence(mission: MissionRawAsync, lat: float, lon: float) -> int:
     return len(await mission.download_geofence())
 
 
-async def fly_copter(system: Any, seen: dict[str, Any]) -> None:
-    """Rates, parameters, a mission from take-off to the ground, a fence."""
-    action, telemetry = ActionAsync(system), TelemetryAsync(system)
-    mission, param = MissionRawAsync(system), ParamAsync(system)
-    await telemetry.set_rate_position(10.0)
-    await telemetry.set_rate_home(1.0)
-    await telemetry.set_rate_health(2.0)
-    await telemetry.set_rate_landed_state(5.0)
-    await telemetry.set_rate_in_air(5.0)
-
-    await count(param, seen)
-    await param.set_param_int("RTL_ALT", 1200)
-    seen["rtl_alt"] = await param.get_param_int("RTL_ALT")
-
-    await until(telemetry.health_all_ok, bool)
-    home = await until(telemetry.position, lambda p: math.isfinite(p.latitude_deg))
-    lat, lon = home.latitude_deg, home.longitude_deg
-    north = lat + NORTH_M / M_PER_DEG
-    items = [
-        item(0, WAYPOINT, lat, lon, 0.0),
-        item(1, TAKEOFF, lat, lon, 8.0),
-        item(2, WAYPOINT, north, lon, 8.0),
-        item(3, RTL, 0.0, 0.0, 0.0),
-    ]
-    await mission.upload_mission(items)
-    back = await mission.download_mission()
-    seen["download"] = [one.command for one in back]
-    seen["same"] = (back[2].x, back[2].y) == (items[2].x, items[2].y)
-
-    seen["fence"] = await upload_fence(mission, lat, lon)
-
-    await action.arm()
-    await mission.start_mission()
-    await until(telemetry.position, lambda p: p.relative_altitude_m > 7.5)
-    await there_and_back(telemetry, lat, seen)
-
-
 async def there_and_back(telemetry: TelemetryAsync, lat: float, seen: dict[str, Any]) -> None:
     """Watch a mission until it is over."""
     north = lat + NORTH_M / M_PER_DEG
@@ -116,49 +79,55 @@ async def there_and_back(telemetry: TelemetryAsync, lat: float, seen: dict[str, 
     seen["back_m"] = abs(last.latitude_deg - lat) * M_PER_DEG
 
 
-async def count(param: ParamAsync, seen: dict[str, Any]) -> None:
-    """List all parameters."""
+async def fly(system: Any, autopilot: str, seen: dict[str, Any]) -> None:
+    """Parameters of both types, a mission, a fence; a PX4 is flown offboard before its mission."""
+    action, telemetry = ActionAsync(system), TelemetryAsync(system)
+    mission, param = MissionRawAsync(system), ParamAsync(system)
+    px4 = autopilot == "px4"
+    if not px4:
+        await telemetry.set_rate_position(10.0)
+        await telemetry.set_rate_home(1.0)
+        await telemetry.set_rate_health(2.0)
+        await telemetry.set_rate_landed_state(5.0)
+        await telemetry.set_rate_in_air(5.0)
     everything = await param.get_all_params()
     assert min(len(everything.int_params), len(everything.float_params)) > 15
     seen["parameters"] = len(everything.int_params) + len(everything.float_params)
-
-
-async def parameters(param: ParamAsync, seen: dict[str, Any]) -> None:
-    """List them all, set one of each type."""
-    await count(param, seen)
-    await param.set_param_int("COM_LOW_BAT_ACT", 3)
-    seen["int"] = await param.get_param_int("COM_LOW_BAT_ACT")
-    await param.set_param_float("MIS_TAKEOFF_ALT", 8.0)
-    seen["float"] = await param.get_param_float("MIS_TAKEOFF_ALT")
-
-
-async def plans(mission: MissionRawAsync, lat: float, lon: float, seen: dict[str, Any]) -> None:
-    """A mission whose item 0 is its first, and a fence."""
-    north = lat + NORTH_M / M_PER_DEG
-    items = [
-        item(0, TAKEOFF, lat, lon, 8.0, param4=math.nan),
-        item(1, WAYPOINT, north, lon, 10.0, param4=math.nan),
-        item(2, RTL, 0.0, 0.0, 0.0),
-    ]
-    await mission.upload_mission(items)
-    back = await mission.download_mission()
-    seen["download"] = [one.command for one in back]
-    seen["same"] = (back[1].x, back[1].y, back[1].z) == (items[1].x, items[1].y, 10.0)
-    seen["fence"] = await upload_fence(mission, lat, lon)
-
-
-async def fly_px4(system: Any, seen: dict[str, Any]) -> None:
-    """Parameters of both types, take-off, offboard flight, a mission."""
-    action, telemetry = ActionAsync(system), TelemetryAsync(system)
-    mission, offboard = MissionRawAsync(system), OffboardAsync(system)
-    await parameters(ParamAsync(system), seen)
+    whole, real = (
+        ("COM_LOW_BAT_ACT", "MIS_TAKEOFF_ALT") if px4 else ("WP_YAW_BEHAVIOR", "RALLY_LIMIT_KM")
+    )
+    await param.set_param_int(whole, 3)
+    seen["int"] = await param.get_param_int(whole)
+    await param.set_param_float(real, 8.0)
+    seen["float"] = await param.get_param_float(real)
     await until(telemetry.health_all_ok, bool)
     home = await until(telemetry.position, lambda p: math.isfinite(p.latitude_deg))
     lat, lon = home.latitude_deg, home.longitude_deg
-    await plans(mission, lat, lon, seen)
+    plan = [
+        (TAKEOFF, lat, lon, 8.0), (WAYPOINT, lat + NORTH_M / M_PER_DEG, lon, 8.0),
+        (RTL, 0.0, 0.0, 0.0),
+    ]  # fmt: skip
+    if not px4:  # whose item 0 is home
+        plan.insert(0, (WAYPOINT, lat, lon, 0.0))
+    items = [item(seq, *row, param4=math.nan) for seq, row in enumerate(plan)]
+    await mission.upload_mission(items)
+    back = await mission.download_mission()
+    seen["download"] = [one.command for one in back]
+    seen["same"] = (back[-2].x, back[-2].y, back[-2].z) == (items[-2].x, items[-2].y, 8.0)
+    seen["fence"] = await upload_fence(mission, lat, lon)
     await action.arm()
-    await action.takeoff()  # to MIS_TAKEOFF_ALT
-    await until(telemetry.position, lambda p: p.relative_altitude_m > 7.5)
+    if px4:
+        await action.takeoff()  # to MIS_TAKEOFF_ALT
+        await until(telemetry.position, lambda p: p.relative_altitude_m > 7.5)
+        await fly_offboard(system, telemetry, seen)
+    await mission.start_mission()
+    await until(telemetry.position, lambda p: p.relative_altitude_m > 6.0)
+    await there_and_back(telemetry, lat, seen)
+
+
+async def fly_offboard(system: Any, telemetry: TelemetryAsync, seen: dict[str, Any]) -> None:
+    """Fly to a place by a stream of setpoints."""
+    offboard = OffboardAsync(system)
     await offboard.set_position_ned(
         PositionNedYaw(north_m=0.0, east_m=NORTH_M, down_m=-10.0, yaw_deg=90.0)
     )
@@ -169,14 +138,12 @@ async def fly_px4(system: Any, seen: dict[str, Any]) -> None:
     )
     seen["offboard_height_m"] = -there.position.down_m
     await offboard.stop()
-    await mission.start_mission()
-    await there_and_back(telemetry, lat, seen)
 
 
 async def main(url: str, autopilot: str) -> None:
     seen: dict[str, Any] = {}
     async with connected(url) as system:
-        await (fly_px4 if autopilot == "px4" else fly_copter)(system, seen)
+        await fly(system, autopilot, seen)
         print(json.dumps(seen))
 
 

@@ -53,13 +53,11 @@ def pymavlink_address(url):
     return url.replace("tcpout://", "tcp:").replace("udpin://", "udpin:")
 
 
+SEEN = {"int": 3, "float": 8.0, "same": True, "fence": 4}
 FLOWN = {
-    ("ardupilot", "udp"): {
-        "rtl_alt": 1200, "download": [16, 22, 16, 20], "same": True, "fence": 4,
-    },
+    ("ardupilot", "udp"): {**SEEN, "download": [16, 22, 16, 20]},
     ("px4", "tcp"): {
-        "int": 3, "float": 8.0, "download": [22, 16, 20], "same": True, "fence": 4,
-        "offboard_height_m": pytest.approx(10.0, abs=1.5),
+        **SEEN, "download": [22, 16, 20], "offboard_height_m": pytest.approx(10.0, abs=1.5),
     },
 }  # fmt: skip
 """What MAVSDK has to see, by autopilot and transport."""

@@ -292,16 +292,6 @@ def test_a_delivery(planner):
     assert math.hypot(*client.where[:2]) < 0.5
 
 
-def test_arming_in_auto_takes_off_when_allowed(planner):
-    client = planner.client
-    planner.upload(UP, row(HOME))
-    client.send(mav.MAVLink_param_set_message(1, 1, b"AUTO_OPTIONS", 3, 6))
-    assert client.result(MODE, 1, AUTO) == 0
-    assert client.result(ARM, 1) == 0
-    client.run(6.0)
-    assert client.where[2] > 1.0
-
-
 def test_a_running_mission_is_not_cleared(planner):
     client = planner.client
     planner.upload(UP, row(WP, at=(0.0, 40.0, 10.0)))
