@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection
+from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -67,8 +68,23 @@ IDENTITY = (0x5541, 0x534D)
 beside the propellers."""
 
 
+def _id_of(name: str) -> int:
+    """The number of a message; CURRENT_MODE is not in the dialect."""
+    if name == "current_mode":
+        return codec.CURRENT_MODE
+    return int(getattr(mav, f"MAVLINK_MSG_ID_{name.upper()}"))
+
+
 class Telemetry:
     """Builds messages, packed, from an autopilot."""
+
+    kinds: ClassVar[tuple[str, ...]] = (
+        "heartbeat", "sys_status", "system_time", "gps_raw_int", "attitude", "local_position_ned",
+        "global_position_int", "mission_current", "gps_global_origin", "vfr_hud",
+        "position_target_global_int", "battery_status", "autopilot_version", "wind",
+        "ekf_status_report", "home_position", "extended_sys_state", "fence_status",
+    )  # fmt: skip
+    """The messages that it can send, each by the method of its name."""
 
     def __init__(
         self,
@@ -88,32 +104,10 @@ class Telemetry:
         """Of LOCAL_POSITION_NED, in the world's plane: the place of booting."""
         self._places: dict[tuple[float, float], tuple[int, int]] = {}
         self._builders: dict[int, Callable[[], Packed | None]] = {
-            mav.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
-            mav.MAVLINK_MSG_ID_SYS_STATUS: self.sys_status,
-            mav.MAVLINK_MSG_ID_SYSTEM_TIME: self.system_time,
-            mav.MAVLINK_MSG_ID_GPS_RAW_INT: self.gps_raw_int,
-            mav.MAVLINK_MSG_ID_ATTITUDE: self.attitude,
-            mav.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self.local_position_ned,
-            mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self.global_position_int,
-            mav.MAVLINK_MSG_ID_MISSION_CURRENT: self.mission_current,
-            mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self.gps_global_origin,
-            mav.MAVLINK_MSG_ID_VFR_HUD: self.vfr_hud,
-            mav.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: self.position_target,
-            mav.MAVLINK_MSG_ID_BATTERY_STATUS: self.battery_status,
-            mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self.autopilot_version,
-            mav.MAVLINK_MSG_ID_WIND: self.wind,
-            mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self.ekf_status_report,
-            mav.MAVLINK_MSG_ID_HOME_POSITION: self.home_position,
-            mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self.extended_sys_state,
-            mav.MAVLINK_MSG_ID_FENCE_STATUS: self.fence_status,
+            _id_of(name): getattr(self, name) for name in self.kinds
         }
-        self._builders |= self._own_builders()
         if not quirks.landed_state:
             del self._builders[mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE]
-
-    def _own_builders(self) -> dict[int, Callable[[], Packed | None]]:
-        """What another autopilot sends besides, or otherwise."""
-        return {}
 
     @property
     def amsl_m(self) -> float:
@@ -274,7 +268,7 @@ class Telemetry:
             now.v_north, now.v_east, -now.v_up,
         )  # fmt: skip
 
-    def global_position_int(self) -> Packed:
+    def global_position_int(self) -> Packed | None:
         """GLOBAL_POSITION_INT; zeros until there is a fix."""
         ap = self._ap
         heading = uint16(math.degrees(ap.body.heading) * 100.0) % 36000
@@ -321,7 +315,7 @@ class Telemetry:
             self.amsl_m + now.up, now.v_up,
         )  # fmt: skip
 
-    def position_target(self) -> Packed | None:
+    def position_target_global_int(self) -> Packed | None:
         """POSITION_TARGET_GLOBAL_INT: the guided target that was accepted, AMSL."""
         ap = self._ap
         if ap.target is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -57,6 +57,7 @@ DEFAULT_HZ = {
 }
 """What a link to a ground station carries without a request, as PX4's mode "normal" has it."""
 
+_NOT_SENT = ("ekf_status_report", "wind", "fence_status")  # which an ArduPilot sends
 DEFAULT_S = {int(message_id): 1.0 / hz for message_id, hz in DEFAULT_HZ.items()}
 
 
@@ -65,20 +66,10 @@ class Px4Telemetry(Telemetry):
 
     _ap: Px4Autopilot
 
-    def _own_builders(self) -> dict[int, Callable[[], Packed | None]]:
-        for message_id in (
-            mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
-            mav.MAVLINK_MSG_ID_WIND,
-            mav.MAVLINK_MSG_ID_FENCE_STATUS,
-        ):
-            del self._builders[message_id]
-        return {
-            mav.MAVLINK_MSG_ID_ESTIMATOR_STATUS: self.estimator_status,
-            mav.MAVLINK_MSG_ID_ALTITUDE: self.altitude,
-            mav.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self.attitude_quaternion,
-            mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._position_when_known,
-            CURRENT_MODE: self.current_mode,
-        }
+    kinds = (
+        *(kind for kind in Telemetry.kinds if kind not in _NOT_SENT),
+        "estimator_status", "altitude", "attitude_quaternion", "current_mode",
+    )  # fmt: skip
 
     @property
     def streamable(self) -> Collection[int]:
@@ -163,5 +154,6 @@ class Px4Telemetry(Telemetry):
             self.boot_ms, *attitude, 0.0, 0.0, body.yaw_rate
         )
 
-    def _position_when_known(self) -> Message | None:
-        return self.global_position_int() if self._ap.home_known else None
+    def global_position_int(self) -> Packed | None:
+        """GLOBAL_POSITION_INT, once home is known."""
+        return super().global_position_int() if self._ap.home_known else None
