@@ -11,7 +11,7 @@ import math
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from missions.events import (
     Airborne,
@@ -34,12 +34,10 @@ from missions.events import (
     Tracked,
     Vote,
 )
-from missions.flight.setting import Setting
 from missions.geo.course import Course
 from missions.guardian import (
     HASTE_M_S,
     Guard,
-    Limits,
     Mode,
     Seen,
     Task,
@@ -64,6 +62,9 @@ from missions.units import Cell, GridPoint
 from tests.support.footprints import whole_cells
 
 from .aircraft import LIFTED_M, STOP_M, Aircraft, Vector
+
+if TYPE_CHECKING:
+    from .fleet import Fleet
 
 TRACK_S = 1.0
 WATCH_S = 0.5
@@ -105,29 +106,11 @@ def rounded(point: GridPoint) -> GridPoint:
 
 
 @dataclass(slots=True)
-class Surroundings:
-    """What a driver shares with the others: the mission, the time, where events go."""
-
-    setting: Setting
-    limits: Limits
-    roi: frozenset[Cell]
-    post: Callable[[Event], None]
-    homeward: Callable[[int], bool]
-    rng: random.Random
-    t_s: float = 0.0
-
-    @property
-    def now_s(self) -> float:
-        """Mission time, to a millisecond."""
-        return round(self.t_s, 3)
-
-
-@dataclass(slots=True)
 class Driver:
     """One vehicle of the mission at the ground's end of its link."""
 
     craft: Aircraft
-    around: Surroundings
+    fleet: Fleet
     link: Link = "good"
     camera: Camera = "good"
     refuses: tuple[str, ...] = ()
@@ -204,7 +187,7 @@ class Driver:
 
     def lift_m(self, point: GridPoint) -> float:
         """How much higher the ground is there than at its home; 0 where it is flat."""
-        ground = self.around.setting.ground
+        ground = self.fleet.setting.ground
         return 0.0 if ground is None else ground.height_m(point) - ground.height_m(self.craft.home)
 
     def _note_height(self, order: Order) -> None:
@@ -255,13 +238,17 @@ class Driver:
         self.order, self.clock_s, self.frames, self.begun = order, 0.0, 0, False
         self.swaps, self.waited_s = 0, 0.0
         self.way, self.corners = self._points(order), None
-        t_s = self.around.now_s
+        t_s = self.fleet.now_s
         if isinstance(order, ReturnToLaunch):
             self.bring_home()  # the guardian's, from now on
         elif isinstance(order, AwaitBattery):
             self.guard = self.guard.released()
         else:
             self.guard = self.guard.told(self._task(order, t_s))
+
+    def _tell(self, kind: Callable[..., Event], *what: object, **more: object) -> None:
+        """Hand an event of this vehicle and this moment to the mission."""
+        self.fleet.post(kind(self.number, self.fleet.now_s, *what, **more))
 
     def leapt(self, by_m: float) -> None:
         """Its position has leapt, which telemetry shows: the mission is told."""
@@ -272,10 +259,10 @@ class Driver:
     def _given_path(self, order: FlyPath) -> None:
         """After a path it goes on with this one from its beginning on; else it begins at rest."""
         if self.course is not None and isinstance(self.order, FlyPath):
-            self.course = self.course.then(order.trajectory, self.around.t_s)
+            self.course = self.course.then(order.trajectory, self.fleet.t_s)
         else:
             self.course = Course((order.trajectory,))
-            self.photographed_s = self.around.t_s
+            self.photographed_s = self.fleet.t_s
 
     def _points(self, order: Order) -> list[GridPoint]:
         if isinstance(order, FlyTo):
@@ -285,14 +272,14 @@ class Driver:
         return []
 
     def _over(self, cell: Cell) -> GridPoint:
-        grid = self.around.setting.grid
-        return grid.to_fixed(grid.centre_of(cell), self.around.t_s)
+        grid = self.fleet.setting.grid
+        return grid.to_fixed(grid.centre_of(cell), self.fleet.t_s)
 
     def _task(self, order: Order, t_s: float) -> Task:
         """What the guardian is told of an order."""
         here, name = self.position, type(order).__name__
-        homeward, energy = self.around.homeward(self.number), self.around.setting.energy
-        drift_m_s = self.around.setting.grid.drift_speed_m_s
+        homeward, energy = self.fleet.homeward(self.number), self.fleet.setting.energy
+        drift_m_s = self.fleet.setting.grid.drift_speed_m_s
         if isinstance(order, TakeOff):
             return Task("climb", t_s, (here,), homeward, order.height_m, name=name)
         if isinstance(order, FlyTo | Sweep):
@@ -365,19 +352,16 @@ class Driver:
     def _fail(self, reason: str) -> None:
         name = type(self.order).__name__
         self.order = self.course = None
-        self.around.post(OrderFailed(self.number, self.around.now_s, name, reason))
+        self._tell(OrderFailed, name, reason)
 
     def _progress(self, order: Order) -> None:
-        craft, now_s = self.craft, self.around.now_s
+        craft = self.craft
         self._note_height(order)
         if isinstance(order, TakeOff):
             if craft.flying and craft.height_m >= order.height_m - CLIMB_TOLERANCE_M:
                 self.order = None
-                self.around.post(
-                    Airborne(
-                        self.number, now_s, home=rounded(craft.home), home_amsl_m=self.home_amsl_m
-                    )
-                )
+                home = rounded(craft.home)
+                self._tell(Airborne, home=home, home_amsl_m=self.home_amsl_m)
         elif isinstance(order, FlyTo):
             self._fly(order)
         elif isinstance(order, FlyPath):
@@ -391,13 +375,13 @@ class Driver:
 
     def _reached(self, point: GridPoint, *, stop: bool) -> bool:
         off_m = self.craft.believed.distance_to(point)
-        slow_m_s = SLOW_M_S + self.around.setting.grid.drift_speed_m_s
+        slow_m_s = SLOW_M_S + self.fleet.setting.grid.drift_speed_m_s
         if stop:
             return off_m <= STOP_M and self.craft.ground_speed_m_s <= slow_m_s
-        return off_m <= min(PASS_M, 0.5 * self.around.setting.grid.cell_m)
+        return off_m <= min(PASS_M, 0.5 * self.fleet.setting.grid.cell_m)
 
     def _aim(self, point: GridPoint, height_m: float) -> None:
-        ground = self.around.setting.ground
+        ground = self.fleet.setting.ground
         if self.obeys and ground is None:
             self.craft.aim(point, height_m)
         elif self.obeys and ground is not None:
@@ -417,23 +401,23 @@ class Driver:
             self.way.pop(0)
         elif abs(self.height_m - order.height_m) <= 1.0:
             self.order = None
-            self.around.post(Arrived(self.number, self.around.now_s, self.position))
+            self._tell(Arrived, self.position)
 
     def _sweep(self, order: Sweep) -> None:
         self._aim(order.end, order.height_m)
-        every_s = order.every_m / self.around.setting.mission.flight.speed_m_s
+        every_s = order.every_m / self.fleet.setting.mission.flight.speed_m_s
         done = self._reached(order.end, stop=False)
         if self.clock_s >= self.frames * every_s or done:
             self.frames += 1
-            here, grid = self.position, self.around.setting.grid
-            self._frame(grid.cell_of(grid.to_moving(here, self.around.t_s)))
+            here, grid = self.position, self.fleet.setting.grid
+            self._frame(grid.cell_of(grid.to_moving(here, self.fleet.t_s)))
         if done and self.order is order:
             self.order = None
-            self.around.post(Arrived(self.number, self.around.now_s, self.position))
+            self._tell(Arrived, self.position)
 
     def _along_path(self, order: FlyPath) -> None:
         """Stream setpoints and take pictures until at rest at the end."""
-        course, craft, t_s = self.course, self.craft, self.around.t_s
+        course, craft, t_s = self.course, self.craft, self.fleet.t_s
         assert course is not None
         ahead = course.at(t_s + LEAD_S)
         if self.obeys:
@@ -444,23 +428,23 @@ class Driver:
             self.photographed_s = max(self.photographed_s + order.every_s, t_s)
             self._frame(None)
         end = course.at(t_s).place
-        slow_m_s = SLOW_M_S + self.around.setting.grid.drift_speed_m_s
+        slow_m_s = SLOW_M_S + self.fleet.setting.grid.drift_speed_m_s
         there = craft.believed.distance_to(end) <= STOP_M
         at_rest = there and craft.ground_speed_m_s <= slow_m_s
         if self.order is order and t_s >= course.end_s and at_rest:
             self.order, self.course = None, None
             craft.brake()
-            self.around.post(Arrived(self.number, self.around.now_s, self.position))
+            self._tell(Arrived, self.position)
 
     def _look(self, order: Look) -> None:
         self._aim(self._over(order.cell), order.height_m)
-        interval_s = self.around.setting.mission.camera.interval_s
+        interval_s = self.fleet.setting.mission.camera.interval_s
         if self.clock_s >= 1.0 + (self.frames + 1) * interval_s:
             self.frames += 1
             self._frame(order.cell)
             if self.order is order and self.frames >= order.frames:
                 self.order = None
-                self.around.post(LookEnded(self.number, self.around.now_s))
+                self._tell(LookEnded)
 
     # --- the camera ------------------------------------------------------------------------
     def _frame(self, vantage: Cell | None) -> None:
@@ -468,52 +452,52 @@ class Driver:
 
         Without a vantage it judges every cell that it shows whole.
         """
-        now_s, rng = self.around.now_s, self.around.rng
+        now_s, rng = self.fleet.now_s, self.fleet.rng
         if self.camera == "silent":
             return
         if self.camera == "lost" or (self.camera == "drops" and rng.random() < 0.5):
-            self.around.post(FrameLost(self.number, now_s, "the picture cannot be read"))
+            self._tell(FrameLost, "the picture cannot be read")
             return
-        cell_m = self.around.setting.grid.cell_m
+        cell_m = self.fleet.setting.grid.cell_m
         east, north = (round(-error / cell_m) for error in self.craft.error_m)
         if east or north:
             self.misplaced = True
-        roi = self.around.roi
+        roi = self.fleet.roi
         votes = []
         shown = self._shown() if vantage is None else vantage.cross()
         for cell in shown:
             positive = Cell(cell.east + east, cell.north + north) in roi
             votes.append(Vote(cell, positive, float(positive)))
-        above_m = self.around.setting.mission.overview_above_m
+        above_m = self.fleet.setting.mission.overview_above_m
         high = True if above_m is not None and self.height_m > above_m else None
         event = FrameSeen(self.number, now_s, vantage, tuple(votes), overview=high)
         reach_m = 0.0 if vantage is not None else self._reach_m()
         self.seen_from.append((now_s, self.craft.position, reach_m))
         if self.camera == "slow":
-            self.late.append((self.around.t_s + rng.uniform(0.5, 6.0), event))
+            self.late.append((self.fleet.t_s + rng.uniform(0.5, 6.0), event))
         else:
-            self.around.post(event)
+            self.fleet.post(event)
 
     def _reach_m(self) -> float:
         """How far a picture of now shows the ground to all sides."""
-        optics = self.around.setting.mission.camera.optics
+        optics = self.fleet.setting.mission.camera.optics
         return 0.5 * optics.footprint(max(self.height_m, 0.1)).short_m
 
     def _shown(self) -> tuple[Cell, ...]:
         """The cells that a picture of now shows whole, by what the vehicle believes."""
-        setting, craft = self.around.setting, self.craft
+        setting, craft = self.fleet.setting, self.craft
         camera, grid = setting.mission.camera, setting.grid
         yaw_rad = math.radians(setting.yaw_deg + camera.yaw_deg) - grid.convergence_rad
-        below = grid.to_moving(craft.believed, self.around.t_s)
+        below = grid.to_moving(craft.believed, self.fleet.t_s)
         footprint = camera.optics.footprint(max(self.height_m, 0.1))
         return whole_cells(footprint, below, yaw_rad, grid.cell_m, camera.pose_error_m)
 
     def deliver_late(self) -> None:
         """Hand over the pictures that have been fetched by now."""
-        due = [event for at_s, event in self.late if at_s <= self.around.t_s]
-        self.late = [(at_s, event) for at_s, event in self.late if at_s > self.around.t_s]
+        due = [event for at_s, event in self.late if at_s <= self.fleet.t_s]
+        self.late = [(at_s, event) for at_s, event in self.late if at_s > self.fleet.t_s]
         for event in due:
-            self.around.post(event)
+            self.fleet.post(event)
 
     # --- what happens by itself ------------------------------------------------------------
     def connect(self) -> None:
@@ -529,17 +513,15 @@ class Driver:
         if not craft.flying:
             self.guard = self.guard.released()
         action = self.guard.action
-        self.around.post(
-            Connected(
-                self.number, self.around.now_s, rounded(craft.home), self.position, self.height_m,
-                craft.flying, ours, self.remaining_wh, home_amsl_m=self.home_amsl_m,
-                mode=craft.mode if craft.flying else None,
-            )
+        self._tell(
+            Connected, rounded(craft.home), self.position, self.height_m, craft.flying, ours,
+            self.remaining_wh, home_amsl_m=self.home_amsl_m,
+            mode=craft.mode if craft.flying else None,
         )  # fmt: skip
         if action is not None and craft.flying and ours:
-            self.guard = self.guard.acting(action, self.around.now_s)
+            self.guard = self.guard.acting(action, self.fleet.now_s)
             reason = "it goes on with what it had begun"
-            self.around.post(Guarded(self.number, self.around.now_s, action, reason))
+            self._tell(Guarded, action, reason)
 
     def listen(self, dt_s: float) -> None:
         """Watch the link, the mode and the ground."""
@@ -550,18 +532,18 @@ class Driver:
             self.connect()
             return
         self.silent_s, self.known_wh = 0.0, self.remaining_wh
-        craft, now_s = self.craft, self.around.now_s
+        craft = self.craft
         theirs = craft.armed and self.theirs
         mode = self._mode_name()
         if theirs and (not self.overridden or mode != self.reported_mode):
             self.overridden, self.reported_mode = True, mode
-            self.around.post(Overridden(self.number, now_s, mode))
+            self._tell(Overridden, mode)
         elif self.overridden and craft.armed and craft.mode == "follow" and not craft.failsafe:
             self.overridden, self.asked = False, "follow"
-            self.around.post(Released(self.number, now_s, self.position, self.height_m))
+            self._tell(Released, self.position, self.height_m)
         if craft.armed and craft.flying and craft.height_m > LIFTED_M and not self.was_airborne:
             self.was_airborne = True
-            self.around.post(LiftedOff(self.number, now_s))
+            self._tell(LiftedOff)
         elif not craft.armed and self._flew:
             self._on_ground()
 
@@ -579,23 +561,22 @@ class Driver:
         if self.watch_over():
             return  # it lies there: that is told already
         self.guard, self.order = self.guard.released(), None
-        now_s = self.around.now_s
-        self.around.post(Landed(self.number, now_s, self.remaining_wh, position=self.position))
+        self._tell(Landed, self.remaining_wh, position=self.position)
 
     def _silent(self, dt_s: float) -> None:
         self.silent_s += dt_s
         if self.connected and self.silent_s >= LINK_LOST_S:
             self.connected = False
-            self.around.post(LinkLost(self.number, self.around.now_s))
+            self._tell(LinkLost)
         elif not self.connected and not self.given_up:
             lasts_s = PATIENCE_S
             if self.was_airborne or self.sent_up:
-                hover_w = self.around.setting.mission.battery.hover_power_w
+                hover_w = self.fleet.setting.mission.battery.hover_power_w
                 lasts_s = self.known_wh * 3600.0 / hover_w + SPARE_S
             if self.silent_s > lasts_s:
                 self.given_up = True
                 reason = f"it has been silent for {self.silent_s:.0f} s"
-                self.around.post(GivenUp(self.number, self.around.now_s, reason))
+                self._tell(GivenUp, reason)
 
     @property
     def responsible(self) -> bool:
@@ -608,7 +589,7 @@ class Driver:
 
     def bring_home(self) -> None:
         """By the corners of the fence, as far as it takes targets; then its autopilot returns."""
-        craft, t_s, way = self.craft, self.around.now_s, self.corners
+        craft, t_s, way = self.craft, self.fleet.now_s, self.corners
         if self.guard.action is not None:
             return
         if way is None:
@@ -633,31 +614,26 @@ class Driver:
 
     def _corners(self) -> list[GridPoint]:
         home = rounded(self.craft.home)
-        return list(corners_home(self.around.limits.fence, self.position, home))
+        return list(corners_home(self.fleet.limits.fence, self.position, home))
 
     def _turn(self, way: list[GridPoint]) -> None:
         """The next corner on the way home."""
         if not way:
             return
         path = (self.position, way[0])
-        estimate_s = self.around.setting.energy.leg_s(path[0].distance_to(path[1])) + 5.0
+        estimate_s = self.fleet.setting.energy.leg_s(path[0].distance_to(path[1])) + 5.0
         self.guard = self.guard.told(
-            Task("leg", self.around.now_s, path, homeward=True, height_m=self.height_m,
+            Task("leg", self.fleet.now_s, path, homeward=True, height_m=self.height_m,
                  estimate_s=estimate_s, name="way home")
         )  # fmt: skip
 
     def track(self) -> None:
         """Once a second: where it is, and whether all is well."""
-        craft, self.tracked_s = self.craft, self.around.t_s
+        craft, self.tracked_s = self.craft, self.fleet.t_s
         measures = craft.flying and craft.height_m > 2.0
         self.winds = [*self.winds[-WIND_WINDOW:], craft.wind_m_s] if measures else []
-        wind_m_s = self._measured_m_s()
-        self.around.post(
-            Tracked(
-                self.number, self.around.now_s, self.position, self.height_m, self.remaining_wh,
-                wind_m_s=wind_m_s,
-            )
-        )  # fmt: skip
+        here = self.position, self.height_m, self.remaining_wh
+        self._tell(Tracked, *here, wind_m_s=self._measured_m_s())
         self.watch_over()
 
     def _measured_m_s(self) -> float | None:
@@ -669,31 +645,29 @@ class Driver:
 
     def watch_over(self) -> bool:
         """Let the guardian look, twice a second; whether it found the vehicle down."""
-        craft, now_s = self.craft, self.around.now_s
+        craft, now_s = self.craft, self.fleet.now_s
         mode: Mode = "other" if self.overridden else craft.mode
         wind_m_s = self._measured_m_s()
         seen = Seen(
             now_s, self.position, self.height_m, craft.ground_speed_m_s, craft.home, craft.armed,
             craft.flying or (craft.crashed and craft.armed), mode, self.remaining_wh, wind_m_s,
         )  # fmt: skip
-        self.guard, verdict = watch(self.around.limits, self.guard, seen)
+        self.guard, verdict = watch(self.fleet.limits, self.guard, seen)
         if verdict is None:
             self._insist()
             return False
         if verdict.rung == "report":
             name = self.guard.task.name
             self.order = self.course = None
-            self.around.post(
-                OrderFailed(self.number, now_s, name, verdict.reason, behind=verdict.behind)
-            )
+            self._tell(OrderFailed, name, verdict.reason, behind=verdict.behind)
         elif verdict.rung == "crashed":
             self.order, self.was_airborne = None, False
-            self.around.post(Crashed(self.number, now_s, self.position, verdict.reason))
+            self._tell(Crashed, self.position, verdict.reason)
             return True
         else:
             self.hurry = verdict.hurry
             self._insist()
-            self.around.post(Guarded(self.number, now_s, verdict.rung, verdict.reason))
+            self._tell(Guarded, verdict.rung, verdict.reason)
         return False
 
     def _insist(self) -> None:
@@ -715,10 +689,10 @@ class Driver:
         if self.clock_s < self.swap_s * (1 + self.swaps) or self.craft.flying:
             return
         self.swaps += 1
-        capacity_wh = self.around.setting.mission.battery.capacity_wh
+        capacity_wh = self.fleet.setting.mission.battery.capacity_wh
         share = self.poor_batteries.pop(0) if self.poor_batteries else 1.0
         self.craft.wh = share * capacity_wh
         self.switch_on()
         if self.remaining_wh >= FRESH * capacity_wh and self.hears:
             self.order, self.waited_s = None, 0.0
-            self.around.post(BatterySwapped(self.number, self.around.now_s, self.remaining_wh))
+            self._tell(BatterySwapped, self.remaining_wh)

@@ -26,7 +26,7 @@ from missions.orders import Order, StandDown
 from missions.units import Cell, GridPoint
 
 from .aircraft import Air, Aircraft
-from .driver import PATH_TRACK_S, TRACK_S, WATCH_S, Driver, Surroundings
+from .driver import PATH_TRACK_S, TRACK_S, WATCH_S, Driver
 from .referee import Referee
 from .troubles import ACTS, Pilot, Trouble, in_phase
 
@@ -63,7 +63,7 @@ class Fleet:
     emptied: dict[int, float] = field(default_factory=dict)
     """Whose battery lost which part of its charge at once."""
     rng: random.Random = field(init=False)
-    around: Surroundings = field(init=False)
+    limits: Limits = field(init=False)
     referee: Referee = field(default_factory=Referee)
     events: list[Event] = field(default_factory=list)
     orders: list[tuple[float, int, Order]] = field(default_factory=list)
@@ -80,10 +80,7 @@ class Fleet:
         mission, grid = self.setting.mission, self.setting.grid
         self.state = State.initial(self.setting)
         self.rng = random.Random(self.seed)
-        limits = Limits(self.setting.fence, self.setting.energy)
-        self.around = Surroundings(
-            self.setting, limits, frozenset(self.roi), self.post, self._homeward, self.rng
-        )
+        self.limits = Limits(self.setting.fence, self.setting.energy)
         self.vehicles, self.drivers = {}, {}
         for number, planned in enumerate((grid.fixed(p) for p in homes(mission)), start=1):
             east, north = self.stand_off_m[number - 1] if self.stand_off_m else (0.0, 0.0)
@@ -99,7 +96,7 @@ class Fleet:
                 craft.return_height_m = highest_m + mission.altitude_m(number - 1)
             self.vehicles[number] = craft
             self.drivers[number] = Driver(
-                craft, self.around, receiver_sigma_m=self.receiver_sigma_m,
+                craft, self, receiver_sigma_m=self.receiver_sigma_m,
                 receivers=random.Random(self.seed * 37 + number),
             )  # fmt: skip
             self.drivers[number].switch_on()
@@ -122,7 +119,13 @@ class Fleet:
         contains = self.setting.fence.contains
         return not all(contains(craft.home) for craft in self.vehicles.values())
 
-    def _homeward(self, number: int) -> bool:
+    @property
+    def now_s(self) -> float:
+        """Mission time, to a millisecond."""
+        return round(self.t_s, 3)
+
+    def homeward(self, number: int) -> bool:
+        """Whether a vehicle is on its way home."""
         return self.state.vehicles[number].return_reason is not None
 
     # --- the mission ---------------------------------------------------------------------
@@ -175,7 +178,7 @@ class Fleet:
         for driver in self.drivers.values():
             driver.order, driver.course, driver.guard, driver.late = None, None, Guard(), []
             driver.connected, driver.given_up, driver.corners = False, False, None
-        self.post(Resumed(self.around.now_s))
+        self.post(Resumed(self.now_s))
         for driver in self.drivers.values():
             if driver.hears:
                 driver.connect()
@@ -207,7 +210,6 @@ class Fleet:
     def tick(self) -> None:
         """One tick of everybody, then the checks."""
         self.t_s += TICK_S
-        self.around.t_s = self.t_s
         self.air.step(TICK_S)
         if self.troubles:
             self._begin_and_end()
@@ -339,7 +341,7 @@ class Fleet:
 
     def recall(self) -> None:
         """The operator calls everybody home."""
-        self.post(Recalled(self.around.now_s))
+        self.post(Recalled(self.now_s))
 
     def crash_and_resume(self) -> None:
         """The service dies and comes back at once: all that it has is its journal."""
