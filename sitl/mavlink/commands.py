@@ -44,6 +44,16 @@ class Request:
         value = self.p[index - 1]
         return int(value) if math.isfinite(value) and abs(value) < 2**31 else None
 
+    @property
+    def lat_lon_e7(self) -> tuple[int, int] | None:
+        """Latitude and longitude in 1e-7 degrees; None where a COMMAND_LONG has none."""
+        if self.place is not None:
+            return self.place[1:]
+        lat, lon = self.p[4:6]
+        if not (abs(lat) <= 90.0 and abs(lon) <= 180.0):
+            return None
+        return round(lat * 1e7), round(lon * 1e7)
+
 
 @dataclass(frozen=True, slots=True)
 class Reply:
@@ -293,11 +303,8 @@ class Commands(ABC):
         The time of transmission is taken for the time of arrival.
         """
         ap, (_, delay_s, sigma_m) = self.ap, request.p[:3]
-        place = None
-        if request.place is not None:
-            place = self.locate(*request.place[1:])
-        elif abs(request.p[4]) <= 90.0 and abs(request.p[5]) <= 180.0:
-            place = self.locate(round(request.p[4] * 1e7), round(request.p[5] * 1e7))
+        where = request.lat_lon_e7
+        place = None if where is None else self.locate(*where)
         if place is None:
             return Reply(self.nowhere)
         if not ap.home_known:
@@ -327,15 +334,11 @@ class Commands(ABC):
             now = self.ap.estimate
             self.ap.set_home(now.east, now.north, now.up)
             return Reply(ACCEPTED)
-        if request.place is None:
-            lat, lon = request.p[4], request.p[5]
-            if not (abs(lat) <= 90.0 and abs(lon) <= 180.0):
-                return Reply(self.refused)
-            place = (int(mav.MAV_FRAME_GLOBAL), round(lat * 1e7), round(lon * 1e7))
-        else:
-            place = request.place
-        home = self.target(*place, request.p[6])
-        if home is None or place[1:] == (0, 0):
+        where, frame = request.lat_lon_e7, int(mav.MAV_FRAME_GLOBAL)
+        if request.place is not None:
+            frame = request.place[0]
+        home = None if where is None else self.target(frame, *where, request.p[6])
+        if home is None or where == (0, 0):
             return Reply(self.refused)
         self.ap.set_home(*home)
         return Reply(ACCEPTED)

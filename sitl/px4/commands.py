@@ -115,15 +115,10 @@ class Px4Commands(Commands):
 
     def _flat_or_none(self, request: Request) -> tuple[float | None, float | None]:
         """East and north of a command's place, None where it leaves them."""
-        if request.place is None:
-            lat_deg, lon_deg = request.p[4], request.p[5]
-            if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
-                return None, None
-            return self._flat(round(lat_deg * 1e7), round(lon_deg * 1e7))
-        _, lat_e7, lon_e7 = request.place
-        if abs(lat_e7) > 900_000_000 or abs(lon_e7) > 1_800_000_000:
+        where = request.lat_lon_e7
+        if where is None or abs(where[0]) > 900_000_000 or abs(where[1]) > 1_800_000_000:
             return None, None
-        return self._flat(lat_e7, lon_e7)
+        return self._flat(*where)
 
     def _external_position(self, request: Request) -> Reply:
         """The delay has to be told."""
