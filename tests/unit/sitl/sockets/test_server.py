@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import socket
 
 import pytest
@@ -17,6 +18,16 @@ from sitl.world.world import World, WorldSpec
 from tests.unit.sitl.conftest import ORIGIN, plain_vehicle
 
 GLOBAL_POSITION_INT = mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
+
+
+def in_a_loop(test):
+    """Run a test that waits for sockets."""
+
+    @functools.wraps(test)
+    def run(*given, **named):
+        asyncio.run(test(*given, **named))
+
+    return run
 
 
 @contextlib.asynccontextmanager
@@ -115,54 +126,51 @@ def interval(message_id, hz, system=1):
     return command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 1e6 / hz, system=system)
 
 
-def test_several_udp_clients_hear_everything():
-    async def scenario():
-        async with served("udp") as (vehicles, port, urls):
-            assert urls == [f"udpin://127.0.0.1:{port}"]
-            listener = await Udp.open(port)
-            await listener.wait("HEARTBEAT")
-            other = await Udp.open()
-            other.say(interval(GLOBAL_POSITION_INT, 10), listener.peer)
-            for client in (listener, other):  # the reply and the telemetry go to all
-                assert (await client.wait("COMMAND_ACK")).result == mav.MAV_RESULT_ACCEPTED
-                await client.wait("GLOBAL_POSITION_INT")
-            # half a frame of one does not spoil the other's
-            whole = command(mav.MAV_CMD_REQUEST_MESSAGE, 148).pack(listener.link)
-            listener.transport.sendto(whole[:20], listener.peer)
-            other.say(command(mav.MAV_CMD_REQUEST_MESSAGE, 242))
-            await other.wait("COMMAND_ACK")
-            listener.transport.sendto(whole[20:], listener.peer)
-            await listener.wait("AUTOPILOT_VERSION")
-            # one vanishes
-            other.transport.abort()
-            for _ in range(20):
-                await listener.wait("GLOBAL_POSITION_INT")
-            assert vehicles[0].t_s > 2.0
-            listener.transport.close()
-
-    asyncio.run(scenario())
+@in_a_loop
+async def test_several_udp_clients_hear_everything():
+    async with served("udp") as (vehicles, port, urls):
+        assert urls == [f"udpin://127.0.0.1:{port}"]
+        listener = await Udp.open(port)
+        await listener.wait("HEARTBEAT")
+        other = await Udp.open()
+        other.say(interval(GLOBAL_POSITION_INT, 10), listener.peer)
+        for client in (listener, other):  # the reply and the telemetry go to all
+            assert (await client.wait("COMMAND_ACK")).result == mav.MAV_RESULT_ACCEPTED
+            await client.wait("GLOBAL_POSITION_INT")
+        # half a frame of one does not spoil the other's
+        whole = command(mav.MAV_CMD_REQUEST_MESSAGE, 148).pack(listener.link)
+        listener.transport.sendto(whole[:20], listener.peer)
+        other.say(command(mav.MAV_CMD_REQUEST_MESSAGE, 242))
+        await other.wait("COMMAND_ACK")
+        listener.transport.sendto(whole[20:], listener.peer)
+        await listener.wait("AUTOPILOT_VERSION")
+        # one vanishes
+        other.transport.abort()
+        for _ in range(20):
+            await listener.wait("GLOBAL_POSITION_INT")
+        assert vehicles[0].t_s > 2.0
+        listener.transport.close()
 
 
-def test_more_udp_clients_than_it_keeps():
-    async def scenario():
-        async with served("udp") as (vehicles, port, _):
-            listener = await Udp.open(port)
-            await listener.wait("HEARTBEAT")
-            others = [await Udp.open() for _ in range(12)]
-            for client in others:
-                client.say(command(mav.MAV_CMD_REQUEST_MESSAGE, 148), listener.peer)
-                await client.wait("AUTOPILOT_VERSION")
-            assert len(vehicles[0]._links) == 1 + 8
-            await listener.wait("HEARTBEAT")  # the first is never forgotten
-            await others[-1].wait("HEARTBEAT")
-            for client in (listener, *others):
-                client.transport.close()
-
-    asyncio.run(scenario())
+@in_a_loop
+async def test_more_udp_clients_than_it_keeps():
+    async with served("udp") as (vehicles, port, _):
+        listener = await Udp.open(port)
+        await listener.wait("HEARTBEAT")
+        others = [await Udp.open() for _ in range(12)]
+        for client in others:
+            client.say(command(mav.MAV_CMD_REQUEST_MESSAGE, 148), listener.peer)
+            await client.wait("AUTOPILOT_VERSION")
+        assert len(vehicles[0]._links) == 1 + 8
+        await listener.wait("HEARTBEAT")  # the first is never forgotten
+        await others[-1].wait("HEARTBEAT")
+        for client in (listener, *others):
+            client.transport.close()
 
 
 @pytest.mark.parametrize("forgets", [False, True])
-def test_tcp_is_flown_and_serves_one_at_a_time(forgets, monkeypatch):
+@in_a_loop
+async def test_tcp_is_flown_and_serves_one_at_a_time(forgets, monkeypatch):
     """Python 3.11.2 adds the reader after a pause in `connection_made`, which is lost then."""
     if forgets:
         monkeypatch.setattr(
@@ -171,52 +179,47 @@ def test_tcp_is_flown_and_serves_one_at_a_time(forgets, monkeypatch):
             lambda transport, file, callback: transport._loop._add_reader(file, callback),
         )
 
-    async def scenario():
-        async with served("tcp", count=2) as (vehicles, port, urls):
-            assert urls == [f"tcpout://127.0.0.1:{port}", f"tcpout://127.0.0.1:{port + 10}"]
-            first = await Tcp.open(port)
-            await first.wait("HEARTBEAT")
-            assert first.first.startswith(b"\r\n\r\nInit ArduCopter")
-            second = await Tcp.open(port)
-            second.say(command(mav.MAV_CMD_DO_SET_MODE, 1, 4))
-            with pytest.raises(TimeoutError):
-                await asyncio.wait_for(second.reader.read(1), 0.3)
-            neighbour = await Tcp.open(port + 10)
-            assert (await neighbour.wait("HEARTBEAT")).get_srcSystem() == 2
-            first.say(interval(GLOBAL_POSITION_INT, 10))
-            await first.wait("GLOBAL_POSITION_INT")
-            assert vehicles[0].truth.mode == 0
-            first.writer.transport.abort()
-            # its turn: what it said is heard now, and the rates persist
-            assert (await second.wait("COMMAND_ACK")).command == mav.MAV_CMD_DO_SET_MODE
-            await second.wait("GLOBAL_POSITION_INT")
-            for client in (second, neighbour):
-                client.writer.close()
-
-    asyncio.run(scenario())
+    async with served("tcp", count=2) as (vehicles, port, urls):
+        assert urls == [f"tcpout://127.0.0.1:{port}", f"tcpout://127.0.0.1:{port + 10}"]
+        first = await Tcp.open(port)
+        await first.wait("HEARTBEAT")
+        assert first.first.startswith(b"\r\n\r\nInit ArduCopter")
+        second = await Tcp.open(port)
+        second.say(command(mav.MAV_CMD_DO_SET_MODE, 1, 4))
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(second.reader.read(1), 0.3)
+        neighbour = await Tcp.open(port + 10)
+        assert (await neighbour.wait("HEARTBEAT")).get_srcSystem() == 2
+        first.say(interval(GLOBAL_POSITION_INT, 10))
+        await first.wait("GLOBAL_POSITION_INT")
+        assert vehicles[0].truth.mode == 0
+        first.writer.transport.abort()
+        # its turn: what it said is heard now, and the rates persist
+        assert (await second.wait("COMMAND_ACK")).command == mav.MAV_CMD_DO_SET_MODE
+        await second.wait("GLOBAL_POSITION_INT")
+        for client in (second, neighbour):
+            client.writer.close()
 
 
-def test_a_tcp_client_that_stops_reading_harms_nobody():
-    async def scenario():
-        async with served("tcp", count=2, speedup=100.0) as (vehicles, port, _):
-            deaf, other = await Tcp.open(port), await Tcp.open(port + 10)
-            deaf.writer.transport.pause_reading()
-            raw = deaf.writer.get_extra_info("socket")
-            raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-            for message_id in (GLOBAL_POSITION_INT, 30, 24, 74, 1, 147):
-                deaf.say(interval(message_id, 20))
-            other.say(interval(GLOBAL_POSITION_INT, 10, system=2))
-            async with asyncio.timeout(30.0):
-                while vehicles[0].t_s < 400.0:
-                    await other.wait("GLOBAL_POSITION_INT")
-            assert vehicles[1].t_s == vehicles[0].t_s
-            # it hears again when it reads again
-            deaf.writer.transport.resume_reading()
-            await deaf.wait("HEARTBEAT")
-            for client in (deaf, other):
-                client.writer.close()
-
-    asyncio.run(scenario())
+@in_a_loop
+async def test_a_tcp_client_that_stops_reading_harms_nobody():
+    async with served("tcp", count=2, speedup=100.0) as (vehicles, port, _):
+        deaf, other = await Tcp.open(port), await Tcp.open(port + 10)
+        deaf.writer.transport.pause_reading()
+        raw = deaf.writer.get_extra_info("socket")
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        for message_id in (GLOBAL_POSITION_INT, 30, 24, 74, 1, 147):
+            deaf.say(interval(message_id, 20))
+        other.say(interval(GLOBAL_POSITION_INT, 10, system=2))
+        async with asyncio.timeout(30.0):
+            while vehicles[0].t_s < 400.0:
+                await other.wait("GLOBAL_POSITION_INT")
+        assert vehicles[1].t_s == vehicles[0].t_s
+        # it hears again when it reads again
+        deaf.writer.transport.resume_reading()
+        await deaf.wait("HEARTBEAT")
+        for client in (deaf, other):
+            client.writer.close()
 
 
 class FullTransport:
@@ -249,39 +252,33 @@ def test_what_waits_for_a_client_is_bounded():
     assert 1 << 18 < connection.transport.unsent < (1 << 18) + 5000
 
 
-def test_a_companion_that_reboots_loses_its_connection():
-    async def scenario():
-        async with served("tcp") as (vehicles, port, _):
-            client = await Tcp.open(port)
-            await client.wait("HEARTBEAT")
-            vehicles[0].fail.companion_reboot(for_s=5.0)
-            with pytest.raises((EOFError, ConnectionError)):
-                await client.wait("what never comes")
-            client.writer.close()
-            again = await Tcp.open(port)
-            cut_at_s = vehicles[0].t_s
-            await again.wait("HEARTBEAT")
-            assert vehicles[0].t_s > cut_at_s
-            again.writer.close()
-
-    asyncio.run(scenario())
+@in_a_loop
+async def test_a_companion_that_reboots_loses_its_connection():
+    async with served("tcp") as (vehicles, port, _):
+        client = await Tcp.open(port)
+        await client.wait("HEARTBEAT")
+        vehicles[0].fail.companion_reboot(for_s=5.0)
+        with pytest.raises((EOFError, ConnectionError)):
+            await client.wait("what never comes")
+        client.writer.close()
+        again = await Tcp.open(port)
+        cut_at_s = vehicles[0].t_s
+        await again.wait("HEARTBEAT")
+        assert vehicles[0].t_s > cut_at_s
+        again.writer.close()
 
 
-def test_a_port_that_is_taken_leaves_none_open():
-    async def scenario():
-        port, _ = free_ports(2, tcp=True)
-        with socket.socket() as taken:
-            taken.bind(("127.0.0.1", port + 10))
-            taken.listen()
-            vehicles = [plain_vehicle(i) for i in (1, 2)]
-            with pytest.raises(OSError, match="address already in use"):
-                await serve(
-                    vehicles, transport="tcp", base_port=port, http_port=None, on_ready=print
-                )
-        with socket.socket() as again:
-            again.bind(("127.0.0.1", port))
-
-    asyncio.run(scenario())
+@in_a_loop
+async def test_a_port_that_is_taken_leaves_none_open():
+    port, _ = free_ports(2, tcp=True)
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", port + 10))
+        taken.listen()
+        vehicles = [plain_vehicle(i) for i in (1, 2)]
+        with pytest.raises(OSError, match="address already in use"):
+            await serve(vehicles, transport="tcp", base_port=port, http_port=None, on_ready=print)
+    with socket.socket() as again:
+        again.bind(("127.0.0.1", port))
 
 
 def test_frames_are_never_cut():
@@ -320,31 +317,29 @@ async def get(port, path, extra=""):
     return head.split(b"\r\n")[0].decode(), body
 
 
-def test_http_that_is_none():
-    async def scenario():
-        server = PictureServer(lambda path: b"picture" if path == "/a" else None)
-        port = await server.open(0)
-        try:
-            assert await get(port, "/a?x=1") == ("HTTP/1.1 200 OK", b"picture")
-            assert (await get(port, "/b"))[0] == "HTTP/1.1 404 Not Found"
+@in_a_loop
+async def test_http_that_is_none():
+    server = PictureServer(lambda path: b"picture" if path == "/a" else None)
+    port = await server.open(0)
+    try:
+        assert await get(port, "/a?x=1") == ("HTTP/1.1 200 OK", b"picture")
+        assert (await get(port, "/b"))[0] == "HTTP/1.1 404 Not Found"
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(b"POST /a HTTP/1.1\r\nContent-Length: 3\r\n\r\nabc")
+        assert (await reader.readline()).startswith(b"HTTP/1.1 405")
+        writer.close()
+        for nonsense in (b"\xfd\x00\r\n\r\n", b"GET\r\n\r\n", b"x" * 40_000):
             reader, writer = await asyncio.open_connection("127.0.0.1", port)
-            writer.write(b"POST /a HTTP/1.1\r\nContent-Length: 3\r\n\r\nabc")
-            assert (await reader.readline()).startswith(b"HTTP/1.1 405")
+            writer.write(nonsense)
+            answer = await asyncio.wait_for(reader.read(), 10.0)
+            assert answer == b"" or answer.startswith(b"HTTP/1.1 400")
             writer.close()
-            for nonsense in (b"\xfd\x00\r\n\r\n", b"GET\r\n\r\n", b"x" * 40_000):
-                reader, writer = await asyncio.open_connection("127.0.0.1", port)
-                writer.write(nonsense)
-                answer = await asyncio.wait_for(reader.read(), 10.0)
-                assert answer == b"" or answer.startswith(b"HTTP/1.1 400")
-                writer.close()
-            reader, writer = await asyncio.open_connection("127.0.0.1", port)
-            for _ in range(2):  # the same connection again
-                writer.write(b"GET /a HTTP/1.1\r\n\r\n")
-                head = await reader.readuntil(b"\r\n\r\n")
-                assert b"keep-alive" in head
-                assert await reader.readexactly(7) == b"picture"
-            writer.close()
-        finally:
-            await server.close()
-
-    asyncio.run(scenario())
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        for _ in range(2):  # the same connection again
+            writer.write(b"GET /a HTTP/1.1\r\n\r\n")
+            head = await reader.readuntil(b"\r\n\r\n")
+            assert b"keep-alive" in head
+            assert await reader.readexactly(7) == b"picture"
+        writer.close()
+    finally:
+        await server.close()
