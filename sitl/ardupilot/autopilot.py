@@ -7,7 +7,8 @@ from sitl.ardupilot.failsafes import ArduPilotFailsafes
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import IDLE, Body, Command
-from sitl.copter.aircraft import SEVERITY_CRITICAL, SEVERITY_INFO, Aircraft
+from sitl.copter.aircraft import Aircraft
+from sitl.copter.failsafes import CRITICAL, INFO
 from sitl.copter.fence import Fence, names
 from sitl.copter.mission_items import FENCE, MISSION, RALLY, Item
 from sitl.copter.modes import LEVEL, UNARMABLE, Mode, Phase
@@ -122,7 +123,7 @@ class Autopilot(Aircraft):
         self.route.reset()
         self._mission_started = False
         self._enter(Phase.LANDED)
-        self.say(SEVERITY_INFO, "Disarming motors")
+        self.say(INFO, "Disarming motors")
         return None
 
     def set_mode(self, mode: Mode) -> str | None:
@@ -249,7 +250,7 @@ class Autopilot(Aircraft):
             if not self.armed and self.parameters["ARMING_CHECK"] != 0.0:
                 refusal = self.prearm_refusal()
                 if refusal is not None:
-                    self.say(SEVERITY_CRITICAL, refusal)
+                    self.say(CRITICAL, refusal)
 
     def _decide(self, dt_s: float) -> Command:
         if self.mode == _AUTO and self.armed and self._mission_started:

@@ -58,6 +58,12 @@ class CameraSpec:
         """
         return self.width_px / 2.0 / math.tan(math.radians(self.hfov_deg) / 2.0)
 
+    @property
+    def to_pixel(self) -> Matrix:
+        """The matrix from the camera's axes (forward, right, down) to homogeneous pixels."""
+        focal, centre = self.focal_px, ((self.width_px - 1) / 2.0, (self.height_px - 1) / 2.0)
+        return np.array([[centre[0], focal, 0.0], [centre[1], 0.0, focal], [1.0, 0.0, 0.0]])
+
     def attitude(self, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
         """Camera axes to NED for the body's attitude, as in CAMERA_IMAGE_CAPTURED."""
         mounting = Quaternion.from_euler(0.0, -math.pi / 2.0, 0.0)
@@ -105,10 +111,7 @@ def ground_to_pixel(camera: CameraSpec, shot: Shot) -> Matrix:
     height = lens_height_m(shot)
     # a ground point (east, north) is (north, east, height) from the lens, in NED
     to_ned = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, height]])
-    focal = camera.focal_px
-    centre_u, centre_v = (camera.width_px - 1) / 2.0, (camera.height_px - 1) / 2.0
-    to_pixel = np.array([[centre_u, focal, 0.0], [centre_v, 0.0, focal], [1.0, 0.0, 0.0]])
-    return np.asarray(to_pixel @ rotation.T @ to_ned, dtype=np.float64)
+    return np.asarray(camera.to_pixel @ rotation.T @ to_ned, dtype=np.float64)
 
 
 def image_motion_px(camera: CameraSpec, shot: Shot) -> tuple[float, float]:

@@ -102,10 +102,7 @@ def _plane_to_pixel(camera: CameraSpec, shot: Shot, tag: TagPose) -> Matrix:
     middle = (tag.north_m - shot.north_m, tag.east_m - shot.east_m, lens_up - tag.up_m)
     body = axes_to_ned(tag.attitude)
     ned = np.column_stack([body[:, 0], body[:, 1], middle])
-    focal = camera.focal_px
-    centre_u, centre_v = (camera.width_px - 1) / 2.0, (camera.height_px - 1) / 2.0
-    to_pixel = np.array([[centre_u, focal, 0.0], [centre_v, 0.0, focal], [1.0, 0.0, 0.0]])
-    return np.asarray(to_pixel @ axes_to_ned(shot.attitude).T @ ned, dtype=np.float64)
+    return np.asarray(camera.to_pixel @ axes_to_ned(shot.attitude).T @ ned, dtype=np.float64)
 
 
 def _outline(camera: CameraSpec, shot: Shot, tag: TagPose, half_m: float) -> Matrix | None:

@@ -14,7 +14,7 @@ from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import Body, Command
 from sitl.copter.aiding import Aiding
-from sitl.copter.failsafes import Failsafes
+from sitl.copter.failsafes import CRITICAL, INFO, Failsafes
 from sitl.copter.fence import Fence
 from sitl.copter.mission_items import FENCE, MISSION, RALLY, Item
 from sitl.copter.modes import Phase
@@ -27,8 +27,6 @@ from sitl.copter.transfer import Plans
 _PREARM_SHARE = 0.8  # of the time to readiness: the prearm bit goes true before the position
 _HOME_SHARE = 0.5
 _BOUNCE_M_S, _BOUNCE_S = 2.5, 0.7  # of one that lies there, its motors turning
-
-SEVERITY_CRITICAL, SEVERITY_INFO = 2, 6
 
 
 class Notice(NamedTuple):
@@ -166,7 +164,7 @@ class Aircraft(Motion, ABC):
         self.home_changed = True
         self._control.reset()
         self._enter(Phase.LANDED)
-        self.say(SEVERITY_INFO, text)
+        self.say(INFO, text)
 
     def _leave_mode(self) -> None:
         """Drop target, stream and changed speeds; in the air, brake to a hold."""
@@ -197,7 +195,7 @@ class Aircraft(Motion, ABC):
         self._watch_failsafes()
         if self.body.motors_on and self.battery.empty:
             self.body.motors_on = False
-            self.say(SEVERITY_CRITICAL, "Battery 1 is empty")
+            self.say(CRITICAL, "Battery 1 is empty")
         command = self._decide(dt_s)
         self.body.step(command, wind, dt_s)
         self._look()  # what is told from here on is of this moment, as the picture that is taken

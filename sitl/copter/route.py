@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from sitl.copter.failsafes import INFO
 from sitl.copter.fence import Place
 from sitl.copter.mission_items import IDLE_COMMANDS, NAMES, NAVIGATION, SPEEDS, Item
 from sitl.copter.modes import Phase
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 
 _MOST_JUMPS = 64  # without a navigation item between them
-_SEVERITY_INFO: int = mav.MAV_SEVERITY_INFO
 
 
 class Progress(IntEnum):
@@ -191,7 +191,7 @@ class Route:
     # --- navigation -----------------------------------------------------------------------------
 
     def _start(self, item: Item, pilot: Aircraft) -> None:
-        pilot.say(_SEVERITY_INFO, f"Mission: {self.current} {NAMES[item.command]}")
+        pilot.say(INFO, f"Mission: {self.current} {NAMES[item.command]}")
         self._arrived_s, self._goal, self._landing = None, None, False
         self._begun_s = pilot.t_s
         command = item.command
@@ -260,7 +260,7 @@ class Route:
             if self._held_since is None:
                 text = f"Mission: {index} {NAMES[item.command]}"
                 idle = item.command in IDLE_COMMANDS
-                pilot.say(_SEVERITY_INFO, text + " has no effect" * idle)
+                pilot.say(INFO, text + " has no effect" * idle)
                 now = pilot.estimate
                 self._held_since = (pilot.t_s, (now.east, now.north, now.up))
                 self._do(item, pilot)

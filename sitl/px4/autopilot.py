@@ -5,8 +5,8 @@ from __future__ import annotations
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import IDLE, Body, Command
-from sitl.copter.aircraft import SEVERITY_CRITICAL, SEVERITY_INFO, Aircraft
-from sitl.copter.failsafes import CHARGE_CRITICAL
+from sitl.copter.aircraft import Aircraft
+from sitl.copter.failsafes import CHARGE_CRITICAL, CRITICAL, INFO, WARNING
 from sitl.copter.fence import names
 from sitl.copter.mission_items import Item
 from sitl.copter.modes import Phase
@@ -22,7 +22,6 @@ from sitl.px4.params import TABLE, Px4Fence, px4_tuning
 # A stream of places and velocities at 10 Hz was followed 0.33 s late (0.12 to 0.73 s, 90 % of the
 # time), most in the first seconds of a path
 _SETPOINT_DELAY_S, _FIRST_DELAY_S = 0.2, 0.7
-_WARNING = 4
 _LIFTS_OFF_M = 0.3  # a setpoint so far above a vehicle on the ground lets it take off
 _OFFBOARD_CLIMB_M = 1.0
 
@@ -155,7 +154,7 @@ class Px4Autopilot(Aircraft):
         self.route.stop()
         self._enter(Phase.LANDED)
         self.failsafes.taken_over()
-        self.say(SEVERITY_INFO, f"Disarmed by {why}")
+        self.say(INFO, f"Disarmed by {why}")
         self._change(self._after_disarming)
 
     # --- modes ----------------------------------------------------------------------------------
@@ -238,7 +237,7 @@ class Px4Autopilot(Aircraft):
         if up_m is None:
             up_m = self._usual_take_off_m
         if up_m <= self.estimate.up:
-            self.say(_WARNING, "Already higher than takeoff altitude")
+            self.say(WARNING, "Already higher than takeoff altitude")
             return
         self.climb_to(up_m)
         if east is not None and north is not None:
@@ -341,7 +340,7 @@ class Px4Autopilot(Aircraft):
         hangs = self._hangs and self.armed and self.mode == Px4Mode.RTL
         if hangs and self.t_s >= self._complains_s:
             self._complains_s = self.t_s + 1.0
-            self.say(SEVERITY_CRITICAL, "RTL: unsupported MAV_FRAME")
+            self.say(CRITICAL, "RTL: unsupported MAV_FRAME")
         self.failsafes.step(self)
 
     def _correct_home(self) -> None:

@@ -6,14 +6,20 @@ Hold for COM_FAIL_ACT_T first, but for a lost stream; a mode that the pilot asks
 it off. The vehicle stays in the mode of a failsafe until it is asked for another, or until the
 stream whose loss began it is back: then it is in OFFBOARD again, unasked. All times are the
 vehicle's own.
+
+The text of every failsafe is the same; why it came is in the arguments of its event alone.
 """
 
 from __future__ import annotations
 
 import math
+import struct
+from collections.abc import Mapping
+from enum import IntEnum
 from typing import TYPE_CHECKING, ClassVar
 
 from sitl.body.battery import CELLS
+from sitl.copter.aircraft import Notice
 from sitl.copter.failsafes import (
     CHARGE_CRITICAL,
     CHARGE_EMERGENCY,
@@ -27,7 +33,6 @@ from sitl.copter.failsafes import (
 )
 from sitl.copter.fence import names
 from sitl.copter.params import Parameters
-from sitl.px4.events import MOTORS_OFF, Cause, failsafe
 from sitl.px4.modes import BY_HAND, Px4Mode
 
 if TYPE_CHECKING:
@@ -60,6 +65,46 @@ class Setpoints:
     def fresh(self, now_s: float) -> bool:
         """Whether there is a stream to switch to."""
         return self.silent_s(now_s) <= FRESH_S + 1e-6
+
+
+class Cause(IntEnum):
+    """`failsafe_cause_t`: a lost stream, position or place inside the fence has no cause."""
+
+    GENERIC = 0
+    RADIO = 1
+    STATION = 2
+    LOW_BATTERY = 3
+    CRITICAL_BATTERY = 4
+    EMERGENCY_BATTERY = 5
+
+
+MOTORS_OFF = -1
+_ACTIONS: Mapping[int, int] = {
+    Px4Mode.POSITION: 2, Px4Mode.ALTITUDE: 3, Px4Mode.STABILIZED: 4, Px4Mode.HOLD: 5,
+    Px4Mode.RTL: 6, Px4Mode.LAND: 7, MOTORS_OFF: 10,
+}  # fmt: skip
+"""`failsafe_action_t`."""
+
+
+def failsafe(intended: Px4Mode, action: int, cause: Cause, holds_s: float = 0.0) -> Notice:
+    """A failsafe begins: one text for all of them, and an event that says why.
+
+    Arguments (`failsafe/framework.cpp`, `notifyUser`): the mode that it was meant to be in, what
+    it does, after how many seconds where it holds first, and the cause where there is one.
+
+    >>> failsafe(Px4Mode.OFFBOARD, Px4Mode.RTL, Cause.GENERIC).text
+    'Failsafe activated'
+    """
+    name, text = "commander_failsafe_enter", "Failsafe activated"
+    arguments = struct.pack("<IB", int(intended), _ACTIONS[action])
+    if cause == Cause.GENERIC:
+        name += "_generic"
+    if holds_s > 0.0:
+        name, text = name + "_hold", f"{text}, entering Hold for {holds_s:.0f} seconds"
+        arguments += struct.pack("<H", round(holds_s))
+    if cause != Cause.GENERIC:
+        arguments += struct.pack("<B", cause)
+    return Notice(CRITICAL, text, name, arguments)
 
 
 _LINK_ACTIONS = {

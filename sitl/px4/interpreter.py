@@ -1,13 +1,19 @@
-"""What a PX4 makes of messages otherwise: bytewise parameters, setpoints, its mission protocol."""
+"""What a PX4 makes of messages otherwise: bytewise parameters, setpoints, its mission protocol.
+
+Its texts go to ground stations only; what it reports to everybody is an EVENT (410). The number of
+an event is a hash of its name; what it means is in metadata that comes with the firmware. The
+ardupilotmega dialect does not know the message, so its payload is packed here.
+"""
 
 from __future__ import annotations
 
 import math
+import struct
 from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.codec import Message
+from sitl.codec import EVENT, Message, Packed, crc_extra_of
 from sitl.copter.aircraft import Notice
 from sitl.copter.mission_items import IDLE_COMMANDS, MISSION, Item
 from sitl.copter.mission_items import check as check_any
@@ -16,7 +22,6 @@ from sitl.copter.trajectory import Setpoint
 from sitl.copter.transfer import Transfer
 from sitl.mavlink.interpreter import AUTOPILOT, NO_POSITION, NO_VELOCITY, NO_YAW, Interpreter
 from sitl.px4.autopilot import Px4Autopilot
-from sitl.px4.events import Events
 from sitl.px4.params import bytewise, from_bytewise
 
 _TERRAIN = (mav.MAV_FRAME_GLOBAL_TERRAIN_ALT, mav.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT)
@@ -53,6 +58,48 @@ def check(kind: int, item: Item) -> int:
         idle = item.command in IDLE_COMMANDS and math.isnan(item.z)
         item = replace(item, p=(p[0], p[1], p[2], p[3]), z=0.0 if idle else item.z)
     return check_any(kind, item)
+
+
+_AUTOPILOT = 1 << 24
+# number, time, sequence; to component and system (all); the log levels
+_LAYOUT = struct.Struct("<IIHBBB")
+
+# by the beginning of the text that says the same
+_NAMES = (
+    ("Arming denied", "commander_arm_denied_resolve_failures"),
+    ("Armed by", "commander_armed_by"),
+    ("Disarmed by", "commander_disarmed_by"),
+)
+_OTHER = "commander_other"
+
+
+def number_of(name: str) -> int:
+    """The number of an event: 24 bits of FNV-1a below the component that tells it.
+
+    >>> hex(number_of("commander_armed_by"))
+    '0x190caf3'
+    """
+    value = 0x811C9DC5
+    for byte in name.encode("ascii"):
+        value = (value ^ byte) * 0x01000193 & 0xFFFFFFFF
+    return _AUTOPILOT | value & 0xFFFFFF
+
+
+class Events:
+    """The events of one vehicle, numbered in sequence."""
+
+    def __init__(self) -> None:
+        self._sequence = 0
+
+    def of(self, notice: Notice, t_s: float) -> Packed:
+        """The event that says the same as a text."""
+        severity, text, name, arguments = notice
+        name = name or next((name for begin, name in _NAMES if text.startswith(begin)), _OTHER)
+        self._sequence = (self._sequence + 1) & 0xFFFF
+        levels = severity & 0xF | (severity & 0xF) << 4
+        boot_ms = round(t_s * 1000.0) & 0xFFFFFFFF
+        payload = _LAYOUT.pack(number_of(name), boot_ms, self._sequence, 0, 0, levels)
+        return EVENT, crc_extra_of(EVENT), payload + arguments
 
 
 _RETRY_S, _GIVE_UP_S = 0.25, 5.0

@@ -8,7 +8,7 @@ import struct
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.px4.events import number_of
+from sitl.px4.interpreter import number_of
 from sitl.px4.modes import Px4Mode
 from tests.unit.sitl.px4.flying import (
     ACCEPTED,
