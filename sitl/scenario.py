@@ -11,13 +11,10 @@ from typing import Any
 from missions.errors import UavmapError
 from missions.geo.geodesy import LocalPlane
 from missions.units import LatLon
-from sitl.camera.pinhole import CameraSpec
-from sitl.quirks import Quirks
 from sitl.vehicle import SimVehicle, VehicleSpec
-from sitl.vehicle_spec import FLAVOURS
+from sitl.vehicle_spec import FLAVOURS, Equipment
 from sitl.world.files import load_ground
-from sitl.world.ground import Relief
-from sitl.world.world import Patch, World, WorldSpec
+from sitl.world.world import Conditions, Patch, World, WorldSpec
 
 _BETWEEN_M = 3.0  # from one vehicle's place of start to the next
 _A_ROW = 8
@@ -62,54 +59,29 @@ class Home:
         return LatLon(self.lat_deg, self.lon_deg)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Setup:
+@dataclass(frozen=True, kw_only=True)
+class Setup(Conditions, Equipment):
     """A simulation; `build` makes its vehicles, numbered from 1.
 
     They stand three metres apart, or at `places`, one each; `home` is the world's origin too. Where
     the ground has no relief, `pad_heights_m` are the heights of these places above it.
     `world` are files of `sitl.world.files`, `world_epsg` the coordinate system of a world file;
-    `patches` are regions besides. `speedup` and `tcp` count on sockets only. `ready_after_s`: from
-    boot until arming is allowed. `parameters`: what the autopilots' owner has set. For the rest see
-    `sitl.world.world.WorldSpec` and `sitl.vehicle_spec.VehicleSpec`.
+    `patches` are regions besides. `speedup` and `tcp` count on sockets only. `parameters`: what the
+    autopilots' owner has set. For the rest see `sitl.world.world.Conditions` and
+    `sitl.vehicle_spec.Equipment`.
     The same setup makes the same simulation. Raises `UavmapError` for what cannot be simulated.
     """
 
-    autopilot: str = "ardupilot"
     vehicles: int = 1
     home: Home | str | Sequence[float] = field(default_factory=Home)
     places: Sequence[LatLon] = ()
     pad_heights_m: Sequence[float] = ()
     speedup: float = 10.0
-    seed: int = 0
     tcp: bool = False
-    wind_speed_m_s: float = 0.0
-    wind_from_deg: float = 0.0
-    gust_m_s: float = 0.0
     world: Sequence[Path | str] = ()
     world_epsg: int | None = None
     patches: Sequence[Patch] = ()
-    drift_speed_m_s: float = 0.0
-    drift_toward_deg: float = 0.0
-    roi_intensity: float = 85.0
-    ground_intensity: float = 190.0
-    texture: float = 14.0
-    sensor_noise: float = 4.0
-    illumination: float = 0.08
-    camera: CameraSpec = field(default_factory=CameraSpec)
-    battery_wh: float = 60.0
-    hover_power_w: float = 300.0
-    swap_after_s: float = 60.0
-    gps_sigma_m: float = 0.3
-    gps_tau_s: float = 60.0
-    optical_flow: bool = False
-    odometry_drift: float = 0.02
-    ready_after_s: float = 5.0
-    quirks: Quirks = field(default_factory=Quirks)
     parameters: Mapping[str, float] = field(default_factory=dict)
-    relief: Relief | None = None
-    tag_m: float = 0.0
-    tag_dictionary: str = "DICT_4X4_50"
 
     def __post_init__(self) -> None:
         if self.autopilot not in FLAVOURS:
@@ -146,15 +118,13 @@ class Setup:
         except ValueError as error:
             raise UavmapError(str(error)) from error
 
-    def _given(self, kind: type[VehicleSpec] | type[WorldSpec]) -> dict[str, Any]:
-        """The fields that a specification has in common with this, by name."""
-        names = {field.name for field in fields(self)} & {field.name for field in fields(kind)}
-        return {name: getattr(self, name) for name in names}
+    def _given(self, kind: type[Conditions] | type[Equipment]) -> dict[str, Any]:
+        return {field.name: getattr(self, field.name) for field in fields(kind)}
 
     def _vehicle_spec(self, number: int, place: LatLon, home: Home, prefix: str) -> VehicleSpec:
         own: dict[str, Any] = {"system_id": number, "home": place, "home_yaw_deg": home.yaw_deg}
         own |= {"image_url_prefix": prefix, "parameters": tuple(self.parameters.items())}
-        return VehicleSpec(**(self._given(VehicleSpec) | own))
+        return VehicleSpec(**(self._given(Equipment) | own))
 
     def _world_spec(self, home: Home) -> WorldSpec:
         ground = load_ground(self.world, self.world_epsg, home.position)
@@ -162,7 +132,7 @@ class Setup:
         pads = tuple(pad for pad in zip(self.places, heights_m, strict=True) if pad[1])
         own: dict[str, Any] = {"origin": home.position, "origin_amsl_m": home.amsl_m, "pads": pads}
         own |= {"patches": (*self.patches, *ground.patches), "orthophoto": ground.orthophoto}
-        return WorldSpec(**(self._given(WorldSpec) | own))
+        return WorldSpec(**(self._given(Conditions) | own))
 
     def _rows(self, home: Home) -> list[LatLon]:
         plane = LocalPlane(home.position)

@@ -33,22 +33,19 @@ from sitl.quirks import Quirks
 MOST_DRIFT = 0.5
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleSpec:
-    """One vehicle.
+@dataclass(frozen=True, kw_only=True)
+class Equipment:
+    """What vehicles have on board.
 
     `autopilot` is a name in `FLAVOURS`.
     `swap_after_s`: landed, disarmed and not full for so long, it gets a fresh battery (a ground
     crew); 0 never. `gps_sigma_m` and `gps_tau_s`: size and correlation time of the horizontal
     position error. `optical_flow`: without satellites it flies on by optical flow, whose way errs
-    by the share `odometry_drift` of the distance. `image_url_prefix`: what the pictures' addresses
-    begin with; the system id and the picture's index follow. `parameters` of the autopilot are set
-    before it flies.
+    by the share `odometry_drift` of the distance. `ready_after_s`: from boot until arming is
+    allowed.
     """
 
-    system_id: int
-    home: LatLon
-    home_yaw_deg: float = 0.0
+    autopilot: str = "ardupilot"
     battery_wh: float = 60.0
     hover_power_w: float = 300.0
     swap_after_s: float = 60.0
@@ -58,12 +55,24 @@ class VehicleSpec:
     optical_flow: bool = False
     odometry_drift: float = 0.02
     ready_after_s: float = 5.0
+    quirks: Quirks = field(default_factory=Quirks)
+
+
+@dataclass(frozen=True)
+class VehicleSpec(Equipment):
+    """One vehicle.
+
+    `image_url_prefix`: what the pictures' addresses begin with; the system id and the picture's
+    index follow. `parameters` of the autopilot are set before it flies.
+    """
+
+    system_id: int
+    home: LatLon
+    home_yaw_deg: float = 0.0
     max_speed_m_s: float = 15.0
     max_accel_m_s2: float = 3.0
     max_tilt_deg: float = 30.0
     image_url_prefix: str = "sim://"
-    autopilot: str = "ardupilot"
-    quirks: Quirks = field(default_factory=Quirks)
     parameters: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:

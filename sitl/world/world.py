@@ -33,25 +33,19 @@ class Patch:
     holes: tuple[tuple[LatLon, ...], ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class WorldSpec:
+@dataclass(frozen=True, kw_only=True)
+class Conditions:
     """What the ground looks like and how the air moves.
 
-    The ground is a level plane at `origin_amsl_m`, or has a `relief` above it; `pads` are places
-    whose surroundings have a height above the plane, which aircraft stand on and cameras miss. The
-    patches translate rigidly with `drift_speed_m_s` towards the true bearing `drift_toward_deg`.
+    The patches move rigidly with `drift_speed_m_s` towards the true bearing `drift_toward_deg`.
     Gray levels are 0 to 255: `texture` is the standard deviation of the ground's and the ROI's own
     pattern, `sensor_noise` that of a frame's noise, `illumination` the largest relative change of
     the light, which is slow. `gust_m_s` is the standard deviation of each component of the wind
-    around its mean.
-    `orthophoto` is what the camera sees instead of a meadow, where it reaches; it does not drift.
+    around its mean. The ground is a level plane, or has a `relief` above it.
     `tag_m` is the side of the marker that each vehicle carries on its top, of `tag_dictionary` of
     OpenCV, with the vehicle's number; 0: none.
     """
 
-    origin: LatLon
-    origin_amsl_m: float
-    patches: tuple[Patch, ...]
     drift_speed_m_s: float = 0.0
     drift_toward_deg: float = 0.0
     wind_speed_m_s: float = 0.0
@@ -63,11 +57,25 @@ class WorldSpec:
     sensor_noise: float = 4.0
     illumination: float = 0.08
     seed: int = 0
-    orthophoto: Orthophoto | None = None
     relief: Relief | None = None
-    pads: tuple[tuple[LatLon, float], ...] = ()
     tag_m: float = 0.0
     tag_dictionary: str = "DICT_4X4_50"
+
+
+@dataclass(frozen=True)
+class WorldSpec(Conditions):
+    """One world: conditions at a place.
+
+    The plane of the ground is at `origin_amsl_m`; `pads` are places whose surroundings have a
+    height above it, which aircraft stand on and cameras miss. `orthophoto` is what the camera sees
+    instead of a meadow, where it reaches; it does not drift.
+    """
+
+    origin: LatLon
+    origin_amsl_m: float
+    patches: tuple[Patch, ...]
+    orthophoto: Orthophoto | None = None
+    pads: tuple[tuple[LatLon, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
