@@ -69,7 +69,7 @@ class Interpreter:
         self._transfer = self._make_transfer()
         self.autopilot_wire = Packer(self.system_id, AUTOPILOT)
         self.camera_wire = Packer(self.system_id, CAMERA)
-        self._sent = bytearray()  # since it was last taken
+        self._sent = bytearray()  # since it was last asked
         self._handlers: dict[str, Callable[[Message], None]] = {
             "COMMAND_LONG": self._command_long,
             "COMMAND_INT": self._command_int,
@@ -109,7 +109,7 @@ class Interpreter:
             handler = self._handlers.get(kind)
             if handler is not None and (kind in _TO_ALL or self._ours(message)):
                 handler(message)
-        return self._take()
+        return self._sent_frames()
 
     def step(self) -> bytes:
         """What the passing of time brings: missing mission items asked for again, news."""
@@ -122,7 +122,7 @@ class Interpreter:
                 self._send(*(self._param_value(n, _UNASKED) for n in ap.parameters.untold))
             ap.route.reached.clear()
             ap.parameters.untold.clear()
-        return self._take()
+        return self._sent_frames()
 
     def tell(self, notice: Notice) -> bytes:
         """What the autopilot says, as a text."""
@@ -132,11 +132,12 @@ class Interpreter:
         return message.target_system in (0, self.system_id)
 
     def _send(self, *messages: Message) -> None:
-        """The autopilot says this."""
+        """Send messages of the autopilot."""
         for message in messages:
             self._sent += self.autopilot_wire.pack(message)
 
-    def _take(self) -> bytes:
+    def _sent_frames(self) -> bytes:
+        """Return what was sent since the last call."""
         sent = bytes(self._sent)
         self._sent.clear()
         return sent
@@ -197,7 +198,7 @@ class Interpreter:
         elif not m.type_mask & NO_VELOCITY and all(map(math.isfinite, (m.vx, m.vy, m.vz))):
             self.ap.go_along(Setpoint(None, (m.vy, m.vx, -m.vz)))
 
-    # --- positions that others tell; their time of arrival counts --------------------------------
+    # --- positions that others report; their time of arrival counts ------------------------------
 
     def _gps_input(self, m: Message) -> None:
         place = self.commands.locate(m.lat, m.lon)

@@ -246,7 +246,7 @@ class Driver:
         else:
             self.guard = self.guard.told(self._task(order, t_s))
 
-    def _tell(self, kind: Callable[..., Event], *what: object, **more: object) -> None:
+    def _report(self, kind: Callable[..., Event], *what: object, **more: object) -> None:
         """Hand an event of this vehicle and this moment to the mission."""
         self.fleet.post(kind(self.number, self.fleet.now_s, *what, **more))
 
@@ -352,7 +352,7 @@ class Driver:
     def _fail(self, reason: str) -> None:
         name = type(self.order).__name__
         self.order = self.course = None
-        self._tell(OrderFailed, name, reason)
+        self._report(OrderFailed, name, reason)
 
     def _progress(self, order: Order) -> None:
         craft = self.craft
@@ -361,7 +361,7 @@ class Driver:
             if craft.flying and craft.height_m >= order.height_m - CLIMB_TOLERANCE_M:
                 self.order = None
                 home = rounded(craft.home)
-                self._tell(Airborne, home=home, home_amsl_m=self.home_amsl_m)
+                self._report(Airborne, home=home, home_amsl_m=self.home_amsl_m)
         elif isinstance(order, FlyTo):
             self._fly(order)
         elif isinstance(order, FlyPath):
@@ -401,7 +401,7 @@ class Driver:
             self.way.pop(0)
         elif abs(self.height_m - order.height_m) <= 1.0:
             self.order = None
-            self._tell(Arrived, self.position)
+            self._report(Arrived, self.position)
 
     def _sweep(self, order: Sweep) -> None:
         self._aim(order.end, order.height_m)
@@ -413,7 +413,7 @@ class Driver:
             self._frame(grid.cell_of(grid.to_moving(here, self.fleet.t_s)))
         if done and self.order is order:
             self.order = None
-            self._tell(Arrived, self.position)
+            self._report(Arrived, self.position)
 
     def _along_path(self, order: FlyPath) -> None:
         """Stream setpoints and take pictures until at rest at the end."""
@@ -434,7 +434,7 @@ class Driver:
         if self.order is order and t_s >= course.end_s and at_rest:
             self.order, self.course = None, None
             craft.brake()
-            self._tell(Arrived, self.position)
+            self._report(Arrived, self.position)
 
     def _look(self, order: Look) -> None:
         self._aim(self._over(order.cell), order.height_m)
@@ -444,7 +444,7 @@ class Driver:
             self._frame(order.cell)
             if self.order is order and self.frames >= order.frames:
                 self.order = None
-                self._tell(LookEnded)
+                self._report(LookEnded)
 
     # --- the camera ------------------------------------------------------------------------
     def _frame(self, vantage: Cell | None) -> None:
@@ -456,7 +456,7 @@ class Driver:
         if self.camera == "silent":
             return
         if self.camera == "lost" or (self.camera == "drops" and rng.random() < 0.5):
-            self._tell(FrameLost, "the picture cannot be read")
+            self._report(FrameLost, "the picture cannot be read")
             return
         cell_m = self.fleet.setting.grid.cell_m
         east, north = (round(-error / cell_m) for error in self.craft.error_m)
@@ -513,7 +513,7 @@ class Driver:
         if not craft.flying:
             self.guard = self.guard.released()
         action = self.guard.action
-        self._tell(
+        self._report(
             Connected, rounded(craft.home), self.position, self.height_m, craft.flying, ours,
             self.remaining_wh, home_amsl_m=self.home_amsl_m,
             mode=craft.mode if craft.flying else None,
@@ -521,7 +521,7 @@ class Driver:
         if action is not None and craft.flying and ours:
             self.guard = self.guard.acting(action, self.fleet.now_s)
             reason = "it goes on with what it had begun"
-            self._tell(Guarded, action, reason)
+            self._report(Guarded, action, reason)
 
     def listen(self, dt_s: float) -> None:
         """Watch the link, the mode and the ground."""
@@ -537,13 +537,13 @@ class Driver:
         mode = self._mode_name()
         if theirs and (not self.overridden or mode != self.reported_mode):
             self.overridden, self.reported_mode = True, mode
-            self._tell(Overridden, mode)
+            self._report(Overridden, mode)
         elif self.overridden and craft.armed and craft.mode == "follow" and not craft.failsafe:
             self.overridden, self.asked = False, "follow"
-            self._tell(Released, self.position, self.height_m)
+            self._report(Released, self.position, self.height_m)
         if craft.armed and craft.flying and craft.height_m > LIFTED_M and not self.was_airborne:
             self.was_airborne = True
-            self._tell(LiftedOff)
+            self._report(LiftedOff)
         elif not craft.armed and self._flew:
             self._on_ground()
 
@@ -561,13 +561,13 @@ class Driver:
         if self.watch_over():
             return  # it lies there: that is told already
         self.guard, self.order = self.guard.released(), None
-        self._tell(Landed, self.remaining_wh, position=self.position)
+        self._report(Landed, self.remaining_wh, position=self.position)
 
     def _silent(self, dt_s: float) -> None:
         self.silent_s += dt_s
         if self.connected and self.silent_s >= LINK_LOST_S:
             self.connected = False
-            self._tell(LinkLost)
+            self._report(LinkLost)
         elif not self.connected and not self.given_up:
             lasts_s = PATIENCE_S
             if self.was_airborne or self.sent_up:
@@ -576,7 +576,7 @@ class Driver:
             if self.silent_s > lasts_s:
                 self.given_up = True
                 reason = f"it has been silent for {self.silent_s:.0f} s"
-                self._tell(GivenUp, reason)
+                self._report(GivenUp, reason)
 
     @property
     def responsible(self) -> bool:
@@ -633,7 +633,7 @@ class Driver:
         measures = craft.flying and craft.height_m > 2.0
         self.winds = [*self.winds[-WIND_WINDOW:], craft.wind_m_s] if measures else []
         here = self.position, self.height_m, self.remaining_wh
-        self._tell(Tracked, *here, wind_m_s=self._measured_m_s())
+        self._report(Tracked, *here, wind_m_s=self._measured_m_s())
         self.watch_over()
 
     def _measured_m_s(self) -> float | None:
@@ -659,15 +659,15 @@ class Driver:
         if verdict.rung == "report":
             name = self.guard.task.name
             self.order = self.course = None
-            self._tell(OrderFailed, name, verdict.reason, behind=verdict.behind)
+            self._report(OrderFailed, name, verdict.reason, behind=verdict.behind)
         elif verdict.rung == "crashed":
             self.order, self.was_airborne = None, False
-            self._tell(Crashed, self.position, verdict.reason)
+            self._report(Crashed, self.position, verdict.reason)
             return True
         else:
             self.hurry = verdict.hurry
             self._insist()
-            self._tell(Guarded, verdict.rung, verdict.reason)
+            self._report(Guarded, verdict.rung, verdict.reason)
         return False
 
     def _insist(self) -> None:
@@ -695,4 +695,4 @@ class Driver:
         self.switch_on()
         if self.remaining_wh >= FRESH * capacity_wh and self.hears:
             self.order, self.waited_s = None, 0.0
-            self._tell(BatterySwapped, self.remaining_wh)
+            self._report(BatterySwapped, self.remaining_wh)
