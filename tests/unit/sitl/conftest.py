@@ -74,34 +74,34 @@ class Client:
         )  # fmt: skip
         return int(next(m for m in self.send(message) if m.get_type() == "COMMAND_ACK").result)
 
-    def target(self, east_m: float, north_m: float, height_m: float, mask: int = 3576) -> list[Any]:
-        place = self.vehicle.world.plane.to_wgs84(east_m, north_m)
-        return self.send(
-            mav.MAVLink_set_position_target_global_int_message(
-                0, 1, 1, 6, mask, round(place.lat_deg * 1e7), round(place.lon_deg * 1e7),
-                height_m, *([0.0] * 8),
-            )
-        )  # fmt: skip
+    def target(self, east_m: float, north_m: float, height_m: float) -> list[Any]:
+        """A place to fly to."""
+        return self._setpoint(0xDF8, (east_m, north_m), height_m)
 
     def along(
         self, place: tuple[float, float], velocity: tuple[float, float], height_m: float = 12.0
     ) -> list[Any]:
         """A setpoint of place and velocity, each east and north."""
-        at = self.vehicle.world.plane.to_wgs84(*place)
-        return self.send(
-            mav.MAVLink_set_position_target_global_int_message(
-                0, 1, 1, 6, 0xDC0, round(at.lat_deg * 1e7), round(at.lon_deg * 1e7), height_m,
-                velocity[1], velocity[0], *([0.0] * 6),
-            )
-        )  # fmt: skip
+        return self._setpoint(0xDC0, place, height_m, velocity)
 
     def velocity(self, east_m_s: float, north_m_s: float) -> list[Any]:
         """A setpoint of velocity alone."""
+        return self._setpoint(0xDC7, velocity=(east_m_s, north_m_s))
+
+    def _setpoint(
+        self,
+        mask: int,
+        place: tuple[float, float] | None = None,
+        height_m: float = 0.0,
+        velocity: tuple[float, float] = (0.0, 0.0),
+    ) -> list[Any]:
+        at = LatLon(0.0, 0.0) if place is None else self.vehicle.world.plane.to_wgs84(*place)
         return self.send(
             mav.MAVLink_set_position_target_global_int_message(
-                0, 1, 1, 6, 0xDC7, 0, 0, 0.0, north_m_s, east_m_s, *([0.0] * 6)
+                0, 1, 1, 6, mask, round(at.lat_deg * 1e7), round(at.lon_deg * 1e7), height_m,
+                velocity[1], velocity[0], *([0.0] * 6),
             )
-        )
+        )  # fmt: skip
 
     def every(self, message_id: int, interval_s: float) -> int:
         return self.result(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_s * 1e6)
