@@ -103,6 +103,22 @@ class Client:
             )
         )  # fmt: skip
 
+    def upload(self, rows: list[tuple[Any, ...]], kind: int = 0) -> None:
+        """Send a list of (command, frame, parameters, place in metres or None, height)."""
+        self.send(mav.MAVLink_mission_count_message(1, 1, len(rows), kind))
+        for seq, (command, frame, p, place, z) in enumerate(rows):
+            x, y = int(command == mav.MAV_CMD_DO_DIGICAM_CONTROL), 0  # which shoots with a 1
+            if place is not None:
+                at = self.vehicle.world.plane.to_wgs84(*place)
+                x, y = round(at.lat_deg * 1e7), round(at.lon_deg * 1e7)
+            p = (*p, *([0.0] * (4 - len(p))))
+            answer = self.send(
+                mav.MAVLink_mission_item_int_message(
+                    1, 1, seq, frame, command, 0, 1, *p, x, y, z, kind
+                )
+            )
+        assert answer[0].type == 0, answer
+
     def every(self, message_id: int, interval_s: float) -> int:
         return self.result(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_s * 1e6)
 

@@ -171,18 +171,8 @@ def test_loss_of_radio_control(flying):
 
 def fence(client, *zones):
     """Zones: (command, first parameter, corners in metres)."""
-    plane = client.vehicle.world.plane
-    items = [(c, p, corner) for c, p, corners in zones for corner in corners]
-    client.send(mav.MAVLink_mission_count_message(1, 1, len(items), 1))
-    for seq, (command, p, corner) in enumerate(items):
-        place = plane.to_wgs84(*corner)
-        answer = client.send(
-            mav.MAVLink_mission_item_int_message(
-                1, 1, seq, 0, command, 0, 1, p, 0, 0, 0, round(place.lat_deg * 1e7),
-                round(place.lon_deg * 1e7), 0, 1,
-            )
-        )  # fmt: skip
-    assert answer[0].type == 0
+    rows = [(command, 0, (p,), corner, 0) for command, p, corners in zones for corner in corners]
+    client.upload(rows, kind=1)
 
 
 INSIDE, OUTSIDE_OF, OUTSIDE_CIRCLE = 5001, 5002, 5004

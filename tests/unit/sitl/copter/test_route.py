@@ -18,27 +18,13 @@ PAUSED, ACTIVE, COMPLETE = 4, 3, 5
 
 
 class Planner:
-    """Uploads missions given as (command, east, north, height, params) and counts the pictures."""
+    """Uploads missions of rows and begins them."""
 
     def __init__(self, client):
         self.client = client
 
     def upload(self, *rows):
-        plane = self.client.vehicle.world.plane
-        self.client.send(mav.MAVLink_mission_count_message(1, 1, len(rows) + 1, 0))
-        for seq, row in enumerate(((WP, 0.0, 0.0, 0.0, ()), *rows)):
-            command, east, north, z, p = row
-            x = y = 0
-            if east is not None:
-                place = plane.to_wgs84(east, north)
-                x, y = round(place.lat_deg * 1e7), round(place.lon_deg * 1e7)
-            p = (*p, *([0.0] * (4 - len(p))))
-            if command == 203:
-                x = 1
-            answer = self.client.send(
-                mav.MAVLink_mission_item_int_message(1, 1, seq, 6, command, 0, 1, *p, x, y, z, 0)
-            )
-        assert answer[0].type == 0, answer
+        self.client.upload([(WP, 6, (), (0.0, 0.0), 0.0), *rows])  # item 0 is home
 
     def begin(self):
         assert self.client.result(MODE, 1, GUIDED) == 0
@@ -65,7 +51,7 @@ def planner(ready):
 
 
 def row(command, *p, at=(None, None, 0.0)):
-    return (command, *at, p)
+    return command, 6, p, None if at[0] is None else at[:2], at[2]
 
 
 UP = row(TAKEOFF, at=(None, None, 10.0))
@@ -308,15 +294,7 @@ def test_a_running_mission_is_not_cleared(planner):
 
 def test_return_to_a_rally_point(planner):
     client = planner.client
-    plane = client.vehicle.world.plane
-    place = plane.to_wgs84(60.0, 0.0)
-    client.send(mav.MAVLink_mission_count_message(1, 1, 1, 2))
-    client.send(
-        mav.MAVLink_mission_item_int_message(
-            1, 1, 0, 3, 5100, 0, 1, 0, 0, 0, 0, round(place.lat_deg * 1e7),
-            round(place.lon_deg * 1e7), 10.0, 2,
-        )
-    )  # fmt: skip
+    client.upload([(5100, 3, (), (60.0, 0.0), 10.0)], kind=2)
     client.take_off()
     client.target(50.0, 0.0, 12.0)
     client.run(14.0)
