@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from missions.units import LatLon
 from sitl.ardupilot.autopilot import Autopilot
+from sitl.ardupilot.commands import ArduPilotCommands
 from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import Body
@@ -20,7 +21,6 @@ from sitl.camera.pinhole import CameraSpec
 from sitl.copter.aircraft import Aircraft
 from sitl.copter.motion import Airframe
 from sitl.mavlink.commands import Commands
-from sitl.mavlink.flight_commands import FlightCommands
 from sitl.mavlink.interpreter import Interpreter
 from sitl.mavlink.telemetry import Telemetry
 from sitl.px4.aiding import HomeCorrection
@@ -159,6 +159,6 @@ class Flavour(NamedTuple):
 
 
 FLAVOURS: Mapping[str, Flavour] = {
-    "ardupilot": Flavour(_ardupilot, Telemetry, FlightCommands, Interpreter),
+    "ardupilot": Flavour(_ardupilot, Telemetry, ArduPilotCommands, Interpreter),
     "px4": Flavour(_px4, Px4Telemetry, Px4Commands, Px4Interpreter),
 }

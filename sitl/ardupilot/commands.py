@@ -24,7 +24,7 @@ _GLOBAL_FRAMES = (mav.MAV_FRAME_GLOBAL, mav.MAV_FRAME_GLOBAL_INT)
 _FORCE_ARM, _FORCE_DISARM = 2989.0, 21196.0
 
 
-class FlightCommands(Commands):
+class ArduPilotCommands(Commands):
     """An ArduCopter's."""
 
     ap: Autopilot
