@@ -15,13 +15,12 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Literal, TypeAlias, get_args
 
 from sitl.body.battery import Battery
 from sitl.body.estimator import PositionError
 from sitl.body.physics import Body
-from sitl.faults.lossy_radio import CLEAN, LinkQuality
 
 Kind: TypeAlias = Literal[
     "gps", "gps_glitch", "gps_drift", "battery_sag", "battery_voltage", "battery_cell", "compass",
@@ -29,6 +28,42 @@ Kind: TypeAlias = Literal[
     "link_up", "link_down", "companion_reboot",
 ]  # fmt: skip
 Way: TypeAlias = Literal["both", "up", "down"]
+
+
+@dataclass(frozen=True, slots=True)
+class LinkQuality:
+    """What happens to the frames of one direction.
+
+    `loss`, `duplicate`, `reorder`, `corrupt` are probabilities for each frame. Frames come
+    `delay_s` late, and up to `jitter_s` more, in order; a reordered one is held back until others
+    have passed it. `silent`: nothing comes at all, nor what was under way.
+    """
+
+    loss: float = 0.0
+    duplicate: float = 0.0
+    reorder: float = 0.0
+    delay_s: float = 0.0
+    jitter_s: float = 0.0
+    corrupt: float = 0.0
+    silent: bool = False
+
+    def __post_init__(self) -> None:
+        shares = (self.loss, self.duplicate, self.reorder, self.corrupt)
+        if not all(0.0 <= share <= 1.0 for share in shares):
+            raise ValueError(f"loss, duplicate, reorder and corrupt are 0 to 1: {self}")
+        if not (0.0 <= self.delay_s <= 3600.0 and 0.0 <= self.jitter_s <= 3600.0):
+            raise ValueError(f"delay_s and jitter_s are 0 to 3600: {self}")
+
+    def worse(self, other: LinkQuality) -> LinkQuality:
+        """Both at once: the larger of each.
+
+        >>> LinkQuality(loss=0.2).worse(LinkQuality(loss=0.1, delay_s=0.5)).loss
+        0.2
+        """
+        return LinkQuality(*map(max, astuple(self), astuple(other)))
+
+
+CLEAN = LinkQuality()
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,8 +225,7 @@ class Faults:
         after_s: float = 0.0,
         for_s: float | None = None,
     ) -> None:
-        """Every client's link is bad: `sitl.faults.lossy_radio.LinkQuality` has what each
-        number does.
+        """Every client's link is bad: `LinkQuality` has what each number does.
 
         `way`: "up" is towards the vehicle, "down" towards the client.
         """
