@@ -8,7 +8,7 @@ something waits in the vehicle's time for longer than a busy machine needs.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
 import pytest
@@ -32,10 +32,10 @@ PATIENCE_S = 300.0
 DRIVERS = ("pymavlink", "mavsdk")
 AUTOPILOTS = ("ardupilot", "px4")
 
-each_driver = pytest.mark.parametrize("driver", DRIVERS)
 each_autopilot = pytest.mark.parametrize("autopilot", AUTOPILOTS)
 
 Body = Callable[[Flight], Coroutine[Any, Any, None]]
+Story = Callable[[Flight, str], Coroutine[Any, Any, None]]
 
 
 def over(autopilot: str) -> Mission:
@@ -49,6 +49,23 @@ def fly(body: Body, driver: str, autopilot: str, speedup: float = SPEEDUP) -> Fl
     if driver == "mavsdk":
         return _fly_mavsdk(body, autopilot, speedup)
     return _fly_ours(body, autopilot)
+
+
+def flown(
+    *, autopilots: Sequence[str] = AUTOPILOTS, speedup: float = SPEEDUP
+) -> Callable[[Story], Callable[[str, str], None]]:
+    """Make a test of what happens to a connected vehicle on the ground, by each driver."""
+
+    def decorate(test: Story) -> Callable[[str, str], None]:
+        @pytest.mark.parametrize("autopilot", autopilots)
+        @pytest.mark.parametrize("driver", DRIVERS)
+        def run(driver: str, autopilot: str) -> None:
+            fly(lambda flight: test(flight, autopilot), driver, autopilot, speedup)
+
+        run.__name__, run.__doc__ = test.__name__, test.__doc__
+        return run
+
+    return decorate
 
 
 def _fly_ours(body: Body, autopilot: str) -> Flight:

@@ -41,7 +41,7 @@ from missions.orders import (
 from missions.units import Cell, GridPoint, LatLon
 from sitl.copter.modes import Mode
 from sitl.px4.modes import Px4Mode
-from tests.conformance.rig import DRIVERS, each_autopilot, each_driver, fly, turned_to
+from tests.conformance.rig import DRIVERS, flown, turned_to
 from tests.support.flights import UP_M, Flight, Message, to
 from tests.unit.uavmap.mavlink.links.test_signing import KEY, Memory
 from uavmap.journal.flight_options import DRIVERS as OFFERED
@@ -79,86 +79,71 @@ async def taken_while_it_waits(flight: Flight, autopilot: str) -> None:
     await turned_to(flight, int(mode), *asked)
 
 
-@each_autopilot
-@each_driver
-def test_every_order_ends_with_its_event(driver: str, autopilot: str) -> None:
-    async def body(flight: Flight) -> None:
-        assert flight.seen(Connected)[0].airborne is False
-        await flight.after(TakeOff(UP_M), Airborne)
-        assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.7)
-        arrived = await flight.after(to(10.0, 10.0), Arrived)
-        assert arrived.position.distance_to(GridPoint(10.0, 10.0)) < 0.8
-        await flight.after(Sweep(GridPoint(10.0, 22.0), 4.0, UP_M), Arrived)
-        assert len(flight.seen(FrameSeen)) >= 3
-        await flight.after(FlyTo((), Cell(2, 4), stop=True, height_m=UP_M), Arrived)
-        before = len(flight.seen(FrameSeen))
-        await flight.after(Look(Cell(2, 4), 3, UP_M), LookEnded)
-        looked = flight.seen(FrameSeen)[before:]
-        assert [f.vantage for f in looked] == [Cell(2, 4)] * 3
-        assert all(v.positive for f in looked for v in f.votes if v.cell == Cell(2, 4))
-        await flight.after(to(0.0, 0.0), Arrived)
-        await flight.after(Land(), Landed)
-        await flight.after(AwaitBattery(), BatterySwapped)
-
-    flight = fly(body, driver, autopilot)
+@flown()
+async def test_every_order_ends_with_its_event(flight: Flight, autopilot: str) -> None:
+    assert flight.seen(Connected)[0].airborne is False
+    await flight.after(TakeOff(UP_M), Airborne)
+    assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.7)
+    arrived = await flight.after(to(10.0, 10.0), Arrived)
+    assert arrived.position.distance_to(GridPoint(10.0, 10.0)) < 0.8
+    await flight.after(Sweep(GridPoint(10.0, 22.0), 4.0, UP_M), Arrived)
+    assert len(flight.seen(FrameSeen)) >= 3
+    await flight.after(FlyTo((), Cell(2, 4), stop=True, height_m=UP_M), Arrived)
+    before = len(flight.seen(FrameSeen))
+    await flight.after(Look(Cell(2, 4), 3, UP_M), LookEnded)
+    looked = flight.seen(FrameSeen)[before:]
+    assert [f.vantage for f in looked] == [Cell(2, 4)] * 3
+    assert all(v.positive for f in looked for v in f.votes if v.cell == Cell(2, 4))
+    await flight.after(to(0.0, 0.0), Arrived)
+    await flight.after(Land(), Landed)
+    await flight.after(AwaitBattery(), BatterySwapped)
     assert not flight.seen(OrderFailed)
     assert not flight.seen(Overridden)
     assert not flight.seen(LinkLost)
     assert flight.vehicle.truth.landed
 
 
-@each_autopilot
-@each_driver
-def test_the_autopilot_returns_by_itself_when_it_is_told_to(driver: str, autopilot: str) -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        await flight.after(to(12.0, 0.0), Arrived)
-        await flight.after(ReturnToLaunch(), Landed)
-        assert flight.driver.guardian.fate() == ""
-        # and out again, from the mode in which it has landed
-        await flight.after(TakeOff(UP_M), Airborne)
-        await flight.after(Land(), Landed)
-
-    flight = fly(body, driver, autopilot)
+@flown()
+async def test_the_autopilot_returns_by_itself_when_it_is_told_to(
+    flight: Flight, autopilot: str
+) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(to(12.0, 0.0), Arrived)
+    await flight.after(ReturnToLaunch(), Landed)
+    assert flight.driver.guardian.fate() == ""
+    # and out again, from the mode in which it has landed
+    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(Land(), Landed)
     assert not flight.seen(Overridden)
     assert flight.vehicle.truth.landed
 
 
-@each_autopilot
-@each_driver
-def test_what_does_not_return_is_told_to_land(driver: str, autopilot: str) -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        for command in (mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, mav.MAV_CMD_DO_SET_MODE):
-            flight.vehicle.fail.reject(command, mav.MAV_RESULT_DENIED)
-        await flight.after(ReturnToLaunch(), Landed)
-
-    flight = fly(body, driver, autopilot)
+@flown()
+async def test_what_does_not_return_is_told_to_land(flight: Flight, autopilot: str) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    for command in (mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, mav.MAV_CMD_DO_SET_MODE):
+        flight.vehicle.fail.reject(command, mav.MAV_RESULT_DENIED)
+    await flight.after(ReturnToLaunch(), Landed)
     assert [guarded.action for guarded in flight.seen(Guarded)] == ["rtl", "land"]
     assert "denied" in flight.seen(Guarded)[-1].reason
 
 
-@each_autopilot
-@each_driver
-def test_a_path_is_flown_without_a_halt(driver: str, autopilot: str) -> None:
+@flown(speedup=STREAMED_SPEEDUP)
+async def test_a_path_is_flown_without_a_halt(flight: Flight, autopilot: str) -> None:
     corners = [GridPoint(0, 0), GridPoint(24, 0), GridPoint(24, 24)]
     off_m: list[float] = []
-
-    async def body(flight: Flight) -> None:
-        if autopilot == "px4":  # a slow machine is not what is tested
-            flight.vehicle._ap.parameters.preset("COM_OF_LOSS_T", 10.0)
-        await flight.after(TakeOff(UP_M), Airborne)
-        plan = rounded_path(corners, flight.now_s() + 2.0, speed_m_s=5.0, cut_m=2.5)
-        flight.driver.give(FlyPath(plan, UP_M, 0.0, 0.5))
-        while flight.now_s() < plan.end_s:
-            await asyncio.sleep(0.2)
-            place = flight.setting.grid.fixed(flight.vehicle.truth.position)
-            off_m.append(place.distance_to(plan.at(flight.now_s()).place))
-        await flight.sees(Arrived)
-        flight.driver.give(Hold())
-        await asyncio.sleep(2.0)
-
-    flight = fly(body, driver, autopilot, STREAMED_SPEEDUP)
+    if autopilot == "px4":  # a slow machine is not what is tested
+        flight.vehicle._ap.parameters.preset("COM_OF_LOSS_T", 10.0)
+    await flight.after(TakeOff(UP_M), Airborne)
+    plan = rounded_path(corners, flight.now_s() + 2.0, speed_m_s=5.0, cut_m=2.5)
+    flight.driver.give(FlyPath(plan, UP_M, 0.0, 0.5))
+    while flight.now_s() < plan.end_s:
+        await asyncio.sleep(0.2)
+        place = flight.setting.grid.fixed(flight.vehicle.truth.position)
+        off_m.append(place.distance_to(plan.at(flight.now_s()).place))
+    await flight.sees(Arrived)
+    flight.driver.give(Hold())
+    await asyncio.sleep(2.0)
     assert not flight.seen(OrderFailed)
     assert not flight.seen(Overridden)
     assert len(flight.seen(FrameSeen)) > 5
@@ -167,137 +152,110 @@ def test_a_path_is_flown_without_a_halt(driver: str, autopilot: str) -> None:
     assert sorted(off_m)[len(off_m) // 2] < 2.5  # of the wire, not of a machine's hiccup
 
 
-@each_autopilot
-@each_driver
-def test_a_pilot_has_the_last_word(driver: str, autopilot: str) -> None:
+@flown()
+async def test_a_pilot_has_the_last_word(flight: Flight, autopilot: str) -> None:
     mode, asked = HOLDS[autopilot]
-
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.give(to(60.0, 0.0))
-        await flight.until(lambda: flight.session.view.ground_speed_m_s > 2.0)
-        await turned_to(flight, int(mode), *asked)
-        await flight.sees(Overridden)
-        since = len(flight.sent)
-        await asyncio.sleep(12.0)
-        nothing_flew_it(flight, since)
-        assert flight.session.view.mode == int(mode)
-        follows = flight.session.view.kind
-        await turned_to(flight, follows.follows, *follows.follow_params[1:])
-        await flight.sees(Released)
-
-    fly(body, driver, autopilot)
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(to(60.0, 0.0))
+    await flight.until(lambda: flight.session.view.ground_speed_m_s > 2.0)
+    await turned_to(flight, int(mode), *asked)
+    await flight.sees(Overridden)
+    since = len(flight.sent)
+    await asyncio.sleep(12.0)
+    nothing_flew_it(flight, since)
+    assert flight.session.view.mode == int(mode)
+    follows = flight.session.view.kind
+    await turned_to(flight, follows.follows, *follows.follow_params[1:])
+    await flight.sees(Released)
 
 
-@each_autopilot
-@each_driver
-def test_a_command_that_is_waited_for_ends_with_its_order(driver: str, autopilot: str) -> None:
+@flown()
+async def test_a_command_that_is_waited_for_ends_with_its_order(
+    flight: Flight, autopilot: str
+) -> None:
     """Nobody acknowledges it, and a pilot takes the vehicle: it is not repeated once more."""
-
-    async def body(flight: Flight) -> None:
-        await taken_while_it_waits(flight, autopilot)
-        await flight.sees(Overridden)
-        since = len(flight.sent)
-        await asyncio.sleep(30.0)
-        nothing_flew_it(flight, since)
-
-    fly(body, driver, autopilot)
+    await taken_while_it_waits(flight, autopilot)
+    await flight.sees(Overridden)
+    since = len(flight.sent)
+    await asyncio.sleep(30.0)
+    nothing_flew_it(flight, since)
 
 
-@each_autopilot
-@each_driver
-def test_what_is_refused_is_said_and_not_asked_again(driver: str, autopilot: str) -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.vehicle.fail.reject(mav.MAV_CMD_DO_REPOSITION, mav.MAV_RESULT_DENIED)
-        before = len(flight.sent)
-        failed = await flight.after(to(20.0, 0.0), OrderFailed)
-        assert "MAV_CMD_DO_REPOSITION was refused: denied" in failed.reason
-        assert commands(flight, before).count(mav.MAV_CMD_DO_REPOSITION) == 1
-
-    fly(body, driver, autopilot)
+@flown()
+async def test_what_is_refused_is_said_and_not_asked_again(flight: Flight, autopilot: str) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.vehicle.fail.reject(mav.MAV_CMD_DO_REPOSITION, mav.MAV_RESULT_DENIED)
+    before = len(flight.sent)
+    failed = await flight.after(to(20.0, 0.0), OrderFailed)
+    assert "MAV_CMD_DO_REPOSITION was refused: denied" in failed.reason
+    assert commands(flight, before).count(mav.MAV_CMD_DO_REPOSITION) == 1
 
 
-@each_autopilot
-@each_driver
-def test_an_arming_that_is_refused_is_said_with_its_reason(driver: str, autopilot: str) -> None:
-    async def body(flight: Flight) -> None:
-        flight.vehicle.fail.reject(mav.MAV_CMD_COMPONENT_ARM_DISARM, mav.MAV_RESULT_DENIED)
-        failed = await flight.after(TakeOff(UP_M), OrderFailed)
-        assert "denied" in failed.reason
-        assert not flight.session.view.armed
-
-    fly(body, driver, autopilot)
+@flown()
+async def test_an_arming_that_is_refused_is_said_with_its_reason(
+    flight: Flight, autopilot: str
+) -> None:
+    flight.vehicle.fail.reject(mav.MAV_CMD_COMPONENT_ARM_DISARM, mav.MAV_RESULT_DENIED)
+    failed = await flight.after(TakeOff(UP_M), OrderFailed)
+    assert "denied" in failed.reason
+    assert not flight.session.view.armed
 
 
-@each_driver
-def test_a_silent_link_is_lost_and_found_again(driver: str) -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.to_vehicle = flight.to_driver = _swallowed
-        await flight.sees(LinkLost)
-        flight.to_vehicle = flight.to_driver = _passed
-        await flight.sees(Connected, 2)
-        assert flight.seen(Connected)[-1].ours
-        await flight.after(to(6.0, 0.0), Arrived)
-
-    fly(body, driver, "ardupilot")
+@flown(autopilots=("ardupilot",))
+async def test_a_silent_link_is_lost_and_found_again(flight: Flight, autopilot: str) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.to_vehicle = flight.to_driver = _swallowed
+    await flight.sees(LinkLost)
+    flight.to_vehicle = flight.to_driver = _passed
+    await flight.sees(Connected, 2)
+    assert flight.seen(Connected)[-1].ours
+    await flight.after(to(6.0, 0.0), Arrived)
 
 
-@each_driver
-def test_a_fifth_of_all_frames_lost(driver: str) -> None:
+@flown(autopilots=("ardupilot",))
+async def test_a_fifth_of_all_frames_lost(flight: Flight, autopilot: str) -> None:
     """The second of every five of a kind: no command is lost as often as it is repeated."""
     numbers: dict[str, Iterator[int]] = defaultdict(itertools.count)
-
-    async def body(flight: Flight) -> None:
-        flight.to_driver = flight.to_vehicle = lambda message: (
-            next(numbers[message.get_type()]) % 5 != 1
-        )
-        await flight.after(TakeOff(UP_M), Airborne, within_s=400.0)
-        await flight.after(to(10.0, 0.0), Arrived, within_s=400.0)
-        await flight.after(Land(), Landed, within_s=400.0)
-
-    flight = fly(body, driver, "ardupilot")
+    flight.to_driver = flight.to_vehicle = lambda message: (
+        next(numbers[message.get_type()]) % 5 != 1
+    )
+    await flight.after(TakeOff(UP_M), Airborne, within_s=400.0)
+    await flight.after(to(10.0, 0.0), Arrived, within_s=400.0)
+    await flight.after(Land(), Landed, within_s=400.0)
     assert not flight.seen(OrderFailed)
     assert not flight.seen(Overridden)
 
 
-@each_driver
-def test_a_link_is_signed_in_both_directions(driver: str) -> None:
+@flown(autopilots=("ardupilot",))
+async def test_a_link_is_signed_in_both_directions(flight: Flight, autopilot: str) -> None:
     """With a key nothing unsigned goes out, and what is not signed is not heard."""
     begun: list[int] = []
+    session, feed = flight.session, flight.session.feed
+    theirs, parser = Signing(KEY, Memory(), ticks_now), mav.MAVLink(None)
 
-    async def body(flight: Flight) -> None:
-        session, feed = flight.session, flight.session.feed
-        theirs, parser = Signing(KEY, Memory(), ticks_now), mav.MAVLink(None)
+    def signed(data: bytes) -> bool:
+        frames = [bytes(m.get_msgbuf()) for m in parser.parse_buffer(data) or ()]
+        return feed(b"".join(map(theirs.sign, frames)))
 
-        def signed(data: bytes) -> bool:
-            frames = [bytes(m.get_msgbuf()) for m in parser.parse_buffer(data) or ()]
-            return feed(b"".join(map(theirs.sign, frames)))
-
-        session.signing = Signing(KEY, Memory(), ticks_now)
-        session.feed = signed  # type: ignore[method-assign]
-        begun.append(len(flight.sent))
-        await flight.after(TakeOff(UP_M), Airborne)
-        await flight.after(to(6.0, 0.0), Arrived)
-        session.feed = feed  # type: ignore[method-assign]
-        await flight.sees(LinkLost)
-
-    flight = fly(body, driver, "ardupilot")
+    session.signing = Signing(KEY, Memory(), ticks_now)
+    session.feed = signed  # type: ignore[method-assign]
+    begun.append(len(flight.sent))
+    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(to(6.0, 0.0), Arrived)
+    session.feed = feed  # type: ignore[method-assign]
+    await flight.sees(LinkLost)
     flags = {m.get_header().incompat_flags for _, m in flight.sent[begun[0] + 1 :]}
     assert flags == {mav.MAVLINK_IFLAG_SIGNED}
 
 
-@each_driver
-def test_no_number_that_does_not_fit_is_sent(driver: str) -> None:
-    async def body(flight: Flight) -> None:
-        for bad_m in (math.nan, math.inf, 1e300):
-            with pytest.raises(LinkError, match=r"cannot be sent|no place"):
-                await flight.commands.fly_to(LatLon(47.0, 8.0), bad_m)
-        with pytest.raises(LinkError, match="cannot be sent"):
-            flight.session.send(mav.MAVLink_command_ack_message(-1, 0))
-
-    assert mav.MAV_CMD_DO_REPOSITION not in commands(fly(body, driver, "ardupilot"))
+@flown(autopilots=("ardupilot",))
+async def test_no_number_that_does_not_fit_is_sent(flight: Flight, autopilot: str) -> None:
+    for bad_m in (math.nan, math.inf, 1e300):
+        with pytest.raises(LinkError, match=r"cannot be sent|no place"):
+            await flight.commands.fly_to(LatLon(47.0, 8.0), bad_m)
+    with pytest.raises(LinkError, match="cannot be sent"):
+        flight.session.send(mav.MAVLink_command_ack_message(-1, 0))
+    assert mav.MAV_CMD_DO_REPOSITION not in commands(flight)
 
 
 def _swallowed(message: Message) -> bool:

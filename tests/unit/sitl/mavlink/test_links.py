@@ -12,10 +12,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from sitl.codec import Cutter, Packer, cut
 from sitl.faults.faults import LinkQuality
 from sitl.mavlink.links import Lossy
-
-import pytest
-from pymavlink.dialects.v20 import ardupilotmega as mav
-
 from tests.unit.sitl.conftest import plain_vehicle
 
 KEY = bytes(range(1, 33))
