@@ -32,8 +32,6 @@ PATIENCE_S = 300.0
 DRIVERS = ("pymavlink", "mavsdk")
 AUTOPILOTS = ("ardupilot", "px4")
 
-each_autopilot = pytest.mark.parametrize("autopilot", AUTOPILOTS)
-
 Body = Callable[[Flight], Coroutine[Any, Any, None]]
 Story = Callable[[Flight, str], Coroutine[Any, Any, None]]
 
@@ -52,13 +50,16 @@ def fly(body: Body, driver: str, autopilot: str, speedup: float = SPEEDUP) -> Fl
 
 
 def flown(
-    *, autopilots: Sequence[str] = AUTOPILOTS, speedup: float = SPEEDUP
+    *,
+    drivers: Sequence[str] = DRIVERS,
+    autopilots: Sequence[str] = AUTOPILOTS,
+    speedup: float = SPEEDUP,
 ) -> Callable[[Story], Callable[[str, str], None]]:
     """Make a test of what happens to a connected vehicle on the ground, by each driver."""
 
     def decorate(test: Story) -> Callable[[str, str], None]:
         @pytest.mark.parametrize("autopilot", autopilots)
-        @pytest.mark.parametrize("driver", DRIVERS)
+        @pytest.mark.parametrize("driver", drivers)
         def run(driver: str, autopilot: str) -> None:
             fly(lambda flight: test(flight, autopilot), driver, autopilot, speedup)
 

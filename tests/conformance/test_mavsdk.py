@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import LinkError
 from missions.events import Airborne, Arrived, Connected, Landed, OrderFailed
 from missions.orders import Land, TakeOff
-from tests.conformance.rig import each_autopilot, fly
+from tests.conformance.rig import flown, fly
 from tests.conformance.test_drivers import taken_while_it_waits
 from tests.support.flights import UP_M, Flight, Message, to
 from uavmap.base.clock import ScaledClock, run
@@ -29,21 +29,17 @@ def by_mavsdk(flight: Flight) -> MavsdkSession:
     return flight.session
 
 
-@each_autopilot
-def test_both_decoders_read_the_same(autopilot: str) -> None:
+@flown(drivers=("mavsdk",))
+async def test_both_decoders_read_the_same(flight: Flight, autopilot: str) -> None:
     """What MAVSDK has read of each frame is what pymavlink reads of it, field by field."""
     logged: list[bytes] = []
     read: list[Message] = []
-
-    async def body(flight: Flight) -> None:
-        session = by_mavsdk(flight)
-        session.listen(read.append)
-        session._record = logged.append
-        await flight.after(TakeOff(UP_M), Airborne)
-        await flight.after(to(6.0, 0.0), Arrived)
-        await flight.after(Land(), Landed)
-
-    fly(body, "mavsdk", autopilot)
+    session = by_mavsdk(flight)
+    session.listen(read.append)
+    session._record = logged.append
+    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(to(6.0, 0.0), Arrived)
+    await flight.after(Land(), Landed)
     wire = [m for m in mav.MAVLink(None).parse_buffer(b"".join(logged)) if m.get_srcSystem() == 1]
     ours, theirs = between(wire, read)
     assert [str(message) for message in theirs] == [str(message) for message in ours]
@@ -64,16 +60,15 @@ def between(wire: list[Message], read: list[Message]) -> tuple[list[Message], li
     return wire[a:b], read[c:d]
 
 
-@each_autopilot
-def test_what_mavsdk_repeats_of_a_dead_order_does_not_leave_this_machine(autopilot: str) -> None:
-    async def body(flight: Flight) -> None:
-        await taken_while_it_waits(flight, autopilot)
-        outbox = by_mavsdk(flight).outbox
-        await flight.until(lambda: outbox.held_back["COMMAND_INT"] > 0)
-
-    flight = fly(body, "mavsdk", autopilot)
+@flown(drivers=("mavsdk",))
+async def test_what_mavsdk_repeats_of_a_dead_order_does_not_leave_this_machine(
+    flight: Flight, autopilot: str
+) -> None:
+    await taken_while_it_waits(flight, autopilot)
+    outbox = by_mavsdk(flight).outbox
+    await flight.until(lambda: outbox.held_back["COMMAND_INT"] > 0)
     # no heartbeat but the guardian's: they would go on when it does not
-    assert by_mavsdk(flight).outbox.held_back["HEARTBEAT"] > 0
+    assert outbox.held_back["HEARTBEAT"] > 0
     beats = [m for _, m in flight.sent if m.get_type() == "HEARTBEAT"]
     assert mav.MAV_TYPE_GENERIC not in {m.type for m in beats}  # as which MAVSDK beats
 
