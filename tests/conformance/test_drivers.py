@@ -44,7 +44,7 @@ from sitl.px4.modes import Px4Mode
 from tests.conformance.rig import DRIVERS, flown, turned_to
 from tests.support.flights import UP_M, Flight, Message, to
 from tests.unit.uavmap.mavlink.links.test_signing import KEY, Memory
-from uavmap.journal.flight_options import DRIVERS as OFFERED
+from uavmap.journal.flight_plan import DRIVERS as OFFERED
 from uavmap.mavlink.links.signing import Signing, ticks_now
 from uavmap.runner.vehicles import STREAMED_SPEEDUP
 

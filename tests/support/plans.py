@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 from missions.mission.checks import FLOWN
 from missions.mission.schema import Mission
-from uavmap.journal.flight_options import FlightOptions
-from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S, FlightOptions, FlightPlan
 from uavmap.load.mission_source import mission_of_text
 
 

@@ -12,8 +12,7 @@ import pytest
 
 from tests.unit.test_pages import ROOT, command_lines
 from uavmap.mavlink.links.urls import parse_url
-from uavmap.ui.cli import parser
-from uavmap.ui.cli.endings import AIRCRAFT_DOWN, INCOMPLETE
+from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, parser
 
 FOLDER = ROOT / "packaging" / "systemd"
 UNITS = sorted(FOLDER.glob("*.service"))

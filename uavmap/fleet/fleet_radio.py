@@ -18,8 +18,7 @@ from uavmap.fleet.radio import Radio, Radios, SealedRadio
 from uavmap.fleet.sealing import Seal, fleet_key
 from uavmap.fleet.zenoh_radio import ZenohLinks, ZenohRadio, imported_zenoh
 from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_options import FleetNetwork
-from uavmap.journal.flight_plan import FlightPlan
+from uavmap.journal.flight_plan import FleetNetwork, FlightPlan
 from uavmap.mavlink.links.key_file import read_key
 
 TOLD_AT_END: Final = {

@@ -7,20 +7,26 @@ of the flight what was set on the autopilots is put back.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from missions.errors import NotFlownError, OutputError, PreflightError
+from missions.errors import LinkError, NotFlownError, OutputError, PreflightError
 from missions.flight.setting import Setting
+from uavmap.aircraft.cameras.spec import parse_camera
 from uavmap.aircraft.imaging.classifier import detector_of
 from uavmap.aircraft.process.messages import Asked
+from uavmap.base.clock import ScaledClock, run
+from uavmap.journal.flight_plan import FlightPlan
 from uavmap.mavlink.vehicle_view import VehicleView
-from uavmap.runner.flight_links import Link
-from uavmap.runner.preflight.autopilot_setup import AutopilotSetup
-from uavmap.runner.preflight.examination import Examination
+from uavmap.runner.flight_links import Link, LinkOptions, opened_links
+from uavmap.runner.operator.interrupts import Caller
+from uavmap.runner.operator.onlooker import Onlooker
+from uavmap.runner.preflight.autopilot_setup import HEARD_S, AutopilotSetup, Kept
+from uavmap.runner.preflight.examination import Examination, connect, heartbeats
 from uavmap.runner.preflight.finding import (
     Finding,
     Level,
@@ -29,7 +35,7 @@ from uavmap.runner.preflight.finding import (
     of_vehicle,
     warn,
 )
-from uavmap.runner.preflight.pad_heights import pad_heights
+from uavmap.runner.preflight.vehicle_check import pad_heights
 
 _LOG: Final = logging.getLogger("uavmap.runner.preflight")
 IDENTITY_S: Final = 2.0
@@ -54,6 +60,26 @@ class Preflight:
     def asked(self, setting: Setting) -> Asked:
         """As it is sent to the aircraft."""
         return Asked(tuple(self.plan_lines(setting)), self.yes, self.dry_run)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Company:
+    """The people beside a flight, and what looks on.
+
+    Attributes:
+        onlookers: See the flight, and pass on orders to real aircraft.
+        preflight: What is examined, asked and set before real aircraft take off; None for a flight
+            that is simulated or resumed.
+        caller: Interrupts a flight that does not run in the program's main thread.
+        ask: Puts a question to the operator, where there is one.
+        recall: Whether vehicles in the air are only brought home.
+    """
+
+    onlookers: Sequence[Onlooker] = ()
+    preflight: Preflight | None = None
+    caller: Caller | None = None
+    ask: Callable[[str], bool] | None = None
+    recall: bool = False
 
 
 Ask = Callable[[str], Awaitable[bool | None]]
@@ -210,3 +236,45 @@ class BeforeFlight:
 def kept_fence(meta: Mapping[str, object]) -> bool:
     """Whether a flight was begun with --keep-fence, by the meta of its journal."""
     return meta.get(KEEP_FENCE) is True
+
+
+# --- what a flight left set: a vehicle was silent at its end, `uavmap resume` puts it back --------
+def is_left_set(folder: Path) -> bool:
+    """Whether a flight of this folder has left something set on an autopilot."""
+    return not Kept(folder).empty
+
+
+def put_back(plan: FlightPlan, setting: Setting, folder: Path) -> bool:
+    """Connect to the vehicles and set back what they had; whether nothing is left to be done."""
+    run(_put_back(plan, setting, folder), ScaledClock(plan.speedup or 1.0))
+    return not is_left_set(folder)
+
+
+async def _put_back(plan: FlightPlan, setting: Setting, folder: Path) -> None:
+    cameras = [parse_camera("mavlink")] * len(plan.urls)
+    section = setting.mission.camera
+    async with contextlib.AsyncExitStack() as stack:
+        links = await stack.enter_async_context(
+            opened_links(plan.urls, LinkOptions.of(plan), cameras, section, lambda frame: None)
+        )
+        beating = asyncio.create_task(heartbeats([link.session for link in links]))
+        stack.callback(beating.cancel)
+        numbered = enumerate(links, start=setting.member or 1)
+        await asyncio.gather(*(_one(n, link, setting, folder) for n, link in numbered))
+
+
+async def _one(number: int, link: Link, setting: Setting, folder: Path) -> None:
+    setup = AutopilotSetup(number, link.session, setting, folder)
+    try:
+        await connect(link.session, link.name)
+    except LinkError as error:
+        _log_of(number, str(error))
+        return
+    view = link.session.view
+    await link.session.until(lambda: view.on_ground, max(HEARD_S, 2.0 * link.session.ack_wait_s))
+    if await setup.restore():
+        _log_of(number, "has its own settings")
+
+
+def _log_of(number: int, text: str) -> None:
+    _LOG.info(f"vehicle {number}: {text}")

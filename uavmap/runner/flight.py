@@ -29,12 +29,14 @@ from missions.mission.terrain_checks import refuse_unknown_ground
 from uavmap.base.extras import install_command
 from uavmap.fleet.fleet_radio import check_network
 from uavmap.journal.event_log import PLAIN, Journal, planner
-from uavmap.journal.flight_options import Driver, FleetNetwork, FlightOptions
 from uavmap.journal.flight_plan import (
     JOURNAL,
     REHOMED,
     SIM_EPOCH_UTC_S,
     TLOG,
+    Driver,
+    FleetNetwork,
+    FlightOptions,
     FlightPlan,
     check_member,
 )
@@ -42,12 +44,10 @@ from uavmap.load.kept_detector import drop_detector, keep_detector
 from uavmap.load.mission_source import load
 from uavmap.mavlink.links.urls import parse_url
 from uavmap.runner.aircraft_takeover import taken_over
-from uavmap.runner.before_flight import KEEP_FENCE
+from uavmap.runner.before_flight import KEEP_FENCE, Company, is_left_set, put_back
 from uavmap.runner.flight_links import cameras_of, check_urls
 from uavmap.runner.one_flight import KEEP_FRAMES, Flight, written_results
-from uavmap.runner.operator.company import Company
 from uavmap.runner.operator.onlooker import folded
-from uavmap.runner.put_back import is_left_set, put_back
 
 _LOG: Final = logging.getLogger("uavmap.flight")
 

@@ -19,8 +19,7 @@ from uavmap.aircraft.cameras.source import FrameSource
 from uavmap.aircraft.cameras.spec import CameraSpec, parse_camera
 from uavmap.aircraft.imaging.http_pictures import PictureFetcher
 from uavmap.base import messages
-from uavmap.journal.flight_options import MAVSDK, PYMAVLINK
-from uavmap.journal.flight_plan import FlightPlan
+from uavmap.journal.flight_plan import MAVSDK, PYMAVLINK, FlightPlan
 from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.links.forwarding import Forwarding
 from uavmap.mavlink.links.key_file import signing_with

@@ -43,18 +43,21 @@ from uavmap.output.write_results import flown_flight, write_results
 from uavmap.runner.aircraft_process import AircraftProcess, Connection
 from uavmap.runner.aircraft_side import in_this_process
 from uavmap.runner.aircraft_takeover import Attachment
-from uavmap.runner.before_flight import kept_fence
+from uavmap.runner.before_flight import Company, kept_fence
 from uavmap.runner.flight_links import Link, mavlink_link
-from uavmap.runner.ground_service import GroundService
-from uavmap.runner.operator.company import Company
-from uavmap.runner.operator.flight_keys import Keys
-from uavmap.runner.operator.ground_crew import Crew, EnterKey, Operator, all_wait
+from uavmap.runner.operator.ground_crew import (
+    Crew,
+    EnterKey,
+    Operator,
+    all_wait,
+    doubts,
+    say_last_known,
+)
 from uavmap.runner.operator.interrupts import interrupts, leave_map, like_control_c, patiently
-from uavmap.runner.operator.keyboard import keyboard
-from uavmap.runner.operator.last_flights import doubts, say_last_known
+from uavmap.runner.operator.keyboard import Keys, keyboard
 from uavmap.runner.operator.onlooker import Keepers
-from uavmap.runner.preflight.pad_heights import pad_heights
-from uavmap.runner.service import Service
+from uavmap.runner.preflight.vehicle_check import pad_heights
+from uavmap.runner.service import GroundService, Service
 from uavmap.runner.vehicles import judge_of, numbers_of
 
 if TYPE_CHECKING:

@@ -171,8 +171,8 @@ def test_all_names_are_there_and_the_package_of_flights_is_one_of_them() -> None
     assert all(getattr(uavmap, name) is not None for name in uavmap.__all__)
     with pytest.raises(AttributeError, match="no attribute 'flz'"):
         getattr(uavmap, "flz")  # noqa: B009 - a type checker would see it
-    package = importlib.import_module("uavmap.runner.operator.caller")
-    assert uavmap.runner.operator.caller is package  # type: ignore[attr-defined]
+    package = importlib.import_module("uavmap.runner.operator.interrupts")
+    assert uavmap.runner.operator.interrupts is package  # type: ignore[attr-defined]
     parameters = inspect.signature(uavmap.fly).parameters
     assert parameters["sim"].default is False
     assert list(parameters) == list(inspect.signature(uavmap.fly_async).parameters)

@@ -21,8 +21,8 @@ from uavmap.lab.cooperation_film import write_animation, write_picture
 from uavmap.lab.cooperation_trials import Cooperation, Mode, Report, cooperate
 from uavmap.lab.polygon_file import Ground, read_polygon_file
 from uavmap.output.film.film_writers import FILMS, check_path, save
+from uavmap.ui.cli import INCOMPLETE, INTERRUPTED
 from uavmap.ui.cli.common import pair, print_figures
-from uavmap.ui.cli.endings import INCOMPLETE, INTERRUPTED
 
 FILES: Final = ("summary.json", "moves.csv", "map.png")
 _THETA_DEG: Final = 60.0

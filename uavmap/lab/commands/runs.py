@@ -15,8 +15,8 @@ from rich.table import Table
 from missions.errors import OutputError
 from uavmap.journal.results_folder import make_folder
 from uavmap.lab.trials import Figures, Means, Trial, by_strategy, means_by_name
+from uavmap.ui.cli import INTERRUPTED
 from uavmap.ui.cli.common import overwrite_nothing, print_figures
-from uavmap.ui.cli.endings import INTERRUPTED
 
 T = TypeVar("T")
 _REPORT_S: Final = 2.0

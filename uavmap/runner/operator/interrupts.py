@@ -1,6 +1,7 @@
 """Interrupts of the operator: first all come home, then the autopilots see to that.
 
-What is known by then becomes a map, before the process ends.
+Only a program's main thread receives signals: a flight in another thread is interrupted by
+`Caller.press`. What is known by then becomes a map, before the process ends.
 """
 
 from __future__ import annotations
@@ -10,22 +11,77 @@ import contextlib
 import logging
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from pathlib import Path
 from types import FrameType
-from typing import Final
+from typing import Final, TypeVar
 
 from missions.errors import JournalError, leaves
 from uavmap.base.clock import main_task
-from uavmap.runner.operator.caller import Caller, Steered
+from uavmap.runner.service import Service
 
+T = TypeVar("T")
 PAUSE, GO_ON = signal.SIGUSR1, signal.SIGUSR2
 _LOG: Final = logging.getLogger("uavmap.flight")
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
+class Caller:
+    """Who waits for a flight in another thread. `press` may be called from any thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._listening: list[tuple[asyncio.AbstractEventLoop, Callable[[], object]]] = []
+        """The flight's loop, and what it does at a press; the innermost context is the last."""
+        self._early = 0
+        self.presses = 0
+        """How often the caller has interrupted."""
+
+    def press(self) -> None:
+        """Do as Ctrl-C: a first time recall, a second time leave at once.
+
+        Before the flight it is kept for it; after its end it does nothing.
+        """
+        with self._lock:
+            self.presses += 1
+            if not self._listening:
+                self._early += 1
+                return
+            # the loop cannot be closed meanwhile: it is let go of under the same lock
+            self._listening[-1][0].call_soon_threadsafe(self._pressed)
+
+    def _pressed(self) -> None:
+        if self._listening:
+            self._listening[-1][1]()
+
+    @contextlib.contextmanager
+    def heard(self, act: Callable[[], object]) -> Iterator[None]:
+        """Call `act` for each press, earlier ones included; the innermost context hears."""
+        loop = asyncio.get_running_loop()
+        with self._lock:
+            self._listening.append((loop, act))
+            early, self._early = self._early, 0
+        for _ in range(early):
+            loop.call_soon(self._pressed)
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._listening.pop()
+
+    async def until_done(self, flight: Awaitable[T]) -> T:
+        """Run a flight; a press that nothing in it hears ends it with `KeyboardInterrupt`."""
+        task = asyncio.current_task()
+        assert task is not None
+        with self.heard(task.cancel):
+            try:
+                return await flight
+            except asyncio.CancelledError:
+                raise KeyboardInterrupt from None
+
+
 @contextlib.contextmanager
-def interrupts(service: Steered, caller: Caller | None = None) -> Iterator[None]:
+def interrupts(service: Service, caller: Caller | None = None) -> Iterator[None]:
     """Recall real aircraft at the first Ctrl-C, SIGTERM or SIGHUP, and cancel at the second.
 
     SIGUSR1 pauses the mission, SIGUSR2 continues it. A flight in a thread of its own hears its
@@ -107,7 +163,7 @@ def handled(
 
 @contextlib.contextmanager
 def _signals(
-    loop: asyncio.AbstractEventLoop, interrupted: Callable[[], None], service: Steered
+    loop: asyncio.AbstractEventLoop, interrupted: Callable[[], None], service: Service
 ) -> Iterator[None]:
     before = {number: signal.getsignal(number) for number in SIGNALS}
     for number in SIGNALS:

@@ -14,7 +14,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.step import step
 from uavmap.journal.kept_frames import Keeper, KeptFrame
-from uavmap.runner.operator.caller import Steered
+from uavmap.runner.service import Service
 
 
 class Onlooker:
@@ -35,7 +35,7 @@ class Onlooker:
     def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
         """See a picture that is about to be judged."""
 
-    def steering(self, service: Steered) -> AbstractContextManager[None]:
+    def steering(self, service: Service) -> AbstractContextManager[None]:
         """Pass orders on to the service for as long as the context lasts."""
         return contextlib.nullcontext()
 

@@ -1,16 +1,19 @@
 """Set the autopilot of one vehicle up for a mission, and leave it as it was found.
 
-What was there is on disk before anything is changed; everything that is set is read back.
+What was there is on disk before anything is changed, until it is put back: `uavmap resume` finds it
+there if this computer dies in the flight. Everything that is set is read back.
 """
 
 from __future__ import annotations
 
 import asyncio
 import itertools
+import json
 import logging
 import shlex
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -30,9 +33,9 @@ from uavmap.runner.preflight.autopilot_fence import (
     VehicleFence,
 )
 from uavmap.runner.preflight.finding import Finding, bad, ok, warn
-from uavmap.runner.preflight.saved_settings import Before, Kept
 
 _LOG: Final = logging.getLogger("uavmap.runner.preflight")
+FILE: Final = "autopilot-before.json"
 RESTORE_S: Final = 60.0
 """So long putting everything back may take at the end of a flight."""
 HEARD_S: Final = 5.0
@@ -40,6 +43,119 @@ IDENTITY_TRIES: Final = 5
 IDENTITY_S: Final = 1.0
 """Wait for each answer to the question which aircraft it is."""
 _KEEP: Final = "give --keep-fence to fly inside the fence that is set"
+Items = tuple[Item, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Before:
+    """What one autopilot had; None: its lists are left alone."""
+
+    parameters: dict[str, Parameter]
+    fence: Items | None = None
+    rally: Items | None = None
+
+
+class Kept:
+    """The file in a results folder, by the identity of the aircraft.
+
+    Another aircraft in the place of one that crashed has an entry of its own.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / FILE
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing is to be put back."""
+        return not self.path.exists()
+
+    def of(self, aircraft: str) -> Before | None:
+        """What the autopilot of an aircraft had; None where nothing is to be put back.
+
+        Raises `OutputError` where the file is not one of ours.
+        """
+        values = self._read().get(aircraft)
+        if values is None:
+            return None
+        try:
+            return Before(
+                {name: Parameter(float(v), int(t)) for name, (v, t) in values["set"].items()},
+                _items(values["fence"]),
+                _items(values["rally"]),
+            )
+        except (KeyError, TypeError, ValueError):
+            raise self._unreadable() from None
+
+    def keep(self, aircraft: str, number: int, before: Before) -> None:
+        """Note it of the aircraft that flies as vehicle `number`, before anything is changed.
+
+        Raises `OutputError`.
+        """
+        values = self._read()
+        values[aircraft] = {
+            "vehicle": number,
+            "set": {name: [p.value, p.type] for name, p in before.parameters.items()},
+            "fence": _plain(before.fence),
+            "rally": _plain(before.rally),
+        }
+        self._write(values)
+
+    def done(self, aircraft: str) -> None:
+        """It is put back. Raises `OutputError`."""
+        values = self._read()
+        if values.pop(aircraft, None) is not None:
+            self._write(values)
+
+    def in_place_of(self, number: int) -> list[str]:
+        """The aircraft that flew as vehicle `number`, and are not yet as found.
+
+        Raises `OutputError`.
+        """
+        return [key for key, value in self._read().items() if value.get("vehicle") == number]
+
+    def _read(self) -> dict[str, Any]:
+        try:
+            values = json.loads(self.path.read_text("utf-8"))
+        except FileNotFoundError:
+            return {}
+        except (OSError, ValueError):
+            raise self._unreadable() from None
+        if not isinstance(values, dict) or not all(isinstance(v, dict) for v in values.values()):
+            raise self._unreadable()
+        return values
+
+    def _unreadable(self) -> OutputError:
+        return OutputError(
+            f"{self.path} cannot be read; it says what was set on the autopilots before the "
+            "flight: set that by hand, and remove the file"
+        )
+
+    def _write(self, values: dict[str, Any]) -> None:
+        try:
+            if values:
+                write_text(self.path, json.dumps(values, indent=1) + "\n")
+            else:
+                self.path.unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(f"{self.path} cannot be written: {error.strerror}") from None
+
+
+def _plain(items: Items | None) -> list[list[float]] | None:
+    if items is None:
+        return None
+    return [
+        [i.command, i.frame, i.first, i.position.lat_deg, i.position.lon_deg, i.height_m]
+        for i in items
+    ]
+
+
+def _items(rows: list[list[float]] | None) -> Items | None:
+    if rows is None:
+        return None
+    return tuple(
+        Item(int(command), LatLon(lat, lon), first, int(frame), height)
+        for command, frame, first, lat, lon, height in rows
+    )
 
 
 class AutopilotSetup:
@@ -61,10 +177,9 @@ class AutopilotSetup:
     async def look(self) -> tuple[Before, list[Finding]]:
         """What is set now, with what is to be told of it. Raises `LinkError`."""
         names = PX4_FENCE if self._view.kind is PX4 else ARDUPILOT_FENCE
-        name = "RTL_RETURN_ALT" if self._view.kind is PX4 else "RTL_ALT"
-        parameters = await self._parameters.read_many([*names, name, *self._timeout])
+        parameters = await self._parameters.read_many([*names, *self._timeout])
         found: list[Finding] = []
-        lists: dict[Kind, tuple[Item, ...]] = {}
+        lists: dict[Kind, Items] = {}
         for kind in Kind:
             try:
                 lists[kind] = await self._transfer.download(kind)
@@ -172,19 +287,17 @@ class AutopilotSetup:
         if kept is not None and kept.fence is not None:
             return
         fence, rally = before.fence or (), before.rally or ()
-        if not (same_items(plan.fence, fence) and same_items(plan.rally, rally)):
-            self._write_plan(before)
+        same = same_items(plan.fence, fence) and same_items(plan.rally, rally)
+        if (fence or rally) and not same:
+            self._write_plan(before, fence, rally)
         names = (*plan.parameters, *self._timeout)
         changed = {name: p for name, p in before.parameters.items() if name in names}
         if kept is not None:
             changed |= kept.parameters
         self._kept.keep(aircraft, self._number, Before(changed, before.fence, before.rally))
 
-    def _write_plan(self, before: Before) -> None:
+    def _write_plan(self, before: Before, fence: Items, rally: Items) -> None:
         """Write the lists that were there where a ground station opens them."""
-        fence, rally = before.fence or (), before.rally or ()
-        if not (fence or rally):
-            return
         path = _unused(self._folder / f"fence-before-{self._number}.plan")
         firmware = Firmware.PX4 if self._view.kind is PX4 else Firmware.ARDUPILOT
         try:
@@ -196,7 +309,7 @@ class AutopilotSetup:
             "at the end"
         )
 
-    async def _put(self, kind: Kind, items: tuple[Item, ...]) -> None:
+    async def _put(self, kind: Kind, items: Items) -> None:
         """Upload a list unless it is there, and read it back. Raises `LinkError`."""
         await self._transfer.upload(kind, items)
         if not same_items(items, await self._transfer.download(kind)):

@@ -17,8 +17,7 @@ from types import FrameType
 from typing import Any, Final, TypeVar
 
 from missions.errors import AircraftError, UavmapError, leaves
-from uavmap.runner.operator.caller import Caller
-from uavmap.runner.operator.interrupts import SIGNALS
+from uavmap.runner.operator.interrupts import SIGNALS, Caller
 
 T = TypeVar("T")
 Job = Callable[[Caller], T]

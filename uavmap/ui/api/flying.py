@@ -15,7 +15,7 @@ from missions.errors import UavmapError
 from uavmap.base.arguments import Paths, choice, path_text, texts
 from uavmap.base.messages import muted, shown_on
 from uavmap.base.terminal import Terminal
-from uavmap.journal.flight_options import (
+from uavmap.journal.flight_plan import (
     DRIVERS,
     KEY_VARIABLE,
     PYMAVLINK,
@@ -25,11 +25,10 @@ from uavmap.journal.flight_options import (
 from uavmap.journal.results_folder import results_folder
 from uavmap.photos.after_flight import draw_boundary, kept_frames
 from uavmap.runner import flight
-from uavmap.runner.before_flight import Preflight
+from uavmap.runner.before_flight import Company, Preflight
 from uavmap.runner.flight import planned
 from uavmap.runner.ground_survey import with_ground
-from uavmap.runner.operator.caller import Caller
-from uavmap.runner.operator.company import Company
+from uavmap.runner.operator.interrupts import Caller
 from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.runner.operator.progress import ProgressTable
 from uavmap.runner.preflight.plan_figures import plan_lines

@@ -20,8 +20,13 @@ from typing import Any, Final
 
 from missions.errors import AircraftError, OutputError, UavmapError, leaves
 from uavmap.base.version import __version__
-from uavmap.ui.cli.endings import AIRCRAFT_DOWN, INTERRUPTED, NOBODY_READS, USER_ERROR, complain
 
+USER_ERROR: Final = 2
+INCOMPLETE: Final = 3
+AIRCRAFT_DOWN: Final = 4
+INTERRUPTED: Final = 130
+NOBODY_READS: Final = 141
+"""As a shell tells of a program that a closed pipe has ended."""
 COMMANDS: Final = {
     "new": "make a mission from an area drawn elsewhere",
     "fly": "fly a mission, simulated or real",
@@ -89,6 +94,12 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace | None:
         meant = f"did you mean {near[0]}?" if near else "uavmap --help lists them"
         top.error(f"there is no command {wanted!r}: {meant}")
     return top.parse_args(arguments)
+
+
+def complain(line: str) -> None:
+    """Print a line on standard error, if anybody reads it still."""
+    with contextlib.suppress(OSError):
+        print(f"uavmap: {line}", file=sys.stderr)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -13,24 +13,21 @@ from missions.errors import LinkError, NotFlownError, UavmapError, leaves
 from missions.flight.setting_of import setting_of
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
-from uavmap.journal.flight_options import KEY_VARIABLE, FleetNetwork, FlightOptions
-from uavmap.journal.flight_plan import FlightPlan
+from uavmap.journal.flight_plan import KEY_VARIABLE, FleetNetwork, FlightOptions, FlightPlan
 from uavmap.journal.results_folder import results_folder
 from uavmap.photos.after_flight import draw_boundary, kept_frames
-from uavmap.runner.before_flight import Preflight
+from uavmap.runner.before_flight import Company, Preflight
 from uavmap.runner.flight import fly
 from uavmap.runner.ground_survey import with_ground
-from uavmap.runner.operator.company import Company
 from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.runner.operator.progress import ProgressTable
 from uavmap.runner.preflight.plan_figures import plan_lines
+from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.ui.cli.common import report
-from uavmap.ui.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.ui.cli.option_table import FLEET_KEY_VARIABLE, TABLE
-from uavmap.ui.page.address import LOOPBACK
-from uavmap.ui.page.background import of_tiles
-from uavmap.ui.page.feed import opened
+from uavmap.ui.page.feed import LOOPBACK, opened
 from uavmap.ui.page.live import FlightPage
+from uavmap.ui.page.page_scene import of_tiles
 
 
 @contextlib.contextmanager

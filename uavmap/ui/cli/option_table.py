@@ -16,10 +16,10 @@ from typing import Any, Final
 from missions.mission import fleet_checks
 from missions.mission.checks import FLOWN
 from uavmap.aircraft.cameras.spec import HELP as CAMERAS
-from uavmap.journal.flight_options import DRIVERS, KEY_VARIABLE, PYMAVLINK, RANGES
+from uavmap.journal.flight_plan import DRIVERS, KEY_VARIABLE, PYMAVLINK, RANGES
 from uavmap.load.mission_source import shipped_missions
 from uavmap.ui.cli.common import number_type
-from uavmap.ui.page.address import LOOPBACK, PORT
+from uavmap.ui.page.feed import LOOPBACK, PORT
 
 FLEET_KEY_VARIABLE: Final = "UAVMAP_FLEET_KEY_FILE"
 _PORTS: Final = (0, 65535)

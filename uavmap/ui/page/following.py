@@ -19,10 +19,9 @@ from uavmap.journal.event_log import JournalReader
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.journal.kept_frames import FRAMES, POSES, KeptFrame, read_kept
 from uavmap.photos.ground.rasters import ORTHO
-from uavmap.ui.page.background import of_mosaic, of_tiles
 from uavmap.ui.page.feed import Feed
 from uavmap.ui.page.live import tell_scene
-from uavmap.ui.page.page_scene import marks_of, scene_of
+from uavmap.ui.page.page_scene import marks_of, of_mosaic, of_tiles, scene_of
 from uavmap.ui.page.watching import Watcher
 
 LOOK_S: Final = 0.2

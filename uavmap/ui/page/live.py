@@ -19,12 +19,11 @@ from missions.events import Event, FrameSeen
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from uavmap.journal.kept_frames import KeptFrame
-from uavmap.runner.operator.caller import Steered
 from uavmap.runner.operator.onlooker import Onlooker
-from uavmap.ui.page.background import Background
+from uavmap.runner.service import Service
 from uavmap.ui.page.feed import Feed
-from uavmap.ui.page.page_pipe import Words, carry_out
-from uavmap.ui.page.page_scene import marks_of, scene_of
+from uavmap.ui.page.page_pipe import Words
+from uavmap.ui.page.page_scene import Background, marks_of, scene_of
 from uavmap.ui.page.watching import Watcher
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")
@@ -134,7 +133,7 @@ class FlightPage(Onlooker):
             self._pictures[frame.vehicle] = (frame, picture)
 
     @contextlib.contextmanager
-    def steering(self, service: Steered) -> Iterator[None]:
+    def steering(self, service: Service) -> Iterator[None]:
         """Hear the page's orders."""
         loop, file = asyncio.get_running_loop(), self._feed.orders_file
 
@@ -156,7 +155,7 @@ class FlightPage(Onlooker):
                 loop.remove_reader(file)
             self._set("hands_off", LANDED)
 
-    def _obey(self, service: Steered, order: Words) -> None:
+    def _obey(self, service: Service, order: Words) -> None:
         answer = carry_out(service, order)
         _LOG.info(f"page: {answer}")
         self._feed.put({"kind": "answer", "id": order.get("id"), "text": answer})
@@ -216,3 +215,25 @@ def tell_scene(feed: Feed, scene: Words, background: Background | None) -> None:
     if background is not None:
         feed.put({"kind": "background"}, background.jpeg)
     feed.put({"kind": "scene", "scene": scene})
+
+
+def carry_out(service: Service, order: Words) -> str:
+    """Do what the page asks; returns the answer in words. Nothing else than the three is done."""
+    if not service.flying:
+        return "nobody flies now: nothing is ordered"
+    match order:
+        case {"do": "pause"}:
+            done = service.pause()
+            return "paused: everybody holds" if done else "it is paused already"
+        case {"do": "continue"}:
+            return "the mission goes on" if service.go_on() else "it is not paused"
+        case {"do": "return", "vehicle": int(number)} if not isinstance(number, bool):
+            if number not in service.state.vehicles:
+                return f"there is no vehicle {number}"
+            if service.recall_vehicle(number):
+                return f"vehicle {number} comes home and stays there; the others go on"
+            return f"vehicle {number} is called home already"
+        case {"do": "return", "vehicle": None}:
+            service.recall()
+            return "everybody comes home; the mission can be resumed"
+    return "that is no order: nothing is done"

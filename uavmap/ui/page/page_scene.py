@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+import sqlite3
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from missions.errors import OutputError
 from missions.events import Vote
 from missions.flight.setting import Setting
+from missions.geo.grid import Grid
 from missions.mission.schema import positions
-from missions.units import LatLon
+from missions.units import GridPoint, LatLon
 from uavmap.journal.kept_frames import KeptFrame
 from uavmap.output.drawing.palette import (
     HOME_DOT,
@@ -24,10 +32,185 @@ from uavmap.output.drawing.palette import (
     css,
 )
 from uavmap.output.drawing.palette import STATES as COLOURS
+from uavmap.output.drawing.scene import bounds_of
 from uavmap.output.facts.map_model import State
-from uavmap.ui.page.background import Background
+from uavmap.photos.ground.geotiff import there
 from vision.camera import Camera
 from vision.projection import Projection
+
+SIDE_PX: Final = 1600
+"""The longer side of the picture."""
+MOST_TILES: Final = 120
+"""So many tiles are laid together at most; of a larger area a coarser zoom is taken."""
+_MARGIN: Final = 0.25
+_NODES: Final = 33
+"""The projection is computed on so many points a side, and between them linearly."""
+_PAPER: Final = (243, 247, 247)
+_QUALITY: Final = 80
+_MERCATOR_M: Final = 2.0 * math.pi * 6378137.0
+_TILE_BYTES: Final = 8 << 20
+
+Colours = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Background:
+    """A picture of the ground: its bytes, and the rectangle that it covers in the fixed frame."""
+
+    jpeg: bytes
+    west_m: float
+    north_m: float
+    width_m: float
+    height_m: float
+
+    @property
+    def place(self) -> dict[str, Any]:
+        """For the scene of a page."""
+        return {
+            "url": "background",
+            "west": self.west_m,
+            "north": self.north_m,
+            "width_m": self.width_m,
+            "height_m": self.height_m,
+        }
+
+
+def of_tiles(path: Path, setting: Setting) -> Background:
+    """Return the part of an MBTiles file that lies under a mission.
+
+    Raises `OutputError` for another file, one of vector tiles, or one without tiles here.
+    """
+    west_m, south_m, east_m, north_m = _bounds(setting)
+    m_per_px = max(east_m - west_m, north_m - south_m) / SIDE_PX
+    size = (round((east_m - west_m) / m_per_px), round((north_m - south_m) / m_per_px))
+    nodes = _mercator(setting.grid, np.linspace(west_m, east_m, _NODES),
+                      np.linspace(north_m, south_m, _NODES))  # fmt: skip
+    try:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
+            laid = _laid(database, path, nodes, m_per_px, setting.mission.home.lat_deg)
+    except (sqlite3.Error, UnicodeError, ValueError) as error:
+        raise OutputError(f"--tiles {path}: cannot be read as MBTiles: {error}") from None
+    canvas, pixels = laid
+    maps = [cv2.resize(pixels[..., i].astype(np.float32), size) for i in (0, 1)]
+    image = cv2.remap(canvas, maps[0], maps[1], cv2.INTER_LINEAR, borderValue=_PAPER)
+    return Background(
+        _jpeg(image), west_m, north_m, round(east_m - west_m, 3), round(north_m - south_m, 3)
+    )
+
+
+def of_mosaic(path: Path, setting: Setting) -> Background | None:
+    """Return the mosaic in a results folder; None without one, or without rasterio to read it.
+
+    None also where the region drifts: then it shows the ground of another time.
+    """
+    if not path.is_file() or not there() or setting.grid.drift_speed_m_s:
+        return None
+    import rasterio  # noqa: PLC0415 - an extra
+
+    grid = setting.grid
+    try:
+        with rasterio.open(path) as file:
+            if file.crs is None or file.crs.to_epsg() != grid.zone.epsg or file.count < 3:
+                return None
+            shrink = max(max(file.width, file.height) / SIDE_PX, 1.0)
+            shape = (max(round(file.height / shrink), 1), max(round(file.width / shrink), 1))
+            bands = file.read((1, 2, 3), out_shape=(3, *shape))
+            seen = file.dataset_mask(out_shape=shape)
+            bounds = file.bounds
+    except OSError:  # rasterio's own are such, too
+        return None
+    image = np.ascontiguousarray(bands.transpose(1, 2, 0)[..., ::-1])
+    image[seen == 0] = _PAPER
+    return Background(
+        _jpeg(image),
+        (bounds.left - grid.origin.east_m) / grid.scale,
+        (bounds.top - grid.origin.north_m) / grid.scale,
+        (bounds.right - bounds.left) / grid.scale,
+        (bounds.top - bounds.bottom) / grid.scale,
+    )
+
+
+def _bounds(setting: Setting) -> tuple[float, float, float, float]:
+    mission = setting.mission
+    rings = (*positions(mission.search.box), *positions(mission.fence.polygon), mission.home)
+    west_m, south_m, east_m, north_m = bounds_of(map(setting.grid.fixed, rings))
+    pad_m = _MARGIN * max(east_m - west_m, north_m - south_m)
+    return west_m - pad_m, south_m - pad_m, east_m + pad_m, north_m + pad_m
+
+
+def _mercator(
+    grid: Grid, easts: NDArray[np.float64], norths: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Web Mercator, 0 to 1 from the upper left corner of the world, by rows and columns."""
+
+    def one(east_m: float, north_m: float) -> tuple[float, float]:
+        place = grid.position(GridPoint(east_m, north_m))
+        lat = math.radians(place.lat_deg)
+        y = 0.5 - math.log(math.tan(math.pi / 4 + lat / 2)) / (2 * math.pi)
+        return place.lon_deg / 360.0 + 0.5, y
+
+    return np.array([[one(e, n) for e in easts.tolist()] for n in norths.tolist()])
+
+
+def _laid(
+    database: sqlite3.Connection,
+    path: Path,
+    nodes: NDArray[np.float64],
+    m_per_px: float,
+    lat_deg: float,
+) -> tuple[Colours, NDArray[np.float64]]:
+    """The tiles under some points, and where in them these lie."""
+    kind = database.execute("SELECT value FROM metadata WHERE name = 'format'").fetchone()
+    if kind == ("pbf",):
+        raise OutputError(f"--tiles {path}: holds vector tiles; tiles of pictures are shown")
+    low, high = database.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles").fetchone()
+    if low is None:
+        raise OutputError(f"--tiles {path}: holds no tile")
+    fine = math.log2(_MERCATOR_M * math.cos(math.radians(lat_deg)) / 256.0 / m_per_px)
+    for zoom in range(min(int(high), math.ceil(fine), 24), max(int(low), 0) - 1, -1):
+        (left, top), (right, bottom) = (
+            np.floor(edge * 2**zoom).astype(int).tolist()
+            for edge in (nodes.min(axis=(0, 1)), nodes.max(axis=(0, 1)))
+        )
+        if (right - left + 1) * (bottom - top + 1) > MOST_TILES:
+            continue
+        tiles = dict(_tiles(database, zoom, range(left, right + 1), range(top, bottom + 1)))
+        if tiles:
+            side = next(iter(tiles.values())).shape[0]
+            shape = ((bottom - top + 1) * side, (right - left + 1) * side, 3)
+            canvas: Colours = np.full(shape, _PAPER, np.uint8)
+            for (x, y), tile in tiles.items():
+                if tile.shape == (side, side, 3):
+                    at = ((y - top) * side, (x - left) * side)
+                    canvas[at[0] : at[0] + side, at[1] : at[1] + side] = tile
+            return canvas, (nodes * 2**zoom - (left, top)) * side - 0.5
+    raise OutputError(
+        f"--tiles {path}: has no tile of this mission's place (zoom {low} to {high}); tiles of "
+        f"{lat_deg:.3f} deg north and around are needed"
+    )
+
+
+def _tiles(
+    database: sqlite3.Connection, zoom: int, columns: range, rows: range
+) -> Iterator[tuple[tuple[int, int], Colours]]:
+    """The tiles that are there; in the file rows are counted from the south."""
+    question = (
+        "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
+    )
+    for x in columns:
+        for y in rows:
+            found = database.execute(question, (zoom, x, 2**zoom - 1 - y)).fetchone()
+            if found is None or not isinstance(found[0], bytes) or len(found[0]) > _TILE_BYTES:
+                continue
+            image = cv2.imdecode(np.frombuffer(found[0], np.uint8), cv2.IMREAD_COLOR)
+            if image is not None and image.shape[0] <= 1024:
+                yield (x, y), image.astype(np.uint8)
+
+
+def _jpeg(image: NDArray[Any]) -> bytes:
+    _, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    return encoded.tobytes()
+
 
 STATES: Final[tuple[State, ...]] = tuple(COLOURS)
 """The states of a cell; on a board each is told by its place in here."""

@@ -13,7 +13,7 @@ from tests.support.small_missions import mission, square
 from uavmap.fleet.fleet_radio import START, check_network, member_seal
 from uavmap.fleet.sealing import fleet_key
 from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_options import FleetNetwork
+from uavmap.journal.flight_plan import FleetNetwork
 from uavmap.load.mission_source import load
 from uavmap.mavlink.links.key_file import new_key
 

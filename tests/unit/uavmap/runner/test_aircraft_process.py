@@ -30,8 +30,7 @@ from uavmap.aircraft.reporter import Report
 from uavmap.base.atomic_write import write_text
 from uavmap.base.clock import MissionClock
 from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_options import FlightOptions
-from uavmap.journal.flight_plan import JOURNAL, FlightPlan
+from uavmap.journal.flight_plan import JOURNAL, FlightOptions, FlightPlan
 from uavmap.runner import aircraft_process, aircraft_takeover
 from uavmap.runner.aircraft_child import ASKED_TO_END, AircraftChild
 from uavmap.runner.aircraft_process import AircraftProcess

@@ -21,9 +21,9 @@ from uavmap.base.messages import shown_on
 from uavmap.mavlink.vehicle_view import EKF_ABSOLUTE, VehicleView
 from uavmap.runner.before_flight import BeforeFlight, Preflight
 from uavmap.runner.operator.ground_crew import Operator
+from uavmap.runner.preflight.autopilot_setup import FILE
 from uavmap.runner.preflight.finding import Finding, Level, bad, could_fly, warn
 from uavmap.runner.preflight.plan_figures import plan_lines
-from uavmap.runner.preflight.saved_settings import FILE
 
 
 def before(

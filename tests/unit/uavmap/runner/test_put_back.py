@@ -18,15 +18,13 @@ from uavmap.aircraft.process.port import Port
 from uavmap.base.clock import VirtualClock
 from uavmap.base.messages import shown_on
 from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_options import FlightOptions
-from uavmap.journal.flight_plan import JOURNAL, FlightPlan
-from uavmap.runner import flight, one_flight, put_back
+from uavmap.journal.flight_plan import JOURNAL, FlightOptions, FlightPlan
+from uavmap.runner import before_flight, flight, one_flight
 from uavmap.runner.aircraft_side import in_this_process
-from uavmap.runner.before_flight import Preflight
+from uavmap.runner.before_flight import Company, Preflight
 from uavmap.runner.flight_links import Link
-from uavmap.runner.operator.company import Company
+from uavmap.runner.preflight.autopilot_setup import FILE
 from uavmap.runner.preflight.plan_figures import plan_lines
-from uavmap.runner.preflight.saved_settings import FILE
 from uavmap.ui.cli.flight_options import not_flown
 
 URL = "udpin://127.0.0.1:14550"
@@ -61,8 +59,8 @@ def field(monkeypatch: pytest.MonkeyPatch) -> Field:
                 yield
 
     monkeypatch.setattr(one_flight, "AircraftProcess", Here)
-    monkeypatch.setattr(put_back, "opened_links", opened)
-    for module in (one_flight, put_back):
+    monkeypatch.setattr(before_flight, "opened_links", opened)
+    for module in (one_flight, before_flight):
         monkeypatch.setattr(module, "ScaledClock", lambda *_: VirtualClock())
     return made
 

@@ -24,13 +24,11 @@ from uavmap.load.mission_source import load, shipped_missions
 from uavmap.runner.flight_links import Link, LinkOptions, cameras_of, check_urls, opened_links
 from uavmap.runner.preflight.autopilot_fence import outside_m
 from uavmap.runner.preflight.autopilot_setup import AutopilotSetup
-from uavmap.runner.preflight.computer_check import computer_findings
-from uavmap.runner.preflight.computer_speed import ComputerSpeed
+from uavmap.runner.preflight.computer_check import ComputerSpeed, computer_findings, installation
 from uavmap.runner.preflight.examination import Examination, connect, heartbeats
 from uavmap.runner.preflight.finding import Finding, could_fly, of_vehicle, ok
-from uavmap.runner.preflight.installation import installation
 from uavmap.runner.preflight.plan_figures import plan_lines
-from uavmap.ui.cli.endings import INCOMPLETE
+from uavmap.ui.cli import INCOMPLETE
 from uavmap.ui.cli.flight_options import key_file
 from uavmap.ui.cli.option_table import add_options
 

@@ -10,8 +10,7 @@ from missions.errors import LinkError
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.fleet.fleet_radio import check_network
-from uavmap.journal.flight_options import FleetNetwork
-from uavmap.journal.flight_plan import FlightPlan
+from uavmap.journal.flight_plan import FleetNetwork, FlightPlan
 from uavmap.journal.results_folder import results_folder
 from uavmap.runner.flight import planned
 from uavmap.runner.ground_survey import with_ground

@@ -8,8 +8,7 @@ from typing import Final
 
 from uavmap.base.terminal import Terminal
 from uavmap.output.merging import merged_results
-from uavmap.ui.cli.common import EXIT_CODES, report
-from uavmap.ui.cli.summary_table import add_summary_options
+from uavmap.ui.cli.common import EXIT_CODES, add_summary_options, report
 
 EXAMPLES: Final = f"""\
 examples:

@@ -11,8 +11,8 @@ from uavmap.photos.cluster import Cluster
 from uavmap.photos.ground.rasters import Wishes
 from uavmap.photos.replay_job import Wanted, replay_pictures
 from uavmap.photos.workers import Crew, Threads
+from uavmap.ui.cli import INTERRUPTED, complain
 from uavmap.ui.cli.common import number_type, report, utc_seconds, worker_count
-from uavmap.ui.cli.endings import INTERRUPTED, complain
 from uavmap.ui.cli.option_table import add_options
 
 EXAMPLES: Final = """\

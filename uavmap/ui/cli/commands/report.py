@@ -11,7 +11,7 @@ from uavmap.base.terminal import Terminal
 from uavmap.output.documents import REPORT, write_report
 from uavmap.output.results_reading import flown_of
 from uavmap.ui.cli.commands.export import tell_incomplete
-from uavmap.ui.cli.summary_table import add_summary_options, print_summary
+from uavmap.ui.cli.common import add_summary_options, print_summary
 
 EXAMPLES: Final = """\
 examples:

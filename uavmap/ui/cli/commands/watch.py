@@ -15,8 +15,7 @@ from uavmap.journal.event_log import JournalReader
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.journal.kept_frames import FRAMES
 from uavmap.ui.cli.option_table import add_options
-from uavmap.ui.page.address import PORT
-from uavmap.ui.page.feed import opened
+from uavmap.ui.page.feed import PORT, opened
 from uavmap.ui.page.following import Follower
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")

@@ -12,15 +12,14 @@ import pytest
 
 from tests.support.running import by, in_real_time
 from tests.support.said import Said
-from uavmap.runner.operator.caller import Steered
-from uavmap.runner.operator.flight_keys import FORGOTTEN_S, Keys
 from uavmap.runner.operator.ground_crew import Crew, EnterKey
-from uavmap.runner.operator.keyboard import keyboard
+from uavmap.runner.operator.keyboard import FORGOTTEN_S, Keys, keyboard
+from uavmap.runner.service import Service
 
 
 def steered(vehicles: int = 3) -> Mock:
     """A service that notes what it is asked for."""
-    return Mock(spec=Steered, state=Mock(vehicles=dict.fromkeys(range(1, vehicles + 1))))
+    return Mock(spec=Service, state=Mock(vehicles=dict.fromkeys(range(1, vehicles + 1))))
 
 
 def pressed_in(keys: str, service: Mock) -> list[Any]:

@@ -6,7 +6,7 @@ import pytest
 
 from missions.events import Airborne, BatterySwapped, Connected, Crashed, Event
 from missions.units import GridPoint
-from uavmap.runner.operator.last_flights import last_flights
+from uavmap.runner.operator.ground_crew import last_flights
 
 PAD, FIELD = GridPoint(0.0, 0.0), GridPoint(39.0, 0.0)
 

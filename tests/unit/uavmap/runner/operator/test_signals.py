@@ -10,8 +10,8 @@ from unittest.mock import Mock
 import pytest
 
 from uavmap.base.clock import VirtualClock, run
-from uavmap.runner.operator.caller import Steered
 from uavmap.runner.operator.interrupts import interrupts, like_control_c
+from uavmap.runner.service import Service
 
 
 @pytest.mark.parametrize("interrupt", [signal.SIG_IGN, signal.default_int_handler])
@@ -39,7 +39,7 @@ def test_a_job_in_the_background_that_is_told_to_end_tidies_up(interrupt):
 @pytest.mark.parametrize(("over", "presses"), [(True, 2), (False, 1)])
 def test_a_first_press_after_the_last_landing_does_not_cut_the_end_short(over, presses):
     counted = 0
-    service = Mock(spec=Steered, flying=False, ended=True, state=Mock(over=over))
+    service = Mock(spec=Service, flying=False, ended=True, state=Mock(over=over))
 
     async def ending() -> None:
         nonlocal counted

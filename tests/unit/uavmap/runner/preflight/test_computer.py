@@ -15,10 +15,10 @@ from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from tests.support.flights import small_mission
-from uavmap.runner.preflight import computer_speed
-from uavmap.runner.preflight.computer_check import computer_findings
-from uavmap.runner.preflight.computer_speed import (
+from uavmap.runner.preflight import computer_check
+from uavmap.runner.preflight.computer_check import (
     ComputerSpeed,
+    computer_findings,
     frame_s,
     longest_plan_s,
     longest_stall_s,
@@ -79,15 +79,15 @@ def slowed(call: Callable[..., Any], by_s: float, when: Callable[..., bool]) -> 
 def test_time_of_a_frame_holds_all_that_is_done_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
     made = setting()
     assert frame_s(made) < 0.1
-    slow = slowed(computer_speed.decoded, 0.1, lambda *given: True)
-    monkeypatch.setattr(computer_speed, "decoded", slow)
+    slow = slowed(computer_check.decoded, 0.1, lambda *given: True)
+    monkeypatch.setattr(computer_check, "decoded", slow)
     assert 0.1 <= frame_s(made) < 0.3
 
 
 def test_pictures_for_it_are_evidence_to_the_mission(monkeypatch: pytest.MonkeyPatch) -> None:
     """A picture that is refused at once would cost no time."""
-    one = computer_speed._picture((160, 120), 1)
-    monkeypatch.setattr(computer_speed, "_picture", lambda size_px, seed: one)
+    one = computer_check._picture((160, 120), 1)
+    monkeypatch.setattr(computer_check, "_picture", lambda size_px, seed: one)
     with pytest.raises(ImageError):
         frame_s(setting())
 
@@ -96,7 +96,7 @@ def test_slowest_plan_is_that_of_an_exploration(monkeypatch: pytest.MonkeyPatch)
     def explores(made: Setting, state: State, event: Event) -> bool:
         return state.tree is not None and isinstance(event, FrameSeen)
 
-    monkeypatch.setattr(computer_speed, "step", slowed(computer_speed.step, 0.3, explores))
+    monkeypatch.setattr(computer_check, "step", slowed(computer_check.step, 0.3, explores))
     slow = longest_plan_s(setting(), 2.0)
     assert slow is not None
     assert slow >= 0.3

@@ -18,8 +18,8 @@ from tests.support.running import by
 from uavmap.aircraft.stream_timeout import StreamTimeout
 from uavmap.mavlink.mission_transfer import Item, Kind, MissionTransfer, same_items
 from uavmap.runner.preflight.autopilot_fence import shapes_of
+from uavmap.runner.preflight.autopilot_setup import FILE
 from uavmap.runner.preflight.finding import Finding, Level, could_fly
-from uavmap.runner.preflight.saved_settings import FILE
 
 FENCE, RALLY = mav.MAV_MISSION_TYPE_FENCE, mav.MAV_MISSION_TYPE_RALLY
 OLD = tuple(

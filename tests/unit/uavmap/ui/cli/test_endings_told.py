@@ -19,9 +19,8 @@ from uavmap.base.terminal import Terminal
 from uavmap.output.facts.figures import aircraft_down
 from uavmap.runner.operator.ground_crew import all_wait
 from uavmap.runner.operator.progress import ProgressTable
-from uavmap.ui.cli import parser
+from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, parser
 from uavmap.ui.cli.common import report
-from uavmap.ui.cli.endings import AIRCRAFT_DOWN, INCOMPLETE
 
 BESIDE = GridPoint(8.0, 0.0)
 

@@ -15,8 +15,8 @@ from tests.support.said import Gone
 from tests.support.small_missions import mission, square
 from uavmap.base.terminal import Terminal
 from uavmap.runner.operator.progress import ProgressTable
+from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.ui.cli.common import report
-from uavmap.ui.cli.endings import AIRCRAFT_DOWN, INCOMPLETE, complain
 
 SUMMARY: dict[str, Any] = {"mission": "field", "strategy": "rdfs", "completed": True, "finding": ""}
 

@@ -10,8 +10,7 @@ import pytest
 
 import uavmap
 from missions.errors import MissionFileError, UavmapError
-from uavmap.journal.flight_options import FlightOptions
-from uavmap.journal.flight_plan import FlightPlan
+from uavmap.journal.flight_plan import FlightOptions, FlightPlan
 from uavmap.load.mission_source import load
 from uavmap.ui.cli import main, parser
 from uavmap.ui.cli.flight_options import flight_options

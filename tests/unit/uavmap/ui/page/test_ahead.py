@@ -11,7 +11,7 @@ from missions.flight.state import Phase, State
 from missions.flight.step import step
 from missions.orders import FlyPath, FlyTo, Sweep
 from tests.golden.recording import PASSES, SPILL, STOPS, Recording
-from uavmap.ui.page.flight_ahead import UNTIMED_S, Ahead
+from uavmap.ui.page.watching import UNTIMED_S, Ahead
 
 MOST_M = 4.0
 """A copter is so far off its path at most, in these flights, and its position a little wrong."""

@@ -16,7 +16,7 @@ from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.units import GridPoint, LatLon
 from uavmap.load.mission_source import load
-from uavmap.ui.page.background import of_mosaic, of_tiles
+from uavmap.ui.page.page_scene import of_mosaic, of_tiles
 
 MISSION = str(Path(__file__).parents[4] / "data" / "speck.toml")
 ZOOM = 18

@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from uavmap.ui.page.page_pipe import Lines, carry_out, packed
+from uavmap.ui.page.live import carry_out
+from uavmap.ui.page.page_pipe import Lines, packed
 
 
 class Service:

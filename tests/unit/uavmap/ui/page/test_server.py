@@ -23,7 +23,7 @@ from tests.support.page_tab import PATIENCE_S, Tab
 from tests.support.running import by, in_real_time
 from tests.support.said import Said
 from uavmap.base.messages import shown_on
-from uavmap.ui.page import address
+from uavmap.ui.page import feed
 from uavmap.ui.page.board import Board
 from uavmap.ui.page.feed import Feed, opened
 from uavmap.ui.page.hub import Hub
@@ -197,7 +197,7 @@ def test_every_module_that_a_script_of_the_page_imports_is_served(flight: Flight
         for name in ("flight_map", "flight_board"):
             (path,) = re.findall(rf'"{name}": ?"(/[^"]*)"', html)
             script = client.get(str(httpx.URL(flight.url).join(path))).text
-            source = Path(address.__file__).with_name(f"{name}.js").read_text("utf-8")
+            source = Path(feed.__file__).with_name(f"{name}.js").read_text("utf-8")
             assert script == source
 
 
@@ -205,12 +205,12 @@ def test_a_port_in_use_and_a_host_of_others_are_said(monkeypatch: pytest.MonkeyP
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(OutputError, match=rf"--port: .* port {port} .*in use.*--port 0"):
-            address.bound("127.0.0.1", port, "--port")
+            feed.bound("127.0.0.1", port, "--port")
     with pytest.raises(OutputError, match=r"--page: .* on 192\.0\.2\.1 port 0"):
-        address.bound("192.0.2.1", 0, "--page")
+        feed.bound("192.0.2.1", 0, "--page")
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(UavmapError, match=r"pip install .nicegui>="):
-        address.need_nicegui()
+        feed.need_nicegui()
 
 
 @by(in_real_time)
