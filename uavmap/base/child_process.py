@@ -15,13 +15,6 @@ _REMEMBERED: Final = 4096
 """So many bytes of what it complains of are kept."""
 
 
-def environment() -> dict[str, str]:
-    """The environment in which such a process finds this very program."""
-    here = str(Path(__file__).parents[2])
-    paths = [here, *filter(None, [os.environ.get("PYTHONPATH")])]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
-
-
 class Child:
     """A module of this program in a process of its own, fed through `stdin`.
 
@@ -29,10 +22,12 @@ class Child:
     """
 
     def __init__(self, module: str, name: str, pass_fds: Collection[int] = ()) -> None:
+        here = str(Path(__file__).parents[2])  # the child has to find this very program
+        paths = [here, *filter(None, [os.environ.get("PYTHONPATH")])]
         self.process = subprocess.Popen(
             # -P: a folder `missions` where somebody works must not be taken for ours
             [sys.executable, "-P", "-m", module],
-            env=environment(),
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -137,31 +137,18 @@ def main_task() -> asyncio.Task[Any] | None:
 
 
 class MissionClock:
-    """Mission time: the loop's, from the time at which the mission is entered."""
+    """Mission time: the loop's, from `start_s`, the mission time at which the loop's was zero."""
 
     def __init__(self, start_s: float) -> None:
-        self._start_s = start_s
+        self.start_s = start_s
 
     def now_s(self) -> float:
         """Return the mission time, in seconds."""
-        return self._start_s + asyncio.get_running_loop().time()
-
-    @property
-    def start_s(self) -> float:
-        """The mission time at which the loop's was zero."""
-        return self._start_s
-
-    def set_start(self, start_s: float) -> None:
-        """Have it be this mission time when the loop's was zero."""
-        self._start_s = start_s
+        return self.start_s + asyncio.get_running_loop().time()
 
     def set(self, now_s: float) -> None:
         """Have it be this mission time now."""
-        self._start_s = now_s - asyncio.get_running_loop().time()
-
-    def shift(self, by_s: float) -> None:
-        """Go on, or back, by so many seconds."""
-        self._start_s += by_s
+        self.start_s = now_s - asyncio.get_running_loop().time()
 
 
 @contextlib.asynccontextmanager
@@ -205,7 +192,6 @@ class ClockRate:
         """Our time and the vehicle's at the beginning of the window."""
         self._last_s = float("-inf")
         self._wrong = 0
-        """How many windows in a row were wrong: the first may hold a change of pace."""
 
     def take(self, loop_s: float, boot_s: float) -> str:
         """Take in the vehicle's time; what is wrong with its pace, said once until it is right."""

@@ -34,7 +34,7 @@ from uavmap.journal.telemetry_log import TlogWriter
 from uavmap.runner.aircraft_process import BEAT_WALL_S, END_WALL_S, SILENT_WALL_S, START_WALL_S
 from uavmap.runner.aircraft_side import AircraftSide
 from uavmap.runner.aircraft_takeover import ADDRESS, RECORD, Address
-from uavmap.runner.flight_links import LinkOptions, cameras_of, opened_links
+from uavmap.runner.flight_links import cameras_of, opened_links
 
 _READ_BYTES: Final = 1 << 16
 GONE: Final = "the mission process has ended"
@@ -107,11 +107,8 @@ class AircraftChild:
         watching = asyncio.create_task(self._watch())
         try:
             cameras = cameras_of(plan.cameras, mission, plan.member)
-            options = LinkOptions.of(plan)
             with self._log() as log:
-                async with opened_links(
-                    plan.urls, options, cameras, mission.camera, log.record
-                ) as links:
+                async with opened_links(plan, cameras, mission.camera, log.record) as links:
                     side = self._side = AircraftSide(
                         plan, setting, self._folder, links, self._clock, self._send
                     )

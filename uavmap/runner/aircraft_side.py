@@ -84,20 +84,18 @@ class AircraftSide:
     async def run(self) -> None:
         """Fly, look after the aircraft however that ends, and say how it did."""
         failure: Exception | None = None
-        fates: Mapping[int, str] = {}
         try:
-            fates = await self._flown()
-        except _EndedWithError as ended:
-            failure, fates = ended.cause, ended.fates
+            await self._flown()
         except Exception as error:
             failure = error
+        fates = self._guardians.fates()
         self._send(ended_by(_first(failure), fates, _text(failure)))
 
-    async def _flown(self) -> Mapping[int, str]:
+    async def _flown(self) -> None:
         begin = await self._unless_ended(self.host.begin())
         if begin is None:
-            return {}
-        self._clock.set_start(begin.t_s)
+            return
+        self._clock.start_s = begin.t_s
         vehicles = self._vehicles = vehicles_of(
             self._plan, self._setting, self._links, self.host, self._clock.now_s,
             waits_on_ground=begin.waits_on_ground,
@@ -126,8 +124,7 @@ class AircraftSide:
             if before is not None:
                 await before.restore()
         if failure is not None:
-            raise _EndedWithError(failure, guardians.fates())
-        return guardians.fates()
+            raise failure
 
     async def _mission(
         self,
@@ -139,7 +136,7 @@ class AircraftSide:
         if await self._unless_ended(self._prepared(vehicles, begin, before_flight)):
             ready = self.ready()
             if fly := await self._unless_ended(self.host.fly(vehicles, ready)):
-                self._clock.set_start(fly.start_s)
+                self._clock.start_s = fly.start_s
                 return await self.host.carry_out()
         return self.host.end.result()
 
@@ -187,15 +184,6 @@ class AircraftSide:
             home.cancel()
             end = left.result()
         await guardians.leave(end.reason)
-
-
-class _EndedWithError(Exception):
-    """Why a flight has failed, and what became of the aircraft."""
-
-    def __init__(self, cause: Exception, fates: Mapping[int, str]) -> None:
-        super().__init__(str(cause))
-        self.cause = cause
-        self.fates = fates
 
 
 def _first(failure: Exception | None) -> BaseException | None:

@@ -22,7 +22,7 @@ from uavmap.aircraft.process.messages import Asked
 from uavmap.base.clock import ScaledClock, run
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.mavlink.vehicle_view import VehicleView
-from uavmap.runner.flight_links import Link, LinkOptions, opened_links
+from uavmap.runner.flight_links import Link, opened_links
 from uavmap.runner.operator.interrupts import Caller
 from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.runner.preflight.autopilot_setup import HEARD_S, AutopilotSetup, Kept
@@ -255,7 +255,7 @@ async def _put_back(plan: FlightPlan, setting: Setting, folder: Path) -> None:
     section = setting.mission.camera
     async with contextlib.AsyncExitStack() as stack:
         links = await stack.enter_async_context(
-            opened_links(plan.urls, LinkOptions.of(plan), cameras, section, lambda frame: None)
+            opened_links(plan, cameras, section, lambda frame: None)
         )
         beating = asyncio.create_task(heartbeats([link.session for link in links]))
         stack.callback(beating.cancel)
@@ -268,13 +268,9 @@ async def _one(number: int, link: Link, setting: Setting, folder: Path) -> None:
     try:
         await connect(link.session, link.name)
     except LinkError as error:
-        _log_of(number, str(error))
+        _LOG.info(f"vehicle {number}: {error}")
         return
     view = link.session.view
     await link.session.until(lambda: view.on_ground, max(HEARD_S, 2.0 * link.session.ack_wait_s))
     if await setup.restore():
-        _log_of(number, "has its own settings")
-
-
-def _log_of(number: int, text: str) -> None:
-    _LOG.info(f"vehicle {number}: {text}")
+        _LOG.info(f"vehicle {number}: has its own settings")

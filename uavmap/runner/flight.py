@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -47,7 +47,7 @@ from uavmap.runner.aircraft_takeover import taken_over
 from uavmap.runner.before_flight import KEEP_FENCE, Company, is_left_set, put_back
 from uavmap.runner.flight_links import cameras_of, check_urls
 from uavmap.runner.one_flight import KEEP_FRAMES, Flight, written_results
-from uavmap.runner.operator.onlooker import folded
+from uavmap.runner.operator.onlooker import Onlooker, folded
 
 _LOG: Final = logging.getLogger("uavmap.flight")
 
@@ -205,19 +205,9 @@ def resume(
             _LOG.info("it goes on with the links that it has; options for links are left out")
         left_set = not plan.simulated and found is None and is_left_set(folder)
         if left_set and not len(journal):
-            done = put_back(plan, setting, folder)
-            if done:
-                _discard(journal)
-            text = "nothing was flown here; what was set on the autopilots is "
-            raise NotFlownError(text + ("put back" if done else "not put back"), could_fly=done)
+            _put_back_alone(plan, setting, journal)
         again = plan.simulated and not (from_home or plan.rehomed)
-        if journal.torn:
-            _LOG.info(f"{journal.path}: its last line was cut short, and is left out")
-        state = folded(setting, journal.events(), () if again else company.onlookers)
-        _LOG.info(
-            f"{folder}: {len(journal)} events, mission time {state.t_s:.0f} s, "
-            f"{len(state.belief.roi)} ROI cells"
-        )
+        state = _state_of(journal, setting, () if again else company.onlookers)
         if state.over and state.completed:
             _LOG.info("the mission is completed already; writing its results anew")
             summary = written_results(plan, setting, folder, journal)
@@ -225,21 +215,36 @@ def resume(
                 put_back(plan, setting, folder)
             return summary
         if again:
-            _refuse_other_planner(journal, setting)
-        if again and state.over:
-            raise JournalError(
-                f"{folder}: the flight ended without completing its mission; "
-                f"`uavmap resume {folder} --from-home` sends the aircraft out again"
-            )
-        if plan.simulated and not again and not plan.rehomed:
-            plan = replace(plan, rehomed=True)
-            journal.put_meta(REHOMED, True)
-        if again:
+            _refuse_repetition(journal, setting, state)
             journal.start_verification()
             state = State.initial(setting)
+        elif plan.simulated and not plan.rehomed:
+            plan = replace(plan, rehomed=True)
+            journal.put_meta(REHOMED, True)
         return Flight(
             plan, setting, folder, journal, state, company, again=again, found=found
         ).run()
+
+
+def _put_back_alone(plan: FlightPlan, setting: Setting, journal: Journal) -> None:
+    """Put back what a flight that never began left set. Raises `NotFlownError`."""
+    done = put_back(plan, setting, journal.path.parent)
+    if done:
+        _discard(journal)
+    text = "nothing was flown here; what was set on the autopilots is "
+    raise NotFlownError(text + ("put back" if done else "not put back"), could_fly=done)
+
+
+def _state_of(journal: Journal, setting: Setting, onlookers: Sequence[Onlooker]) -> State:
+    """Return what the journal knows, in a line for the operator, too; onlookers see its events."""
+    if journal.torn:
+        _LOG.info(f"{journal.path}: its last line was cut short, and is left out")
+    state = folded(setting, journal.events(), onlookers)
+    _LOG.info(
+        f"{journal.path.parent}: {len(journal)} events, mission time {state.t_s:.0f} s, "
+        f"{len(state.belief.roi)} ROI cells"
+    )
+    return state
 
 
 def _refuse_network(plan: FlightPlan, folder: Path) -> None:
@@ -252,20 +257,23 @@ def _refuse_network(plan: FlightPlan, folder: Path) -> None:
     check_network(plan.network)
 
 
-def _refuse_other_planner(journal: Journal, setting: Setting) -> None:
-    """Raise `JournalError` where a flight that does not stop would come out otherwise here."""
-    here = planner()
-    if setting.strategy.stops or journal.planner == here:
-        return
-    folder = journal.path.parent
-    remedy = "remove numba (`pip uninstall numba`)"
-    if here == PLAIN:
-        remedy = f"install numba (`{install_command('fast')}`)"
-    raise JournalError(
-        f"{folder}: the flight was planned by the {journal.planner} planner, and here it is "
-        f"{here}, which plans other paths; {remedy}, or `uavmap resume {folder} --from-home` "
-        "goes on without repeating the flight"
-    )
+def _refuse_repetition(journal: Journal, setting: Setting, state: State) -> None:
+    """Raise `JournalError` where a simulated flight would come out otherwise, or is over."""
+    here, folder = planner(), journal.path.parent
+    if not setting.strategy.stops and journal.planner != here:
+        remedy = "remove numba (`pip uninstall numba`)"
+        if here == PLAIN:
+            remedy = f"install numba (`{install_command('fast')}`)"
+        raise JournalError(
+            f"{folder}: the flight was planned by the {journal.planner} planner, and here it is "
+            f"{here}, which plans other paths; {remedy}, or `uavmap resume {folder} --from-home` "
+            "goes on without repeating the flight"
+        )
+    if state.over:
+        raise JournalError(
+            f"{folder}: the flight ended without completing its mission; "
+            f"`uavmap resume {folder} --from-home` sends the aircraft out again"
+        )
 
 
 def plan_of(journal: Journal) -> FlightPlan:

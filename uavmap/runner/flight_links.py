@@ -19,7 +19,7 @@ from uavmap.aircraft.cameras.source import FrameSource
 from uavmap.aircraft.cameras.spec import CameraSpec, parse_camera
 from uavmap.aircraft.imaging.http_pictures import PictureFetcher
 from uavmap.base import messages
-from uavmap.journal.flight_plan import MAVSDK, PYMAVLINK, FlightPlan
+from uavmap.journal.flight_plan import MAVSDK, FlightOptions
 from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.links.forwarding import Forwarding
 from uavmap.mavlink.links.key_file import signing_with
@@ -82,41 +82,22 @@ class _Line:
         return (*named, self.transport.peer_host or "")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkOptions:
-    """How the links of a flight are opened, besides their URLs."""
-
-    speedup: float = 1.0
-    driver: str = PYMAVLINK
-    key_file: str | None = None
-    onboard: bool = False
-    forward: tuple[str, ...] = ()
-
-    @classmethod
-    def of(cls, plan: FlightPlan) -> LinkOptions:
-        """As a plan has it."""
-        return cls(
-            speedup=plan.speedup or 1.0, driver=plan.driver, key_file=plan.key_file,
-            onboard=plan.onboard, forward=plan.forward,
-        )  # fmt: skip
-
-
 @contextlib.asynccontextmanager
 async def opened_links(
-    urls: Sequence[str],
-    options: LinkOptions,
+    options: FlightOptions,
     cameras: Sequence[CameraSpec],
     section: CameraSection,
     record: Callable[[bytes], None],
 ) -> AsyncIterator[list[Link]]:
-    """A link to every URL, in their order, open until the end of the context.
+    """Open a link to every URL of the options, in their order, until the end of the context.
 
     With the signing of a key, and with the ground stations of `forward` beside them. `cameras`
     are one a link, `section` what the mission file says of all of them. `record` is given every
     frame. Raises `LinkError` where a link or a camera cannot be opened.
     """
+    urls, speedup = options.urls, options.speedup or 1.0
     log = messages.bound("uavmap.mavlink").line
-    wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * options.speedup)
+    wait_s = max(ACK_WAIT_S, ACK_WAIT_WALL_S * speedup)
     lines = [_Line(parse_url(url), record, wait_s) for url in urls]
     forwarding = Forwarding(record)
     async with contextlib.AsyncExitStack() as stack:
@@ -124,9 +105,9 @@ async def opened_links(
         signing = stack.enter_context(signing_with(options.key_file))
         for url, line in zip(urls, lines, strict=True):
             if options.driver == MAVSDK:
-                speaks = partial(_log_of_link, log, url)
+                speaks = partial(log_with, log, url)
                 session = await stack.enter_async_context(
-                    opened_session(line.send, record, wait_s, speaks, options.speedup)
+                    opened_session(line.send, record, wait_s, speaks, speedup)
                 )
                 line.session, line.commands = session, MavsdkCommands(session)
             line.session.view.wanted_system = line.endpoint.system
@@ -138,20 +119,22 @@ async def opened_links(
         for shared in _by_port(lines).values():
             await _open(stack, shared, log)
         await stack.enter_async_context(forwarding.open(options.forward, log))
+        size_px = (section.width_px, section.height_px)
+        settings = Settings(size_px, section.interval_s, section.latency_s, mount_of(section))
         links: list[Link] = []
         for url, line, spec in zip(urls, lines, cameras, strict=True):
             fetch = PictureFetcher(partial(line.hosts, section.hosts))
             camera = await stack.enter_async_context(
-                opened_camera(spec, line.session, fetch, settings_of(section), log)
+                opened_camera(spec, line.session, fetch, settings, log)
             )
             links.append(Link(url, line.session, camera, line.commands))
         yield links
         _log_refused(lines, log)
 
 
-def _log_of_link(log: Callable[[str], None], url: str, text: str) -> None:
-    """Log a line about one link."""
-    log(f"{url}: {text}")
+def log_with(log: Callable[[str], None], name: str, text: str) -> None:
+    """Log a line about one link, or one vehicle."""
+    log(f"{name}: {text}")
 
 
 def check_urls(urls: Sequence[str]) -> None:
@@ -219,12 +202,6 @@ def _log_refused(lines: Sequence[_Line], log: Callable[[str], None]) -> None:
 def mount_of(camera: CameraSection) -> Mount:
     """How the camera of a mission file is fixed to its aircraft."""
     return Mount(camera.mounting == "fixed", camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
-
-
-def settings_of(camera: CameraSection) -> Settings:
-    """What a mission file says of its cameras."""
-    size_px = (camera.width_px, camera.height_px)
-    return Settings(size_px, camera.interval_s, camera.latency_s, mount_of(camera))
 
 
 def cameras_of(

@@ -25,12 +25,12 @@ from missions.mission.schema import Mission
 from missions.units import GridPoint, LatLon
 from uavmap.aircraft.cameras.spec import parse_camera
 from uavmap.base.clock import Clock, ScaledClock, VirtualClock, run
-from uavmap.journal.flight_plan import FlightPlan
+from uavmap.journal.flight_plan import PYMAVLINK, FlightPlan
 from uavmap.load.dem import with_lattice
 from uavmap.mavlink.autopilots import PX4
 from uavmap.mavlink.identity import answered
 from uavmap.mavlink.session import Message, Session
-from uavmap.runner.flight_links import LinkOptions, opened_links
+from uavmap.runner.flight_links import opened_links
 from uavmap.runner.preflight.examination import heartbeats
 
 LEAST_STEP_M: Final = 10.0
@@ -80,9 +80,9 @@ async def _simulated(
 
 
 async def _connected(plan: FlightPlan, mission: Mission) -> dict[str, Any]:
-    options = LinkOptions(speedup=plan.speedup or 1.0, key_file=plan.key_file, onboard=plan.onboard)
+    options = replace(plan, urls=plan.urls[:1], driver=PYMAVLINK, forward=())
     async with opened_links(
-        plan.urls[:1], options, [parse_camera("mavlink")], mission.camera, lambda frame: None
+        options, [parse_camera("mavlink")], mission.camera, lambda frame: None
     ) as (link,):
         beat = asyncio.ensure_future(heartbeats([link.session]))
         try:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from contextlib import AbstractAsyncContextManager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -65,9 +66,7 @@ if TYPE_CHECKING:
 
 _LOG: Final = logging.getLogger("uavmap.flight")
 KEEP_FRAMES: Final = "keep_frames"
-"""In the journal's meta: whether the pictures of the flight are kept
-(`uavmap.journal.kept_frames`).
-"""
+"""In the journal's meta: whether the pictures are kept (`uavmap.journal.kept_frames`)."""
 
 
 class Flight:
@@ -97,8 +96,8 @@ class Flight:
         found: Attachment | None = None,
     ) -> None:
         self._plan = plan
-        self._setting = setting
-        self._folder = folder
+        self.setting = setting
+        self.folder = folder
         self._journal = journal
         self._state = state
         self._company = company
@@ -109,16 +108,6 @@ class Flight:
         self._resumed = self._events_before > 0 and not again
         self._service: Service | None = None
         self.clock = MissionClock(state.t_s)
-
-    @property
-    def folder(self) -> Path:
-        """Where its journal and its results are."""
-        return self._folder
-
-    @property
-    def setting(self) -> Setting:
-        """The mission."""
-        return self._setting
 
     @property
     def state(self) -> State:
@@ -144,34 +133,34 @@ class Flight:
                 with patiently():
                     with contextlib.suppress(Exception):  # whatever else is wrong, that comes first
                         if len(self._journal):
-                            _LOG.info(f"to go on: uavmap resume {self._folder}")
+                            _LOG.info(f"to go on: uavmap resume {self.folder}")
                         if self._resumed and len(self._journal) == self._events_before:
-                            say_last_known(self._setting, self._state)
+                            say_last_known(self.setting, self._state)
                     if self._again or len(self._journal) > self._events_before:
-                        leave_map(lambda: self._write_results(None), failure, self._folder)
+                        leave_map(lambda: self._write_results(None), failure, self.folder)
                 raise
         return self._write_results(truth)
 
     def _flown(self) -> Truth | None:
         """Fly; returns what the simulator has watched, None for real aircraft."""
-        speedup = self._plan.speedup
+        speedup, caller = self._plan.speedup, self._company.caller
+        flight: Coroutine[Any, Any, Truth | None]
+        clock: Clock
         if self._plan.simulated:
-            return self._run(self._fly_simulated(), VirtualClock(speedup))
-        start_s = None if self._found is None else self._found.address.start_s
-        return self._run(self._fly_connected(), ScaledClock(speedup or 1.0, start_s))
-
-    def _run(self, flight: Coroutine[Any, Any, Truth | None], clock: Clock) -> Truth | None:
-        caller = self._company.caller
+            flight, clock = self._fly_simulated(), VirtualClock(speedup)
+        else:
+            start_s = None if self._found is None else self._found.address.start_s
+            flight, clock = self._fly_connected(), ScaledClock(speedup or 1.0, start_s)
         return run(flight if caller is None else caller.until_done(flight), clock)
 
     def _write_results(self, truth: Truth | None) -> dict[str, Any]:
-        return written_results(self._plan, self._setting, self._folder, self._journal, truth)
+        return written_results(self._plan, self.setting, self.folder, self._journal, truth)
 
     # --- links ------------------------------------------------------------------------------
     async def _fly_simulated(self) -> Truth:
         from uavmap.runner.simulation import Simulation  # noqa: PLC0415 - real aircraft need no simulator
 
-        world = Simulation(self._setting, self._plan.seed, start_s=self._state.t_s)
+        world = Simulation(self.setting, self._plan.seed, start_s=self._state.t_s)
         with self._log() as log:
             links = [_simulated(world, index, log) for index in range(len(world.names()))]
             async with asyncio.TaskGroup() as tasks:
@@ -183,29 +172,29 @@ class Flight:
     async def fly_member(self, world: Simulation, radio: SealedRadio) -> None:
         """Fly the one vehicle of this member in a world that others fly in, too."""
         with self._log() as log:
-            links = [_simulated(world, (self._setting.member or 1) - 1, log)]
+            links = [_simulated(world, (self.setting.member or 1) - 1, log)]
             await self._serve(self._here(links), radio)
 
     def _here(self, links: Sequence[Link]) -> Connection:
         """The simulated aircraft, in this process."""
         return lambda port, begin: in_this_process(
-            port, self._plan, self._setting, self._folder, links
+            port, self._plan, self.setting, self.folder, links
         )
 
     def _log(self) -> TlogWriter:
         return TlogWriter(
-            self._folder / TLOG,
+            self.folder / TLOG,
             lambda: self._plan.epoch_utc_s + self.clock.now_s(),
-            append=self._resumed and (self._folder / TLOG).exists(),
+            append=self._resumed and (self.folder / TLOG).exists(),
             say=messages.bound("uavmap.flight").line,
         )
 
     async def _fly_connected(self) -> None:
-        async with joined_fleet(self._plan, self._setting.mission, self._journal) as radio:
+        async with joined_fleet(self._plan, self.setting.mission, self._journal) as radio:
             connection = None
-            if self._setting.member != 0:
+            if self.setting.member != 0:
                 process = AircraftProcess(
-                    self._plan, self._folder, self._found, append=self._resumed
+                    self._plan, self.folder, self._found, append=self._resumed
                 )
                 connection = process.connected
             await self._serve(connection, radio)
@@ -223,23 +212,19 @@ class Flight:
         keeper = None
         if self._journal.meta.get(KEEP_FRAMES):
             say = messages.bound("uavmap.photos").line
-            keeper = FrameKeeper(self._folder, say, aside=real)
+            keeper = FrameKeeper(self.folder, say, aside=real)
         reports: asyncio.Queue[Event] = asyncio.Queue()
+        keepers = Keepers([*([keeper] if keeper else ()), *company.onlookers])
+        judge = judge_of(self.setting, keepers, recall=company.recall)
         port = Port(
-            numbers_of(self._setting), self.clock.now_s,
-            judge_of(
-                self._setting,
-                Keepers([*([keeper] if keeper else ()), *company.onlookers]),
-                recall=company.recall,
-            ),
-            reports.put_nowait, reports.join, crew.swap, Operator().ask,
+            numbers_of(self.setting), self.clock.now_s, judge, reports.put_nowait, reports.join,
+            crew.swap, Operator().ask,
         )  # fmt: skip
         marks = Marks(self._journal, lambda: read_clocks(port.since_boot_s)) if real else None
         member = None
         if radio is not None:
-            member = Member(
-                self._setting, radio.seal, radio.radio, self.clock.now_s, reports.put_nowait
-            )
+            report = reports.put_nowait
+            member = Member(self.setting, radio.seal, radio.radio, self.clock.now_s, report)
             member.remember(self._journal.events())
 
         def observe(event: Event, state: State) -> None:
@@ -250,43 +235,27 @@ class Flight:
             if member is not None:
                 member.observe(event, state)
             if crew.keeps_waiting and all_wait(state, crew.waiting):
-                _LOG.info(f"swap the batteries, then `uavmap resume {self._folder}` goes on")
+                _LOG.info(f"swap the batteries, then `uavmap resume {self.folder}` goes on")
                 service.stop()
 
-        setting, journal, state = self._setting, self._journal, self._state
+        parts = self.setting, self._journal
         if connection is not None or member is None:
-            service = Service(setting, journal, port, state, observe, reports)
+            service = Service(*parts, port, self._state, observe, reports)
         else:
-            service = GroundService(setting, journal, state, observe, reports, member.command)
+            service = GroundService(*parts, self._state, observe, reports, member.command)
         self._service = service
         for onlooker in company.onlookers:
-            onlooker.begin(self._setting, again=self._again)
+            onlooker.begin(self.setting, again=self._again)
         waits = not (crew.absent or self._plan.simulated or self._plan.auto_swap)
         begin = partial(self._begin, waits_on_ground=waits)
         try:
-            with contextlib.ExitStack() as hand:
-                if keeper is not None:
-                    hand.enter_context(keeper)
-                # a simulated flight just stops when it is interrupted: no aircraft is in the air
-                if real:
-                    hand.enter_context(interrupts(service, company.caller))
-                    if enter is not None:
-                        hand.enter_context(keyboard(Keys(service), enter))
-                    for onlooker in company.onlookers:
-                        hand.enter_context(onlooker.steering(service))
+            with self._hands(service, enter, keeper):
                 async with talking(member, may_leave=real):
                     if connection is None:
                         self._state = await self._fly(None, begin, service, member, crew)
                     else:
-                        async with connection(port, begin):
-                            try:
-                                self._state = await watched_over(
-                                    port, self._fly(port, begin, service, member, crew), leave=real
-                                )
-                            finally:
-                                # a simulated flight is flown again instead, event by event
-                                if real:  # and the aircraft may forget what was kept
-                                    service.keep_last_words()
+                        flying = self._fly(port, begin, service, member, crew)
+                        self._state = await self._watched(connection(port, begin), port, flying)
         finally:
             port.close()
             if member is not None:  # what the fleet has sent since
@@ -294,11 +263,44 @@ class Flight:
             for onlooker in company.onlookers:
                 onlooker.end()
 
+    @contextlib.contextmanager
+    def _hands(
+        self, service: Service, enter: EnterKey | None, keeper: FrameKeeper | None
+    ) -> Iterator[None]:
+        """Hear the operator, and keep pictures, in the context."""
+        with contextlib.ExitStack() as hand:
+            if keeper is not None:
+                hand.enter_context(keeper)
+            # a simulated flight just stops when it is interrupted: no aircraft is in the air
+            if not self._plan.simulated:
+                hand.enter_context(interrupts(service, self._company.caller))
+                if enter is not None:
+                    hand.enter_context(keyboard(Keys(service), enter))
+                for onlooker in self._company.onlookers:
+                    hand.enter_context(onlooker.steering(service))
+            yield
+
+    async def _watched(
+        self,
+        connected: AbstractAsyncContextManager[None],
+        port: Port,
+        flying: Coroutine[Any, Any, State],
+    ) -> State:
+        """Fly with aircraft, whose guardians go on until all are down."""
+        real = not self._plan.simulated
+        async with connected:
+            try:
+                return await watched_over(port, flying, leave=real)
+            finally:
+                # a simulated flight is flown again instead, event by event
+                if real and self._service is not None:  # and the aircraft may forget what was kept
+                    self._service.keep_last_words()
+
     def _begin(self, *, waits_on_ground: bool) -> Begin:
         """What the aircraft have to know of the journal and the operator before they answer."""
         company, before = self._company, {}
         begun = self._resumed or (self._service is not None and self._service.begun)
-        for number in numbers_of(self._setting):
+        for number in numbers_of(self.setting):
             left = self.state.vehicles[number]
             flew = not left.landed or isinstance(left.order, TakeOff)
             before[number] = Before(
@@ -307,15 +309,10 @@ class Flight:
             )
         # aircraft that are found again are asked nothing
         asked = (
-            None if company.preflight is None or begun else company.preflight.asked(self._setting)
+            None if company.preflight is None or begun else company.preflight.asked(self.setting)
         )
-        return Begin(
-            self.clock.start_s,
-            before,
-            asked,
-            kept_fence(self._journal.meta),
-            waits_on_ground,
-        )
+        kept = kept_fence(self._journal.meta)
+        return Begin(self.clock.start_s, before, asked, kept, waits_on_ground)
 
     async def _fly(
         self,
@@ -328,10 +325,10 @@ class Flight:
         pad = None
         if port is not None:
             ready = await port.begun(begin())
-            pad = ready.pads.get(self._setting.member or 0)
-            crew.doubt(doubts(self._journal.events(), ready.standing, self._setting.grid))
+            pad = ready.pads.get(self.setting.member or 0)
+            crew.doubt(doubts(self._journal.events(), ready.standing, self.setting.grid))
             if ready.start_s is not None:
-                self.clock.set_start(ready.start_s)
+                self.clock.start_s = ready.start_s
             elif self._resumed and not self._plan.simulated:
                 await self._settle_time(read_clocks(port.since_boot_s))
         if member is not None:
@@ -358,7 +355,7 @@ class Flight:
             clocks,
             epoch_utc_s=self._plan.epoch_utc_s,
             speedup=self._plan.speedup or 1.0,
-            drift_m_s=self._setting.mission.drift.speed_m_s,
+            drift_m_s=self.setting.mission.drift.speed_m_s,
         )
         self.clock.set(await asyncio.to_thread(taken_up_at, found, _LOG.info, self._company.ask))
 
@@ -368,12 +365,12 @@ class Flight:
         # on a clock that runs fast, the others' processes begin as late as on a slow one
         wait_s = AGREE_S * (1.0 if self._plan.simulated else max(self._plan.speedup or 1.0, 1.0))
         by_s = await member.agree(wait_s, pad)
-        heights = pad_heights(self._setting, member.pads) if pad is not None else {}
+        heights = pad_heights(self.setting, member.pads) if pad is not None else {}
         if wrong := [replace(f, vehicle=n) for n, f in heights.items() if f.binding]:
             raise PreflightError("\n".join(["not flown:", *(f.line() for f in wrong)]))
         if self._resumed:  # what the journal holds was before
             by_s = max(by_s, self._state.t_s - self.clock.now_s())
-        self.clock.shift(by_s)
+        self.clock.start_s += by_s
         member.clock_moved(by_s)
         if not member.peers:
             _LOG.info(f"nobody of the fleet was heard in {wait_s:.0f} s: it flies alone")

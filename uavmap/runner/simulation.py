@@ -11,7 +11,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -35,7 +35,15 @@ from sitl.world.world import Patch
 from uavmap.mavlink.session import Session
 
 STEP_S = 0.05
+serve_vehicles: Final = serve
+setup_without_mission: Final = Setup
+"""What `uavmap sitl` needs, through this door."""
 _LOOK_EVERY_STEPS = 2
+_SAME: Final = {
+    *("roi_intensity", "ground_intensity", "texture", "sensor_noise", "illumination", "gust_m_s"),
+    *("gps_sigma_m", "gps_tau_s", "optical_flow", "odometry_drift"),
+}
+"""Keys of a mission's [sim] that the simulator knows by the same names."""
 
 
 def setup_of(
@@ -62,7 +70,6 @@ def setup_of(
         seed=seed,
         wind_speed_m_s=mission.wind.speed_m_s,
         wind_from_deg=mission.wind.from_deg,
-        gust_m_s=sim.gust_m_s,
         patches=tuple(
             Patch(
                 drifted(positions(region.polygon)),
@@ -72,11 +79,6 @@ def setup_of(
         ),
         drift_speed_m_s=mission.drift.speed_m_s,
         drift_toward_deg=mission.drift.toward_deg,
-        roi_intensity=sim.roi_intensity,
-        ground_intensity=sim.ground_intensity,
-        texture=sim.texture,
-        sensor_noise=sim.sensor_noise,
-        illumination=sim.illumination,
         camera=CameraSpec(
             hfov_deg=mission.camera.hfov_deg,
             width_px=mission.camera.width_px,
@@ -89,10 +91,6 @@ def setup_of(
         battery_wh=mission.battery.capacity_wh,
         hover_power_w=mission.battery.hover_power_w,
         swap_after_s=sim.swap_s,
-        gps_sigma_m=sim.gps_sigma_m,
-        gps_tau_s=sim.gps_tau_s,
-        optical_flow=sim.optical_flow,
-        odometry_drift=sim.odometry_drift,
         quirks=Quirks(**sim.quirks.model_dump()),
         parameters={
             **_return_height(mission, autopilot or sim.autopilot),
@@ -102,6 +100,7 @@ def setup_of(
         relief=relief,
         tag_m=_tag_m(mission),
         tag_dictionary=sim.tag_dictionary or mission.navigation.tag_dictionary,
+        **sim.model_dump(include=_SAME),
     )
 
 
@@ -308,31 +307,6 @@ class Simulation:
             if steps % _LOOK_EVERY_STEPS == 0:
                 self.truth.watch(self._vehicles, self._setting)
             await asyncio.sleep(start_s + (steps + 1) * STEP_S - loop.time())
-
-
-def setup_without_mission(**fields: Any) -> Setup:
-    """A simulation without a mission, by the fields of `sitl.scenario.Setup`; `UavmapError`."""
-    return Setup(**fields)
-
-
-async def serve_vehicles(
-    vehicles: Sequence[SimVehicle],
-    *,
-    speedup: float,
-    tcp: bool,
-    base_port: int | None,
-    http_port: int,
-    on_ready: Callable[[list[str]], None],
-) -> None:
-    """Simulated aircraft on loopback sockets, until cancelled."""
-    await serve(
-        vehicles,
-        speedup=speedup,
-        transport="tcp" if tcp else "udp",
-        base_port=base_port,
-        http_port=http_port,
-        on_ready=on_ready,
-    )
 
 
 def pictures_at(http_port: int) -> str:

@@ -26,7 +26,7 @@ from uavmap.base.clock import WINDOW_WALL_S, ClockRate
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.journal.kept_frames import Keeper
 from uavmap.mavlink.identity import same_aircraft
-from uavmap.runner.flight_links import Link, mount_of
+from uavmap.runner.flight_links import Link, log_with, mount_of
 from vision.detectors import Detector
 
 _LOG: Final = logging.getLogger("uavmap.flight")
@@ -86,7 +86,7 @@ def vehicles_of(
     for number, link in zip(numbers_of(setting), links, strict=True):
         view = link.session.view
         view.expect_near(setting.mission.home)
-        view.gate.say = partial(_log_of, host.line, number)
+        view.gate.say = partial(log_with, host.line, f"vehicle {number}")
         poses = Poses(link.session, mount_of(setting.mission.camera), setting.grid)
         if isinstance(link.camera, LocalSource):  # which tells no pose
             poses.need_telemetry()
@@ -124,11 +124,6 @@ def _blind_without(setting: Setting) -> Detector | None:
         _LOG.info(f"{error}; the aircraft are brought home without it")
         return Blind()
     return None
-
-
-def _log_of(log: Callable[[str], None], number: int, text: str) -> None:
-    """Log a line about one vehicle."""
-    log(f"vehicle {number}: {text}")
 
 
 def each_its_own(vehicles: Mapping[int, MavlinkVehicle]) -> None:

@@ -69,15 +69,13 @@ class Operator:
         """Whether nobody will ever answer."""
         return self._stream is None or not self._stream.isatty()
 
-    async def agrees(self, question: str) -> bool:
-        """Ask, and wait for a line; whether it is a yes."""
+    async def ask(self, question: str) -> bool | None:
+        """Ask, and wait for a line: whether it is a yes; None where nobody will ever answer."""
+        if self.absent:
+            return None
         forget_typed(self._stream)
         _PREFLIGHT.info(question)
         return (await read_line(self._stream)).strip().lower() in ("y", "yes")
-
-    async def ask(self, question: str) -> bool | None:
-        """Ask as `agrees` does; None where nobody will ever answer."""
-        return None if self.absent else await self.agrees(question)
 
     async def entered(self) -> bool:
         """Wait for a line; False when the terminal is gone."""

@@ -23,83 +23,18 @@ from uavmap.mavlink.parameters import Parameters
 from uavmap.mavlink.session import Session
 from uavmap.runner.preflight.autopilot_parameters import names_of, parameter_findings
 from uavmap.runner.preflight.finding import Finding, bad, of_vehicle, ok, warn
-from uavmap.runner.preflight.vehicle_check import Listener, Measured, state_findings
+from uavmap.runner.preflight.vehicle_check import Measurement, state_findings
 from vision.detectors import Detector
 from vision.plausible import implausible
 
+PICTURES: Final = "test-picture-{}.png"
+HEARTBEAT_S: Final = 1.0
 PICTURE_S: Final = 8.0
 """So long a picture that was ordered is waited for."""
 _MARK = np.array([0, 0, 255], np.uint8)  # red, as OpenCV has it
 _REMEDY: Final = (
     "is the camera's program running, on the same link and with the vehicle's system id?"
 )
-
-
-async def camera_finding(
-    source: FrameSource,
-    detector: Detector,
-    size_px: tuple[int, int],
-    overlay: Path,
-    *,
-    interval_s: float,
-    patience_s: float = PICTURE_S,
-    noiseless: bool = False,
-) -> Finding:
-    """Take a picture, judge it, and save it with the detector's marks as a PNG at `overlay`."""
-    try:
-        picture = await _picture(source, interval_s, patience_s)
-        image = decoded(await picture.load(), picture.name, size_px)
-    except (LinkError, ImageError) as error:
-        return bad(
-            "camera", printable(str(error)), f"a picture of {size_px[0]} x {size_px[1]} px",
-            _REMEDY, binding=True,
-        )  # fmt: skip
-    mask = detector.mask(image)
-    share = float(np.count_nonzero(mask)) / mask.size
-    found = (
-        f"a picture of {size_px[0]} x {size_px[1]} px; the detector {detector.name} marks "
-        f"{100 * share:.0f} % of it"
-    )
-    try:
-        overlay.parent.mkdir(parents=True, exist_ok=True)
-        write_bytes(overlay, _drawn_over(image, mask))
-        found += f" ({overlay})"
-    except OSError as error:
-        found += f" ({overlay} cannot be written: {error.strerror})"
-    if reason := implausible(image, noiseless=noiseless):
-        return warn(
-            "camera", f"{found}; {reason}", "a picture of the ground",
-            "take the lens cap off; lying on the ground it may see nothing",
-        )  # fmt: skip
-    return ok("camera", found)
-
-
-async def _picture(source: FrameSource, interval_s: float, patience_s: float) -> Announcement:
-    """Have one picture taken. Raises `LinkError`."""
-    first: asyncio.Future[Announcement] = asyncio.get_running_loop().create_future()
-    source.listen(lambda picture: None if first.done() else first.set_result(picture))
-    source.uncertain()
-    await source.start(interval_s, 1, first.done)
-    try:
-        async with asyncio.timeout(patience_s):
-            return await first
-    except TimeoutError:
-        raise LinkError("the camera was told to take a picture, and none came") from None
-    finally:
-        source.stop()
-
-
-def _drawn_over(image: NDArray[np.uint8], mask: NDArray[np.uint8]) -> bytes:
-    """The picture with what the detector marks in red, as PNG."""
-    drawn = image.copy()
-    marked = mask > 0
-    drawn[marked] = (drawn[marked] // 2 + _MARK // 2).astype(np.uint8)
-    _, data = cv2.imencode(".png", drawn)
-    return bytes(data)
-
-
-PICTURES: Final = "test-picture-{}.png"
-HEARTBEAT_S: Final = 1.0
 
 
 async def heartbeats(sessions: Sequence[Session]) -> None:
@@ -133,12 +68,13 @@ class Examination:
         self._number = number
         self._session = session
         self._camera = camera
-        self._listener = Listener(session)
+        self._measurement = Measurement(session)
         self._parameters = Parameters(session)
 
     async def vehicle(self, setting: Setting | None) -> list[Finding]:
         """Link, state, battery, failsafes; without a mission what can be told without."""
-        measured: Measured = await self._listener.measure()
+        measured = self._measurement
+        await measured.measure()
         view = self._session.view
         parameters = await self._parameters.read_many(names_of(view.kind, setting))
         found = state_findings(view, measured, setting, self._number)
@@ -146,15 +82,55 @@ class Examination:
         return of_vehicle(self._number, [*found, *told])
 
     async def camera(self, setting: Setting, detector: Detector, folder: Path) -> list[Finding]:
-        """A test picture."""
-        optics, camera = setting.mission.camera.optics, setting.mission.camera
-        found = await camera_finding(
-            self._camera,
-            detector,
-            (optics.width_px, optics.height_px),
-            folder / PICTURES.format(self._number),
-            interval_s=camera.interval_s,
-            patience_s=max(PICTURE_S, 4 * self._session.ack_wait_s),
-            noiseless=camera.noiseless,
+        """Take a picture, judge it, and save it with the detector's marks as a PNG in a folder."""
+        camera, optics = setting.mission.camera, setting.mission.camera.optics
+        size_px = (optics.width_px, optics.height_px)
+        patience_s = max(PICTURE_S, 4 * self._session.ack_wait_s)
+        try:
+            picture = await _picture(self._camera, camera.interval_s, patience_s)
+            image = decoded(await picture.load(), picture.name, size_px)
+        except (LinkError, ImageError) as error:
+            wanted = f"a picture of {size_px[0]} x {size_px[1]} px"
+            found = bad("camera", printable(str(error)), wanted, _REMEDY, binding=True)
+            return of_vehicle(self._number, [found])
+        mask = detector.mask(image)
+        overlay = folder / PICTURES.format(self._number)
+        text = (
+            f"a picture of {size_px[0]} x {size_px[1]} px; the detector {detector.name} marks "
+            f"{100 * float(np.count_nonzero(mask)) / mask.size:.0f} % of it"
         )
+        try:
+            overlay.parent.mkdir(parents=True, exist_ok=True)
+            write_bytes(overlay, _drawn_over(image, mask))
+            text += f" ({overlay})"
+        except OSError as error:
+            text += f" ({overlay} cannot be written: {error.strerror})"
+        found = ok("camera", text)
+        if reason := implausible(image, noiseless=camera.noiseless):
+            remedy = "take the lens cap off; lying on the ground it may see nothing"
+            found = warn("camera", f"{text}; {reason}", "a picture of the ground", remedy)
         return of_vehicle(self._number, [found])
+
+
+async def _picture(source: FrameSource, interval_s: float, patience_s: float) -> Announcement:
+    """Have one picture taken. Raises `LinkError`."""
+    first: asyncio.Future[Announcement] = asyncio.get_running_loop().create_future()
+    source.listen(lambda picture: None if first.done() else first.set_result(picture))
+    source.uncertain()
+    await source.start(interval_s, 1, first.done)
+    try:
+        async with asyncio.timeout(patience_s):
+            return await first
+    except TimeoutError:
+        raise LinkError("the camera was told to take a picture, and none came") from None
+    finally:
+        source.stop()
+
+
+def _drawn_over(image: NDArray[np.uint8], mask: NDArray[np.uint8]) -> bytes:
+    """The picture with what the detector marks in red, as PNG."""
+    drawn = image.copy()
+    marked = mask > 0
+    drawn[marked] = (drawn[marked] // 2 + _MARK // 2).astype(np.uint8)
+    _, data = cv2.imencode(".png", drawn)
+    return bytes(data)

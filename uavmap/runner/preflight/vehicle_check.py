@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -29,37 +28,32 @@ _NS: Final = 1e9
 _NO_VOLTAGE_MV: Final = 65_535
 
 
-@dataclass(frozen=True, slots=True)
-class Measured:
-    """What a few seconds of listening have told."""
-
-    frames_hz: float
-    """Frames of the autopilot that arrived."""
-    lost_share: float
-    """0 to 1: of the autopilot's frames, those whose number is missing."""
-    round_trip_s: float | None
-    """The median of some answers to TIMESYNC; None where none came."""
-    fix: Message | None
-    """The last GPS_RAW_INT."""
-    volts: float | None
-    """Of the battery, as SYS_STATUS has it."""
-    version: str
-    """Of the autopilot's firmware; empty where it was not told."""
-
-
-class Listener:
-    """Listens to a session; make one early, for it only knows what was said since."""
+class Measurement:
+    """What is measured over a session; make one early, for it only knows what was said since."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._fix: Message | None = None
-        self._volts: float | None = None
-        self._version = ""
+        self.frames_hz = 0.0
+        """Frames of the autopilot that arrived."""
+        self.lost_share = 0.0
+        """0 to 1: of the autopilot's frames, those whose number is missing."""
+        self.fix: Message | None = None
+        """The last GPS_RAW_INT."""
+        self.volts: float | None = None
+        """Of the battery, as SYS_STATUS has it."""
+        self.version = ""
+        """Of the autopilot's firmware; empty where it was not told."""
         self._sent_ns: dict[int, float] = {}
         self._trips_s: list[float] = []
         session.listen(self._on_message)
 
-    async def measure(self, seconds: float = MEASURE_S) -> Measured:
+    @property
+    def round_trip_s(self) -> float | None:
+        """The median of some answers to TIMESYNC; None where none came."""
+        trips_s = sorted(self._trips_s)
+        return trips_s[len(trips_s) // 2] if trips_s else None
+
+    async def measure(self, seconds: float = MEASURE_S) -> None:
         """Listen for a while, and ask for what does not come by itself.
 
         What the findings judge is waited for a little longer: telemetry that begins late, over a
@@ -81,28 +75,21 @@ class Listener:
             await session.until(self._all_told, seconds / PINGS)
         heard_after, missing_after = session.losses.counts(sender)
         heard, missing = heard_after - heard, missing_after - missing
-        trips_s = sorted(self._trips_s)
-        return Measured(
-            frames_hz=heard / max(loop.time() - begin_s, 1e-6),
-            lost_share=missing / max(heard + missing, 1),
-            round_trip_s=trips_s[len(trips_s) // 2] if trips_s else None,
-            fix=self._fix,
-            volts=self._volts,
-            version=self._version,
-        )
+        self.frames_hz = heard / max(loop.time() - begin_s, 1e-6)
+        self.lost_share = missing / max(heard + missing, 1)
 
     def _ask(self) -> None:
         """For what does not come by itself, or was told before it was good."""
-        if not _fixed(self._fix):
+        if not _fixed(self.fix):
             self._session.request(mav.MAVLINK_MSG_ID_GPS_RAW_INT)
-        if not self._version or self._session.view.identity is None:
+        if not self.version or self._session.view.identity is None:
             self._session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
 
     def _all_told(self) -> bool:
         """Fix, estimator, place and battery: without them a vehicle counts as not able to fly."""
         view = self._session.view
         return (
-            _fixed(self._fix)
+            _fixed(self.fix)
             and bool(view.ekf_flags & EKF_ABSOLUTE)
             and view.position is not None
             and (view.battery_percent is not None or view.energy_consumed_j is not None)
@@ -117,11 +104,11 @@ class Listener:
     def _on_message(self, message: Message) -> None:
         name = message.get_type()
         if name == "GPS_RAW_INT":
-            self._fix = message
+            self.fix = message
         elif name == "SYS_STATUS" and 0 < message.voltage_battery < _NO_VOLTAGE_MV:
-            self._volts = message.voltage_battery / 1000.0
+            self.volts = message.voltage_battery / 1000.0
         elif name == "AUTOPILOT_VERSION":
-            self._version = _version(message.flight_sw_version)
+            self.version = _version(message.flight_sw_version)
         elif name == "TIMESYNC" and message.tc1 != 0:
             sent_s = self._sent_ns.pop(message.ts1, None)
             if sent_s is not None:
@@ -158,7 +145,7 @@ _FIXES: Final = {
 
 
 def state_findings(
-    view: VehicleView, measured: Measured, setting: Setting | None, number: int
+    view: VehicleView, measured: Measurement, setting: Setting | None, number: int
 ) -> Iterator[Finding]:
     """All that can be told without parameters, of the vehicle `number` (from 1)."""
     yield _autopilot(view, measured)
@@ -170,7 +157,7 @@ def state_findings(
         yield from _place(view, setting, number)
 
 
-def _autopilot(view: VehicleView, measured: Measured) -> Finding:
+def _autopilot(view: VehicleView, measured: Measurement) -> Finding:
     version = f" {measured.version}" if measured.version else ""
     simulated = ", the bundled simulator" if view.is_simulator else ""
     armed = ", armed" if view.armed else ""
@@ -185,7 +172,7 @@ def _autopilot(view: VehicleView, measured: Measured) -> Finding:
     return ok("autopilot", found)
 
 
-def _link(measured: Measured) -> Iterator[Finding]:
+def _link(measured: Measurement) -> Iterator[Finding]:
     lost = measured.lost_share
     found = f"{measured.frames_hz:.0f} frames a second, {100.0 * lost:.1f} % lost"
     trip_s = measured.round_trip_s
@@ -206,7 +193,7 @@ def _link(measured: Measured) -> Iterator[Finding]:
         yield ok("link", found)
 
 
-def _fix(measured: Measured) -> Iterator[Finding]:
+def _fix(measured: Measurement) -> Iterator[Finding]:
     fix = measured.fix
     if fix is None:
         yield warn("GPS", "not told (GPS_RAW_INT)", "a 3D fix", "look at it in a ground station")

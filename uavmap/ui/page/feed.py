@@ -159,11 +159,6 @@ class Feed:
             self.dead = True
         return self._lines.of(piece)
 
-    @property
-    def pid(self) -> int:
-        """The number of its process on this machine."""
-        return self._child.process.pid
-
     # --- over ------------------------------------------------------------------------------
     def close(self) -> None:
         """End it; what it was told last it still takes in, if it is quick."""

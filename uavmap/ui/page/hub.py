@@ -79,34 +79,28 @@ class Hub:
         self.answers: dict[str, asyncio.Future[str]] = {}
         self._frames = Path(config["frames"]) if config.get("frames") else None
         self._pictures: dict[str, bytes] = {}
-        self._news = asyncio.Event()
+        self.news = asyncio.Event()
+        """Set when something is new; then it is another event."""
         self._present: set[object] = set()
-        self._nobody = asyncio.Event()
-        self._nobody.set()
+        self.nobody = asyncio.Event()
+        """Set while no browser is left that has to be told something."""
+        self.nobody.set()
 
     def enter(self, visitor: object) -> None:
         """A browser is there, and is told what is new."""
         self._present.add(visitor)
-        self._nobody.clear()
+        self.nobody.clear()
 
     def leave(self, visitor: object) -> None:
         """It is gone, or knows that nothing more will come."""
         self._present.discard(visitor)
         if not self._present:
-            self._nobody.set()
-
-    async def nobody(self) -> None:
-        """Wait until no browser is left that has to be told something."""
-        await self._nobody.wait()
-
-    async def news(self) -> None:
-        """Wait until something is new."""
-        await self._news.wait()
+            self.nobody.set()
 
     def wake(self) -> None:
         """Something is new."""
-        self._news.set()
-        self._news = asyncio.Event()
+        self.news.set()
+        self.news = asyncio.Event()
 
     async def take(self, words: Words, data: bytes) -> None:
         """Take in a message of the flight (`uavmap.ui.page.page_pipe`)."""

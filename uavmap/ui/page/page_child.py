@@ -71,7 +71,7 @@ async def _listen(hub: Hub, reader: asyncio.StreamReader) -> None:
     hub.ended = hub.ended or DIED
     hub.wake()
     with contextlib.suppress(TimeoutError):
-        await asyncio.wait_for(hub.nobody(), LAST_S)
+        await asyncio.wait_for(hub.nobody.wait(), LAST_S)
 
 
 if __name__ == "__main__":

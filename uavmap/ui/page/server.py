@@ -228,7 +228,7 @@ class Visitor:
         version, scene, shown = 0, None, None
         while not client.is_deleted:
             if self._hub.scene is None and not self._hub.ended:
-                await self._hub.news()
+                await self._hub.news.wait()
                 continue
             ended = self._hub.ended
             try:
@@ -273,7 +273,7 @@ class Visitor:
             if self._changed.is_set() or self._hub.ended:
                 break
             waits = [
-                asyncio.ensure_future(self._hub.news()),
+                asyncio.ensure_future(self._hub.news.wait()),
                 asyncio.ensure_future(self._changed.wait()),
             ]
             _, pending = await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)

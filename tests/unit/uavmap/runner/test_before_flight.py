@@ -221,11 +221,9 @@ def test_only_a_yes_is_a_yes(typed: str, answer: bool) -> None:
     ours, theirs = pty.openpty()
     with os.fdopen(theirs, "r") as stream:
 
-        async def main() -> bool:
-            operator = Operator(stream)
-            assert not operator.absent
+        async def main() -> bool | None:
             with shown_on(Answers()):
-                return await operator.agrees("fly? [y/N]")
+                return await Operator(stream).ask("fly? [y/N]")
 
         class Answers:
             def show(self, text: str) -> None:

@@ -20,8 +20,9 @@ from uavmap.base.clock import ScaledClock
 from uavmap.base.clock import run as run_on
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
+from uavmap.journal.flight_plan import FlightOptions
 from uavmap.load.mission_source import load, shipped_missions
-from uavmap.runner.flight_links import Link, LinkOptions, cameras_of, check_urls, opened_links
+from uavmap.runner.flight_links import Link, cameras_of, check_urls, opened_links
 from uavmap.runner.preflight.autopilot_fence import outside_m
 from uavmap.runner.preflight.autopilot_setup import AutopilotSetup
 from uavmap.runner.preflight.computer_check import ComputerSpeed, computer_findings, installation
@@ -72,7 +73,9 @@ def run(options: argparse.Namespace) -> int:
     """Look."""
     urls, folder = tuple(options.connect or ()), Path(options.out)
     check_urls(urls)
-    links = LinkOptions(speedup=options.speedup or 1.0, key_file=key_file(options))
+    links = FlightOptions(
+        mission_source="", urls=urls, speedup=options.speedup, key_file=key_file(options)
+    )
     setting = _setting(options.mission, len(urls))
     cameras = _cameras(tuple(options.camera or ()), setting, len(urls))
     found = list(installation(folder))
@@ -85,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
     if urls:
         clock = ScaledClock(options.speedup or 1.0)
         seen: list[Finding] = []
-        run_on(_vehicles(urls, links, cameras, setting, folder, seen), clock)
+        run_on(_vehicles(links, cameras, setting, folder, seen), clock)
         found += seen
         if not options.json:
             _print(seen)
@@ -129,8 +132,7 @@ def _print(found: Sequence[Finding]) -> None:
 
 
 async def _vehicles(
-    urls: Sequence[str],
-    options: LinkOptions,
+    options: FlightOptions,
     cameras: Sequence[CameraSpec],
     setting: Setting | None,
     folder: Path,
@@ -140,7 +142,7 @@ async def _vehicles(
     async with contextlib.AsyncExitStack() as stack:
         stack.enter_context(shown_on(Terminal()))
         links = await stack.enter_async_context(
-            opened_links(urls, options, cameras, section, lambda frame: None)
+            opened_links(options, cameras, section, lambda frame: None)
         )
         for link in links:
             if setting is not None:

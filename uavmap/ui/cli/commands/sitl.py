@@ -15,6 +15,7 @@ from missions.errors import LinkError, UavmapError
 from missions.mission.checks import check
 from missions.mission.fleet_checks import with_vehicles
 from uavmap.load.mission_source import load
+from uavmap.runner import simulation
 from uavmap.ui.cli.common import epsg_code, pair, port_number, seed_number, speedup, vehicle_count
 
 EXAMPLES: Final = """\
@@ -79,8 +80,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Serve until Ctrl-C."""
-    from uavmap.runner import simulation  # noqa: PLC0415 - real flights need none of it
-
     without = [name for name in _WITHOUT_MISSION if getattr(options, name) is not None]
     if without and options.mission is not None:
         raise UavmapError(f"--{without[0].replace('_', '-')} is for a simulation without --mission")
@@ -96,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
         await simulation.serve_vehicles(
             made(),
             speedup=options.speedup,
-            tcp=options.tcp,
+            transport="tcp" if options.tcp else "udp",
             base_port=options.port,
             http_port=options.http_port,
             on_ready=lambda urls: _tell(options, urls),
@@ -114,8 +113,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _by_mission(options: argparse.Namespace) -> Callable[[], Sequence[Any]]:
-    from uavmap.runner import simulation  # noqa: PLC0415 - real flights need none of it
-
     if options.autopilot is not None:  # says what it thinks of the flavour
         simulation.setup_without_mission(autopilot=options.autopilot)
     name = options.mission or "runway"
@@ -131,8 +128,6 @@ def _by_mission(options: argparse.Namespace) -> Callable[[], Sequence[Any]]:
 
 def _by_home(options: argparse.Namespace) -> Callable[[], Sequence[Any]]:
     """Vehicles over an empty meadow, or over what some files say."""
-    from uavmap.runner import simulation  # noqa: PLC0415 - real flights need none of it
-
     speed_m_s, from_deg = 0.0, 0.0
     if options.wind is not None:
         expected = "SPEED,FROM in m/s and degrees, such as 6,270"

@@ -33,7 +33,7 @@ from uavmap.mavlink.links.transports import MOST_UNSENT as MOST_UNSENT_TCP
 from uavmap.mavlink.links.transports import open_transport
 from uavmap.mavlink.links.urls import parse_url
 from uavmap.mavlink.session import GROUND_SYSTEM_ID, Session
-from uavmap.runner.flight_links import Link, LinkOptions, check_urls, opened_links, refuse_rivals
+from uavmap.runner.flight_links import Link, check_urls, opened_links, refuse_rivals
 
 LOOPBACK = "127.0.0.1"
 
@@ -114,7 +114,7 @@ def links_of(
 ) -> contextlib.AbstractAsyncContextManager[list[Link]]:
     """The links of a plan, each with a MAVLink camera."""
     cameras = [parse_camera("mavlink")] * len(flown.urls)
-    return opened_links(flown.urls, LinkOptions.of(flown), cameras, CameraSection(), record)
+    return opened_links(flown, cameras, CameraSection(), record)
 
 
 def sockets(count: int) -> list[socket.socket]:

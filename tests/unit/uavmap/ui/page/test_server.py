@@ -218,7 +218,7 @@ async def test_everybody_is_told_the_end() -> None:
     """Before the page's process ends, which it does at once then."""
     hub = Hub({"title": "x"})
     hub.enter("a browser")
-    waiting = asyncio.create_task(hub.nobody())
+    waiting = asyncio.create_task(hub.nobody.wait())
     await hub.take({"kind": "ended", "text": "over"}, b"")
     await asyncio.sleep(0)
     assert not waiting.done()
@@ -230,7 +230,7 @@ async def test_everybody_is_told_the_end() -> None:
 def test_a_page_that_is_killed_is_told_once_and_orders_nothing(flight: Flight) -> None:
     """The last one: this page is gone then."""
     feed = flight.feed
-    os.kill(feed.pid, signal.SIGKILL)
+    os.kill(feed._child.process.pid, signal.SIGKILL)
     while not feed.dead:
         select.select([feed.orders_file], [], [], PATIENCE_S)
         assert feed.orders() == []
