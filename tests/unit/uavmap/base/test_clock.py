@@ -10,7 +10,7 @@ from collections.abc import Callable
 import pytest
 
 from tests.support.running import by, on_virtual_time
-from uavmap.base.clock import Clock, ScaledClock, VirtualClock, run
+from uavmap.base.clock import Clock, ClockRate, ScaledClock, VirtualClock, run
 
 
 async def at_s(delay_s: float) -> float:
@@ -166,3 +166,31 @@ def test_what_a_run_leaves_behind_is_cancelled_and_errors_come_out() -> None:
     with pytest.raises(ZeroDivisionError):
         run(main(), VirtualClock())
     assert seen == ["cancelled"]
+
+
+# --- the pace of a vehicle's time ------------------------------------------------------------
+def said(rate: float, speedup: float = 1.0, seconds: int = 60) -> list[str]:
+    clock = ClockRate(10.0 * speedup, speedup)
+    steps = range(int(seconds * speedup))
+    return [text for t in steps if (text := clock.take(float(t), 1000.0 + rate * t))]
+
+
+@pytest.mark.parametrize("rate", [0.7, 0.8, 1.0, 1.3])
+def test_a_busy_machine_is_not_a_wrong_speedup(rate: float) -> None:
+    assert said(rate) == []
+
+
+@pytest.mark.parametrize(
+    ("speedup", "rate", "meant"), [(1.0, 10.0, "10"), (10.0, 0.3, "3"), (10.0, 0.1, "1")]
+)
+def test_a_wrong_speedup_is_said_once_with_the_right_one(
+    speedup: float, rate: float, meant: str
+) -> None:
+    (text,) = said(rate, speedup)
+    assert f"--speedup {meant} meant" in text
+
+
+def test_a_restart_is_no_pace() -> None:
+    clock = ClockRate(10.0, 1.0)
+    times = [*range(20), *range(3), *range(3, 40)]
+    assert not any(clock.take(float(t), float(boot)) for t, boot in enumerate(times))

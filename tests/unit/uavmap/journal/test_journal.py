@@ -117,15 +117,6 @@ def test_there_is_no_journal(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(
-    "data", [b"", b"x", b"notes\n" * 50, b"{}\n", bytes(4096), b"SQLite format 3\0" + bytes(99)]
-)
-def test_foreign_file(tmp_path: Path, data: bytes) -> None:
-    path = tmp_path / "journal.jsonl"
-    path.write_bytes(data)
-    assert_refused_untouched(path, "is not a journal of uavmap")
-
-
 def test_another_format(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(event_log, "FORMAT", 2)
     assert_refused_untouched(path, "has journal format 1, this program knows 2")

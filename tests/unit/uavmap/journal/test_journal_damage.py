@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from missions.errors import JournalError
@@ -249,6 +249,8 @@ def test_interrupted_recovery_is_begun_anew(
 
 
 @given(st.binary(max_size=9000))
+@example(b"")
+@example(b"SQLite format 3\0" + bytes(99))
 @settings(max_examples=100, deadline=None)
 def test_arbitrary_bytes_are_no_journal(
     tmp_path_factory: pytest.TempPathFactory, data: bytes

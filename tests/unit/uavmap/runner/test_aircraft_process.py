@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-import functools
 import os
 import socket
 import stat
 import struct
 import subprocess
 import threading
-from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
-from typing import Literal, ParamSpec
+from typing import Literal
 
 import pytest
 
@@ -21,6 +20,7 @@ from missions.errors import AircraftError, LinkError
 from missions.events import Event, LinkLost, Recalled
 from missions.orders import Hold
 from tests.support.field import mission_of
+from tests.support.running import by, in_real_time
 from uavmap.aircraft.guardian.last_watch import watched_over
 from uavmap.aircraft.imaging.judge import PictureJudge
 from uavmap.aircraft.process import messages as say
@@ -37,7 +37,6 @@ from uavmap.runner.aircraft_process import AircraftProcess
 from uavmap.runner.aircraft_side import AircraftSide
 from uavmap.runner.aircraft_takeover import ADDRESS, RECORD, Address, Attachment, taken_over
 
-P = ParamSpec("P")
 BEGIN = say.Begin(0.0, {}, None, False, False)
 FIRST, SECOND = LinkLost(1, 1.0), LinkLost(1, 2.0)
 
@@ -45,16 +44,6 @@ FIRST, SECOND = LinkLost(1, 1.0), LinkLost(1, 2.0)
 def plan() -> FlightPlan:
     options = FlightOptions(mission_source="small", urls=("udpin://127.0.0.1:14550",))
     return FlightPlan.make(options, mission_of("ardupilot"), 0.0)
-
-
-def on_a_loop(test: Callable[P, Coroutine[None, None, None]]) -> Callable[P, None]:
-    """Run a test on a loop of its own."""
-
-    @functools.wraps(test)
-    def run(*args: P.args, **kwargs: P.kwargs) -> None:
-        asyncio.run(test(*args, **kwargs))
-
-    return run
 
 
 class Mission:
@@ -103,7 +92,7 @@ def found(folder: Path) -> Iterator[tuple[AircraftProcess, socket.socket, socket
 
 
 @pytest.mark.parametrize("reset", [False, True])
-@on_a_loop
+@by(in_real_time)
 async def test_aircraft_that_cannot_be_started_again_end_the_mission(
     *, reset: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -132,7 +121,7 @@ async def test_aircraft_that_cannot_be_started_again_end_the_mission(
     assert "take it by radio control" in fate
 
 
-@on_a_loop
+@by(in_real_time)
 async def test_a_process_that_nobody_waits_for_is_ended_while_it_is_connected_to(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -154,7 +143,7 @@ async def test_a_process_that_nobody_waits_for_is_ended_while_it_is_connected_to
     assert ended.is_set()
 
 
-@on_a_loop
+@by(in_real_time)
 async def test_a_third_control_c_does_not_hide_what_became_of_the_aircraft(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -182,7 +171,7 @@ async def test_a_third_control_c_does_not_hide_what_became_of_the_aircraft(
 
 
 @pytest.mark.parametrize("state", ["returning", "refused"])
-@on_a_loop
+@by(in_real_time)
 async def test_aircraft_that_another_process_brings_home_are_not_said_to_be_left(
     state: Literal["returning", "refused"], tmp_path: Path
 ) -> None:
@@ -198,25 +187,21 @@ async def test_aircraft_that_another_process_brings_home_are_not_said_to_be_left
         answering.close()
 
 
-@on_a_loop
+@by(in_real_time)
 async def test_aircraft_that_send_no_message_end_the_mission_which_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The mission connected again, and again, without a word."""
     monkeypatch.setattr(AircraftProcess, "_end_process", lambda self: None)
-    with listening() as (server, address):
-        line = socket.create_connection(("127.0.0.1", address.port))
-        other, _ = server.accept()
-        process = AircraftProcess(plan(), tmp_path, Attachment(address, line), append=False)
+    with found(tmp_path) as (process, other, _):
         port = Mission().port
         async with asyncio.timeout(20.0), process.connected(port, lambda: BEGIN):
             other.sendall(b"\xff" * 8)
             with pytest.raises(LinkError, match="do not understand each other: a message of 8"):
                 await port.run()
-        other.close()
 
 
-@on_a_loop
+@by(in_real_time)
 async def test_the_last_message_is_sent_to_the_next_process_as_well() -> None:
     mission = Mission()
     mission.port.receive(say.Ready(None))
@@ -231,7 +216,7 @@ async def test_the_last_message_is_sent_to_the_next_process_as_well() -> None:
     await home
 
 
-@on_a_loop
+@by(in_real_time)
 async def test_an_end_that_the_mission_has_not_asked_for_ends_it() -> None:
     port = Mission().port
     port.receive(say.Ended({}))
@@ -240,7 +225,7 @@ async def test_an_end_that_the_mission_has_not_asked_for_ends_it() -> None:
             await port.run()
 
 
-@on_a_loop
+@by(in_real_time)
 async def test_what_is_in_the_journal_is_known_to_the_aircraft() -> None:
     mission = Mission()
     mission.port.receive(say.Happened(FIRST, 1))
@@ -273,7 +258,7 @@ class Falling:
         raise AssertionError
 
 
-@on_a_loop
+@by(in_real_time)
 async def test_after_a_defect_the_guardians_have_the_vehicles() -> None:
     host = Host(lambda message: None)
     host.receive(BEGIN)
@@ -300,7 +285,7 @@ async def connected(child: AircraftChild, token: str) -> AsyncIterator[asyncio.S
     server.close()
 
 
-@on_a_loop
+@by(in_real_time)
 async def test_what_a_dead_mission_has_not_kept_is_written_down(tmp_path: Path) -> None:
     child = AircraftChild(plan(), tmp_path, 0.0, append=False)
     async with connected(child, child._token) as writer:
@@ -313,7 +298,7 @@ async def test_what_a_dead_mission_has_not_kept_is_written_down(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("kept", [False, True])
-@on_a_loop
+@by(in_real_time)
 async def test_what_a_mission_that_dies_after_the_end_has_not_kept_is_written_down(
     *, kept: bool, tmp_path: Path
 ) -> None:
@@ -337,7 +322,7 @@ class Flying(Falling):
         pass
 
 
-@on_a_loop
+@by(in_real_time)
 async def test_aircraft_that_are_asked_to_end_have_the_mission_call_all_home(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -360,7 +345,7 @@ async def test_aircraft_that_are_asked_to_end_have_the_mission_call_all_home(
     assert side.host.end.result() == say.Finish(ASKED_TO_END)
 
 
-@on_a_loop
+@by(in_real_time)
 async def test_the_aircraft_send_signs_of_life_before_their_links_are_open(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -6,25 +6,29 @@ import asyncio
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from missions.errors import JournalError
+from missions.errors import ImageError, JournalError, MissionFileError
 from missions.events import Connected, Crashed, Event, LinkLost, Overridden, Recalled, Tracked
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
 from missions.flight.step import fold
+from missions.mission.sections.detector_section import DetectorSection
 from missions.orders import Order, StandDown, TakeOff
 from missions.units import GridPoint
 from tests.support.flights import small_mission
 from tests.support.running import by, on_virtual_time
 from tests.support.said import Said
+from uavmap.aircraft.imaging.classifier import Blind
 from uavmap.aircraft.imaging.judge import PictureJudge
 from uavmap.aircraft.process import messages as say
 from uavmap.aircraft.process.port import Port
 from uavmap.base.clock import VirtualClock, run
 from uavmap.journal import event_log
 from uavmap.journal.event_log import Journal
-from uavmap.runner.service import Service
+from uavmap.runner.service import Observer, Service
+from uavmap.runner.vehicles import judge_of
 
 HOME = GridPoint(0.0, 0.0)
 CONNECTED = Connected(1, 0.0, HOME, HOME, 0.0, False, True, 25.0)
@@ -56,12 +60,14 @@ def journal(tmp_path: Path) -> Iterator[Journal]:
         yield journal
 
 
-def serve(journal: Journal, vehicle: Played, act: Callable[[Service], None]) -> State:
+def service_of(journal: Journal, vehicle: Played, observe: Observer = lambda *_: None) -> Service:
     setting = setting_of(small_mission())
+    return Service(setting, journal, vehicle, State.initial(setting), observe)
+
+
+def serve(journal: Journal, vehicle: Played, act: Callable[[Service], None]) -> State:
     seen: list[Event] = []
-    service = Service(
-        setting, journal, vehicle, State.initial(setting), lambda e, _: seen.append(e)
-    )
+    service = service_of(journal, vehicle, lambda e, _: seen.append(e))
 
     async def main() -> State:
         vehicle.play(service)
@@ -152,8 +158,7 @@ def test_a_journal_that_cannot_be_written_ends_the_mission(
         (1.0, CONNECTED),
         *((t_s, Tracked(1, t_s, HOME, 0.0, 25.0)) for t_s in (20.0, 21.0, 22.0)),
     )
-    setting = setting_of(small_mission())
-    service = Service(setting, journal, vehicle, State.initial(setting), lambda *_: None)
+    service = service_of(journal, vehicle)
 
     async def main() -> None:
         loop = asyncio.get_running_loop()
@@ -180,8 +185,7 @@ def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(
     """The guardians bring everybody down: whoever resumes must know how that ended."""
     flying = Connected(1, 1.0, HOME, HOME, 12.0, True, True, 25.0)
     vehicle = Played((1.0, flying), (5.0, Tracked(1, 5.0, HOME, 12.0, 25.0)))
-    setting = setting_of(small_mission())
-    service = Service(setting, journal, vehicle, State.initial(setting), lambda *_: None)
+    service = service_of(journal, vehicle)
     append = journal.append
 
     def failing(event: Event) -> None:
@@ -208,13 +212,12 @@ def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(
         (Crashed, 30.0),
     ]
     assert len(vehicle.orders) == given
-    assert fold(setting, journal.events()).vehicles[1].phase is Phase.DOWN
+    assert fold(service.setting, journal.events()).vehicles[1].phase is Phase.DOWN
 
 
 @by(on_virtual_time)
 async def test_what_is_kept_after_the_end_is_known_to_the_aircraft(journal: Journal) -> None:
-    setting = setting_of(small_mission())
-    service = Service(setting, journal, Played(), State.initial(setting), lambda *_: None)
+    service = service_of(journal, Played())
 
     async def nobody(_: object) -> None:
         raise AssertionError
@@ -237,8 +240,7 @@ async def test_a_report_that_no_journal_can_hold_is_refused_and_told(
 ) -> None:
     nowhere = GridPoint(float("inf"), 0.0)
     vehicle = Played((1.0, CONNECTED), (2.0, Tracked(1, 2.0, nowhere, 0.0, 25.0)))
-    setting = setting_of(small_mission())
-    service = Service(setting, journal, vehicle, State.initial(setting), lambda *_: None)
+    service = service_of(journal, vehicle)
     vehicle.play(service)
     asyncio.get_running_loop().call_later(10.0, service.stop)
     await service.fly()
@@ -246,3 +248,31 @@ async def test_a_report_that_no_journal_can_hold_is_refused_and_told(
     assert service.refused == 1
     assert service.state.vehicles[1].position == HOME
     assert "a report was refused" in said[0]
+
+
+def judge(model: Path, *, recall: bool) -> PictureJudge:
+    section = DetectorSection(name="learned", model=str(model), model_sha256="0" * 64)
+    made = small_mission().model_copy(update={"detector": section})
+    return judge_of(setting_of(made), recall=recall)
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_without_its_model_a_flight_can_be_called_home_and_no_more(
+    tmp_path: Path, there: bool, said: Said
+) -> None:
+    model = tmp_path / "model.json"
+    if there:
+        model.write_text("another one")
+    with pytest.raises(MissionFileError, match=r"put (it|the old one) back: its SHA-256 is 0000"):
+        judge(model, recall=False)
+    judge(model, recall=True)
+    (line,) = said
+    assert str(model) in line
+    assert line.endswith("the aircraft are brought home without it")
+
+
+def test_who_has_no_detector_says_nothing_of_a_picture() -> None:
+    picture = np.zeros((4, 4, 3), np.uint8)
+    for judge in (Blind().mask, Blind().probability):
+        with pytest.raises(ImageError, match="only brought home"):
+            judge(picture)

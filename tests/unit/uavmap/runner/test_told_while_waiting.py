@@ -15,6 +15,7 @@ from missions.units import GridPoint
 from tests.support.flights import Flight, fly, small_mission
 from tests.support.running import by, on_virtual_time
 from tests.support.small_missions import mission, square
+from uavmap.base.clock import ClockRate
 from uavmap.mavlink.vehicle_view import VehicleView
 
 UP_M = 12.0
@@ -99,3 +100,27 @@ async def test_the_speed_that_was_ordered_is_not_spoken_of(flight: Flight, /) ->
     there = FlyTo((GridPoint(180.0, 0.0),), None, stop=True, height_m=UP_M)
     await flight.after(there, Arrived)
     assert flight.said == []
+
+
+@by(fly)
+async def test_a_clock_that_runs_fast_is_said(flight: Flight, /) -> None:
+    flight.driver._clock_rate = ClockRate(10.0, 0.2)
+    await asyncio.sleep(30.0)
+    assert not [line for line in flight.told if "speedup" in line]
+    vehicle, step = flight.vehicle, flight.vehicle.step
+    flight.vehicle = _Faster(vehicle, step)  # type: ignore[assignment]
+    await asyncio.sleep(30.0)
+    assert [line for line in flight.told if "vehicle 1: its clock runs 3.0 times" in line]
+
+
+class _Faster:
+    """The same vehicle, whose time passes three times as fast."""
+
+    def __init__(self, vehicle: object, step: object) -> None:
+        self._vehicle, self._step = vehicle, step
+
+    def step(self, dt_s: float) -> bytes:
+        return b"".join(self._step(dt_s) for _ in range(3))  # type: ignore[operator]
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._vehicle, name)

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import errno
 import io
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from missions.events import Event, Landed, Overridden, Released, Told
-from missions.flight.state import Phase
+from missions.events import Event, GivenUp, Landed, Overridden, Released, Told
+from missions.flight.setting_of import setting_of
+from missions.flight.state import Phase, State
 from missions.mapping.tree import Tree
 from missions.orders import AwaitBattery, StandDown, TakeOff
 from missions.units import Cell, GridPoint
+from tests.support.said import Gone
 from tests.support.small_missions import mission, square
 from tests.unit.missions.flight.test_step import HOME, Service
 from uavmap.base.terminal import Terminal
 from uavmap.output.facts.figures import aircraft_down
 from uavmap.runner.operator.ground_crew import all_wait
 from uavmap.runner.operator.progress import ProgressTable
-from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, parser
+from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, complain, parser
 from uavmap.ui.cli.common import report
 
 BESIDE = GridPoint(8.0, 0.0)
@@ -173,3 +177,39 @@ def test_the_help_tells_the_exit_codes(command: str, capsys: pytest.CaptureFixtu
         parser().parse_args([command, "--help"])
     text = capsys.readouterr().out
     assert '"mission completed: yes" may come with it' in text
+
+
+SUMMARY: dict[str, Any] = {"mission": "field", "strategy": "rdfs", "completed": True, "finding": ""}
+
+
+FAILURES = (BrokenPipeError(), OSError(errno.EIO, "gone"), ValueError("closed file"))
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+@pytest.mark.parametrize("failure", FAILURES, ids=repr)
+def test_progress_goes_on_in_silence(failure: Exception, terminal: bool) -> None:
+    setting = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
+    state, stream = State.initial(setting), Gone(failure, terminal=terminal)
+    terminal_ = Terminal(stream)
+    progress = ProgressTable(terminal_)
+    progress.begin(setting, again=False)
+    terminal_.show("vehicle 1: it returns by its autopilot")
+    for second in range(3):
+        progress.update(GivenUp(1, float(second), "silent"), state, 0)
+    progress.end()
+    assert stream.tried == 1
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+@pytest.mark.parametrize("failure", FAILURES[:2], ids=repr)
+def test_the_exit_code_is_that_of_the_flight(
+    failure: Exception, as_json: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdout", Gone(failure))
+    monkeypatch.setattr("sys.stderr", Gone(failure))
+    folder = Path("results/field-1")
+    assert report(SUMMARY, folder, as_json=as_json) == 0
+    assert report({**SUMMARY, "completed": False}, folder, as_json=as_json) == INCOMPLETE
+    down = {**SUMMARY, "completed": False, "aircraft_down": ["vehicle 1 near 1, 2: down"]}
+    assert report(down, folder, as_json=as_json) == AIRCRAFT_DOWN
+    complain("interrupted")

@@ -7,6 +7,7 @@ import json
 import os
 from pathlib import Path
 from typing import Any, cast
+from unittest.mock import Mock, call
 
 import pytest
 
@@ -21,9 +22,57 @@ from uavmap.base.messages import shown_on
 from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
 from uavmap.runner.before_flight import Company
 from uavmap.runner.flight import fly
-from uavmap.ui.page.live import SIMULATED, FlightPage
-from uavmap.ui.page.page_pipe import Lines, Words
+from uavmap.runner.service import Service
+from uavmap.ui.page.live import SIMULATED, FlightPage, carry_out
+from uavmap.ui.page.page_pipe import Lines, Words, packed
 from uavmap.ui.page.page_scene import STATES
+
+
+def steered() -> Mock:
+    """A service that notes what it is asked for, and does it."""
+    return Mock(spec=Service, flying=True, state=Mock(vehicles={1: None, 2: None}))
+
+
+@pytest.mark.parametrize(
+    ("order", "asked", "answer"),
+    [
+        ({"do": "pause"}, [call.pause()], "paused"),
+        ({"do": "continue"}, [call.go_on()], "goes on"),
+        ({"do": "return", "vehicle": None}, [call.recall()], "everybody comes home"),
+        ({"do": "return", "vehicle": 2}, [call.recall_vehicle(2)], "vehicle 2 comes home"),
+        ({"do": "return", "vehicle": 3}, [], "no vehicle 3"),
+        ({"do": "return", "vehicle": True}, [], "no order"),
+        ({"do": "return"}, [], "no order"),
+        ({"do": "return", "vehicle": "1"}, [], "no order"),
+        ({"do": "land_here", "vehicle": 1}, [], "no order"),
+        ({"do": ["pause"]}, [], "no order"),
+        ({}, [], "no order"),
+    ],
+)
+def test_the_orders(order: dict[str, Any], asked: list[Any], answer: str) -> None:
+    service = steered()
+    assert answer in carry_out(service, order)
+    assert service.mock_calls == asked
+
+
+def test_nobody_is_ordered_before_or_after_the_flight_nor_twice() -> None:
+    service = steered()
+    service.pause.return_value = False
+    assert "already" in carry_out(service, {"do": "pause"})
+    service.flying = False
+    assert "nobody flies" in carry_out(service, {"do": "pause"})
+    assert service.mock_calls == [call.pause()]
+
+
+def test_lines_that_are_no_words_are_left_out() -> None:
+    lines = Lines()
+    assert lines.of(b'[1]\nx\n\xff\n{"a":1}\n' + b"y" * 10_000) == [{"a": 1}]
+    assert lines.of(b'\n{"b":2}\n') == [{"b": 2}]
+
+
+def test_a_message_has_its_lengths() -> None:
+    assert packed({}, b"abc") == b"\0\0\0\2\0\0\0\3{}abc"
+
 
 MISSION = str(Path(__file__).parents[4] / "data" / "speck.toml")
 
@@ -106,26 +155,11 @@ def test_a_simulated_flight_takes_no_orders() -> None:
     assert feed.deltas[0]["fields"]["hands_off"] == SIMULATED
 
 
-class Steered:
-    """A service that notes what it is asked for."""
-
-    flying = True
-
-    def __init__(self) -> None:
-        self.asked: list[str] = []
-
-    def pause(self) -> bool:
-        self.asked.append("pause")
-        return True
-
-    def go_on(self) -> bool:
-        raise RuntimeError("a defect")
-
-
 def test_orders_reach_the_service_while_it_flies_and_not_before_or_after(said: Said) -> None:
     read, write = os.pipe()
     os.set_blocking(read, False)
-    lines, service = Lines(), Steered()
+    lines, service = Lines(), steered()
+    service.go_on.side_effect = RuntimeError("a defect")
 
     class Piped(Feed):
         orders_file = read
@@ -146,9 +180,9 @@ def test_orders_reach_the_service_while_it_flies_and_not_before_or_after(said: S
     async def flight() -> None:
         ask("pause")  # before anybody could fly: forgotten
         heard = Heard()
-        with shown_on(heard), page.steering(cast(Any, service)):
+        with shown_on(heard), page.steering(service):
             await asyncio.sleep(0.01)
-            assert service.asked == []
+            assert service.mock_calls == []
             ask("pause")
             await heard.lines.get()
             ask("continue")  # and what fails in there ends the page only
@@ -157,7 +191,7 @@ def test_orders_reach_the_service_while_it_flies_and_not_before_or_after(said: S
         await asyncio.sleep(0.01)
 
     asyncio.run(flight())
-    assert service.asked == ["pause"]
+    assert service.mock_calls == [call.pause(), call.go_on()]
     assert said[0] == "page: paused: everybody holds"
     assert {"kind": "answer", "id": "7", "text": "paused: everybody holds"} in [
         words for words, _ in feed.told
