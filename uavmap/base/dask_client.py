@@ -13,9 +13,7 @@ ANSWER_S: Final = 10.0
 
 
 def dask_client(
-    address: str,
-    answer_s: float | None = None,
-    load: Callable[[str], Any] = import_module,
+    address: str, answer_s: float | None = None, load: Callable[[str], Any] = import_module
 ) -> Any:
     """Yield a client of the scheduler at `tcp://HOST:PORT`.
 

@@ -203,11 +203,7 @@ def _text(failure: Exception | None) -> str:
 
 @contextlib.asynccontextmanager
 async def in_this_process(
-    port: Port,
-    plan: FlightPlan,
-    setting: Setting,
-    folder: Path,
-    links: Sequence[Link],
+    port: Port, plan: FlightPlan, setting: Setting, folder: Path, links: Sequence[Link]
 ) -> AsyncIterator[None]:
     """The aircraft in the process of their mission: the same messages, as the same bytes."""
     to_port, to_host = say.Decoder(), say.Decoder()

@@ -27,14 +27,7 @@ from uavmap.runner.operator.interrupts import Caller
 from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.runner.preflight.autopilot_setup import HEARD_S, AutopilotSetup, Kept
 from uavmap.runner.preflight.examination import Examination, connect, heartbeats
-from uavmap.runner.preflight.finding import (
-    Finding,
-    Level,
-    binding,
-    could_fly,
-    of_vehicle,
-    warn,
-)
+from uavmap.runner.preflight.finding import Finding, Level, binding, could_fly, of_vehicle, warn
 from uavmap.runner.preflight.vehicle_check import pad_heights
 
 _LOG: Final = logging.getLogger("uavmap.runner.preflight")

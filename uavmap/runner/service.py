@@ -17,14 +17,7 @@ from collections.abc import Callable
 from typing import Final, Protocol
 
 from missions.errors import EventError
-from missions.events import (
-    CellSkipped,
-    Continued,
-    Event,
-    Paused,
-    Recalled,
-    VehicleRecalled,
-)
+from missions.events import CellSkipped, Continued, Event, Paused, Recalled, VehicleRecalled
 from missions.flight.operator_orders import to_skip
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State

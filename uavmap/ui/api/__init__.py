@@ -8,14 +8,6 @@ from uavmap.ui.api.flying import fly, fly_async, resume, resume_async
 from uavmap.ui.api.replaying import replay
 from uavmap.ui.api.results import Results, open_results
 
-__all__ = [
-    "Results",
-    "fly",
-    "fly_async",
-    "open_results",
-    "replay",
-    "resume",
-    "resume_async",
-]
+__all__ = ["Results", "fly", "fly_async", "open_results", "replay", "resume", "resume_async"]
 
 load_strategies()

@@ -15,13 +15,7 @@ from missions.errors import UavmapError
 from uavmap.base.arguments import Paths, choice, path_text, texts
 from uavmap.base.messages import muted, shown_on
 from uavmap.base.terminal import Terminal
-from uavmap.journal.flight_plan import (
-    DRIVERS,
-    KEY_VARIABLE,
-    PYMAVLINK,
-    Driver,
-    FlightOptions,
-)
+from uavmap.journal.flight_plan import DRIVERS, KEY_VARIABLE, PYMAVLINK, Driver, FlightOptions
 from uavmap.journal.results_folder import results_folder
 from uavmap.photos.after_flight import draw_boundary, kept_frames
 from uavmap.runner import flight

@@ -29,14 +29,7 @@ async def test_virtual_time_runs_in_the_order_of_the_timers() -> None:
     async with asyncio.TaskGroup() as tasks:
         tasks.create_task(one("a", [1.0, 2.0, 0.5]))
         tasks.create_task(one("b", [0.25, 0.25, 3.25]))
-    assert seen == [
-        ("b", 0.25),
-        ("b", 0.5),
-        ("a", 1.0),
-        ("a", 3.0),
-        ("a", 3.5),
-        ("b", 3.75),
-    ]
+    assert seen == [("b", 0.25), ("b", 0.5), ("a", 1.0), ("a", 3.0), ("a", 3.5), ("b", 3.75)]
 
 
 def test_small_steps_do_not_drift() -> None:

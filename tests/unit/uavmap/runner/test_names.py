@@ -43,10 +43,7 @@ def named(name: str) -> str:
 
 @pytest.mark.parametrize("name", BAD, ids=lambda name: repr(name)[:20])
 def test_a_name_that_is_no_file_name(
-    tmp_path: Path,
-    name: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     below = tmp_path / "a" / "b" / "c"
     below.mkdir(parents=True)

@@ -155,8 +155,7 @@ def test_a_journal_that_cannot_be_written_ends_the_mission(
         raise OSError(28, "No space left on device")
 
     vehicle = Played(
-        (1.0, CONNECTED),
-        *((t_s, Tracked(1, t_s, HOME, 0.0, 25.0)) for t_s in (20.0, 21.0, 22.0)),
+        (1.0, CONNECTED), *((t_s, Tracked(1, t_s, HOME, 0.0, 25.0)) for t_s in (20.0, 21.0, 22.0))
     )
     service = service_of(journal, vehicle)
 

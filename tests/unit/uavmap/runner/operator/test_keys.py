@@ -123,10 +123,7 @@ async def test_the_terminal_is_put_back_however_it_ends(
 ) -> None:
     _, stream = terminal
     before = termios.tcgetattr(stream.fileno())
-    with (
-        pytest.raises(end),
-        keyboard(Keys(steered()), EnterKey(), stream),
-    ):
+    with pytest.raises(end), keyboard(Keys(steered()), EnterKey(), stream):
         raise end
     assert termios.tcgetattr(stream.fileno()) == before
 

@@ -171,10 +171,7 @@ def test_a_folder_without_results_is_named(tmp_path: Path) -> None:
 
 # --- what is raised ------------------------------------------------------------------------------
 def test_the_gravest_error_of_a_group_is_raised_and_the_others_are_its_notes() -> None:
-    down, silent = (
-        uavmap.AircraftError("vehicle 1 is down"),
-        uavmap.LinkError("2 is silent"),
-    )
+    down, silent = (uavmap.AircraftError("vehicle 1 is down"), uavmap.LinkError("2 is silent"))
     assert single(ExceptionGroup("", [ExceptionGroup("", [silent]), down])) is down
     assert down.__notes__ == ["2 is silent"]
     defect = ExceptionGroup("", [silent, ValueError("a defect")])

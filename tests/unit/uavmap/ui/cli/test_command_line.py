@@ -162,10 +162,7 @@ def test_ctrl_c_while_it_loads_is_a_line(
 
 @pytest.mark.parametrize(("fates", "code"), [([], 2), (["vehicle 1: left to its autopilot"], 4)])
 def test_a_computer_without_memory_is_a_line(
-    fates: list[str],
-    code: int,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    fates: list[str], code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def too_much(options: object) -> int:
         try:

@@ -152,11 +152,7 @@ def test_the_mission_that_is_flown_holds_the_checksum_of_its_model(
     ],
 )
 def test_a_damaged_or_foreign_model_is_refused_in_a_line(
-    tuned: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    damage: object,
-    why: str,
+    tuned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], damage: object, why: str
 ) -> None:
     assert callable(damage)
     folder = tmp_path / "eyes"
