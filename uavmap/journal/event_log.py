@@ -14,11 +14,11 @@ import os
 import zlib
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, suppress
+from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from missions.errors import JournalError
 from missions.events import Event, from_json, to_json
@@ -160,7 +160,7 @@ class JournalReader:
             raise JournalError(f"{self.path} cannot be read: {_reason(error)}") from None
 
 
-class Journal(JournalReader):
+class Journal(JournalReader, AbstractContextManager["Journal"]):
     """An open journal, written by this process alone. Use `create` or `open`, and close it."""
 
     def __init__(self, path: Path, opening: bytes | None = None) -> None:
@@ -201,9 +201,6 @@ class Journal(JournalReader):
         and leaves that as it is."""
         JournalReader(path)  # before the lock: a missing journal is reported first
         return cls(path)
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

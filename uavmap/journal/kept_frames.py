@@ -16,7 +16,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Final, NamedTuple, Protocol, Self
+from typing import Final, NamedTuple, Protocol
 
 import cv2
 import numpy as np
@@ -53,7 +53,7 @@ class Keeper(Protocol):
         """Take a picture: the file that came, or pixels, blue-green-red."""
 
 
-class FrameKeeper:
+class FrameKeeper(contextlib.AbstractContextManager["FrameKeeper"]):
     """Writes pictures and their poses; the first refusal of the disk is reported and ends the
     keeping.
 
@@ -96,9 +96,6 @@ class FrameKeeper:
             )
         else:
             self._left_out += 1
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         if self._writer is not None:

@@ -19,7 +19,7 @@ RETRY_S: Final = 5.0
 
 
 class TlogWriter:
-    """Appends frames to a .tlog file, whole records only."""
+    """Appends frames to a .tlog file, whole records only; says in the end how many are missing."""
 
     def __init__(
         self,
@@ -49,12 +49,6 @@ class TlogWriter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close the file, and say how many frames are missing in it."""
-        if self._closed:
-            return
         self._closed = True
         if self._file is not None:
             with contextlib.suppress(OSError):

@@ -76,10 +76,6 @@ class Service:
         """Report an event: it is taken in after all that were reported before it."""
         self._reports.put_nowait(event)
 
-    async def taken_in(self) -> None:
-        """Wait until everything that was posted is taken in and its orders are given."""
-        await self._reports.join()
-
     async def _take_in(self) -> None:
         """Take in what was posted, in order.
 

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import pytest
 
 from missions.units import LatLon, Pose, Quaternion
-from tests.benchmarks.watched import flown, mission_text
 from uavmap.journal.kept_frames import FRAMES, POSES, ROOM_MIB, FrameKeeper, KeptFrame, read_kept
 
 PICTURE = b"\xff\xd8" + bytes(5000)
@@ -73,17 +72,16 @@ def test_a_list_of_poses_that_is_damaged_stops_no_resume(tmp_path: Path) -> None
     assert len(list((tmp_path / FRAMES).iterdir())) == 1
 
 
-def test_the_last_room_on_the_disk_is_the_journals(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_last_room_on_the_disk_is_the_journals(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The mission goes on without keeping pictures: with a full journal it would end."""
-    left = [ROOM_MIB * 2**20 + 100_000]
-
-    def usage(path: Path) -> Usage:
-        left[0] -= 20_000  # each of them takes some
-        return Usage(left[0])
-
-    monkeypatch.setattr(shutil, "disk_usage", usage)
-    flight = flown("kept", mission_text("speck"), 1, "--keep-frames")
-    assert flight.code == 0, flight.line()
-    told = [line for line in flight.said.splitlines() if "kept no longer" in line]
-    assert len(told) == 1
-    assert told[0].endswith(f"less than {ROOM_MIB} MiB are left on the disk")
+    left = iter(range(ROOM_MIB * 2**20 + 100_000, 0, -20_000))  # each of them takes some
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: Usage(next(left)))
+    said: list[str] = []
+    keeper = FrameKeeper(tmp_path, said.append)
+    for second in range(9):
+        keeper.keep(frame(float(second)), PICTURE)
+    (line,) = said
+    assert line.endswith(f"less than {ROOM_MIB} MiB are left on the disk")
+    assert len(list((tmp_path / FRAMES).glob("*.jpg"))) == 5

@@ -23,7 +23,6 @@ from uavmap.mavlink.vehicle_view import EKF_ABSOLUTE, VehicleView
 from uavmap.runner.before_flight import BeforeFlight, Preflight
 from uavmap.runner.operator.ground_crew import Operator
 from uavmap.runner.preflight.autopilot_setup import FILE
-from uavmap.runner.preflight.finding import Finding, Level, bad, could_fly, warn
 from uavmap.runner.preflight.plan_figures import plan_lines
 
 
@@ -232,14 +231,6 @@ def test_only_a_yes_is_a_yes(typed: str, answer: bool) -> None:
 
         assert asyncio.run(main()) is answer
     os.close(ours)
-
-
-def test_findings_are_lines_values_and_the_word_to_go() -> None:
-    found: list[Finding] = [warn("a", "1", "2", "do")]
-    assert could_fly(found)
-    found.append(bad("b", "1", "2", "do", binding=True))
-    assert not could_fly(found)
-    assert found[1].as_json()["level"] == Level.BAD.value
 
 
 def simulated(autopilot: str, second_m: float, sigma_m: float) -> Mission:

@@ -221,7 +221,9 @@ async def test_what_is_kept_after_the_end_is_known_to_the_aircraft(journal: Jour
     async def nobody(_: object) -> None:
         raise AssertionError
 
-    port = Port((1,), lambda: 0.0, PictureJudge({}), service.post, service.taken_in, nobody, nobody)
+    port = Port(
+        (1,), lambda: 0.0, PictureJudge({}), service.post, service._reports.join, nobody, nobody
+    )
     service.stop()
     await service.fly()
     port.receive(say.Happened(CONNECTED, 1))

@@ -57,7 +57,7 @@ def serve(body: Body, folder: Path) -> None:
                 lambda event, state: None,
             )  # fmt: skip
             flight.report = service.post  # type: ignore[method-assign]
-            flight.taken_in = service.taken_in  # type: ignore[method-assign]
+            flight.taken_in = service._reports.join  # type: ignore[method-assign]
             async with asyncio.TaskGroup() as tasks:
                 world = tasks.create_task(flight.fly_world())
                 await flight.driver.connect()

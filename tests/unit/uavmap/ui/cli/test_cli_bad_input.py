@@ -14,29 +14,12 @@ from PIL import Image
 from tests.support.photographs import write_photo
 from tests.support.plans import named_text
 from tests.support.ports import free_port
+from tests.unit.uavmap.ui.conftest import Refusals
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, TLOG
 from uavmap.ui.cli import main
 
 RUNWAY = named_text("runway").text
-
-
-def said(capsys: pytest.CaptureFixture[str], *arguments: object) -> list[str]:
-    """The lines of a command that must fail with code 2."""
-    code = main([str(a) for a in arguments])
-    streams = capsys.readouterr()
-    assert code == 2, streams.err
-    assert "Traceback" not in streams.err
-    assert streams.out == ""
-    lines = [line for line in streams.err.splitlines() if line.startswith("uavmap: ")]
-    assert lines
-    return lines
-
-
-def one_line(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
-    lines = said(capsys, *arguments)
-    assert len(lines) == 1
-    return lines[0]
 
 
 def changed(folder: Path, pattern: str, replacement: str) -> Path:
@@ -62,7 +45,7 @@ MISSION_FAULTS = {
 @pytest.mark.parametrize("command", ["check", "fly", "replay"])
 @pytest.mark.parametrize("fault", MISSION_FAULTS)
 def test_faults_of_a_mission_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, fault: str
+    tmp_path: Path, refused: Refusals, command: str, fault: str
 ) -> None:
     pattern, replacement, words = MISSION_FAULTS[fault]
     path = changed(tmp_path, pattern, replacement)
@@ -72,18 +55,16 @@ def test_faults_of_a_mission_file(
         "fly": ["fly", path, "--sim", "--out", out],
         "replay": ["replay", tmp_path, "--mission", path, "--out", out],
     }[command]
-    lines = said(capsys, *arguments)
+    lines = refused.lines(*arguments)
     assert any(words in line for line in lines), lines
     assert all(str(path) in line for line in lines)
     assert not out.exists()
 
 
-def test_every_fault_of_a_file_has_its_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_fault_of_a_file_has_its_line(tmp_path: Path, refused: Refusals) -> None:
     path = tmp_path / "field.toml"
     path.write_text(RUNWAY.replace("cell_m = 4.0", "cell_m = 0").replace("[battery]", "[batery]"))
-    lines = said(capsys, "check", path)
+    lines = refused.lines("check", path)
     assert len(lines) == 2
     text = path.read_text().splitlines()
     for line, key in zip(sorted(lines), ("[batery]", "cell_m = 0"), strict=True):
@@ -91,21 +72,17 @@ def test_every_fault_of_a_file_has_its_line(
         assert any(given.startswith(f"uavmap: {path}:{number}: ") for given in lines), line
 
 
-def test_a_mission_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    line = one_line(capsys, "check", tmp_path / "nowhere.toml")
+def test_a_mission_that_is_not_there(tmp_path: Path, refused: Refusals) -> None:
+    line = refused("check", tmp_path / "nowhere.toml")
     assert "No such file" in line
     assert "runway" in line
-    assert "cannot be read" in one_line(capsys, "check", tmp_path)
+    assert "cannot be read" in refused("check", tmp_path)
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
-    assert "UTF-8" in one_line(capsys, "check", tmp_path / "binary.toml")
+    assert "UTF-8" in refused("check", tmp_path / "binary.toml")
 
 
-def test_an_unknown_strategy_on_the_command_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    line = one_line(
-        capsys, "fly", "runway", "--sim", "--strategy", "dfs", "--out", tmp_path / "out"
-    )
+def test_an_unknown_strategy_on_the_command_line(tmp_path: Path, refused: Refusals) -> None:
+    line = refused("fly", "runway", "--sim", "--strategy", "dfs", "--out", tmp_path / "out")
     assert "dfs" in line
     assert "rdfs" in line
     assert not (tmp_path / "out").exists()
@@ -119,83 +96,83 @@ def test_an_unknown_strategy_on_the_command_line(
         ("serial:///dev/no-such-port:57600", "cannot be opened"),
     ],
 )
-def test_urls(tmp_path: Path, capsys: pytest.CaptureFixture[str], url: str, words: str) -> None:
-    line = one_line(capsys, "fly", "runway", "--connect", url, "--out", tmp_path / "out")
+def test_urls(tmp_path: Path, refused: Refusals, url: str, words: str) -> None:
+    line = refused("fly", "runway", "--connect", url, "--out", tmp_path / "out")
     assert words in line
     assert url in line
     assert not (tmp_path / "out").exists()
 
 
-def test_a_connection_that_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_connection_that_is_refused(tmp_path: Path, refused: Refusals) -> None:
     url = f"tcpout://127.0.0.1:{free_port(socket.SOCK_STREAM)}"
-    line = one_line(capsys, "fly", "runway", "--connect", url, "--out", tmp_path / "out")
+    line = refused("fly", "runway", "--connect", url, "--out", tmp_path / "out")
     assert url in line
     assert "cannot be opened" in line
 
 
-def test_no_vehicle_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    line = one_line(capsys, "fly", "runway", "--out", tmp_path / "out")
+def test_no_vehicle_at_all(tmp_path: Path, refused: Refusals) -> None:
+    line = refused("fly", "runway", "--out", tmp_path / "out")
     assert "--connect URL" in line
     assert "--sim" in line
 
 
-def test_photographs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_photographs(tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Refusals) -> None:
     images, out = tmp_path / "images", tmp_path / "out"
     replay = ["replay", images, "--mission", "road", "--out", out]
-    assert "no such file or folder" in one_line(capsys, *replay)
+    assert "no such file or folder" in refused(*replay)
     images.mkdir()
-    assert "no pictures (*.jpg" in one_line(capsys, *replay)
+    assert "no pictures (*.jpg" in refused(*replay)
     write_photo(images / "a.jpg", gps={})
-    assert "a.jpg: no geotag: EXIF GPSLatitude is missing" in one_line(capsys, *replay)
+    assert "a.jpg: no geotag: EXIF GPSLatitude is missing" in refused(*replay)
     (images / "a.jpg").write_bytes(b"not a picture")
-    assert "a.jpg: not a readable picture" in one_line(capsys, *replay)
+    assert "a.jpg: not a readable picture" in refused(*replay)
     noise = np.random.default_rng(1).normal((10, 120, 240), 4.0, (360, 640, 3))
     large = Image.fromarray(np.clip(noise, 0, 255).astype(np.uint8))
     whole = write_photo(images / "a.jpg", image=large).read_bytes()
     (images / "a.jpg").write_bytes(whole[: len(whole) - 200])
-    assert "a.jpg: not a readable picture" in one_line(capsys, *replay)
+    assert "a.jpg: not a readable picture" in refused(*replay)
     assert not (out / JOURNAL).exists()  # mended, the same command works
     (images / "a.jpg").write_bytes(whole)
     assert main([str(a) for a in replay]) == 0
     capsys.readouterr()
-    assert "holds a mission already" in one_line(capsys, *replay)
-    assert "photographs" in one_line(capsys, "resume", out)
+    assert "holds a mission already" in refused(*replay)
+    assert "photographs" in refused("resume", out)
 
 
-def test_out_that_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_out_that_cannot_be(tmp_path: Path, refused: Refusals) -> None:
     file = tmp_path / "notes.txt"
     file.write_text("notes")
-    assert "is a file" in one_line(capsys, "fly", "runway", "--sim", "--out", file)
-    line = one_line(capsys, "fly", "runway", "--sim", "--out", file / "below")
+    assert "is a file" in refused("fly", "runway", "--sim", "--out", file)
+    line = refused("fly", "runway", "--sim", "--out", file / "below")
     assert str(file / "below") in line
     assert file.read_text() == "notes"
 
 
-def test_out_that_holds_a_mission(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_out_that_holds_a_mission(tmp_path: Path, refused: Refusals) -> None:
     out = tmp_path / "out"
     out.mkdir()
     with Journal.create(out / JOURNAL, {"plan": {}}):
         pass
     before = (out / JOURNAL).read_bytes()
-    line = one_line(capsys, "fly", "runway", "--sim", "--out", out)
+    line = refused("fly", "runway", "--sim", "--out", out)
     assert f"uavmap resume {out}" in line
     assert (out / JOURNAL).read_bytes() == before
     assert not (out / TLOG).exists()
 
 
-def test_resume_of_what_is_no_journal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "no journal here" in one_line(capsys, "resume", tmp_path)
+def test_resume_of_what_is_no_journal(tmp_path: Path, refused: Refusals) -> None:
+    assert "no journal here" in refused("resume", tmp_path)
     journal = tmp_path / JOURNAL
     with Journal.create(journal, {"plan": {"seed": 1}}):
         pass
-    assert "holds no flight plan" in one_line(capsys, "resume", tmp_path)
+    assert "holds no flight plan" in refused("resume", tmp_path)
     data = journal.read_bytes()
     shutil.copy(journal, tmp_path / "kept")
     journal.write_bytes(data[: len(data) // 2])
-    assert "damaged in its first line" in one_line(capsys, "resume", tmp_path)
+    assert "damaged in its first line" in refused("resume", tmp_path)
     assert journal.read_bytes() == data[: len(data) // 2]
     journal.write_bytes(b"notes")
-    assert "is not a journal of uavmap" in one_line(capsys, "resume", tmp_path)
+    assert "is not a journal of uavmap" in refused("resume", tmp_path)
     assert journal.read_bytes() == b"notes"
 
 

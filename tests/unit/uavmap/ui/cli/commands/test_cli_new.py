@@ -28,7 +28,7 @@ from tests.support.areas.area_files import (
 )
 from tests.support.html_page import Page
 from tests.support.plans import named_text
-from tests.unit.uavmap.ui.cli.test_cli_bad_input import one_line, said
+from tests.unit.uavmap.ui.conftest import Refusals
 from uavmap.load.areas.mission_text import COMMENTS, SECTIONS, section_of
 from uavmap.load.mission_source import load
 from uavmap.output.drawing.palette import FENCE
@@ -207,35 +207,33 @@ def test_nobody_answers(
     ],
 )
 def test_it_is_told_in_a_line_and_nothing_is_written(
-    arguments: list[str], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], expected: str, tmp_path: Path, refused: Refusals
 ) -> None:
     saved(tmp_path, "field.kml", kml(placemark("Field", kml_polygon())))
-    assert expected in one_line(capsys, "new", *arguments)
+    assert expected in refused("new", *arguments)
     assert [path.name for path in tmp_path.iterdir()] == ["field.kml"]
 
 
 def test_a_mission_that_could_not_be_flown_is_not_written(
-    field: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    field: str, tmp_path: Path, refused: Refusals
 ) -> None:
-    lines = said(capsys, "new", field, "--drone", "sim", "--battery", 3, "--out", "a.toml")
+    lines = refused.lines("new", field, "--drone", "sim", "--battery", 3, "--out", "a.toml")
     assert "nothing is written" in lines[0]
     assert "battery.capacity_wh = 3" in lines[1]
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_nothing_is_overwritten(
-    field: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_nothing_is_overwritten(field: str, tmp_path: Path, refused: Refusals) -> None:
     saved(tmp_path, "a.png", b"mine")
-    assert "is there already" in one_line(capsys, "new", field, "--drone", "sim", "--out", "a.toml")
+    assert "is there already" in refused("new", field, "--drone", "sim", "--out", "a.toml")
     assert not Path("a.toml").exists()
 
 
-def test_a_mistyped_mission(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "did you mean 'runway'?" in one_line(capsys, "check", "runwya")
+def test_a_mistyped_mission(tmp_path: Path, refused: Refusals) -> None:
+    assert "did you mean 'runway'?" in refused("check", "runwya")
     saved(tmp_path, "meadow.toml", "")
-    assert "did you mean 'meadow.toml'?" in one_line(capsys, "check", "medow.toml")
-    assert "did you mean" not in one_line(capsys, "check", "qqqqqqqq")
+    assert "did you mean 'meadow.toml'?" in refused("check", "medow.toml")
+    assert "did you mean" not in refused("check", "qqqqqqqq")
 
 
 # --- the plan ---------------------------------------------------------------------------------
@@ -283,11 +281,9 @@ def test_figures_and_a_map_at_once(capsys: pytest.CaptureFixture[str]) -> None:
     assert json.loads(capsys.readouterr().out)["mission"] == "runway"
 
 
-def test_a_map_of_another_kind_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert "write a .html or a .png" in one_line(capsys, "check", "runway", "--map", "a.pdf")
-    assert "cannot be written" in one_line(capsys, "check", "runway", "--map", "no/a.html")
+def test_a_map_of_another_kind_is_refused(tmp_path: Path, refused: Refusals) -> None:
+    assert "write a .html or a .png" in refused("check", "runway", "--map", "a.pdf")
+    assert "cannot be written" in refused("check", "runway", "--map", "no/a.html")
 
 
 def with_fence(text: str, fence: str) -> str:
@@ -312,10 +308,10 @@ def test_a_home_far_from_the_box_is_asked_about(
 
 
 def test_a_fence_on_another_continent_is_refused(
-    field: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    field: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Refusals
 ) -> None:
     new(field, "--drone", "sim", "--out", "a.toml")
     there = "[[12.44, 13.29], [12.44, 13.32], [12.49, 13.32], [12.49, 13.29]]"
     saved(tmp_path, "b.toml", with_fence(Path("a.toml").read_text("utf-8"), there))
     capsys.readouterr()
-    assert "fence.polygon" in one_line(capsys, "check", "b.toml")
+    assert "fence.polygon" in refused("check", "b.toml")

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.small_missions import mission_text, square
+from tests.unit.uavmap.ui.conftest import Refusals
 from uavmap.mavlink.links.key_file import new_key
 from uavmap.ui.cli import main
 
@@ -43,13 +44,12 @@ def test_a_line_names_what_is_wrong(
     words: str,
     field: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    refused: Refusals,
 ) -> None:
     monkeypatch.delenv("UAVMAP_FLEET_KEY_FILE", raising=False)
     keyed = ["--fleet-key", str(field.with_name("fleet.key"))] if "--peer" in arguments else []
     out = field.with_name("out")
-    assert main(["onboard", str(field), *arguments, *keyed, "--out", str(out)]) == 2
-    assert words in capsys.readouterr().err
+    assert words in refused("onboard", field, *arguments, *keyed, "--out", out)
     assert not out.exists()
 
 
@@ -61,24 +61,19 @@ def test_the_help_names_what_a_fleet_can_fly(capsys: pytest.CaptureFixture[str])
     assert "--sim" not in told
 
 
-def test_a_flight_of_no_fleet_has_no_network(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_flight_of_no_fleet_has_no_network(tmp_path: Path, refused: Refusals) -> None:
     from tests.unit.uavmap.output.test_merging import ALONE, plan, written  # noqa: PLC0415
 
     folder = written(tmp_path / "flight", plan(ALONE, None), [])
-    assert main(["resume", str(folder), "--listen", GROUP]) == 2
-    assert "go with a flight that `uavmap onboard` began" in capsys.readouterr().err
+    line = refused("resume", folder, "--listen", GROUP)
+    assert "go with a flight that `uavmap onboard` began" in line
 
 
 def test_on_the_ground_a_fleet_is_joined_where_it_is_heard(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, refused: Refusals
 ) -> None:
-    assert main(["fly", "burn", "--fleet", "--out", str(tmp_path / "a")]) == 2
-    assert "--listen, --peer or --router" in capsys.readouterr().err
-    listen = ["--listen", "tcp/127.0.0.1:7447"]
-    assert main(["fly", "burn", "--sim", *listen, "--out", str(tmp_path / "a")]) == 2
-    assert "go with --fleet" in capsys.readouterr().err
-    assert main(["fly", "burn", "--fleet", *listen, "--out", str(tmp_path / "a")]) == 2
-    assert "--fleet-key FILE is missing" in capsys.readouterr().err
+    listen, out = ("--listen", "tcp/127.0.0.1:7447"), ("--out", tmp_path / "a")
+    assert "--listen, --peer or --router" in refused("fly", "burn", "--fleet", *out)
+    assert "go with --fleet" in refused("fly", "burn", "--sim", *listen, *out)
+    assert "--fleet-key FILE is missing" in refused("fly", "burn", "--fleet", *listen, *out)
     assert not (tmp_path / "a").exists()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,17 +14,16 @@ from pymavlink import mavwp
 from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import LineString
 
-from missions.events import FrameSeen, Vote
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.mission.places import homes
 from missions.mission.schema import positions
-from missions.units import Cell, GridPoint, LatLon
+from missions.units import GridPoint, LatLon
 from sitl.testing import Fleet, Vehicle
-from tests.support.journals import PLAN, begun
 from tests.support.plan_schema import faults_of
 from tests.support.small_missions import mission_text, square
-from uavmap.load.mission_source import load, mission_of_text
+from tests.unit.uavmap.ui.conftest import Refusals
+from uavmap.load.mission_source import load
 from uavmap.output.formats.plan_items import clockwise
 from uavmap.ui.cli import main
 
@@ -36,7 +34,6 @@ MISSION, FENCE, RALLY = 0, 1, 2
 AUTO = 3
 FENCE_RING = square(-20.0, -20.0, 120.0, 90.0)
 HOLE = square(30.0, 10.0, 12.0, 20.0)
-ISLAND = frozenset(Cell(i, k) for i in range(14, 18) for k in range(9, 11))
 
 
 def text_of(vehicles: int = 1, **more: Any) -> str:
@@ -64,16 +61,6 @@ def documented(file: Path) -> dict[str, Any]:
     values: dict[str, Any] = json.loads(file.read_text("utf-8"))
     assert faults_of(values) == []
     return values
-
-
-def results(tmp: Path, cells: frozenset[Cell], **more: Any) -> tuple[Path, Setting]:
-    """A results folder whose journal has found these cells."""
-    source = text_of(**more)
-    mission = mission_of_text(source, "field.toml")
-    plan = replace(PLAN, mission_source="field.toml", mission=mission)
-    votes = tuple(Vote(cell, True, 0.9) for cell in sorted(cells))
-    frames = [FrameSeen(1, 1.0 + n, None, votes) for n in range(5)]
-    return begun(tmp / "flown", plan, frames), setting_of(mission)
 
 
 def places_of(items: list[dict[str, Any]]) -> list[LatLon]:
@@ -196,45 +183,41 @@ def test_mission_planner_reads_the_waypoints(tmp_path: Path) -> None:
 def test_what_cannot_be_exported_is_said_in_a_line(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    refused: Refusals,
     arguments: list[str],
     said: str,
 ) -> None:
     file, _ = mission_file(tmp_path)
     monkeypatch.chdir(tmp_path)
-    assert main(["export", str(file), *arguments]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("uavmap: ")
-    assert said in line
+    assert said in refused("export", file, *arguments)
     assert [path.name for path in tmp_path.iterdir()] == ["field.toml"]
 
 
 def test_nothing_is_overwritten_and_no_file_is_written_alone(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, refused: Refusals
 ) -> None:
     file, _ = mission_file(tmp_path, vehicles=2)
     (tmp_path / "team-2.plan").write_text("mine")
-    assert main(["export", str(file), "--plan", str(tmp_path / "team.plan")]) == 2
-    assert "team-2.plan: is there already" in capsys.readouterr().err
+    line = refused("export", file, "--plan", tmp_path / "team.plan")
+    assert "team-2.plan: is there already" in line
     assert (tmp_path / "team-2.plan").read_text() == "mine"
     assert not (tmp_path / "team-1.plan").exists()
 
 
 def test_heights_above_the_sea_need_the_height_of_the_start(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, refused: Refusals
 ) -> None:
     file, _ = mission_file(tmp_path)
     file.write_text(file.read_text("utf-8").replace("amsl_m = 488.5", ""), "utf-8")
-    assert main(["export", str(file), "--above-sea", "--plan", str(tmp_path / "x.plan")]) == 2
-    assert "start.amsl_m is missing" in capsys.readouterr().err
+    line = refused("export", file, "--above-sea", "--plan", tmp_path / "x.plan")
+    assert "start.amsl_m is missing" in line
 
 
 def test_export_plan_of_a_results_folder_is_refused_in_a_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, refused: Refusals
 ) -> None:
-    folder, _ = results(tmp_path, ISLAND)
-    assert main(["export", str(folder), "--plan", str(tmp_path / "x.plan")]) == 2
-    assert "is a folder, and a plan is of a mission" in capsys.readouterr().err
+    line = refused("export", tmp_path, "--plan", tmp_path / "x.plan")
+    assert "is a folder, and a plan is of a mission" in line
     assert not (tmp_path / "x.plan").exists()
 
 

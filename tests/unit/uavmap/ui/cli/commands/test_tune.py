@@ -27,6 +27,7 @@ from tests.unit.uavmap.photos.test_replay import (
     paint,
     painted,
 )
+from tests.unit.uavmap.ui.conftest import Refusals
 from uavmap.load.kept_detector import KEPT
 from uavmap.load.mission_source import load
 from uavmap.output.facts.map_model import NOT_ROI
@@ -152,16 +153,15 @@ def test_the_mission_that_is_flown_holds_the_checksum_of_its_model(
     ],
 )
 def test_a_damaged_or_foreign_model_is_refused_in_a_line(
-    tuned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], damage: object, why: str
+    tuned: Path, tmp_path: Path, refused: Refusals, damage: object, why: str
 ) -> None:
     assert callable(damage)
     folder = tmp_path / "eyes"
     folder.mkdir()
     (folder / DETECTOR).write_bytes((tuned / "eyes" / DETECTOR).read_bytes())
     (folder / MODEL).write_bytes(damage((tuned / "eyes" / MODEL).read_bytes()))
-    arguments = ["--mission", str(tuned / "field.toml"), "--detector", str(folder)]
-    assert main(["replay", str(tuned / "images"), *arguments, "--out", str(tmp_path / "m")]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    arguments = ("--mission", tuned / "field.toml", "--detector", folder)
+    line = refused("replay", tuned / "images", *arguments, "--out", tmp_path / "m")
     assert why in line
     assert str(folder / MODEL) in line
 
@@ -179,17 +179,14 @@ def test_what_is_wrong_with_examples_is_said(tuned: Path, tmp_path: Path) -> Non
         load_examples(images, where, WIDE)
 
 
-def test_one_painted_picture_is_too_few(
-    tuned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_one_painted_picture_is_too_few(tuned: Path, tmp_path: Path, refused: Refusals) -> None:
     mask = np.zeros((90, 160), np.uint8)
     mask[:40] = 255
     where = tmp_path / "masks"
     where.mkdir()
     Image.fromarray(mask).save(where / "0.png")
-    arguments = ["tune", str(tuned / "images"), "--examples", str(where), *SMALL]
-    assert main([*arguments, "--out", str(tmp_path / "eyes")]) == 2
-    assert "paint at least two" in capsys.readouterr().err
+    arguments = ("tune", tuned / "images", "--examples", where, *SMALL)
+    assert "paint at least two" in refused(*arguments, "--out", tmp_path / "eyes")
 
 
 def test_polygons_teach_in_the_pictures_that_can_be_read(tuned: Path, tmp_path: Path) -> None:
@@ -229,12 +226,12 @@ def test_trees_answer_as_the_learner_does_and_survive_their_file() -> None:
 
 
 def test_without_the_learner_the_extra_is_named(
-    tuned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tuned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refusals
 ) -> None:
     monkeypatch.setitem(sys.modules, "sklearn", None)
-    arguments = ["tune", str(tuned / "images"), "--examples", str(tuned / "region.geojson")]
-    assert main([*arguments, "--out", str(tmp_path / "eyes")]) == 2
-    assert "pip install 'scikit-learn>=" in capsys.readouterr().err
+    arguments = ("tune", tuned / "images", "--examples", tuned / "region.geojson")
+    line = refused(*arguments, "--out", tmp_path / "eyes")
+    assert "pip install 'scikit-learn>=" in line
 
 
 @pytest.mark.skipif(not brighton.there(), reason="the photographs of Brighton Beach are not here")
@@ -283,12 +280,11 @@ def test_what_was_learned_maps_without_a_mission_file(
 )
 @pytest.mark.parametrize("command", ["replay", "look"])
 def test_a_detector_is_looked_at_before_any_picture(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str | None, why: str, command: str
+    tmp_path: Path, refused: Refusals, text: str | None, why: str, command: str
 ) -> None:
     if text is not None:
         (tmp_path / DETECTOR).write_text(f"[detector]\n{text}\n")
-    assert main([command, str(tmp_path / "no pictures"), "--detector", str(tmp_path)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    line = refused(command, tmp_path / "no pictures", "--detector", tmp_path)
     assert line.startswith(f"uavmap: --detector {tmp_path}: ")
     assert why in line
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from missions.mission.schema import parse_fields
 from tests.support.plans import named_text
+from tests.unit.uavmap.ui.conftest import Refusals
 from uavmap.journal.results_folder import RESULTS, folder_name, results_folder
-from uavmap.ui.cli import main
 from uavmap.ui.cli.common import report
 
 RUNWAY = named_text("runway").text
@@ -43,14 +43,13 @@ def named(name: str) -> str:
 
 @pytest.mark.parametrize("name", BAD, ids=lambda name: repr(name)[:20])
 def test_a_name_that_is_no_file_name(
-    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, name: str, refused: Refusals, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     below = tmp_path / "a" / "b" / "c"
     below.mkdir(parents=True)
     monkeypatch.chdir(below)
     (below / "field.toml").write_text(named(name))
-    assert main(["fly", "field.toml", "--sim"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    line = refused("fly", "field.toml", "--sim")
     assert re.search(BAD[name], line)
     assert line.startswith("uavmap: field.toml:14: name = ")
     assert len(line) < 250
@@ -102,15 +101,10 @@ LONG = "x" * 5000
     ids=lambda arguments: " ".join(arguments)[:30],
 )
 def test_an_argument_of_5000_letters(
-    tmp_path: Path,
-    arguments: list[str],
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path, arguments: list[str], refused: Refusals, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(arguments) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "too long" in line
+    assert "too long" in refused(*arguments)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -118,23 +112,17 @@ def test_an_argument_of_5000_letters(
 @pytest.mark.parametrize(
     "command", [["check"], ["fly", "--sim"], ["simulate", "--roi"], ["replay", "--mission"]]
 )
-def test_what_has_no_end_is_not_read(
-    capsys: pytest.CaptureFixture[str], device: str, command: list[str]
-) -> None:
-    arguments = [*command, device, *(["."] if command[0] == "replay" else [])]
-    assert main(arguments) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+def test_what_has_no_end_is_not_read(refused: Refusals, device: str, command: list[str]) -> None:
+    line = refused(*command, device, *(["."] if command[0] == "replay" else []))
     assert f"{device}: cannot be read (not an ordinary file)" in line
 
 
-def test_a_pipe_is_not_waited_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_pipe_is_not_waited_for(tmp_path: Path, refused: Refusals) -> None:
     os.mkfifo(tmp_path / "pipe.toml")
-    assert main(["check", str(tmp_path / "pipe.toml")]) == 2
-    assert "not an ordinary file" in capsys.readouterr().err
+    assert "not an ordinary file" in refused("check", tmp_path / "pipe.toml")
 
 
-def test_a_file_that_is_too_large(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_that_is_too_large(tmp_path: Path, refused: Refusals) -> None:
     path = tmp_path / "large.toml"
     path.write_text(RUNWAY + "#" * 4_000_000)
-    assert main(["check", str(path)]) == 2
-    assert "larger than 4 MB" in capsys.readouterr().err
+    assert "larger than 4 MB" in refused("check", path)
