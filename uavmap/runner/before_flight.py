@@ -7,9 +7,8 @@ of the flight what was set on the autopilots is put back.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -22,11 +21,11 @@ from uavmap.aircraft.process.messages import Asked
 from uavmap.base.clock import ScaledClock, run
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.mavlink.vehicle_view import VehicleView
-from uavmap.runner.flight_links import Link, opened_links
+from uavmap.runner.flight_links import Link
 from uavmap.runner.operator.interrupts import Caller
 from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.runner.preflight.autopilot_setup import HEARD_S, AutopilotSetup, Kept
-from uavmap.runner.preflight.examination import Examination, connect, heartbeats
+from uavmap.runner.preflight.examination import Examination, connect, spoken_with
 from uavmap.runner.preflight.finding import Finding, Level, binding, could_fly, of_vehicle, warn
 from uavmap.runner.preflight.vehicle_check import pad_heights
 
@@ -226,11 +225,6 @@ class BeforeFlight:
         return self._links[number].session.view
 
 
-def kept_fence(meta: Mapping[str, object]) -> bool:
-    """Whether a flight was begun with --keep-fence, by the meta of its journal."""
-    return meta.get(KEEP_FENCE) is True
-
-
 # --- what a flight left set: a vehicle was silent at its end, `uavmap resume` puts it back --------
 def is_left_set(folder: Path) -> bool:
     """Whether a flight of this folder has left something set on an autopilot."""
@@ -245,13 +239,7 @@ def put_back(plan: FlightPlan, setting: Setting, folder: Path) -> bool:
 
 async def _put_back(plan: FlightPlan, setting: Setting, folder: Path) -> None:
     cameras = [parse_camera("mavlink")] * len(plan.urls)
-    section = setting.mission.camera
-    async with contextlib.AsyncExitStack() as stack:
-        links = await stack.enter_async_context(
-            opened_links(plan, cameras, section, lambda frame: None)
-        )
-        beating = asyncio.create_task(heartbeats([link.session for link in links]))
-        stack.callback(beating.cancel)
+    async with spoken_with(plan, cameras, setting.mission.camera) as links:
         numbered = enumerate(links, start=setting.member or 1)
         await asyncio.gather(*(_one(n, link, setting, folder) for n, link in numbered))
 

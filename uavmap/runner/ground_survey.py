@@ -30,8 +30,7 @@ from uavmap.load.dem import with_lattice
 from uavmap.mavlink.autopilots import PX4
 from uavmap.mavlink.identity import answered
 from uavmap.mavlink.session import Message, Session
-from uavmap.runner.flight_links import opened_links
-from uavmap.runner.preflight.examination import heartbeats
+from uavmap.runner.preflight.examination import spoken_with
 
 LEAST_STEP_M: Final = 10.0
 """Between two places that are asked for: the databases of autopilots are 30 to 100 m wide."""
@@ -81,14 +80,8 @@ async def _simulated(
 
 async def _connected(plan: FlightPlan, mission: Mission) -> dict[str, Any]:
     options = replace(plan, urls=plan.urls[:1], driver=PYMAVLINK, forward=())
-    async with opened_links(
-        options, [parse_camera("mavlink")], mission.camera, lambda frame: None
-    ) as (link,):
-        beat = asyncio.ensure_future(heartbeats([link.session]))
-        try:
-            return await _lattice(link.session, link.name, mission)
-        finally:
-            beat.cancel()
+    async with spoken_with(options, [parse_camera("mavlink")], mission.camera) as (link,):
+        return await _lattice(link.session, link.name, mission)
 
 
 async def _lattice(session: Session, name: str, mission: Mission) -> dict[str, Any]:

@@ -44,7 +44,7 @@ from uavmap.output.write_results import flown_flight, write_results
 from uavmap.runner.aircraft_process import AircraftProcess, Connection
 from uavmap.runner.aircraft_side import in_this_process
 from uavmap.runner.aircraft_takeover import Attachment
-from uavmap.runner.before_flight import Company, kept_fence
+from uavmap.runner.before_flight import KEEP_FENCE, Company
 from uavmap.runner.flight_links import Link, mavlink_link
 from uavmap.runner.operator.ground_crew import (
     Crew,
@@ -56,7 +56,6 @@ from uavmap.runner.operator.ground_crew import (
 )
 from uavmap.runner.operator.interrupts import interrupts, leave_map, like_control_c, patiently
 from uavmap.runner.operator.keyboard import Keys, keyboard
-from uavmap.runner.operator.onlooker import Keepers
 from uavmap.runner.preflight.vehicle_check import pad_heights
 from uavmap.runner.service import GroundService, Service
 from uavmap.runner.vehicles import judge_of, numbers_of
@@ -214,7 +213,7 @@ class Flight:
             say = messages.bound("uavmap.photos").line
             keeper = FrameKeeper(self.folder, say, aside=real)
         reports: asyncio.Queue[Event] = asyncio.Queue()
-        keepers = Keepers([*([keeper] if keeper else ()), *company.onlookers])
+        keepers = [*([keeper] if keeper else ()), *company.onlookers]
         judge = judge_of(self.setting, keepers, recall=company.recall)
         port = Port(
             numbers_of(self.setting), self.clock.now_s, judge, reports.put_nowait, reports.join,
@@ -311,7 +310,7 @@ class Flight:
         asked = (
             None if company.preflight is None or begun else company.preflight.asked(self.setting)
         )
-        kept = kept_fence(self._journal.meta)
+        kept = self._journal.meta.get(KEEP_FENCE) is True
         return Begin(self.clock.start_s, before, asked, kept, waits_on_ground)
 
     async def _fly(

@@ -47,7 +47,7 @@ def numbers_of(setting: Setting) -> Sequence[int]:
 
 
 def judge_of(
-    setting: Setting, keeper: Keeper | None = None, *, recall: bool = False
+    setting: Setting, keepers: Sequence[Keeper] = (), *, recall: bool = False
 ) -> PictureJudge:
     """What judges the pictures of a mission's vehicles.
 
@@ -59,7 +59,7 @@ def judge_of(
         number: Classifier.of(mission, setting.grid, mission.altitude_m(number - 1), detector)
         for number in numbers_of(setting)
     }
-    return PictureJudge(classifiers, keeper)
+    return PictureJudge(classifiers, keepers)
 
 
 def vehicles_of(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from missions.errors import ImageError
@@ -19,9 +19,11 @@ from vision.look import Frame
 class PictureJudge:
     """Judges the pictures of every vehicle of a service, each by a classifier of its own."""
 
-    def __init__(self, classifiers: Mapping[int, Classifier], keeper: Keeper | None = None) -> None:
+    def __init__(
+        self, classifiers: Mapping[int, Classifier], keepers: Sequence[Keeper] = ()
+    ) -> None:
         self._classifiers = classifiers
-        self._keeper = keeper
+        self._keepers = keepers
 
     def verdict(self, taken: Taken) -> FrameSeen | FrameLost:
         """What a picture says of the cells around its vantage, or of all that it shows whole."""
@@ -29,10 +31,10 @@ class PictureJudge:
         camera = classifier.camera
         try:
             image = decoded(taken.data, taken.name, (camera.width_px, camera.height_px))
-            if self._keeper is not None:
-                hfov_deg = math.degrees(camera.hfov_rad)
-                kept = KeptFrame("", taken.vehicle, taken.t_s, taken.pose, hfov_deg)
-                self._keeper.keep(kept, taken.data)
+            hfov_deg = math.degrees(camera.hfov_rad)
+            kept = KeptFrame("", taken.vehicle, taken.t_s, taken.pose, hfov_deg)
+            for keeper in self._keepers:
+                keeper.keep(kept, taken.data)
             frame = Frame(image, taken.pose, taken.t_s, camera)
             if taken.anywhere:
                 votes = classifier.votes_anywhere(frame)

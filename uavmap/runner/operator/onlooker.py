@@ -13,7 +13,7 @@ from missions.events import Event
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.step import step
-from uavmap.journal.kept_frames import Keeper, KeptFrame
+from uavmap.journal.kept_frames import KeptFrame
 from uavmap.runner.service import Service
 
 
@@ -41,18 +41,6 @@ class Onlooker:
 
     def end(self) -> None:
         """See the flight end."""
-
-
-class Keepers:
-    """Several keepers of pictures as one."""
-
-    def __init__(self, keepers: Sequence[Keeper]) -> None:
-        self._keepers = keepers
-
-    def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
-        """Give a picture to each."""
-        for keeper in self._keepers:
-            keeper.keep(frame, picture)
 
 
 def folded(setting: Setting, events: Iterable[Event], onlookers: Sequence[Onlooker] = ()) -> State:

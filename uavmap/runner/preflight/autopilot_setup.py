@@ -197,7 +197,7 @@ class AutopilotSetup:
     async def keep_fence(self) -> list[Finding]:
         """Whether the mission can be flown inside the fence that is set. Raises `LinkError`."""
         before, found = await self.look()
-        faults = self._fence(before).faults(before.fence or ())
+        faults = self.fence_of(before).faults(before.fence or ())
         found += [
             bad(
                 "fence", f"the mission leaves the one that is set: {fault}", "a mission inside",
@@ -213,11 +213,8 @@ class AutopilotSetup:
         points = f"{len(before.fence or ())} items, {len(before.rally or ())} rally points"
         return f"{points}, {values or 'no parameters told'}"
 
-    def plan(self, before: Before) -> FencePlan:
-        """What is to be set."""
-        return self._fence(before).plan()
-
-    def _fence(self, before: Before) -> VehicleFence:
+    def fence_of(self, before: Before) -> VehicleFence:
+        """Return the fence that fits the mission, by what was found."""
         values = {name: parameter.value for name, parameter in before.parameters.items()}
         return VehicleFence(self._setting, self._number, self._home, self._view.kind, values)
 
@@ -235,7 +232,7 @@ class AutopilotSetup:
         """
         try:
             before, found = await self.look()
-            plan = self.plan(before)
+            plan = self.fence_of(before).plan()
             self._note(await self._aircraft(), before, plan)
             await self._put(Kind.FENCE, plan.fence)
             await self._put(Kind.RALLY, plan.rally)

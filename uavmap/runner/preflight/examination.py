@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Sequence
+from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -15,12 +15,16 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, ImageError, LinkError
 from missions.flight.setting import Setting
+from missions.mission.schema import CameraSection
 from uavmap.aircraft.cameras.source import Announcement, FrameSource, decoded
+from uavmap.aircraft.cameras.spec import CameraSpec
 from uavmap.base.atomic_write import write_bytes
 from uavmap.base.printable import printable
+from uavmap.journal.flight_plan import FlightOptions
 from uavmap.mavlink.identity import answered
 from uavmap.mavlink.parameters import Parameters
 from uavmap.mavlink.session import Session
+from uavmap.runner.flight_links import Link, opened_links
 from uavmap.runner.preflight.autopilot_parameters import names_of, parameter_findings
 from uavmap.runner.preflight.finding import Finding, bad, of_vehicle, ok, warn
 from uavmap.runner.preflight.vehicle_check import Measurement, state_findings
@@ -37,12 +41,17 @@ _REMEDY: Final = (
 )
 
 
-async def heartbeats(sessions: Sequence[Session]) -> None:
-    """Send our heartbeat until cancelled: a vehicle speaks only where it has heard somebody."""
-    while True:
-        for session in sessions:
-            session.heartbeat()
-        await asyncio.sleep(HEARTBEAT_S)
+@contextlib.asynccontextmanager
+async def spoken_with(
+    options: FlightOptions, cameras: Sequence[CameraSpec], section: CameraSection
+) -> AsyncIterator[list[Link]]:
+    """Open links as for a flight, and send heartbeats: a vehicle speaks only to who has spoken."""
+    async with opened_links(options, cameras, section, lambda frame: None) as links:
+        beating = asyncio.create_task(_heartbeats([link.session for link in links]))
+        try:
+            yield links
+        finally:
+            beating.cancel()
 
 
 async def connect(session: Session, name: str) -> None:
@@ -134,3 +143,10 @@ def _drawn_over(image: NDArray[np.uint8], mask: NDArray[np.uint8]) -> bytes:
     drawn[marked] = (drawn[marked] // 2 + _MARK // 2).astype(np.uint8)
     _, data = cv2.imencode(".png", drawn)
     return bytes(data)
+
+
+async def _heartbeats(sessions: Sequence[Session]) -> None:
+    while True:
+        for session in sessions:
+            session.heartbeat()
+        await asyncio.sleep(HEARTBEAT_S)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import inspect
 import logging
 import os
@@ -31,11 +32,6 @@ from uavmap.ui.api.results import Results, open_results
 
 P = ParamSpec("P")
 _LOG: Final = logging.getLogger("uavmap.flight")
-_AS_GIVEN: Final = (
-    *("vehicles", "strategy", "all_strategies", "seed", "speedup", "auto_swap", "driver"),
-    "onboard",
-)
-"""The fields of `FlightOptions` that are parameters of their names."""
 
 
 def fly(
@@ -207,16 +203,17 @@ def _flight(mission: Paths, **given: Any) -> Job[Results]:
     if quiet and not (sim or yes or dry_run):
         raise UavmapError("quiet=True hides the question before take-off: give yes=True with it")
     detector = given["detector"]
-    options = FlightOptions(
-        mission_source=path_text("mission", mission),
-        simulated=sim,
-        urls=texts("connect", given["connect"]),
-        cameras=texts("camera", given["camera"]),
-        detector=None if detector is None else path_text("detector", detector),
-        key_file=None if sim else _key(given["key"]),
-        forward=texts("forward", given["forward"]),
-        **{name: given[name] for name in _AS_GIVEN},
-    )
+    fields = {
+        "mission_source": path_text("mission", mission),
+        "simulated": sim,
+        "urls": texts("connect", given["connect"]),
+        "cameras": texts("camera", given["camera"]),
+        "detector": None if detector is None else path_text("detector", detector),
+        "key_file": None if sim else _key(given["key"]),
+        "forward": texts("forward", given["forward"]),
+    }
+    named = {f.name: given[f.name] for f in dataclasses.fields(FlightOptions) if f.name in given}
+    options = FlightOptions(**named | fields)
     out = None if given["out"] is None else path_text("out", given["out"])
     before = None if sim else Preflight(plan_lines, yes, dry_run, given["keep_fence"])
     if sim and dry_run:

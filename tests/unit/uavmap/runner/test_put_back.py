@@ -23,6 +23,7 @@ from uavmap.runner import before_flight, flight, one_flight
 from uavmap.runner.aircraft_side import in_this_process
 from uavmap.runner.before_flight import Company, Preflight
 from uavmap.runner.flight_links import Link
+from uavmap.runner.preflight import examination
 from uavmap.runner.preflight.autopilot_setup import FILE
 from uavmap.runner.preflight.plan_figures import plan_lines
 from uavmap.ui.cli.flight_options import not_flown
@@ -59,7 +60,7 @@ def field(monkeypatch: pytest.MonkeyPatch) -> Field:
                 yield
 
     monkeypatch.setattr(one_flight, "AircraftProcess", Here)
-    monkeypatch.setattr(before_flight, "opened_links", opened)
+    monkeypatch.setattr(examination, "opened_links", opened)
     for module in (one_flight, before_flight):
         monkeypatch.setattr(module, "ScaledClock", lambda *_: VirtualClock())
     return made

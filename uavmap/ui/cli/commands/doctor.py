@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import contextlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,11 +21,11 @@ from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
 from uavmap.journal.flight_plan import FlightOptions
 from uavmap.load.mission_source import load, shipped_missions
-from uavmap.runner.flight_links import Link, cameras_of, check_urls, opened_links
+from uavmap.runner.flight_links import Link, cameras_of, check_urls
 from uavmap.runner.preflight.autopilot_fence import outside_m
 from uavmap.runner.preflight.autopilot_setup import AutopilotSetup
 from uavmap.runner.preflight.computer_check import ComputerSpeed, computer_findings, installation
-from uavmap.runner.preflight.examination import Examination, connect, heartbeats
+from uavmap.runner.preflight.examination import Examination, connect, spoken_with
 from uavmap.runner.preflight.finding import Finding, could_fly, of_vehicle, ok
 from uavmap.runner.preflight.plan_figures import plan_lines
 from uavmap.ui.cli import INCOMPLETE
@@ -139,22 +138,15 @@ async def _vehicles(
     found: list[Finding],
 ) -> None:
     section = CameraSection() if setting is None else setting.mission.camera
-    async with contextlib.AsyncExitStack() as stack:
-        stack.enter_context(shown_on(Terminal()))
-        links = await stack.enter_async_context(
-            opened_links(options, cameras, section, lambda frame: None)
-        )
-        for link in links:
-            if setting is not None:
-                link.session.view.expect_near(setting.mission.home)
-        async with asyncio.TaskGroup() as tasks:
-            beating = tasks.create_task(heartbeats([link.session for link in links]))
+    with shown_on(Terminal()):
+        async with spoken_with(options, cameras, section) as links, asyncio.TaskGroup() as tasks:
+            for link in links:
+                if setting is not None:
+                    link.session.view.expect_near(setting.mission.home)
             looking = [
                 tasks.create_task(_vehicle(number, link, setting, folder))
                 for number, link in enumerate(links, start=1)
             ]
-            await asyncio.wait(looking)
-            beating.cancel()
     for task in looking:
         found += task.result()
 

@@ -7,7 +7,7 @@ import errno
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -79,7 +79,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="heights above the sea (start.amsl_m) instead of above the home",
     )
-    add_map_options(parser)
+    add(
+        "--to",
+        choices=list(FORMATS),
+        help="of results: region, cells, tracks, frames and fence as a GeoPackage (gpkg), "
+        "Shapefiles (shp), GeoJSON, KML with times, GPX or CSV",
+    )
+    add(
+        "--out",
+        metavar="PATH",
+        type=Path,
+        help="with --to: the file, of shp, geojson and csv a folder (default: in the folder of "
+        "the results)",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -179,23 +191,6 @@ def _frame(options: argparse.Namespace, mission: Mission) -> int:
 
 # --- a map for a GIS --------------------------------------------------------------------------
 _OF_PLANS = ("plan", "waypoints", "vehicle", "above_sea")
-
-
-def add_map_options(parser: Any) -> None:
-    """Add the options."""
-    parser.add_argument(
-        "--to",
-        choices=list(FORMATS),
-        help="of results: region, cells, tracks, frames and fence as a GeoPackage (gpkg), "
-        "Shapefiles (shp), GeoJSON, KML with times, GPX or CSV",
-    )
-    parser.add_argument(
-        "--out",
-        metavar="PATH",
-        type=Path,
-        help="with --to: the file, of shp, geojson and csv a folder (default: in the folder of "
-        "the results)",
-    )
 
 
 def export_map(options: argparse.Namespace, say: Callable[[str], None]) -> int:

@@ -268,7 +268,7 @@ async def test_the_fence_is_farther_out_the_faster_the_mission_flies(
 ) -> None:
     setup = field.setup(1, tmp_path)
     before, _ = await setup.look()
-    plan = setup.plan(before)
+    plan = setup.fence_of(before).plan()
     ring = Polygon([field.setting.grid.fixed(i.position) for i in plan.fence])
     assert ring.exterior.distance(Point(0, 0)) > 40.0 + plan.outside_m - 1.0
     speed = field.setting.mission.flight.speed_m_s
