@@ -8,7 +8,6 @@ from missions.errors import LinkError, MissionFileError
 from missions.geo.grid import Grid
 from missions.units import GridPoint
 from sitl.mavlink.telemetry import Telemetry
-from tests.support.hills import slope, text_over
 from tests.support.plans import plan_of
 from tests.support.said import Said
 from tests.support.small_missions import START, mission_text, square
@@ -67,16 +66,6 @@ def _alone(call) -> None:
         alone = group.exceptions[0]
     if alone is not None:  # the first versions of Python 3.11 wrap what is raised in an except*
         raise alone
-
-
-def test_a_long_leg_up_a_steep_slope_is_no_trouble(tmp_path) -> None:
-    """It is slow, for its targets lie near; the guardian knows."""
-    text = mission_text(
-        square(-4, 150, 12, 12), square(-20, -20, 60, 200), altitude_m=16.0, capacity_wh=60.0
-    ).replace("[fence]", "[fence]\nceiling_m = 200.0")
-    text = text_over(text, slope(55.0, 0.0))
-    summary = fly(plan_of("steep.toml", text, None, None, 1, (), None, 0.0), tmp_path / "out")
-    assert summary["completed"]
 
 
 def test_a_fence_too_large_to_ask_for_is_refused() -> None:

@@ -97,7 +97,7 @@ def test_slowest_plan_is_that_of_an_exploration(monkeypatch: pytest.MonkeyPatch)
         return state.tree is not None and isinstance(event, FrameSeen)
 
     monkeypatch.setattr(computer_check, "step", slowed(computer_check.step, 0.3, explores))
-    slow = longest_plan_s(setting(), 2.0)
+    slow = longest_plan_s(setting(), 1.2)
     assert slow is not None
     assert slow >= 0.3
 
