@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -22,8 +21,6 @@ from uavmap.base.clock import ScaledClock, run
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.runner.flight_links import Link
-from uavmap.runner.operator.interrupts import Caller
-from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.runner.preflight.autopilot_setup import HEARD_S, AutopilotSetup, Kept
 from uavmap.runner.preflight.examination import Examination, connect, spoken_with
 from uavmap.runner.preflight.finding import Finding, Level, binding, could_fly, of_vehicle, warn
@@ -34,46 +31,6 @@ IDENTITY_S: Final = 2.0
 """So long a vehicle is waited for to say what it is: only the bundled simulator is recognised."""
 KEEP_FENCE: Final = "keep_fence"
 """In the journal's meta: whether the flight keeps the fences that are set."""
-
-
-@dataclass(frozen=True, slots=True)
-class Preflight:
-    """What the operator wants of it."""
-
-    plan_lines: Callable[[Setting], Sequence[str]]
-    """What will be flown, in lines."""
-    yes: bool = False
-    """Fly without a question."""
-    dry_run: bool = False
-    """Do all but arm."""
-    keep_fence: bool = False
-    """Leave the fence of the autopilot as it is, and do not fly a mission that leaves it."""
-
-    def asked(self, setting: Setting) -> Asked:
-        """As it is sent to the aircraft."""
-        return Asked(tuple(self.plan_lines(setting)), self.yes, self.dry_run)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Company:
-    """The people beside a flight, and what looks on.
-
-    Attributes:
-        onlookers: See the flight, and pass on orders to real aircraft.
-        preflight: What is examined, asked and set before real aircraft take off; None for a flight
-            that is simulated or resumed.
-        caller: Interrupts a flight that does not run in the program's main thread.
-        ask: Puts a question to the operator, where there is one.
-        recall: Whether vehicles in the air are only brought home.
-    """
-
-    onlookers: Sequence[Onlooker] = ()
-    preflight: Preflight | None = None
-    caller: Caller | None = None
-    ask: Callable[[str], bool] | None = None
-    recall: bool = False
-
-
 Ask = Callable[[str], Awaitable[bool | None]]
 """Puts a question to the operator; None where there is none."""
 

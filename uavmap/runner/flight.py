@@ -44,9 +44,10 @@ from uavmap.load.kept_detector import drop_detector, keep_detector
 from uavmap.load.mission_source import load
 from uavmap.mavlink.links.urls import parse_url
 from uavmap.runner.aircraft_takeover import taken_over
-from uavmap.runner.before_flight import KEEP_FENCE, Company, is_left_set, put_back
+from uavmap.runner.before_flight import KEEP_FENCE, is_left_set, put_back
 from uavmap.runner.flight_links import cameras_of, check_urls
 from uavmap.runner.one_flight import KEEP_FRAMES, Flight, written_results
+from uavmap.runner.operator.company import Company
 from uavmap.runner.operator.onlooker import Onlooker, folded
 
 _LOG: Final = logging.getLogger("uavmap.flight")

@@ -44,8 +44,9 @@ from uavmap.output.write_results import flown_flight, write_results
 from uavmap.runner.aircraft_process import AircraftProcess, Connection
 from uavmap.runner.aircraft_side import in_this_process
 from uavmap.runner.aircraft_takeover import Attachment
-from uavmap.runner.before_flight import KEEP_FENCE, Company
+from uavmap.runner.before_flight import KEEP_FENCE
 from uavmap.runner.flight_links import Link, mavlink_link
+from uavmap.runner.operator.company import Company
 from uavmap.runner.operator.ground_crew import (
     Crew,
     EnterKey,

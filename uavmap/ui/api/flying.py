@@ -20,9 +20,9 @@ from uavmap.journal.flight_plan import DRIVERS, KEY_VARIABLE, PYMAVLINK, Driver,
 from uavmap.journal.results_folder import results_folder
 from uavmap.photos.after_flight import draw_boundary, kept_frames
 from uavmap.runner import flight
-from uavmap.runner.before_flight import Company, Preflight
 from uavmap.runner.flight import planned
 from uavmap.runner.ground_survey import with_ground
+from uavmap.runner.operator.company import Company, Preflight
 from uavmap.runner.operator.interrupts import Caller
 from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.runner.operator.progress import ProgressTable

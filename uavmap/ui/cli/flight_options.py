@@ -16,9 +16,9 @@ from uavmap.base.terminal import Terminal
 from uavmap.journal.flight_plan import KEY_VARIABLE, FleetNetwork, FlightOptions, FlightPlan
 from uavmap.journal.results_folder import results_folder
 from uavmap.photos.after_flight import draw_boundary, kept_frames
-from uavmap.runner.before_flight import Company, Preflight
 from uavmap.runner.flight import fly
 from uavmap.runner.ground_survey import with_ground
+from uavmap.runner.operator.company import Company, Preflight
 from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.runner.operator.progress import ProgressTable
 from uavmap.runner.preflight.plan_figures import plan_lines

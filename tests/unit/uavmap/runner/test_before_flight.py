@@ -20,7 +20,8 @@ from tests.support.running import by
 from tests.support.small_missions import at_heights, with_receivers
 from uavmap.base.messages import shown_on
 from uavmap.mavlink.vehicle_view import EKF_ABSOLUTE, VehicleView
-from uavmap.runner.before_flight import BeforeFlight, Preflight
+from uavmap.runner.before_flight import BeforeFlight
+from uavmap.runner.operator.company import Preflight
 from uavmap.runner.operator.ground_crew import Operator
 from uavmap.runner.preflight.autopilot_setup import FILE
 from uavmap.runner.preflight.plan_figures import plan_lines

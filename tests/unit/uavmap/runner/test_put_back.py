@@ -21,8 +21,8 @@ from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightOptions, FlightPlan
 from uavmap.runner import before_flight, flight, one_flight
 from uavmap.runner.aircraft_side import in_this_process
-from uavmap.runner.before_flight import Company, Preflight
 from uavmap.runner.flight_links import Link
+from uavmap.runner.operator.company import Company, Preflight
 from uavmap.runner.preflight import examination
 from uavmap.runner.preflight.autopilot_setup import FILE
 from uavmap.runner.preflight.plan_figures import plan_lines

@@ -16,8 +16,8 @@ from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.journal.recovery import recover
 from uavmap.photos.after_flight import draw_boundary, kept_frames
-from uavmap.runner.before_flight import Company
 from uavmap.runner.flight import plan_of, resume
+from uavmap.runner.operator.company import Company
 from uavmap.ui.cli import AIRCRAFT_DOWN, complain
 from uavmap.ui.cli.common import EXIT_CODES, agreed, report
 from uavmap.ui.cli.flight_options import beside, gives_network, key_file, network_of, not_flown

@@ -20,8 +20,8 @@ from tests.support.plans import named_text, plan_of
 from tests.support.said import Said
 from uavmap.base.messages import shown_on
 from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
-from uavmap.runner.before_flight import Company
 from uavmap.runner.flight import fly
+from uavmap.runner.operator.company import Company
 from uavmap.runner.service import Service
 from uavmap.ui.page.live import SIMULATED, FlightPage, carry_out
 from uavmap.ui.page.page_pipe import Lines, Words, packed

@@ -1,0 +1,49 @@
+"""The people beside a flight: what they want of it, and what looks on for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from missions.flight.setting import Setting
+from uavmap.aircraft.process.messages import Asked
+from uavmap.runner.operator.interrupts import Caller
+from uavmap.runner.operator.onlooker import Onlooker
+
+
+@dataclass(frozen=True, slots=True)
+class Preflight:
+    """What the operator wants of it."""
+
+    plan_lines: Callable[[Setting], Sequence[str]]
+    """What will be flown, in lines."""
+    yes: bool = False
+    """Fly without a question."""
+    dry_run: bool = False
+    """Do all but arm."""
+    keep_fence: bool = False
+    """Leave the fence of the autopilot as it is, and do not fly a mission that leaves it."""
+
+    def asked(self, setting: Setting) -> Asked:
+        """As it is sent to the aircraft."""
+        return Asked(tuple(self.plan_lines(setting)), self.yes, self.dry_run)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Company:
+    """The people beside a flight, and what looks on.
+
+    Attributes:
+        onlookers: See the flight, and pass on orders to real aircraft.
+        preflight: What is examined, asked and set before real aircraft take off; None for a flight
+            that is simulated or resumed.
+        caller: Interrupts a flight that does not run in the program's main thread.
+        ask: Puts a question to the operator, where there is one.
+        recall: Whether vehicles in the air are only brought home.
+    """
+
+    onlookers: Sequence[Onlooker] = ()
+    preflight: Preflight | None = None
+    caller: Caller | None = None
+    ask: Callable[[str], bool] | None = None
+    recall: bool = False
