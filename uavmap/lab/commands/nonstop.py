@@ -16,8 +16,8 @@ from uavmap.lab.commands.simulate_options import NONSTOP_DEFAULTS
 from uavmap.lab.nonstop_trials import FlightTerms, flown_under, nonstop_means, nonstop_trials
 from uavmap.lab.run_film import film_of_nonstop
 from uavmap.load.planner_setup import tell_if_uncompiled
+from uavmap.ui.cli.commands.animate import wants_pictures, write_pictures
 from uavmap.ui.cli.common import pair
-from uavmap.ui.cli.picture_options import wants_pictures, write_pictures
 
 _SPEED_M_S: Final = 6.0
 _CELL_M: Final = 4.0

@@ -33,13 +33,13 @@ from uavmap.lab.simulated_links import draws, simulated_links
 from uavmap.lab.simulating import MOST_ROBOTS, known_strategies, metric_of, nonstop_among
 from uavmap.lab.trials import Terms, explored, means, trials
 from uavmap.load.planner_setup import tell_if_uncompiled
-from uavmap.ui.cli.common import number_type, pair, seed_number
-from uavmap.ui.cli.picture_options import (
+from uavmap.ui.cli.commands.animate import (
     add_picture_options,
     check_pictures,
     wants_pictures,
     write_pictures,
 )
+from uavmap.ui.cli.common import number_type, pair, seed_number
 
 _COMMS_HELP: Final = (
     "who knows what the others saw: shared (or free), all at once (default); meeting, only who "

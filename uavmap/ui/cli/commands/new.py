@@ -26,8 +26,8 @@ from uavmap.load.areas.reading import KINDS, read_area_file
 from uavmap.load.mission_source import mission_of_text
 from uavmap.runner.preflight.plan_figures import estimate
 from uavmap.ui.cli import complain
+from uavmap.ui.cli.commands.check import box_line, check_kind, search_line, write_map, zone_name
 from uavmap.ui.cli.common import epsg_code, number_type, pair, vehicle_count
-from uavmap.ui.cli.plan_map import box_line, check_kind, search_line, write_map, zone_name
 
 EXAMPLES: Final = """\
 examples:
