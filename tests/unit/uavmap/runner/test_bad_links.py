@@ -17,7 +17,6 @@ from tests.support.flights import Flight, small_mission, under_way
 from tests.support.flights import fly as flight_of
 from tests.support.running import by, on_virtual_time
 from uavmap.aircraft.guardian.last_watch import Guardians, watched_over
-from uavmap.base.clock import VirtualClock, run
 
 UP_M = 12.0
 
@@ -87,71 +86,69 @@ async def test_after_a_gap_nothing_is_asked_for_that_still_comes(flight: Flight,
     assert len(commands(flight, mav.MAV_CMD_SET_MESSAGE_INTERVAL)) == asked
 
 
-def test_a_hold_whose_acknowledgement_was_an_older_one_is_asked_for_again() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        flight.driver.give(FlyTo((GridPoint(45.0, 30.0),), None, stop=False, height_m=UP_M))
-        await asyncio.sleep(6.0)
-        swallowed: list[Any] = []
+@by(flight_of)
+async def test_a_hold_whose_acknowledgement_was_an_older_one_is_asked_for_again(
+    flight: Flight, /
+) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(FlyTo((GridPoint(45.0, 30.0),), None, stop=False, height_m=UP_M))
+    await asyncio.sleep(6.0)
+    swallowed: list[Any] = []
 
-        def swallow(message: Any) -> bool:
-            if getattr(message, "command", None) != mav.MAV_CMD_DO_REPOSITION or swallowed:
-                return True
-            swallowed.append(message)
-            _doubled(flight, message)
-            return False
+    def swallow(message: Any) -> bool:
+        if getattr(message, "command", None) != mav.MAV_CMD_DO_REPOSITION or swallowed:
+            return True
+        swallowed.append(message)
+        _doubled(flight, message)
+        return False
 
-        flight.to_vehicle = swallow
+    flight.to_vehicle = swallow
+    flight.driver.give(Hold())
+    await asyncio.sleep(15.0)
+    assert swallowed
+    assert flight.session.view.ground_speed_m_s < 0.5
+    here = flight.setting.grid.fixed(flight.vehicle.truth.position)
+    assert here.distance_to(GridPoint(45.0, 30.0)) > 10.0
+    assert not flight.seen(OrderFailed)
+
+
+@by(flight_of)
+async def test_frames_that_are_late_by_seconds_are_no_vehicle_that_is_blown_away(
+    flight: Flight, /
+) -> None:
+    flight.vehicle.fail.link(jitter_s=2.0)
+    await flight.after(TakeOff(UP_M), Airborne, within_s=200.0)
+    for goal in (GridPoint(45.0, 30.0), GridPoint(0.0, 10.0), GridPoint(45.0, 0.0)):
+        flight.driver.give(FlyTo((goal,), None, stop=False, height_m=UP_M))
+        await asyncio.sleep(7.0)
         flight.driver.give(Hold())
-        await asyncio.sleep(15.0)
-        assert swallowed
-        assert flight.session.view.ground_speed_m_s < 0.5
-        here = flight.setting.grid.fixed(flight.vehicle.truth.position)
-        assert here.distance_to(GridPoint(45.0, 30.0)) > 10.0
-
-    assert not flight_of(body).seen(OrderFailed)
-
-
-def test_frames_that_are_late_by_seconds_are_no_vehicle_that_is_blown_away() -> None:
-    async def body(flight: Flight) -> None:
-        flight.vehicle.fail.link(jitter_s=2.0)
-        await flight.after(TakeOff(UP_M), Airborne, within_s=200.0)
-        for goal in (GridPoint(45.0, 30.0), GridPoint(0.0, 10.0), GridPoint(45.0, 0.0)):
-            flight.driver.give(FlyTo((goal,), None, stop=False, height_m=UP_M))
-            await asyncio.sleep(7.0)
-            flight.driver.give(Hold())
-            await asyncio.sleep(20.0)
-
-    flight = flight_of(body)
+        await asyncio.sleep(20.0)
     assert not flight.seen(OrderFailed)
     assert not flight.seen(Guarded)
 
 
-def test_who_was_left_in_the_air_is_brought_home_though_the_connection_fails() -> None:
+@by(on_virtual_time)
+async def test_who_was_left_in_the_air_is_brought_home_though_the_connection_fails() -> None:
     """As after `uavmap resume` with a second vehicle that does not answer."""
+    flight = Flight(small_mission())
+    async with under_way(flight):
+        await flight.after(TakeOff(UP_M), Airborne)
+    # another process took it up there and died; here is the next one
+    again = Flight(small_mission())
+    again.vehicle = flight.vehicle
+    again.driver.was_flying()
+    async with asyncio.TaskGroup() as tasks:
+        world = tasks.create_task(again.fly_world())
 
-    async def main() -> None:
-        flight = Flight(small_mission())
-        async with under_way(flight):
-            await flight.after(TakeOff(UP_M), Airborne)
-        # another process took it up there and died; here is the next one
-        again = Flight(small_mission())
-        again.vehicle = flight.vehicle
-        again.driver.was_flying()
-        async with asyncio.TaskGroup() as tasks:
-            world = tasks.create_task(again.fly_world())
+        async def connect() -> None:
+            await again.driver.connect()
+            raise LinkError("vehicle 2: no vehicle answered")
 
-            async def connect() -> None:
-                await again.driver.connect()
-                raise LinkError("vehicle 2: no vehicle answered")
-
-            with pytest.raises(LinkError, match="vehicle 2"):
-                await watched_over(Guardians({1: again.driver.guardian}), connect(), leave=True)
-            world.cancel()
-        assert flight.vehicle.truth.landed
-        assert again.said == [
-            "vehicle 1: the mission failed (vehicle 2: no vehicle answered); it is told to "
-            "return by its autopilot"
-        ]
-
-    run(main(), VirtualClock())
+        with pytest.raises(LinkError, match="vehicle 2"):
+            await watched_over(Guardians({1: again.driver.guardian}), connect(), leave=True)
+        world.cancel()
+    assert flight.vehicle.truth.landed
+    assert again.said == [
+        "vehicle 1: the mission failed (vehicle 2: no vehicle answered); it is told to "
+        "return by its autopilot"
+    ]

@@ -40,6 +40,10 @@ def real(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(VehicleView, "is_simulator", property(lambda view: False))
 
 
+def fault_of(kind: str) -> SimFault:
+    return SimFault.model_validate({"vehicle": 1, "at_s": 0.0, "kind": kind})
+
+
 def told(field: Field, what: str) -> str:
     """What is found of a thing, last."""
     lines = [x for text in field.told for x in text.split("\n") if f" 1 {what}: " in x]
@@ -156,22 +160,18 @@ def test_an_empty_battery_cannot_be_passed_over(
 @pytest.mark.parametrize(
     ("kind", "why"), [("camera_stall", "none came"), ("camera_corrupt", "picture")]
 )
-def test_a_camera_that_gives_nothing_cannot_be_passed_over(
-    kind: str, why: str, tmp_path: Path
+@by(on_field, lambda kind: mission_of("ardupilot", faults=(fault_of(kind),)))
+async def test_a_camera_that_gives_nothing_cannot_be_passed_over(
+    field: Field, /, kind: str, why: str, tmp_path: Path
 ) -> None:
-    fault = SimFault.model_validate({"vehicle": 1, "at_s": 0.0, "kind": kind})
-
-    async def body(field: Field) -> None:
-        with pytest.raises(PreflightError, match="not flown:\nbad   1 camera: ") as error:
-            await before(field, tmp_path, yes=True).go()
-        assert why in str(error.value)
-        assert not any("bad   1 camera" in text for text in field.told), "it is told once"
-        flight = before(field, tmp_path, dry=True)
-        with pytest.raises(NotFlownError) as over:
-            await flight.go()
-        assert not over.value.could_fly
-
-    on_field(body, mission_of("ardupilot", faults=(fault,)))
+    with pytest.raises(PreflightError, match="not flown:\nbad   1 camera: ") as error:
+        await before(field, tmp_path, yes=True).go()
+    assert why in str(error.value)
+    assert not any("bad   1 camera" in text for text in field.told), "it is told once"
+    flight = before(field, tmp_path, dry=True)
+    with pytest.raises(NotFlownError) as over:
+        await flight.go()
+    assert not over.value.could_fly
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
@@ -185,17 +185,13 @@ async def test_a_kept_fence_that_the_mission_leaves(field: Field, /, tmp_path: P
         await before(field, tmp_path, keep=True).go()
 
 
-def test_without_a_fix_it_is_said_what_is_missing(tmp_path: Path) -> None:
-    fault = SimFault.model_validate({"vehicle": 1, "at_s": 0.0, "kind": "gps"})
-
-    async def body(field: Field) -> None:
-        with pytest.raises(NotFlownError) as over:
-            await before(field, tmp_path, dry=True).go()
-        assert not over.value.could_fly
-        assert told(field, "GPS").startswith("bad   1 GPS: no fix, 0 satellites (wanted: a 3D fix")
-        assert told(field, "EKF").startswith("bad   1 EKF: no position yet")
-
-    on_field(body, mission_of("ardupilot", faults=(fault,)))
+@by(on_field, lambda: mission_of("ardupilot", faults=(fault_of("gps"),)))
+async def test_without_a_fix_it_is_said_what_is_missing(field: Field, /, tmp_path: Path) -> None:
+    with pytest.raises(NotFlownError) as over:
+        await before(field, tmp_path, dry=True).go()
+    assert not over.value.could_fly
+    assert told(field, "GPS").startswith("bad   1 GPS: no fix, 0 satellites (wanted: a 3D fix")
+    assert told(field, "EKF").startswith("bad   1 EKF: no position yet")
 
 
 @by(on_field, lambda: mission_of("ardupilot"))

@@ -104,48 +104,45 @@ async def test_pictures_that_are_fetched_slowly_are_judged_or_said_to_be_lost(
         assert not lost
 
 
-def test_a_link_that_drops_during_a_landing_for_a_battery_costs_nothing(tmp_path: Path) -> None:
-    async def body(flight: Flight, service: Service) -> None:
-        def vehicle() -> Any:
-            return service.state.vehicles[1]
+@by(serve, lambda tmp_path: tmp_path)
+async def test_a_link_that_drops_during_a_landing_for_a_battery_costs_nothing(
+    flight: Flight, service: Service, /, tmp_path: Path
+) -> None:
+    def vehicle() -> Any:
+        return service.state.vehicles[1]
 
-        await flight.until(lambda: vehicle().phase is Phase.AIRBORNE)
-        await asyncio.sleep(5.0)
-        # low, by the reducer's eyes
-        t_s = round(flight.now_s(), 3)
-        service.post(Tracked(1, t_s, vehicle().position, vehicle().height_m, 12.0))
-        await flight.until(lambda: isinstance(vehicle().order, Land), 200.0)
-        await asyncio.sleep(4.0)
-        flight.to_driver = flight.to_vehicle = lambda message: False
-        await asyncio.sleep(8.0)
-        assert vehicle().phase is Phase.OFFLINE
-        flight.to_driver = flight.to_vehicle = lambda message: True
-        await flight.until(lambda: vehicle().landed, 60.0)
-        assert vehicle().phase is Phase.GROUNDED
-        assert isinstance(vehicle().order, AwaitBattery | TakeOff)
-        assert not service.state.over
-
-    serve(body, tmp_path)
+    await flight.until(lambda: vehicle().phase is Phase.AIRBORNE)
+    await asyncio.sleep(5.0)
+    # low, by the reducer's eyes
+    t_s = round(flight.now_s(), 3)
+    service.post(Tracked(1, t_s, vehicle().position, vehicle().height_m, 12.0))
+    await flight.until(lambda: isinstance(vehicle().order, Land), 200.0)
+    await asyncio.sleep(4.0)
+    flight.to_driver = flight.to_vehicle = lambda message: False
+    await asyncio.sleep(8.0)
+    assert vehicle().phase is Phase.OFFLINE
+    flight.to_driver = flight.to_vehicle = lambda message: True
+    await flight.until(lambda: vehicle().landed, 60.0)
+    assert vehicle().phase is Phase.GROUNDED
+    assert isinstance(vehicle().order, AwaitBattery | TakeOff)
+    assert not service.state.over
 
 
 @pytest.mark.parametrize("mode", [Mode.STABILIZE, Mode.LOITER])
 @pytest.mark.parametrize("arms", [True, False])
-def test_a_pilot_who_turns_the_switch_on_the_ground_has_the_last_word(
-    mode: Mode, arms: bool, tmp_path: Path
+@by(serve, lambda tmp_path: tmp_path)
+async def test_a_pilot_who_turns_the_switch_on_the_ground_has_the_last_word(
+    flight: Flight, service: Service, /, mode: Mode, arms: bool, tmp_path: Path
 ) -> None:
     """Before the first take-off, also back to the mode in which it stood, while it is armed."""
-
-    async def body(flight: Flight, service: Service) -> None:
-        if not arms:
-            flight.vehicle.fail.reject(command=mav.MAV_CMD_COMPONENT_ARM_DISARM)
-        await flight.until(lambda: flight.session.view.mode == Mode.GUIDED, 20.0)
-        flight.pilot_mode(int(mode))
-        await flight.until(lambda: service.state.vehicles[1].phase is Phase.YIELDED, 20.0)
-        await asyncio.sleep(40.0)
-        assert flight.vehicle.truth.height_m < 1.0
-        assert flight.vehicle.truth.mode == mode
-
-    serve(body, tmp_path)
+    if not arms:
+        flight.vehicle.fail.reject(command=mav.MAV_CMD_COMPONENT_ARM_DISARM)
+    await flight.until(lambda: flight.session.view.mode == Mode.GUIDED, 20.0)
+    flight.pilot_mode(int(mode))
+    await flight.until(lambda: service.state.vehicles[1].phase is Phase.YIELDED, 20.0)
+    await asyncio.sleep(40.0)
+    assert flight.vehicle.truth.height_m < 1.0
+    assert flight.vehicle.truth.mode == mode
 
 
 @pytest.mark.parametrize(
@@ -184,24 +181,24 @@ def test_what_a_leaning_camera_shows_beside_its_lane_is_no_search_of_it() -> Non
     assert "frames do not show the rows of its lanes" in flight.summary["notes"]["1"]
 
 
-def test_answers_of_the_camera_that_are_lost_for_6_seconds_cost_no_vehicle(tmp_path: Path) -> None:
-    async def body(flight: Flight, service: Service) -> None:
-        def heard(message: Any) -> bool:
-            camera = getattr(message, "command", None) == mav.MAV_CMD_IMAGE_START_CAPTURE
-            return not (message.get_type() == "COMMAND_ACK" and camera)
+@by(serve, lambda tmp_path: tmp_path)
+async def test_answers_of_the_camera_that_are_lost_for_6_seconds_cost_no_vehicle(
+    flight: Flight, service: Service, /, tmp_path: Path
+) -> None:
+    def heard(message: Any) -> bool:
+        camera = getattr(message, "command", None) == mav.MAV_CMD_IMAGE_START_CAPTURE
+        return not (message.get_type() == "COMMAND_ACK" and camera)
 
-        await flight.until(lambda: service.state.vehicles[1].phase is Phase.AIRBORNE)
-        flight.to_driver = heard
-        await flight.until(lambda: service.state.vehicles[1].on_lane)
-        await asyncio.sleep(6.0)
-        flight.to_driver = lambda message: True
-        await asyncio.sleep(10.0)
-        vehicle = service.state.vehicles[1]
-        assert vehicle.phase is Phase.AIRBORNE
-        assert vehicle.return_reason is None
-        assert vehicle.note == ""
-
-    serve(body, tmp_path)
+    await flight.until(lambda: service.state.vehicles[1].phase is Phase.AIRBORNE)
+    flight.to_driver = heard
+    await flight.until(lambda: service.state.vehicles[1].on_lane)
+    await asyncio.sleep(6.0)
+    flight.to_driver = lambda message: True
+    await asyncio.sleep(10.0)
+    vehicle = service.state.vehicles[1]
+    assert vehicle.phase is Phase.AIRBORNE
+    assert vehicle.return_reason is None
+    assert vehicle.note == ""
 
 
 @by(fly)

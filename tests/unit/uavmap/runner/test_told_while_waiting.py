@@ -80,18 +80,19 @@ def long_mission() -> Mission:
     return made.model_copy(update={"flight": made.flight.model_copy(update={"speed_m_s": 4.0})})
 
 
-def test_a_speed_that_somebody_changed_on_the_way_is_put_back_and_told() -> None:
-    async def body(flight: Flight) -> None:
-        await flight.after(TakeOff(UP_M), Airborne)
-        view = flight.session.view
-        flight.driver.give(FlyTo((GridPoint(180.0, 0.0),), None, stop=True, height_m=UP_M))
-        await flight.until(lambda: view.ground_speed_m_s > 3.5)
-        flight.pilot(mav.MAV_CMD_DO_CHANGE_SPEED, 1, 1.5, -1)
-        await flight.until(lambda: any("instead of the 4 m/s" in line for line in flight.told))
-        await flight.until(lambda: view.ground_speed_m_s > 3.5, within_s=20.0)
-        await flight.sees(Arrived)
-
-    assert sum("the speed is sent again" in line for line in fly(body, long_mission()).told) == 1
+@by(fly, long_mission)
+async def test_a_speed_that_somebody_changed_on_the_way_is_put_back_and_told(
+    flight: Flight, /
+) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    view = flight.session.view
+    flight.driver.give(FlyTo((GridPoint(180.0, 0.0),), None, stop=True, height_m=UP_M))
+    await flight.until(lambda: view.ground_speed_m_s > 3.5)
+    flight.pilot(mav.MAV_CMD_DO_CHANGE_SPEED, 1, 1.5, -1)
+    await flight.until(lambda: any("instead of the 4 m/s" in line for line in flight.told))
+    await flight.until(lambda: view.ground_speed_m_s > 3.5, within_s=20.0)
+    await flight.sees(Arrived)
+    assert sum("the speed is sent again" in line for line in flight.told) == 1
 
 
 @by(fly, long_mission)
