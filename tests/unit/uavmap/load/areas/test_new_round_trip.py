@@ -2,23 +2,39 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import shapely
 
+from missions.events import FrameSeen, Vote
+from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
 from missions.mission.schema import Mission, positions
-from tests.unit.uavmap.ui.cli.commands.test_export import ISLAND, mission_file, results
-from uavmap.load.mission_source import load
+from missions.units import Cell
+from tests.support.journals import PLAN, begun
+from tests.unit.uavmap.ui.cli.commands.test_export import mission_file, text_of
+from uavmap.load.mission_source import load, mission_of_text
 from uavmap.output.facts.outline import outline
 from uavmap.ui.cli import main
 
+ISLAND = frozenset(Cell(i, k) for i in range(14, 18) for k in range(9, 11))
 KINDS = {
     "geojson": ("out/region.geojson", ()),
     "shp": ("out/region.shp", ()),
     "gpkg": ("out.gpkg", ("--area", "region")),
     "kml": ("out.kml", ("--area", "region")),
 }
+
+
+def results(tmp: Path) -> tuple[Path, Setting]:
+    """A results folder whose journal has found the island."""
+    mission = mission_of_text(text_of(), "field.toml")
+    plan = replace(PLAN, mission_source="field.toml", mission=mission)
+    votes = tuple(Vote(cell, True, 0.9) for cell in sorted(ISLAND))
+    frames = [FrameSeen(1, 1.0 + n, None, votes) for n in range(5)]
+    return begun(tmp / "flown", plan, frames), setting_of(mission)
 
 
 def made_of(path: Path, *options: str) -> Mission:
@@ -30,7 +46,7 @@ def made_of(path: Path, *options: str) -> Mission:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_region_is_the_box_of_the_next_mission(kind: str, tmp_path: Path) -> None:
-    folder, setting = results(tmp_path, ISLAND)
+    folder, setting = results(tmp_path)
     name, options = KINDS[kind]
     out = tmp_path / name.partition("/")[0]
     assert main(["export", str(folder), "--to", kind, "--out", str(out)]) == 0
