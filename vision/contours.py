@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.fusion import UNSEEN
+from vision.raster import UNSEEN
 
 # sides of a square of four pixels' centres
 _TOP, _RIGHT, _BOTTOM, _LEFT = range(4)

@@ -28,8 +28,7 @@ from uavmap.mavlink.position_history import Attitudes
 from uavmap.mavlink.vehicle_view import VehicleView
 from vision.camera import euler, rotation
 from vision.look import Frame
-from vision.markers.marker_corners import find_tags
-from vision.markers.marker_pose import Carrier, Sighting, SightingErrors, sight
+from vision.markers import Carrier, Sighting, SightingErrors, find_tags, sight
 from vision.own_map.ground_match import match
 from vision.own_map.ground_patch import Patch, patch
 

@@ -12,9 +12,14 @@ from typing import Final
 
 from missions.errors import LinkError
 from missions.mission.schema import Mission
-from uavmap.fleet.endpoints import FleetEndpoint, parse_endpoint
-from uavmap.fleet.multicast_radio import MulticastRadio
-from uavmap.fleet.radio import Radio, Radios, SealedRadio
+from uavmap.fleet.radio import (
+    FleetEndpoint,
+    MulticastRadio,
+    Radio,
+    Radios,
+    SealedRadio,
+    parse_endpoint,
+)
 from uavmap.fleet.sealing import Seal, fleet_key
 from uavmap.fleet.zenoh_radio import ZenohLinks, ZenohRadio, imported_zenoh
 from uavmap.journal.event_log import Journal

@@ -36,11 +36,9 @@ from uavmap.base import messages
 from uavmap.fleet.airspace_leases import AirspaceLeases
 from uavmap.fleet.bits import BytesError
 from uavmap.fleet.codec import Message, Order, Presence, Word, decode, encode
-from uavmap.fleet.fleet_clock import FleetClock
 from uavmap.fleet.knowledge import NOTHING, Knowledge
-from uavmap.fleet.peer import Peer, heard_of, presence_of
+from uavmap.fleet.peer import FleetClock, Peer, Telling, heard_of, presence_of
 from uavmap.fleet.radio import Radio
-from uavmap.fleet.reports import Telling
 from uavmap.fleet.sealing import CODE_BYTES, Seal
 
 BEAT_S: Final = 2.0

@@ -20,7 +20,7 @@ from typing import Any, Final
 from missions.errors import LinkError
 from uavmap.base import messages
 from uavmap.base.extras import install_command
-from uavmap.fleet.endpoints import FleetEndpoint
+from uavmap.fleet.radio import FleetEndpoint
 
 TCP_BYTES: Final = 156
 """Bytes beside a datagram: Ethernet, IPv4, TCP, Zenoh's frame and key, one acknowledgement."""

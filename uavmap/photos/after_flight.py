@@ -30,8 +30,7 @@ from uavmap.photos.ground.rasters import ORTHO, Rasters, Wishes
 from uavmap.photos.ground.surface import Footing
 from uavmap.photos.picture_replay import Looked, look_at_all
 from uavmap.photos.scratch_file import Spool
-from uavmap.photos.sources.flight_frames import FlightFrames
-from uavmap.photos.sources.inventory import gather
+from uavmap.photos.sources.inventory import FlightFrames, gather
 
 _LOG: Final = logging.getLogger("uavmap.photos")
 

@@ -16,7 +16,7 @@ from missions.units import GridPoint, LatLon
 from uavmap.output.drawing.scale import step_near
 from uavmap.photos.sources.inventory import Gathered
 from uavmap.photos.sources.tag_validation import Placed, credible
-from vision.lens import Lens
+from vision.camera import Lens
 
 WIDTH_PX: Final = 1000
 """Width at which pictures are judged: finer than a cell needs, and fast."""

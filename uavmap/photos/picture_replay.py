@@ -40,14 +40,12 @@ from uavmap.photos.ground.fine_map import FineMap, beneath, scene_of
 from uavmap.photos.ground.judging import Judge, Task
 from uavmap.photos.ground.rasters import Rasters, Wishes
 from uavmap.photos.ground.surface import Footing, Scene
-from uavmap.photos.memory import set_apart
 from uavmap.photos.pictures_csv import FILE, PictureRow, write_pictures
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import Gathered
 from uavmap.photos.sources.tag_validation import Placed, above_ground, credible
 from uavmap.photos.workers import Crew, GoOn, Threads, beside, thread_count
-from vision.camera import Camera
-from vision.lens import Lens
+from vision.camera import Camera, Lens
 from vision.upright import UprightSearch
 
 _LOG: Final = logging.getLogger("uavmap.photos")
@@ -97,7 +95,7 @@ class Looked:
                 return None
             return FineMap.of(self.setting, self.judge, scene, self.spool, self.workers, go_on)
 
-        with set_apart(), beside(drawn) as fine:
+        with beside(drawn) as fine:
             return self._written(journal, folder, scene, fine)
 
     def _written(

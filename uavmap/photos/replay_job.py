@@ -1,15 +1,23 @@
-"""A whole replay, from the user's wishes to the files in its folder."""
+"""A whole replay, from the user's wishes to the files in its folder.
+
+Free memory is returned, and where it runs out, a line says so, whichever library notices first.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import errno
 import logging
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
+
+import cv2
+import shapely
 
 from missions.errors import OutputError, UavmapError
 from missions.flight.setting_of import setting_of
@@ -24,7 +32,6 @@ from uavmap.load.kept_detector import keep_detector, with_relative_model
 from uavmap.load.mission_source import load, mission_of_text
 from uavmap.output import documents
 from uavmap.photos.ground.rasters import ORTHO, Wishes
-from uavmap.photos.memory import give_back, memory_told
 from uavmap.photos.mission_from_photos import DETECTOR, derived
 from uavmap.photos.picture_replay import Looked, look_at_all
 from uavmap.photos.registration.calibration import calibration_of
@@ -181,3 +188,48 @@ def journal_meta(mission: Mission, source: str, path: str) -> dict[str, Any]:
         epoch_utc_s=SIM_EPOCH_UTC_S,
     )
     return {"plan": plan.as_json(), "replay": path}
+
+
+# --- memory -------------------------------------------------------------------------------------
+def give_back() -> None:
+    """Have the C library return free memory to the system, where it can.
+
+    Many threads take memory for a moment each, and glibc keeps it for them: after the maps of 1,000
+    pictures a quarter of the process's memory was free.
+    """
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:  # glibc; others give back by themselves
+        trim(0)
+
+
+@contextlib.contextmanager
+def memory_told(what: str, remedy: str) -> Iterator[None]:
+    """Report memory that runs out in the block in a line; other errors pass.
+
+    >>> with memory_told("the map is not written", "map fewer pictures"):
+    ...     raise MemoryError
+    Traceback (most recent call last):
+    missions.errors.UavmapError: memory ran out: the map is not written; map fewer pictures
+    """
+    try:
+        yield
+    except Exception as error:
+        if not ran_out(error):
+            raise
+        raise UavmapError(f"memory ran out: {what}; {remedy}") from None
+
+
+def ran_out(error: BaseException) -> bool:
+    """Whether an error says that there was no memory left, in Python, NumPy, OpenCV or GEOS.
+
+    >>> ran_out(MemoryError()), ran_out(RuntimeError("can't start new thread")), ran_out(KeyError())
+    (True, True, False)
+    """
+    if isinstance(error, MemoryError):
+        return True
+    if isinstance(error, cv2.error):
+        return error.code == cv2.Error.StsNoMem or "bad_alloc" in str(error)
+    if isinstance(error, shapely.errors.GEOSException):
+        return "bad_alloc" in str(error)
+    # a stack is memory, too
+    return isinstance(error, RuntimeError) and "can't start new thread" in str(error)

@@ -16,8 +16,7 @@ from missions.units import Cell, GridPoint, LatLon
 from uavmap.photos.ground.judging import Judge
 from uavmap.photos.sources.picture_record import Picture
 from uavmap.photos.sources.tag_validation import Placed, above_ground, credible
-from vision.camera import project
-from vision.lens import Lens
+from vision.camera import Lens, project
 from vision.look import Frame, Verdict, marks_of
 from vision.plausible import implausible
 from vision.projection import Projection

@@ -1,18 +1,32 @@
-"""Work on many items in threads: the answers in the items' order, few at a time in memory."""
+"""Work on many pictures, in threads or on a Dask cluster: the answers in the items' order.
+
+Few items are in memory at a time. On a cluster a picture's bytes travel with it, so workers need
+neither the files nor the detector's, only the same version of uavmap. The map is the same, byte for
+byte. Dask gives the work of a dead worker to another.
+"""
 
 from __future__ import annotations
 
 import os
+import pickle
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import Final, Protocol, TypeVar
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any, Final, NamedTuple, Protocol, Self, TypeVar
 
 import cv2
+import numpy as np
+from numpy.typing import NDArray
 
+from missions.errors import ImageError, StudyError, UavmapError
+from uavmap.base.dask_client import dask_client
+from uavmap.base.version import __version__
+from uavmap.photos.sources.photo_file import FileContent, decoded
 from uavmap.photos.sources.picture_record import Picture
 
 Item = TypeVar("Item")
@@ -20,7 +34,7 @@ Answer = TypeVar("Answer")
 
 
 class Crew(Protocol):
-    """Examines pictures: threads here, or a cluster (`uavmap.photos.cluster`)."""
+    """Examines pictures: threads here, or a cluster (`uavmap.photos.workers`)."""
 
     def in_order(self, work: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
         """Yield `work` of every item, in their order; what it raises is raised here."""
@@ -141,3 +155,158 @@ class _OneThreadEach:
 
 
 _ONE_THREAD_EACH: Final = _OneThreadEach()
+
+
+MOST_WAITING: Final = 64
+"""Most pictures under way, however large the cluster."""
+NO_WORKER_S: Final = 60.0
+"""Maximum time without any worker, s."""
+_ASK_S: Final = 2.0
+
+
+class Travelling(NamedTuple):
+    """A `Content` on its way: the bytes of a picture's file, its pixels, or a fault."""
+
+    data: bytes | NDArray[np.uint8] | NDArray[np.uint16]
+    size_bytes: int
+    sha256: str = ""
+    fault: str = ""
+
+    def digest(self) -> str:
+        """See `Content.digest`."""
+        return self.sha256
+
+    def decode(self, max_width_px: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
+        """See `Content.decode`. Pixels that travel have the wanted size already."""
+        if self.fault:
+            raise ImageError(self.fault)
+        return decoded(self.data, max_width_px) if isinstance(self.data, bytes) else self.data
+
+
+@dataclass(slots=True)
+class Cluster:
+    """A Dask cluster that examines pictures; a context manager.
+
+    Raises `StudyError`, in a line, if it cannot be reached or has no worker, a worker has another
+    version of uavmap, or its scheduler or last worker goes away.
+    """
+
+    address: str
+    _client: Any = field(default=None, repr=False)
+    _distributed: Any = field(default=None, repr=False)
+
+    def __enter__(self) -> Self:
+        self._client = dask_client(self.address)
+        import distributed  # noqa: PLC0415 - an extra, which is there: a client was made
+
+        self._distributed = distributed
+        try:
+            self._check_workers()
+        except BaseException:
+            self._client.close()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._client.close()
+
+    def in_order(self, work: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
+        """Yield `work` of every item, in their order; both must be picklable."""
+        packed = pickle.dumps(work)
+        waiting: deque[Any] = deque()
+        most = min(2 * self._threads() + 1, MOST_WAITING)
+        import dask  # noqa: PLC0415 - an extra
+
+        quiet = {"distributed.admin.large-graph-warning-threshold": "1GB"}
+        try:
+            with dask.config.set(quiet):
+                for item in items:
+                    waiting.append(self._client.submit(_worked, packed, item, pure=False))
+                    if len(waiting) >= most:
+                        yield self._answer(waiting.popleft())
+                while waiting:
+                    yield self._answer(waiting.popleft())
+        finally:
+            for future in waiting:
+                future.release()
+
+    def sent(self, picture: Picture, max_width_px: int) -> Picture:
+        """See `Crew.sent`: files travel as they are, frames of videos decoded."""
+        content = picture.content
+        try:
+            data = (
+                content.read() if isinstance(content, FileContent) else content.decode(max_width_px)
+            )
+            going = Travelling(data, content.size_bytes)
+        except ImageError as error:
+            going = Travelling(b"", content.size_bytes, fault=str(error))
+        return replace(picture, content=going)
+
+    def _answer(self, future: Any) -> Any:
+        lonely_s: float | None = None
+        while True:
+            try:
+                return future.result(timeout=_ASK_S)
+            except UavmapError:
+                raise
+            except self._distributed.KilledWorker:
+                raise self._fault(
+                    "a picture has ended several workers; is their memory enough? Replay without "
+                    "--scheduler shows which"
+                ) from None
+            except TimeoutError:
+                if self._client.status == "closed":
+                    raise self._fault("the scheduler has gone away") from None
+                now_s = time.monotonic()
+                lonely_s = None if self._threads() else (lonely_s or now_s)
+                if lonely_s is not None and now_s - lonely_s > NO_WORKER_S:
+                    raise self._fault(f"it has lost its last worker; {self._start}") from None
+            except (self._distributed.CancelledError, OSError):
+                raise self._fault("the scheduler has gone away") from None
+
+    @property
+    def _start(self) -> str:
+        return f"start some: dask worker {self.address}"
+
+    def _fault(self, text: str) -> StudyError:
+        return StudyError(f"--scheduler {self.address}: {text}")
+
+    def _threads(self) -> int:
+        try:
+            return int(sum(self._client.nthreads().values()))
+        except (OSError, TimeoutError):
+            raise self._fault("the scheduler has gone away") from None
+
+    def _check_workers(self) -> None:
+        if not self._threads():
+            raise self._fault(f"it has no worker; {self._start}")
+        try:
+            versions = self._client.run(_version)
+        except Exception as error:  # whatever comes back from over there
+            raise self._fault(
+                f"its workers cannot run uavmap ({type(error).__name__}: {error}); install uavmap "
+                f"{__version__} there"
+            ) from None
+        for worker, version in sorted(versions.items()):
+            if version != __version__:
+                raise self._fault(
+                    f"{worker} has uavmap {version}, and here is {__version__}; install one "
+                    "version everywhere"
+                )
+
+
+# --- on a worker ---------------------------------------------------------------------------------
+def _version() -> str:
+    return __version__
+
+
+@lru_cache(maxsize=4)
+def _unpacked(packed: bytes) -> Callable[[Any], Any]:
+    """Return the same object for all pictures of a replay: it keeps what it has computed."""
+    cv2.setNumThreads(1)
+    work: Callable[[Any], Any] = pickle.loads(packed)
+    return work
+
+
+def _worked(packed: bytes, item: Any) -> Any:
+    return _unpacked(packed)(item)

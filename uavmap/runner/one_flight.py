@@ -24,9 +24,9 @@ from uavmap.aircraft.process.port import Port
 from uavmap.base import messages
 from uavmap.base.clock import Clock, MissionClock, ScaledClock, VirtualClock, run
 from uavmap.fleet.exchange import talking
-from uavmap.fleet.fleet_clock import AGREE_S
 from uavmap.fleet.fleet_radio import joined_fleet
 from uavmap.fleet.member import Member
+from uavmap.fleet.peer import AGREE_S
 from uavmap.fleet.radio import SealedRadio
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import TLOG, FlightPlan

@@ -10,12 +10,16 @@ from inspect import signature
 from typing import Final
 
 from missions.errors import MissionFileError
-from vision.detectors.color import ColorDetector
-from vision.detectors.index import IndexDetector
 from vision.detectors.interface import Detector
 from vision.detectors.learned_model import LearnedDetector
 from vision.detectors.onnx import OnnxDetector
-from vision.detectors.threshold import AdaptiveDetector, PavedDetector, ThresholdDetector
+from vision.detectors.threshold import (
+    AdaptiveDetector,
+    ColorDetector,
+    IndexDetector,
+    PavedDetector,
+    ThresholdDetector,
+)
 
 __all__ = [
     "FROM_FILES", "Detector", "build_detector", "check_keys", "detector_names", "make_detector",

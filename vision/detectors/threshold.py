@@ -1,16 +1,25 @@
-"""Detectors that mark pixels by a threshold and then make the ROI smaller."""
+"""Detectors that judge each pixel by its own values: gray levels, colours, indices over bands."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Final, Literal, get_args
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.detectors.interface import certain, check_number, check_polarity, check_whole
+from missions.errors import ImageError, MissionFileError
+from vision.detectors.interface import (
+    certain,
+    check_number,
+    check_polarity,
+    check_whole,
+    marked,
+    sigmoid,
+)
 
 _KERNEL = np.ones((3, 3), np.uint8)
 
@@ -157,3 +166,181 @@ class PavedDetector(MaskDetector):
         )
         _, roi = cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY)
         return cv2.bitwise_and(roi, lit)
+
+
+_MOST_SAMPLES: Final = 64
+
+
+@dataclass(frozen=True, slots=True)
+class ColorDetector:
+    """The ROI has one of the sample colours, by distance in CIE Lab.
+
+    A distance of 2 is just visible, 10 is another shade, 50 another colour. The probability is a
+    half at `distance` and falls as a bell; it is not calibrated.
+
+    Attributes:
+        samples: Colours of the ROI, each [red, green, blue], 0 to 255; 1 to 64 of them.
+        not_samples: Colours of the surround: a pixel nearer to one of these is not ROI.
+        distance: Largest distance of a pixel from a sample, above 0, to 200.
+        lightness: Weight of a difference of lightness beside one of colour, 0 to 1. 0 ignores
+            shadows and exposure.
+    """
+
+    name: ClassVar[str] = "color"
+    calibrated: ClassVar[bool] = False
+
+    samples: Sequence[Sequence[int]]
+    not_samples: Sequence[Sequence[int]] = ()
+    distance: float = 20.0
+    lightness: float = 0.3
+
+    def __post_init__(self) -> None:
+        check_number("distance", self.distance, 0.1, 200.0)
+        check_number("lightness", self.lightness, 0.0, 1.0)
+        _check_colors("samples", self.samples, 1)
+        _check_colors("not_samples", self.not_samples, 0)
+
+    def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
+        """See `Detector.probability`."""
+        lab = _lab(image)
+        near = self._nearest(lab, self.samples)
+        share = np.exp2(-((near / np.float32(self.distance)) ** 2))
+        if len(self.not_samples):
+            share[self._nearest(lab, self.not_samples) < near] = 0.0
+        return np.asarray(share, np.float32)
+
+    def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
+        """See `Detector.mask`."""
+        return marked(self.probability(image))
+
+    def _nearest(
+        self, lab: NDArray[np.float32], colors: Sequence[Sequence[int]]
+    ) -> NDArray[np.float32]:
+        """Return the distance of each pixel to the nearest of the colours.
+
+        |pixel - sample|^2 is |pixel|^2 + |sample|^2 - 2 pixel . sample: a product of matrices.
+        """
+        weights = np.array([self.lightness, 1.0, 1.0], np.float32)
+        samples = _lab(np.array([[color[::-1] for color in colors]], np.uint8))[0] * weights
+        pixels = lab.reshape(-1, 3) * weights
+        away = (samples * samples).sum(axis=1)[:, None] - 2.0 * (samples @ pixels.T)
+        squares = away.min(axis=0) + np.einsum("ij,ij->i", pixels, pixels)
+        near = np.sqrt(np.maximum(squares, 0.0)).reshape(lab.shape[:2])
+        return np.asarray(near, np.float32)
+
+
+def _lab(image: NDArray[Any]) -> NDArray[np.float32]:
+    scaled = image.astype(np.float32) / np.float32(255.0)
+    return np.asarray(cv2.cvtColor(scaled, cv2.COLOR_BGR2LAB), np.float32)
+
+
+def _check_colors(key: str, colors: object, least: int) -> None:
+    good = isinstance(colors, (list, tuple)) and least <= len(colors) <= _MOST_SAMPLES
+    if not good or not all(_is_color(color) for color in colors):  # type: ignore[attr-defined]
+        raise MissionFileError(
+            f"detector.{key} is {colors!r}: expected {least} to {_MOST_SAMPLES} colours, each "
+            "[red, green, blue] with integers from 0 to 255"
+        )
+
+
+def _is_color(color: object) -> bool:
+    return (
+        isinstance(color, (list, tuple))
+        and len(color) == 3
+        and all(isinstance(v, int) and not isinstance(v, bool) and 0 <= v <= 255 for v in color)
+    )
+
+
+Kind = Literal["exg", "ndvi", "ndwi", "hot"]
+_MAD: Final = 1.4826  # of a normal distribution, standard deviations in a median deviation
+_MOST_BAND: Final = 31
+
+
+@dataclass(frozen=True, slots=True)
+class IndexDetector:
+    """The ROI is on one side of a value of an index.
+
+    | `kind` | index | range |
+    |---|---|---|
+    | `exg` | excess green: (2 green - red - blue) / (red + green + blue) | -1 to 2 |
+    | `ndvi` | plants: (nir - red) / (nir + red) | -1 to 1 |
+    | `ndwi` | water: (green - nir) / (green + nir) | -1 to 1 |
+    | `hot` | hot spot: the mean of the bands, above the picture's median, in robust standard \
+deviations | |
+
+    A picture may have any number of bands, 8 or 16 bits; ratios need no scale.
+
+    Attributes:
+        kind: Which.
+        value: The border, -100 to 100.
+        side: Which side of it is the ROI: `"above"` or `"below"`.
+        softness: How far beyond the border the probability is 0.73, 0.001 to 100.
+        blue, green, red, nir: Which band of the picture that is, from 0. A colour picture has
+            blue 0, green 1, red 2.
+
+    >>> wheat, soil = (40, 160, 60), (60, 90, 120)
+    >>> IndexDetector(kind="exg", value=0.2).mask(np.array([[wheat, soil]], np.uint8)).tolist()
+    [[255, 0]]
+    """
+
+    name: ClassVar[str] = "index"
+    calibrated: ClassVar[bool] = False
+
+    kind: Kind = "exg"
+    value: float = 0.1
+    side: Literal["above", "below"] = "above"
+    softness: float = 0.05
+    blue: int = 0
+    green: int = 1
+    red: int = 2
+    nir: int = 3
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(Kind):
+            raise MissionFileError(
+                f"detector.kind is {self.kind!r}: expected one of {', '.join(get_args(Kind))}"
+            )
+        if self.side not in ("above", "below"):
+            raise MissionFileError(f"detector.side is {self.side!r}: expected 'above' or 'below'")
+        check_number("value", self.value, -100.0, 100.0)
+        check_number("softness", self.softness, 0.001, 100.0)
+        for key in ("blue", "green", "red", "nir"):
+            check_whole(key, getattr(self, key), _MOST_BAND)
+
+    def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
+        """See `Detector.probability`. Raises `ImageError` if the picture lacks a band."""
+        away = (self._index(image) - np.float32(self.value)) / np.float32(self.softness)
+        if self.side == "below":
+            away = -away
+        return sigmoid(away)
+
+    def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
+        """See `Detector.mask`."""
+        return marked(self.probability(image))
+
+    def _index(self, image: NDArray[Any]) -> NDArray[np.float32]:
+        if self.kind == "hot":
+            level = np.asarray(image.mean(axis=2, dtype=np.float32), np.float32)
+            median = np.float32(np.median(level))
+            spread = np.float32(_MAD * np.median(np.abs(level - median)))
+            return _ratio(level - median, spread)
+        if self.kind == "exg":
+            green = self._band(image, "green")
+            total = self._band(image, "red") + green + self._band(image, "blue")
+            return _ratio(3.0 * green - total, total)
+        more, less = ("nir", "red") if self.kind == "ndvi" else ("green", "nir")
+        one, other = self._band(image, more), self._band(image, less)
+        return _ratio(one - other, one + other)
+
+    def _band(self, image: NDArray[Any], key: str) -> NDArray[np.float32]:
+        number: int = getattr(self, key)
+        if number >= image.shape[2]:
+            raise ImageError(
+                f"detector.{key} = {number}: the picture has {image.shape[2]} bands, counted from 0"
+            )
+        return np.asarray(image[:, :, number], np.float32)
+
+
+def _ratio(above: NDArray[np.float32], below: Any) -> NDArray[np.float32]:
+    """Divide; a divisor below 1, as of black, counts as 1."""
+    return np.asarray(above / np.maximum(below, np.float32(1.0)), np.float32)

@@ -17,9 +17,8 @@ from typing import Final
 import numpy as np
 
 from missions.navigation import Estimate, ToldErrors, Track
-from vision.own_map.ground_match import Match, match
+from vision.own_map.ground_match import Match, compare, match, resized
 from vision.own_map.ground_patch import Patch, coarser, mosaic, overlaps, side_m
-from vision.own_map.patch_zoom import compare, resized
 
 _FASTEST_M_S2: Final = 8.0  # a multicopter does not accelerate more
 _NOISE_M: Final = 0.3  # by attitudes, of one place against another

@@ -22,8 +22,7 @@ from missions.geo.grid import Grid
 from missions.units import Cell
 from uavmap.output.facts.map_model import NOT_ROI
 from uavmap.photos.tune.examples import Example, read_picture
-from uavmap.photos.tune.metrics import Counts
-from uavmap.photos.tune.selection import Choice
+from uavmap.photos.tune.selection import Choice, Counts
 from uavmap.photos.tune.tune_job import DETECTOR, MODEL, Wishes, learned
 from vision.detectors.learned_model import Model, model_bytes
 

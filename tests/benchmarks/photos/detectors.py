@@ -26,8 +26,7 @@ from tests.benchmarks.photos import brighton
 from tests.benchmarks.photos.brighton import PAINTED, learned_from
 from uavmap.load.mission_source import load
 from uavmap.photos.tune.examples import Example
-from uavmap.photos.tune.metrics import Counts, cell_counts, total
-from uavmap.photos.tune.selection import KINDS, SETS
+from uavmap.photos.tune.selection import KINDS, SETS, Counts, cell_counts, total
 from uavmap.photos.tune.tune_job import Wishes
 from uavmap.ui.cli import main as uavmap
 from vision.detectors import Detector, make_detector

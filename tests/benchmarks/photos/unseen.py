@@ -24,7 +24,7 @@ from missions.geo.grid import Grid
 from tests.benchmarks.frame import asked
 from tests.benchmarks.photos import brighton
 from uavmap.load.mission_source import load
-from uavmap.photos.tune.metrics import Counts
+from uavmap.photos.tune.selection import Counts
 from uavmap.ui.cli import main as uavmap
 
 SEEDS = (1, 2, 3, 4)

@@ -13,7 +13,7 @@ from sitl.world.ground import METRES_PER_PIXEL, TILE_PX, ground_tile
 from tests.unit.vision.scene import camera_axes, nadir_pose, photograph
 from vision.camera import Camera
 from vision.registration.ground_plane import Relief, bearing
-from vision.registration.picture_features import extract
+from vision.registration.matching import extract
 from vision.registration.views import Features, Measured, View
 
 GRID = Grid.at(LatLon(46.84, -91.99), 4.0)

@@ -10,8 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from vision.contours import Contours, Ring
-from vision.fusion import UNSEEN, Fusion
-from vision.raster import Window
+from vision.raster import UNSEEN, Fusion, Window
 
 LEVEL = 126.5
 

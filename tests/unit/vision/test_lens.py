@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from vision.lens import Lens, Model, distorted, straightening
+from vision.camera import Lens, Model, distorted, straightening
 
 WIDTH, HEIGHT = 160, 120
 LENSES = {

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from missions.units import GridPoint
-from vision import overlay
-from vision.overlay import Overlay, framed
-from vision.raster import Raster, Window
+from vision import raster
+from vision.raster import Overlay, Raster, Window, framed
 
 WIDTH_PX, HEIGHT_PX, GSD_M, TURN_RAD = 200, 120, 0.1, math.radians(40.0)
 RASTER = Raster(-20.0, 20.0, 0.1, 400, 400)
@@ -39,8 +38,8 @@ def test_parts_make_the_whole_and_what_is_not_in_the_picture_is_left_out(
     window: Window, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     parts, asked = laid(window)
-    monkeypatch.setattr(overlay, "_PART", 512)
-    monkeypatch.setattr(overlay, "_narrowed", lambda block, *_: block)
+    monkeypatch.setattr(raster, "_PART", 512)
+    monkeypatch.setattr(raster, "_narrowed", lambda block, *_: block)
     whole, all_of_it = laid(window)
     assert whole.any()
     assert np.array_equal(parts, whole)

@@ -21,8 +21,7 @@ from tests.unit.vision.flights import (
     view,
 )
 from vision.registration.ground_plane import bearing
-from vision.registration.matching import candidates
-from vision.registration.picture_features import extract
+from vision.registration.matching import candidates, extract
 from vision.registration.registering import register
 from vision.registration.views import (
     CONTRADICTED,

@@ -20,14 +20,13 @@ from missions.geo.grid import Grid
 from missions.mission.schema import Mission
 from missions.units import Cell
 from uavmap.aircraft.imaging.classifier import detector_of
-from uavmap.photos.registration.lenses import Lenses
+from uavmap.photos.registration.calibration import Lenses
 from uavmap.photos.scratch_file import Said
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.tag_validation import Placed
-from vision.camera import Camera
+from vision.camera import Camera, Lens
 from vision.detectors import Detector
 from vision.detectors.interface import Marks
-from vision.lens import Lens
 from vision.look import Frame, marks_of
 from vision.plausible import implausible
 from vision.projection import Cells, Projection

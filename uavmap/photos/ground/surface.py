@@ -26,10 +26,8 @@ from uavmap.photos.ground.judging import unpacked
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.workers import GoOn, in_order
 from vision.camera import Camera
-from vision.fusion import UNSEEN, Fusion, Levels, as_levels
-from vision.overlay import Overlay, framed
 from vision.projection import Projection
-from vision.raster import Raster, Window
+from vision.raster import UNSEEN, Fusion, Levels, Overlay, Raster, Window, as_levels, framed
 
 FINEST_M: Final = 0.1
 COARSEST_M: Final = 0.5
@@ -138,7 +136,7 @@ def aligned(grid: Grid, low: NDArray[np.float64], high: NDArray[np.float64], ste
 
 @dataclass(slots=True)
 class Surface:
-    """Levels of probability over a raster, block by block; see `vision.fusion`."""
+    """Levels of probability over a raster, block by block; see `vision.raster`."""
 
     raster: Raster
     _blocks: dict[Window, bytes | Levels] = field(default_factory=dict)

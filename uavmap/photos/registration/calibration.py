@@ -1,24 +1,30 @@
-"""A camera's calibration from a file: OpenCV's YAML or XML, or JSON with the same words.
+"""A camera's calibration from a file, and pictures as a pinhole would have taken them.
 
-Read are `camera_matrix` (or `cameraMatrix`, `K`), `distortion_coefficients` (or `dist_coeffs`,
-`distCoeffs`, `D`), the size (`image_width` and `image_height`, or `width` and `height`), and
-`camera_model` or `distortion_model`, which is a fisheye's where it says "fisheye" or "equidistant".
+A file is OpenCV's YAML or XML, or JSON with the same words. Read are `camera_matrix` (or
+`cameraMatrix`, `K`), `distortion_coefficients` (or `dist_coeffs`, `distCoeffs`, `D`), the size
+(`image_width` and `image_height`, or `width` and `height`), and `camera_model` or
+`distortion_model`, which is a fisheye's where it says "fisheye" or "equidistant".
 """
 
 from __future__ import annotations
 
 import json
+import math
+import threading
 from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from missions.errors import ImageError
 from missions.mission.schema import Mission
 from uavmap.photos.sources.photo_file import text_beside
-from vision.lens import Lens, Model
+from uavmap.photos.sources.picture_record import Picture
+from vision.camera import Camera, Lens, Model, Straightening, straightening
 
 _LARGEST_BYTES: Final = 2**20
 _MATRIX: Final = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "M1")
@@ -152,3 +158,44 @@ def _with_directive(text: str) -> str:
     if text.lstrip().startswith(("<?xml", "%YAML", "<")):
         return text.lstrip()
     return "%YAML:1.0\n---\n" + text.removeprefix("---\n")
+
+
+@dataclass(slots=True)
+class Lenses:
+    """The lens of a picture: the calibration given, its tags', or a pinhole of `hfov_deg`."""
+
+    hfov_deg: float
+    given: Lens | None = None
+    _plans: dict[Lens, Straightening] = field(default_factory=dict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """A lock does not travel, and plans are made anew."""
+        return Lenses, (self.hfov_deg, self.given)
+
+    def lens(self, picture: Picture) -> Lens:
+        """Return the lens of the picture at its full size."""
+        if lens := self.given or picture.lens:
+            return lens
+        return Lens.pinhole(math.radians(self.hfov_deg), picture.width_px, picture.height_px)
+
+    def straightened(
+        self, image: NDArray[np.uint8], lens: Lens
+    ) -> tuple[NDArray[np.uint8], Camera]:
+        """Return a decoded picture without distortion, and the pinhole that fits it."""
+        rows, columns = image.shape[:2]
+        if lens.is_pinhole:
+            return image, Camera(lens.hfov_rad, columns, rows)
+        plan = self._plan(lens.scaled(columns, rows))
+        return plan.applied(image), plan.camera
+
+    def _plan(self, lens: Lens) -> Straightening:
+        # tags give each picture another focal length; a map of its own would be dear
+        alike = replace(lens, fx_px=round(lens.fx_px, 1), fy_px=round(lens.fy_px, 1))
+        with self._lock:
+            plan = self._plans.get(alike)
+            if plan is None:
+                if len(self._plans) >= 4:
+                    self._plans.clear()
+                plan = self._plans[alike] = straightening(alike)
+            return plan

@@ -81,8 +81,7 @@ def read_photo(path: Path, name: str) -> Picture | Refused:
         return Refused(name, f"cannot be read ({error.strerror})")
     except ImageError as error:
         return Refused(name, str(error))
-    told = vars(tags) | {"notes": tuple(tags.notes)}
-    return Picture(name, FileContent(path, size_bytes), *size, **told)
+    return Picture(name, FileContent(path, size_bytes), *size, **tags)
 
 
 def decoded(data: bytes, max_width_px: int) -> Pixels:

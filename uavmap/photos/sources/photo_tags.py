@@ -1,25 +1,219 @@
 """The tags of a photograph: EXIF, and XMP as makers of drones write it.
 
 Nothing is guessed. An unreadable tag is a note; its value stays absent.
+
+DJI, Autel, Parrot and Pix4D write the same words (RelativeAltitude, GimbalYawDegree, Yaw) under
+namespaces that change from model to model; no word that is read here has two meanings.
+
+The lens is that of the best tag, in this order: the maker's calibration (XMP DewarpData,
+CalibratedFocalLength), EXIF FocalLength on the pixels' pitch (FocalPlaneXResolution), FocalLength
+on a known sensor, and the 35 mm equivalent: the focal length with the same angle of view across
+the *diagonal* of a 36 x 24 mm frame.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from typing import Any, Literal
+from typing import Any, Final
+from xml.etree.ElementTree import ParseError
 
+from defusedxml import DefusedXmlException
+from defusedxml.ElementTree import fromstring
 from PIL import ExifTags, Image
 
 from missions.errors import ImageError
 from missions.units import LatLon
 from uavmap.base.printable import printable
-from uavmap.photos.sources.focal_length import lens_of
-from uavmap.photos.sources.xmp import Values, number, values_of
-from vision.lens import Lens
+from vision.camera import Lens
 from vision.registration.views import Measured
+
+LARGEST_PACKET = 2 * 2**20
+
+Values = Mapping[str, str]
+
+
+def values_of(packet: bytes | str) -> dict[str, str]:
+    """Return attributes and text elements by their local names; the first of a name counts.
+
+    Raises `ValueError` for what is not well-formed, too long, or declares entities.
+
+    >>> values_of('<a xmlns:d="http://d/" d:Yaw="4"><d:Pitch> -90 </d:Pitch></a>')
+    {'Yaw': '4', 'Pitch': '-90'}
+    """
+    if len(packet) > LARGEST_PACKET:
+        raise ValueError(f"{len(packet)} bytes are too many")
+    text = packet.decode("utf-8", "replace") if isinstance(packet, bytes) else packet
+    text = text.strip("\0 \r\n\t\ufeff")
+    if not text:
+        return {}
+    try:
+        root = fromstring(text, forbid_dtd=True)
+    except DefusedXmlException:
+        raise ValueError("it declares entities") from None
+    except (ParseError, LookupError) as error:
+        raise ValueError(str(error)) from None
+    values: dict[str, str] = {}
+    for element in root.iter():
+        for key, value in element.attrib.items():
+            values.setdefault(key.rpartition("}")[2], value.strip())
+        if element.text and element.text.strip():
+            values.setdefault(element.tag.rpartition("}")[2], element.text.strip())
+    return values
+
+
+def number(values: Values, key: str) -> float | None:
+    """Return the number under a key, None if absent. Raises `ValueError` for anything else.
+
+    >>> number({"RelativeAltitude": "+39.80"}, "RelativeAltitude")
+    39.8
+    """
+    if key not in values:
+        return None
+    text = values[key]
+    try:
+        # rationals, as EXIF in XMP has them
+        over, _, under = text.partition("/")
+        value = float(over) / float(under) if under else float(over)
+    except (ValueError, ZeroDivisionError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"XMP {key} is {text[:40]!r}: not a number")
+    return value
+
+
+_FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
+_WIDE = 1.6
+"""Widest uncut picture: a wider one is cut from a sensor of 4:3, over its whole width; the tags
+stay.
+"""
+_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
+_NARROWEST_RAD, _WIDEST_RAD = math.radians(2.0), math.radians(170.0)
+
+Exif = Mapping[int, Any]
+
+
+def lens_of(
+    width_px: int, height_px: int, model: str, detail: Exif, xmp: Values
+) -> tuple[Lens | None, str, tuple[str, ...]]:
+    """Return the lens, None if no tag gives a focal length; the tag; what is unreadable.
+
+    Args:
+        model: EXIF Model.
+        detail: The Exif directory.
+        xmp: Values by local name.
+    """
+    notes: list[str] = []
+    size = width_px, height_px
+    if not all(size):
+        return None, "", ()
+    rules: dict[str, Callable[[], Lens | None]] = {
+        "XMP DewarpData": lambda: _dewarp(*size, xmp),
+        "XMP CalibratedFocalLength": lambda: _calibrated(*size, xmp),
+        "EXIF FocalLength and FocalPlaneXResolution": lambda: _on_plane(*size, detail),
+        "EXIF FocalLength on the sensor of this model": lambda: _on_sensor(*size, model, detail),
+        "EXIF FocalLengthIn35mmFilm": lambda: _film(*size, detail),
+    }
+    for name, rule in rules.items():
+        try:
+            lens = rule()
+        except (TypeError, ValueError, ZeroDivisionError, OverflowError) as error:
+            notes.append(f"focal length unreadable ({error})")
+            continue
+        if lens is None:
+            continue
+        if not _NARROWEST_RAD < lens.hfov_rad < _WIDEST_RAD:
+            notes.append(
+                f"the tags give an angle of view of {math.degrees(lens.hfov_rad):.0f} deg: not used"
+            )
+            continue
+        return lens, name, tuple(notes)
+    return None, "", tuple(notes)
+
+
+def _dewarp(width_px: int, height_px: int, xmp: Values) -> Lens | None:
+    """Read DJI's date;fx,fy,cx,cy,k1,k2,p1,p2,k3, the centre from the middle of the picture.
+
+    A picture with DewarpFlag 1 was corrected by the camera already.
+    """
+    text = xmp.get("DewarpData", "").partition(";")[2]
+    if not text or xmp.get("DewarpFlag", "0").strip() == "1":
+        return None
+    found = [float(part) for part in text.split(",")]
+    if len(found) != 9:
+        raise ValueError(f"XMP DewarpData has {len(found)} numbers, expected 9")
+    if not any(found):
+        return None  # not calibrated
+    fx, fy, cx, cy, *distortion = found
+    middle = ((width_px - 1) / 2.0 + cx, (height_px - 1) / 2.0 + cy)
+    return Lens(width_px, height_px, fx, fy, *middle, distortion=tuple(distortion))
+
+
+def _calibrated(width_px: int, height_px: int, xmp: Values) -> Lens | None:
+    focal_px = number(xmp, "CalibratedFocalLength")
+    if not focal_px:
+        return None
+    x = number(xmp, "CalibratedOpticalCenterX")
+    y = number(xmp, "CalibratedOpticalCenterY")
+    # DJI counts from the upper left corner of the picture, not from a pixel's centre
+    cx = (width_px - 1) / 2.0 if not x else x - 0.5
+    cy = (height_px - 1) / 2.0 if not y else y - 0.5
+    return Lens(width_px, height_px, focal_px, focal_px, cx, cy)
+
+
+def _on_plane(width_px: int, height_px: int, detail: Exif) -> Lens | None:
+    """FocalPlaneXResolution counts the sensor's pixels; the picture may be a reduction of it."""
+    focal_mm = _positive(detail, ExifTags.Base.FocalLength)
+    pixels = _positive(detail, ExifTags.Base.FocalPlaneXResolution)
+    unit_mm = _UNIT_MM.get(int(detail.get(ExifTags.Base.FocalPlaneResolutionUnit, 2)))
+    if focal_mm is None or pixels is None or unit_mm is None:
+        return None
+    taken_px = _positive(detail, ExifTags.Base.ExifImageWidth) or width_px
+    return Lens.square(focal_mm * pixels / unit_mm * width_px / taken_px, width_px, height_px)
+
+
+def _on_sensor(width_px: int, height_px: int, model: str, detail: Exif) -> Lens | None:
+    focal_mm = _positive(detail, ExifTags.Base.FocalLength)
+    width_mm = _WIDTH_MM.get(model)
+    if focal_mm is None or width_mm is None or height_px > width_px:
+        return None
+    return Lens.square(focal_mm / width_mm * width_px, width_px, height_px)
+
+
+def _film(width_px: int, height_px: int, detail: Exif) -> Lens | None:
+    film_mm = _positive(detail, ExifTags.Base.FocalLengthIn35mmFilm)  # EXIF 2.32: 0 is "unknown"
+    return None if film_mm is None else film_lens(film_mm, width_px, height_px)
+
+
+def film_lens(film_mm: float, width_px: int, height_px: int) -> Lens:
+    """Return the lens of a 35 mm equivalent, above 0.
+
+    >>> round(film_lens(24.0, 4000, 3000).hfov_deg, 1)
+    71.6
+    """
+    longer, shorter = max(width_px, height_px), min(width_px, height_px)
+    uncut = longer * 0.75 if longer > _WIDE * shorter else shorter
+    return Lens.square(film_mm * math.hypot(longer, uncut) / _FILM_DIAGONAL_MM, width_px, height_px)
+
+
+def _positive(detail: Exif, tag: ExifTags.Base) -> float | None:
+    value = detail.get(tag)
+    if value is None:
+        return None
+    number = float(value)
+    return number if math.isfinite(number) and number > 0.0 else None
+
+
+_SENSORS: Final = (
+    (6.16, "FC300C FC300S FC300X FC300XW FC330 FC350 FC220"),  # 1/2.3 inch
+    (13.2, "FC6310 FC6310R FC6310S L1D-20c FC3411 XT705"),  # 1 inch
+    (17.3, "FC550 FC6520 L2D-20c M3E"),  # four thirds
+    (35.9, "ZenmuseP1"),  # full frame
+)
+_WIDTH_MM: Final = {model: width_mm for width_mm, models in _SENSORS for model in models.split()}
+"""Width of the sensor by EXIF Model, mm."""
+
 
 POSITION_SIGMA_M = 3.0
 """Of a GNSS receiver without corrections."""
@@ -31,7 +225,6 @@ _AIRFRAME_SIGMA_DEG = 10.0
 _COMPASS_SIGMA_DEG = 20.0
 _TILT_SIGMA_DEG = 1.0
 
-Exif = Mapping[int, Any]
 _ANGLES: tuple[tuple[tuple[str, str, str], float], ...] = (
     (("GimbalYawDegree", "GimbalPitchDegree", "GimbalRollDegree"), _GIMBAL_SIGMA_DEG),
     (("CameraYawDegree", "CameraPitchDegree", "CameraRollDegree"), _GIMBAL_SIGMA_DEG),
@@ -40,29 +233,8 @@ _ANGLES: tuple[tuple[tuple[str, str, str], float], ...] = (
 )
 
 
-@dataclass
-class Tags:
-    """The tags of one photograph, named as in `uavmap.photos.sources.picture_record.Picture`."""
-
-    taken_s: float | None = None
-    clock: Literal["utc", "camera"] = "camera"
-    position: LatLon | None = None
-    position_sigma_m: float = POSITION_SIGMA_M
-    height_m: Measured | None = None
-    amsl_m: Measured | None = None
-    yaw_deg: Measured | None = None
-    pitch_deg: Measured | None = None
-    roll_deg: Measured | None = None
-    lens: Lens | None = None
-    lens_from: str = ""
-    notes: list[str] = field(default_factory=list)
-
-    def take(self, read: Callable[[], None]) -> None:
-        """Read something; note what cannot be read."""
-        try:
-            read()
-        except (TypeError, ValueError, KeyError, ZeroDivisionError, OverflowError) as error:
-            self.notes.append(printable(str(error))[:200] or "a tag is unreadable")
+Tags = dict[str, Any]
+"""The tags of one photograph, by the fields of `uavmap.photos.sources.picture_record.Picture`."""
 
 
 def tags_of(picture: Image.Image) -> Tags:
@@ -70,21 +242,28 @@ def tags_of(picture: Image.Image) -> Tags:
     exif = picture.getexif()
     gps: Exif = exif.get_ifd(ExifTags.IFD.GPSInfo)
     detail: Exif = exif.get_ifd(ExifTags.IFD.Exif)
-    tags = Tags()
+    tags: Tags = {"position_sigma_m": POSITION_SIGMA_M}
+    notes: list[str] = []
     xmp: Values = {}
     try:
         xmp = values_of(picture.info.get("xmp") or exif.get(ExifTags.Base.XMLPacket) or b"")
     except (TypeError, ValueError) as error:
-        tags.notes.append(f"XMP is not well-formed ({printable(str(error))[:80]})")
+        notes.append(f"XMP is not well-formed ({printable(str(error))[:80]})")
+    readers: tuple[Callable[[], None], ...] = (
+        lambda: _time(tags, exif, detail, gps),
+        lambda: _place(tags, gps, xmp),
+        lambda: _heights(tags, gps, xmp),
+        lambda: _attitude(tags, gps, xmp),
+        lambda: _orientation(tags, exif.get(ExifTags.Base.Orientation, 1)),
+    )
+    for read in readers:
+        try:
+            read()
+        except (TypeError, ValueError, KeyError, ZeroDivisionError, OverflowError) as error:
+            notes.append(printable(str(error))[:200] or "a tag is unreadable")
     model = str(exif.get(ExifTags.Base.Model, "")).strip("\0 ")
-    tags.take(lambda: _time(tags, exif, detail, gps))
-    tags.take(lambda: _place(tags, gps, xmp))
-    tags.take(lambda: _heights(tags, gps, xmp))
-    tags.take(lambda: _attitude(tags, gps, xmp))
-    tags.take(lambda: _orientation(tags, exif.get(ExifTags.Base.Orientation, 1)))
-    tags.lens, tags.lens_from, notes = lens_of(*picture.size, model, detail, xmp)
-    tags.notes.extend(notes)
-    return tags
+    tags["lens"], tags["lens_from"], unreadable = lens_of(*picture.size, model, detail, xmp)
+    return tags | {"notes": (*notes, *unreadable)}
 
 
 # --- time ----------------------------------------------------------------------------------------
@@ -101,12 +280,12 @@ def _time(tags: Tags, exif: Exif, detail: Exif, gps: Exif) -> None:
     except ValueError:
         raise ValueError(f"EXIF DateTimeOriginal is {text[:40]!r}: unreadable") from None
     fraction = str(detail.get(ExifTags.Base.SubsecTimeOriginal, "")).strip("\0 ")
-    tags.taken_s = seconds + (float(f"0.{fraction}") if fraction.isdecimal() else 0.0)
+    tags["taken_s"] = seconds + (float(f"0.{fraction}") if fraction.isdecimal() else 0.0)
     zone = str(detail.get(ExifTags.Base.OffsetTimeOriginal, "")).strip("\0 ")
     if len(zone) == 6 and zone[0] in "+-" and zone[1:3].isdecimal() and zone[4:].isdecimal():
         ahead_s = (int(zone[1:3]) * 60 + int(zone[4:])) * 60.0
-        tags.taken_s -= -ahead_s if zone[0] == "-" else ahead_s
-        tags.clock = "utc"
+        tags["taken_s"] -= -ahead_s if zone[0] == "-" else ahead_s
+        tags["clock"] = "utc"
 
 
 def _gps_time(tags: Tags, gps: Exif) -> None:
@@ -116,7 +295,7 @@ def _gps_time(tags: Tags, gps: Exif) -> None:
     day = datetime.strptime(stamp, "%Y:%m:%d").replace(tzinfo=UTC)
     hours, minutes, seconds = (float(part) for part in gps[ExifTags.GPS.GPSTimeStamp])
     since = day + timedelta(hours=hours, minutes=minutes, seconds=seconds)
-    tags.taken_s, tags.clock = since.timestamp(), "utc"
+    tags["taken_s"], tags["clock"] = since.timestamp(), "utc"
 
 
 # --- place ---------------------------------------------------------------------------------------
@@ -132,7 +311,7 @@ def _place(tags: Tags, gps: Exif, xmp: Values) -> None:
                 return
             raise ValueError(f"no geotag: EXIF {missing[0]} is missing")
         found.append(_degrees(gps, value_tag, str(gps[ref_tag]).strip("\0 ").upper(), letters))
-    tags.position = LatLon(*found)
+    tags["position"] = LatLon(*found)
     _place_sigma(tags, gps, xmp)
 
 
@@ -155,18 +334,18 @@ def _place_of_xmp(tags: Tags, xmp: Values) -> bool:
     lon = next((number(xmp, key) for key in keys if key in xmp), None)
     if lat is None or lon is None or abs(lat) > 90.0 or abs(lon) > 180.0:
         return False
-    tags.position = LatLon(lat, lon)
+    tags["position"] = LatLon(lat, lon)
     return True
 
 
 def _place_sigma(tags: Tags, gps: Exif, xmp: Values) -> None:
     stated = gps.get(ExifTags.GPS.GPSHPositioningError)
     if stated is not None and 0.0 < float(stated) < 1000.0:
-        tags.position_sigma_m = float(stated)
+        tags["position_sigma_m"] = float(stated)
     if number(xmp, "RtkFlag") == _RTK_FIXED:
         sigmas = [number(xmp, key) for key in ("RtkStdLat", "RtkStdLon")]
         known = [sigma for sigma in sigmas if sigma is not None and sigma > 0.0]
-        tags.position_sigma_m = max(known, default=0.05)
+        tags["position_sigma_m"] = max(known, default=0.05)
 
 
 # --- height --------------------------------------------------------------------------------------
@@ -177,11 +356,11 @@ def _heights(tags: Tags, gps: Exif, xmp: Values) -> None:
         below = gps.get(ExifTags.GPS.GPSAltitudeRef) in (1, b"\x01")
         amsl = -float(exif_m) if below else float(exif_m)
     if amsl is not None:
-        tags.amsl_m = Measured(amsl, _AMSL_SIGMA_M)
+        tags["amsl_m"] = Measured(amsl, _AMSL_SIGMA_M)
     for key in ("AboveGroundAltitude", "RelativeAltitude"):
         height = number(xmp, key)
         if height is not None:
-            tags.height_m = Measured(height, _HEIGHT_SIGMA_M)
+            tags["height_m"] = Measured(height, _HEIGHT_SIGMA_M)
             return
 
 
@@ -189,25 +368,25 @@ def _heights(tags: Tags, gps: Exif, xmp: Values) -> None:
 def _attitude(tags: Tags, gps: Exif, xmp: Values) -> None:
     for keys, sigma in _ANGLES:
         yaw, pitch, roll = (number(xmp, key) for key in keys)
-        if pitch is not None and tags.pitch_deg is None:
-            tags.pitch_deg = Measured(pitch, _TILT_SIGMA_DEG)
+        if pitch is not None and "pitch_deg" not in tags:
+            tags["pitch_deg"] = Measured(pitch, _TILT_SIGMA_DEG)
             # cameras that cannot roll leave the roll out
-            tags.roll_deg = Measured(roll or 0.0, _TILT_SIGMA_DEG)
-        if yaw is not None and tags.yaw_deg is None:
-            tags.yaw_deg = Measured(yaw % 360.0, sigma)
-        if tags.yaw_deg is not None and tags.pitch_deg is not None:
+            tags["roll_deg"] = Measured(roll or 0.0, _TILT_SIGMA_DEG)
+        if yaw is not None and "yaw_deg" not in tags:
+            tags["yaw_deg"] = Measured(yaw % 360.0, sigma)
+        if "yaw_deg" in tags and "pitch_deg" in tags:
             return
-    bearing = gps.get(ExifTags.GPS.GPSImgDirection) if tags.yaw_deg is None else None
+    bearing = None if "yaw_deg" in tags else gps.get(ExifTags.GPS.GPSImgDirection)
     if bearing is not None and str(gps.get(ExifTags.GPS.GPSImgDirectionRef, "T")).startswith("T"):
         yaw = float(bearing)
         if math.isfinite(yaw):
-            tags.yaw_deg = Measured(yaw % 360.0, _COMPASS_SIGMA_DEG)
+            tags["yaw_deg"] = Measured(yaw % 360.0, _COMPASS_SIGMA_DEG)
 
 
 def _orientation(tags: Tags, orientation: Any) -> None:
     if orientation in (1, 0, None):
         return
-    tags.yaw_deg = None
+    tags["yaw_deg"] = None
     fault = (
         f"EXIF Orientation is {orientation}: the pixels are stored turned or mirrored, and the "
         "heading refers to the picture as taken; save it upright (Orientation 1)"

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.units import LatLon
-from vision.lens import Lens
+from vision.camera import Lens
 from vision.registration.views import Measured
 
 

@@ -1,7 +1,7 @@
 """The choice of model, features and thresholds, by cross-validation by picture.
 
 Each picture is judged by a model that has seen none of its pixels, in no variant. Only these
-judgements choose, calibrate and report.
+judgements choose, calibrate and report: by precision, recall and IoU against what is painted.
 """
 
 from __future__ import annotations
@@ -11,16 +11,105 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import ImageError
-from uavmap.photos.tune.metrics import Counts, cell_counts, total
-from uavmap.photos.tune.samples import Described, clear, training_set
-from uavmap.photos.tune.training import Scale, fit_logistic, fit_trees
+from uavmap.photos.tune.training import (
+    Described,
+    Scale,
+    clear,
+    fit_logistic,
+    fit_trees,
+    training_set,
+)
 from vision.detectors.interface import sigmoid
-from vision.detectors.learned_model import Logistic, Model, Scorer, Trees
-from vision.detectors.pixel_features import FEATURES, GROUPS
+from vision.detectors.learned_model import FEATURES, GROUPS, Logistic, Model, Scorer, Trees
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """Of pixels or cells: marked and region, marked only, region only."""
+
+    both: float = 0.0
+    marked_only: float = 0.0
+    region_only: float = 0.0
+
+    @classmethod
+    def of(
+        cls, marked: NDArray[np.bool_], region: NDArray[np.bool_], known: NDArray[np.bool_]
+    ) -> Counts:
+        """Count where it is known what is region."""
+        return cls(
+            float(np.count_nonzero(marked & region & known)),
+            float(np.count_nonzero(marked & ~region & known)),
+            float(np.count_nonzero(~marked & region & known)),
+        )
+
+    def __add__(self, other: Counts) -> Counts:
+        return Counts(
+            self.both + other.both,
+            self.marked_only + other.marked_only,
+            self.region_only + other.region_only,
+        )
+
+    @property
+    def precision(self) -> float:
+        """The part of what is marked that is region; 1 where nothing is marked."""
+        return _ratio(self.both, self.both + self.marked_only)
+
+    @property
+    def recall(self) -> float:
+        """The part of the region that is marked; 1 where there is none."""
+        return _ratio(self.both, self.both + self.region_only)
+
+    @property
+    def iou(self) -> float:
+        """Intersection over union; 1 where both are empty.
+
+        >>> Counts(1.0, 1.0, 0.0).iou
+        0.5
+        """
+        return _ratio(self.both, self.both + self.marked_only + self.region_only)
+
+
+def _ratio(part: float, whole: float) -> float:
+    return part / whole if whole else 1.0
+
+
+def total(counts: Sequence[Counts]) -> Counts:
+    """Return the sum over pictures."""
+    return sum(counts, Counts())
+
+
+def by_cell(values: NDArray[np.float32], cell: float) -> NDArray[np.float32]:
+    """Return the mean over squares of `cell` places, which is what a cell of the map sees."""
+    rows, columns = (max(1, round(side / cell)) for side in values.shape)
+    return np.asarray(cv2.resize(values, (columns, rows), interpolation=cv2.INTER_AREA), np.float32)
+
+
+def cell_counts(
+    share: NDArray[np.float32],
+    region: NDArray[np.float32],
+    known: NDArray[np.bool_],
+    cell: float,
+    least: float,
+) -> Counts:
+    """Count cells whose mean share is at least `least`, against those that are region by half.
+
+    Args:
+        share: The marked part of each place, or its probability, (rows, columns).
+        region: The part that is region.
+        cell: Side of a cell in places.
+        least: The share that makes a cell positive.
+    """
+    seen = by_cell(known.astype(np.float32), cell)
+    weight = np.maximum(seen, 1e-6)
+    there = by_cell(region * known, cell) / weight >= 0.5
+    found = by_cell(share * known, cell) / weight >= least
+    return Counts.of(found, there, seen >= 0.5)
+
 
 Array = NDArray[np.float32]
 

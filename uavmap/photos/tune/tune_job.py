@@ -19,20 +19,26 @@ from missions.errors import ImageError, OutputError
 from uavmap.base.atomic_write import umask, write_bytes, write_text
 from uavmap.output.summary import encode
 from uavmap.photos.tune.examples import Example, list_pictures, load_examples, read_picture
-from uavmap.photos.tune.metrics import Counts, total
-from uavmap.photos.tune.samples import Described, described, variants
 from uavmap.photos.tune.selection import (
     KINDS,
     SETS,
     Choice,
+    Counts,
     Picture,
     choose,
     fitted,
     picture_counts,
+    total,
 )
-from uavmap.photos.tune.training import Scale, need_learner
-from vision.detectors.learned_model import LearnedDetector, Model, model_bytes
-from vision.detectors.pixel_features import STRIDE, described_shape, features
+from uavmap.photos.tune.training import Described, Scale, described, need_learner, variants
+from vision.detectors.learned_model import (
+    STRIDE,
+    LearnedDetector,
+    Model,
+    described_shape,
+    features,
+    model_bytes,
+)
 
 MODEL: Final = "model.json"
 DETECTOR: Final = "detector.toml"

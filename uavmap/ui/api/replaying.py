@@ -10,10 +10,9 @@ from missions.errors import UavmapError
 from uavmap.base.arguments import Paths, number, path_text, whole
 from uavmap.base.messages import muted, shown_on
 from uavmap.base.terminal import Terminal
-from uavmap.photos.cluster import Cluster
 from uavmap.photos.ground.rasters import Wishes
 from uavmap.photos.replay_job import Wanted, replay_pictures
-from uavmap.photos.workers import Crew, Threads
+from uavmap.photos.workers import Cluster, Crew, Threads
 from uavmap.ui.api.results import Results, open_results
 
 _LOG: Final = logging.getLogger("uavmap.photos")

@@ -34,7 +34,7 @@ from uavmap.output.drawing.palette import (
 from uavmap.output.drawing.palette import STATES as COLOURS
 from uavmap.output.drawing.scene import bounds_of
 from uavmap.output.facts.map_model import State
-from uavmap.photos.ground.geotiff import there
+from uavmap.photos.ground.rasters import there
 from vision.camera import Camera
 from vision.projection import Projection
 

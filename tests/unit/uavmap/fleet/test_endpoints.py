@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from missions.errors import LinkError
-from uavmap.fleet.endpoints import parse_endpoint
+from uavmap.fleet.radio import parse_endpoint
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,7 @@ import pytest
 from tests.support.ports import free_port
 from tests.support.running import by, in_real_time
 from tests.support.said import Said
-from uavmap.fleet.endpoints import parse_endpoint
-from uavmap.fleet.multicast_radio import MulticastRadio
-from uavmap.fleet.radio import Radios
+from uavmap.fleet.radio import MulticastRadio, Radios, parse_endpoint
 from uavmap.fleet.zenoh_radio import ZenohLinks, ZenohRadio
 
 PATIENCE_S = 30.0

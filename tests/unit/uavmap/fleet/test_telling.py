@@ -15,8 +15,7 @@ from uavmap.base.clock import VirtualClock, run
 from uavmap.fleet.codec import Batch, Message, encode
 from uavmap.fleet.knowledge import Holding, Knowledge
 from uavmap.fleet.member import Member
-from uavmap.fleet.peer import Peer
-from uavmap.fleet.reports import RELAY_S, Telling
+from uavmap.fleet.peer import RELAY_S, Peer, Telling
 from uavmap.fleet.sealing import Seal
 from uavmap.fleet.simulated_radio import Air, LinkModel
 

@@ -12,8 +12,8 @@ import pytest
 from missions.errors import ImageError, StudyError
 from tests.unit.uavmap.photos.sources.test_replay_robust import good
 from uavmap.base import dask_client
-from uavmap.photos import cluster as module
-from uavmap.photos.cluster import Cluster, Travelling
+from uavmap.photos import workers as module
+from uavmap.photos.workers import Cluster, Travelling
 from uavmap.ui.cli import main
 
 distributed = pytest.importorskip("distributed", reason="needs the extra cluster")

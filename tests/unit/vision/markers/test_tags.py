@@ -19,8 +19,7 @@ from sitl.world.tags import TagPose
 from sitl.world.world import World, WorldSpec
 from tests.unit.vision.scene import decoded
 from vision.camera import Camera
-from vision.markers.marker_corners import find_tags
-from vision.markers.marker_pose import Carrier, SightingErrors, sight
+from vision.markers import Carrier, SightingErrors, find_tags, sight
 
 TAG_M, BELOW_M = 0.4, 6.0
 SPEC = CameraSpec(hfov_deg=78.0, width_px=320, height_px=240)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.unit.vision.own_map.test_own_map import taken
-from vision.own_map.ground_match import match
-from vision.own_map.patch_zoom import compare, resized
+from vision.own_map.ground_match import compare, match, resized
 
 
 @pytest.mark.parametrize("height", [-0.03, 0.0, 0.02])

@@ -7,10 +7,9 @@ from typing import Final
 
 from uavmap.base.messages import shown_on
 from uavmap.base.terminal import Terminal
-from uavmap.photos.cluster import Cluster
 from uavmap.photos.ground.rasters import Wishes
 from uavmap.photos.replay_job import Wanted, replay_pictures
-from uavmap.photos.workers import Crew, Threads
+from uavmap.photos.workers import Cluster, Crew, Threads
 from uavmap.ui.cli import INTERRUPTED, complain
 from uavmap.ui.cli.common import number_type, report, utc_seconds, worker_count
 from uavmap.ui.cli.option_table import add_options

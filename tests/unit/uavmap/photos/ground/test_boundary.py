@@ -34,7 +34,7 @@ from tests.unit.uavmap.photos.test_replay import (
     shot,
 )
 from uavmap.output.facts.boundary_model import FILE
-from uavmap.photos.ground import geotiff, rasters
+from uavmap.photos.ground import rasters
 from uavmap.ui.cli import main
 
 TRUTH = shapely.Polygon(
@@ -167,7 +167,7 @@ def test_the_rasters_lie_where_the_boundary_lies(results: Path) -> None:
     assert np.abs(shift).max() * GSD_M < 0.1
     with rasterio.open(results / rasters.PROBABILITY) as file:
         assert file.crs.to_epsg() == GRID.zone.epsg
-        assert file.nodata == geotiff.NOWHERE
+        assert file.nodata == rasters.NOWHERE
         likely = file.read(1)
         there = features_module.geometry_mask([in_utm], likely.shape, file.transform, invert=True)
     assert likely.max() == pytest.approx(1.0)

@@ -13,7 +13,7 @@ from tests.unit.uavmap.photos.sources.test_replay_robust import shot, xmp
 from uavmap.photos.ground import rasters
 from uavmap.photos.workers import StoppedError, beside
 from uavmap.ui.cli import main
-from vision.fusion import Fusion
+from vision.raster import Fusion
 
 
 @pytest.fixture(scope="module")

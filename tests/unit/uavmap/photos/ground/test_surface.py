@@ -5,8 +5,7 @@ import pytest
 
 from uavmap.photos.ground import surface
 from uavmap.photos.ground.surface import Surface
-from vision.fusion import UNSEEN
-from vision.raster import Raster, Window
+from vision.raster import UNSEEN, Raster, Window
 
 
 def filled() -> Surface:

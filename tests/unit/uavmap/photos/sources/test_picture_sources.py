@@ -23,13 +23,13 @@ from tests.unit.uavmap.photos.sources.test_replay_robust import MISSION, shot
 from uavmap.journal.kept_frames import WAITING, FrameKeeper, KeptFrame, read_kept
 from uavmap.output.facts.boundary_model import FILE
 from uavmap.photos.registration.calibration import read_calibration
-from uavmap.photos.sources.geo_txt import read_geo_file
 from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import eight_bits
+from uavmap.photos.sources.photo_folder import read_geo_file
 from uavmap.photos.sources.photo_tags import tags_of
 from uavmap.photos.sources.picture_record import Picture, Refused
 from uavmap.photos.sources.tag_validation import Placed, credible
-from uavmap.photos.sources.video_telemetry import parse_srt, read_tlog
+from uavmap.photos.sources.video import parse_srt, read_tlog
 from uavmap.ui.cli import main
 
 LOG = Path(__file__).resolve().parents[5] / "../shared/data/arducopter/flight-4.6.tlog"
@@ -325,7 +325,7 @@ def lens_width_deg(exif: dict[int, object], xmp: str, size: tuple[int, int]) -> 
     picture = image.copy()
     picture.info["xmp"] = f'<a xmlns:d="u:d" {xmp}/>'.encode() if xmp else b""
     picture.info["exif"] = path
-    lens = tags_of(picture).lens
+    lens = tags_of(picture)["lens"]
     assert lens is not None
     return lens.hfov_deg
 

@@ -30,8 +30,8 @@ from uavmap.photos.registration import refined_pictures
 from uavmap.photos.sources.inventory import gather
 from uavmap.photos.sources.photo_folder import Folder
 from uavmap.ui.cli import main
-from vision.lens import Lens
-from vision.registration.picture_features import extract
+from vision.camera import Lens
+from vision.registration.matching import extract
 from vision.registration.views import Features
 
 MISSION = f"""

@@ -32,10 +32,8 @@ from uavmap.load.kept_detector import KEPT
 from uavmap.load.mission_source import load
 from uavmap.output.facts.map_model import NOT_ROI
 from uavmap.photos.tune.examples import Example, load_examples
-from uavmap.photos.tune.metrics import total
-from uavmap.photos.tune.samples import Described, variants
-from uavmap.photos.tune.selection import Picture, dealt
-from uavmap.photos.tune.training import fit_trees
+from uavmap.photos.tune.selection import Picture, dealt, total
+from uavmap.photos.tune.training import Described, fit_trees, variants
 from uavmap.photos.tune.tune_job import DETECTOR, MODEL, OVERLAYS, REPORT, Wishes, learned
 from uavmap.ui.cli import main
 from vision.detectors.learned_model import LearnedDetector, Model, Scorer, model_bytes, read_model

@@ -1,1 +1,0 @@
-"""Markers on vehicles: found in pictures, and the pose that they give."""
