@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from missions.geo.grid import Grid
 from vision.camera import project
-from vision.look import Frame
-from vision.projection import OBLIQUE_LIMIT
+from vision.projection import OBLIQUE_LIMIT, Frame
 from vision.registration.net import components
 
 Floats = NDArray[np.float64]

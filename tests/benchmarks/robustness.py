@@ -35,7 +35,7 @@ from tests.support.small_missions import first_patch
 from uavmap.aircraft.imaging.classifier import Classifier
 from uavmap.load.mission_source import load
 from uavmap.output.facts.score import CLEAR_SHARE, cells_near, shares_of, true_roi
-from vision.look import Frame
+from vision.projection import Frame
 
 MISSION = "runway"
 STRATEGY = "swath"

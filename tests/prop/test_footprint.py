@@ -19,8 +19,7 @@ from tests.support.footprints import whole_cells
 from tests.unit.vision.scene import camera_axes, nadir_pose, paint
 from vision.camera import Camera
 from vision.detectors import make_detector
-from vision.look import Frame, look
-from vision.projection import OBLIQUE_LIMIT
+from vision.projection import OBLIQUE_LIMIT, Frame, look
 
 FAST = settings(max_examples=80, deadline=None)
 BAVARIA = LatLon(48.0, 11.9)  # grid north is 2.2 degrees off true north

@@ -27,10 +27,10 @@ from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.position_history import Attitudes
 from uavmap.mavlink.vehicle_view import VehicleView
 from vision.camera import euler, rotation
-from vision.look import Frame
 from vision.markers import Carrier, Sighting, SightingErrors, find_tags, sight
 from vision.own_map.ground_match import match
 from vision.own_map.ground_patch import Patch, patch
+from vision.projection import Frame
 
 if TYPE_CHECKING:
     from uavmap.mavlink.session import Message

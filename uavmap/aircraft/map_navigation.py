@@ -30,9 +30,9 @@ from missions.planning.sweep.strategies import LEAPFROG
 from missions.units import GridPoint, LatLon
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.vehicle_view import VehicleView
-from vision.look import Frame
 from vision.own_map.ground_patch import patch, resolution_m
 from vision.own_map.map_position import OwnMap
+from vision.projection import Frame
 
 if TYPE_CHECKING:
     from uavmap.aircraft.leapfrog_sight import Member

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import random
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -89,7 +89,7 @@ class Air:
         (here, low_m), (there, high_m) = self._places[one](), self._places[other]()
         return math.hypot(here.distance_to(there), high_m - low_m) <= self.model.range_m
 
-    def carry(self, sender: int, datagram: bytes, to: Collection[int] | None = None) -> None:
+    def carry(self, sender: int, datagram: bytes) -> None:
         """Let whoever is in range hear a datagram, or not."""
         loop = asyncio.get_running_loop()
         now_s, model = loop.time(), self.model
@@ -101,7 +101,7 @@ class Air:
         self._free_s[sender] = end_s
         self.sent_bytes[sender] = self.sent_bytes.get(sender, 0) + size
         for other in sorted(self._heard):
-            if other == sender or (to is not None and other not in to):
+            if other == sender:
                 continue
             lost, twice = self._random.random() < model.loss, self._random.random() < model.doubled
             late_s = [self._random.random() * model.jitter_s for _ in range(2)]

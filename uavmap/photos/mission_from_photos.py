@@ -15,7 +15,7 @@ from missions.geo.grid import Grid
 from missions.units import GridPoint, LatLon
 from uavmap.output.drawing.scale import step_near
 from uavmap.photos.sources.inventory import Gathered
-from uavmap.photos.sources.tag_validation import Placed, credible
+from uavmap.photos.sources.picture_record import Placed, credible
 from vision.camera import Lens
 
 WIDTH_PX: Final = 1000

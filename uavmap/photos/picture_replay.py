@@ -40,10 +40,9 @@ from uavmap.photos.ground.fine_map import FineMap, beneath, scene_of
 from uavmap.photos.ground.judging import Judge, Task
 from uavmap.photos.ground.rasters import Rasters, Wishes
 from uavmap.photos.ground.surface import Footing, Scene
-from uavmap.photos.pictures_csv import FILE, PictureRow, write_pictures
 from uavmap.photos.scratch_file import Spool
-from uavmap.photos.sources.inventory import Gathered
-from uavmap.photos.sources.tag_validation import Placed, above_ground, credible
+from uavmap.photos.sources.inventory import PICTURES_FILE, Gathered, PictureRow, write_pictures
+from uavmap.photos.sources.picture_record import Placed, above_ground, credible
 from uavmap.photos.workers import Crew, GoOn, Threads, beside, thread_count
 from vision.camera import Camera, Lens
 from vision.upright import UprightSearch
@@ -138,7 +137,7 @@ class Looked:
         summary = write_replay(made, boundary, ground, said.append)
         for line in said:
             _LOG.info(line)
-        write_pictures(self._rows(), folder / FILE)
+        write_pictures(self._rows(), folder / PICTURES_FILE)
         self._log()
         return summary
 

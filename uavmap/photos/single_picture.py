@@ -14,12 +14,10 @@ from missions.flight.setting_of import setting_of
 from missions.mission.schema import Mission
 from missions.units import Cell, GridPoint, LatLon
 from uavmap.photos.ground.judging import Judge
-from uavmap.photos.sources.picture_record import Picture
-from uavmap.photos.sources.tag_validation import Placed, above_ground, credible
+from uavmap.photos.sources.picture_record import Picture, Placed, above_ground, credible
 from vision.camera import Lens, project
-from vision.look import Frame, Verdict, marks_of
 from vision.plausible import implausible
-from vision.projection import Projection
+from vision.projection import Frame, Projection, Verdict, marks_of
 from vision.upright import UprightSearch
 
 _ROI: Final = (60, 200, 60)

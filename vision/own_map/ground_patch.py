@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.geo.footprint import Optics
-from vision.look import Frame
+from vision.projection import Frame
 
 NOTHING: Final = -128
 """Value of what a picture does not show."""

@@ -35,9 +35,9 @@ from tests.benchmarks.frame import asked, spread
 from uavmap.load.mission_source import load
 from uavmap.runner.simulation import setup_of
 from vision.camera import Camera
-from vision.look import Frame
 from vision.own_map.ground_patch import Patch, patch
 from vision.own_map.map_position import OwnMap
+from vision.projection import Frame
 
 HEIGHT_M, SPEED_M_S, SECONDS = 12.0, 6.0, 300.0
 EVERY_S = 0.2

@@ -44,8 +44,7 @@ from uavmap.photos.replay_job import journal_meta
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import Gathered, gather, open_source
 from uavmap.photos.sources.photo_file import decoded, read_photo
-from uavmap.photos.sources.picture_record import Refused
-from uavmap.photos.sources.tag_validation import Placed, credible
+from uavmap.photos.sources.picture_record import Placed, Refused, credible
 from uavmap.photos.workers import Threads, in_order, worker_count
 
 WIDTH_PX = 1000

@@ -32,7 +32,7 @@ from tests.benchmarks import frame
 from tests.support.plans import named_text
 from tests.support.small_missions import first_patch
 from uavmap.aircraft.map_navigation import Navigation
-from vision.look import Frame
+from vision.projection import Frame
 
 WAYS: Final = ("leapfrog", "alone")
 MAPPER: Final = 1

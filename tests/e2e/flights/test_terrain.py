@@ -26,7 +26,7 @@ from uavmap.runner.simulation import Truth, relief_of
 from uavmap.ui.cli import main
 from vision.camera import Camera
 from vision.detectors import make_detector
-from vision.look import Frame, look
+from vision.projection import Frame, look
 
 ALTITUDE_M = 14.0
 TOWARD_DEG = 225.0

@@ -16,7 +16,7 @@ from missions.geo.geodesy import LocalPlane
 from missions.geo.grid import Grid
 from missions.units import Cell, GridPoint, Pose, Quaternion
 from vision.camera import Camera
-from vision.look import Frame
+from vision.projection import Frame
 from vision.upright import UprightSearch
 
 DARK, BRIGHT = 60, 220

@@ -17,7 +17,7 @@ from missions.units import Cell, GridPoint, LatLon
 from tests.unit.vision.scene import nadir_pose, paint, square
 from vision.camera import Camera
 from vision.detectors import make_detector
-from vision.look import Frame, Verdict, look
+from vision.projection import Frame, Verdict, look
 
 BAVARIA = LatLon(48.0, 11.9)  # grid north is 2.2 degrees off true north
 PLAIN = make_detector("threshold", dilations=0)

@@ -13,8 +13,7 @@ from missions.units import LatLon, Pose, Quaternion
 from tests.support.hills import SIDE_M, STEP_M, slope
 from vision.camera import Camera, project
 from vision.detectors import make_detector
-from vision.look import Frame, look
-from vision.projection import Projection
+from vision.projection import Frame, Projection, look
 
 PLACE = LatLon(48.0, 11.3)
 GRID = Grid.at(PLACE, 4.0)

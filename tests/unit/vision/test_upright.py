@@ -12,7 +12,7 @@ from missions.geo.grid import Grid
 from missions.units import GridPoint, LatLon
 from tests.unit.vision.scene import nadir_pose, photograph, upside_down
 from vision.camera import Camera
-from vision.look import Frame
+from vision.projection import Frame
 
 GRID = Grid.at(LatLon(46.84, -91.99), 4.0)
 CAMERA = Camera(math.radians(80.0), 160, 90)

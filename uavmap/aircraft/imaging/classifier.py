@@ -16,8 +16,8 @@ from missions.units import Cell
 from uavmap.load.detector_source import detector_of_section
 from vision.camera import Camera
 from vision.detectors import Detector
-from vision.look import Frame, look
 from vision.plausible import Image, implausible
+from vision.projection import Frame, look
 
 
 @dataclass(slots=True)

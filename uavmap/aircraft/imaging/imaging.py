@@ -21,8 +21,8 @@ from uavmap.aircraft.imaging.classifier import camera_of
 from uavmap.aircraft.imaging.frames import Frames, suppressed_silence
 from uavmap.aircraft.map_navigation import Navigation
 from uavmap.base.printable import printable
-from vision.look import Frame
 from vision.plausible import implausible
+from vision.projection import Frame
 
 
 class Taken(NamedTuple):

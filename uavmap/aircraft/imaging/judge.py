@@ -13,7 +13,7 @@ from uavmap.aircraft.imaging.classifier import Classifier
 from uavmap.aircraft.imaging.imaging import Taken
 from uavmap.base.printable import printable
 from uavmap.journal.kept_frames import Keeper, KeptFrame
-from vision.look import Frame
+from vision.projection import Frame
 
 
 class PictureJudge:

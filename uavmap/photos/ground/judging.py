@@ -23,13 +23,12 @@ from uavmap.aircraft.imaging.classifier import detector_of
 from uavmap.photos.registration.calibration import Lenses
 from uavmap.photos.scratch_file import Said
 from uavmap.photos.sources.photo_file import eight_bits
-from uavmap.photos.sources.tag_validation import Placed
+from uavmap.photos.sources.picture_record import Placed
 from vision.camera import Camera, Lens
 from vision.detectors import Detector
 from vision.detectors.interface import Marks
-from vision.look import Frame, marks_of
 from vision.plausible import implausible
-from vision.projection import Cells, Projection
+from vision.projection import Cells, Frame, Projection, marks_of
 from vision.upright import Patch, UprightSearch
 
 LEAST_WIDTH_PX: Final = 64

@@ -27,7 +27,7 @@ from uavmap.base.extras import install_command
 from uavmap.photos.ground.fine_map import Colours, FineMap, Tile, mosaic, upright
 from uavmap.photos.ground.judging import Judge
 from uavmap.photos.ground.surface import Shown, aligned
-from uavmap.photos.sources.tag_validation import Placed
+from uavmap.photos.sources.picture_record import Placed
 from vision.raster import MOST, UNSEEN, Levels, Raster, Window, framed
 
 TILE_PX: Final = 512

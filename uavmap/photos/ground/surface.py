@@ -36,7 +36,6 @@ COARSEST_M: Final = 0.5
 PIXELS_A_CELL: Final = 4
 """Least pixels of the raster along the edge of a cell."""
 _SIDE: Final = 2048  # of a block
-_LOOSE_BYTES: Final = 16_000_000  # so much is kept as it is; what comes after that is squeezed
 _MARGIN: Final = 4  # pixels around all that is shown
 _WEIGHTS: Final = (0.1, 4.0)  # of a picture's resolution beside the usual
 
@@ -139,17 +138,11 @@ class Surface:
     """Levels of probability over a raster, block by block; see `vision.raster`."""
 
     raster: Raster
-    _blocks: dict[Window, bytes | Levels] = field(default_factory=dict)
-    _loose_bytes: int = 0
+    _blocks: dict[Window, bytes] = field(default_factory=dict)
 
     def put(self, block: Window, levels: Levels) -> None:
         """Keep a block, unless nothing was seen there."""
-        if (levels == UNSEEN).all():
-            return
-        if self._loose_bytes + levels.nbytes <= _LOOSE_BYTES:  # squeezing takes time
-            self._loose_bytes += levels.nbytes
-            self._blocks[block] = levels
-        else:
+        if (levels != UNSEEN).any():
             self._blocks[block] = zlib.compress(levels.tobytes(), 1)
 
     def blocks(self) -> Iterator[tuple[Window, Levels]]:
@@ -179,10 +172,7 @@ class Surface:
         """Copy a block into the levels of a window, of which it has a part."""
         kept = self._blocks.get(block)
         if kept is not None:
-            if isinstance(kept, bytes):
-                levels = np.frombuffer(zlib.decompress(kept), np.uint8).reshape(block.shape)
-            else:
-                levels = kept
+            levels = np.frombuffer(zlib.decompress(kept), np.uint8).reshape(block.shape)
             part = block.common(window)
             into[part.within(window)] = levels[part.within(block)]
 

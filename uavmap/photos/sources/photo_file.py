@@ -113,7 +113,11 @@ def _opened(file: io.BufferedReader | io.BytesIO) -> Iterator[Image.Image]:
             # Pillow warns of a damaged tag and leaves it out; if it matters, it is missed by name
             warnings.simplefilter("ignore")
             with Image.open(file, formats=_FORMATS) as picture:
-                _check_size(picture.width, picture.height)
+                if picture.width * picture.height > MAX_PIXELS:
+                    raise ImageError(
+                        f"{picture.width} x {picture.height} px are too many; at most "
+                        f"{MAX_PIXELS // 1_000_000} million are decoded"
+                    )
                 yield picture
     except UavmapError:
         raise
@@ -130,14 +134,6 @@ def _opened(file: io.BufferedReader | io.BytesIO) -> Iterator[Image.Image]:
         raise ImageError(
             f"not a readable picture ({text[:120] or type(error).__name__})"
         ) from error
-
-
-def _check_size(width_px: int, height_px: int) -> None:
-    if width_px * height_px > MAX_PIXELS:
-        raise ImageError(
-            f"{width_px} x {height_px} px are too many; at most {MAX_PIXELS // 1_000_000} million "
-            "are decoded"
-        )
 
 
 def _deep(picture: Image.Image) -> bool:

@@ -30,7 +30,7 @@ from uavmap.base.text_files import read_text
 from uavmap.photos.registration.refined_pictures import refined
 from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import SUFFIXES, decoded, eight_bits
-from uavmap.photos.sources.tag_validation import Placed, credible
+from uavmap.photos.sources.picture_record import Placed, credible
 from vision.camera import Camera, project
 from vision.detectors.learned_model import working_picture
 

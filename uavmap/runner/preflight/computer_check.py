@@ -35,7 +35,7 @@ from uavmap.base.extras import install_command
 from uavmap.base.version import __version__
 from uavmap.load.planner_setup import ready_planner
 from uavmap.runner.preflight.finding import Finding, bad, ok, warn
-from vision.look import Frame
+from vision.projection import Frame
 
 PYTHON: Final = (3, 11)
 LITTLE_DISK_B: Final = 200 * 2**20

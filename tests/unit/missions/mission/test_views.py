@@ -22,7 +22,7 @@ from missions.units import GridPoint, Pose, Quaternion
 from tests.support.small_missions import mission, square
 from vision.camera import Camera
 from vision.detectors import make_detector
-from vision.look import Frame, look
+from vision.projection import Frame, look
 
 PLAIN = make_detector("threshold", dilations=0)
 

@@ -25,7 +25,7 @@ from sitl.camera.render import render
 from tests.unit.sitl.conftest import Client
 from uavmap.load.mission_source import load
 from uavmap.photos.sources.inventory import gather, open_source
-from uavmap.photos.sources.tag_validation import credible
+from uavmap.photos.sources.picture_record import credible
 from uavmap.runner.simulation import make_vehicles
 from uavmap.ui.cli import main
 

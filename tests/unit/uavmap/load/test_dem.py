@@ -17,7 +17,7 @@ from tests.support.photographs import write_photo
 from tests.support.small_missions import START, mission_text, square
 from uavmap.load import elevation_model
 from uavmap.load.mission_source import load
-from uavmap.photos.sources.tag_validation import above_ground
+from uavmap.photos.sources.picture_record import above_ground
 from uavmap.ui.cli import main
 
 rasterio = pytest.importorskip("rasterio")

@@ -17,9 +17,9 @@ from sitl.world.world import Patch as Region
 from sitl.world.world import World, WorldSpec
 from tests.unit.vision.scene import decoded
 from vision.camera import Camera
-from vision.look import Frame
 from vision.own_map.ground_match import Match, match
 from vision.own_map.ground_patch import Patch, patch, resolution_m
+from vision.projection import Frame
 
 PHOTOGRAPHS = Path(__file__).resolve().parents[4] / "../shared/data/brighton_beach"
 ORIGIN = LatLon(48.0, 11.0)

@@ -14,9 +14,9 @@ from sitl.camera.render import render
 from sitl.world.world import World, WorldSpec
 from tests.unit.vision.scene import decoded
 from vision.camera import Camera
-from vision.look import Frame
 from vision.own_map.ground_patch import Patch, patch
 from vision.own_map.map_position import OwnMap
+from vision.projection import Frame
 
 ORIGIN = LatLon(48.0, 11.0)
 SPEC = CameraSpec(hfov_deg=80.0, width_px=320, height_px=240)

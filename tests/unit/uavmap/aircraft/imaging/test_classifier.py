@@ -13,7 +13,7 @@ from tests.support.footprints import whole_cells
 from tests.support.small_missions import CELL_M, START, mission, square
 from tests.unit.vision.scene import nadir_pose
 from uavmap.aircraft.imaging.classifier import Classifier
-from vision.look import Frame
+from vision.projection import Frame
 
 GRID = Grid.at(START, CELL_M)
 MADE = mission(square(0, 0, 40, 30), square(-30, -30, 120, 100))

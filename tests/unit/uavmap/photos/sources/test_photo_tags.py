@@ -19,10 +19,9 @@ from tests.unit.vision.scene import upside_down
 from uavmap.base.image_files import read_image
 from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import decoded
-from uavmap.photos.sources.picture_record import Picture, Refused
-from uavmap.photos.sources.tag_validation import Placed, credible
+from uavmap.photos.sources.picture_record import Picture, Placed, Refused, credible
 from vision.camera import Camera, rotation
-from vision.look import Frame
+from vision.projection import Frame
 
 
 def tagged(path: Path) -> tuple[Picture, ...]:

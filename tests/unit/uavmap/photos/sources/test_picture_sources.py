@@ -27,8 +27,7 @@ from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.photo_folder import read_geo_file
 from uavmap.photos.sources.photo_tags import tags_of
-from uavmap.photos.sources.picture_record import Picture, Refused
-from uavmap.photos.sources.tag_validation import Placed, credible
+from uavmap.photos.sources.picture_record import Picture, Placed, Refused, credible
 from uavmap.photos.sources.video import parse_srt, read_tlog
 from uavmap.ui.cli import main
 
