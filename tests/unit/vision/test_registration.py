@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.unit.vision.flights import (
+from tests.unit.vision.scene import (
     HEIGHT_M,
     Shot,
     features_of,

@@ -6,18 +6,18 @@ import json
 import random
 import shutil
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from missions.events import FrameSeen, Vote, Weighed, from_json, to_json
+from missions.mapping.belief import Belief, FrameId
 from missions.mapping.evidence import Evidence, evidence_of
 from missions.units import Cell
-from tests.unit.uavmap.photos.sources.test_replay_robust import PLACES, good, shot
-from tests.unit.uavmap.photos.sources.test_replay_robust import mapped as mapped_by
+from tests.unit.uavmap.photos.sources.test_replay_robust import PLACES, good, mapped, shot
 from tests.unit.uavmap.photos.test_replay import paint
 from uavmap.journal.event_log import Journal
+from uavmap.output.facts.vote_tally import Votes
 from uavmap.ui.cli import main
 from vision.projection import weights
 
@@ -79,6 +79,26 @@ def test_no_order_moves_a_belief_by_a_bit() -> None:
     assert len(beliefs) == 1
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_the_votes_are_those_of_a_belief(seed: int) -> None:
+    """Sums are enough where pictures come in the order of their exposure."""
+    rng = np.random.default_rng(seed)
+    votes, belief = Votes(3, 2), Belief(3, 2)
+    for number in range(60):
+        vantage = Cell(int(rng.integers(0, 2)), 0)
+        said = [
+            Vote(Cell(int(east), int(north)), bool(rng.random() < 0.4), 0.5)
+            for east, north in {tuple(rng.integers(0, 5, 2)) for _ in range(8)}
+        ]
+        votes.add(vantage, said)
+        frame = FrameId(1, float(number))
+        belief = belief.with_frame(vantage, frame, {v.cell: v.positive for v in said})
+    assert votes.roi == set(belief.roi)
+    found, _ = votes.counted()
+    counts = {row.cell: (row.positive, row.votes) for row in found}
+    assert counts == {cell: tuple(tally) for cell, tally in belief.cells().items()}
+
+
 def test_a_journal_holds_the_evidence() -> None:
     seen = FrameSeen(1, 1.0, HERE, (Vote(HERE, True, 0.8),))
     told = Weighed(1, 1.0, (0.75,))
@@ -90,10 +110,6 @@ def test_a_journal_holds_the_evidence() -> None:
 
 
 # --- through the command -------------------------------------------------------------------------
-def mapped(photos: Path, good: Path, out: Path) -> Any:
-    return mapped_by(photos, good, out, "--refine", "off")
-
-
 def test_a_capture_that_was_saved_once_more_counts_once(good: Path, tmp_path: Path) -> None:
     photos = tmp_path / "photos"
     shutil.copytree(good, photos)

@@ -27,10 +27,8 @@ from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load
 from uavmap.photos.picture_replay import look_at_all
-from uavmap.photos.registration.refined_pictures import refined
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import gather, open_source
-from uavmap.photos.workers import Threads
 
 REAL = Path(__file__).resolve().parents[4] / "../shared/data/brighton_beach"
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -117,23 +115,15 @@ def setting(recorded: str = "evidence") -> Setting:
     return setting_of(parse_mission(text, "painted"))
 
 
-def replayed(
-    images: Path, made: Setting, journal: Journal, out: Path, *, refine: bool = False
-) -> dict[str, Any]:
-    gathered = gather(open_source(images))
-    if refine and (better := refined(gathered, made.mission, crew=Threads())) is not None:
-        better.write(out)
-        gathered = better.gathered
+def replayed(images: Path, made: Setting, journal: Journal, out: Path) -> dict[str, Any]:
     with Spool() as spool:
-        return look_at_all(gathered, made, spool).written(journal, out)
+        return look_at_all(gather(open_source(images)), made, spool).written(journal, out)
 
 
-def mapped(
-    images: Path, made: Setting, out: Path, *, refine: bool = True
-) -> tuple[dict[str, Any], dict[Cell, str]]:
+def mapped(images: Path, made: Setting, out: Path) -> tuple[dict[str, Any], dict[Cell, str]]:
     """The summary, and the states of the cells in the map."""
     with Journal.create(out / JOURNAL, META) as journal:
-        summary = replayed(images, made, journal, out, refine=refine)
+        summary = replayed(images, made, journal, out)
     features = json.loads((out / "map.geojson").read_text())["features"]
     states = {
         Cell(f["properties"]["column"], f["properties"]["row"]): f["properties"]["state"]
@@ -246,7 +236,7 @@ NO_ROAD = [
 def test_real_photographs_map_the_road(tmp_path: Path) -> None:
     made = setting_of(load("road"))
     # as tagged: the places were picked by eye on that map
-    _, states = mapped(REAL, made, tmp_path / "out", refine=False)
+    _, states = mapped(REAL, made, tmp_path / "out")
 
     def state(place: tuple[int, int]) -> str:
         return states[made.grid.cell_of(GridPoint(float(place[0]), float(place[1])))]

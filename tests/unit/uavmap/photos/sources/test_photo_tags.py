@@ -18,7 +18,7 @@ from tests.support.photographs import DJI, dji, write_photo
 from tests.unit.vision.scene import upside_down
 from uavmap.base.image_files import read_image
 from uavmap.photos.sources.inventory import gather, open_source
-from uavmap.photos.sources.photo_file import decoded
+from uavmap.photos.sources.photo_file import decoded, eight_bits
 from uavmap.photos.sources.picture_record import Picture, Placed, Refused, credible
 from vision.camera import Camera, rotation
 from vision.projection import Frame
@@ -165,6 +165,16 @@ def test_any_damage_is_an_image_error_or_a_picture(tmp_path: Path) -> None:
         except ImageError:
             refused += 1
     assert 0 < refused < 300
+
+
+def test_a_thermal_picture_is_spread_over_its_levels() -> None:
+    thermal = np.linspace(7000, 7400, 4000).astype(np.uint16).reshape(40, 100)
+    levels = eight_bits(thermal)
+    assert levels.shape == (40, 100, 3)
+    assert levels.min() == 0
+    assert levels.max() == 255
+    full = np.linspace(0, 65535, 4000).astype(np.uint16).reshape(40, 100)
+    assert (eight_bits(full)[:, :, 0] == full >> 8).all()
 
 
 # --- real photographs --------------------------------------------------------------------------

@@ -7,15 +7,15 @@ import json
 import os
 import shutil
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from PIL import Image
 
+from tests.benchmarks.photos.replay import mutations, peak_mb, survives
 from tests.support.photographs import dji
 from tests.support.small_missions import START, ring, square
 from tests.unit.uavmap.base.test_pictures import png
@@ -26,13 +26,10 @@ from uavmap.load.mission_source import mission_of_text
 from uavmap.output.facts.boundary_model import FILE as BOUNDARY
 from uavmap.photos import scratch_file
 from uavmap.photos.mission_from_photos import derived
-from uavmap.photos.registration import refined_pictures
 from uavmap.photos.sources.inventory import gather
 from uavmap.photos.sources.photo_folder import Folder
 from uavmap.ui.cli import main
 from vision.camera import Lens
-from vision.registration.matching import extract
-from vision.registration.views import Features
 
 MISSION = f"""
 start.position = [{START.lat_deg}, {START.lon_deg}]
@@ -120,9 +117,6 @@ BAD: dict[str, tuple[Callable[[Path], object], str]] = {
     "bright": (lambda p: shot(p, 9, image=flat(254)), "exposed"),
     "blurred": (blurred, "blurred"),
     "a bomb": (lambda p: p.write_bytes(png(60_000, 60_000)), "too many"),
-}
-
-AS_TAGGED: dict[str, tuple[Callable[[Path], object], str]] = {
     "a JPEG bomb": (jpeg_bomb, "too many pixels"),
     "a TIFF bomb": (tiff_bomb, "too many pixels"),
     "uniform": (
@@ -153,22 +147,6 @@ GOOD: dict[str, Callable[[Path], object]] = {
 }
 
 
-@pytest.fixture(scope="module", autouse=True)
-def seen_once() -> Iterator[None]:
-    """The features of a picture are looked for once; most cases show the same three again."""
-    known: dict[bytes, Features] = {}
-
-    def once(gray: NDArray[np.uint8]) -> Features:
-        key = repr(gray.shape).encode() + gray.tobytes()
-        if key not in known:
-            known[key] = extract(gray)
-        return known[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(refined_pictures, "extract", once)
-        yield
-
-
 @pytest.fixture(scope="module")
 def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The good pictures and the mission."""
@@ -180,11 +158,11 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def mapped(
-    photos: Path, good: Path, out: Path, *more: str
+    photos: Path, good: Path, out: Path, refine: str = "off"
 ) -> tuple[int, dict[str, dict[str, str]], dict[str, object]]:
     """The exit code, the rows of pictures.csv by name, and the summary."""
     line = ["replay", str(photos), "--mission", str(good / "m.toml"), "--out", str(out)]
-    code = main([*line, *more])
+    code = main([*line, "--refine", refine])
     with (out / "pictures.csv").open(encoding="utf-8", newline="") as file:
         rows = {row["picture"]: row for row in csv.DictReader(file)}
     return code, rows, json.loads((out / "summary.json").read_text("utf-8"))
@@ -207,15 +185,14 @@ def alone(good: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return (tmp_path / "out" / "map.geojson").read_bytes()
 
 
-@pytest.mark.parametrize("case", {**BAD, **AS_TAGGED})
+@pytest.mark.parametrize("case", BAD)
 def test_a_bad_picture_is_named_and_the_others_make_their_map(
     case: str, good: Path, alone: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    make, reason = {**BAD, **AS_TAGGED}[case]
+    make, reason = BAD[case]
     photos = folder_of(good, tmp_path)
     make(photos / "bad.jpg")
-    more = ("--refine", "off") if case in AS_TAGGED else ()
-    code, rows, summary = mapped(photos, good, tmp_path / "out", *more)
+    code, rows, summary = mapped(photos, good, tmp_path / "out")
     assert code == 0
     assert reason in rows["bad.jpg"]["reason"]
     assert [rows[f"{n}.jpg"]["used"] for n in range(3)] == ["yes"] * 3
@@ -229,7 +206,7 @@ def test_a_bad_picture_is_named_and_the_others_make_their_map(
 def test_a_picture_of_an_unusual_kind_is_mapped(case: str, good: Path, tmp_path: Path) -> None:
     photos = folder_of(good, tmp_path)
     GOOD[case](photos / "more.jpg")
-    code, rows, _ = mapped(photos, good, tmp_path / "out", "--refine", "off")
+    code, rows, _ = mapped(photos, good, tmp_path / "out")
     assert code == 0
     assert [row["used"] for row in rows.values()] == ["yes"] * 4, rows
 
@@ -275,11 +252,17 @@ def test_a_picture_counts_once_and_a_name_in_two_folders_is_two_pictures(
 
 
 def test_where_most_are_bad_the_map_is_not_complete(good: Path, tmp_path: Path) -> None:
+    """Poses are refined: what cannot be decoded ends that no more than the map."""
     photos = folder_of(good, tmp_path)
-    for number in range(3):
-        (photos / f"bad{number}.jpg").write_bytes(b"")
-    code, _, summary = mapped(photos, good, tmp_path / "out")
+    undecodable = ("empty", "torn head", "truncated", "a pixel", "a bomb")
+    for case in undecodable:
+        BAD[case][0](photos / f"{case}.jpg")
+    mapped(good, good, tmp_path / "alone", "on")
+    code, rows, summary = mapped(photos, good, tmp_path / "out", "on")
     assert code == 3
+    alone, found = (tmp_path / name / "map.geojson" for name in ("alone", "out"))
+    assert found.read_bytes() == alone.read_bytes()
+    assert {rows[f"{case}.jpg"]["used"] for case in undecodable} == {"no"}
     assert summary["completed"] is False
     assert summary["cells_roi"]
 
@@ -331,10 +314,7 @@ def test_the_angle_of_view_says_where_it_comes_from(good: Path, tmp_path: Path) 
     assert "a guess" in derived(gather(Folder(tmp_path)))
 
 
-def test_any_number_of_workers_gives_the_same_bytes(
-    good: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(refined_pictures, "extract", extract)  # by all of them
+def test_any_number_of_workers_gives_the_same_bytes(good: Path, tmp_path: Path) -> None:
     photos = folder_of(good, tmp_path)
     (photos / "bad.jpg").write_bytes(b"")
     made = []
@@ -408,3 +388,11 @@ def test_two_of_three_votes_are_asked_where_pictures_overlap(tmp_path: Path) -> 
         votes = mission_of_text(derived(gather(Folder(tmp_path))), "derived").votes
         found.append((votes.frames, votes.positive))
     assert found == [(3, 2), (1, 1)]
+
+
+def test_no_damage_is_more_than_a_refusal(tmp_path: Path) -> None:
+    data = shot(tmp_path / "a.jpg", 1).read_bytes()
+    before = peak_mb()
+    outcomes = {survives(bad, tmp_path / "bad.jpg") for bad in mutations(data, 30)}
+    assert {"pixels", "used"} <= outcomes
+    assert peak_mb() - before < 100.0

@@ -1,11 +1,13 @@
-"""Replays on a Dask cluster: the same bytes, and a line for whatever is wrong with it."""
+"""Work in threads, in order; on a Dask cluster the same bytes, and a line for what is wrong."""
 
 from __future__ import annotations
 
 import pickle
+import threading
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -13,16 +15,16 @@ from missions.errors import ImageError, StudyError
 from tests.unit.uavmap.photos.sources.test_replay_robust import good
 from uavmap.base import dask_client
 from uavmap.photos import workers as module
-from uavmap.photos.workers import Cluster, Travelling
+from uavmap.photos.workers import Cluster, StoppedError, Travelling, beside, in_order
 from uavmap.ui.cli import main
 
-distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
 __all__ = ["good"]  # a fixture
 
 FILES = ("map.geojson", "map.kml", "map.png", "summary.json", "pictures.csv", "registration.json")
 
 
 def on_loopback(**more: Any) -> Any:
+    distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
     return distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, protocol="tcp://", host="127.0.0.1",
         dashboard_address=None, **{"processes": False, **more},
@@ -104,3 +106,63 @@ def test_a_content_travels_with_its_bytes_or_its_fault() -> None:
         gone.decode(100)
     sent = pickle.loads(pickle.dumps(Travelling(pixels, 9)))
     assert (sent.decode(100) == pixels).all()
+
+
+# --- threads -------------------------------------------------------------------------------------
+def test_the_answers_come_in_the_items_order_and_few_wait() -> None:
+    begun: list[int] = []
+
+    def work(number: int) -> int:
+        begun.append(number)
+        return number
+
+    answers = in_order(work, range(100), workers=3)
+    assert [next(answers) for _ in range(5)] == [0, 1, 2, 3, 4]
+    assert len(begun) <= 9
+    assert list(answers) == list(range(5, 100))
+
+
+def test_opencv_has_its_threads_back_when_the_last_one_is_done() -> None:
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(2)
+    try:
+        one, other = (in_order(abs, range(4), workers=2) for _ in range(2))
+        next(one)
+        next(other)
+        assert list(one) == [1, 2, 3]
+        assert cv2.getNumThreads() == 1  # the other is at work still
+        assert list(other) == [1, 2, 3]
+        assert cv2.getNumThreads() == 2
+    finally:
+        cv2.setNumThreads(before)
+
+
+def test_what_a_worker_raises_is_raised() -> None:
+    def work(number: int) -> int:
+        return 1 // (2 - number)
+
+    with pytest.raises(ZeroDivisionError):
+        list(in_order(work, range(9), workers=2))
+
+
+def test_what_is_reckoned_beside_ends_when_nobody_waits_for_it() -> None:
+    began, stopped = threading.Event(), threading.Event()
+
+    def endless(go_on: object) -> None:
+        assert callable(go_on)
+        began.set()
+        try:
+            while True:
+                go_on()
+        except StoppedError:
+            stopped.set()
+            raise
+
+    def interrupted() -> None:
+        with beside(endless):
+            began.wait()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert stopped.is_set()

@@ -1,4 +1,4 @@
-"""Radios on loopback: links over Zenoh, and a multicast group."""
+"""Radios on loopback: links over Zenoh, a multicast group, and endpoints as they are written."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from collections.abc import AsyncIterator, Callable
 
 import pytest
 
+from missions.errors import LinkError
 from tests.support.ports import free_port
 from tests.support.running import by, in_real_time
 from tests.support.said import Said
@@ -143,3 +144,36 @@ async def test_two_speak_by_a_router() -> None:
         with zenoh.open(config):  # it comes up after the first has called
             async with over_zenoh(routers=endpoint) as other:
                 await exchanged(one, Ear(one), other, Ear(other), b"word")
+
+
+@pytest.mark.parametrize(
+    ("text", "url"),
+    [
+        ("tcp/0.0.0.0:7447", "tcp/0.0.0.0:7447"),
+        ("udp/drone-2.local:7447", "udp/drone-2.local:7447"),
+        ("tcp/[fe80::1]:7447#iface=wlan0", "tcp/[fe80::1]:7447#iface=wlan0"),
+        ("udp/224.0.0.224:7447#iface=wlan0", "udp/224.0.0.224:7447#iface=wlan0"),
+    ],
+)
+def test_an_endpoint_comes_back_as_it_was_written(text: str, url: str) -> None:
+    assert parse_endpoint("--listen", text).url == url
+
+
+@pytest.mark.parametrize(
+    ("option", "text", "remedy"),
+    [
+        ("--peer", "192.168.7.2:7447", "write tcp/"),
+        ("--peer", "http/drone:80", "write tcp/"),
+        ("--peer", "tcp/drone", "write tcp/"),
+        ("--peer", "tcp/drone:0", "a port is 1 to 65535"),
+        ("--peer", "tcp/drone:70000", "a port is 1 to 65535"),
+        ("--peer", "udp/224.0.0.224:7447#iface=wlan0", "--listen udp/224.0.0.224"),
+        ("--listen", "udp/224.0.0.224:7447", "#iface=wlan0"),
+        ("--listen", "tcp/224.0.0.224:7447#iface=wlan0", "udp/224.0.0.224"),
+    ],
+)
+def test_what_is_none_is_refused_with_a_remedy(option: str, text: str, remedy: str) -> None:
+    with pytest.raises(LinkError) as refused:
+        parse_endpoint(option, text)
+    assert str(refused.value).startswith(f"{option} {text}: ")
+    assert remedy in str(refused.value)

@@ -12,14 +12,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from missions.errors import OutputError
 from missions.geo.geodesy import LocalPlane
 from missions.units import GridPoint, LatLon, Quaternion
 from tests.support.photographs import dji, write_photo
-from tests.unit.vision.flights import CAMERA, GRID, Shot, meadow, passes
+from tests.unit.vision.scene import CAMERA, GRID, Shot, meadow, passes
+from uavmap.photos import scratch_file
 from uavmap.photos.registration.refinement import attitude
+from uavmap.photos.scratch_file import FeatureFile
 from uavmap.ui.cli import main
 from vision.camera import euler, rotation
 from vision.registration.ground_plane import bearing
+from vision.registration.views import Features
 
 ORIGIN = GRID.position(GridPoint(0.0, 0.0))
 PLANE = LocalPlane(ORIGIN)
@@ -159,3 +163,29 @@ def test_attitudes_there_and_back(angles: tuple[float, float, float]) -> None:
     forward, right, down = rotation(turn).T
     axes = np.array([[v[1], v[0], -v[2]] for v in (right, down, forward)]).T
     assert np.allclose(rotation(attitude(axes)), rotation(turn), atol=1e-9)
+
+
+def test_features_come_back_as_they_were() -> None:
+    rng = np.random.default_rng(3)
+    given = [
+        Features(rng.normal(size=(n, 2)), rng.integers(0, 256, (n, 128), np.uint8), 320 + n, 240)
+        for n in (5, 0, 1200)
+    ]
+    with FeatureFile() as file:
+        kept = [file.put(features) for features in given]
+        for found, features in reversed(list(zip(kept, given, strict=True))):
+            assert np.array_equal(found.points, features.points)
+            assert np.array_equal(found.descriptors, features.descriptors)
+            assert (found.width_px, found.height_px) == (features.width_px, features.height_px)
+
+
+def test_a_full_disk_is_said_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full")
+    full = Path("/dev/full")
+    monkeypatch.setattr(
+        scratch_file.tempfile, "TemporaryFile", lambda **_: full.open("r+b", buffering=0)
+    )
+    some = Features(np.zeros((1, 2)), np.zeros((1, 128), np.uint8), 320, 240)
+    with FeatureFile() as file, pytest.raises(OutputError, match="--refine off"):
+        file.put(some)

@@ -1,4 +1,4 @@
-"""look() on pictures whose content is known."""
+"""look() on pictures whose content is known, over flat ground and over a terrain."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 from missions.errors import ImageError
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
-from missions.units import Cell, GridPoint, LatLon
+from missions.units import Cell, GridPoint, LatLon, Pose, Quaternion
+from tests.support.hills import SIDE_M, STEP_M, slope
 from tests.unit.vision.scene import nadir_pose, paint, square
-from vision.camera import Camera
+from vision.camera import Camera, project
 from vision.detectors import make_detector
-from vision.projection import Frame, Verdict, look
+from vision.projection import Frame, Projection, Verdict, look
 
 BAVARIA = LatLon(48.0, 11.9)  # grid north is 2.2 degrees off true north
 PLAIN = make_detector("threshold", dilations=0)
@@ -231,3 +232,60 @@ def test_a_calibrated_cell_has_the_mean_probability(level: Terrain | None) -> No
     assert [v.positive for v in found] == [v.positive for v in plain]
     for verdict, sure in zip(found, plain, strict=True):
         assert verdict.share == pytest.approx(0.5 + 0.5 * sure.share, abs=1e-6)
+
+
+HILLS = LatLon(48.0, 11.3)
+HILLY = Grid.at(HILLS, 4.0)
+NARROW = Camera(math.radians(80.0), 320, 240)
+
+
+def terrain(percent, toward_deg=0.0):
+    return Terrain(-SIDE_M, -SIDE_M, STEP_M, slope(percent, toward_deg))
+
+
+def pose(roll_deg=0.0, pitch_deg=0.0, yaw_deg=20.0, height_m=14.0):
+    body = [math.radians(angle) for angle in (roll_deg, pitch_deg - 90.0, yaw_deg)]
+    return Pose(HILLS, height_m, Quaternion.from_euler(*body))
+
+
+def test_over_level_ground_it_is_the_homography():
+    at = pose(4.0, 6.0)
+    flat = Projection(NARROW, at, 0.0, HILLY, terrain(0.0))
+    points = np.array([[0.0, 0.0], [3.0, -5.0], [-8.0, 2.0]])
+    matrix = NARROW.homography(at, HILLY, 0.0)
+    for told, wanted in zip(flat.project(points), project(matrix, points), strict=True):
+        assert told == pytest.approx(wanted)
+    picture = np.full((240, 320, 3), 60, np.uint8)
+    picture[:, 170:] = 200
+    frame = Frame(picture, at, 0.0, NARROW)
+    detector = make_detector("threshold", intensity=150, dilations=0, polarity="dark")
+    for view in ("cross", "all"):
+        known = look(frame, HILLY, detector, share=0.3, view=view, margin_m=0.3)
+        found = look(
+            frame, HILLY, detector, share=0.3, view=view, margin_m=0.3, terrain=terrain(0.0)
+        )
+        shares = {v.cell: v.share for v in found}
+        if view == "cross":
+            assert [v.cell for v in known] == list(shares)
+        common = [v for v in known if v.cell in shares]
+        assert len(common) >= 0.9 * len(known)
+        assert [shares[v.cell] for v in common] == pytest.approx(
+            [v.share for v in common], abs=0.04
+        )
+
+
+def test_a_point_uphill_is_farther_out_in_the_picture():
+    at = pose(yaw_deg=0.0)  # the upper edge is north
+    uphill = Projection(NARROW, at, 0.0, HILLY, terrain(20.0, 0.0))
+    pixels, depth = uphill.project(np.array([[0.0, 5.0], [0.0, -5.0]]))
+    focal = NARROW.focal_px
+    assert depth == pytest.approx([13.0, 15.0])
+    assert pixels[:, 1] == pytest.approx(
+        [119.5 - focal * 5.0 / 13.0, 119.5 + focal * 5.0 / 15.0], abs=0.6
+    )
+
+
+def test_fewer_cells_are_shown_whole_uphill_than_downhill():
+    seen = Projection(NARROW, pose(yaw_deg=0.0), 0.0, HILLY, terrain(30.0, 0.0))
+    rows = seen.cells("all", 0.2)[:, 1]
+    assert rows.max() < -rows.min()
