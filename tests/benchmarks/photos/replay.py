@@ -109,7 +109,7 @@ def _rate(folder: Path, refine: str) -> None:
     for workers in sorted({1, worker_count()}):
         for _ in range(3):
             begun, used = time.perf_counter(), time.process_time()
-            for _ in in_order(lambda p: p.picture.decode(WIDTH_PX), pictures, workers):
+            for _ in in_order(lambda p: p.picture.content.decode(WIDTH_PX), pictures, workers):
                 pass
             wall, cpu = time.perf_counter() - begun, time.process_time() - used
             ours_wall, ours_cpu = looked(gathered, workers)

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 from pathlib import Path
 from socket import AF_INET, SOCK_STREAM, socket
 
-import cv2
-import numpy as np
 import pytest
 from shapely.geometry import shape
 
@@ -50,29 +47,6 @@ def test_photographs_make_a_map_of_the_road(tmp_path):
     assert apart["refined"]["median_m"] < 0.15
     assert apart["refined"]["p90_m"] < 0.5
     assert apart["refined"]["median_px"] < 1.0
-
-
-@needs_photographs
-def test_a_bad_photograph_is_named_and_the_others_are_mapped(tmp_path, capsys):
-    photos = tmp_path / "photos"
-    photos.mkdir()
-    for number in (18, 19, 20):
-        shutil.copy(PHOTOGRAPHS / f"DJI_00{number}.JPG", photos)
-    whole = (PHOTOGRAPHS / "DJI_0021.JPG").read_bytes()
-    bad = {
-        "plain.jpg": cv2.imencode(".jpg", np.zeros((60, 80, 3), np.uint8))[1].tobytes(),
-        "torn.jpg": whole[: len(whole) // 3],
-    }
-    for name, data in bad.items():
-        (photos / name).write_bytes(data)
-    folder = tmp_path / "map"
-    assert main(["replay", str(photos), "--mission", "road", "--out", str(folder)]) == 0
-    _, err = capsys.readouterr()
-    for name in bad:
-        (line,) = [line for line in err.splitlines() if line.startswith(f"{name}: ")]
-        assert line.endswith("; not judged")
-    summary = json.loads((folder / "summary.json").read_text("utf-8"))
-    assert (summary["photographs_judged"], summary["photographs_refused"]) == (3, 2)
 
 
 def test_check_says_what_would_be_flown(tmp_path):

@@ -34,17 +34,6 @@ def test_what_is_not_a_camera_is_refused(hfov_rad: float, width_px: int, height_
         Camera(hfov_rad, width_px, height_px)
 
 
-def test_level_camera_puts_grid_north_up() -> None:
-    """10 m up, focal length 100 px: a metre is ten pixels."""
-    grid = Grid.at(LatLon(0.0, 9.0), 4.0)  # on the central meridian: no convergence
-    camera = Camera(2 * math.atan(0.5), 100, 80)
-    down = Quaternion.from_euler(0.0, -math.pi / 2, 0.0)
-    matrix = camera.homography(Pose(LatLon(0.0, 9.0), 10.0, down), grid, 0.0)
-    pixels, depth = project(matrix, np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 3.0]]))
-    assert pixels == pytest.approx(np.array([[49.5, 39.5], [69.5, 39.5], [49.5, 9.5]]))
-    assert depth == pytest.approx(np.array([10.0, 10.0, 10.0]))
-
-
 def test_points_behind_the_camera_have_no_pixels() -> None:
     grid = Grid.at(LatLon(0.0, 9.0), 4.0)
     camera = Camera(1.0, 100, 80)

@@ -158,14 +158,3 @@ def test_the_map_tells_beliefs_and_the_journal_leads_to_the_same(
         assert cell["belief"] == round(evidence.belief(named), 3)
         assert (cell["state"] == "explored") == evidence.is_roi(named, 0.5)
     assert main(["animate", str(out), "--animate", str(tmp_path / "film.gif")]) == 0
-
-
-def test_the_rule_of_the_paper_stays_by_name(good: Path, tmp_path: Path) -> None:
-    counting = tmp_path / "good"
-    shutil.copytree(good, counting)
-    file = counting / "m.toml"
-    text = file.read_text("utf-8").replace("positive = 2", 'positive = 2, recorded = "count"')
-    file.write_text(text, "utf-8")
-    _, _, summary = mapped(counting, counting, tmp_path / "map")
-    assert summary["decided_by"] == "count"
-    assert "belief" not in (tmp_path / "map" / "map.geojson").read_text()

@@ -218,6 +218,7 @@ def test_the_first_photographs_of_a_place_decide(tmp_path: Path) -> None:
     summary, _ = mapped(images, setting("count"), tmp_path / "out")
     assert summary["completed"]
     assert (summary["decided_by"], summary["cells_roi"]) == ("count", 0)
+    assert "belief" not in (tmp_path / "out" / "map.geojson").read_text()
 
 
 # --- real photographs ------------------------------------------------------------------------

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from missions.errors import OutputError
+from missions.errors import ImageError
 from missions.geo.geodesy import LocalPlane
 from missions.units import GridPoint, LatLon, Quaternion
 from tests.support.photographs import dji, write_photo
 from tests.unit.vision.scene import CAMERA, GRID, Shot, meadow, passes
-from uavmap.photos import scratch_file
+from uavmap.photos.registration.calibration import read_calibration
 from uavmap.photos.registration.refinement import attitude
 from uavmap.photos.scratch_file import FeatureFile
 from uavmap.ui.cli import main
@@ -179,13 +179,64 @@ def test_features_come_back_as_they_were() -> None:
             assert (found.width_px, found.height_px) == (features.width_px, features.height_px)
 
 
-def test_a_full_disk_is_said_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    if not Path("/dev/full").exists():
-        pytest.skip("no /dev/full")
-    full = Path("/dev/full")
-    monkeypatch.setattr(
-        scratch_file.tempfile, "TemporaryFile", lambda **_: full.open("r+b", buffering=0)
-    )
-    some = Features(np.zeros((1, 2)), np.zeros((1, 128), np.uint8), 320, 240)
-    with FeatureFile() as file, pytest.raises(OutputError, match="--refine off"):
-        file.put(some)
+# --- calibration ---------------------------------------------------------------------------------
+YAML = """%YAML:1.0
+---
+image_width: 640
+image_height: 480
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 400., 0., 310., 0., 401., 245., 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ -0.2, 0.05, 0., 0., 0. ]
+"""
+XML = """<?xml version="1.0"?>
+<opencv_storage>
+<image_width>640</image_width><image_height>480</image_height>
+<camera_matrix type_id="opencv-matrix"><rows>3</rows><cols>3</cols><dt>d</dt>
+<data>400. 0. 310. 0. 401. 245. 0. 0. 1.</data></camera_matrix>
+<distortion_coefficients type_id="opencv-matrix"><rows>5</rows><cols>1</cols><dt>d</dt>
+<data>-0.2 0.05 0. 0. 0.</data></distortion_coefficients>
+</opencv_storage>
+"""
+JSON = json.dumps(
+    {
+        "image_width": 640,
+        "image_height": 480,
+        "camera_matrix": [[400.0, 0, 310.0], [0, 401.0, 245.0], [0, 0, 1]],
+        "distortion_coefficients": [-0.2, 0.05, 0, 0, 0],
+    }
+)
+
+
+@pytest.mark.parametrize("text", [YAML, XML, JSON, YAML.replace("%YAML:1.0\n", "")])
+def test_a_calibration_is_read(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "camera.any"
+    path.write_text(text)
+    lens = read_calibration(path)
+    assert (lens.fx_px, lens.fy_px, lens.cx_px, lens.cy_px) == (400.0, 401.0, 310.0, 245.0)
+    assert lens.distortion == (-0.2, 0.05, 0.0, 0.0, 0.0)
+    assert lens.model == "brown"
+
+
+@pytest.mark.parametrize(
+    ("text", "blamed"),
+    [
+        ("nothing", "camera.any"),
+        ("{}", "camera_matrix"),
+        ("{", "JSON"),
+        (JSON.replace("640", "0"), "image_width"),
+        (JSON.replace("310.0", "-9.0"), "principal point"),
+        (JSON.replace("-0.2, 0.05, ", ""), "coefficients"),
+    ],
+)
+def test_a_calibration_that_is_none_is_named(text: str, blamed: str, tmp_path: Path) -> None:
+    path = tmp_path / "camera.any"
+    path.write_text(text)
+    with pytest.raises(ImageError, match=rf"camera\.any: .*{blamed}|{blamed}"):
+        read_calibration(path)

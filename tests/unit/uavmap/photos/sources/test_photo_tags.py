@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from missions.errors import ImageError
 from missions.geo.grid import Grid
 from missions.units import Quaternion
 from tests.support.photographs import DJI, dji, write_photo
 from tests.unit.vision.scene import upside_down
 from uavmap.base.image_files import read_image
 from uavmap.photos.sources.inventory import gather, open_source
-from uavmap.photos.sources.photo_file import decoded, eight_bits
+from uavmap.photos.sources.photo_file import eight_bits
+from uavmap.photos.sources.photo_tags import tags_of
 from uavmap.photos.sources.picture_record import Picture, Placed, Refused, credible
 from vision.camera import Camera, rotation
 from vision.projection import Frame
@@ -148,25 +148,6 @@ def test_read_image_is_blue_green_red() -> None:
     assert image[0, 0].tolist() == [240, 120, 10]
 
 
-def test_any_damage_is_an_image_error_or_a_picture(tmp_path: Path) -> None:
-    """Bytes of the head overwritten: refused, or a picture; nothing is raised but ImageError."""
-    data = bytearray(write_photo(tmp_path / "a.jpg").read_bytes())
-    rng = np.random.default_rng(11)
-    refused = 0
-    for _ in range(300):
-        bad = bytearray(data)
-        for at in rng.integers(2, len(bad), 6):
-            bad[int(at)] = int(rng.integers(0, 256))
-        (tmp_path / "a.jpg").write_bytes(bad)
-        try:
-            tagged(tmp_path)
-            read_image(bytes(bad), "a.jpg")
-            decoded(bytes(bad), 32)
-        except ImageError:
-            refused += 1
-    assert 0 < refused < 300
-
-
 def test_a_thermal_picture_is_spread_over_its_levels() -> None:
     thermal = np.linspace(7000, 7400, 4000).astype(np.uint16).reshape(40, 100)
     levels = eight_bits(thermal)
@@ -175,6 +156,38 @@ def test_a_thermal_picture_is_spread_over_its_levels() -> None:
     assert levels.max() == 255
     full = np.linspace(0, 65535, 4000).astype(np.uint16).reshape(40, 100)
     assert (eight_bits(full)[:, :, 0] == full >> 8).all()
+
+
+# --- focal lengths -------------------------------------------------------------------------------
+def lens_width_deg(exif: dict[int, object], xmp: str, size: tuple[int, int]) -> float:
+    picture, tags = Image.new("RGB", size), Image.Exif()
+    tags.get_ifd(0x8769).update(exif)
+    picture.info["xmp"] = f'<a xmlns:d="u:d" {xmp}/>'.encode() if xmp else b""
+    picture.info["exif"] = tags.tobytes()
+    lens = tags_of(picture)["lens"]
+    assert lens is not None
+    return lens.hfov_deg
+
+
+FOCAL, PLANE_X, PLANE_UNIT, FILM = 0x920A, 0xA20E, 0xA210, 0xA405
+
+
+@pytest.mark.parametrize(
+    ("exif", "xmp", "size", "hfov_deg"),
+    [
+        ({FOCAL: 5.0, PLANE_X: 64.0, PLANE_UNIT: 4}, "", (640, 480), 90.0),
+        ({FOCAL: 5.0, PLANE_X: 640.0, PLANE_UNIT: 3, FILM: 99}, "", (640, 480), 90.0),
+        ({FILM: 24}, "", (400, 300), 71.6),
+        ({FILM: 24}, "", (600, 400), 73.7),
+        ({}, 'd:CalibratedFocalLength="320.0"', (640, 480), 90.0),
+        ({FILM: 24}, 'd:DewarpData="2022-01-01;320,320,1,-2,0.1,0,0,0,0"', (640, 480), 90.0),
+        ({FILM: 24}, 'd:DewarpData="2022-01-01;1,2" d:CalibratedFocalLength="x"', (400, 300), 71.6),
+    ],
+)
+def test_the_angle_of_view_of_a_photograph(
+    exif: dict[int, object], xmp: str, size: tuple[int, int], hfov_deg: float
+) -> None:
+    assert lens_width_deg(exif, xmp, size) == pytest.approx(hfov_deg, abs=0.1)
 
 
 # --- real photographs --------------------------------------------------------------------------

@@ -22,11 +22,9 @@ from tests.support.photographs import write_photo
 from tests.unit.uavmap.photos.sources.test_replay_robust import MISSION, shot
 from uavmap.journal.kept_frames import WAITING, FrameKeeper, KeptFrame, read_kept
 from uavmap.output.facts.boundary_model import FILE
-from uavmap.photos.registration.calibration import read_calibration
 from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.photo_folder import read_geo_file
-from uavmap.photos.sources.photo_tags import tags_of
 from uavmap.photos.sources.picture_record import Picture, Placed, Refused, credible
 from uavmap.photos.sources.video import parse_srt, read_tlog
 from uavmap.ui.cli import main
@@ -314,103 +312,6 @@ def test_a_geo_txt_without_a_coordinate_system_is_named(tmp_path: Path) -> None:
     (tmp_path / "geo.txt").write_text("a.jpg 7 46\n")
     with pytest.raises(ImageError, match=r"geo\.txt: line 1 .*expected the coordinate system"):
         open_source(tmp_path)
-
-
-# --- focal lengths -------------------------------------------------------------------------------
-def lens_width_deg(exif: dict[int, object], xmp: str, size: tuple[int, int]) -> float:
-    image, tags = Image.new("RGB", size), Image.Exif()
-    tags.get_ifd(0x8769).update(exif)
-    path = tags.tobytes()
-    picture = image.copy()
-    picture.info["xmp"] = f'<a xmlns:d="u:d" {xmp}/>'.encode() if xmp else b""
-    picture.info["exif"] = path
-    lens = tags_of(picture)["lens"]
-    assert lens is not None
-    return lens.hfov_deg
-
-
-FOCAL, PLANE_X, PLANE_UNIT, FILM = 0x920A, 0xA20E, 0xA210, 0xA405
-
-
-@pytest.mark.parametrize(
-    ("exif", "xmp", "size", "hfov_deg"),
-    [
-        ({FOCAL: 5.0, PLANE_X: 64.0, PLANE_UNIT: 4}, "", (640, 480), 90.0),
-        ({FOCAL: 5.0, PLANE_X: 640.0, PLANE_UNIT: 3, FILM: 99}, "", (640, 480), 90.0),
-        ({FILM: 24}, "", (400, 300), 71.6),
-        ({FILM: 24}, "", (600, 400), 73.7),
-        ({}, 'd:CalibratedFocalLength="320.0"', (640, 480), 90.0),
-        ({FILM: 24}, 'd:DewarpData="2022-01-01;320,320,1,-2,0.1,0,0,0,0"', (640, 480), 90.0),
-        ({FILM: 24}, 'd:DewarpData="2022-01-01;1,2" d:CalibratedFocalLength="x"', (400, 300), 71.6),
-    ],
-)
-def test_the_angle_of_view_of_a_photograph(
-    exif: dict[int, object], xmp: str, size: tuple[int, int], hfov_deg: float
-) -> None:
-    assert lens_width_deg(exif, xmp, size) == pytest.approx(hfov_deg, abs=0.1)
-
-
-# --- calibration ---------------------------------------------------------------------------------
-YAML = """%YAML:1.0
----
-image_width: 640
-image_height: 480
-camera_matrix: !!opencv-matrix
-   rows: 3
-   cols: 3
-   dt: d
-   data: [ 400., 0., 310., 0., 401., 245., 0., 0., 1. ]
-distortion_coefficients: !!opencv-matrix
-   rows: 5
-   cols: 1
-   dt: d
-   data: [ -0.2, 0.05, 0., 0., 0. ]
-"""
-XML = """<?xml version="1.0"?>
-<opencv_storage>
-<image_width>640</image_width><image_height>480</image_height>
-<camera_matrix type_id="opencv-matrix"><rows>3</rows><cols>3</cols><dt>d</dt>
-<data>400. 0. 310. 0. 401. 245. 0. 0. 1.</data></camera_matrix>
-<distortion_coefficients type_id="opencv-matrix"><rows>5</rows><cols>1</cols><dt>d</dt>
-<data>-0.2 0.05 0. 0. 0.</data></distortion_coefficients>
-</opencv_storage>
-"""
-JSON = json.dumps(
-    {
-        "image_width": 640,
-        "image_height": 480,
-        "camera_matrix": [[400.0, 0, 310.0], [0, 401.0, 245.0], [0, 0, 1]],
-        "distortion_coefficients": [-0.2, 0.05, 0, 0, 0],
-    }
-)
-
-
-@pytest.mark.parametrize("text", [YAML, XML, JSON, YAML.replace("%YAML:1.0\n", "")])
-def test_a_calibration_is_read(text: str, tmp_path: Path) -> None:
-    path = tmp_path / "camera.any"
-    path.write_text(text)
-    lens = read_calibration(path)
-    assert (lens.fx_px, lens.fy_px, lens.cx_px, lens.cy_px) == (400.0, 401.0, 310.0, 245.0)
-    assert lens.distortion == (-0.2, 0.05, 0.0, 0.0, 0.0)
-    assert lens.model == "brown"
-
-
-@pytest.mark.parametrize(
-    ("text", "blamed"),
-    [
-        ("nothing", "camera.any"),
-        ("{}", "camera_matrix"),
-        ("{", "JSON"),
-        (JSON.replace("640", "0"), "image_width"),
-        (JSON.replace("310.0", "-9.0"), "principal point"),
-        (JSON.replace("-0.2, 0.05, ", ""), "coefficients"),
-    ],
-)
-def test_a_calibration_that_is_none_is_named(text: str, blamed: str, tmp_path: Path) -> None:
-    path = tmp_path / "camera.any"
-    path.write_text(text)
-    with pytest.raises(ImageError, match=rf"camera\.any: .*{blamed}|{blamed}"):
-        read_calibration(path)
 
 
 # --- look ----------------------------------------------------------------------------------------
