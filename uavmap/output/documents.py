@@ -11,8 +11,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from PIL import Image
-
 from missions.errors import OutputError
 from uavmap.base.atomic_write import write_bytes
 from uavmap.output.facts.flown_mission import Flown
@@ -70,14 +68,6 @@ def write_documents(flown: Flown, say: Callable[[str], None]) -> None:
                 f"{name} is not written ({type(error).__name__}: {error}), which is a defect of "
                 "the program; all other results are complete"
             )
-
-
-def load() -> None:
-    """Import what documents and pictures need (0.1 s), while other work is going on."""
-    from uavmap.output.report.page import load as load_page  # noqa: PLC0415 - see write_report
-
-    Image.preinit()
-    load_page()
 
 
 def write_geopackage(flown: Flown) -> None:

@@ -82,15 +82,15 @@ def _draw(folder: Path, spool: Spool, wishes: Wishes) -> None:
     scene = scene_of(setting, _footings(looked))
     if scene is None:
         return
-    fine = FineMap.of(setting, looked.judge, scene, spool, looked.workers)
+    fine = FineMap.of(setting, looked.judge, scene, spool, looked.threads)
     told = _told(fine, looked, state)
     boundary_file.write(told, folder / FILE)
     data = flown.data.with_boundary(fine.boundary.region)
-    ground = beneath(scene, spool, setting.grid, looked.workers, state.t_s)
+    ground = beneath(scene, spool, setting.grid, looked.threads, state.t_s)
     write_sheet(map_scene(data), folder / "map.png", ground(map_view(data)))
     write_documents(flown, _LOG.info)
     placed = [shot.placed for shot in looked.shots]
-    rasters = Rasters(fine, looked.judge, placed, state.t_s, looked.workers)
+    rasters = Rasters(fine, looked.judge, placed, state.t_s, looked.threads)
     rasters.write(folder, wishes)
 
 

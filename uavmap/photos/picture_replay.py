@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
@@ -39,11 +38,11 @@ from uavmap.output.replay_results import Replayed, flown_replay, write_replay
 from uavmap.photos.ground.fine_map import FineMap, beneath, scene_of
 from uavmap.photos.ground.judging import Judge, Task
 from uavmap.photos.ground.rasters import Rasters, Wishes
-from uavmap.photos.ground.surface import Footing, Scene
+from uavmap.photos.ground.surface import Footing
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import PICTURES_FILE, Gathered, PictureRow, write_pictures
 from uavmap.photos.sources.picture_record import Placed, above_ground, credible
-from uavmap.photos.workers import Crew, GoOn, Threads, beside, thread_count
+from uavmap.photos.workers import Crew, Threads, threads_of
 from vision.camera import Camera, Lens
 from vision.upright import UprightSearch
 
@@ -82,28 +81,12 @@ class Looked:
     shots: Sequence[Shot]
     spool: Spool
     judge: Judge
-    workers: int
+    threads: Threads
     fine: FineMap | None = None
 
     def written(self, journal: Journal, folder: Path) -> dict[str, Any]:
         """Write journal, map and figures of the replay; return the summary."""
         scene = scene_of(self.setting, self.footings())
-
-        def drawn(go_on: GoOn) -> FineMap | None:
-            if scene is None:
-                return None
-            return FineMap.of(self.setting, self.judge, scene, self.spool, self.workers, go_on)
-
-        with beside(drawn) as fine:
-            return self._written(journal, folder, scene, fine)
-
-    def _written(
-        self,
-        journal: Journal,
-        folder: Path,
-        scene: Scene | None,
-        fine: Future[FineMap | None],
-    ) -> dict[str, Any]:
         mission = self.setting.mission
         votes = Votes(mission.votes.frames, mission.votes.positive)
         evidence = Evidence() if mission.by_evidence else None
@@ -123,16 +106,16 @@ class Looked:
         made = flown_replay(folder, plan, self.setting, mapped, log, calendar)
 
         def boundary() -> BoundaryMap | None:
-            self.fine = fine.result()
-            if self.fine is None:
+            if scene is None:
                 return None
+            self.fine = FineMap.of(self.setting, self.judge, scene, self.spool, self.threads)
             positions_m = [shot.placed.picture.position_sigma_m for shot in self._used]
             return self.fine.told(mapped.end_s, positions_m, table.cells, undecided)
 
         ground = None
         if scene is not None:
             grid = self.setting.grid
-            ground = beneath(scene, self.spool, grid, self.workers, mapped.end_s)
+            ground = beneath(scene, self.spool, grid, self.threads, mapped.end_s)
         said: list[str] = []
         summary = write_replay(made, boundary, ground, said.append)
         for line in said:
@@ -155,7 +138,7 @@ class Looked:
         if self.fine is None:
             return False
         placed, t_s = [shot.placed for shot in self.shots], self._used[-1].t_s
-        rasters = Rasters(self.fine, self.judge, placed, t_s, self.workers)
+        rasters = Rasters(self.fine, self.judge, placed, t_s, self.threads)
         return rasters.write(folder, wishes)
 
     def refuse_empty(self) -> None:
@@ -279,7 +262,7 @@ def look_at_all(
     # what was compared is not needed any more
     judge = replace(judge, search=UprightSearch(setting.grid, search.pitch_m))
     # marks and pictures that were judged elsewhere are laid on the ground here
-    return Looked(setting, gathered, refused, shots, spool, judge, thread_count(crew))
+    return Looked(setting, gathered, refused, shots, spool, judge, threads_of(crew))
 
 
 def _turn(judge: Judge, shots: Sequence[Shot], spool: Spool) -> None:

@@ -30,7 +30,6 @@ from uavmap.journal.results_folder import make_folder, refuse_unwritable, result
 from uavmap.load.detector_source import detector_text
 from uavmap.load.kept_detector import keep_detector, with_relative_model
 from uavmap.load.mission_source import load, mission_of_text
-from uavmap.output import documents
 from uavmap.photos.ground.rasters import ORTHO, Wishes
 from uavmap.photos.mission_from_photos import DETECTOR, derived
 from uavmap.photos.picture_replay import Looked, look_at_all
@@ -38,7 +37,7 @@ from uavmap.photos.registration.calibration import calibration_of
 from uavmap.photos.registration.refined_pictures import refined
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import gather, open_source
-from uavmap.photos.workers import Crew, beside
+from uavmap.photos.workers import Crew
 
 _LOG: Final = logging.getLogger("uavmap.photos")
 MEMORY_HELPS: Final = (
@@ -116,10 +115,9 @@ def _replayed(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Do
     for line in _shown(text):
         _LOG.info(line)
     with Spool() as spool:
-        with beside(lambda _: documents.load()):
-            looked = look_at_all(
-                gathered, setting_of(mission), spool, crew, lens=lens, any_day=wanted.any_day
-            )
+        looked = look_at_all(
+            gathered, setting_of(mission), spool, crew, lens=lens, any_day=wanted.any_day
+        )
         looked.refuse_empty()
         make_folder(folder)
         keep_detector(mission.detector, folder)

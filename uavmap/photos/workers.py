@@ -14,7 +14,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, Final, NamedTuple, Protocol, Self, TypeVar
@@ -34,7 +33,7 @@ Answer = TypeVar("Answer")
 
 
 class Crew(Protocol):
-    """Examines pictures: threads here, or a cluster (`uavmap.photos.workers`)."""
+    """Examines pictures: `Threads` here, or a `Cluster`."""
 
     def in_order(self, work: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
         """Yield `work` of every item, in their order; what it raises is raised here."""
@@ -47,13 +46,32 @@ class Crew(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Threads:
-    """Threads of this process; None: one a core."""
+    """Threads of this process; None: one a core.
+
+    >>> list(Threads(3).in_order(lambda n: n * n, range(5)))
+    [0, 1, 4, 9, 16]
+    """
 
     count: int | None = None
 
     def in_order(self, work: Callable[[Item], Answer], items: Iterable[Item]) -> Iterator[Answer]:
-        """See `Crew.in_order`."""
-        return in_order(work, items, self.count or worker_count())
+        """See `Crew.in_order`. At most `count` + 1 answers wait, however fast the first are."""
+        workers = self.count or worker_count()
+        if workers == 1:
+            yield from map(work, items)
+            return
+        waiting: deque[Future[Answer]] = deque()
+        with ThreadPoolExecutor(workers) as pool, _ONE_THREAD_EACH:
+            try:
+                for item in items:
+                    waiting.append(pool.submit(work, item))
+                    if len(waiting) > workers:
+                        yield waiting.popleft().result()
+                while waiting:
+                    yield waiting.popleft().result()
+            finally:
+                for future in waiting:
+                    future.cancel()
 
     def sent(self, picture: Picture, max_width_px: int) -> Picture:
         """See `Crew.sent`: as it is, on this computer."""
@@ -65,68 +83,9 @@ def worker_count() -> int:
     return max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
 
 
-def thread_count(crew: Crew) -> int:
+def threads_of(crew: Crew) -> Threads:
     """Return the threads for work of a crew that has to be done here."""
-    return (crew.count if isinstance(crew, Threads) else None) or worker_count()
-
-
-def in_order(
-    work: Callable[[Item], Answer], items: Iterable[Item], workers: int
-) -> Iterator[Answer]:
-    """Yield `work` of every item, in their order; what it raises is raised here.
-
-    At most `workers` + 1 answers wait, however fast the first are.
-
-    >>> list(in_order(lambda n: n * n, range(5), workers=3))
-    [0, 1, 4, 9, 16]
-    """
-    if workers == 1:
-        yield from map(work, items)
-        return
-    waiting: deque[Future[Answer]] = deque()
-    with ThreadPoolExecutor(workers) as pool, _ONE_THREAD_EACH:
-        try:
-            for item in items:
-                waiting.append(pool.submit(work, item))
-                if len(waiting) > workers:
-                    yield waiting.popleft().result()
-            while waiting:
-                yield waiting.popleft().result()
-        finally:
-            for future in waiting:
-                future.cancel()
-
-
-GoOn = Callable[[], None]
-"""Raises `StoppedError` once the answer is not needed any more."""
-
-
-class StoppedError(Exception):
-    """The answer of this work is not needed any more."""
-
-
-@contextmanager
-def beside(work: Callable[[GoOn], Answer]) -> Iterator[Future[Answer]]:
-    """Run `work` in a thread of its own, beside the block.
-
-    It should call its argument now and then: that ends it when the block fails, or is interrupted.
-
-    >>> with beside(lambda go_on: 6 * 7) as answer:
-    ...     answer.result()
-    42
-    """
-    over = threading.Event()
-
-    def go_on() -> None:
-        if over.is_set():
-            raise StoppedError
-
-    with ThreadPoolExecutor(1) as pool:
-        try:
-            yield pool.submit(work, go_on)
-        except BaseException:
-            over.set()
-            raise
+    return crew if isinstance(crew, Threads) else Threads()
 
 
 @dataclass(slots=True)

@@ -35,7 +35,6 @@ from tests.benchmarks.photos.many_pictures import write_survey
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import mission_of_text
-from uavmap.output import documents
 from uavmap.photos.ground.rasters import Wishes
 from uavmap.photos.mission_from_photos import derived
 from uavmap.photos.picture_replay import look_at_all
@@ -45,7 +44,7 @@ from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import Gathered, gather, open_source
 from uavmap.photos.sources.photo_file import decoded, read_photo
 from uavmap.photos.sources.picture_record import Placed, Refused, credible
-from uavmap.photos.workers import Threads, in_order, worker_count
+from uavmap.photos.workers import Threads, worker_count
 
 WIDTH_PX = 1000
 
@@ -109,7 +108,9 @@ def _rate(folder: Path, refine: str) -> None:
     for workers in sorted({1, worker_count()}):
         for _ in range(3):
             begun, used = time.perf_counter(), time.process_time()
-            for _ in in_order(lambda p: p.picture.content.decode(WIDTH_PX), pictures, workers):
+            for _ in Threads(workers).in_order(
+                lambda p: p.picture.content.decode(WIDTH_PX), pictures
+            ):
                 pass
             wall, cpu = time.perf_counter() - begun, time.process_time() - used
             ours_wall, ours_cpu = looked(gathered, workers)
@@ -166,7 +167,6 @@ def _results(path: Path, often: int) -> None:
     """Seconds from the last verdict to the last result, and of the GeoTIFFs after it."""
     gathered = gather(open_source(path))
     mission = mission_of_text(derived(gathered), "derived")
-    documents.load()  # a replay does so while it looks at pictures
     for _ in range(often):
         _, (wall, cpu), (tiff_wall, tiff_cpu) = result_costs(gathered, mission, "derived", path)
         print(

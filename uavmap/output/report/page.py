@@ -33,11 +33,6 @@ def encode_plan(
     return _template("plan.html").render(told, warnings=warnings).encode()
 
 
-def load() -> None:
-    """Compile the template of the report, which takes a while."""
-    _template("page.html")
-
-
 @lru_cache
 def _template(name: str) -> Template:
     # escape in every case, also where a template does not end in .html

@@ -28,7 +28,7 @@ from uavmap.output.facts.boundary_model import Boundary, Line
 from uavmap.photos.ground.judging import Judge
 from uavmap.photos.ground.surface import Footing, Scene, Shown, Surface, fused, pitch_m
 from uavmap.photos.scratch_file import Spool
-from uavmap.photos.workers import GoOn, in_order
+from uavmap.photos.workers import Threads
 from vision.contours import Contours, Ring
 from vision.raster import MOST, Raster, Window, framed
 
@@ -174,7 +174,9 @@ class Tile(NamedTuple):
     image: Callable[[], Colours | None]
 
 
-def mosaic(raster: Raster, window: Window, tiles: Iterable[Tile], workers: int) -> Colours | None:
+def mosaic(
+    raster: Raster, window: Window, tiles: Iterable[Tile], threads: Threads
+) -> Colours | None:
     """Return a window of a mosaic; None where no picture shows anything of it.
 
     Where pictures overlap the one that looks down most steeply shows; each fades into the next.
@@ -202,7 +204,7 @@ def mosaic(raster: Raster, window: Window, tiles: Iterable[Tile], workers: int) 
             found.append((at, laying.sampled(image), weight))
         return found
 
-    for answer in in_order(laid, tiles, workers):
+    for answer in threads.in_order(laid, tiles):
         for part, image, weight in answer:
             at = part.within(window)
             shades = cv2.multiply(image, cv2.merge([weight] * 3), dtype=cv2.CV_32F)
@@ -241,12 +243,11 @@ class FineMap:
         judge: Judge,
         scene: Scene,
         spool: Spool,
-        workers: int,
-        go_on: GoOn = lambda: None,
+        threads: Threads,
     ) -> FineMap:
-        """Make it of the pictures of a scene; `go_on` is called before each picture."""
+        """Make it of the pictures of a scene."""
         shrinks_px = int(getattr(judge.detector, "shrinks_px", 0))
-        surface = fused(scene, spool, shrinks_px, workers, setting.mission.votes.positive, go_on)
+        surface = fused(scene, spool, shrinks_px, threads, setting.mission.votes.positive)
         level = setting.mission.detector.share if judge.detector.calibrated else HALF
         boundary = boundary_of(surface, setting.grid.cell_m, level)
         return cls(setting, scene, surface, boundary)
@@ -289,7 +290,7 @@ def scene_of(setting: Setting, used: Sequence[Footing]) -> Scene | None:
 
 
 def beneath(
-    scene: Scene, spool: Spool, grid: Grid, workers: int, t_s: float
+    scene: Scene, spool: Spool, grid: Grid, threads: Threads, t_s: float
 ) -> Callable[[View], NDArray[np.uint8] | None]:
     """Return the mosaic beneath a map's picture, as `mosaic` gives it."""
 
@@ -302,7 +303,7 @@ def beneath(
             view.height_px,
         )
         tiles = (Tile(entry, _small(entry, spool)) for entry in scene.shown)
-        return mosaic(raster, raster.whole, tiles, workers)
+        return mosaic(raster, raster.whole, tiles, threads)
 
     return laid
 

@@ -28,6 +28,7 @@ from uavmap.photos.ground.fine_map import Colours, FineMap, Tile, mosaic, uprigh
 from uavmap.photos.ground.judging import Judge
 from uavmap.photos.ground.surface import Shown, aligned
 from uavmap.photos.sources.picture_record import Placed
+from uavmap.photos.workers import Threads
 from vision.raster import MOST, UNSEEN, Levels, Raster, Window, framed
 
 TILE_PX: Final = 512
@@ -194,7 +195,7 @@ class Rasters:
     judge: Judge
     placed: Sequence[Placed]
     t_s: float
-    workers: int
+    threads: Threads
 
     def write(self, folder: Path, wishes: Wishes) -> bool:
         """Write the files, if rasterio is there; return whether it is. Raises `OutputError`."""
@@ -263,7 +264,7 @@ class Rasters:
             tiles = (
                 Tile(shown[n], self._pixels(shown[n], step_m, unread, recent)) for n in numbers
             )
-            found = mosaic(raster, block, tiles, self.workers)
+            found = mosaic(raster, block, tiles, self.threads)
             # what no block asks for any more
             recent.forget(shown[n].footing.number for n in numbers if last[n] == block)
             if found is not None:

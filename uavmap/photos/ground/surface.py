@@ -24,7 +24,7 @@ from missions.geo.terrain import Terrain
 from missions.units import Pose
 from uavmap.photos.ground.judging import unpacked
 from uavmap.photos.scratch_file import Spool
-from uavmap.photos.workers import GoOn, in_order
+from uavmap.photos.workers import Threads
 from vision.camera import Camera
 from vision.projection import Projection
 from vision.raster import UNSEEN, Fusion, Levels, Overlay, Raster, Window, as_levels, framed
@@ -181,18 +181,16 @@ def fused(
     scene: Scene,
     spool: Spool,
     shrinks_px: int,
-    workers: int,
-    least: int = 1,
-    go_on: GoOn = lambda: None,
+    threads: Threads,
+    least: int,
 ) -> Surface:
     """Fuse all pictures of a scene.
 
     Args:
         spool: Their judgements, by `Footing.number`.
         shrinks_px: Pixels by which the detector's mask is too small at each edge.
-        workers: Count of threads; the result is the same.
+        threads: The result does not depend on their count.
         least: Least pictures of a place that counts as seen.
-        go_on: Called before each picture; raises what ends this.
     """
     surface = Surface(scene.raster)
     usual_m = median(entry.footing.gsd_m for entry in scene.shown)
@@ -208,12 +206,11 @@ def fused(
 
     def jobs(near: Sequence[Shown], around: Window) -> Iterator[tuple[Shown, Window, bytes]]:
         for entry in near:
-            go_on()
             yield entry, entry.window.common(around), spool.get(entry.footing.number).marks
 
     for block, near in scene.blocks():
         fusion = Fusion(block, least)
-        for answer in in_order(said, jobs(near, fusion.window), workers):
+        for answer in threads.in_order(said, jobs(near, fusion.window)):
             for shown in answer:
                 fusion.add(*shown)
         surface.put(block, fusion.levels())

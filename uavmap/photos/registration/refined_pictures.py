@@ -30,7 +30,7 @@ from uavmap.photos.scratch_file import FeatureFile
 from uavmap.photos.sources.inventory import Gathered
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.picture_record import Picture
-from uavmap.photos.workers import Crew, Threads, in_order, thread_count
+from uavmap.photos.workers import Crew, Threads, threads_of
 from vision.camera import Lens, euler
 from vision.registration.ground_plane import bearing
 from vision.registration.matching import WIDTH_PX, extract, thumbnail
@@ -216,8 +216,7 @@ def refined(
     with FeatureFile() as kept:
         crew = crew or Threads()
         taken = _looked_at(placed, lenses, crew, kept)
-        many = partial(in_order, workers=thread_count(crew))
-        result, found = refine(taken, ground, _log_overlaps, many)
+        result, found = refine(taken, ground, _log_overlaps, threads_of(crew).in_order)
     by_name = {p.name: p for p in placed}
     poses = {name: _filled(by_name[name], pose, lenses) for name, pose in found.items()}
     turned = frozenset(name for name, pose in found.items() if pose.refined.turned)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import threading
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from missions.errors import ImageError, StudyError
 from tests.unit.uavmap.photos.sources.test_replay_robust import good
 from uavmap.base import dask_client
 from uavmap.photos import workers as module
-from uavmap.photos.workers import Cluster, StoppedError, Travelling, beside, in_order
+from uavmap.photos.workers import Cluster, Threads, Travelling
 from uavmap.ui.cli import main
 
 __all__ = ["good"]  # a fixture
@@ -116,7 +115,7 @@ def test_the_answers_come_in_the_items_order_and_few_wait() -> None:
         begun.append(number)
         return number
 
-    answers = in_order(work, range(100), workers=3)
+    answers = Threads(3).in_order(work, range(100))
     assert [next(answers) for _ in range(5)] == [0, 1, 2, 3, 4]
     assert len(begun) <= 9
     assert list(answers) == list(range(5, 100))
@@ -126,7 +125,7 @@ def test_opencv_has_its_threads_back_when_the_last_one_is_done() -> None:
     before = cv2.getNumThreads()
     cv2.setNumThreads(2)
     try:
-        one, other = (in_order(abs, range(4), workers=2) for _ in range(2))
+        one, other = (Threads(2).in_order(abs, range(4)) for _ in range(2))
         next(one)
         next(other)
         assert list(one) == [1, 2, 3]
@@ -142,27 +141,4 @@ def test_what_a_worker_raises_is_raised() -> None:
         return 1 // (2 - number)
 
     with pytest.raises(ZeroDivisionError):
-        list(in_order(work, range(9), workers=2))
-
-
-def test_what_is_reckoned_beside_ends_when_nobody_waits_for_it() -> None:
-    began, stopped = threading.Event(), threading.Event()
-
-    def endless(go_on: object) -> None:
-        assert callable(go_on)
-        began.set()
-        try:
-            while True:
-                go_on()
-        except StoppedError:
-            stopped.set()
-            raise
-
-    def interrupted() -> None:
-        with beside(endless):
-            began.wait()
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        interrupted()
-    assert stopped.is_set()
+        list(Threads(2).in_order(work, range(9)))
