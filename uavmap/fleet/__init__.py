@@ -1,6 +1,7 @@
 """Members of a fleet talk to each other: sealed datagrams over whatever radio there is.
 
-    talking        a member talks as long as its flight, and a while after   .exchange
+    joining        its radio and seal; it talks as long as its flight, and a while after
+                                                                             .fleet_radio
       member       when we speak, and what becomes of what is heard          .member
         airspace   air that is asked for, and promised                       .airspace_leases
         peer       what we know of another one, its clock, what it lacks     .peer

@@ -23,8 +23,7 @@ from uavmap.aircraft.process.messages import Before, Begin
 from uavmap.aircraft.process.port import Port
 from uavmap.base import messages
 from uavmap.base.clock import Clock, MissionClock, ScaledClock, VirtualClock, run
-from uavmap.fleet.exchange import talking
-from uavmap.fleet.fleet_radio import joined_fleet
+from uavmap.fleet.fleet_radio import joined_fleet, talking
 from uavmap.fleet.member import Member
 from uavmap.fleet.peer import AGREE_S
 from uavmap.fleet.radio import SealedRadio

@@ -83,12 +83,6 @@ def total(counts: Sequence[Counts]) -> Counts:
     return sum(counts, Counts())
 
 
-def by_cell(values: NDArray[np.float32], cell: float) -> NDArray[np.float32]:
-    """Return the mean over squares of `cell` places, which is what a cell of the map sees."""
-    rows, columns = (max(1, round(side / cell)) for side in values.shape)
-    return np.asarray(cv2.resize(values, (columns, rows), interpolation=cv2.INTER_AREA), np.float32)
-
-
 def cell_counts(
     share: NDArray[np.float32],
     region: NDArray[np.float32],
@@ -104,10 +98,16 @@ def cell_counts(
         cell: Side of a cell in places.
         least: The share that makes a cell positive.
     """
-    seen = by_cell(known.astype(np.float32), cell)
+    rows, columns = (max(1, round(side / cell)) for side in known.shape)
+
+    def by_cell(values: NDArray[np.float32]) -> NDArray[np.float32]:
+        cells = cv2.resize(values, (columns, rows), interpolation=cv2.INTER_AREA)
+        return np.asarray(cells, np.float32)
+
+    seen = by_cell(known.astype(np.float32))
     weight = np.maximum(seen, 1e-6)
-    there = by_cell(region * known, cell) / weight >= 0.5
-    found = by_cell(share * known, cell) / weight >= least
+    there = by_cell(region * known) / weight >= 0.5
+    found = by_cell(share * known) / weight >= least
     return Counts.of(found, there, seen >= 0.5)
 
 

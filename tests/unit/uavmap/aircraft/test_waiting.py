@@ -8,7 +8,7 @@ from typing import cast
 import pytest
 
 from tests.support.said import Said
-from uavmap.fleet.exchange import talking
+from uavmap.fleet.fleet_radio import talking
 from uavmap.fleet.member import Member
 
 

@@ -22,7 +22,7 @@ from missions.units import Cell, GridPoint
 from tests.support.journals import META
 from tests.support.photographs import dji, write_photo
 from tests.support.said import Said
-from tests.support.small_missions import CELL_M, START, ring, square
+from tests.support.small_missions import CELL_M, START, Points, ring, square
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load
@@ -102,17 +102,29 @@ def painted(folder: Path) -> Path:
     return folder
 
 
-def setting(recorded: str = "evidence") -> Setting:
-    text = f"""
+FIELD, FENCE = square(-10, -10, 60, 50), square(-30, -30, 100, 90)
+
+
+def field_text(
+    recorded: str = "evidence",
+    detector: str = "intensity = 140, dilations = 0",
+    box: Points = FIELD,
+    fence: Points = FENCE,
+) -> str:
+    """A mission file for these photographs."""
+    return f"""
         start.position = [{START.lat_deg}, {START.lon_deg}]
-        search.box = {ring(GRID, square(-10, -10, 60, 50))}
-        fence.polygon = {ring(GRID, square(-30, -30, 100, 90))}
+        search.box = {ring(GRID, box)}
+        fence.polygon = {ring(GRID, fence)}
         flight.altitude_m = {UP_M}
         camera = {{width_px = {WIDTH}, height_px = {HEIGHT}, mounting = "gimbal"}}
-        detector = {{intensity = 140, dilations = 0, share = 0.5, view = "all"}}
+        detector = {{{detector}, share = 0.5, view = "all"}}
         votes = {{frames = 3, positive = 2, recorded = "{recorded}"}}
     """
-    return setting_of(parse_mission(text, "painted"))
+
+
+def setting(recorded: str = "evidence") -> Setting:
+    return setting_of(parse_mission(field_text(recorded), "painted"))
 
 
 def replayed(images: Path, made: Setting, journal: Journal, out: Path) -> dict[str, Any]:

@@ -24,9 +24,9 @@ from PIL import Image
 from shapely.geometry.base import BaseGeometry
 
 from missions.units import LatLon
-from tests.support.small_missions import START, ring, square
+from tests.support.small_missions import square
 from tests.unit.uavmap.photos.sources.test_replay_robust import xmp
-from tests.unit.uavmap.photos.test_replay import GRID, GSD_M, HEIGHT, UP_M, WIDTH, paint, shot
+from tests.unit.uavmap.photos.test_replay import GRID, GSD_M, field_text, paint, shot
 from uavmap.output.facts.boundary_model import FILE
 from uavmap.photos.ground import rasters
 from uavmap.ui.cli import main
@@ -53,18 +53,9 @@ def field(tmp_path_factory: pytest.TempPathFactory) -> Path:
         )  # fmt: skip
         path = folder / "photos" / f"{number}.jpg"
         shot(path, number, (east_m, north_m), yaw_deg, image=image)
-    (folder / "field.toml").write_text(
-        f"""
-        start.position = [{START.lat_deg}, {START.lon_deg}]
-        search.box = {ring(GRID, square(-60, -60, 150, 150))}
-        fence.polygon = {ring(GRID, square(-70, -70, 180, 180))}
-        flight.altitude_m = {UP_M}
-        camera = {{width_px = {WIDTH}, height_px = {HEIGHT}, mounting = "gimbal"}}
-        detector = {{intensity = 100, dilations = 3, share = 0.5, view = "all"}}
-        votes = {{frames = 3, positive = 2, recorded = "count"}}
-        """,
-        "utf-8",
-    )
+    box, fence = square(-60, -60, 150, 150), square(-70, -70, 180, 180)
+    mission = field_text("count", "intensity = 100, dilations = 3", box, fence)
+    (folder / "field.toml").write_text(mission, "utf-8")
     return folder
 
 

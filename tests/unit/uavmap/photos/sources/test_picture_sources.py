@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import ImageError
 from missions.units import LatLon, Pose, Quaternion
 from tests.support.photographs import write_photo
-from tests.unit.uavmap.photos.sources.test_replay_robust import MISSION, shot
+from tests.unit.uavmap.photos.test_replay import field_text, shot
 from uavmap.journal.kept_frames import WAITING, FrameKeeper, KeptFrame, read_kept
 from uavmap.output.facts.boundary_model import FILE
 from uavmap.photos.sources.inventory import gather, open_source
@@ -319,7 +319,7 @@ def test_look_says_what_the_detector_sees(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     mission = tmp_path / "m.toml"
-    mission.write_text(MISSION)
+    mission.write_text(field_text())
     image = shot(tmp_path / "a.jpg", 1, (16.0, 12.0))
     out = tmp_path / "seen.png"
     assert main(["look", str(image), "--mission", str(mission), "--json", "--out", str(out)]) == 0

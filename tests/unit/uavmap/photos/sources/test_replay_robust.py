@@ -17,9 +17,8 @@ from PIL import Image
 
 from tests.benchmarks.photos.replay import mutations, peak_mb, survives
 from tests.support.photographs import dji
-from tests.support.small_missions import START, ring, square
 from tests.unit.uavmap.base.test_pictures import png
-from tests.unit.uavmap.photos.test_replay import GRID, HEIGHT, WIDTH, geotag, paint, shot
+from tests.unit.uavmap.photos.test_replay import HEIGHT, WIDTH, field_text, geotag, paint, shot
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import mission_of_text
@@ -31,15 +30,6 @@ from uavmap.photos.sources.photo_folder import Folder
 from uavmap.ui.cli import main
 from vision.camera import Lens
 
-MISSION = f"""
-start.position = [{START.lat_deg}, {START.lon_deg}]
-search.box = {ring(GRID, square(-10, -10, 60, 50))}
-fence.polygon = {ring(GRID, square(-30, -30, 100, 90))}
-flight.altitude_m = 40.0
-camera = {{width_px = {WIDTH}, height_px = {HEIGHT}, mounting = "gimbal"}}
-detector = {{intensity = 140, dilations = 0, share = 0.5, view = "all"}}
-votes = {{frames = 3, positive = 2}}
-"""
 PLACES = ((10.0, 10.0), (16.0, 14.0), (14.0, 16.0))
 
 
@@ -153,7 +143,7 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("good")
     for seed, place in enumerate(PLACES):
         shot(folder / f"{seed}.jpg", seed, place)
-    (folder / "m.toml").write_text(MISSION, "utf-8")
+    (folder / "m.toml").write_text(field_text(), "utf-8")
     return folder
 
 
