@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -126,6 +127,7 @@ CAMERA = Camera(math.radians(75.0), 320, 240)
 HEIGHT_M = 11.0
 
 
+@lru_cache
 def meadow(seed: int) -> np.ndarray:
     """A tile of the simulator's ground, 51 m wide, that nowhere repeats."""
     return ground_tile(np.random.default_rng(seed), 120.0, 30.0)[:TILE_PX, :TILE_PX]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ WORLD = World(WorldSpec(ORIGIN, 0.0, (), seed=3))
 ERRORS = ToldErrors(satellites_m=0.3, pointing_m=0.03)
 
 
+@lru_cache(maxsize=512)
 def taken(
     east_m: float, north_m: float, seed: float, height_m: float = 12.1, heading_rad: float = 0.0
 ) -> Patch:

@@ -17,9 +17,9 @@ from uavmap.load.detector_source import detector_text
 from uavmap.load.mission_source import load, mission_of_text
 from uavmap.output.film.film_writers import save
 from uavmap.output.summary import encode
+from uavmap.photos.ground.judging import PictureReport, annotated, look_at
 from uavmap.photos.mission_from_photos import DETECTOR, derived
 from uavmap.photos.registration.calibration import calibration_of
-from uavmap.photos.single_picture import Looked, annotated, look_at
 from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.ui.cli.option_table import add_options
 
@@ -81,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _show(looked: Looked, out: Path) -> None:
+def _show(looked: PictureReport, out: Path) -> None:
     figures = looked.figures()
     place = looked.placed.pose.position
     print(

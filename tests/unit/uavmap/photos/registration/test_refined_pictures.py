@@ -93,7 +93,7 @@ def replayed(folder: Path, mission: Path, *options: str) -> tuple[dict[str, Any]
     """registration.json, if there is one, and the tracks of the map."""
     out = folder / "-".join(["map", *options])
     line = ["replay", str(folder / "photos"), "--mission", str(mission), "--out", str(out)]
-    assert main([*line, *options]) in (0, 3)
+    assert main([*line, "--no-ortho", *options]) in (0, 3)
     file = out / "registration.json"
     told = json.loads(file.read_text("utf-8")) if file.exists() else None
     return told, (out / "map.geojson").read_text("utf-8")

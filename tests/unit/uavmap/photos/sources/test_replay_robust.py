@@ -152,7 +152,7 @@ def mapped(
 ) -> tuple[int, dict[str, dict[str, str]], dict[str, object]]:
     """The exit code, the rows of pictures.csv by name, and the summary."""
     line = ["replay", str(photos), "--mission", str(good / "m.toml"), "--out", str(out)]
-    code = main([*line, "--refine", refine])
+    code = main([*line, "--refine", refine, "--no-ortho"])
     with (out / "pictures.csv").open(encoding="utf-8", newline="") as file:
         rows = {row["picture"]: row for row in csv.DictReader(file)}
     return code, rows, json.loads((out / "summary.json").read_text("utf-8"))
