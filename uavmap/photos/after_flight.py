@@ -25,9 +25,9 @@ from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts import boundary_file
 from uavmap.output.facts.boundary_model import FILE
 from uavmap.output.write_results import flown_flight
-from uavmap.photos.ground.fine_map import FineMap, beneath, scene_of
+from uavmap.photos.ground.fine_map import FineMap, beneath
 from uavmap.photos.ground.rasters import ORTHO, Rasters, Wishes
-from uavmap.photos.ground.surface import Footing
+from uavmap.photos.ground.surface import Footing, Scene
 from uavmap.photos.picture_replay import Looked, look_at_all
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import FlightFrames, gather
@@ -79,7 +79,7 @@ def _draw(folder: Path, spool: Spool, wishes: Wishes) -> None:
     )
     with muted():
         looked = look_at_all(gathered, setting, spool)
-    scene = scene_of(setting, _footings(looked))
+    scene = Scene.of(_footings(looked), setting)
     if scene is None:
         return
     fine = FineMap.of(setting, looked.judge, scene, spool, looked.threads)

@@ -35,10 +35,10 @@ from uavmap.output.facts.calendar import TAKEN, Calendar, taken_meta
 from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.vote_tally import Votes, weighed
 from uavmap.output.replay_results import Replayed, flown_replay, write_replay
-from uavmap.photos.ground.fine_map import FineMap, beneath, scene_of
+from uavmap.photos.ground.fine_map import FineMap, beneath
 from uavmap.photos.ground.judging import Judge, Task
 from uavmap.photos.ground.rasters import Rasters, Wishes
-from uavmap.photos.ground.surface import Footing
+from uavmap.photos.ground.surface import Footing, Scene
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import PICTURES_FILE, Gathered, PictureRow, write_pictures
 from uavmap.photos.sources.picture_record import Placed, above_ground, credible
@@ -86,7 +86,7 @@ class Looked:
 
     def written(self, journal: Journal, folder: Path) -> dict[str, Any]:
         """Write journal, map and figures of the replay; return the summary."""
-        scene = scene_of(self.setting, self.footings())
+        scene = Scene.of(self.footings(), self.setting)
         mission = self.setting.mission
         votes = Votes(mission.votes.frames, mission.votes.positive)
         evidence = Evidence() if mission.by_evidence else None

@@ -26,7 +26,7 @@ from uavmap.output.drawing.scene import View
 from uavmap.output.facts.boundary_file import BoundaryMap
 from uavmap.output.facts.boundary_model import Boundary, Line
 from uavmap.photos.ground.judging import Judge
-from uavmap.photos.ground.surface import Footing, Scene, Shown, Surface, fused, pitch_m
+from uavmap.photos.ground.surface import Scene, Shown, Surface, fused
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.workers import Threads
 from vision.contours import Contours, Ring
@@ -278,15 +278,6 @@ class FineMap:
             seen,
             undecided,
         )
-
-
-def scene_of(setting: Setting, used: Sequence[Footing]) -> Scene | None:
-    """Return the used pictures over a raster; None where they show nothing."""
-    if not used:
-        return None
-    grid = setting.grid
-    scene = Scene.of(used, grid, setting.mission.ground, pitch_m(used, grid.cell_m))
-    return None if scene is None or not scene.shown else scene
 
 
 def beneath(

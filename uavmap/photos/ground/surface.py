@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from missions.flight.setting import Setting
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import Pose
@@ -87,17 +88,17 @@ class Scene:
     shown: tuple[Shown, ...]
 
     @classmethod
-    def of(
-        cls, footings: Sequence[Footing], grid: Grid, terrain: Terrain | None, pitch_m: float
-    ) -> Scene | None:
-        """Return a raster around all that pictures show; None where they show nothing.
+    def of(cls, footings: Sequence[Footing], setting: Setting) -> Scene | None:
+        """Return the used pictures over a raster; None where they show nothing.
 
-        `pitch_m` is in metres of the UTM projection; the raster's lines lie at multiples of it.
+        The edge of a pixel suits them, in centimetres of the UTM projection; the raster's lines lie
+        at multiples of it.
         """
+        grid = setting.grid
         bounded = [
             (footing, overlay, bounds)
             for footing in footings
-            for overlay in (footing.overlay(grid, terrain),)
+            for overlay in (footing.overlay(grid, setting.mission.ground),)
             for bounds in (overlay.bounds(),)
             if bounds is not None
         ]
@@ -105,21 +106,18 @@ class Scene:
             return None
         low = np.min([low for _, _, (low, _) in bounded], axis=0)
         high = np.max([high for _, _, (_, high) in bounded], axis=0)
+        usual_m = round(median(footing.gsd_m for footing in footings), 2)
+        pitch_m = min(max(FINEST_M, min(usual_m, COARSEST_M)), grid.cell_m / PIXELS_A_CELL)
         raster = aligned(grid, low, high, pitch_m)
-        shown = (Shown(f, o, bounds, raster.around(*bounds)) for f, o, bounds in bounded)
-        return cls(raster, tuple(entry for entry in shown if not entry.window.is_empty))
+        entries = (Shown(f, o, bounds, raster.around(*bounds)) for f, o, bounds in bounded)
+        shown = tuple(entry for entry in entries if not entry.window.is_empty)
+        return cls(raster, shown) if shown else None
 
     def blocks(self) -> Iterator[tuple[Window, list[Shown]]]:
         """Yield the blocks of which pictures may show something, with these."""
         shared = self.raster.shared((entry.window for entry in self.shown), _SIDE)
         for block, numbers in shared.items():
             yield block, [self.shown[number] for number in numbers]
-
-
-def pitch_m(footings: Sequence[Footing], cell_m: float) -> float:
-    """Return the edge of a pixel that suits these pictures, rounded to centimetres."""
-    usual_m = round(median(footing.gsd_m for footing in footings), 2)
-    return min(max(FINEST_M, min(usual_m, COARSEST_M)), cell_m / PIXELS_A_CELL)
 
 
 def aligned(grid: Grid, low: NDArray[np.float64], high: NDArray[np.float64], step: float) -> Raster:

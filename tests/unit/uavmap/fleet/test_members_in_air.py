@@ -23,13 +23,13 @@ from missions.orders import FlyTo
 from missions.partition import Partition
 from missions.units import Cell, GridPoint
 from tests.support.fleet_rig import field_text
+from tests.unit.uavmap.fleet.test_sealing import KEY, met
 from uavmap.base.clock import VirtualClock, run
 from uavmap.fleet.codec import Ask, Message, encode
 from uavmap.fleet.member import Member
 from uavmap.fleet.sealing import Seal
 from uavmap.fleet.simulated_radio import Air, LinkModel
 
-KEY = bytes(range(32))
 ROUND_S = 0.5
 STEP_M = 2.0
 SEEDS = 5
@@ -229,12 +229,7 @@ def test_a_message_that_was_overtaken_opens_no_air() -> None:
         radio = Air(LinkModel()).radio(1, lambda: (GridPoint(0.0, 0.0), 0.0))
         member = Member(made(1), ours, radio, lambda: 5.0, found.append)
         member.clock_moved(0.0)
-        theirs.opened(ours.sealed(b""))
-        ours.opened(theirs.sealed(b""))
-        for errand in ours.errands():
-            theirs.opened(errand)
-        for errand in theirs.errands():
-            ours.opened(errand)
+        met(ours, theirs)
         ask = Ask(7, GridPoint(4.0, 40.0), 12.0, 30.0, 3_640.0)
         early = theirs.sealed(encode(Message(3_600.0)))
         member.heard(theirs.sealed(encode(Message(3_602.0, ask=ask))))
