@@ -19,7 +19,7 @@ from missions.flight.setting_of import setting_of
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.evidence import Evidence, evidence_of
 from missions.units import Cell
-from tests.benchmarks.photos.many_pictures import write_survey
+from tests.benchmarks.photos.replay import write_survey
 from tests.unit.uavmap.output.maps import make_map
 from tests.unit.uavmap.photos.sources.test_replay_robust import PLACES, good, mapped, shot
 from tests.unit.uavmap.photos.test_replay import paint
