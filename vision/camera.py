@@ -128,6 +128,7 @@ def euler(turn: Quaternion) -> tuple[float, float, float]:
     return 0.0, pitch, math.atan2(-m[0, 1], m[1, 1])
 
 
+# --- a real lens ---------------------------------------------------------------------------------
 Model = Literal["brown", "fisheye"]
 """`brown`: k1 k2 p1 p2 [k3 [k4 k5 k6]]; `fisheye`: k1 k2 k3 k4 (Kannala-Brandt), as in OpenCV."""
 

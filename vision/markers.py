@@ -5,9 +5,8 @@ too coarse where a marker has fifteen. So the known pattern, blurred as the pict
 over the marker until all pixels agree: that uses all edges of the pattern at once, and gives the
 corners' covariance.
 
-The position is relative to the camera, with covariance. Three things are known with errors: the
-corners in the picture, the camera's attitude and the other vehicle's tilt. A maximum a posteriori
-estimate weighs them all.
+The position is relative to the camera, with covariance: a maximum a posteriori estimate weighs the
+errors of the corners, of the camera's attitude and of the other vehicle's tilt.
 """
 
 from __future__ import annotations
@@ -238,6 +237,7 @@ def _fitted(overlay: _Overlay, corners: Array) -> Array:
     return now
 
 
+# --- the position --------------------------------------------------------------------------------
 _PLACE, _YAW, _CAMERA = slice(0, 3), 3, slice(6, 9)
 _UNKNOWNS: Final = 9
 _STEPS = np.array([1e-4] * 3 + [1e-5] * 6)

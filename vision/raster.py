@@ -138,6 +138,7 @@ class Raster:
         ).common(self.whole)
 
 
+# --- pictures laid on it -------------------------------------------------------------------------
 STEP: Final = 8
 FEATHER: Final = 0.04
 """Part of a picture's width over which its weight fades at the rim."""
@@ -292,6 +293,7 @@ def _between(nodes: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.f
     return np.asarray(found[STEP : STEP + rows, STEP : STEP + columns], dtype=np.float32)
 
 
+# --- many pictures fused -------------------------------------------------------------------------
 UNSEEN: Final = 255
 MOST: Final = 254
 """Levels of a probability: 0 to `MOST`; `UNSEEN` where no picture shows the place."""

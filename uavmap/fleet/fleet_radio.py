@@ -147,6 +147,7 @@ def _endpoints(network: FleetNetwork) -> tuple[list[FleetEndpoint], ZenohLinks]:
     return groups, links
 
 
+# --- the talk ------------------------------------------------------------------------------------
 LINGER_S: Final = 600.0
 """So long after its landing a member waits for others that still fly."""
 LINGER_APART_S: Final = 120.0

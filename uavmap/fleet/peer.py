@@ -112,6 +112,7 @@ def _places_ahead(vehicle: VehicleState, t_s: float) -> tuple[GridPoint, ...]:
     )
 
 
+# --- the clock -----------------------------------------------------------------------------------
 AGREE_S: Final = 15.0
 """For so long others are listened for before a first take-off."""
 _STEP_S: Final = 0.5
@@ -187,6 +188,7 @@ class FleetClock:
         return elsewhere
 
 
+# --- facts to send -------------------------------------------------------------------------------
 RELAY_S: Final = 8.0
 """Time without news of a third member, after which others relay its facts, s."""
 UNDERWAY_S: Final = 1.0

@@ -129,6 +129,7 @@ class Radios:
 
 
 _LOG: Final = logging.getLogger("uavmap.fleet")
+# --- a multicast group ---------------------------------------------------------------------------
 HEADER_BYTES: Final = 14 + 20 + 8
 """Of Ethernet (a Wi-Fi header is about as long), IPv4 and UDP."""
 LARGEST_BYTES: Final = 1_400

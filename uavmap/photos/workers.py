@@ -116,6 +116,7 @@ class _OneThreadEach:
 _ONE_THREAD_EACH: Final = _OneThreadEach()
 
 
+# --- a cluster -----------------------------------------------------------------------------------
 MOST_WAITING: Final = 64
 """Most pictures under way, however large the cluster."""
 NO_WORKER_S: Final = 60.0

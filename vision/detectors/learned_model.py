@@ -153,6 +153,7 @@ def _log(values: Array) -> Array:
     return np.asarray(np.log(values + np.float32(_LEAST)), np.float32)
 
 
+# --- the model -----------------------------------------------------------------------------------
 FORMAT: Final = "uavmap detector"
 VERSION: Final = 1
 LEAVES: Final = 8

@@ -168,6 +168,7 @@ class PavedDetector(MaskDetector):
         return cv2.bitwise_and(roi, lit)
 
 
+# --- colours -------------------------------------------------------------------------------------
 _MOST_SAMPLES: Final = 64
 
 
@@ -251,6 +252,7 @@ def _is_color(color: object) -> bool:
     )
 
 
+# --- indices over bands --------------------------------------------------------------------------
 Kind = Literal["exg", "ndvi", "ndwi", "hot"]
 _MAD: Final = 1.4826  # of a normal distribution, standard deviations in a median deviation
 _MOST_BAND: Final = 31

@@ -182,6 +182,7 @@ def _peak(
     return east, -south, math.sqrt(variance)
 
 
+# --- scale and rotation --------------------------------------------------------------------------
 _ROUNDS: Final = 3
 _SMOOTH_PX: Final = 3  # so that a start that is off by a pixel leads to the same place
 _LEAST_ZOOMED_PX: Final = 600

@@ -109,6 +109,7 @@ def _rooted(descriptors: NDArray[np.float32]) -> NDArray[np.uint8]:
     return rooted
 
 
+# --- pairs ---------------------------------------------------------------------------------------
 NEAREST: Final = 6
 SECTORS: Final = 8
 NEAREST_IN_SECTOR: Final = 2

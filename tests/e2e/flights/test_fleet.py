@@ -113,11 +113,10 @@ def test_two_that_never_hear_each_other_each_map_it_all(tmp_path: Path) -> None:
         assert len(found) > 0.9 * len(regions[-1])
 
 
-@pytest.mark.parametrize("text", ["near", "range:-1", "free,loss:2", "free,colour:1", "range:x"])
-def test_a_radio_that_is_none_is_refused(tmp_path: Path, text: str) -> None:
-    done = uavmap("fly", made(tmp_path), "--sim", "--comms", text, "--out", tmp_path / "out")
+def test_a_radio_that_is_none_is_refused(tmp_path: Path) -> None:
+    done = uavmap("fly", made(tmp_path), "--sim", "--comms", "range:x", "--out", tmp_path / "out")
     assert done.code == 2
-    assert f"--comms {text}" in done.err
+    assert "--comms range:x" in done.err
     assert "Traceback" not in done.err
 
 

@@ -155,6 +155,7 @@ def _open_parts(raster: Raster, rings: Sequence[Ring]) -> NDArray[np.float64]:
     return np.concatenate(pieces)
 
 
+# --- the ground, and all of it -------------------------------------------------------------------
 SHARPNESS: Final = 2
 """Number of times that weights are squared: the best picture shows, the others hardly."""
 

@@ -218,6 +218,7 @@ def unpacked(data: bytes, rows: int, columns: int, *, upside_down: bool = False)
     return levels.astype(np.float32) / np.float32(255.0)
 
 
+# --- a single picture ----------------------------------------------------------------------------
 _ROI: Final = (60, 200, 60)
 _NOT_ROI: Final = (200, 200, 200)
 _MASK: Final = (255, 120, 0)

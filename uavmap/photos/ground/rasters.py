@@ -154,6 +154,7 @@ def _read_again(path: Path) -> None:
             file.read(window=window)
 
 
+# --- what is wanted, block by block --------------------------------------------------------------
 _LOG: Final = logging.getLogger("uavmap.photos")
 ORTHO: Final = "ortho.tif"
 PROBABILITY: Final = "probability.tif"

@@ -160,6 +160,7 @@ def _with_directive(text: str) -> str:
     return "%YAML:1.0\n---\n" + text.removeprefix("---\n")
 
 
+# --- pictures without distortion -----------------------------------------------------------------
 @dataclass(slots=True)
 class Lenses:
     """The lens of a picture: the calibration given, its tags', or a pinhole of `hfov_deg`."""

@@ -83,6 +83,7 @@ class FlightFrames:
         )
 
 
+# --- all pictures of a source --------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class Gathered:
     """The content of a source.
@@ -263,6 +264,7 @@ def _one(picture: Picture, small: Small, other: Picture, seen: Small) -> bool:
     return norm > 0.0 and float((a * b).sum()) >= ALIKE * norm
 
 
+# --- pictures.csv --------------------------------------------------------------------------------
 PICTURES_FILE: Final = "pictures.csv"
 _POSE: Final = ("lat_deg", "lon_deg", "height_m", "yaw_deg", "pitch_deg", "roll_deg")
 _REFINED: Final = tuple(f"refined_{column}" for column in _POSE)

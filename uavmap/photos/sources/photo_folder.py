@@ -185,6 +185,7 @@ def _of_opk(omega: float, phi: float, kappa: float) -> tuple[float, float, float
     return math.degrees(yaw) % 360.0, math.degrees(pitch), math.degrees(roll)
 
 
+# --- the folder ----------------------------------------------------------------------------------
 VIDEOS = frozenset({".mp4", ".mov", ".avi", ".mkv", ".m4v"})
 GEO_FILE = "geo.txt"
 OURS = frozenset({"journal.jsonl", "detector.toml"})

@@ -83,6 +83,7 @@ def number(values: Values, key: str) -> float | None:
     return value
 
 
+# --- the lens ------------------------------------------------------------------------------------
 _FILM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 _WIDE = 1.6
 """Widest uncut picture: a wider one is cut from a sensor of 4:3, over its whole width; the tags
@@ -215,6 +216,7 @@ _WIDTH_MM: Final = {model: width_mm for width_mm, models in _SENSORS for model i
 """Width of the sensor by EXIF Model, mm."""
 
 
+# --- all of them ---------------------------------------------------------------------------------
 POSITION_SIGMA_M = 3.0
 """Of a GNSS receiver without corrections."""
 _RTK_FIXED = 50

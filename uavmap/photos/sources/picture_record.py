@@ -113,6 +113,7 @@ class PictureSource(Protocol):
         ...
 
 
+# --- which can be used ---------------------------------------------------------------------------
 FARTHEST_M = 10_000.0
 """Largest distance of a picture from the others, or from the mission's start, m."""
 HEIGHT_RATIO = 4.0

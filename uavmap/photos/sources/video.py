@@ -230,6 +230,7 @@ def _message_id(data: bytes, at: int) -> int:
     return int.from_bytes(data[at + 7 : at + 10], "little")
 
 
+# --- the pictures --------------------------------------------------------------------------------
 EVERY_S: Final = 1.0
 """Time between frames, s: a video from a stand-still adds no evidence beyond one frame."""
 _AHEAD: Final = 4  # frames that were passed while another thread asked for a later one

@@ -113,6 +113,7 @@ def masks_by_picture(
         yield picture, file
 
 
+# --- examples ------------------------------------------------------------------------------------
 POLYGONS: Final = frozenset({".geojson", ".json"})
 _SHAPE_DIFFERS: Final = 0.02
 _LARGEST_GEOJSON: Final = 20_000_000

@@ -136,6 +136,7 @@ def _mean(mask: NDArray[np.bool_], rows: int, columns: int) -> NDArray[np.float3
     return np.asarray(cv2.resize(values, (columns, rows), interpolation=cv2.INTER_AREA))
 
 
+# --- the learners --------------------------------------------------------------------------------
 _PENALTY: Final = 0.1  # C of the logistic regression: small, for few pictures are much alike
 _ROUNDS: Final = 60
 _RATE: Final = 0.15
