@@ -9,5 +9,5 @@
       radio        carries datagrams: a multicast group, simulated air or zenoh
                                                    .radio, .simulated_radio, .zenoh_radio
 
-What is said is in `missions.flight.team`. Nothing here commands a vehicle.
+What is said is in `.codec`, by whom it is known in `.knowledge`. Nothing here commands a vehicle.
 """
