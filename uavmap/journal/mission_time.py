@@ -9,6 +9,7 @@ time puts every cell elsewhere.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
@@ -200,7 +201,6 @@ class Marks:
         self._journal = journal
         self._clocks = clocks
         self._due_s = float("-inf")
-        self.lost = 0
 
     def note(self, mission_s: float) -> None:
         """It is so late in the mission; call it as often as you like."""
@@ -209,10 +209,8 @@ class Marks:
             return
         self._due_s = now_s + MARK_EVERY_S
         mark = Mark(round(mission_s, 3), self._clocks())
-        try:
+        with contextlib.suppress(JournalError):
             self._journal.put_meta(CLOCK, asdict(mark))
-        except JournalError:
-            self.lost += 1
 
 
 _ADAPTER: Final[TypeAdapter[Mark]] = TypeAdapter(Mark)
