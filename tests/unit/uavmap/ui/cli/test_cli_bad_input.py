@@ -14,7 +14,7 @@ from PIL import Image
 from tests.support.photographs import write_photo
 from tests.support.plans import named_text
 from tests.support.ports import free_port
-from tests.unit.uavmap.ui.conftest import Refusals
+from tests.unit.uavmap.conftest import Refusals
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, TLOG
 from uavmap.ui.cli import main

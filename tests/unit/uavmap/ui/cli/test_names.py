@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from missions.mission.schema import parse_fields
 from tests.support.plans import named_text
-from tests.unit.uavmap.ui.conftest import Refusals
+from tests.unit.uavmap.conftest import Refusals
 from uavmap.journal.results_folder import RESULTS, folder_name, results_folder
 from uavmap.ui.cli.common import report
 

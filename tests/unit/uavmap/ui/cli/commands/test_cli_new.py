@@ -28,7 +28,7 @@ from tests.support.areas.area_files import (
 )
 from tests.support.html_page import Page
 from tests.support.plans import named_text
-from tests.unit.uavmap.ui.conftest import Refusals
+from tests.unit.uavmap.conftest import Refusals
 from uavmap.load.areas.mission_text import COMMENTS, SECTIONS, section_of
 from uavmap.load.mission_source import load
 from uavmap.output.drawing.palette import FENCE

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.small_missions import mission_text, square
-from tests.unit.uavmap.ui.conftest import Refusals
+from tests.unit.uavmap.conftest import Refusals
 from uavmap.mavlink.links.key_file import new_key
 from uavmap.ui.cli import main
 

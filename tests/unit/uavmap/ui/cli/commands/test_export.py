@@ -22,7 +22,7 @@ from missions.units import GridPoint, LatLon
 from sitl.testing import Fleet, Vehicle
 from tests.support.plan_schema import faults_of
 from tests.support.small_missions import mission_text, square
-from tests.unit.uavmap.ui.conftest import Refusals
+from tests.unit.uavmap.conftest import Refusals
 from uavmap.load.mission_source import load
 from uavmap.output.formats.plan_items import clockwise
 from uavmap.ui.cli import main

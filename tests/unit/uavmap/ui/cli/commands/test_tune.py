@@ -17,6 +17,7 @@ from missions.units import LatLon
 from tests.benchmarks.photos import brighton
 from tests.benchmarks.photos.detectors import judged
 from tests.support.small_missions import START, ring, square
+from tests.unit.uavmap.conftest import Refusals
 from tests.unit.uavmap.photos.test_replay import (
     GEOD,
     GRID,
@@ -27,7 +28,6 @@ from tests.unit.uavmap.photos.test_replay import (
     paint,
     painted,
 )
-from tests.unit.uavmap.ui.conftest import Refusals
 from uavmap.load.kept_detector import KEPT
 from uavmap.load.mission_source import load
 from uavmap.output.facts.map_model import NOT_ROI

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.unit.uavmap.ui.conftest import Refusals
+from tests.unit.uavmap.conftest import Refusals
 from uavmap.ui.cli import main
 
 ROW = {
