@@ -39,7 +39,7 @@ from tests.support.small_missions import joined
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.load.mission_source import load
-from uavmap.mavlink.links.key_file import new_key
+from uavmap.mavlink.links.signing import new_key
 from uavmap.runner import simulation
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -26,7 +26,7 @@ from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.support import plans
 from tests.support.small_missions import CELL_M, START, mission_text, ring, square
-from uavmap.aircraft.guardian.impact import GRAVITY_M_S2
+from uavmap.aircraft.guardian.estimates import GRAVITY_M_S2
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.runner import simulation

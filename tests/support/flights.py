@@ -19,9 +19,8 @@ from missions.units import Cell, GridPoint
 from tests.support.small_missions import CELL_M, START, mission, square
 from uavmap.aircraft.cameras.mavlink import MavlinkSource
 from uavmap.aircraft.cameras.pose import Poses
-from uavmap.aircraft.imaging.classifier import Classifier
-from uavmap.aircraft.imaging.imaging import CameraDriver, Taken
-from uavmap.aircraft.imaging.judge import PictureJudge
+from uavmap.aircraft.imaging.classifier import Classifier, PictureJudge, Taken
+from uavmap.aircraft.imaging.imaging import CameraDriver
 from uavmap.aircraft.vehicle import MavlinkVehicle
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.commands import MavlinkCommands

@@ -14,8 +14,7 @@ from typing import Final
 from missions.events import Told
 from missions.flight.operator_orders import UNTOLD
 from uavmap.aircraft.reporter import Reporter
-from uavmap.mavlink.px4_events import CAUSELESS, DUE
-from uavmap.mavlink.status_texts import Text
+from uavmap.mavlink.status_texts import CAUSELESS, DUE, Text
 from uavmap.mavlink.vehicle_view import VehicleView
 
 _BY_THEMSELVES: Final = ("RTL", "SMART_RTL", "LAND", "BRAKE", "ALT_HOLD", "HOLD", "RETURN")

@@ -34,13 +34,11 @@ from uavmap.aircraft.controlled_commands import ControlledCommands
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.imaging.frames import Frames
 from uavmap.aircraft.imaging.imaging import CameraDriver
+from uavmap.aircraft.legs import OTHER_LAYER_M, SpeedWatch, aim_over_ground, at_height
 from uavmap.aircraft.map_navigation import Navigation
 from uavmap.aircraft.pad import MODE_S, Crew, Pad, insist
-from uavmap.aircraft.path_stream import PathStream
+from uavmap.aircraft.path_stream import PathStream, StreamTimeout
 from uavmap.aircraft.reporter import Reporter
-from uavmap.aircraft.speed_watch import SpeedWatch
-from uavmap.aircraft.stream_timeout import StreamTimeout
-from uavmap.aircraft.terrain_legs import OTHER_LAYER_M, aim_over_ground, at_height
 from uavmap.mavlink.session import Session
 
 FIND_WAY_S: Final = 0.5

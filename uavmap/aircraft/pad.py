@@ -1,4 +1,8 @@
-"""A vehicle on its pad: armed, lifted off, given a fresh battery."""
+"""A vehicle on its pad: armed, lifted off, given a fresh battery; what that waits for is told.
+
+Why it is not ready a vehicle says in words, which are told as they come
+(`uavmap.aircraft.autopilot_texts`).
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,8 @@ import math
 from collections.abc import Awaitable, Callable
 from typing import Final
 
+from pymavlink.dialects.v20 import ardupilotmega as mav
+
 from missions.errors import CommandRefusedError, LinkError
 from missions.events import Airborne, BatterySwapped
 from missions.orders import TakeOff
@@ -14,8 +20,46 @@ from uavmap.aircraft.control import LIFT_S, AirState
 from uavmap.aircraft.controlled_commands import ControlledCommands, NotOursError
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.reporter import Reporter
-from uavmap.aircraft.waiting import Waiting
 from uavmap.mavlink.session import Session
+
+REMIND_S: Final = 10.0
+"""What takes longer is told."""
+REMIND_AGAIN_S: Final = 30.0
+LOOK_S: Final = 1.0
+
+
+class Waiting:
+    """One wait for one vehicle. `tell` takes a line for the operator: for what, and how long."""
+
+    def __init__(self, name: str, session: Session, tell: Callable[[str], None]) -> None:
+        self._name = name
+        self._session = session
+        self._tell = tell
+        self._begin_s = asyncio.get_running_loop().time()
+        self._due_s = self._begin_s + REMIND_S
+
+    async def until(
+        self, condition: Callable[[], bool], timeout_s: float, what: Callable[[], str]
+    ) -> bool:
+        """`Session.until`; tells what is waited for."""
+        loop = asyncio.get_running_loop()
+        end_s = loop.time() + timeout_s
+        while (left_s := end_s - loop.time()) > 0.0:
+            if await self._session.until(condition, min(left_s, LOOK_S)):
+                return True
+            if loop.time() >= self._due_s:
+                self._remind(what())
+        return condition()
+
+    def _remind(self, what: str) -> None:
+        now_s = asyncio.get_running_loop().time()
+        self._due_s = now_s + REMIND_AGAIN_S
+        self._tell(f"{self._name}: waits for {what}, for {now_s - self._begin_s:.0f} s by now")
+        view = self._session.view
+        if view.system_id and not view.armed and not view.ready_to_arm:
+            # an ArduPilot gives its reasons every half minute, or when asked
+            self._session.send_command(mav.MAV_CMD_RUN_PREARM_CHECKS)
+
 
 Crew = Callable[[int], Awaitable[None]]
 """Returns once the people on the ground have swapped a vehicle's battery and stand clear."""

@@ -33,11 +33,10 @@ from uavmap.aircraft.imaging.imaging import CameraDriver
 from uavmap.aircraft.leapfrog_sight import Leapfrog
 from uavmap.aircraft.manoeuvres import Manoeuvres
 from uavmap.aircraft.map_navigation import Navigation
-from uavmap.aircraft.pad import READY_S, Crew
+from uavmap.aircraft.pad import READY_S, Crew, Waiting
+from uavmap.aircraft.path_stream import StreamTimeout
 from uavmap.aircraft.reporter import BATTERY_STALE_S, Report, Reporter
-from uavmap.aircraft.stream_timeout import StreamTimeout
 from uavmap.aircraft.telemetry_streams import Streams
-from uavmap.aircraft.waiting import Waiting
 from uavmap.base.clock import ClockRate
 from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.identity import answered

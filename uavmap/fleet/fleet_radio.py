@@ -29,7 +29,7 @@ from uavmap.fleet.sealing import Seal, fleet_key
 from uavmap.fleet.zenoh_radio import ZenohLinks, ZenohRadio, imported_zenoh
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import FleetNetwork, FlightPlan
-from uavmap.mavlink.links.key_file import read_key
+from uavmap.mavlink.links.signing import read_key
 
 TOLD_AT_END: Final = {
     "not sealed with our key": " (another --fleet-key, or another mission file, or a stranger)",

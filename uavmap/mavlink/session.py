@@ -18,7 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import CommandRefusedError, LinkError
 from uavmap.mavlink.links.framing import Losses
 from uavmap.mavlink.links.signing import Signing
-from uavmap.mavlink.px4_events import event_text
+from uavmap.mavlink.status_texts import event_text
 from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.mavlink.view_updates import update
 

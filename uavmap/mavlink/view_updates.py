@@ -1,7 +1,7 @@
 """How each message of a vehicle updates its view.
 
 A message passes the gate first (`uavmap.mavlink.message_gate`): the handlers rely on the ranges of
-`uavmap.mavlink.message_rules`.
+`uavmap.mavlink.message_gate`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
 from uavmap.mavlink.continuity import CameraClock
-from uavmap.mavlink.message_rules import RULES, Sender
+from uavmap.mavlink.message_gate import RULES, Sender
 from uavmap.mavlink.position_history import Fix
 from uavmap.mavlink.status_texts import Text
 from uavmap.mavlink.vehicle_view import HEIGHT_ERROR_M, OFF_GROUND_M, WORST_ERROR_M, VehicleView

@@ -13,8 +13,8 @@ from typing import Final
 from missions.errors import LinkError
 from missions.mission.schema import CameraSection, Mission
 from uavmap.aircraft.cameras.mavlink import Fetch, MavlinkSource
-from uavmap.aircraft.cameras.mount import Mount
 from uavmap.aircraft.cameras.opening import Settings, opened_camera
+from uavmap.aircraft.cameras.pose import Mount
 from uavmap.aircraft.cameras.source import FrameSource
 from uavmap.aircraft.cameras.spec import CameraSpec, parse_camera
 from uavmap.aircraft.imaging.http_pictures import PictureFetcher
@@ -22,7 +22,7 @@ from uavmap.base import messages
 from uavmap.journal.flight_plan import MAVSDK, FlightOptions
 from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.links.forwarding import Forwarding
-from uavmap.mavlink.links.key_file import signing_with
+from uavmap.mavlink.links.signing import signing_with
 from uavmap.mavlink.links.transports import Transport, open_shared, open_transport
 from uavmap.mavlink.links.urls import Endpoint, parse_url
 from uavmap.mavlink.mavsdk.mavsdk_commands import MavsdkCommands

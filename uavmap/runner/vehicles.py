@@ -13,11 +13,10 @@ from missions.flight.setting import Setting
 from missions.flight.strategy.leapfrog import MAPPER, TRACKER
 from missions.flight.strategy.leapfrog import Leapfrog as LeapfrogStrategy
 from missions.planning.leapfrog_geometry import Role
-from uavmap.aircraft.cameras.local import LocalSource
 from uavmap.aircraft.cameras.pose import Poses
-from uavmap.aircraft.imaging.classifier import Blind, Classifier, detector_of
+from uavmap.aircraft.cameras.source import LocalSource
+from uavmap.aircraft.imaging.classifier import Blind, Classifier, PictureJudge, detector_of
 from uavmap.aircraft.imaging.imaging import CameraDriver
-from uavmap.aircraft.imaging.judge import PictureJudge
 from uavmap.aircraft.leapfrog_sight import Leapfrog
 from uavmap.aircraft.process.host import Host
 from uavmap.aircraft.reporter import BATTERY_STALE_S

@@ -28,7 +28,7 @@ from tests.e2e.rig import (
     uavmap,
     wait_until,
 )
-from uavmap.mavlink.links.key_file import read_key
+from uavmap.mavlink.links.signing import read_key
 
 SPEEDUP = 20.0
 

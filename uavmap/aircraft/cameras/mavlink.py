@@ -1,7 +1,8 @@
 """A camera that is a MAVLink component: commands to it, announcements and files from it.
 
 Camera protocol v2: IMAGE_START_CAPTURE, CAMERA_IMAGE_CAPTURED with pose and `file_url`, a lost
-announcement asked for again by its index.
+announcement asked for again by its index. Files come by HTTP or by MAVLink FTP, of which there is
+as much as it takes to fetch a picture: open, read in bursts, close.
 """
 
 from __future__ import annotations
@@ -10,17 +11,180 @@ import asyncio
 import contextlib
 import itertools
 import math
-from collections.abc import Awaitable, Callable
+import re
+import struct
+from collections.abc import AsyncIterator, Awaitable, Callable
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from missions.units import LatLon, Quaternion
-from uavmap.aircraft.cameras.mavlink_ftp import MavlinkFtp
 from uavmap.aircraft.cameras.source import Announcement, FrameSource, ToldPose, never
-from uavmap.mavlink.session import Message, Session
+from uavmap.base.image_files import MAX_PICTURE_BYTES
+from uavmap.base.printable import printable
+from uavmap.mavlink.session import GROUND_SYSTEM_ID, Message, Session
 from uavmap.mavlink.vehicle_view import STAMP_SLACK_S, VehicleView
+
+REPLY_S: Final = 0.5
+FTP_TRIES: Final = 6
+FETCH_S: Final = 60.0
+"""For a whole picture; a telemetry radio of 57600 baud carries 200 kB in that time."""
+
+TERMINATE, OPEN, BURST = 1, 4, 15
+NAK: Final = 129
+END_OF_FILE: Final = 6
+_HEAD: Final = struct.Struct("<HBBBBBxI")
+_DATA_BYTES: Final = 239
+_PAYLOAD_BYTES: Final = 251
+_URL: Final = re.compile(r"mftp://(?:\[;comp=(?P<component>\d{1,3})\])?(?P<path>/?[^\[\]]+)")
+_ERRORS: Final = {
+    1: "it failed", 2: "it failed", 4: "it has no session free", 7: "it does not know the command",
+    8: "the file is protected", 10: "there is no such file",
+}  # fmt: skip
+
+
+class _Reply:
+    """A packet of the server."""
+
+    def __init__(self, payload: bytes) -> None:
+        (
+            self.sequence, self.session, self.opcode, size, self.of, self.burst_ends, self.offset,
+        ) = _HEAD.unpack_from(payload)  # fmt: skip
+        self.data = payload[_HEAD.size : _HEAD.size + min(size, _DATA_BYTES)]
+
+    @property
+    def error(self) -> int:
+        """Why it refuses."""
+        return self.data[0] if self.data else 1
+
+
+class MavlinkFtp:
+    """Fetches files of the aircraft at the other end of a session; one after the other.
+
+    A `file_url` such as `mftp:///DCIM/12.jpg` or `mftp://[;comp=100]/DCIM/12.jpg` names a file of a
+    component that speaks FILE_TRANSFER_PROTOCOL over the same link.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._sequence = 0
+        self._asked = 0
+        """The component that is spoken to."""
+        self._replies: asyncio.Queue[_Reply] = asyncio.Queue()
+        self._one = asyncio.Lock()
+        session.listen(self._on_message)
+
+    async def fetch(self, url: str) -> bytes:
+        """The bytes of a file. Raises `LinkError`."""
+        match = _URL.fullmatch(url)
+        name = printable(url)
+        if match is None or not url.isascii() or len(match["path"]) > _DATA_BYTES:
+            raise LinkError(f"{name} cannot be fetched: it names no file")
+        async with self._one:
+            self._asked = int(match["component"] or self._session.view.camera_component)
+            try:
+                async with asyncio.timeout(FETCH_S), self._opened(match["path"]) as (number, size):
+                    return await self._read(number, size)
+            except TimeoutError:
+                raise LinkError(
+                    f"{name} cannot be fetched: not done within {FETCH_S:g} s"
+                ) from None
+            except LinkError as error:
+                raise LinkError(f"{name} cannot be fetched: {error}") from None
+
+    @contextlib.asynccontextmanager
+    async def _opened(self, path: str) -> AsyncIterator[tuple[int, int]]:
+        """The number of a session, and the size of the file."""
+        reply = await self._asked_for(OPEN, data=path.encode("ascii"))
+        if len(reply.data) < 4:
+            raise LinkError("the answer tells no size")
+        (size,) = struct.unpack_from("<I", reply.data)
+        try:
+            if size > MAX_PICTURE_BYTES:
+                raise LinkError(f"{size} bytes; a picture has at most {MAX_PICTURE_BYTES}")
+            yield reply.session, size
+        finally:
+            self._send(TERMINATE, reply.session)
+
+    async def _read(self, number: int, size: int) -> bytes:
+        """All of a file: bursts from the first gap on, until there is none."""
+        data, known = bytearray(size), [False] * -(-size // _DATA_BYTES)
+        tries = 0
+        while not all(known):
+            first = known.index(False)
+            sent = self._send(BURST, number, offset=first * _DATA_BYTES, size=_DATA_BYTES)
+            if await self._take_burst(number, sent, data, known):
+                tries = 0
+                continue
+            tries += 1
+            if tries >= FTP_TRIES:
+                raise LinkError("it does not answer")
+        return bytes(data)
+
+    async def _take_burst(self, number: int, sent: int, data: bytearray, known: list[bool]) -> bool:
+        """Take in what comes until the burst ends, or falls silent; whether anything came."""
+        came = False
+        while True:
+            try:
+                async with asyncio.timeout(REPLY_S):
+                    reply = await self._replies.get()
+            except TimeoutError:
+                return came
+            if reply.of != BURST or reply.session != number:
+                continue
+            if reply.opcode == NAK:
+                if reply.error == END_OF_FILE:
+                    return came
+                raise LinkError(_ERRORS.get(reply.error, "it was refused"))
+            block, rest = divmod(reply.offset, _DATA_BYTES)
+            end = reply.offset + len(reply.data)
+            if rest or end > len(data) or (end < len(data) and len(reply.data) != _DATA_BYTES):
+                continue
+            data[reply.offset : end] = reply.data
+            known[block] = came = True
+            if reply.burst_ends or all(known):
+                return came
+
+    async def _asked_for(self, opcode: int, data: bytes) -> _Reply:
+        """The answer to a command, which is repeated until it comes."""
+        for _ in range(FTP_TRIES):
+            sent = self._send(opcode, 0, data=data)
+            try:
+                async with asyncio.timeout(REPLY_S):
+                    while True:
+                        reply = await self._replies.get()
+                        if reply.of == opcode and reply.sequence == (sent + 1) & 0xFFFF:
+                            break
+            except TimeoutError:
+                continue
+            if reply.opcode == NAK:
+                raise LinkError(_ERRORS.get(reply.error, "it was refused"))
+            return reply
+        raise LinkError("it does not answer")
+
+    def _send(
+        self, opcode: int, number: int, *, offset: int = 0, size: int = 0, data: bytes = b""
+    ) -> int:
+        """Send a packet; its number."""
+        sequence, self._sequence = self._sequence, (self._sequence + 2) & 0xFFFF
+        head = _HEAD.pack(sequence, number, opcode, len(data) or size, 0, 0, offset)
+        payload = (head + data).ljust(_PAYLOAD_BYTES, b"\0")
+        self._session.send(
+            mav.MAVLink_file_transfer_protocol_message(
+                0, self._session.view.system_id, self._asked, list(payload)
+            )
+        )
+        return sequence
+
+    def _on_message(self, message: Message) -> None:
+        if message.get_type() != "FILE_TRANSFER_PROTOCOL":
+            return
+        if message.target_system not in (0, GROUND_SYSTEM_ID):
+            return
+        if message.get_srcComponent() == self._asked:
+            self._replies.put_nowait(_Reply(bytes(message.payload)))
+
 
 Fetch = Callable[[str], Awaitable[bytes]]
 """From a picture's `file_url` to its bytes. Raises `LinkError`."""

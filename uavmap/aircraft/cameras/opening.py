@@ -19,7 +19,7 @@ from uavmap.aircraft.cameras.captures import (
 )
 from uavmap.aircraft.cameras.folder import FolderSource, Say, Slowly
 from uavmap.aircraft.cameras.mavlink import Fetch, MavlinkSource
-from uavmap.aircraft.cameras.mount import Mount
+from uavmap.aircraft.cameras.pose import Mount
 from uavmap.aircraft.cameras.source import FrameSource
 from uavmap.aircraft.cameras.spec import CameraSpec
 from uavmap.aircraft.cameras.stream import StreamSource, ThreadReader

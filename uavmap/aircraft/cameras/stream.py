@@ -16,8 +16,7 @@ from typing import Final
 
 from missions.errors import ImageError, LinkError
 from uavmap.aircraft.cameras.captures import Capture, Open
-from uavmap.aircraft.cameras.local import LocalSource
-from uavmap.aircraft.cameras.source import Announcement, Loaded, decoded
+from uavmap.aircraft.cameras.source import Announcement, Loaded, LocalSource, decoded
 
 SHORTEST_STALL_S: Final = 0.3
 STALL_SPACINGS: Final = 4.0

@@ -21,7 +21,7 @@ from missions.errors import LinkError
 from missions.units import LatLon, Quaternion
 from uavmap.aircraft.cameras.folder import Card, CardClock, CardPicture, Say, Slowly
 from uavmap.aircraft.cameras.mavlink import CommandedSource
-from uavmap.aircraft.cameras.mount import Mount
+from uavmap.aircraft.cameras.pose import Mount
 from uavmap.aircraft.cameras.source import Announcement, ToldPose, never
 from uavmap.mavlink.continuity import RecentLeast
 from uavmap.mavlink.session import Message, Session

@@ -32,8 +32,8 @@ from uavmap.aircraft.control import AirState, Holder
 from uavmap.aircraft.controlled_commands import ControlledCommands
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.guardian.recovery import BRISK_M_S, LOOK_S, STOP_MOTORS_S, RecoveryFlight
+from uavmap.aircraft.legs import leg_over_ground_s
 from uavmap.aircraft.reporter import Reporter
-from uavmap.aircraft.terrain_legs import leg_over_ground_s
 from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.session import Session
 

@@ -24,9 +24,7 @@ from uavmap.aircraft.control import (
     Ground,
     Holder,
 )
-from uavmap.aircraft.guardian.impact import FALLS_S, Impact
-from uavmap.aircraft.guardian.position_jumps import Leaps
-from uavmap.aircraft.guardian.wind import WindEstimate
+from uavmap.aircraft.guardian.estimates import FALLS_S, Impact, Leaps, WindEstimate
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.session import GROUND_SYSTEM_ID, Message
 from uavmap.mavlink.vehicle_view import OFF_GROUND_M, VehicleView

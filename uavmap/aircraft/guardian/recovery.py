@@ -17,8 +17,8 @@ from missions.guardian import DOWN_M, HASTE_M_S, Action, Limits, corners_home, q
 from missions.units import GridPoint
 from uavmap.aircraft.controlled_commands import ControlledCommands, NotOursError
 from uavmap.aircraft.guardian.monitor import Monitor
+from uavmap.aircraft.legs import aim_over_ground
 from uavmap.aircraft.reporter import Reporter
-from uavmap.aircraft.terrain_legs import aim_over_ground
 from uavmap.mavlink.session import Session
 
 LOOK_S: Final = 0.5

@@ -1,18 +1,23 @@
-"""How a mission looks at pictures: frame -> plausible -> look(frame, grid, detector) -> votes."""
+"""How a mission judges pictures: frame -> plausible -> look(frame, grid, detector) -> FrameSeen."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import ImageError
-from missions.events import Vote
+from missions.events import FrameLost, FrameSeen, Vote
 from missions.geo.grid import Grid
 from missions.mission.schema import Mission
-from missions.units import Cell
+from missions.units import Cell, Pose
+from uavmap.aircraft.cameras.source import Loaded, decoded
+from uavmap.base.printable import printable
+from uavmap.journal.kept_frames import Keeper, KeptFrame
 from uavmap.load.detector_source import detector_of_section
 from vision.camera import Camera
 from vision.detectors import Detector
@@ -132,3 +137,50 @@ def detector_of(mission: Mission, height_ratio: float = 1.0) -> Detector:
     (`uavmap.load.detector_source`).
     """
     return detector_of_section(mission.detector, height_ratio)
+
+
+class Taken(NamedTuple):
+    """A picture, and where it was taken.
+
+    `vantage` is the cell that it was ordered for, by default the cell below; `anywhere`: it is
+    evidence of all that it shows, and of no vantage.
+    """
+
+    vehicle: int
+    t_s: float
+    """Mission time of the exposure."""
+    pose: Pose
+    vantage: Cell | None
+    anywhere: bool
+    name: str
+    data: Loaded
+
+
+class PictureJudge:
+    """Judges the pictures of every vehicle of a service, each by a classifier of its own."""
+
+    def __init__(
+        self, classifiers: Mapping[int, Classifier], keepers: Sequence[Keeper] = ()
+    ) -> None:
+        self._classifiers = classifiers
+        self._keepers = keepers
+
+    def verdict(self, taken: Taken) -> FrameSeen | FrameLost:
+        """What a picture says of the cells around its vantage, or of all that it shows whole."""
+        classifier = self._classifiers[taken.vehicle]
+        camera = classifier.camera
+        try:
+            image = decoded(taken.data, taken.name, (camera.width_px, camera.height_px))
+            hfov_deg = math.degrees(camera.hfov_rad)
+            kept = KeptFrame("", taken.vehicle, taken.t_s, taken.pose, hfov_deg)
+            for keeper in self._keepers:
+                keeper.keep(kept, taken.data)
+            frame = Frame(image, taken.pose, taken.t_s, camera)
+            if taken.anywhere:
+                votes = classifier.votes_anywhere(frame)
+                overview: Literal[True] | None = True if classifier.is_overview(frame) else None
+                return FrameSeen(taken.vehicle, taken.t_s, None, votes, overview=overview)
+            here, votes = classifier.votes(frame, taken.vantage)
+        except ImageError as error:
+            return FrameLost(taken.vehicle, taken.t_s, printable(str(error)))
+        return FrameSeen(taken.vehicle, taken.t_s, here, votes)

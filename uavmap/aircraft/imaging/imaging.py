@@ -2,7 +2,7 @@
 
 source -> announcement -> pose, picture -> Taken -> judge
 
-The judge belongs to the mission (`uavmap.aircraft.imaging.judge`).
+The judge belongs to the mission (`uavmap.aircraft.imaging.classifier.PictureJudge`).
 """
 
 from __future__ import annotations
@@ -10,36 +10,19 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Callable, Mapping
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from missions.events import FrameLost
 from missions.mission.schema import Mission
-from missions.units import Cell, Pose
+from missions.units import Cell
 from uavmap.aircraft.cameras.pose import Poses
-from uavmap.aircraft.cameras.source import Announcement, FrameSource, Image, Loaded, decoded
-from uavmap.aircraft.imaging.classifier import camera_of
+from uavmap.aircraft.cameras.source import Announcement, FrameSource, Image, decoded
+from uavmap.aircraft.imaging.classifier import Taken, camera_of
 from uavmap.aircraft.imaging.frames import Frames, suppressed_silence
 from uavmap.aircraft.map_navigation import Navigation
 from uavmap.base.printable import printable
 from vision.plausible import implausible
 from vision.projection import Frame
-
-
-class Taken(NamedTuple):
-    """A picture, and where it was taken.
-
-    `vantage` is the cell that it was ordered for, by default the cell below; `anywhere`: it is
-    evidence of all that it shows, and of no vantage.
-    """
-
-    vehicle: int
-    t_s: float
-    """Mission time of the exposure."""
-    pose: Pose
-    vantage: Cell | None
-    anywhere: bool
-    name: str
-    data: Loaded
 
 
 class Judge(Protocol):

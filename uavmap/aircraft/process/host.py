@@ -12,7 +12,7 @@ import numpy as np
 from missions.errors import ImageError
 from missions.events import Event
 from missions.orders import Hold, Order
-from uavmap.aircraft.imaging.imaging import Taken
+from uavmap.aircraft.imaging.classifier import Taken
 from uavmap.aircraft.process import messages as say
 from uavmap.aircraft.reporter import Report
 

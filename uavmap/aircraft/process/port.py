@@ -10,8 +10,7 @@ import missions.errors
 from missions.errors import LinkError, NotFlownError, UavmapError
 from missions.events import Event, FrameSeen, LinkLost, Recalled
 from missions.orders import Order
-from uavmap.aircraft.imaging.imaging import Taken
-from uavmap.aircraft.imaging.judge import PictureJudge
+from uavmap.aircraft.imaging.classifier import PictureJudge, Taken
 from uavmap.aircraft.process import messages as say
 from uavmap.base import messages
 

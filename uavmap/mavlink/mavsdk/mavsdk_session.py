@@ -4,14 +4,21 @@ The service's own part stays what it is: which bytes are heard and from whom (th
 is believed (gate and view), what is logged. MAVSDK decodes what comes, and encodes, repeats and
 waits for what goes. Heartbeats are not its: they say that the guardian lives, and a vehicle that
 is called (`udpout`) has to hear them before MAVSDK can know it.
+
+Messages are JSON for MAVSDK, pymavlink's objects here. MAVSDK writes a number that is none as null,
+and so must we. A message is made as MAVSDK has read it: what pymavlink would have made of the same
+bytes is nowhere asked.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
+import math
 import struct
-from collections.abc import AsyncIterator, Callable, Collection
+from collections import Counter, defaultdict
+from collections.abc import AsyncIterator, Callable, Collection, Iterator, Mapping
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -19,8 +26,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import CommandRefusedError, LinkError
 from uavmap.base.printable import printable
 from uavmap.mavlink.mavsdk.driver_process import MavsdkProcess, Words
-from uavmap.mavlink.mavsdk.mavsdk_messages import Message, fields_of, message_of
-from uavmap.mavlink.mavsdk.outbox import Outbox
 from uavmap.mavlink.session import (
     ACK_TRIES,
     ACK_WAIT_S,
@@ -31,6 +36,156 @@ from uavmap.mavlink.session import (
     result_name,
 )
 from uavmap.mavlink.view_updates import is_autopilot
+
+Message = Any
+
+_CLASSES: Final = {made.msgname: made for made in mav.mavlink_map.values()}
+_FLOATS: Final = ("float", "double")
+
+
+def fields_of(message: Message) -> dict[str, Any]:
+    """A message's fields for MAVSDK.
+
+    >>> fields_of(mav.MAVLink_command_ack_message(400, 0))["command"]
+    400
+    """
+    return {name: _told(getattr(message, name)) for name in message.ordered_fieldnames}
+
+
+def _told(value: Any) -> Any:
+    if isinstance(value, bytes | bytearray):
+        return value.rstrip(b"\0").decode("ascii", "replace")
+    if isinstance(value, list | tuple):
+        return [_told(one) for one in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def message_of(name: str, system: int, component: int, fields: Mapping[str, Any]) -> Message | None:
+    """The message that MAVSDK has read; None for one that is not known here, or is broken.
+
+    >>> told = {"command": 400, "result": 0, "progress": 0, "result_param2": 0}
+    >>> ack = message_of("COMMAND_ACK", 1, 1, told)
+    >>> ack.get_type(), ack.get_srcComponent(), ack.command, ack.target_system
+    ('COMMAND_ACK', 1, 400, 0)
+    """
+    made = _CLASSES.get(name)
+    if made is None:
+        return None
+    try:
+        values = [_value(fields, *field) for field in _layout(name)]
+    except (TypeError, ValueError):
+        return None
+    message = made(*values)
+    message._header = mav.MAVLink_header(made.id, srcSystem=system, srcComponent=component)
+    return message
+
+
+def _value(fields: Mapping[str, Any], name: str, kind: str, length: int) -> Any:
+    """A field's value; zero for one that MAVSDK does not know, as if the message were shorter."""
+    if kind == "char":
+        return str(fields.get(name) or "").encode()
+    if not length:
+        return _number(fields.get(name, 0), kind)
+    values = fields.get(name, [0] * length)
+    if len(values) != length:
+        raise ValueError(f"{name} has {len(values)} elements")
+    return [_number(one, kind) for one in values]
+
+
+def _number(value: Any, kind: str) -> float | int:
+    """A number of a field. Raises `TypeError` where a whole number is missing."""
+    if kind in _FLOATS:
+        return math.nan if value is None else float(value)
+    if not isinstance(value, int):
+        raise TypeError(f"no whole number: {value!r}")
+    return value
+
+
+@functools.cache
+def _layout(name: str) -> tuple[tuple[str, str, int], ...]:
+    """Of each field, in the order of the constructor: name, kind, length (0: no array)."""
+    made = _CLASSES[name]
+    lengths = dict(zip(made.ordered_fieldnames, made.array_lengths, strict=True))
+    kinds = zip(made.fieldnames, made.fieldtypes, strict=True)
+    return tuple((field, kind, lengths[field]) for field, kind in kinds)
+
+
+_COMMANDS: Final = ("COMMAND_LONG", "COMMAND_INT")
+_QUESTIONS: Final = (mav.MAV_CMD_REQUEST_MESSAGE,)
+"""Commands that MAVSDK may send when it likes: it asks what a vehicle is."""
+
+Kind = tuple[int, int]
+"""The id of a message, and of the command in it, -1 where there is none."""
+
+
+def kind_of(message: Message) -> Kind:
+    """What a message is, for the question whether it may go.
+
+    >>> kind_of(mav.MAVLink_command_ack_message(400, 0))
+    (77, -1)
+    """
+    command = message.command if message.get_type() in _COMMANDS else -1
+    return message.get_msgId(), command
+
+
+class Outbox:
+    """What MAVSDK may send over the link: what it was asked for just now, and nothing else.
+
+    The library repeats a command until it is answered, and some of its plug-ins do more than they
+    are called for: they change the mode first, or a rate. A pilot who has taken the aircraft must
+    not lose it to a repetition, so each frame is looked at on its way out. `send` takes the frames.
+    """
+
+    def __init__(self, send: Callable[[bytes], None]) -> None:
+        self._send = send
+        self._codec = mav.MAVLink(None)
+        self._codec.robust_parsing = True
+        self._asked: defaultdict[int, list[Permit | None]] = defaultdict(list)
+        """Commands that are waited for just now, each with its permit."""
+        self._once: Counter[Kind] = Counter()
+        """Single messages that were handed to MAVSDK and have not come out yet."""
+        self.held_back: Counter[str] = Counter()
+        """What did not pass, by its kind."""
+
+    @contextlib.contextmanager
+    def asked(self, command: int, permit: Permit | None = None) -> Iterator[None]:
+        """While it lasts a command may go as often as MAVSDK likes and `permit` grants."""
+        self._asked[command].append(permit)
+        try:
+            yield
+        finally:
+            self._asked[command].remove(permit)
+
+    def once(self, message: Message) -> None:
+        """A message may go."""
+        self._once[kind_of(message)] += 1
+
+    def not_sent(self, message: Message) -> None:
+        """One that might go has not come out, as far as is known, and may not any more."""
+        kind = kind_of(message)
+        self._once[kind] = max(self._once[kind] - 1, 0)
+
+    def take(self, data: bytes) -> None:
+        """What MAVSDK wants to be sent."""
+        for message in self._codec.parse_buffer(data) or ():
+            if message.get_type() == "BAD_DATA":
+                continue
+            if self._may_go(message):
+                self._send(bytes(message.get_msgbuf()))
+            else:
+                self.held_back[message.get_type()] += 1
+
+    def _may_go(self, message: Message) -> bool:
+        kind = kind_of(message)
+        if self._once[kind] > 0:
+            self._once[kind] -= 1
+            return True
+        if kind[1] in _QUESTIONS:
+            return True
+        return any(permit is None or permit.grants() for permit in self._asked[kind[1]])
+
 
 COMPONENT: Final = int(mav.MAV_COMP_ID_ONBOARD_COMPUTER)
 _NOT_SENT: Final = ("", "NO_SYSTEM")

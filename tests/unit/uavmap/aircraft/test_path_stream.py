@@ -22,9 +22,14 @@ from tests.support.running import by
 from uavmap.aircraft.control import MODE_KNOWN_S, Holder
 from uavmap.aircraft.controlled_commands import ControlledCommands
 from uavmap.aircraft.guardian.monitor import Monitor
-from uavmap.aircraft.path_stream import BRAKE_S, INTERVAL_S, PLACES_INTERVAL_S, PathStream
+from uavmap.aircraft.path_stream import (
+    BRAKE_S,
+    INTERVAL_S,
+    PLACES_INTERVAL_S,
+    PathStream,
+    StreamTimeout,
+)
 from uavmap.aircraft.reporter import Reporter
-from uavmap.aircraft.stream_timeout import StreamTimeout
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.autopilots import ARDUPILOT, PX4
 from uavmap.mavlink.commands import MavlinkCommands

@@ -15,9 +15,8 @@ from tests.support.flights import Flight, fly
 from tests.support.mavlink_peer import Peer, heartbeat
 from tests.support.running import by, on_virtual_time
 from uavmap.aircraft.autopilot_texts import BURST, MOST_TOLD, failsafe_of, may_be_a_failsafe
-from uavmap.mavlink.dialect import CurrentModeMessage, EventMessage
-from uavmap.mavlink.px4_events import number_of
-from uavmap.mavlink.status_texts import LATE_S, MOST_OPEN, Texts
+from uavmap.mavlink.autopilots import CurrentModeMessage, EventMessage
+from uavmap.mavlink.status_texts import LATE_S, MOST_OPEN, Texts, number_of
 
 CRITICAL, WARNING, INFO, DEBUG = (
     mav.MAV_SEVERITY_CRITICAL, mav.MAV_SEVERITY_WARNING, mav.MAV_SEVERITY_INFO,

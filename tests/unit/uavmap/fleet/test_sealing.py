@@ -18,7 +18,7 @@ from uavmap.fleet.sealing import ASKS, WINDOW, Seal, fleet_key
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import FleetNetwork
 from uavmap.load.mission_source import load
-from uavmap.mavlink.links.key_file import new_key
+from uavmap.mavlink.links.signing import new_key
 
 KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
 

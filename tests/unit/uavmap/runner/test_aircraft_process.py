@@ -22,7 +22,7 @@ from missions.orders import Hold
 from tests.support.field import mission_of
 from tests.support.running import by, in_real_time
 from uavmap.aircraft.guardian.last_watch import watched_over
-from uavmap.aircraft.imaging.judge import PictureJudge
+from uavmap.aircraft.imaging.classifier import PictureJudge
 from uavmap.aircraft.process import messages as say
 from uavmap.aircraft.process.host import Host
 from uavmap.aircraft.process.port import Port

@@ -20,8 +20,7 @@ from missions.units import GridPoint
 from tests.support.flights import small_mission
 from tests.support.running import by, on_virtual_time
 from tests.support.said import Said
-from uavmap.aircraft.imaging.classifier import Blind
-from uavmap.aircraft.imaging.judge import PictureJudge
+from uavmap.aircraft.imaging.classifier import Blind, PictureJudge
 from uavmap.aircraft.process import messages as say
 from uavmap.aircraft.process.port import Port
 from uavmap.base.clock import VirtualClock, run

@@ -14,8 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import LinkError
 from uavmap.base.clock import ScaledClock
 from uavmap.base.clock import run as run_on
-from uavmap.mavlink.links.key_file import new_key, read_key, signing_with
-from uavmap.mavlink.links.signing import Signing
+from uavmap.mavlink.links.signing import Signing, new_key, read_key, signing_with
 from uavmap.mavlink.links.transports import Transport, open_transport
 from uavmap.mavlink.links.urls import parse_url
 from uavmap.mavlink.session import Session

@@ -22,7 +22,7 @@ from missions.errors import ImageError, LinkError, UavmapError
 from tests.support.mavlink_peer import Peer, heartbeat
 from uavmap.aircraft.cameras.folder import FolderSource
 from uavmap.aircraft.cameras.mavlink import MavlinkSource
-from uavmap.aircraft.cameras.mount import Mount
+from uavmap.aircraft.cameras.pose import Mount
 from uavmap.aircraft.cameras.source import Announcement, FrameSource
 from uavmap.aircraft.cameras.stream import Grabbed, StreamSource, Wants
 from uavmap.aircraft.cameras.triggered import TriggeredSource

@@ -24,8 +24,8 @@ from tests.support.ports import free_port
 from tests.support.running import by, in_real_time
 from tests.unit.uavmap.aircraft.cameras.rtsp_server import RtspServer
 from uavmap.aircraft.cameras.captures import PipeCapture, gstreamer_command, libcamera_command
-from uavmap.aircraft.cameras.mount import Mount
 from uavmap.aircraft.cameras.opening import Settings, opened_camera
+from uavmap.aircraft.cameras.pose import Mount
 from uavmap.aircraft.cameras.source import Announcement, FrameSource, decoded
 from uavmap.aircraft.cameras.spec import parse_camera
 from uavmap.aircraft.cameras.stream import Freshness, StreamSource, ThreadReader

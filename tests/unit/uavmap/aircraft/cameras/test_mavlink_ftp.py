@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import LinkError
 from tests.support.mavlink_peer import Peer, heartbeat
 from tests.support.running import by
-from uavmap.aircraft.cameras import mavlink_ftp as ftp
+from uavmap.aircraft.cameras import mavlink as ftp
 from uavmap.aircraft.cameras.mavlink import MavlinkSource
 from uavmap.base.clock import VirtualClock, run
 

@@ -26,8 +26,7 @@ from tests.unit.uavmap.aircraft.cameras.conformance import (
     running,
     triggered_bench,
 )
-from uavmap.aircraft.cameras.mount import Mount
-from uavmap.aircraft.cameras.pose import Poses
+from uavmap.aircraft.cameras.pose import Mount, Poses
 from uavmap.aircraft.cameras.source import Announcement, ToldPose
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.continuity import distance_m

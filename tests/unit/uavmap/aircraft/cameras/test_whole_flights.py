@@ -21,7 +21,7 @@ from tests.support.plans import plan_of
 from tests.support.said import Said
 from tests.unit.uavmap.aircraft.cameras.conformance import inline, running
 from uavmap.aircraft.cameras.folder import FolderSource
-from uavmap.aircraft.cameras.mount import Mount
+from uavmap.aircraft.cameras.pose import Mount
 from uavmap.aircraft.cameras.source import FrameSource
 from uavmap.aircraft.cameras.triggered import TriggeredSource
 from uavmap.base.messages import shown_on

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import pytest
 
 from missions.guardian import HARD_M_S
-from uavmap.aircraft.guardian.impact import KEPT_S, Impact
+from uavmap.aircraft.guardian.estimates import IMPACT_KEPT_S, Impact
 
 G_M_S2 = 9.81
 
@@ -57,7 +57,7 @@ def test_a_bounce_does_not_hide_it() -> None:
 
 def test_a_stop_in_the_air_is_forgotten_before_the_landing() -> None:
     impact = told([4.0, 4.0, 4.0, 0.0])
-    told([0.0] * round(KEPT_S / 0.1 + 1), impact=impact)
+    told([0.0] * round(IMPACT_KEPT_S / 0.1 + 1), impact=impact)
     assert impact.speed_m_s == 0.0
 
 

@@ -15,7 +15,7 @@ from missions.orders import FlyTo, TakeOff
 from missions.units import GridPoint, LatLon
 from tests.support.flights import Flight, fly
 from tests.support.running import by
-from uavmap.aircraft.guardian.position_jumps import Leaps
+from uavmap.aircraft.guardian.estimates import Leaps
 
 PLANE = LocalPlane(LatLon(47.3, 8.5))
 UP_M = 12.0

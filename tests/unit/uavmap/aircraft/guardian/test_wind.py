@@ -10,7 +10,7 @@ from missions.events import Airborne, Tracked
 from missions.orders import FlyTo, TakeOff
 from missions.units import GridPoint
 from tests.support.flights import Flight, fly, small_mission
-from uavmap.aircraft.guardian.wind import GRAVITY_M_S2, WindEstimate, drag_m_s2
+from uavmap.aircraft.guardian.estimates import GRAVITY_M_S2, WindEstimate, drag_m_s2
 
 STEP_S = 0.1
 

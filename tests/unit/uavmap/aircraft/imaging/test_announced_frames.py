@@ -24,9 +24,8 @@ from tests.support.mavlink_peer import Peer, heartbeat
 from uavmap.aircraft.cameras.mavlink import MavlinkSource
 from uavmap.aircraft.cameras.pose import Poses
 from uavmap.aircraft.cameras.source import Announcement
-from uavmap.aircraft.imaging.classifier import Classifier
-from uavmap.aircraft.imaging.imaging import CameraDriver, Taken
-from uavmap.aircraft.imaging.judge import PictureJudge
+from uavmap.aircraft.imaging.classifier import Classifier, PictureJudge, Taken
+from uavmap.aircraft.imaging.imaging import CameraDriver
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.session import Message
 from uavmap.runner.flight_links import mount_of

@@ -13,7 +13,7 @@ from missions.events import FrameSeen, Tracked, Vote
 from missions.geo.trajectory import rounded_path
 from missions.units import Cell, GridPoint, LatLon, Pose, Quaternion
 from tests.support.running import by, on_virtual_time
-from uavmap.aircraft.imaging.imaging import Taken
+from uavmap.aircraft.imaging.classifier import Taken
 from uavmap.aircraft.process import messages as say
 from uavmap.aircraft.process.host import Host
 

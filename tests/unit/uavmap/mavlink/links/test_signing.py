@@ -17,15 +17,19 @@ from tests.support.running import by, on_virtual_time
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.identity import answered
 from uavmap.mavlink.links import signing as signing_module
-from uavmap.mavlink.links.key_file import BESIDE, KeptTimestamps, new_key, read_key, signing_with
 from uavmap.mavlink.links.signing import (
+    BESIDE,
     NEW_STREAM_BEHIND,
     REPLAYED,
     TICKS_PER_S,
     UNSIGNED,
     WRONG_KEY,
+    KeptTimestamps,
     Signing,
     Stream,
+    new_key,
+    read_key,
+    signing_with,
 )
 from uavmap.mavlink.session import Session
 from uavmap.ui.cli.commands.keys import give_key, remove_key

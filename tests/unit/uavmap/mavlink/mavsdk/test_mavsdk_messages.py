@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from uavmap.mavlink.mavsdk.driver_pipe import MOST_BYTES, Pieces, frames, words
-from uavmap.mavlink.mavsdk.mavsdk_messages import fields_of, message_of
-from uavmap.mavlink.mavsdk.outbox import Outbox
+from uavmap.mavlink.mavsdk.mavsdk_session import Outbox, fields_of, message_of
 
 _BITS = {"int8_t": 8, "int16_t": 16, "int32_t": 32, "int64_t": 64}
 _KINDS = sorted(mav.mavlink_map)

@@ -19,7 +19,7 @@ from tests.support.field import BOTH, Field, mission_of, on_field
 from tests.support.fleet_rig import field_text
 from tests.support.flights import Flight, fly
 from tests.support.running import by
-from uavmap.aircraft.stream_timeout import StreamTimeout
+from uavmap.aircraft.path_stream import StreamTimeout
 from uavmap.mavlink.mission_transfer import Item, Kind, MissionTransfer, same_items
 from uavmap.runner.preflight.autopilot_fence import shapes_of
 from uavmap.runner.preflight.autopilot_setup import FILE, AutopilotSetup

@@ -8,7 +8,7 @@ import pytest
 
 from tests.support.small_missions import mission_text, square
 from tests.unit.uavmap.conftest import Refusals
-from uavmap.mavlink.links.key_file import new_key
+from uavmap.mavlink.links.signing import new_key
 from uavmap.ui.cli import main
 
 URL = "udpin://127.0.0.1:1"

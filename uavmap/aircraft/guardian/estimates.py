@@ -1,19 +1,24 @@
-"""Wind, measured by how far a multicopter has to tilt.
+"""What telemetry shows of the flight beside what it tells: the wind, leaps of satellites, impacts.
 
-At a steady speed the thrust leans against the drag, so the tilt tells the speed through the air,
-and the difference to the speed over ground is the wind. The drag is taken to grow with the
-airspeed as that of a small quadcopter does (4 degrees in a wind of 3.6 m/s, 30 degrees at 13 m/s),
-times a factor of the airframe, which is learned from its own speeding up and braking: whatever the
-wind, it is nearly the same before and after.
+Wind is measured by how far a multicopter has to tilt. At a steady speed the thrust leans against
+the drag, so the tilt tells the speed through the air, and the difference to the speed over ground
+is the wind. The drag is taken to grow with the airspeed as that of a small quadcopter does (4
+degrees in a wind of 3.6 m/s, 30 degrees at 13 m/s), times a factor of the airframe, which is
+learned from its own speeding up and braking: whatever the wind, it is nearly the same before and
+after.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
+
+from missions.units import LatLon
+from uavmap.mavlink.continuity import distance_m
+from uavmap.mavlink.position_history import Fix
 
 GRAVITY_M_S2: Final = 9.80665
 DRAG_LINEAR_1_S: Final = 0.10
@@ -23,7 +28,7 @@ BLOCKS: Final = 4
 """A mean over less says nothing: a single braking tilts as much as a gale."""
 LEARNED_FROM_M_S: Final = 1.5
 """Two means whose velocities differ by less say nothing about the airframe."""
-PRIOR: Final = 1.5
+DRAG_PRIOR: Final = 1.5
 """How much the quadcopter counts against what was learned: less than one leg at 6 m/s."""
 MOST_LEARNED: Final = 60
 """So many of the last legs are remembered."""
@@ -99,8 +104,8 @@ class WindEstimate:
         """
         middle = _median(self._learned)
         near = [(f, w) for f, w in self._learned if middle / FAR_OFF <= f <= middle * FAR_OFF]
-        learned = PRIOR + sum(factor * weight for factor, weight in near)
-        mean = learned / (PRIOR + sum(weight for _, weight in near))
+        learned = DRAG_PRIOR + sum(factor * weight for factor, weight in near)
+        mean = learned / (DRAG_PRIOR + sum(weight for _, weight in near))
         return min(max(mean, LEAST_FACTOR), MOST_FACTOR)
 
     def tilted(self, roll_rad: float, pitch_rad: float, yaw_rad: float) -> None:
@@ -177,3 +182,137 @@ def _median(said: Collection[tuple[float, float]]) -> float:
         if half <= 0.0:
             return value
     return 1.0
+
+
+LEAP_WINDOW_S: Final = 1.0
+LEAP_GAP_S: Final = 1.5
+"""Over a longer gap nothing can be said: nobody knows how it flew meanwhile."""
+LEAP_ACCEL_M_S2: Final = 20.0
+"""More than a gale at once, with full tilt, does to a small multicopter."""
+LEAP_NOISE_M: Final = 5.0
+LEAP_NOISE_M_S: Final = 2.0
+
+
+class Leaps:
+    """A position or a speed that leaps: what no aircraft can do, satellite navigation has done.
+
+    The gate refuses what no aircraft can do at all (`uavmap.mavlink.continuity`), and believes it
+    once it stays. Here a smaller leap is noticed, too, and one that a navigation filter has
+    smoothed, which shows in the speed: a map whose places cannot be trusted is no map. A slow drift
+    cannot be noticed so; it looks like wind. Times are of the vehicle's own clock.
+    """
+
+    def __init__(self) -> None:
+        self._fixes: deque[tuple[float, LatLon, tuple[float, float]]] = deque()
+        self.leapt = ""
+        """What leapt last, in words; whoever takes note of it empties it."""
+
+    def forget(self) -> None:
+        """Begin anew: it stands on the ground, where it may be carried about."""
+        self._fixes.clear()
+        self.leapt = ""
+
+    def take(self, boot_s: float, position: LatLon, velocity_ne_m_s: tuple[float, float]) -> None:
+        """Take in where it was at a time of its clock, and how fast."""
+        fixes = self._fixes
+        if fixes and boot_s <= fixes[-1][0]:
+            fixes.clear()
+        fixes.append((boot_s, position, velocity_ne_m_s))
+        while len(fixes) > 2 and fixes[1][0] <= boot_s - LEAP_WINDOW_S:
+            fixes.popleft()
+        first_s, start, (north_m_s, east_m_s) = fixes[0]
+        passed_s = boot_s - first_s
+        if passed_s > LEAP_GAP_S:
+            return
+        flown = Fix(first_s, start, 0.0, (north_m_s, east_m_s, 0.0)).moved(boot_s)
+        off_m = distance_m(flown.position, position)
+        if off_m > LEAP_NOISE_M + 0.5 * LEAP_ACCEL_M_S2 * passed_s**2:
+            self._noted(f"its position has leapt by {off_m:.0f} m")
+            return
+        for told_s, _, before in fixes:
+            change_m_s = math.dist(before, velocity_ne_m_s)
+            if change_m_s > LEAP_NOISE_M_S + LEAP_ACCEL_M_S2 * (boot_s - told_s):
+                self._noted(f"its speed has leapt by {change_m_s:.0f} m/s")
+                return
+
+    def _noted(self, what: str) -> None:
+        self.leapt = what
+        self._fixes.clear()  # what comes next goes on from here
+
+
+REST_M_S: Final = 0.3
+"""A vehicle that sinks more slowly does not sink."""
+DESCENT_END_S: Final = 0.6
+"""The end of a descent. Who comes to rest in the air was not fast so shortly before."""
+IMPACT_KEPT_S: Final = 5.0
+"""So long an impact is remembered: until the motors are off and that is told, and over a bounce."""
+LEAST_FALL: Final = 0.3
+MOST_FALL: Final = 1.5
+"""Shares of gravity with which a free fall gains speed, as its messages tell it."""
+FALLS_S: Final = 2.0
+"""So long a vehicle that has landed by its own word may fall still: from 20 m."""
+
+
+class Impact:
+    """How hard a vehicle met the ground, by the vertical speeds that it tells, by its own clock.
+
+    A landing ends at half a metre a second. A vehicle whose motors stop while it is in the air
+    lands, too, by its own word: it is disarmed, and stands on the ground. Only its speed tells the
+    difference.
+
+    A single wrong message is no impact: the second of the greatest speeds counts, and the greatest
+    only at the end of a free fall, which three messages in a row show.
+
+    >>> impact = Impact()
+    >>> for tenth, sink_m_s in enumerate([0.5, 0.5, 1.5, 2.5, 3.4, 4.4, 0.0]):
+    ...     impact.take(tenth / 10, sink_m_s)
+    >>> impact.speed_m_s, impact.sinks
+    (4.4, False)
+    >>> for tenth, sink_m_s in enumerate([0.5, 0.5, 4.4, 0.5, 0.0], start=100):
+    ...     impact.take(tenth / 10, sink_m_s)
+    >>> impact.speed_m_s
+    0.5
+    """
+
+    def __init__(self) -> None:
+        self.sinks = False
+        """Whether it sinks now."""
+        self.speed_m_s = 0.0
+        """Of the end of its fastest descent in the last `IMPACT_KEPT_S`, in m/s downwards."""
+        self._descent: deque[tuple[float, float]] = deque()
+        self._rested_s = float("-inf")
+
+    def take(self, t_s: float, sink_m_s: float) -> None:
+        """Take in how fast it sinks at a time of its clock, in s and m/s."""
+        descent = self._descent
+        if descent and t_s < descent[-1][0]:  # its clock began anew
+            descent.clear()
+            self.speed_m_s = 0.0
+        descent.append((t_s, sink_m_s))
+        while descent[0][0] < t_s - DESCENT_END_S:
+            descent.popleft()
+        if t_s - self._rested_s > IMPACT_KEPT_S:
+            self.speed_m_s = 0.0
+        sank, self.sinks = self.sinks, sink_m_s > REST_M_S
+        if sank and not self.sinks and len(descent) > 1:
+            ended_m_s = sorted(speed for _, speed in descent)[-2]
+            if len(descent) > 3 and all(map(_falls, *_last_steps(descent))):
+                ended_m_s = max(ended_m_s, descent[-2][1])
+            if ended_m_s > self.speed_m_s:
+                self.speed_m_s, self._rested_s = ended_m_s, t_s
+
+
+_Sample = tuple[float, float]
+
+
+def _last_steps(descent: Sequence[_Sample]) -> tuple[list[_Sample], list[_Sample]]:
+    """From and to of the last two steps before it came to rest."""
+    last = [descent[-4], descent[-3], descent[-2]]
+    return last[:-1], last[1:]
+
+
+def _falls(one: _Sample, other: _Sample) -> bool:
+    """Whether it gained speed as in a free fall, or nearly: some thrust and drag may be left."""
+    elapsed_s, gained_m_s = other[0] - one[0], other[1] - one[1]
+    most_m_s = GRAVITY_M_S2 * elapsed_s
+    return LEAST_FALL * most_m_s <= gained_m_s <= MOST_FALL * most_m_s
