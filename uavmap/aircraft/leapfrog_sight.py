@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,18 +22,14 @@ from numpy.typing import NDArray
 from missions.mission.schema import NavigationSection
 from missions.planning.leapfrog_geometry import Role
 from missions.planning.leapfrog_offsets import Offsets
-from missions.units import GridPoint, Quaternion
+from missions.units import GridPoint
 from uavmap.aircraft.reporter import Reporter
-from uavmap.mavlink.position_history import Attitudes
 from uavmap.mavlink.vehicle_view import VehicleView
 from vision.camera import euler, rotation
 from vision.markers import Carrier, Sighting, SightingErrors, find_tags, sight
 from vision.own_map.ground_match import match
 from vision.own_map.ground_patch import Patch, patch
 from vision.projection import Frame
-
-if TYPE_CHECKING:
-    from uavmap.mavlink.session import Message
 
 HOVERS_M_S: Final = 0.4
 """Who tells to be slower hovers."""
@@ -59,38 +55,14 @@ BY_SATELLITES_M: Final = 1.0
 """Two places told by satellites may differ by so much beside what a sighting errs by."""
 
 
-class Member:
-    """One of the two, as `uavmap.aircraft.map_navigation` asks it."""
-
-    def __init__(self, leapfrog: Leapfrog, role: Role) -> None:
-        self._leapfrog, self._role = leapfrog, role
-
-    @property
-    def off(self) -> GridPoint:
-        """By how much its told place is off."""
-        return GridPoint(*self._leapfrog.offsets.off(self._role))
-
-    @property
-    def sigma_m(self) -> float:
-        """How well that is known."""
-        return self._leapfrog.offsets.sigma_m(self._role)
-
-    def moved(self, told: GridPoint, now_s: float, *, good: bool) -> None:
-        """It tells its place; `good`: by satellites."""
-        self._leapfrog.moved(self._role, told, now_s, good=good)
-
-    def take(self, frame: Frame) -> None:
-        """It took a picture, with the pose as told."""
-        self._leapfrog.take(self._role, frame)
-
-
 @dataclass(slots=True)
-class _Half:
-    """What is remembered of one vehicle."""
+class Member:
+    """One of the two, as `uavmap.aircraft.map_navigation` asks it, and what is remembered of it."""
 
+    leapfrog: Leapfrog
+    role: Role
     reporter: Reporter
     view: VehicleView
-    attitudes: Attitudes = field(default_factory=Attitudes)
     good: bool = True
     told: GridPoint | None = None
     told_s: float = 0.0
@@ -100,15 +72,60 @@ class _Half:
     """... and where it then told to be."""
     framed_s: float = float("-inf")
 
-    def leave(self) -> None:
+    @property
+    def off(self) -> GridPoint:
+        """By how much its told place is off."""
+        return GridPoint(*self.leapfrog.offsets.off(self.role))
+
+    @property
+    def sigma_m(self) -> float:
+        """How well that is known."""
+        return self.leapfrog.offsets.sigma_m(self.role)
+
+    def moved(self, told: GridPoint, now_s: float, *, good: bool) -> None:
+        """It tells its place; `good`: by satellites."""
+        before, before_s = self.told, self.told_s
+        self.told, self.told_s = told, now_s
+        if good or self.good or before is None:
+            self.leapfrog.offsets.restart(self.role)
+            self._leave()
+        else:
+            way = (told.east_m - before.east_m, told.north_m - before.north_m)
+            self.leapfrog.offsets.moved(self.role, way, max(now_s - before_s, 0.0))
+        self.good = good
+        strays = self.stopped_at is not None and told.distance_to(self.stopped_at) > STRAYS_M
+        if strays or self.view.ground_speed_m_s > 2.0 * HOVERS_M_S:
+            self._leave()
+
+    def take(self, frame: Frame) -> None:
+        """It took a picture, with the pose as told."""
+        if frame.t_s <= self.framed_s:  # one that comes late says nothing of now
+            return
+        self.framed_s = frame.t_s
+        self.leapfrog.look_for_mapper(self, frame)
+        if not self.good and self.view.ground_speed_m_s <= HOVERS_M_S:
+            self._hold_against_ground(frame)
+
+    def _leave(self) -> None:
         """It does not hover any more."""
         self.ground = self.stopped_at = None
 
-    def on_message(self, message: Message) -> None:
-        """Note how it is tilted."""
-        if message.get_type() == "ATTITUDE":
-            turned = Quaternion.from_euler(message.roll, message.pitch, message.yaw)
-            self.attitudes.take(message.time_boot_ms / 1000.0, turned)
+    def _hold_against_ground(self, frame: Frame) -> None:
+        grid = self.reporter.grid
+        ground, here = patch(frame, up_rad=grid.convergence_rad), grid.fixed(frame.pose.position)
+        if ground is None:
+            return
+        if self.ground is None or self.stopped_at is None:
+            self.ground, self.stopped_at = ground, here
+            self.leapfrog.offsets.stopped(self.role)
+            return
+        told = (here.east_m - self.stopped_at.east_m, here.north_m - self.stopped_at.north_m)
+        if not math.isclose(ground.metres_per_pixel, self.ground.metres_per_pixel):
+            return
+        found = match(self.ground, ground, told, SEARCH_M)
+        if found is not None:
+            sigma_m = math.hypot(found.sigma_m, frame.pose.height_m * math.tan(HELD_RAD))
+            self.leapfrog.offsets.held(self.role, told, found.moved_m, sigma_m)
 
 
 class Leapfrog:
@@ -117,56 +134,23 @@ class Leapfrog:
     def __init__(self, wanted: NavigationSection, say: Callable[[str], None]) -> None:
         self._wanted, self._say = wanted, say
         self.offsets = Offsets()
-        self._halves: dict[Role, _Half] = {}
+        self._members: dict[Role, Member] = {}
         self._sighted_s = float("-inf")
         self._looked_s = float("-inf")
         self._apart = 0
 
-    def join(
-        self,
-        role: Role,
-        reporter: Reporter,
-        view: VehicleView,
-        listen: Callable[[Callable[[Message], None]], None],
-    ) -> Member:
+    def join(self, role: Role, reporter: Reporter, view: VehicleView) -> Member:
         """Take part, with a vehicle's telemetry."""
-        half = _Half(reporter, view)
-        self._halves[role] = half
-        listen(half.on_message)
-        return Member(self, role)
+        member = self._members[role] = Member(self, role, reporter, view)
+        return member
 
-    def moved(self, role: Role, told: GridPoint, now_s: float, *, good: bool) -> None:
-        """A vehicle tells its place."""
-        half = self._halves[role]
-        before, before_s = half.told, half.told_s
-        half.told, half.told_s = told, now_s
-        if good or half.good or before is None:
-            self.offsets.restart(role)
-            half.leave()
-        else:
-            way = (told.east_m - before.east_m, told.north_m - before.north_m)
-            self.offsets.moved(role, way, max(now_s - before_s, 0.0))
-        half.good = good
-        strays = half.stopped_at is not None and told.distance_to(half.stopped_at) > STRAYS_M
-        if strays or half.view.ground_speed_m_s > 2.0 * HOVERS_M_S:
-            half.leave()
-
-    def take(self, role: Role, frame: Frame) -> None:
-        """A vehicle took a picture."""
-        half = self._halves[role]
-        if frame.t_s <= half.framed_s:  # one that comes late says nothing of now
-            return
-        half.framed_s = frame.t_s
+    def look_for_mapper(self, tracker: Member, frame: Frame) -> None:
+        """Look for the mapper in a picture of the tracker, now and then."""
         due = frame.t_s - self._looked_s >= LOOK_S
-        if role is Role.TRACKER and len(self._halves) == len(Role) and due:
-            self._looked_s = frame.t_s
-            self._look_for_mapper(half, frame)
-        if not half.good and half.view.ground_speed_m_s <= HOVERS_M_S:
-            self._hold_against_ground(role, half, frame)
-
-    # --- the other one -----------------------------------------------------------------------
-    def _look_for_mapper(self, tracker: _Half, frame: Frame) -> None:
-        mapper = self._halves[Role.MAPPER]
+        if tracker.role is not Role.TRACKER or len(self._members) < len(Role) or not due:
+            return
+        self._looked_s = frame.t_s
+        mapper = self._members[Role.MAPPER]
         number = mapper.reporter.number
         tags = find_tags(frame.image, self._wanted.tag_dictionary)
         found = next((tag for tag in tags if tag.tag_id == number), None)
@@ -199,7 +183,7 @@ class Leapfrog:
         """Hold a sighting against what both tell."""
         cos, sin = math.cos(up_rad), math.sin(up_rad)
         apart = (seen.east_m * cos - seen.north_m * sin, seen.east_m * sin + seen.north_m * cos)
-        if not all(half.good for half in self._halves.values()):
+        if not all(member.good for member in self._members.values()):
             # the grid is turned by a degree or two: a covariance is about the same along its axes
             covariance = seen.covariance_m2[:2, :2] + late_m**2 * np.eye(2)
             after_s = t_s - self._sighted_s
@@ -209,37 +193,19 @@ class Leapfrog:
         off_m = math.dist(told, apart)
         self._apart = self._apart + 1 if off_m > self._wanted.tolerated_m + BY_SATELLITES_M else 0
         if self._apart == APART_TIMES:
-            number = self._halves[Role.MAPPER].reporter.number
+            number = self._members[Role.MAPPER].reporter.number
             self._say(
                 f"vehicle {number} is seen {off_m:.1f} m from where both tell it to be: satellites "
                 "or navigation.tag_m are wrong"
             )
 
-    def _carrier(self, mapper: _Half, loop_s: float) -> Carrier:
+    def _carrier(self, mapper: Member, loop_s: float) -> Carrier:
         """How the mapper was tilted, as far as it has said."""
-        turned = mapper.attitudes.at(loop_s - (mapper.view.boot_offset_s or 0.0))
+        turned = mapper.view.attitude_at(loop_s)
         if turned is None:
             return Carrier()
         roll, pitch, _ = euler(turned)
         return Carrier(roll, pitch, TOLD_TILT_RAD)
-
-    # --- the ground ----------------------------------------------------------------------------
-    def _hold_against_ground(self, role: Role, half: _Half, frame: Frame) -> None:
-        grid = half.reporter.grid
-        ground, here = patch(frame, up_rad=grid.convergence_rad), grid.fixed(frame.pose.position)
-        if ground is None:
-            return
-        if half.ground is None or half.stopped_at is None:
-            half.ground, half.stopped_at = ground, here
-            self.offsets.stopped(role)
-            return
-        told = (here.east_m - half.stopped_at.east_m, here.north_m - half.stopped_at.north_m)
-        if not math.isclose(ground.metres_per_pixel, half.ground.metres_per_pixel):
-            return
-        found = match(half.ground, ground, told, SEARCH_M)
-        if found is not None:
-            sigma_m = math.hypot(found.sigma_m, frame.pose.height_m * math.tan(HELD_RAD))
-            self.offsets.held(role, told, found.moved_m, sigma_m)
 
 
 def _tilts_m(frame: Frame, below_m: float, up_rad: float) -> NDArray[np.float64]:

@@ -139,7 +139,7 @@ class MavlinkVehicle:
 
     def leapfrog(self, both: Leapfrog, role: Role) -> None:
         """Have it and another one look after each other."""
-        self._navigation.partner = both.join(role, self._reporter, self._view, self._session.listen)
+        self._navigation.partner = both.join(role, self._reporter, self._view)
 
     def was_flying(self) -> None:
         """It was in the air by our order when an earlier process ended: it is ours.

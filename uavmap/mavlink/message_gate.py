@@ -216,14 +216,6 @@ RULES: Final[Mapping[str, Rule]] = {
 }
 
 
-def place_fault(message: Message) -> str | None:
-    """Whether a position message says that there is no position yet.
-
-    Apart from `RULES`, since the clock of such a message is right.
-    """
-    return _place(message)
-
-
 TELL_EVERY_S: Final = 10.0
 AREA_M: Final = 100_000.0
 """Farther from the mission nothing is a position of one of its vehicles."""
@@ -237,15 +229,11 @@ _EXPECTED: Final = (NO_FIX, OLDER, OVERTAKEN)
 """What is counted, but no news to anybody."""
 
 
-def _to_nobody(text: str) -> None:
-    pass
-
-
 @dataclass(slots=True)
 class Gate:
     """Refuses what cannot be; `say` is told of it."""
 
-    say: Callable[[str], None] = _to_nobody
+    say: Callable[[str], None] = lambda text: None
     refused: Counter[tuple[str, str]] = field(default_factory=Counter)
     """How often by (kind of message, reason). Reasons are of this program: there are few."""
     area: LatLon | None = None
@@ -298,7 +286,9 @@ class Gate:
     def _position_fault(self, message: Message, now_s: float) -> str | None:
         boot_s = message.time_boot_ms / 1000.0
         reboots = self.clock.reboots
-        fault = self.clock.take(boot_s, now_s) or place_fault(message)
+        fault = self.clock.take(boot_s, now_s) or _place(
+            message
+        )  # the clock of such a message is right
         if self.clock.reboots != reboots:
             self.say("the vehicle's clock has begun anew: it has restarted")
         if fault is not None:

@@ -16,11 +16,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import GeodesyError
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
-from missions.units import GridPoint, LatLon, PadHeight
+from missions.units import GridPoint, LatLon, PadHeight, Quaternion
 from uavmap.mavlink.autopilots import ARDUPILOT, AUTOPILOTS, Autopilot
 from uavmap.mavlink.continuity import distance_m
 from uavmap.mavlink.message_gate import Gate
-from uavmap.mavlink.position_history import Place, Whereabouts
+from uavmap.mavlink.position_history import Attitudes, Place, Whereabouts
 from uavmap.mavlink.status_texts import Text, Texts
 
 
@@ -138,6 +138,7 @@ class VehicleView:
     as it is told, which is what the autopilot reckons commands from."""
     velocity_ned_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     whereabouts: Whereabouts = field(default_factory=Whereabouts)
+    attitudes: Attitudes = field(default_factory=Attitudes)
     home: LatLon | None = None
     ground_home: LatLon | None = None
     """The home that `home_amsl_m` is of: the same, but for one that is moved in the air."""
@@ -274,6 +275,10 @@ class VehicleView:
     def place_at(self, loop_s: float) -> Place | None:
         """Where the vehicle said to be at a time of the loop's clock; None if it has not."""
         return self.whereabouts.at(loop_s - (self.boot_offset_s or 0.0))
+
+    def attitude_at(self, loop_s: float) -> Quaternion | None:
+        """How the vehicle was turned at a time of the loop's clock; None if it has not said."""
+        return self.attitudes.at(loop_s - (self.boot_offset_s or 0.0))
 
     @property
     def kind(self) -> Autopilot:

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.units import LatLon
+from missions.units import LatLon, Quaternion
 from uavmap.mavlink.continuity import CameraClock
 from uavmap.mavlink.message_gate import RULES, Sender
 from uavmap.mavlink.position_history import Fix
@@ -27,6 +27,8 @@ _CAMERA: Final = _OTHER | {Sender.CAMERA}
 PREARM_BIT: Final = 0x10000000
 LANDED_STATE_S: Final = 5.0
 """Maximum age of a landed state; after it armed and height decide, s."""
+CLOCKS_APART_S: Final = 2.0
+"""An attitude whose time differs by more from that of the position is by another clock, s."""
 CAMERA_SILENT_S: Final = 10.0
 """After so long another camera of the vehicle may take the place of the one that was heard."""
 
@@ -139,6 +141,20 @@ def _position(view: VehicleView, message: Message, now_s: float, component: int)
     view.whereabouts.take(Fix(boot_s, view.told, view.height_m, view.velocity_ned_m_s))
 
 
+def _attitude(view: VehicleView, message: Message, now_s: float, component: int) -> None:
+    """Note an attitude; one with a stamp of another clock is refused and counted."""
+    kind = message.get_type()
+    boot_s, clock_s = message.time_boot_ms / 1000.0, view.gate.clock.boot_s
+    if clock_s is not None and abs(boot_s - clock_s) > CLOCKS_APART_S:
+        view.gate.refuse(kind, "its time is not that of the vehicle's position", now_s)
+    elif kind == "ATTITUDE":
+        turned = Quaternion.from_euler(message.roll, message.pitch, message.yaw)
+        view.attitudes.take(boot_s, turned)
+    else:
+        turned = Quaternion(message.q1, message.q2, message.q3, message.q4)
+        view.attitudes.take(boot_s, turned)
+
+
 def _captured(view: VehicleView, message: Message, now_s: float, component: int) -> None:
     boot_s = message.time_boot_ms / 1000.0
     view.gate.camera_clock.take(boot_s, now_s, view.boot_offset_s or 0.0)
@@ -234,6 +250,8 @@ _HANDLERS: Final = {
     "CURRENT_MODE": _current_mode,
     "GLOBAL_POSITION_INT": _position,
     "HOME_POSITION": _home,
+    "ATTITUDE": _attitude,
+    "ATTITUDE_QUATERNION": _attitude,
     "SYS_STATUS": _sys_status,
     "BATTERY_STATUS": _battery,
     "EXTENDED_SYS_STATE": _extended,

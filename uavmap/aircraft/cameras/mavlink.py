@@ -193,18 +193,20 @@ START_TRIES: Final = 3
 """How often a camera may reject a start after it was stopped."""
 
 
-class CaptureCommands:
-    """IMAGE_START_CAPTURE and IMAGE_STOP_CAPTURE, which a component may lose, repeat and reject.
+class CommandedSource(FrameSource):
+    """A camera that is commanded by messages of a session.
 
-    `component` says which, at the time of sending: the camera's, or the autopilot's.
+    IMAGE_START_CAPTURE and IMAGE_STOP_CAPTURE may be lost, repeated and rejected. `component` says
+    whose they are, at the time of sending: the camera's, or the autopilot's.
     """
 
     def __init__(self, session: Session, component: Callable[[], int]) -> None:
+        super().__init__()
         self._session = session
         self._component = component
         self._idle = False
         """Whether the camera is known to take no pictures just now."""
-        self.ordered_s = float("-inf")
+        self._ordered_s = float("-inf")
         """When pictures were ordered last, on the loop's clock: none of them is older."""
 
     def uncertain(self) -> None:
@@ -215,14 +217,16 @@ class CaptureCommands:
         """A burst has taken all its pictures: the camera has stopped by itself."""
         self._idle = True
 
-    async def start(self, interval_s: float, count: int, coming: Callable[[], bool]) -> None:
+    async def start(
+        self, interval_s: float, count: int, coming: Callable[[], bool] = never
+    ) -> None:
         """MAV_CMD_IMAGE_START_CAPTURE; a count of 0 goes on until stopped.
 
         A camera that still captures (its stop was lost, or another process began it) rejects the
         start for the time being: it is stopped first. Pictures that come are as good as an
         acknowledgement. Raises `LinkError` when neither comes, or the camera refuses.
         """
-        self.ordered_s = asyncio.get_running_loop().time()
+        self._ordered_s = asyncio.get_running_loop().time()
         for attempt in itertools.count(1):
             if not self._idle:
                 await self._stop_first()
@@ -253,33 +257,6 @@ class CaptureCommands:
         self._session.send_command(mav.MAV_CMD_IMAGE_STOP_CAPTURE, component=self._component())
 
 
-class CommandedSource(FrameSource):
-    """What the cameras have in common that are commanded by messages of a session."""
-
-    def __init__(self, session: Session, component: Callable[[], int]) -> None:
-        super().__init__()
-        self._session = session
-        self._commands = CaptureCommands(session, component)
-
-    async def start(
-        self, interval_s: float, count: int, coming: Callable[[], bool] = never
-    ) -> None:
-        """Have it take pictures. Raises `CommandRefusedError`, `LinkError`."""
-        await self._commands.start(interval_s, count, coming)
-
-    def stop(self) -> None:
-        """Have it stop."""
-        self._commands.stop()
-
-    def ended(self) -> None:
-        """It has stopped by itself."""
-        self._commands.ended()
-
-    def uncertain(self) -> None:
-        """Nobody knows what it does."""
-        self._commands.uncertain()
-
-
 class MavlinkSource(CommandedSource):
     """The camera component of the vehicle at the other end of a session."""
 
@@ -306,7 +283,7 @@ class MavlinkSource(CommandedSource):
     def _announcement(self, message: Message) -> Announcement:
         view = self._session.view
         url, now_s = message.file_url, asyncio.get_running_loop().time()
-        taken_s = view.captured_s(message.time_boot_ms, now_s, self._commands.ordered_s)
+        taken_s = view.captured_s(message.time_boot_ms, now_s, self._ordered_s)
         said_s = view.captured_s(message.time_boot_ms, math.inf)
         wrong = abs(said_s - taken_s) > STAMP_SLACK_S
         return Announcement(

@@ -19,8 +19,7 @@ from missions.units import LatLon, Pose, Quaternion
 from uavmap.aircraft.cameras.source import Announcement, ToldPose
 from uavmap.mavlink.continuity import FASTEST_M_S, distance_m
 from uavmap.mavlink.message_gate import unit_fault
-from uavmap.mavlink.position_history import Attitudes
-from uavmap.mavlink.session import Message, Session
+from uavmap.mavlink.session import Session
 from uavmap.mavlink.vehicle_view import VehicleView
 
 _NADIR: Final = Quaternion.from_euler(0.0, -math.pi / 2.0, 0.0)
@@ -84,7 +83,6 @@ RATE_HZ: Final = 10.0
 """Of the attitude, for a camera that does not tell its own."""
 AFTER_S: Final = 0.6
 """So long telemetry of after an exposure is waited for."""
-_CLOCKS_APART_S: Final = 2.0
 _LOWEST_M, _HIGHEST_M = -500.0, 10_000.0
 
 
@@ -99,11 +97,9 @@ class Poses:
         self._view = session.view
         self._mount = mount
         self._grid = grid
-        self._attitudes = Attitudes()
         self._told = False
         self.streams: dict[int, float] = {}
         """Rates, Hz, by message id, that it needs of the autopilot beside a mission's."""
-        session.listen(self._on_message)
 
     def need_telemetry(self) -> None:
         """Have the autopilot tell its attitude often: the camera does not tell its own."""
@@ -112,22 +108,6 @@ class Poses:
         self.streams[mav.MAVLINK_MSG_ID_ATTITUDE] = RATE_HZ
         if self._view.autopilot is not None:
             self._session.request_interval(mav.MAVLINK_MSG_ID_ATTITUDE, RATE_HZ)
-
-    def _on_message(self, message: Message) -> None:
-        """Note an attitude; one with a stamp of another clock is refused and counted."""
-        kind = message.get_type()
-        if kind not in ("ATTITUDE", "ATTITUDE_QUATERNION"):
-            return
-        boot_s, clock_s = message.time_boot_ms / 1000.0, self._view.gate.clock.boot_s
-        if clock_s is not None and abs(boot_s - clock_s) > _CLOCKS_APART_S:
-            now_s = asyncio.get_running_loop().time()
-            self._view.gate.refuse(kind, "its time is not that of the vehicle's position", now_s)
-            return
-        if kind == "ATTITUDE":
-            turned = Quaternion.from_euler(message.roll, message.pitch, message.yaw)
-        else:
-            turned = Quaternion(message.q1, message.q2, message.q3, message.q4)
-        self._attitudes.take(boot_s, turned)
 
     async def of(self, picture: Announcement) -> Pose:
         """The pose of a picture. Raises `ImageError` with what is wrong, which is counted.
@@ -165,7 +145,7 @@ class Poses:
         place = self._view.place_at(taken_s)
         told_s = self._view.gate.clock.boot_s
         beyond = place is not None and told_s is not None and told_s >= boot_s
-        return beyond and self._attitudes.last_s >= boot_s
+        return beyond and self._view.attitudes.last_s >= boot_s
 
     def _pose(self, picture: Announcement) -> tuple[str | None, Pose | None]:
         """What is wrong, and the pose."""
@@ -174,8 +154,7 @@ class Poses:
             return picture.fault, None
         attitude = told.attitude
         if attitude is None:
-            boot_s = picture.taken_s - (self._view.boot_offset_s or 0.0)
-            body = self._attitudes.at(boot_s)
+            body = self._view.attitude_at(picture.taken_s)
             if body is None:
                 return "it tells no attitude, and the vehicle did not tell its own of then", None
             attitude = self._mount.attitude(body)

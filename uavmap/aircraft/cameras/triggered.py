@@ -94,7 +94,7 @@ class TriggeredSource(CommandedSource):
             return
         self._last_index = message.img_idx
         taken_s = self._taken_s(message.time_usec)
-        if taken_s < self._commands.ordered_s - _SHORTEST_S:
+        if taken_s < self._ordered_s - _SHORTEST_S:
             return  # before the order
         if not self._active and taken_s > self._stopped_s:
             return  # somebody else's

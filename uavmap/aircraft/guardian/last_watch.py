@@ -15,13 +15,14 @@ from collections.abc import Awaitable, Mapping
 from typing import Final, Protocol, TypeVar
 
 from missions.errors import AircraftError, UavmapError, leaves
+from uavmap.aircraft.guardian.guardian import Guardian
 
 T = TypeVar("T")
 NOT_HOME: Final = "an aircraft was not brought home"
 
 
-class Watch(Protocol):
-    """Keeps aircraft from being left alone."""
+class Keeper(Protocol):
+    """Keeps all aircraft of a flight from being left alone."""
 
     async def run(self) -> None:
         """Watch until cancelled."""
@@ -35,27 +36,15 @@ class Watch(Protocol):
         """Return, and wait until that is seen."""
         ...
 
-
-class Keeper(Watch, Protocol):
-    """Keeps all aircraft of a flight."""
-
     def fates(self) -> Mapping[int, str]:
         """Where each aircraft that was heard is, in words, empty for one at home."""
-        ...
-
-
-class GuardianLike(Watch, Protocol):
-    """Keeps one aircraft."""
-
-    def fate(self) -> str | None:
-        """Where the aircraft is at the end, empty if at home, None if it was never heard."""
         ...
 
 
 class Guardians:
     """The guardians of several aircraft, by their numbers, as one keeper."""
 
-    def __init__(self, guardians: Mapping[int, GuardianLike]) -> None:
+    def __init__(self, guardians: Mapping[int, Guardian]) -> None:
         self._guardians = guardians
 
     async def run(self) -> None:
@@ -68,7 +57,7 @@ class Guardians:
         Raises an `ExceptionGroup` of the guardians' failures.
         """
 
-        async def bring_home(guardian: GuardianLike) -> None:
+        async def bring_home(guardian: Guardian) -> None:
             try:
                 await guardian.bring_home(reason)
             except Exception:

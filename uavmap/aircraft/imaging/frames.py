@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Awaitable, Iterator
-from typing import Final, Protocol
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from typing import Final
 
 from missions.errors import CommandRefusedError, ImageError, LinkError
 from missions.events import FrameLost
 from missions.units import Cell
-from uavmap.aircraft.cameras.source import Announcement
+from uavmap.aircraft.cameras.source import Announcement, FrameSource
 
 PICTURE_WAIT_S: Final = 3.0
 """A picture that is late by twice this is given up."""
@@ -25,6 +25,12 @@ ASK_AGAIN_S: Final = 1.0
 MOST_MISSING: Final = 20
 """How many announcements are asked for again at once: a camera's count may jump."""
 
+LookAt = Callable[[Announcement, Cell | None], Awaitable[bool]]
+"""What is done with a picture that was announced, and the cell that it was ordered for: whether it
+counts. Raises `ImageError`, `LinkError`."""
+Lost = Callable[[str, Announcement | None], FrameLost]
+"""A picture that never came (None), or cannot be used, and why."""
+
 
 @contextlib.contextmanager
 def suppressed_silence() -> Iterator[None]:
@@ -37,69 +43,30 @@ def suppressed_silence() -> Iterator[None]:
         pass
 
 
-class Camera(Protocol):
-    """A camera that takes the pictures of one order."""
-
-    @property
-    def burst_size(self) -> int:
-        """How many frames a cell gets."""
-        ...
-
-    async def start(self, interval_s: float, count: int) -> None:
-        """Have pictures taken; a count of 0 goes on until stopped."""
-        ...
-
-    def stop(self) -> None:
-        """Have none taken any more."""
-        ...
-
-    def ended(self) -> None:
-        """A burst has taken all its pictures."""
-        ...
-
-    def uncertain(self) -> None:
-        """It is unknown what the camera does."""
-        ...
-
-    def ask_again(self, index: int) -> None:
-        """Have a lost announcement repeated."""
-        ...
-
-    def lost(self, reason: str, picture: Announcement | None = None) -> FrameLost:
-        """A picture that never came, or cannot be used."""
-        ...
-
-
-class LookAt(Protocol):
-    """What is done with a picture that was announced."""
-
-    def __call__(
-        self, picture: Announcement, vantage: Cell | None, *, anywhere: bool
-    ) -> Awaitable[bool]:
-        """Return whether it counts. Raises `ImageError`, `LinkError`."""
-        ...
-
-
 class Frames:
-    """The pictures of one order, as they are announced.
+    """The pictures of one order, as they are announced by a source.
 
-    `most` None: a stream, until it is stopped; else bursts, of so many in all. `anywhere`: judged
-    by all that they show.
+    `most` None: a stream, until it is stopped; else bursts of `burst_size`, of so many in all.
+    `anywhere`: judged by all that they show.
     """
 
     def __init__(
         self,
-        camera: Camera,
+        source: FrameSource,
         look: LookAt,
-        most: int | None,
+        lost: Lost,
         interval_s: float,
         *,
+        most: int | None = None,
+        burst_size: int = 1,
         anywhere: bool = False,
     ) -> None:
-        self._camera = camera
+        self._source = source
         self._look = look
+        self._lost = lost
         self._anywhere = anywhere
         self._most = most
+        self._burst_size = burst_size
         self._interval_s = interval_s
         self._announced: asyncio.Queue[Announcement] = asyncio.Queue()
         self._next_index: int | None = None
@@ -128,7 +95,7 @@ class Frames:
             return False
         if self._next_index is not None:
             for missing in range(max(self._next_index, index - MOST_MISSING), index):
-                self._camera.ask_again(missing)
+                self._source.ask_again(missing)
         self._next_index = max(index + 1, self._next_index or 0)
         self._seen.add(index)
         return True
@@ -141,7 +108,7 @@ class Frames:
         """
         if self.heard == 0:
             await self._moved_on()
-        self._camera.stop()
+        self._source.stop()
         self.capturing = False
         while self._pending and await self._moved_on():
             pass
@@ -154,8 +121,20 @@ class Frames:
     async def go_on(self, interval_s: float) -> None:
         """Take further pictures, at an interval, after `finish` or while they are taken."""
         self._interval_s = interval_s
+        await self.start()
+
+    async def start(self) -> None:
+        """Have pictures taken until they are stopped; a silent camera is told by missing ones."""
         with suppressed_silence():
-            await self._camera.start(interval_s, 0)
+            await self._start(0)
+
+    async def _start(self, count: int) -> None:
+        """Have pictures taken; a count of 0 goes on until stopped.
+
+        Raises `LinkError` where nothing answers and none comes, or the camera refuses.
+        """
+        self.capturing, before = True, self.heard
+        await self._source.start(self._interval_s, count, lambda: self.heard > before)
 
     async def _moved_on(self) -> bool:
         """Whether another picture is judged, or lost, within the time for one."""
@@ -171,7 +150,7 @@ class Frames:
         """The pictures that were announced and never judged: they are lost, and that is said."""
         pending, self._pending = self._pending, 0
         late = "it came too late: the pictures are fetched slower than they are taken"
-        return [self._camera.lost(late) for _ in range(pending)]
+        return [self._lost(late, None) for _ in range(pending)]
 
     async def judged(self, vantage: Cell | None) -> AsyncIterator[FrameLost | None]:
         """Have every picture judged, in the order of their coming; yield each that is lost.
@@ -183,14 +162,14 @@ class Frames:
                 yield await self._streamed(vantage)
         taken = 0
         while taken < self._most:
-            count = min(self._camera.burst_size, self._most - taken)
+            count = min(self._burst_size, self._most - taken)
             try:
-                await self._camera.start(self._interval_s, count)
+                await self._start(count)
             except CommandRefusedError:
                 raise
             except LinkError as silence:  # the link may live, and the camera may wake up
                 taken += count
-                yield self._camera.lost(f"the camera is silent: {silence}")
+                yield self._lost(f"the camera is silent: {silence}", None)
                 continue
             self._whole = True
             for left in range(count, 0, -1):
@@ -207,26 +186,26 @@ class Frames:
                 picture = await self._announced.get()
         except TimeoutError:
             if self.capturing:
-                self._camera.uncertain()
-                with suppressed_silence():
-                    await self._camera.start(self._interval_s, 0)
-            return self._camera.lost("the camera is silent: no picture was announced")
+                self._source.uncertain()
+                await self.start()
+            return self._lost("the camera is silent: no picture was announced", None)
         if self._anywhere and self._announced.qsize() >= MOST_WAITING:
             picture = self._newest()
             if not self._left_out:
                 self._left_out = True
                 self._announced.put_nowait(picture)
-                return self._camera.lost(
-                    "pictures are judged slower than they are taken: from now on some are left out"
+                return self._lost(
+                    "pictures are judged slower than they are taken: from now on some are left out",
+                    None,
                 )
         return await self._looked_at(picture, vantage)
 
     async def _looked_at(self, picture: Announcement, vantage: Cell | None) -> FrameLost | None:
         """Have a picture judged; return it if it is lost."""
         try:
-            await self._look(picture, vantage, anywhere=self._anywhere)
+            await self._look(picture, vantage)
         except (ImageError, LinkError) as error:
-            return self._camera.lost(str(error), picture)
+            return self._lost(str(error), picture)
         finally:
             self._judged()
         return None
@@ -260,18 +239,18 @@ class Frames:
             except TimeoutError:
                 wait_s = ASK_AGAIN_S
                 if self._next_index is not None:
-                    self._camera.ask_again(self._next_index)
+                    self._source.ask_again(self._next_index)
                 elif not again and clock.time() - begin_s >= PICTURE_WAIT_S:
                     again = True
                     with suppressed_silence():
-                        await self._camera.start(self._interval_s, left)
+                        await self._start(left)
                 continue
             if left == 1:  # before the mission judges it, and gives another order
                 self.capturing = False
                 if self._whole:
-                    self._camera.ended()
+                    self._source.ended()
             return await self._looked_at(picture, vantage)
         self._whole = False
         if left == 1:
             self.capturing = False
-        return self._camera.lost("a picture was ordered, but none was announced")
+        return self._lost("a picture was ordered, but none was announced", None)

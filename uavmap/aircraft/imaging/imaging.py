@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Callable, Mapping
+from functools import partial
 from typing import Protocol
 
 from missions.events import FrameLost
@@ -18,7 +19,7 @@ from missions.units import Cell
 from uavmap.aircraft.cameras.pose import Poses
 from uavmap.aircraft.cameras.source import Announcement, FrameSource, Image, decoded
 from uavmap.aircraft.imaging.classifier import Taken, camera_of
-from uavmap.aircraft.imaging.frames import Frames, suppressed_silence
+from uavmap.aircraft.imaging.frames import Frames
 from uavmap.aircraft.map_navigation import Navigation
 from uavmap.base.printable import printable
 from vision.plausible import implausible
@@ -79,37 +80,39 @@ class CameraDriver:
 
         `anywhere`: they are evidence of all that they show, and of no vantage.
         """
-        frames = Frames(self, self.judged, None, interval_s, anywhere=anywhere)
-        async with self._started(frames):
+        look = partial(self.judged, anywhere=anywhere)
+        async with self._heard_by(
+            Frames(self._source, look, self.lost, interval_s, anywhere=anywhere)
+        ) as frames:
+            await frames.start()
             yield frames
 
     @contextlib.asynccontextmanager
     async def to_navigate(self, interval_s: float) -> AsyncIterator[Frames]:
         """Pictures at an interval to find the position by, which the mission does not get."""
 
-        async def look(picture: Announcement, vantage: Cell | None, *, anywhere: bool) -> bool:
-            await self._taken(picture, vantage, anywhere=anywhere)
+        async def look(picture: Announcement, vantage: Cell | None) -> bool:
+            await self._taken(picture, vantage, anywhere=True)
             return True
 
-        frames = Frames(self, look, None, interval_s, anywhere=True)
-        async with self._started(frames):
+        async with self._heard_by(
+            Frames(self._source, look, self.lost, interval_s, anywhere=True)
+        ) as frames:
+            await frames.start()
             yield frames
-
-    @contextlib.asynccontextmanager
-    async def _started(self, frames: Frames) -> AsyncIterator[None]:
-        async with self._frames_of(frames):
-            with suppressed_silence():  # a silent camera is told by its missing pictures
-                await self.start(frames.interval_s, 0)
-            yield
 
     @contextlib.asynccontextmanager
     async def burst(self, most: int) -> AsyncIterator[Frames]:
         """Pictures in bursts of a look's number, at most so many."""
-        async with self._frames_of(Frames(self, self.judged, most, self.interval_s)) as frames:
+        look, interval_s = partial(self.judged, anywhere=False), self._mission.camera.interval_s
+        size = self._mission.votes.frames
+        async with self._heard_by(
+            Frames(self._source, look, self.lost, interval_s, most=most, burst_size=size)
+        ) as frames:
             yield frames
 
     @contextlib.asynccontextmanager
-    async def _frames_of(self, frames: Frames) -> AsyncIterator[Frames]:
+    async def _heard_by(self, frames: Frames) -> AsyncIterator[Frames]:
         self._frames = frames
         self._source.listen(self._announced)  # others may have, before the flight
         try:
@@ -118,44 +121,7 @@ class CameraDriver:
             if self._frames is frames:
                 self._frames = None
             if frames.capturing:
-                self.stop()
-
-    async def start(self, interval_s: float, count: int) -> None:
-        """Have pictures taken; a count of 0 goes on until stopped.
-
-        Raises `LinkError` where nothing answers and none comes, or the camera refuses.
-        """
-        frames = self._frames
-        if frames is not None:
-            frames.capturing = True
-        before = 0 if frames is None else frames.heard
-
-        def coming() -> bool:
-            return frames is not None and frames.heard > before
-
-        await self._source.start(interval_s, count, coming)
-
-    def stop(self) -> None:
-        """Have none taken any more; without waiting, for it is said while being called off."""
-        self._source.stop()
-
-    def ended(self) -> None:
-        """A burst has taken all its pictures: the camera has stopped by itself."""
-        self._source.ended()
-
-    @property
-    def burst_size(self) -> int:
-        """How many frames a cell gets."""
-        return self._mission.votes.frames
-
-    @property
-    def interval_s(self) -> float:
-        """Time between two frames of a cell."""
-        return self._mission.camera.interval_s
-
-    def ask_again(self, index: int) -> None:
-        """Have a lost announcement repeated."""
-        self._source.ask_again(index)
+                self._source.stop()
 
     async def judged(self, picture: Announcement, vantage: Cell | None, *, anywhere: bool) -> bool:
         """Have a picture that was announced judged. Return whether it counts.

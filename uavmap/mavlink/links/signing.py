@@ -19,7 +19,7 @@ import stat
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -46,19 +46,6 @@ Stream = tuple[int, int, int]
 """System, component, link id."""
 
 
-class Timestamps(Protocol):
-    """What is remembered of timestamps, over restarts."""
-
-    sent: int
-    """The highest that was used, or more."""
-    heard: dict[Stream, int]
-    """The highest of each stream."""
-
-    def note(self) -> None:
-        """Something has changed."""
-        ...
-
-
 def ticks_now() -> int:
     """The time as signatures tell it."""
     return int((time.time() - EPOCH_UTC_S) * TICKS_PER_S)
@@ -71,7 +58,7 @@ class Signing:
     """
 
     def __init__(
-        self, key: bytes, timestamps: Timestamps, now: Callable[[], int] = ticks_now
+        self, key: bytes, timestamps: KeptTimestamps, now: Callable[[], int] = ticks_now
     ) -> None:
         if len(key) != KEY_BYTES:
             raise ValueError(f"a signing key has {KEY_BYTES} bytes, not {len(key)}")
@@ -207,7 +194,9 @@ class KeptTimestamps:
     def __init__(self, key: Path) -> None:
         self._path = key.with_name(key.name + BESIDE)
         self.sent = 0
+        """The highest that was used, or more."""
         self.heard: dict[Stream, int] = {}
+        """The highest of each stream."""
         self._saved_s = float("-inf")
         self._reserved = 0
         self._read()

@@ -2,8 +2,7 @@
 
 Every transport hands what it hears to `on_bytes` from the event loop and never blocks the reader:
 an ArduPilot simulation freezes when its TCP client stops reading. `on_bytes` answers whether it
-was the vehicle that spoke, and by that a listening socket knows whom to keep to. UDP sockets are
-read until they are empty.
+was the vehicle that spoke, and by that a listening socket knows whom to keep to.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ import socket
 import time
 from collections import defaultdict
 from collections.abc import AsyncIterator, Callable, Collection, Hashable, Mapping
+from functools import partial
 from typing import Any, Final, Protocol, cast
 
 from missions.errors import LinkError
@@ -182,13 +182,9 @@ class Transport(Protocol):
         ...
 
 
-def _to_nobody(text: str) -> None:
-    pass
-
-
 @contextlib.asynccontextmanager
 async def open_transport(
-    endpoint: Endpoint, on_bytes: OnBytes, say: Say = _to_nobody
+    endpoint: Endpoint, on_bytes: OnBytes, say: Say = lambda text: None
 ) -> AsyncIterator[Transport]:
     """Open the transport that an endpoint names, and close it at the end.
 
@@ -215,7 +211,7 @@ async def open_transport(
 
 @contextlib.asynccontextmanager
 async def open_shared(
-    endpoint: Endpoint, on_bytes: Mapping[int, OnBytes], say: Say = _to_nobody
+    endpoint: Endpoint, on_bytes: Mapping[int, OnBytes], say: Say = lambda text: None
 ) -> AsyncIterator[Mapping[int, Transport]]:
     """One link that several vehicles share: a transport for each, by system id.
 
@@ -353,8 +349,7 @@ class _TcpConnection(asyncio.Protocol):
         made = cast(asyncio.Transport, transport)
         if self._link.made(made):
             self._transport = made
-        else:
-            # not at once: asyncio is about to begin to read from it
+        else:  # not at once: asyncio is about to begin to read from it
             asyncio.get_running_loop().call_soon(made.abort)
 
     def data_received(self, data: bytes) -> None:
@@ -367,11 +362,9 @@ class _TcpConnection(asyncio.Protocol):
 
 
 async def _open_tcp_client(endpoint: Endpoint, on_bytes: OnBytes, strangers: Strangers) -> _Opened:
-    loop = asyncio.get_running_loop()
     tcp = _Tcp(on_bytes, strangers)
-
-    async def connect() -> None:
-        await loop.create_connection(lambda: _TcpConnection(tcp), endpoint.host, endpoint.port)
+    connecting = asyncio.get_running_loop().create_connection
+    connect = partial(connecting, lambda: _TcpConnection(tcp), endpoint.host, endpoint.port)
 
     async def stay_connected() -> None:
         """A connection that ends in flight is made again, for as long as it takes."""

@@ -8,20 +8,18 @@ from typing import Any, cast
 
 from missions.events import FrameLost
 from missions.units import Cell
+from uavmap.aircraft.cameras.source import FrameSource
 from uavmap.aircraft.imaging.frames import MOST_WAITING, Frames
-from uavmap.aircraft.imaging.imaging import CameraDriver
 from uavmap.base.clock import VirtualClock, run
 
 
 class SlowCamera:
     """Takes a second for each picture."""
 
-    burst_size = 5
-
     def __init__(self) -> None:
         self.indices: list[int] = []
 
-    async def judged(self, picture: Any, vantage: Cell | None, *, anywhere: bool) -> bool:
+    async def judged(self, picture: Any, vantage: Cell | None) -> bool:
         await asyncio.sleep(1.0)
         self.indices.append(picture.index)
         return True
@@ -39,7 +37,8 @@ def taken(anywhere: bool) -> tuple[SlowCamera, list[FrameLost]]:
     events: list[FrameLost] = []
 
     async def body() -> None:
-        frames = Frames(cast("CameraDriver", camera), camera.judged, None, 0.1, anywhere=anywhere)
+        source = cast("FrameSource", camera)
+        frames = Frames(source, camera.judged, camera.lost, 0.1, anywhere=anywhere)
 
         async def judge() -> None:
             async for lost in frames.judged(None):
