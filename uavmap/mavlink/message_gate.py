@@ -114,7 +114,8 @@ def _current_mode(message: Message) -> str | None:
     return None
 
 
-def _place(message: Message) -> str | None:
+def _no_place(message: Message) -> str | None:
+    """Apart from `RULES`, since the clock of such a message is right."""
     return NO_FIX if message.lat == message.lon == 0 else None
 
 
@@ -286,9 +287,7 @@ class Gate:
     def _position_fault(self, message: Message, now_s: float) -> str | None:
         boot_s = message.time_boot_ms / 1000.0
         reboots = self.clock.reboots
-        fault = self.clock.take(boot_s, now_s) or _place(
-            message
-        )  # the clock of such a message is right
+        fault = self.clock.take(boot_s, now_s) or _no_place(message)
         if self.clock.reboots != reboots:
             self.say("the vehicle's clock has begun anew: it has restarted")
         if fault is not None:

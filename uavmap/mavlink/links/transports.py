@@ -62,9 +62,8 @@ def _place(address: Any) -> str:
 
 async def bound_socket(host: str, port: int, family: int = 0) -> socket.socket:
     """A UDP socket of an address of this machine. Raises `OSError`."""
-    found = await asyncio.get_running_loop().getaddrinfo(
-        host, port, family=family, type=socket.SOCK_DGRAM
-    )
+    loop = asyncio.get_running_loop()
+    found = await loop.getaddrinfo(host, port, family=family, type=socket.SOCK_DGRAM)
     kind, _, _, _, address = found[0]
     made = socket.socket(kind, socket.SOCK_DGRAM)
     try:
@@ -385,9 +384,9 @@ async def _open_tcp_client(endpoint: Endpoint, on_bytes: OnBytes, strangers: Str
 
 
 async def _open_tcp_server(endpoint: Endpoint, on_bytes: OnBytes, strangers: Strangers) -> _Opened:
-    loop = asyncio.get_running_loop()
     tcp = _Tcp(on_bytes, strangers)
-    server = await loop.create_server(lambda: _TcpConnection(tcp), endpoint.host, endpoint.port)
+    make_server = asyncio.get_running_loop().create_server
+    server = await make_server(lambda: _TcpConnection(tcp), endpoint.host, endpoint.port)
 
     def close() -> None:
         server.close()
