@@ -18,7 +18,7 @@ import pytest
 from missions.errors import LinkError
 from tests.support.ports import free_port
 from tests.support.running import by
-from uavmap.mavlink.links import serial_port, transports, udp
+from uavmap.mavlink.links import serial_port, transports
 from uavmap.mavlink.links.transports import open_transport
 from uavmap.mavlink.links.urls import Endpoint, parse_url
 
@@ -139,7 +139,7 @@ async def test_a_listening_udp_socket_keeps_to_whom_it_first_heard_as_a_vehicle(
         assert b"stranger" not in ear.data
         server.send(b"answer")
         await first.hears(b"answer")
-        monkeypatch.setattr(udp, "PEER_SILENT_S", 0.0)  # as if the first fell silent
+        monkeypatch.setattr(transports, "PEER_SILENT_S", 0.0)  # as if the first fell silent
         two.send(b"?no vehicle of ours")
         await ear.hears(b"of ours")
         server.send(b"still")
@@ -155,7 +155,7 @@ async def test_a_listening_udp_socket_keeps_to_whom_it_first_heard_as_a_vehicle(
 
 @by(on_loop)
 async def test_a_named_udp_peer_is_never_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(udp, "PEER_SILENT_S", 0.0)
+    monkeypatch.setattr(transports, "PEER_SILENT_S", 0.0)
     ear, told, loop = Ear(), Told(), asyncio.get_running_loop()
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer,
@@ -191,12 +191,12 @@ async def test_many_strangers_are_not_all_told_of() -> None:
     ):
         vehicle.send(b"vehicle")
         await ear.hears(b"vehicle")
-        for _ in range(udp.MOST_STRANGERS + 20):
+        for _ in range(transports.MOST_STRANGERS + 20):
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
                 stranger.sendto(b"stranger", ("127.0.0.1", port))
         vehicle.send(b"last")
         await ear.hears(b"last")
-        assert 10 <= len(told.lines) <= udp.MOST_STRANGERS
+        assert 10 <= len(told.lines) <= transports.MOST_STRANGERS
 
 
 @by(on_loop)
