@@ -67,7 +67,6 @@ class Manoeuvres:
         monitor: Monitor,
         mission: Mission,
         crew: Crew,
-        timeout: StreamTimeout,
         *,
         by_places: bool = False,
         tell: Callable[[str], None] = lambda text: None,
@@ -85,6 +84,7 @@ class Manoeuvres:
             session, commands, reporter, monitor, mission.battery.capacity_wh, crew, tell
         )
         self._stream = PathStream(session, commands, reporter, monitor, by_places=by_places)
+        timeout = StreamTimeout(reporter.name, session, tell)
         self._timeout = None if by_places else timeout
         self._on_path = False
         """Whether a path is flown that another may replace on the way."""

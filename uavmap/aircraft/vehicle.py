@@ -34,7 +34,6 @@ from uavmap.aircraft.leapfrog_sight import Leapfrog
 from uavmap.aircraft.manoeuvres import Manoeuvres
 from uavmap.aircraft.map_navigation import Navigation
 from uavmap.aircraft.pad import READY_S, Crew, Waiting
-from uavmap.aircraft.path_stream import StreamTimeout
 from uavmap.aircraft.reporter import BATTERY_STALE_S, Report, Reporter
 from uavmap.aircraft.telemetry_streams import Streams
 from uavmap.base.clock import ClockRate
@@ -110,7 +109,6 @@ class MavlinkVehicle:
         self._manoeuvres = Manoeuvres(
             session, ControlledCommands(session, commands, self._monitor), camera,
             self._reporter, self._monitor, setting.mission, crew,
-            StreamTimeout(name, session, tell),
             by_places=by_places, tell=tell,
         )  # fmt: skip
         self._navigation = Navigation(self._reporter, session.view, setting.mission, tell)

@@ -238,7 +238,7 @@ class Gate:
     refused: Counter[tuple[str, str]] = field(default_factory=Counter)
     """How often by (kind of message, reason). Reasons are of this program: there are few."""
     area: LatLon | None = None
-    """Where the mission is, if that is known."""
+    """Where the mission is, if that is known: no position far away from there is believed."""
     clock: BootClock = field(default_factory=BootClock)
     camera_clock: CameraClock = field(default_factory=CameraClock)
     track: Track = field(default_factory=Track)

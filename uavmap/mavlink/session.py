@@ -194,12 +194,16 @@ class Session:
 
     def send(self, message: Message) -> None:
         """Send a message. Raises `LinkError` where a number does not fit into it."""
+        frame = self._packed(message)
+        self._codec.seq = (self._codec.seq + 1) & 0xFF
+        self._emit(frame)
+
+    def _packed(self, message: Message) -> bytes:
         try:
             frame: bytes = message.pack(self._codec)
         except (struct.error, mav.MAVError, ValueError, OverflowError, TypeError) as error:
             raise LinkError(f"{message.get_type()} cannot be sent: {error}") from None
-        self._codec.seq = (self._codec.seq + 1) & 0xFF
-        self._emit(frame)
+        return frame
 
     def _emit(self, frame: bytes) -> None:
         """A frame goes to the link, signed where there is a key."""
@@ -392,8 +396,7 @@ class Session:
         """The same without waiting, for a stream whose coming is its answer."""
         self.send_command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, round(1e6 / rate_hz))
 
-    def request(self, message_id: int, param2: float = math.nan) -> None:
+    def request(self, message_id: int, param2: float = 0.0) -> None:
         """Ask once for a message (MAV_CMD_REQUEST_MESSAGE), without waiting for an ACK."""
-        filler = 0.0 if math.isnan(param2) else param2
         component = self.view.camera_component if message_id == 263 else None
-        self.send_command(mav.MAV_CMD_REQUEST_MESSAGE, message_id, filler, component=component)
+        self.send_command(mav.MAV_CMD_REQUEST_MESSAGE, message_id, param2, component=component)

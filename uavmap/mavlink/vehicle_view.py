@@ -233,10 +233,6 @@ class VehicleView:
         known = self.ekf_flags & EKF_RELATIVE and not self.ekf_flags & EKF_CONSTANT
         return bool(known) and not self.by_satellites
 
-    def expect_near(self, place: LatLon) -> None:
-        """Where the mission is: no position far away from there is believed."""
-        self.gate.area = place
-
     @property
     def boot_offset_s(self) -> float | None:
         """Loop time minus the vehicle's own time since boot."""
@@ -370,9 +366,8 @@ class VehicleView:
         The state CRITICAL alone is none of these: a lost radio has it, too, and no fresh battery
         would end it.
         """
-        if self.battery_low:
-            return f"its autopilot reports its battery as {self.battery_low}"
-        return ""
+        low = self.battery_low
+        return low and f"its autopilot reports its battery as {low}"
 
     def words_since(self, since_s: float) -> list[str]:
         """What the vehicle has said since a time of the loop's clock, oldest first."""

@@ -84,7 +84,7 @@ def vehicles_of(
     vehicles = {}
     for number, link in zip(numbers_of(setting), links, strict=True):
         view = link.session.view
-        view.expect_near(setting.mission.home)
+        view.gate.area = setting.mission.home
         view.gate.say = partial(log_with, host.line, f"vehicle {number}")
         poses = Poses(link.session, mount_of(setting.mission.camera), setting.grid)
         if isinstance(link.camera, LocalSource):  # which tells no pose

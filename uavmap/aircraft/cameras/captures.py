@@ -13,7 +13,7 @@ import shlex
 import shutil
 import subprocess
 from collections.abc import Callable, Sequence
-from typing import Final, Protocol
+from typing import Final
 
 import cv2
 import numpy as np
@@ -31,40 +31,14 @@ _CHUNK_BYTES: Final = 1 << 16
 _BEGIN, _END = b"\xff\xd8\xff", b"\xff\xd9"
 
 
-class Capture(Protocol):
-    """An open device or stream. All but `interrupt` is called from one thread."""
-
-    settle_s: float
-    """Real seconds after its opening for which it may give old pictures."""
-
-    def grab(self) -> bool:
-        """Wait for the next picture; False when there will be none."""
-        ...
-
-    def retrieve(self) -> Loaded:
-        """The picture that was grabbed last. Raises `ImageError`."""
-        ...
-
-    def interrupt(self) -> None:
-        """Have a `grab` that waits end soon; from another thread."""
-        ...
-
-    def close(self) -> None:
-        """Let go of it."""
-        ...
-
-
-Open = Callable[[], Capture]
-"""Raises `LinkError` with the remedy."""
-
-
 class OpenCvCapture:
-    """A device or URL that OpenCV reads."""
+    """A device or URL that OpenCV reads. All but `interrupt` is called from one thread."""
 
     def __init__(self, target: str, name: str, size_px: tuple[int, int]) -> None:
         device = target.startswith("/dev/")
         self._name = name
         self.settle_s = DEVICE_SETTLE_S if device else URL_SETTLE_S
+        """Real seconds after its opening for which it may give old pictures."""
         if device:
             self._capture = cv2.VideoCapture(target, cv2.CAP_V4L2)
             self._capture.set(cv2.CAP_PROP_FRAME_WIDTH, size_px[0])
@@ -87,11 +61,11 @@ class OpenCvCapture:
             raise LinkError(f"{name}: cannot be opened; {remedy}")
 
     def grab(self) -> bool:
-        """Wait for the next picture."""
+        """Wait for the next picture; False when there will be none."""
         return bool(self._capture.grab())
 
     def retrieve(self) -> Loaded:
-        """The picture that was grabbed last."""
+        """The picture that was grabbed last. Raises `ImageError`."""
         good, image = self._capture.retrieve()
         if not good or image is None:
             raise ImageError(f"{self._name}: a frame cannot be decoded")
@@ -125,7 +99,7 @@ class PipeCapture:
             raise LinkError(f"{name}: {arguments[0]} cannot be run: {error.strerror}") from None
 
     def grab(self) -> bool:
-        """Wait for the end of the next JPEG."""
+        """Wait for the end of the next JPEG; False when there will be none."""
         assert self._process.stdout is not None
         while (jpeg := next_jpeg(self._buffer)) is None:
             try:
@@ -143,7 +117,7 @@ class PipeCapture:
         return self._jpeg
 
     def interrupt(self) -> None:
-        """End the program."""
+        """End the program, and with it a `grab` that waits; from another thread."""
         with contextlib.suppress(OSError):
             self._process.kill()
 
@@ -153,6 +127,11 @@ class PipeCapture:
         self._process.wait()
         if self._process.stdout is not None:
             self._process.stdout.close()
+
+
+Capture = OpenCvCapture | PipeCapture
+Open = Callable[[], Capture]
+"""Raises `LinkError` with the remedy."""
 
 
 def next_jpeg(buffer: bytearray) -> bytes | None:

@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import GeodesyError, ImageError
 from missions.geo.grid import Grid
 from missions.units import LatLon, Pose, Quaternion
-from uavmap.aircraft.cameras.source import Announcement, ToldPose
+from uavmap.aircraft.cameras.source import Announcement
 from uavmap.mavlink.continuity import FASTEST_M_S, distance_m
 from uavmap.mavlink.message_gate import unit_fault
 from uavmap.mavlink.session import Session
@@ -164,24 +164,21 @@ class Poses:
             if self._view.position is None or place is None or place.gap_s > SURE_S:
                 return "it tells no position, and the vehicle did not tell its own of then", None
             position, height_m = place.position, place.height_m
-        whole = ToldPose(position, height_m, attitude)
-        fault = pose_fault(whole, self._view, self._grid, picture.taken_s)
-        return fault, Pose(position, height_m, attitude)
+        pose = Pose(position, height_m, attitude)
+        return pose_fault(pose, self._view, self._grid, picture.taken_s), pose
 
 
-def pose_fault(told: ToldPose, view: VehicleView, grid: Grid | None, taken_s: float) -> str | None:
-    """What is wrong with a whole pose of a picture taken at a time of the loop; None if nothing is.
+def pose_fault(pose: Pose, view: VehicleView, grid: Grid | None, taken_s: float) -> str | None:
+    """What is wrong with the pose of a picture taken at a time of the loop; None if nothing is.
 
     It is held against where the vehicle was when the picture was taken, and not where it is by now.
     """
-    position, height_m = told.position, told.height_m
-    if position is None or told.attitude is None:
-        return "it is not whole"
+    position, height_m = pose.position, pose.height_m
     if abs(position.lat_deg) > 90.0 or abs(position.lon_deg) > 180.0:
         return "the position is not on Earth"
     if not _LOWEST_M <= height_m <= _HIGHEST_M:
         return "the height is out of range"
-    if fault := unit_fault(*told.attitude):
+    if fault := unit_fault(*pose.attitude):
         return fault
     place = view.place_at(taken_s)
     if view.position is None or place is None:

@@ -14,7 +14,7 @@ import time
 from collections import defaultdict
 from collections.abc import AsyncIterator, Callable, Collection, Hashable, Mapping
 from functools import partial
-from typing import Any, Final, Protocol, cast
+from typing import Any, Final, cast
 
 from missions.errors import LinkError
 from uavmap.mavlink.links.framing import Splitter, sender_of
@@ -163,22 +163,98 @@ MOST_UNSENT: Final = 1 << 18
 _KEEPALIVE_S: Final = 5
 
 
-class Transport(Protocol):
-    """One open link."""
+class TcpLink:
+    """A TCP link: one connection at a time."""
 
-    def send(self, data: bytes) -> None:
-        """Send, or drop where nobody listens."""
-        ...
+    def __init__(self, on_bytes: OnBytes, strangers: Strangers) -> None:
+        self.on_bytes = on_bytes
+        self._strangers = strangers
+        self._transport: asyncio.Transport | None = None
+        self.gone = asyncio.Event()
+        """Set while a connection that was made has ended."""
 
     @property
     def peer_host(self) -> str | None:
-        """The address of the host at the other end; None for a serial port, or nobody yet."""
-        ...
+        """The address of the host at the other end; None for nobody yet."""
+        if self._transport is None:
+            return None
+        return str(self._transport.get_extra_info("peername")[0])
 
     @property
     def way(self) -> Hashable:
-        """Equal for two that lead over the same socket to the same place."""
-        ...
+        """Itself: nobody else leads there."""
+        return id(self)
+
+    def made(self, transport: asyncio.Transport) -> bool:
+        """A connection was made; whether it is the link's."""
+        peer = transport.get_extra_info("peername")
+        if peer is None:  # it has gone again before it was looked at
+            return False
+        if self._transport is not None:
+            # by host: a port is new with each try
+            self._strangers.tell((peer[0], None), "wants to connect too, and is refused")
+            return False
+        self._transport = transport
+        self.gone.clear()
+        _keep_alive(transport.get_extra_info("socket"))
+        return True
+
+    def lost(self, transport: asyncio.Transport) -> None:
+        """A connection has ended: the next client may come."""
+        if transport is self._transport:
+            self._transport = None
+            self.gone.set()
+
+    def send(self, data: bytes) -> None:
+        """Send, or drop where nobody is connected."""
+        transport = self._transport
+        if transport is None or transport.is_closing():
+            return
+        if transport.get_write_buffer_size() < MOST_UNSENT:  # else nobody reads at the other end
+            transport.write(data)
+
+    def close(self) -> None:
+        """End the connection, if there is one."""
+        if self._transport is not None:
+            self._transport.abort()
+
+
+def _keep_alive(connection: socket.socket) -> None:
+    """Have the system find out within some 15 s that the other end is gone without a word."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in (("TCP_KEEPIDLE", _KEEPALIVE_S), ("TCP_KEEPINTVL", 3), ("TCP_KEEPCNT", 3)):
+        if (option := getattr(socket, name, None)) is not None:  # macOS lacks one of them
+            connection.setsockopt(socket.IPPROTO_TCP, option, value)
+    if (option := getattr(socket, "TCP_USER_TIMEOUT", None)) is not None:
+        connection.setsockopt(socket.IPPROTO_TCP, option, 3 * _KEEPALIVE_S * 1000)
+
+
+class _TcpConnection(asyncio.Protocol):
+    """One connection of a TCP link, or one that it refuses."""
+
+    def __init__(self, link: TcpLink) -> None:
+        self._link = link
+        self._transport: asyncio.Transport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        made = cast(asyncio.Transport, transport)
+        if self._link.made(made):
+            self._transport = made
+        else:  # not at once: asyncio is about to begin to read from it
+            asyncio.get_running_loop().call_soon(made.abort)
+
+    def data_received(self, data: bytes) -> None:
+        if self._transport is not None:
+            self._link.on_bytes(data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        if self._transport is not None:
+            self._link.lost(self._transport)
+
+
+Transport = UdpLink | TcpLink | SerialPort
+"""One open link; what it cannot send, as nobody listens, is dropped."""
+_Opened = tuple[Transport, Callable[[], None]]
 
 
 @contextlib.asynccontextmanager
@@ -258,9 +334,6 @@ def _by_system(
     return [(system, group) for system, group in groups.items() if system in ours]
 
 
-_Opened = tuple[Transport, Callable[[], None]]
-
-
 async def _open_udp(endpoint: Endpoint, on_bytes: OnBytes, strangers: Strangers) -> _Opened:
     if endpoint.transport == "udpin":
         named, made = None, await bound_socket(endpoint.host, endpoint.port)
@@ -275,93 +348,8 @@ async def _open_udp(endpoint: Endpoint, on_bytes: OnBytes, strangers: Strangers)
     return udp, opened.close
 
 
-class _Tcp:
-    """A TCP link: one connection at a time."""
-
-    def __init__(self, on_bytes: OnBytes, strangers: Strangers) -> None:
-        self.on_bytes = on_bytes
-        self._strangers = strangers
-        self._transport: asyncio.Transport | None = None
-        self.gone = asyncio.Event()
-        """Set while a connection that was made has ended."""
-
-    @property
-    def peer_host(self) -> str | None:
-        if self._transport is None:
-            return None
-        return str(self._transport.get_extra_info("peername")[0])
-
-    @property
-    def way(self) -> Hashable:
-        return id(self)
-
-    def made(self, transport: asyncio.Transport) -> bool:
-        """A connection was made; whether it is the link's."""
-        peer = transport.get_extra_info("peername")
-        if peer is None:  # it has gone again before it was looked at
-            return False
-        if self._transport is not None:
-            # by host: a port is new with each try
-            self._strangers.tell((peer[0], None), "wants to connect too, and is refused")
-            return False
-        self._transport = transport
-        self.gone.clear()
-        _keep_alive(transport.get_extra_info("socket"))
-        return True
-
-    def lost(self, transport: asyncio.Transport) -> None:
-        """A connection has ended: the next client may come."""
-        if transport is self._transport:
-            self._transport = None
-            self.gone.set()
-
-    def send(self, data: bytes) -> None:
-        transport = self._transport
-        if transport is None or transport.is_closing():
-            return
-        if transport.get_write_buffer_size() < MOST_UNSENT:  # else nobody reads at the other end
-            transport.write(data)
-
-    def close(self) -> None:
-        if self._transport is not None:
-            self._transport.abort()
-
-
-def _keep_alive(connection: socket.socket) -> None:
-    """Have the system find out within some 15 s that the other end is gone without a word."""
-    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-    for name, value in (("TCP_KEEPIDLE", _KEEPALIVE_S), ("TCP_KEEPINTVL", 3), ("TCP_KEEPCNT", 3)):
-        if (option := getattr(socket, name, None)) is not None:  # macOS lacks one of them
-            connection.setsockopt(socket.IPPROTO_TCP, option, value)
-    if (option := getattr(socket, "TCP_USER_TIMEOUT", None)) is not None:
-        connection.setsockopt(socket.IPPROTO_TCP, option, 3 * _KEEPALIVE_S * 1000)
-
-
-class _TcpConnection(asyncio.Protocol):
-    """One connection of a TCP link, or one that it refuses."""
-
-    def __init__(self, link: _Tcp) -> None:
-        self._link = link
-        self._transport: asyncio.Transport | None = None
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        made = cast(asyncio.Transport, transport)
-        if self._link.made(made):
-            self._transport = made
-        else:  # not at once: asyncio is about to begin to read from it
-            asyncio.get_running_loop().call_soon(made.abort)
-
-    def data_received(self, data: bytes) -> None:
-        if self._transport is not None:
-            self._link.on_bytes(data)
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        if self._transport is not None:
-            self._link.lost(self._transport)
-
-
 async def _open_tcp_client(endpoint: Endpoint, on_bytes: OnBytes, strangers: Strangers) -> _Opened:
-    tcp = _Tcp(on_bytes, strangers)
+    tcp = TcpLink(on_bytes, strangers)
     connecting = asyncio.get_running_loop().create_connection
     connect = partial(connecting, lambda: _TcpConnection(tcp), endpoint.host, endpoint.port)
 
@@ -384,7 +372,7 @@ async def _open_tcp_client(endpoint: Endpoint, on_bytes: OnBytes, strangers: Str
 
 
 async def _open_tcp_server(endpoint: Endpoint, on_bytes: OnBytes, strangers: Strangers) -> _Opened:
-    tcp = _Tcp(on_bytes, strangers)
+    tcp = TcpLink(on_bytes, strangers)
     make_server = asyncio.get_running_loop().create_server
     server = await make_server(lambda: _TcpConnection(tcp), endpoint.host, endpoint.port)
 

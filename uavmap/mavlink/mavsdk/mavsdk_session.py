@@ -16,7 +16,6 @@ import asyncio
 import contextlib
 import functools
 import math
-import struct
 from collections import Counter, defaultdict
 from collections.abc import AsyncIterator, Callable, Collection, Iterator, Mapping
 from typing import Any, Final
@@ -243,7 +242,7 @@ class MavsdkSession(Session):
         if message.get_type() == "HEARTBEAT":
             super().send(message)
             return
-        self._fits(message)
+        self._packed(message)  # whose numbers fit
         self.outbox.once(message)
 
         def answered(result: str) -> None:
@@ -255,12 +254,6 @@ class MavsdkSession(Session):
                 self._say(f"MAVSDK does not send {message.get_type()}: {printable(result)}")
 
         self.process.tell(answered, do="send", name=message.get_type(), fields=fields_of(message))
-
-    def _fits(self, message: Message) -> None:
-        try:
-            message.pack(self._codec)
-        except (struct.error, mav.MAVError, ValueError, OverflowError, TypeError) as error:
-            raise LinkError(f"{message.get_type()} cannot be sent: {error}") from None
 
     # --- commands -------------------------------------------------------------------------
     async def asked(
@@ -306,7 +299,7 @@ class MavsdkSession(Session):
 
     async def _result(self, command: int, message: Message, permit: Permit | None) -> int | None:
         """The MAV_RESULT of a command; None where no answer came."""
-        self._fits(message)
+        self._packed(message)  # whose numbers fit
         told = await self.asked(
             command, "command", permit, name=message.get_type(), fields=fields_of(message)
         )

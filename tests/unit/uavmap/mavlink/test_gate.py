@@ -316,10 +316,10 @@ def test_a_height_that_leaps_is_a_leap() -> None:
 
 def test_a_place_far_from_the_mission_is_none_of_its_vehicles() -> None:
     vehicle = Vehicle()
-    vehicle.view.expect_near(LatLon(-33.0, 151.0))
+    vehicle.view.gate.area = LatLon(-33.0, 151.0)
     assert not any(vehicle.at(1.0 + n) for n in range(20))
     assert vehicle.view.position is None
-    vehicle.view.expect_near(LatLon(LAT, LON))
+    vehicle.view.gate.area = LatLon(LAT, LON)
     assert vehicle.at(30.0)
 
 

@@ -18,7 +18,7 @@ from missions.geo.trajectory import rounded_path
 from missions.mission.schema import Mission
 from missions.mission.sections.sim_section import SimRegion
 from missions.orders import FlyPath, FlyTo, TakeOff
-from missions.units import Cell, GridPoint, LatLon, Quaternion
+from missions.units import Cell, GridPoint, LatLon, Pose, Quaternion
 from tests.support.flights import Flight, fly
 from tests.support.mavlink_peer import Peer, heartbeat
 from tests.support.running import by
@@ -129,7 +129,8 @@ def fault_of(message: Message, heard_s: float = 10.0, last_s: float = 10.0) -> s
         await asyncio.sleep(heard_s - loop.time())
         view = peer.session.view
         taken_s = view.captured_s(message.time_boot_ms, loop.time())
-        return pose_fault(told_pose(message, view), view, GRID, taken_s)
+        told = told_pose(message, view)
+        return pose_fault(Pose(told.position, told.height_m, told.attitude), view, GRID, taken_s)
 
     return run(main(), VirtualClock())
 

@@ -142,7 +142,7 @@ async def _vehicles(
         async with spoken_with(options, cameras, section) as links, asyncio.TaskGroup() as tasks:
             for link in links:
                 if setting is not None:
-                    link.session.view.expect_near(setting.mission.home)
+                    link.session.view.gate.area = setting.mission.home
             looking = [
                 tasks.create_task(_vehicle(number, link, setting, folder))
                 for number, link in enumerate(links, start=1)

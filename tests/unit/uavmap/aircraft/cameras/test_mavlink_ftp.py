@@ -19,6 +19,7 @@ from uavmap.base.clock import VirtualClock, run
 
 PICTURE = random.Random(3).randbytes(50_000)
 BURST_PACKETS = 20
+ACK = 128
 
 
 class Server:
@@ -44,7 +45,7 @@ class Server:
                 return
             self.open = {7: self.files[data]}
             size_of = len(self.files[data]).to_bytes(4, "little")
-            self.say(sequence, 7, ftp.ACK, opcode, size_of, 0)
+            self.say(sequence, 7, ACK, opcode, size_of, 0)
         elif opcode == ftp.BURST:
             content = self.open[session]
             for packet in range(BURST_PACKETS):
@@ -53,7 +54,7 @@ class Server:
                     self.say(sequence, session, ftp.NAK, opcode, b"\x06", offset)
                     return
                 last = packet == BURST_PACKETS - 1
-                self.say(sequence + packet, session, ftp.ACK, opcode, part, offset, last)
+                self.say(sequence + packet, session, ACK, opcode, part, offset, last)
                 offset += len(part)
         elif opcode == ftp.TERMINATE:
             self.open.clear()
