@@ -109,7 +109,7 @@ def judged(
         peer.answer = lambda message: peer.say(
             mav.MAVLink_command_ack_message(message.command, 0, 0, 0, 245, 191), component=100
         )
-        await driver.start(1.0, 1)
+        await source.start(1.0, 1)
         await asyncio.sleep(5.1 - loop.time())
         peers(peer)
         heard: list[Announcement] = []
