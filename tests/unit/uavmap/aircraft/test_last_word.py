@@ -171,12 +171,14 @@ async def test_link_is_back_and_a_pilot_has_it_the_guardian_does_not_say_it_acts
 
 
 # --- a PX4, which shows its mode only now and then -----------------------------------------------
+def path(flight: Flight) -> FlyPath:
+    north = [GridPoint(0.0, 0.0), GridPoint(0.0, 50.0)]
+    return FlyPath(rounded_path(north, flight.now_s() + 1.0, speed_m_s=4.0), UP_M, 0.0, 0.5)
+
+
 async def on_path(flight: Flight, seconds: float = 6.0) -> None:
     await flight.after(TakeOff(UP_M), Airborne)
-    plan = rounded_path(
-        [GridPoint(0.0, 0.0), GridPoint(0.0, 50.0)], flight.now_s() + 1.0, speed_m_s=4.0
-    )
-    flight.driver.give(FlyPath(plan, UP_M, 0.0, 0.5))
+    flight.driver.give(path(flight))
     await asyncio.sleep(seconds)
     assert flight.vehicle.truth.mode == Px4Mode.OFFBOARD
 
@@ -226,10 +228,7 @@ async def test_px4_pilot_turns_to_hold_right_after_offboard_keeps_it(
         return True
 
     flight.to_driver = lossy
-    plan = rounded_path(
-        [GridPoint(0.0, 0.0), GridPoint(0.0, 50.0)], flight.now_s() + 1.0, speed_m_s=4.0
-    )
-    flight.driver.give(FlyPath(plan, UP_M, 0.0, 0.5))
+    flight.driver.give(path(flight))
     await flight.until(lambda: bool(at_s))
     await asyncio.sleep(8.0)
     assert len(at_s) == 1

@@ -26,12 +26,12 @@ from missions.mission.schema import Mission
 from missions.orders import FlyPath, FlyTo, Hold, Land, ReturnToLaunch, Sweep, TakeOff
 from missions.units import GridPoint
 from sitl.copter.modes import Mode
-from tests.support.flights import Flight, fly, small_mission
+from tests.support.flights import UP_M, Flight, fly, small_mission
+from tests.support.mavlink_peer import heartbeat
 from tests.support.running import by
 from tests.support.small_missions import square
 
-UP_M = 12.0
-LOITER = 5
+both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 
 
 async def out(flight: Flight, east_m: float = 25.0, north_m: float = 20.0) -> None:
@@ -52,37 +52,40 @@ async def behind_the_house(flight: Flight) -> None:
     await flight.after(FlyTo(route, None, stop=True, height_m=UP_M), Arrived)
 
 
-def beside_a_house(autopilot: str) -> Mission:
-    """A small mission in whose fence stands a house."""
-    return small_mission(autopilot=autopilot, holes=[HOUSE])
-
-
-@pytest.mark.parametrize("on_path", [False, True])
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-@by(fly, beside_a_house)
-async def test_when_the_mission_fails_behind_a_hole_in_the_fence_it_is_flown_around_it(
-    flight: Flight, /, autopilot: str, on_path: bool
-) -> None:
-    """From a leg, and from a path, on which a PX4 is in another mode."""
-    nearest_m: list[float] = []
-    await behind_the_house(flight)
-    if on_path:
-        ahead = [GridPoint(24.0, 14.0), GridPoint(24.0, 60.0)]
-        plan = rounded_path(ahead, flight.now_s() + 1.0, speed_m_s=4.0)
-        flight.driver.give(FlyPath(plan, UP_M, 0.0, 0.5))
-        await flight.until(lambda: flight.session.view.ground_speed_m_s > 3.0)
-    hole = Polygon([tuple(corner) for corner in HOUSE])
+async def lands_without_touching_the_house(flight: Flight) -> None:
+    nearest_m, hole = list[float](), Polygon(HOUSE)
 
     def watch() -> bool:
         at = flight.setting.grid.fixed(flight.vehicle.truth.position)
         nearest_m.append(float(hole.distance(Point(at))))
         return flight.vehicle.truth.landed
 
-    homeward = asyncio.create_task(flight.driver.guardian.bring_home("the disk is full"))
     await flight.until(watch, within_s=200.0)
+    assert min(nearest_m) > 0.5
+
+
+def beside_a_house(autopilot: str) -> Mission:
+    """A small mission in whose fence stands a house."""
+    return small_mission(autopilot=autopilot, holes=[HOUSE])
+
+
+@pytest.mark.parametrize("on_path", [False, True])
+@both
+@by(fly, beside_a_house)
+async def test_when_the_mission_fails_behind_a_hole_in_the_fence_it_is_flown_around_it(
+    flight: Flight, /, autopilot: str, on_path: bool
+) -> None:
+    """From a leg, and from a path, on which a PX4 is in another mode."""
+    await behind_the_house(flight)
+    if on_path:
+        ahead = [GridPoint(24.0, 14.0), GridPoint(24.0, 60.0)]
+        plan = rounded_path(ahead, flight.now_s() + 1.0, speed_m_s=4.0)
+        flight.driver.give(FlyPath(plan, UP_M, 0.0, 0.5))
+        await flight.until(lambda: flight.session.view.ground_speed_m_s > 3.0)
+    homeward = asyncio.create_task(flight.driver.guardian.bring_home("the disk is full"))
+    await lands_without_touching_the_house(flight)
     await homeward
     assert flight.driver.guardian.fate() == ""
-    assert min(nearest_m) > 0.5
     assert flight.said == [
         "vehicle 1: the disk is full; it is flown home around the fence",
         "vehicle 1: the disk is full; it is told to return by its autopilot",
@@ -90,23 +93,14 @@ async def test_when_the_mission_fails_behind_a_hole_in_the_fence_it_is_flown_aro
     assert not flight.seen(Overridden)
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@both
 @by(fly, beside_a_house)
 async def test_an_order_to_return_by_itself_is_carried_out_around_a_hole(
     flight: Flight, /, autopilot: str
 ) -> None:
-    nearest_m: list[float] = []
-    hole = Polygon([tuple(corner) for corner in HOUSE])
     await behind_the_house(flight)
     flight.driver.give(ReturnToLaunch())
-
-    def watch() -> bool:
-        at = flight.setting.grid.fixed(flight.vehicle.truth.position)
-        nearest_m.append(float(hole.distance(Point(at))))
-        return flight.vehicle.truth.landed
-
-    await flight.until(watch, within_s=200.0)
-    assert min(nearest_m) > 0.5
+    await lands_without_touching_the_house(flight)
     assert [line.rpartition("; ")[2] for line in flight.said] == [
         "it is flown home around the fence",
         "it is told to return by its autopilot",
@@ -164,14 +158,14 @@ async def test_a_pilot_has_the_last_word_with_the_guardian_too(flight: Flight, /
     await out(flight)
     home = asyncio.ensure_future(flight.driver.guardian.bring_home("the mission failed"))
     await flight.until(lambda: flight.vehicle.truth.mode == Mode.RTL)
-    flight.pilot_mode(LOITER)
+    flight.pilot_mode(Mode.LOITER)
     await asyncio.wait_for(home, 5.0)
     await flight.hears_nothing(10.0)
     assert "left to whoever flies it" in flight.driver.guardian.fate()
     assert len(flight.seen(Overridden)) == 1
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@both
 @by(fly, small_mission)
 async def test_who_hurries_lands_from_near_the_ground_and_does_not_break(
     flight: Flight, /, autopilot: str
@@ -289,7 +283,7 @@ FORCED = 21196.0
 """Of MAV_CMD_COMPONENT_ARM_DISARM: stop the motors in the air, too."""
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@both
 @pytest.mark.parametrize("height_m", [1.5, 3.0, 8.0])
 @by(fly, small_mission)
 async def test_motors_that_stop_over_the_pad_are_no_landing(
@@ -310,7 +304,7 @@ async def test_motors_that_stop_over_the_pad_are_no_landing(
     assert any("is down near" in text for text in flight.told)
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@both
 @by(fly, small_mission)
 async def test_motors_that_stop_a_hand_above_the_ground_are_a_landing(
     flight: Flight, /, autopilot: str
@@ -331,32 +325,26 @@ async def test_a_crashed_aircraft_that_believes_to_fly_stays_down(flight: Flight
     flight.to_driver = lambda m: m.get_type() not in ("HEARTBEAT", "EXTENDED_SYS_STATE")
     flight.vehicle.fail.motor(share=0.0)
     autopilot = mav.MAVLink(None, srcSystem=1, srcComponent=1)
-    armed = mav.MAV_MODE_FLAG_SAFETY_ARMED | mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
     for _ in range(20):
-        beat = mav.MAVLink_heartbeat_message(
-            mav.MAV_TYPE_QUADROTOR, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, armed, Mode.GUIDED, 4, 3
-        )
-        flight.session.feed(beat.pack(autopilot))
+        flight.session.feed(heartbeat(Mode.GUIDED, armed=True).pack(autopilot))
         await asyncio.sleep(1.0)
     assert flight.vehicle.truth.crashed
     assert len(flight.seen(LiftedOff)) == len(flight.seen(Crashed)) == 1
     assert not flight.driver.guardian.responsible
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@both
 @by(fly, small_mission)
 async def test_a_wind_that_the_airframe_cannot_hold_ends_on_the_ground_near_the_fence(
     flight: Flight, /, autopilot: str
 ) -> None:
     """At most 150 m outside of it; a plain landing from here would take it 250 m."""
-    outside_m: list[float] = []
     await out(flight)
     flight.vehicle.fail.wind_gust(m_s=25.0, for_s=None)
     await flight.until(lambda: flight.vehicle.truth.landed, within_s=90.0)
     where = flight.setting.grid.fixed(flight.vehicle.truth.position)
-    outside_m.append(float(flight.setting.fence.outer.distance(Point(where))))
     assert [e.action for e in flight.seen(Guarded)][-1] == "land"
-    assert outside_m[0] < 150.0
+    assert flight.setting.fence.outer.distance(Point(where)) < 150.0
 
 
 @by(fly)

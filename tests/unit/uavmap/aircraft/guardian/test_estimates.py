@@ -1,0 +1,279 @@
+"""Wind by tilt, leaps of positions and speeds, and how hard a vehicle met the ground."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Iterable
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from missions.events import Airborne, Arrived, OrderFailed, Tracked
+from missions.geo.geodesy import LocalPlane
+from missions.guardian import HARD_M_S
+from missions.orders import TakeOff
+from missions.units import LatLon
+from tests.support.flights import UP_M, Flight, fly, small_mission, to
+from tests.support.running import by
+from uavmap.aircraft.guardian.estimates import (
+    GRAVITY_M_S2,
+    IMPACT_KEPT_S,
+    Impact,
+    Leaps,
+    WindEstimate,
+    drag_m_s2,
+)
+
+STEP_S = 0.1
+LEGS = [(0.0, 0.0), (6.0, 0.0), (0.0, 0.0), (-6.0, 0.0), (0.0, 4.0), (0.0, -6.0), (0.0, 0.0)]
+
+# --- wind: airframes of other drag, in winds from all sides, through legs and hovers -----------
+
+
+def flown(
+    wind: tuple[float, float],
+    factor: float,
+    legs: list[tuple[float, float]],
+    leg_s: float = 20.0,
+    gust_m_s: float = 0.0,
+) -> list[float]:
+    """What is measured along legs (velocity north, east) by an airframe.
+
+    After a minute there is a gust to the north in the first 6 s of every minute. The attitude
+    controller answers the drag a second late: a gust pushes at first.
+    """
+    estimate = WindEstimate()
+    north, east, t_s = 0.0, 0.0, 0.0
+    known_north, known_east = 0.0, 0.0
+    found = []
+    for want_north, want_east in legs:
+        for _ in range(round(leg_s / STEP_S)):
+            gust = gust_m_s if t_s > 60.0 and t_s % 60.0 < 6.0 else 0.0
+            a_north = min(max((want_north - north) / 1.0, -2.5), 2.5)
+            a_east = min(max((want_east - east) / 1.0, -2.5), 2.5)
+            air_north, air_east = north - wind[0] - gust, east - wind[1]
+            air = math.hypot(air_north, air_east)
+            share = factor * drag_m_s2(air) / air if air > 1e-9 else 0.0
+            drag_north, drag_east = share * air_north, share * air_east
+            late = STEP_S if gust_m_s else 1.0
+            known_north += (drag_north - known_north) * late
+            known_east += (drag_east - known_east) * late
+            thrust_north, thrust_east = a_north + known_north, a_east + known_east
+            a_north, a_east = thrust_north - drag_north, thrust_east - drag_east
+            # nose to the north: forward is north, right is east
+            pitch = -math.atan2(thrust_north, GRAVITY_M_S2)
+            roll = math.atan2(thrust_east * math.cos(pitch), GRAVITY_M_S2)
+            north += a_north * STEP_S
+            east += a_east * STEP_S
+            t_s += STEP_S
+            estimate.tilted(roll, pitch, 0.0)
+            estimate.moved(t_s, north, east)
+        if estimate.speed_m_s is not None:
+            found.append(estimate.speed_m_s)
+    return found
+
+
+@pytest.mark.parametrize("wind", [(0.0, 0.0), (4.0, 0.0), (-3.0, 3.0), (0.0, -9.0)])
+def test_the_quadcopter_measures_its_wind(wind: tuple[float, float]) -> None:
+    for measured in flown(wind, 1.0, LEGS):
+        assert measured == pytest.approx(math.hypot(*wind), rel=0.25, abs=1.3)
+
+
+@pytest.mark.parametrize("factor", [0.6, 2.0, 4.0])
+def test_another_airframe_is_learned_from_its_legs(factor: float) -> None:
+    """Without learning, four times the drag would pass for a wind of 7 m/s in still air."""
+    assert max(flown((0.0, 0.0), factor, LEGS)[1:]) < 3.0
+    assert flown((0.0, 6.0), factor, LEGS * 2)[-1] == pytest.approx(6.0, abs=2.0)
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.0])
+def test_gusts_say_nothing_of_the_airframe_and_are_no_gale(factor: float) -> None:
+    """Six seconds of 10 m/s in a minute, on legs of five seconds: they pass for no 12 m/s."""
+    legs = [(6.0 * math.cos(1.1 * k), 6.0 * math.sin(1.1 * k)) for k in range(48)]
+    found = flown((3.6, 0.0), factor, legs, leg_s=5.0, gust_m_s=6.4)
+    assert 4.0 < max(found) < 9.0  # 8.4 is the mean of 8 s with a gust in them
+    assert found[-1] == pytest.approx(3.6, abs=1.5)
+
+
+def test_nothing_is_said_of_the_first_seconds_nor_on_the_ground() -> None:
+    estimate = WindEstimate()
+    estimate.moved(0.0, 1.0, 1.0)
+    assert estimate.speed_m_s is None
+    for i in range(40):
+        estimate.tilted(0.1, 0.0, 0.0)
+        estimate.moved(0.1 * i, 0.0, 0.0)
+    assert estimate.speed_m_s is None
+    for i in range(60):
+        estimate.moved(4.0 + 0.1 * i, 0.0, 0.0)
+    assert estimate.speed_m_s is not None
+    estimate.forget()
+    assert estimate.speed_m_s is None
+
+
+def test_numbers_that_make_no_sense_change_nothing() -> None:
+    estimate = WindEstimate()
+    for attitude in ((math.nan, 0.0, 0.0), (0.0, 1.57, 0.0), (0.0, 0.0, math.inf)):
+        estimate.tilted(*attitude)
+    estimate.moved(0.0, 0.0, 0.0)
+    assert estimate.speed_m_s is None
+
+
+@pytest.mark.parametrize("wind_m_s", [0.0, 7.0])
+def test_a_simulated_flight_measures_its_wind(wind_m_s: float) -> None:
+    made = small_mission()
+    made = made.model_copy(
+        update={"wind": made.wind.model_copy(update={"speed_m_s": wind_m_s, "from_deg": 40.0})}
+    )
+
+    async def body(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        for place in ((30.0, 20.0), (-20.0, 30.0), (0.0, 5.0)):
+            await flight.after(to(*place), Arrived)
+
+    measured = [e.wind_m_s for e in fly(body, made).seen(Tracked) if e.wind_m_s is not None]
+    assert len(measured) > 10
+    assert sorted(measured)[len(measured) // 2] == pytest.approx(wind_m_s, abs=1.5)
+    assert max(measured) < wind_m_s + 3.0
+
+
+# --- leaps: what an aircraft can do is none ------------------------------------------------------
+PLANE = LocalPlane(LatLon(47.3, 8.5))
+
+
+def at(east_m: float, north_m: float) -> LatLon:
+    return PLANE.to_wgs84(east_m, north_m)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    accelerations=st.lists(
+        st.tuples(st.floats(-8.0, 8.0), st.floats(-8.0, 8.0)), min_size=5, max_size=60
+    ),
+    step_s=st.sampled_from([0.1, 0.2, 0.5, 1.0, 3.0]),
+    noise_m=st.floats(0.0, 0.5),
+)
+def test_whatever_an_aircraft_flies_is_no_leap(
+    accelerations: list[tuple[float, float]], step_s: float, noise_m: float
+) -> None:
+    leaps, t_s = Leaps(), 100.0
+    east, north, v_east, v_north = 0.0, 0.0, 0.0, 0.0
+    for index, (a_east, a_north) in enumerate(accelerations):
+        wobble = noise_m * (-1) ** index
+        leaps.take(t_s, at(east + wobble, north - wobble), (v_north, v_east))
+        assert leaps.leapt == ""
+        east += v_east * step_s + a_east * step_s**2 / 2.0
+        north += v_north * step_s + a_north * step_s**2 / 2.0
+        v_east, v_north = v_east + a_east * step_s, v_north + a_north * step_s
+        t_s += step_s
+
+
+@given(metres=st.floats(20.0, 500.0), bearing=st.floats(0.0, math.tau), gap_s=st.floats(0.05, 0.8))
+def test_a_leap_of_the_position_is_one(metres: float, bearing: float, gap_s: float) -> None:
+    leaps = Leaps()
+    for tenth in range(20):
+        leaps.take(100.0 + tenth / 10.0, at(0.5 * tenth, 0.0), (0.0, 5.0))
+    assert leaps.leapt == ""
+    there = at(9.5 + metres * math.sin(bearing), metres * math.cos(bearing))
+    leaps.take(101.9 + gap_s, there, (0.0, 5.0))
+    assert leaps.leapt.startswith("its position has leapt by ")
+    leaps.leapt = ""
+    leaps.take(102.0 + gap_s, there, (0.0, 5.0))
+    assert leaps.leapt == ""  # once is enough
+
+
+def test_after_a_gap_or_a_restart_nothing_can_be_said() -> None:
+    leaps = Leaps()
+    leaps.take(100.0, at(0.0, 0.0), (0.0, 0.0))
+    leaps.take(102.0, at(80.0, 0.0), (0.0, 0.0))
+    leaps.take(3.0, at(0.0, 0.0), (0.0, 0.0))
+    assert leaps.leapt == ""
+
+
+async def on_a_leg(flight: Flight) -> None:
+    await flight.after(TakeOff(UP_M), Airborne)
+    flight.driver.give(to(30.0, 20.0))
+    await asyncio.sleep(3.0)
+
+
+@pytest.mark.parametrize("metres", [25.0, 50.0])
+@by(fly)
+async def test_a_glitch_in_flight_ends_the_order(flight: Flight, /, metres: float) -> None:
+    await on_a_leg(flight)
+    flight.vehicle.fail.gps_glitch(metres=metres, toward_deg=90.0)
+    failed = await flight.sees(OrderFailed, within_s=3.0)
+    assert "satellite navigation is not to be trusted" in failed.reason
+
+
+@pytest.mark.parametrize("gust_m_s", [8.0, 20.0])
+@by(fly)
+async def test_a_gust_is_no_leap(flight: Flight, /, gust_m_s: float) -> None:
+    await on_a_leg(flight)
+    flight.vehicle.fail.wind_gust(m_s=gust_m_s, for_s=2.0)
+    await asyncio.sleep(10.0)
+    assert not [e for e in flight.seen(OrderFailed) if "leapt" in e.reason]
+
+
+# --- impacts: landings, falls, bounces, and messages that are wrong -------------------------------
+G_M_S2 = 9.81
+
+
+def told(speeds: Iterable[float], *, every_s: float = 0.1, impact: Impact | None = None) -> Impact:
+    impact = Impact() if impact is None else impact
+    begin_s = impact._descent[-1][0] if impact._descent else 0.0
+    for count, sink_m_s in enumerate(speeds, start=1):
+        impact.take(begin_s + count * every_s, sink_m_s)
+    return impact
+
+
+def fall(height_m: float, every_s: float) -> list[float]:
+    """The speeds of a fall from rest, and the rest after it."""
+    lasts_s = (2 * height_m / G_M_S2) ** 0.5
+    count = int(lasts_s / every_s)
+    return [*(G_M_S2 * n * every_s for n in range(count + 1)), 0.0, 0.0]
+
+
+def test_motors_that_stop_in_the_last_metre_are_an_impact() -> None:
+    """As told of a fall of 0.8 m: only its last message is faster than a hard landing."""
+    end = [0.78, 1.25, 1.79, 2.33, 2.87]
+    assert told([*[0.48] * 20, *end, 0.0, 0.0]).speed_m_s > HARD_M_S
+    # the same last message, from nowhere
+    assert told([*[0.48] * 24, 2.87, 0.0, 0.0]).speed_m_s == 0.48
+
+
+@pytest.mark.parametrize("fast_m_s", [0.7, 1.5, 2.4])
+def test_a_landing_is_no_impact(fast_m_s: float) -> None:
+    impact = told([*[fast_m_s] * 50, *[0.5] * 60, 0.1, 0.0])
+    assert impact.speed_m_s == 0.5
+    assert told([*[fast_m_s] * 50, 0.0]).speed_m_s <= HARD_M_S
+
+
+@pytest.mark.parametrize(
+    ("height_m", "every_s"), [(1.5, 0.1), (3.0, 0.1), (10.0, 0.1), (3.0, 0.2), (10.0, 0.2)]
+)
+def test_a_fall_is_one(height_m: float, every_s: float) -> None:
+    assert told(fall(height_m, every_s), every_s=every_s).speed_m_s > HARD_M_S
+
+
+def test_a_bounce_does_not_hide_it() -> None:
+    impact = told(fall(3.0, 0.1))
+    told([-1.0, -0.5, 0.5, 1.0, 0.0, 0.0], impact=impact)
+    assert impact.speed_m_s > HARD_M_S
+
+
+def test_a_stop_in_the_air_is_forgotten_before_the_landing() -> None:
+    impact = told([4.0, 4.0, 4.0, 0.0])
+    told([0.0] * round(IMPACT_KEPT_S / 0.1 + 1), impact=impact)
+    assert impact.speed_m_s == 0.0
+
+
+def test_braking_as_an_autopilot_brakes_is_no_impact() -> None:
+    """From 4 m/s with 2.5 m/s2: the end of that is slow."""
+    assert told([4.0 - 0.25 * n for n in range(17)]).speed_m_s < HARD_M_S
+
+
+def test_a_clock_that_begins_anew_begins_it_anew() -> None:
+    impact = told(fall(3.0, 0.1))
+    impact.take(0.0, 0.0)
+    assert impact.speed_m_s == 0.0
