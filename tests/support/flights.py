@@ -99,7 +99,7 @@ class Flight:
             "sim",
             self.session,
             self.commands,
-            CameraDriver(1, source, poses, made, self, self.now_s),
+            CameraDriver(1, source, poses, made, self.judge, self.now_s),
             self.setting,
             self.now_s,
             self._crew,
@@ -260,6 +260,18 @@ def fly(body: Callable[[Flight], Coroutine[Any, Any, None]], made: Mission | Non
     run(main(), VirtualClock())
     assert all(m.get_srcSystem() == GROUND_SYSTEM_ID for _, m in flight.sent)
     return flight
+
+
+def fly_up(
+    body: Callable[[Flight], Coroutine[Any, Any, None]], made: Mission | None = None
+) -> Flight:
+    """Run a test with a connected vehicle in the air, over its pad."""
+
+    async def up(flight: Flight) -> None:
+        await flight.after(TakeOff(UP_M), Airborne)
+        await body(flight)
+
+    return fly(up, made)
 
 
 def to(east_m: float, north_m: float = 0.0, height_m: float = UP_M, *, stop: bool = True) -> FlyTo:

@@ -94,7 +94,7 @@ def vehicles_of(
             link.name,
             link.session,
             link.commands,
-            CameraDriver(number, link.camera, poses, setting.mission, host, mission_time_s),
+            CameraDriver(number, link.camera, poses, setting.mission, host.judge, mission_time_s),
             setting,
             mission_time_s,
             host.swap,

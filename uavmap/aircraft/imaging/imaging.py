@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from functools import partial
-from typing import Protocol
 
 from missions.events import FrameLost
 from missions.mission.schema import Mission
@@ -25,13 +24,8 @@ from uavmap.base.printable import printable
 from vision.plausible import implausible
 from vision.projection import Frame
 
-
-class Judge(Protocol):
-    """Judges the pictures of a mission."""
-
-    async def judge(self, taken: Taken) -> bool:
-        """Judge a picture; return, when all that follows from it was ordered, whether it counts."""
-        ...
+Judge = Callable[[Taken], Awaitable[bool]]
+"""Judges a picture; returns, when all that follows from it was ordered, whether it counts."""
 
 
 class CameraDriver:
@@ -128,7 +122,7 @@ class CameraDriver:
 
         Raises `ImageError`, `LinkError` where it cannot be had.
         """
-        return await self._judge.judge(await self._taken(picture, vantage, anywhere=anywhere))
+        return await self._judge(await self._taken(picture, vantage, anywhere=anywhere))
 
     async def _taken(self, picture: Announcement, vantage: Cell | None, *, anywhere: bool) -> Taken:
         t_s = self._exposed_s(picture)

@@ -32,7 +32,7 @@ from missions.units import Cell, GridPoint
 from sitl.copter.modes import Mode
 from sitl.px4.modes import Px4Mode
 from tests.benchmarks.path_following import followed, mean, most
-from tests.support.flights import Flight, Message, fly, small_mission
+from tests.support.flights import Flight, Message, fly, fly_up, small_mission
 from tests.support.running import by
 
 UP_M = 12.0
@@ -176,14 +176,13 @@ async def test_the_timeout_is_short_while_paths_are_flown(flight: Flight, /) -> 
 
 
 @both
-@by(fly, lambda autopilot: small_mission(autopilot=autopilot))
+@by(fly_up, lambda autopilot: small_mission(autopilot=autopilot))
 async def test_telemetry_that_is_read_late_calls_nobody_off_its_path(
     flight: Flight, /, autopilot: str
 ) -> None:
     """A busy computer read a real vehicle's telemetry 3.4 s late for 12 s, and took it for now:
     "12 m off its path by now" ended the mission of a vehicle that was 2.6 m off.
     """
-    await flight.after(TakeOff(UP_M), Airborne)
     corners = [(0, 0), (30, 0), (30, 25), (0, 25), (0, 5), (25, 5), (25, 20)]
     points = [GridPoint(east, north) for east, north in corners]
     begin_s = flight.now_s() + NOTICE_S
@@ -397,11 +396,10 @@ async def test_a_path_that_was_called_off_is_not_gone_on_with(flight: Flight, /)
 
 
 @both
-@by(fly, lambda autopilot: small_mission(autopilot=autopilot, drift_m_s=0.4, toward_deg=60.0))
+@by(fly_up, lambda autopilot: small_mission(autopilot=autopilot, drift_m_s=0.4, toward_deg=60.0))
 async def test_a_path_over_a_drifting_region_moves_with_it(
     flight: Flight, /, autopilot: str
 ) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     grid = flight.setting.grid
     drift = (grid.drift_east_m_s, grid.drift_north_m_s)
     begin_s = flight.now_s() + NOTICE_S
@@ -415,9 +413,8 @@ async def test_a_path_over_a_drifting_region_moves_with_it(
     assert not flight.seen(OrderFailed)
 
 
-@by(fly)
+@by(fly_up)
 async def test_a_camera_that_refuses_ends_the_order_and_the_stream(flight: Flight, /) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     flight.vehicle.fail.reject(START_CAPTURE)
     plan = corner(flight.now_s() + NOTICE_S)
     flight.driver.give(order(plan))

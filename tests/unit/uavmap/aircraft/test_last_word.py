@@ -31,7 +31,7 @@ from missions.orders import FlyPath, FlyTo, ReturnToLaunch, StandDown, TakeOff
 from missions.units import GridPoint
 from sitl.copter.modes import Mode
 from sitl.px4.modes import Px4Mode
-from tests.support.flights import UP_M, Flight, Message, fly, small_mission, to
+from tests.support.flights import UP_M, Flight, Message, fly, fly_up, small_mission, to
 from tests.support.mavlink_peer import heartbeat
 from tests.support.running import by
 from tests.support.small_missions import square
@@ -199,12 +199,11 @@ async def test_px4_pilot_turns_to_position_just_before_an_order_keeps_it(
 
 
 @pytest.mark.parametrize("lost_ack", [None, 0, 1])
-@by(fly, lambda lost_ack: on_px4())
+@by(fly_up, lambda lost_ack: on_px4())
 async def test_px4_pilot_turns_to_hold_right_after_offboard_keeps_it(
     flight: Flight, /, lost_ack: int | None
 ) -> None:
     """Seen: OFFBOARD asked for at 58.81 s, the pilot's Hold at 59.0, ours again at 61.53."""
-    await flight.after(TakeOff(UP_M), Airborne)
     at_s: list[float] = []
     real = flight.vehicle._ap._change
 

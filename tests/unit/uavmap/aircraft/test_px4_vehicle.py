@@ -36,6 +36,7 @@ from tests.support.flights import (
     Phase,
     climbing,
     fly,
+    fly_up,
     flying,
     looking,
     small_mission,
@@ -70,9 +71,8 @@ def modes_of(flight: Flight) -> list[int]:
 
 
 @pytest.mark.parametrize("amsl_m", [0.0, 1800.0, -20.0])
-@by(fly, on_px4)
+@by(fly_up, on_px4)
 async def test_every_order_ends_with_its_event(flight: Flight, /, amsl_m: float) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     assert flight.vehicle.truth.mode == Px4Mode.HOLD
     assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
     arrived = await flight.after(to(10.0, 16.0), Arrived)
@@ -88,9 +88,8 @@ async def test_every_order_ends_with_its_event(flight: Flight, /, amsl_m: float)
     assert not flight.seen(Overridden)
 
 
-@by(fly, lambda: on_px4(speed_m_s=3.0))
+@by(fly_up, lambda: on_px4(speed_m_s=3.0))
 async def test_the_wanted_speed_is_flown(flight: Flight, /) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(to(0.0, 60.0))
     await asyncio.sleep(7.0)
     assert flight.vehicle.truth.velocity_m_s[1] == pytest.approx(3.0, abs=0.3)
@@ -271,11 +270,10 @@ async def test_a_refused_arming_is_said_with_its_reason(flight: Flight, /) -> No
     assert "Compass" in failed.reason
 
 
-@by(fly, on_px4)
+@by(fly_up, on_px4)
 async def test_nothing_that_we_send_changes_the_mode_of_a_flying_vehicle_but_landing(
     flight: Flight, /
 ) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     before = len(modes_of(flight))
     await flight.after(to(10.0, 10.0), Arrived)
     assert len(modes_of(flight)) == before
@@ -284,12 +282,11 @@ async def test_nothing_that_we_send_changes_the_mode_of_a_flying_vehicle_but_lan
     assert {m.frame for m in targets} == {mav.MAV_FRAME_GLOBAL_INT}
 
 
-@by(fly, on_px4)
+@by(fly_up, on_px4)
 async def test_who_stands_by_after_a_landing_away_from_home_has_not_crashed(
     flight: Flight, /
 ) -> None:
     """A spare pad: it is told to stand by while its motors still run, and it holds by itself."""
-    await flight.after(TakeOff(UP_M), Airborne)
     await flight.after(to(-11.0, -11.0), Arrived)
     report = flight.driver._reporter.report
 

@@ -36,6 +36,7 @@ from tests.support.flights import (
     Phase,
     climbing,
     fly,
+    fly_up,
     flying,
     looking,
     small_mission,
@@ -67,9 +68,8 @@ async def test_home_that_moves_on_arming_is_no_surprise(flight: Flight, /) -> No
     assert not flight.seen(OrderFailed)
 
 
-@by(fly)
+@by(fly_up)
 async def test_an_order_replaces_the_last_midway(flight: Flight, /) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(to(60.0, 0.0))
     await asyncio.sleep(3.0)
     await flight.after(to(0.0, 20.0), Arrived)
@@ -92,9 +92,8 @@ async def test_a_take_off_that_is_replaced_on_the_way_up(flight: Flight, /) -> N
     assert not flight.seen(Airborne)
 
 
-@by(fly)
+@by(fly_up)
 async def test_hold_stays(flight: Flight, /) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(to(40.0, 0.0))
     await asyncio.sleep(4.0)
     flight.driver.give(Hold())
@@ -162,10 +161,9 @@ async def test_a_pilot_takes_over_at_once_in_every_phase(
             await flight.after(to(0.0, 8.0), Arrived)
 
 
-@by(fly, lambda: small_mission(drift_m_s=0.1, interval_s=1.0))
+@by(fly_up, lambda: small_mission(drift_m_s=0.1, interval_s=1.0))
 async def test_a_drifting_look_yields_too(flight: Flight, /) -> None:
     """Here two tasks send commands: one follows the cell, one takes the pictures."""
-    await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(Look(Cell(0, 0), 15, UP_M))
     await flight.sees(FrameSeen, 2)
     flight.pilot_mode(LOITER)
@@ -195,10 +193,9 @@ async def test_a_mode_that_flaps(flight: Flight, /) -> None:
     await flight.hears_nothing(5.0)  # nobody has ordered anything since
 
 
-@by(fly)
+@by(fly_up)
 async def test_a_pilot_who_starts_from_the_ground_is_left_alone(flight: Flight, /) -> None:
     """Between two sorties the pilot switches the mode, then arms, and flies by hand."""
-    await flight.after(TakeOff(UP_M), Airborne)
     await flight.after(Land(), Landed)
     flight.pilot_mode(LOITER)
     await asyncio.sleep(2.0)
@@ -208,9 +205,8 @@ async def test_a_pilot_who_starts_from_the_ground_is_left_alone(flight: Flight, 
     assert not flight.seen(Released)
 
 
-@by(fly)
+@by(fly_up)
 async def test_orders_of_a_ground_station_are_not_ours_to_answer(flight: Flight, /) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(to(40.0, 0.0))
     for _ in range(20):  # denied by the vehicle, acknowledged to its sender
         flight.pilot(mav.MAV_CMD_DO_REPOSITION, -1, 0, 0, 0, 0, 0, 20)
@@ -365,9 +361,8 @@ async def test_clock_that_stood_still_is_that_of_a_vehicle_which_answers_at_once
 
 
 # --- pictures --------------------------------------------------------------------------------
-@by(fly)
+@by(fly_up)
 async def test_a_camera_that_stalls_is_reported_and_the_look_ends(flight: Flight, /) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     flight.to_driver = lambda message: message.get_type() != "CAMERA_IMAGE_CAPTURED"
     await flight.after(Look(Cell(0, 0), 5, UP_M), LookEnded, within_s=300.0)
     assert len(flight.seen(FrameLost)) == 5
@@ -375,9 +370,8 @@ async def test_a_camera_that_stalls_is_reported_and_the_look_ends(flight: Flight
     assert not flight.seen(FrameSeen)
 
 
-@by(fly)
+@by(fly_up)
 async def test_a_lost_announcement_is_asked_for_again(flight: Flight, /) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     heard: list[int] = []
 
     def lossy(message: Message) -> bool:
@@ -394,9 +388,8 @@ async def test_a_lost_announcement_is_asked_for_again(flight: Flight, /) -> None
 
 
 @pytest.mark.parametrize("part", [0.0, 0.5])
-@by(fly)
+@by(fly_up)
 async def test_a_corrupt_picture_is_a_lost_frame(flight: Flight, /, part: float) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     flight.change = lambda picture: picture[: int(len(picture) * part)]
     await flight.after(Look(Cell(0, 0), 3, UP_M), LookEnded)
     assert len(flight.seen(FrameLost)) == 3
@@ -406,18 +399,16 @@ async def test_a_corrupt_picture_is_a_lost_frame(flight: Flight, /, part: float)
     assert len(flight.seen(FrameSeen)) == 3
 
 
-@by(fly)
+@by(fly_up)
 async def test_a_camera_without_an_answer_loses_its_pictures(flight: Flight, /) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     flight.to_vehicle = lambda message: getattr(message, "command", 0) != 2000
     lost = await flight.after(Look(Cell(0, 0), 3, UP_M), FrameLost)
     assert "the camera is silent" in lost.reason
     assert not flight.seen(OrderFailed)
 
 
-@by(fly)
+@by(fly_up)
 async def test_a_wild_picture_number_is_not_asked_for_a_million_times(flight: Flight, /) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     camera = mav.MAVLink(None, srcSystem=1, srcComponent=100)
     flight.driver.give(Look(Cell(0, 0), 15, UP_M))
     await flight.sees(FrameSeen, 1)

@@ -26,7 +26,7 @@ from missions.mission.schema import Mission
 from missions.orders import FlyPath, FlyTo, Hold, Land, ReturnToLaunch, Sweep, TakeOff
 from missions.units import GridPoint
 from sitl.copter.modes import Mode
-from tests.support.flights import UP_M, Flight, fly, small_mission
+from tests.support.flights import UP_M, Flight, fly, fly_up, small_mission
 from tests.support.mavlink_peer import heartbeat
 from tests.support.running import by
 from tests.support.small_missions import square
@@ -259,11 +259,10 @@ async def test_who_speaks_again_only_after_the_mission_failed_is_seen_down(
     assert len(flight.seen(Landed)) == 1
 
 
-@by(fly)
+@by(fly_up)
 async def test_who_falls_while_it_is_brought_home_is_told_before_that_ends(
     flight: Flight, /
 ) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     flight.driving.cancel()
     loop = asyncio.get_running_loop()
 
@@ -285,12 +284,11 @@ FORCED = 21196.0
 
 @both
 @pytest.mark.parametrize("height_m", [1.5, 3.0, 8.0])
-@by(fly, small_mission)
+@by(fly_up, small_mission)
 async def test_motors_that_stop_over_the_pad_are_no_landing(
     flight: Flight, /, autopilot: str, height_m: float
 ) -> None:
     """It stands on its pad, disarmed, on the ground by its own word: as after a landing."""
-    await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(Land())
     await flight.until(lambda: flight.session.view.height_m < height_m)
     flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
@@ -305,11 +303,10 @@ async def test_motors_that_stop_over_the_pad_are_no_landing(
 
 
 @both
-@by(fly, small_mission)
+@by(fly_up, small_mission)
 async def test_motors_that_stop_a_hand_above_the_ground_are_a_landing(
     flight: Flight, /, autopilot: str
 ) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(Land())
     await flight.until(lambda: flight.vehicle.truth.height_m < 0.1)
     flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
@@ -347,9 +344,8 @@ async def test_a_wind_that_the_airframe_cannot_hold_ends_on_the_ground_near_the_
     assert flight.setting.fence.outer.distance(Point(where)) < 150.0
 
 
-@by(fly)
+@by(fly_up)
 async def test_a_leg_that_goes_nowhere_is_reported_to_the_mission(flight: Flight, /) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     # accepted, and not carried out: the autopilot is told to stay by somebody else
     flight.to_vehicle = lambda message: getattr(message, "command", 0) != 192
     flight.driver.give(FlyTo((GridPoint(40.0, 20.0),), None, stop=False, height_m=UP_M))
@@ -357,11 +353,10 @@ async def test_a_leg_that_goes_nowhere_is_reported_to_the_mission(flight: Flight
     assert "no progress" in failed.reason
 
 
-@by(fly)
+@by(fly_up)
 async def test_a_sweep_that_waits_for_its_camera_is_no_leg_without_progress(
     flight: Flight, /
 ) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
     flight.to_vehicle = lambda message: getattr(message, "command", 0) != 2000
     flight.driver.give(Sweep(GridPoint(30.0, 0.0), 4.0, UP_M))
     await asyncio.sleep(25.0)
@@ -378,10 +373,9 @@ async def test_a_take_off_that_nobody_acknowledged_is_seen_to_happen(flight: Fli
     assert not flight.seen(OrderFailed)
 
 
-@by(fly)
+@by(fly_up)
 async def test_a_place_that_is_none_stops_no_clock(flight: Flight, /) -> None:
     """What cannot be sent is tried again in a while, and not without end at one instant."""
-    await flight.after(TakeOff(UP_M), Airborne)
     nowhere = GridPoint(float("inf"), 0.0)
     flight.driver.give(FlyTo((nowhere,), None, stop=False, height_m=UP_M))
     await asyncio.sleep(5.0)

@@ -105,7 +105,7 @@ def judged(
         source = MavlinkSource(peer.session, fetch)
         poses = Poses(peer.session, mount_of(CAMERA), SETTING.grid)
         judge = Verdicts()
-        driver = CameraDriver(1, source, poses, MISSION, judge, loop.time)
+        driver = CameraDriver(1, source, poses, MISSION, judge.judge, loop.time)
         peer.answer = lambda message: peer.say(
             mav.MAVLink_command_ack_message(message.command, 0, 0, 0, 245, 191), component=100
         )
