@@ -26,8 +26,9 @@ RALLY_AT = 10.0, 15.0
 """East and north of the first pad, m."""
 
 
-async def owned(rig: Rig, one: Autopilot) -> None:
+async def owned(rig: Rig) -> Autopilot:
     """Give an autopilot a fence of four points and a rally point of its owner's."""
+    one = rig.aircraft[0]
     plane = LocalPlane(rig.mission.home)
 
     def at(east_m: float, north_m: float) -> tuple[int, int]:
@@ -39,6 +40,8 @@ async def owned(rig: Rig, one: Autopilot) -> None:
     await one.pilot.give(FENCE, [Item(vertex, 4.0, *at(*corner)) for corner in corners])
     rally = Item(mav.MAV_CMD_NAV_RALLY_POINT, 0.0, *at(*RALLY_AT), height_m=20.0)
     await one.pilot.give(RALLY, [rally])
+    rig.before = [await rig.kept(one)]
+    return one
 
 
 def never_flown(rig: Rig) -> None:
@@ -58,9 +61,7 @@ async def test_the_doctor_finds_it_fit_and_changes_nothing(rig: Rig) -> None:
 
 @scenario("dry run, owner's fence and rally point", parameters=OWNERS_FENCE)
 async def test_a_dry_run_puts_back_what_its_owner_has(rig: Rig) -> None:
-    one = rig.aircraft[0]
-    await owned(rig, one)
-    rig.before = [await rig.kept(one)]
+    await owned(rig)
     assert len(rig.before[0].fence) == 4
     assert len(rig.before[0].rally) == 1
     for _ in range(3):
@@ -72,9 +73,7 @@ async def test_a_dry_run_puts_back_what_its_owner_has(rig: Rig) -> None:
 
 @scenario("dry run, then a return to the owner's rally point")
 async def test_after_a_dry_run_its_owners_rally_point_is_returned_to(rig: Rig) -> None:
-    one = rig.aircraft[0]
-    await owned(rig, one)
-    rig.before = [await rig.kept(one)]
+    one = await owned(rig)
     run = await rig.fly("--dry-run")
     await rig.end_of(run, 300.0)
     await rig.ends_well(run, 0)
@@ -103,26 +102,19 @@ async def test_without_a_terminal_nobody_has_agreed(rig: Rig) -> None:
     await rig.ends_well(run, 2)
 
 
-async def late(rig: Rig, delay_s: float) -> None:
-    """A dry run over a link on which every frame takes its time."""
-    for relay in rig.relays:
-        relay.delay_s = delay_s
-    run = await rig.fly("--dry-run")
-    await rig.end_of(run, 600.0)
-    never_flown(rig)
-    await rig.ends_well(run, 0)
+def late(delay_s: float) -> object:
+    @scenario(f"dry run, {delay_s:g} s late each way")
+    async def flown(rig: Rig) -> None:
+        for relay in rig.relays:
+            relay.delay_s = delay_s
+        run = await rig.fly("--dry-run")
+        await rig.end_of(run, 600.0)
+        never_flown(rig)
+        await rig.ends_well(run, 0)
+
+    return flown
 
 
-@scenario("dry run, 0.3 s late each way")
-async def test_a_link_0_3_s_late_each_way(rig: Rig) -> None:
-    await late(rig, 0.3)
-
-
-@scenario("dry run, 0.6 s late each way")
-async def test_a_link_0_6_s_late_each_way(rig: Rig) -> None:
-    await late(rig, 0.6)
-
-
-@scenario("dry run, 1.5 s late each way")
-async def test_a_link_1_5_s_late_each_way(rig: Rig) -> None:
-    await late(rig, 1.5)
+test_a_link_0_3_s_late_each_way = late(0.3)
+test_a_link_0_6_s_late_each_way = late(0.6)
+test_a_link_1_5_s_late_each_way = late(1.5)

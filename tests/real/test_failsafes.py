@@ -14,10 +14,16 @@ from tests.real.scenario import scenario
 PLACE = re.compile(r"(-?\d+\.\d{5,})[,/ ]+(-?\d+\.\d{5,})")
 
 
-async def failed(rig: Rig, what: str) -> Run:
-    """Fly along a path, and let something fail."""
+async def in_search(rig: Rig) -> Run:
+    """Fly along a path."""
     run = await rig.fly("--auto-swap")
     await rig.in_search(run)
+    return run
+
+
+async def failed(rig: Rig, what: str) -> Run:
+    """Fly along a path, and let something fail."""
+    run = await in_search(rig)
     await rig.aircraft[0].fail(what)
     return run
 
@@ -76,8 +82,7 @@ async def test_a_motor_fails_and_all_motors_are_stopped(rig: Rig) -> None:
 
 @scenario("disarmed by force in the air", near=True)
 async def test_motors_that_are_stopped_in_the_air(rig: Rig) -> None:
-    run = await rig.fly("--auto-swap")
-    await rig.in_search(run)
+    run = await in_search(rig)
     await rig.aircraft[0].pilot.command(400, 0, 21196)
     await rig.end_of(run, 300.0)
     await rig.ends_well(run, 4, put_back=False)  # where it lies nobody flies
@@ -94,8 +99,7 @@ async def test_a_fence_that_is_made_smaller_in_flight(rig: Rig) -> None:
 @scenario("radio control lost, and back", near=True)
 async def test_a_radio_control_that_is_lost_and_back(rig: Rig) -> None:
     one = rig.aircraft[0]
-    run = await rig.fly("--auto-swap")
-    await rig.in_search(run)
+    run = await in_search(rig)
     one.hold_sticks(centred=True)  # with the throttle up nothing arms
     await rig.rest(2.0)
     await one.fail("radio")

@@ -7,13 +7,13 @@ import contextlib
 import os
 import sys
 from collections.abc import AsyncIterator
-from typing import Final, cast
+from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from tests.real.rig import Rig
 from tests.real.scenario import scenario
-from tests.real.sockets import free_port
+from tests.real.sockets import Address, Socket, free_port
 
 WORSE: Final = 0.01
 """The map of a real flight may be worse by this IoU than that of the simulated one."""
@@ -104,32 +104,27 @@ async def test_survey(rig: Rig) -> None:
     await begun(rig, "--strategy", "survey")
 
 
-class _GroundStation(asyncio.DatagramProtocol):
+class _GroundStation:
     """Hears what is passed on, and asks for a parameter once."""
 
     def __init__(self) -> None:
         self.kinds: set[str] = set()
+        self.socket = Socket(self._hear)
         self._in, self._out = mav.MAVLink(None), mav.MAVLink(None, srcSystem=250)
         self._in.robust_parsing = True
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        self._transport = cast(asyncio.DatagramTransport, transport)
-
-    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+    def _hear(self, data: bytes, address: Address) -> None:
         for message in self._in.parse_buffer(data) or ():
             if message.get_type() not in self.kinds and message.get_type() == "HEARTBEAT":
                 ask = mav.MAVLink_param_request_list_message(message.get_srcSystem(), 1)
-                self._transport.sendto(ask.pack(self._out), addr)
+                self.socket.send(ask.pack(self._out), address)
             self.kinds.add(message.get_type())
 
 
 @scenario("--forward")
 async def test_a_ground_station_beside_it(rig: Rig) -> None:
-    port = free_port()
-    loop = asyncio.get_running_loop()
-    transport, station = await loop.create_datagram_endpoint(
-        _GroundStation, local_addr=("127.0.0.1", port)
-    )
+    port, station = free_port(), _GroundStation()
+    await station.socket.open(port)
     await begun(rig, "--forward", f"udpout://127.0.0.1:{port}", for_s=20.0)
-    transport.close()
+    station.socket.close()
     assert {"HEARTBEAT", "GLOBAL_POSITION_INT", "PARAM_VALUE"} <= station.kinds

@@ -35,21 +35,18 @@ async def test_a_pilots_mode_is_never_taken_back(rig: Rig) -> None:
     await rig.ends_well(run, 3)
 
 
-@scenario("pilot lands it", near=True)
-async def test_a_pilot_lands_it_beside_its_pad(rig: Rig) -> None:
-    run = await rig.fly("--auto-swap")
-    await rig.in_search(run)
-    await rig.aircraft[0].set_mode("LAND")
-    await rig.end_of(run, 200.0)
-    await rig.ends_well(run, 4)
-    assert run.said("uavmap resume")
+def left_to_the_pilot(what: str, mode: str, code: int) -> object:
+    @scenario(f"pilot {what}", near=True)
+    async def flown(rig: Rig) -> None:
+        run = await rig.fly("--auto-swap")
+        await rig.in_search(run)
+        await rig.aircraft[0].set_mode(mode)
+        await rig.end_of(run, 200.0)
+        await rig.ends_well(run, code)
+        assert run.said("uavmap resume")
+
+    return flown
 
 
-@scenario("pilot has it return", near=True)
-async def test_a_pilot_has_it_return(rig: Rig) -> None:
-    run = await rig.fly("--auto-swap")
-    await rig.in_search(run)
-    await rig.aircraft[0].set_mode("RTL")
-    await rig.end_of(run, 200.0)
-    await rig.ends_well(run, 3)
-    assert run.said("uavmap resume")
+test_a_pilot_lands_it_beside_its_pad = left_to_the_pilot("lands it", "LAND", 4)
+test_a_pilot_has_it_return = left_to_the_pilot("has it return", "RTL", 3)
