@@ -8,6 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from missions.units import LatLon
 from uavmap.mavlink.session import GROUND_SYSTEM_ID, Session
 
 Message = Any
@@ -55,6 +56,22 @@ def heartbeat(
 ) -> Message:
     base = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | (mav.MAV_MODE_FLAG_SAFETY_ARMED * armed)
     return mav.MAVLink_heartbeat_message(mav.MAV_TYPE_QUADROTOR, autopilot, base, mode, 4, 3)
+
+
+def position(
+    place: LatLon,
+    *,
+    t_s: float,
+    up_m: float = 12.0,
+    amsl_m: float | None = None,
+    velocity: tuple[int, int, int] = (0, 0, 0),
+) -> Message:
+    """GLOBAL_POSITION_INT at a time of the vehicle's clock; its home lies 500 m above the sea."""
+    amsl_m = 500.0 + up_m if amsl_m is None else amsl_m
+    return mav.MAVLink_global_position_int_message(
+        round(t_s * 1000) & 0xFFFFFFFF, round(place.lat_deg * 1e7), round(place.lon_deg * 1e7),
+        round(amsl_m * 1000), round(up_m * 1000), *velocity, 0,
+    )  # fmt: skip
 
 
 def ack(command: int, result: int, target: int = GROUND_SYSTEM_ID) -> Message:

@@ -77,11 +77,7 @@ class Session:
         """How long an answer is waited for, in seconds of the loop's clock."""
         self._send = send
         self._record = record
-        self._codec = mav.MAVLink(
-            None,
-            srcSystem=GROUND_SYSTEM_ID,
-            srcComponent=mav.MAV_COMP_ID_ONBOARD_COMPUTER,
-        )
+        self._codec = mav.MAVLink(None, GROUND_SYSTEM_ID, mav.MAV_COMP_ID_ONBOARD_COMPUTER)
         self._codec.robust_parsing = True
         self._listeners: list[Listener] = []
         self._waiters: list[tuple[Callable[[], bool], asyncio.Future[None]]] = []
@@ -200,10 +196,9 @@ class Session:
 
     def _packed(self, message: Message) -> bytes:
         try:
-            frame: bytes = message.pack(self._codec)
+            return bytes(message.pack(self._codec))
         except (struct.error, mav.MAVError, ValueError, OverflowError, TypeError) as error:
             raise LinkError(f"{message.get_type()} cannot be sent: {error}") from None
-        return frame
 
     def _emit(self, frame: bytes) -> None:
         """A frame goes to the link, signed where there is a key."""

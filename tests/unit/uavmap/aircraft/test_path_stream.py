@@ -17,7 +17,7 @@ from missions.geo.grid import Grid
 from missions.geo.trajectory import Trajectory, rounded_path
 from missions.orders import FlyPath
 from missions.units import GridPoint, LatLon
-from tests.support.mavlink_peer import Message, Peer, ack, heartbeat
+from tests.support.mavlink_peer import Message, Peer, ack, heartbeat, position
 from tests.support.running import by
 from uavmap.aircraft.control import MODE_KNOWN_S, Holder
 from uavmap.aircraft.controlled_commands import ControlledCommands
@@ -67,12 +67,9 @@ class Wire:
         """A heartbeat and a position, heard at once."""
         self.mode = mode
         here = GRID.position(GridPoint(0.0, 0.0))
-        place = (round(here.lat_deg * 1e7), round(here.lon_deg * 1e7))
-        position = mav.MAVLink_global_position_int_message(
-            round(self.now_s() * 1000.0), *place, round((AMSL_M + 12.0) * 1000), 12_000,
-            round(100 * speed_m_s), 0, 0, 0,
-        )  # fmt: skip
-        for message in (heartbeat(mode, armed=True, autopilot=self.autopilot), position):
+        velocity = (round(100 * speed_m_s), 0, 0)
+        place = position(here, t_s=self.now_s(), amsl_m=AMSL_M + 12.0, velocity=velocity)
+        for message in (heartbeat(mode, armed=True, autopilot=self.autopilot), place):
             self.peer.session.feed(self.peer.frame(message))
 
     @contextlib.asynccontextmanager

@@ -20,6 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.units import LatLon
 from tests.support.hostile import Hostile
 from tests.support.mavlink_peer import Peer, heartbeat, text
+from tests.support.mavlink_peer import position as position_at
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.continuity import JUMP_CONFIRMED_S, BootClock, distance_m
 from uavmap.mavlink.identity import same_aircraft
@@ -34,25 +35,8 @@ M_PER_DEG = 111_195.0
 TLOG = Path(__file__).parents[5] / "shared" / "data" / "arducopter" / "flight-4.6.tlog"
 
 
-def position(
-    lat: float = LAT,
-    lon: float = LON,
-    *,
-    t_s: float,
-    up_m: float = 12.0,
-    amsl_m: float | None = None,
-    velocity: tuple[int, int, int] = (0, 0, 0),
-) -> Message:
-    amsl_m = 500.0 + up_m if amsl_m is None else amsl_m
-    return mav.MAVLink_global_position_int_message(
-        round(t_s * 1000) & 0xFFFFFFFF,
-        round(lat * 1e7),
-        round(lon * 1e7),
-        round(amsl_m * 1000),
-        round(up_m * 1000),
-        *velocity,
-        0,
-    )
+def position(lat: float = LAT, lon: float = LON, **how: Any) -> Message:
+    return position_at(LatLon(lat, lon), **how)
 
 
 def home(lat: float = LAT, lon: float = LON, amsl_m: float = 500.0) -> Message:

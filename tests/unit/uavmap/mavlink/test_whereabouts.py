@@ -20,7 +20,7 @@ from missions.mission.sections.sim_section import SimRegion
 from missions.orders import FlyPath, FlyTo, TakeOff
 from missions.units import Cell, GridPoint, LatLon, Pose, Quaternion
 from tests.support.flights import Flight, fly
-from tests.support.mavlink_peer import Peer, ack, heartbeat
+from tests.support.mavlink_peer import Peer, ack, heartbeat, position
 from tests.support.running import by, on_virtual_time
 from tests.support.small_missions import CELL_M, START, mission, square
 from uavmap.aircraft.cameras.mavlink import told_pose
@@ -122,11 +122,8 @@ def fault_of(message: Message, heard_s: float = 10.0, last_s: float = 10.0) -> s
             if fifth % 5 == 0:
                 peer.session.feed(peer.frame(heartbeat()))
             place = north_of_home(SPEED_M_S * t_s)
-            position = mav.MAVLink_global_position_int_message(
-                round(t_s * 1000), round(place.lat_deg * 1e7), round(place.lon_deg * 1e7),
-                512_000, 12_000, round(SPEED_M_S * 100), 0, 0, 0,
-            )  # fmt: skip
-            peer.session.feed(peer.frame(position))
+            here = position(place, t_s=t_s, velocity=(round(SPEED_M_S * 100), 0, 0))
+            peer.session.feed(peer.frame(here))
         await asyncio.sleep(heard_s - loop.time())
         view = peer.session.view
         taken_s = view.captured_s(message.time_boot_ms, loop.time())
@@ -250,10 +247,7 @@ async def test_place_of_vehicle_that_takes_an_estimate_does_not_leap() -> None:
             true = LAT + 0.6 / 111_195.0 * n
             leapt = bool(taken_s) and loop.time() > taken_s[0]
             told = true + (0.1 * OFF if leapt else OFF)
-            height = (512_000, 12_000, 600, 0, 0, 0)
-            message = mav.MAVLink_global_position_int_message(
-                round(loop.time() * 1000), round(told * 1e7), round(LON * 1e7), *height
-            )
+            message = position(LatLon(told, LON), t_s=loop.time(), velocity=(600, 0, 0))
             peer.session.feed(peer.frame(message))
             assert view.position is not None
             places.append(distance_m(view.position, LatLon(true, LON)))
@@ -273,9 +267,5 @@ async def test_leap_of_a_place_without_an_estimate_is_left_to_those_who_judge_it
     peer = Peer()
     peer.session.feed(peer.frame(heartbeat(armed=True)))
     for n, north in enumerate((0.0, 0.0, 18.0 * DEG)):
-        height = (512_000, 12_000, 0, 0, 0, 0)
-        message = mav.MAVLink_global_position_int_message(
-            1000 + 100 * n, round((LAT + north) * 1e7), round(LON * 1e7), *height
-        )
-        peer.session.feed(peer.frame(message))
+        peer.session.feed(peer.frame(position(LatLon(LAT + north, LON), t_s=1.0 + 0.1 * n)))
     assert peer.session.view.off_deg == (0.0, 0.0)

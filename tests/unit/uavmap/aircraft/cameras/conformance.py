@@ -19,7 +19,8 @@ from PIL import Image
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import ImageError, LinkError, UavmapError
-from tests.support.mavlink_peer import Peer, heartbeat
+from missions.units import LatLon
+from tests.support.mavlink_peer import Peer, heartbeat, position
 from uavmap.aircraft.cameras.folder import FolderSource
 from uavmap.aircraft.cameras.mavlink import MavlinkSource
 from uavmap.aircraft.cameras.pose import Mount
@@ -266,9 +267,7 @@ class Ordered:
         loop, peer = asyncio.get_running_loop(), self.peer
         while True:
             boot_ms = round((loop.time() + AHEAD_S) * 1000)
-            place = mav.MAVLink_global_position_int_message(
-                boot_ms, 480_000_000, 110_000_000, 500_000, 12_000, 0, 0, 0, 0
-            )
+            place = position(LatLon(48.0, 11.0), t_s=boot_ms / 1000.0, amsl_m=500.0)
             level = mav.MAVLink_attitude_message(boot_ms, 0, 0, 0, 0, 0, 0)
             for message in (heartbeat(), place, level):
                 peer.session.feed(peer.frame(message, 1))

@@ -17,7 +17,7 @@ from missions.errors import ImageError
 from missions.geo.grid import Grid
 from missions.units import LatLon, Pose, Quaternion
 from sitl.camera.pinhole import CameraSpec
-from tests.support.mavlink_peer import Peer, heartbeat
+from tests.support.mavlink_peer import Peer, heartbeat, position
 from tests.support.running import by, on_virtual_time
 from tests.unit.uavmap.aircraft.cameras.conformance import (
     LATENCY_S,
@@ -63,12 +63,9 @@ def told_at(t_s: float, peer: Peer, *, attitude_off_s: float = 0.0) -> None:
     turned_ms = boot_ms + round(attitude_off_s * 1000)
     for message in (
         heartbeat(),
-        mav.MAVLink_global_position_int_message(
-            boot_ms, round(place.lat_deg * 1e7), round(place.lon_deg * 1e7), 512_000,
-            round(height_m * 1000), *velocity, 0,
-        ),
+        position(place, t_s=t_s + AHEAD_S, up_m=height_m, amsl_m=512.0, velocity=velocity),
         mav.MAVLink_attitude_message(turned_ms, BANK_RAD, 0.05, heading, 0, 0, 0),
-    ):  # fmt: skip
+    ):
         peer.session.feed(peer.frame(message))
 
 
