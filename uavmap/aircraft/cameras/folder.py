@@ -28,23 +28,18 @@ _TAIL_BYTES: Final = 64
 
 
 @dataclass(slots=True)
-class _File:
+class NewFile:
+    """A picture that grows, or is whole.
+
+    `appeared_s` is good to +-`unsure_s`, on the looker's clock.
+    """
+
+    path: Path
     size: int
     since_s: float
     """Since when it has this size."""
     appeared_s: float
     unsure_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class NewFile:
-    """A picture that is whole. `appeared_s` is good to +-`unsure_s`, on the looker's clock."""
-
-    path: Path
-    appeared_s: float
-    unsure_s: float
-    whole: bool
-    """Whether it ends as a picture does; else it only does not grow any more."""
 
 
 @dataclass(slots=True)
@@ -56,7 +51,7 @@ class FolderWatch:
     """
 
     folder: Path
-    _known: dict[str, _File | None] = field(default_factory=dict)
+    _known: dict[str, NewFile | None] = field(default_factory=dict)
     """None: taken, or there from the beginning."""
     _looked_s: float | None = None
 
@@ -79,15 +74,15 @@ class FolderWatch:
             file = self._known.get(name)
             if file is None:
                 middle_s, half_s = (before_s + now_s) / 2.0, (now_s - before_s) / 2.0
-                self._known[name] = _File(size, now_s, middle_s, half_s)
+                path = self.folder / name
+                self._known[name] = NewFile(path, size, now_s, middle_s, half_s)
                 continue
             if size != file.size:
                 file.size, file.since_s = size, now_s
                 continue
-            whole = size > 0 and _ends(self.folder / name)
-            if whole or now_s - file.since_s >= STABLE_S:
+            if (size > 0 and _ends(file.path)) or now_s - file.since_s >= STABLE_S:
                 self._known[name] = None
-                found.append(NewFile(self.folder / name, file.appeared_s, file.unsure_s, whole))
+                found.append(file)
         return sorted(found, key=lambda f: (f.appeared_s, f.path.name))
 
     def _sizes(self) -> dict[str, int]:
