@@ -10,9 +10,10 @@ after.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
@@ -296,22 +297,14 @@ class Impact:
         sank, self.sinks = self.sinks, sink_m_s > REST_M_S
         if sank and not self.sinks and len(descent) > 1:
             ended_m_s = sorted(speed for _, speed in descent)[-2]
-            if len(descent) > 3 and all(map(_falls, *_last_steps(descent))):
+            before_rest = [descent[-4], descent[-3], descent[-2]] if len(descent) > 3 else []
+            if before_rest and all(_falls(a, b) for a, b in itertools.pairwise(before_rest)):
                 ended_m_s = max(ended_m_s, descent[-2][1])
             if ended_m_s > self.speed_m_s:
                 self.speed_m_s, self._rested_s = ended_m_s, t_s
 
 
-_Sample = tuple[float, float]
-
-
-def _last_steps(descent: Sequence[_Sample]) -> tuple[list[_Sample], list[_Sample]]:
-    """From and to of the last two steps before it came to rest."""
-    last = [descent[-4], descent[-3], descent[-2]]
-    return last[:-1], last[1:]
-
-
-def _falls(one: _Sample, other: _Sample) -> bool:
+def _falls(one: tuple[float, float], other: tuple[float, float]) -> bool:
     """Whether it gained speed as in a free fall, or nearly: some thrust and drag may be left."""
     elapsed_s, gained_m_s = other[0] - one[0], other[1] - one[1]
     most_m_s = GRAVITY_M_S2 * elapsed_s

@@ -231,25 +231,18 @@ class KeptTimestamps:
 
     def _read(self) -> None:
         try:
-            text = self._path.read_text("ascii")
-        except FileNotFoundError:
-            return
-        except (OSError, ValueError):
-            raise self._damaged() from None
-        try:
-            kept = json.loads(text)
+            kept = json.loads(self._path.read_text("ascii"))
             self.sent = int(kept["sent"])
             for name, tick in kept["heard"].items():
                 system, component, link = map(int, name.split(":"))
                 self.heard[system, component, link] = int(tick)
-        except (ValueError, KeyError, TypeError, AttributeError):
-            raise self._damaged() from None
-
-    def _damaged(self) -> LinkError:
-        return LinkError(
-            f"{self._path} is damaged; if no flight is under way, remove it: what was signed "
-            "before could then be replayed for a minute"
-        )
+        except FileNotFoundError:
+            return
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            raise LinkError(
+                f"{self._path} is damaged; if no flight is under way, remove it: what was signed "
+                "before could then be replayed for a minute"
+            ) from None
 
 
 @contextlib.contextmanager

@@ -25,12 +25,21 @@ from uavmap.mavlink.links.urls import Endpoint, parse_url
 SOON_S = 120.0
 
 
-class Ear:
+class Collected:
+    def __init__(self) -> None:
+        self._more = asyncio.Event()
+
+    async def until(self, so: Callable[[], bool]) -> None:
+        async with asyncio.timeout(SOON_S):
+            while not so():
+                self._more.clear()
+                await self._more.wait()
+
+
+class Ear(Collected):
     """Collects what a transport hears; whatever does not begin with a "?" is the vehicle."""
 
-    def __init__(self) -> None:
-        self.data = b""
-        self._more = asyncio.Event()
+    data = b""
 
     def __call__(self, data: bytes) -> bool:
         self.data += data
@@ -38,10 +47,22 @@ class Ear:
         return not data.startswith(b"?")
 
     async def hears(self, expected: bytes) -> None:
-        async with asyncio.timeout(SOON_S):
-            while expected not in self.data:
-                self._more.clear()
-                await self._more.wait()
+        await self.until(lambda: expected in self.data)
+
+
+class Told(Collected):
+    """Collects what a transport says."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.lines: list[str] = []
+
+    def __call__(self, line: str) -> None:
+        self.lines.append(line)
+        self._more.set()
+
+    async def tells(self, part: str) -> None:
+        await self.until(lambda: any(part in line for line in self.lines))
 
 
 def on_loop(body: Callable[[], Coroutine[Any, Any, None]]) -> None:
@@ -92,24 +113,6 @@ async def test_in_and_out_speak_to_each_other(there: str, kind: socket.SocketKin
             server.send(b"and hello")
             await outside.hears(b"and hello")
             assert b"nobody" not in outside.data
-
-
-class Told:
-    """Collects what a transport says."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-        self._more = asyncio.Event()
-
-    def __call__(self, line: str) -> None:
-        self.lines.append(line)
-        self._more.set()
-
-    async def tells(self, part: str) -> None:
-        async with asyncio.timeout(SOON_S):
-            while not any(part in line for line in self.lines):
-                self._more.clear()
-                await self._more.wait()
 
 
 @by(on_loop)
