@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from dataclasses import dataclass, field
 
 import pytest
@@ -13,7 +12,7 @@ from missions.errors import MissionFileError
 from missions.events import Event, Navigated
 from missions.geo.grid import Grid
 from missions.mission.schema import Mission, NavigationSection
-from missions.units import GridPoint, LatLon
+from missions.units import GridPoint
 from tests.support.small_missions import CELL_M, START, mission_text, parse_mission, square
 from uavmap.aircraft.map_navigation import BACK_S, LOST_S, TELL_S, UNSURE_S, Navigation
 from uavmap.aircraft.reporter import Reporter
@@ -100,17 +99,21 @@ def test_a_flicker_begins_anew() -> None:
     assert not flown.events
 
 
-def test_a_filter_that_holds_a_constant_position_is_its_autopilots_matter() -> None:
-    flown = craft(gnss_loss="map")
-    flown.view.ekf_flags = EKF_RELATIVE | EKF_CONSTANT
-    flown.pass_s(20.0)
-    assert not gnss(flown)
-
-
-def test_on_the_ground_nothing_is_lost() -> None:
-    flown = craft()
-    flown.view.ekf_flags = LOST
-    flown.pass_s(10.0, airborne=False)
+@pytest.mark.parametrize(
+    ("loss", "said", "airborne"),
+    [
+        # a filter that holds a constant position is its autopilot's matter
+        ("map", {"ekf_flags": EKF_RELATIVE | EKF_CONSTANT}, True),
+        ("rtl", {"ekf_flags": LOST}, False),
+        ("rtl", {"gps_fix": 1}, True),  # the filter may have another receiver
+    ],
+    ids=["a filter that holds still", "on the ground", "a receiver alone"],
+)
+def test_what_is_no_loss_changes_nothing(loss: str, said: dict[str, int], airborne: bool) -> None:
+    flown = craft(gnss_loss=loss)
+    for name, value in said.items():
+        setattr(flown.view, name, value)
+    flown.pass_s(20.0, airborne=airborne)
     assert not flown.acts
     assert not flown.events
 
@@ -144,23 +147,6 @@ def test_without_pictures_it_knows_less_with_every_metre_and_comes_home() -> Non
     gaps = [b.t_s - a.t_s for a, b in itertools.pairwise(told)]
     assert all(gap >= TELL_S - 0.2 for gap in gaps)
     assert flown.now_s > UNSURE_S
-
-
-def test_told_and_corrected_places_are_each_others_inverse() -> None:
-    view = VehicleView()
-    view.off_deg = (1.5e-5, -2.5e-5)
-    place = LatLon(47.1, 8.2)
-    back = view.corrected(view.as_told(place))
-    assert math.isclose(back.lat_deg, place.lat_deg, abs_tol=1e-12)
-    assert math.isclose(back.lon_deg, place.lon_deg, abs_tol=1e-12)
-
-
-def test_a_receiver_without_a_fix_alone_sends_nobody_home() -> None:
-    flown = craft(gnss_loss="rtl")
-    flown.view.gps_fix = 1  # the filter may have another receiver
-    flown.pass_s(20.0)
-    assert not flown.acts
-    assert not flown.events
 
 
 @pytest.mark.parametrize("asked", ['gnss_loss = "map"', "watch = true"])

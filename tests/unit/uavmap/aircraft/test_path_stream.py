@@ -424,9 +424,6 @@ async def test_a_px4_keeps_its_parameters() -> None:
     assert not wire.peer.heard
 
 
-# --- the arithmetic ------------------------------------------------------------------------------
-
-
 @by(flown)
 async def test_a_place_that_is_none_is_not_sent() -> None:
     wire = Wire()

@@ -66,11 +66,6 @@ def test_what_is_half_told_is_bounded() -> None:
     assert texts.take(1, statustext(b"z", number=1, chunk=200), 0.0) == []
 
 
-def test_control_characters_are_stripped() -> None:
-    (text,) = Texts().take(1, statustext(b"\x1b]0;owned\x07low \x1b[31mbattery\x07"), 0.0)
-    assert text.words == "low battery"
-
-
 # --- told and kept -----------------------------------------------------------------------------
 def said_by(flight: Flight, *messages: Any) -> None:
     codec = mav.MAVLink(None, srcSystem=1, srcComponent=1)

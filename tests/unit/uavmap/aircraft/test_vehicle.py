@@ -53,8 +53,6 @@ GUIDED, LOITER, RTL, LAND = (int(m) for m in (Mode.GUIDED, Mode.LOITER, Mode.RTL
 
 
 # --- the straight path -----------------------------------------------------------------------
-
-
 @by(fly)
 async def test_home_that_moves_on_arming_is_no_surprise(flight: Flight, /) -> None:
     """ArduPilot sets home anew when it arms; heights are then above the new one."""
@@ -217,8 +215,6 @@ async def test_orders_of_a_ground_station_are_not_ours_to_answer(flight: Flight,
 
 
 # --- refusals --------------------------------------------------------------------------------
-
-
 @by(fly)
 async def test_a_vehicle_that_never_gets_ready(flight: Flight, /) -> None:
     flight.to_driver = lambda message: message.get_type() != "EKF_STATUS_REPORT"

@@ -145,10 +145,7 @@ async def triggered(
         yield source
 
 
-RIGS = [folder, triggered]
-
-
-@pytest.mark.parametrize("rig", RIGS, ids=lambda rig: rig.__name__)
+@pytest.mark.parametrize("rig", [folder, triggered], ids=lambda rig: rig.__name__)
 def test_without_stopping(rig: Rig, tmp_path: Path) -> None:
     """From a moving camera that tilts: poses of another moment would shift the map."""
     summary, events, said = flown(rig, mission(strategy="swath"), tmp_path / "flight")
