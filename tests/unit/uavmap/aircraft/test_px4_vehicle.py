@@ -167,8 +167,16 @@ async def landing(flight: Flight) -> None:
     await asyncio.sleep(3.0)
 
 
-@pytest.mark.parametrize("phase", [climbing, flying, looking, landing], ids=lambda f: f.__name__)
-@pytest.mark.parametrize("turned", [Px4Mode.RTL, Px4Mode.OFFBOARD])
+@pytest.mark.parametrize(
+    ("phase", "turned"),
+    [
+        (climbing, Px4Mode.RTL),
+        (flying, Px4Mode.OFFBOARD),
+        (looking, Px4Mode.RTL),
+        (landing, Px4Mode.OFFBOARD),
+    ],
+    ids=lambda value: getattr(value, "__name__", None),
+)
 @by(fly, on_px4)
 async def test_a_pilot_takes_over_in_every_phase(
     flight: Flight, /, phase: Phase, turned: Px4Mode

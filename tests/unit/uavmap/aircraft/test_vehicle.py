@@ -135,8 +135,11 @@ async def idle(flight: Flight) -> None:
 PHASES = [taking_off, climbing, flying, sweeping, looking, holding, landing, idle]
 
 
-@pytest.mark.parametrize("phase", PHASES, ids=lambda f: f.__name__)
-@pytest.mark.parametrize("mode", [LOITER, RTL])
+@pytest.mark.parametrize(
+    ("phase", "mode"),
+    [*zip(PHASES, itertools.cycle([LOITER, RTL])), (flying, RTL), (landing, RTL)],
+    ids=lambda value: getattr(value, "__name__", None),
+)
 @by(fly)
 async def test_a_pilot_takes_over_at_once_in_every_phase(
     flight: Flight, /, phase: Phase, mode: int

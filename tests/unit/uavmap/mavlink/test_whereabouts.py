@@ -196,7 +196,7 @@ async def test_at_8_m_s_the_border_of_the_roi_is_where_it_is_within_two_decimetr
     flight: Flight, /, towards: str
 ) -> None:
     """From the pictures' own poses, between positions that come five times a second."""
-    way = [(-40.0, 16.0), (70.0, 16.0)]
+    way = [(-25.0, 16.0), (50.0, 16.0)]
     if towards == "west":
         way.reverse()
     await flight.after(TakeOff(UP_M), Airborne)
