@@ -15,10 +15,9 @@ from missions.fleet_events import Allotted, Apart, Fact, Heard, Part, Shared
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Allotment, Phase, State
-from missions.flight.strategy.interface import strategy_of
+from missions.flight.strategy.interface import OpenWork, TourMemory, strategy_of
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep_passes import NEAR_PAD_M
-from missions.flight.strategy.touring import TourMemory
 from missions.flight.team.work_shares import EVERY_S, KNOWN_S, own_part, share_parts
 from missions.flight.transitions import apply
 from missions.mission.checks import parse_mission
@@ -71,7 +70,7 @@ def test_each_cell_is_of_exactly_one_that_maps(
         for number in home:
             state = apply(setting(member), state, heard(member, number, "returns"))
         chart = Chart.around(AREA, 4.0)
-        theirs, _, _ = own_part(setting(member), state, chart, TourMemory())
+        theirs, _, _ = own_part(member, setting(member), state, chart, TourMemory())
         assert theirs is not None
         whose[: theirs.size] += ~theirs
     assert (whose[: theirs.size] == 1).all()
@@ -87,22 +86,22 @@ def test_what_was_told_long_ago_is_kept_to_no_more() -> None:
     state = told(flying(2), parts)
     for later_s, kept in ((KNOWN_S - 1.0, True), (KNOWN_S, False)):
         now = replace(state, t_s=state.t_s + later_s)
-        theirs, _, _ = own_part(setting(2), now, Chart.around(AREA, 4.0), TourMemory())
+        theirs, _, _ = own_part(2, setting(2), now, Chart.around(AREA, 4.0), TourMemory())
         assert (theirs is not None) is kept
 
 
 def test_who_has_no_part_in_what_was_told_plans_for_all() -> None:
     state = told(flying(2), {1: (GridPoint(0.0, 10.0),)})
-    assert own_part(setting(2), state, Chart.around(AREA, 4.0), TourMemory())[0] is None
+    assert own_part(2, setting(2), state, Chart.around(AREA, 4.0), TourMemory())[0] is None
 
 
 def test_a_plan_begins_once_with_what_was_told() -> None:
     state = apply(
         setting(2), flying(2), Allotted(1, 100.0, (Part(1, ()), Part(2, (GridPoint(4.0, 8.0),))))
     )
-    _, memory, waypoints = own_part(setting(2), state, Chart.around(AREA, 4.0), TourMemory())
+    _, memory, waypoints = own_part(2, setting(2), state, Chart.around(AREA, 4.0), TourMemory())
     assert [(x, y) for x, y, _ in waypoints[0]] == [(4.0, 8.0)]
-    _, _, again = own_part(setting(2), state, Chart.around(AREA, 4.0), memory)
+    _, _, again = own_part(2, setting(2), state, Chart.around(AREA, 4.0), memory)
     assert again == ()
 
 
@@ -115,7 +114,7 @@ def test_who_is_out_of_contact_keeps_its_part_for_as_long_as_that_takes() -> Non
     its = chart.index(Cell(1, 8))
     for t_s, closed in ((until_s - 1.0, True), (until_s, False)):
         now = replace(state, t_s=t_s, allotment=Allotment(1, t_s, parts))
-        theirs, _, _ = own_part(setting(2), now, Chart.around(AREA, 4.0), TourMemory())
+        theirs, _, _ = own_part(2, setting(2), now, Chart.around(AREA, 4.0), TourMemory())
         assert theirs is not None
         assert bool(theirs[its]) is closed
 
@@ -142,7 +141,7 @@ def test_the_lowest_of_those_who_map_lays_out_the_parts(member: int) -> None:
     flyers = {n: flyer_of(here, state.vehicles[n], None, None, 101.0) for n in TEAM}
     known = chart_of(here, state, None, 101.0, state.vehicles)
     before = known.chart.closed.copy()
-    laid = share_parts(here, state, known, flyers, 1).allotment
+    laid = share_parts(member, here, state, OpenWork(known, flyers, TourMemory(), 1)).allotment
     assert (known.chart.closed == before).all()
     if member > 1:
         assert laid is None
@@ -151,10 +150,14 @@ def test_the_lowest_of_those_who_map_lays_out_the_parts(member: int) -> None:
     assert laid.parts.keys() == set(TEAM)
     assert all(laid.parts.values())
     soon = replace(state, t_s=100.0 + EVERY_S - 0.1, allotment=laid)
-    assert share_parts(here, soon, known, flyers, 2).allotment is laid
+    assert (
+        share_parts(member, here, soon, OpenWork(known, flyers, TourMemory(), 2)).allotment is laid
+    )
     # whoever leads of those that are left goes on with what was told
     rest = {n: flyer for n, flyer in flyers.items() if n != 1}
-    assert share_parts(setting(2), soon, known, rest, 2).allotment != laid
+    assert (
+        share_parts(2, setting(2), soon, OpenWork(known, rest, TourMemory(), 2)).allotment != laid
+    )
 
 
 @pytest.mark.parametrize("at", [GridPoint(40.0, 50.0), GridPoint(16.0, 4.0)])
