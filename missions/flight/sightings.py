@@ -61,12 +61,12 @@ def _seen_from_above(setting: Setting, state: State, event: FrameSeen) -> State:
     said = {vote.cell: vote.positive for vote in event.votes}
     before = state.overview
     votes = before.in_time(None, frame, said)
-    fresh = [cell for cell in votes if before.verdict(cell) is None]  # what is decided stays so
+    fresh = before.undecided(votes)  # what is decided stays so
     overview = before.with_frame(None, frame, votes)
     vehicle = replace(
         state.vehicles[event.vehicle], frames_lost=0, judged_s=state.t_s, fruitless_sorties=0
     )
-    belief = with_plain(state.belief, before, overview, setting.in_box, fresh)
+    belief = with_plain(state.belief, overview, setting.in_box, fresh)
     state = replace(state, belief=belief, overview=overview)
     return on_a_lane(setting, state, vehicle, event)
 

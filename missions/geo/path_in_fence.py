@@ -73,8 +73,7 @@ def allowed(fence: Fence, path: Trajectory) -> bool:
 
 def _places(path: Trajectory) -> list[GridPoint]:
     steps = max(1, round((path.end_s - path.begin_s) / _STEP_S))
-    step_s = (path.end_s - path.begin_s) / steps
-    return [path.place_at(path.begin_s + k * step_s) for k in range(steps + 1)]
+    return path.places(path.begin_s, path.end_s, steps)
 
 
 def _inside(fence: Fence, places: list[GridPoint]) -> NDArray[np.bool_]:

@@ -156,6 +156,11 @@ class Trajectory:
         drift_east, drift_north = self.drift_m_s
         return GridPoint(east + drift_east * t_s, north + drift_north * t_s)
 
+    def places(self, begin_s: float, end_s: float, steps: int) -> list[GridPoint]:
+        """Return the places at so many equal steps between two times, both ends among them."""
+        step_s = (end_s - begin_s) / steps
+        return [self.place_at(begin_s + k * step_s) for k in range(steps + 1)]
+
     def _piece(self, t_s: float) -> Piece:
         return self.pieces[max(bisect_right(self.pieces, t_s, key=_BEGIN_S) - 1, 0)]
 

@@ -35,7 +35,7 @@ every cell that ever was in it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -114,9 +114,10 @@ class Belief:
         A verdict is too late when its ballot is full and counts a frame that was taken later. Who
         adds only these to a belief never sees a cell leave `roi`.
         """
-        ballots = self._ballots.get(vantage)
-        if ballots is None:
+        found = self._ballots.get(vantage)
+        if found is None:
             return dict(verdicts)
+        ballots = found.as_dict()
         kept, exposed, most = {}, frame.exposed, self.frames
         for cell, says_roi in verdicts.items():
             ballot = ballots.get(cell, ())
@@ -151,6 +152,16 @@ class Belief:
         decided against.
         """
         return self._verdicts.get(cell)
+
+    @property
+    def verdicts(self) -> Mapping[Cell, bool | None]:
+        """The verdict on every cell with a ballot, to be read at once (`PersistentMap.as_dict`)."""
+        return self._verdicts.as_dict()
+
+    def undecided(self, cells: Iterable[Cell]) -> list[Cell]:
+        """Those of some cells that are not decided, in their order."""
+        verdicts = self._verdicts.as_dict()
+        return [cell for cell in cells if verdicts.get(cell) is None]
 
     def provisional(self, cell: Cell) -> bool | None:
         """What to take a cell for while it is not decided; None if no open vote was cast on it.
@@ -229,13 +240,14 @@ class Belief:
     def _with_frames(self, vantage: Vantage, frames: Mapping[FrameId, Verdicts]) -> Belief:
         at_vantage: PersistentMap[FrameId, Verdicts] = self.looks.get(vantage, PersistentMap())
         ballots: PersistentMap[Cell, Ballot] = self._ballots.get(vantage, PersistentMap())
+        before = ballots.as_dict()
         taken: dict[FrameId, Verdicts] = {}
         counted: dict[Cell, Ballot] = {}
         for frame, verdicts in frames.items():
             taken[frame] = seen = _either(at_vantage.get(frame, {}), verdicts)
             exposed = frame.exposed
             for cell in verdicts:
-                ballot = counted.get(cell) or ballots.get(cell) or ()
+                ballot = counted.get(cell) or before.get(cell) or ()
                 if not ballot or ballot[-1][0].exposed < exposed:  # as nearly all come
                     if len(ballot) < self.frames:
                         counted[cell] = (*ballot, (frame, seen[cell]))
@@ -244,7 +256,7 @@ class Belief:
         tallies = {cell: _tally(ballot) for cell, ballot in counted.items()}
         elected = {cell for cell, tally in tallies.items() if tally.positive >= self.positive}
         taken_back = {
-            cell for cell in counted if cell not in elected and self._elects(ballots.get(cell, ()))
+            cell for cell in counted if cell not in elected and self._elects(before.get(cell, ()))
         }
         # here the maps change hands: what they were must have been read before
         looks = self.looks.updated({vantage: at_vantage.updated(taken)})
@@ -261,8 +273,9 @@ class Belief:
             )
         open_tallies = self.open_tallies.updated(tallies if vantage is None else {})
         none = Tally(0, 0)
+        region, tally_of = roi.as_dict(), open_tallies.as_dict()
         says: dict[Cell, bool | None] = {
-            cell: True if cell in roi else self._says(open_tallies.get(cell, none))
+            cell: True if cell in region else self._says(tally_of.get(cell, none))
             for cell in counted
         }
         return Belief(

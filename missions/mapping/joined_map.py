@@ -71,7 +71,7 @@ class Facts:
             for fact in own.passed(float("1e9")):
                 self._take(vehicle, fact)
         high, low = self._belief(overview=True), self._belief(overview=False)
-        low = with_plain(low, self._none, high, self._box, list(high.open_ballots))
+        low = with_plain(low, high, self._box, list(high.open_ballots))
         # our own votes come last: others have not heard them, and the map is to be the same
         low, high = self._with_open(low, overview=False), self._with_open(high, overview=True)
         return JoinedMap(low, high, frozenset(self._shown))

@@ -11,7 +11,7 @@ nine have to be wrong at once.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Container
+from collections.abc import Collection, Container, Mapping
 
 from missions.mapping.belief import Belief, FrameId
 from missions.units import Cell
@@ -19,35 +19,35 @@ from missions.units import Cell
 
 def with_plain(
     belief: Belief,
-    before: Belief,
     overview: Belief,
     box: Container[Cell],
     fresh: Collection[Cell],
 ) -> Belief:
     """A belief with the votes of cells that have become plain, after `fresh` got votes from above.
 
-    `before` is the overview without these. What was decided from below stays as it is. Beyond the
+    What was decided from below stays as it is. Beyond the
     `box` nobody searches: there a cell that no overview shows stands in the way of region only,
     which may go on there.
     """
     found: dict[FrameId, dict[Cell, bool]] = {}
-    decided = (cell for cell in fresh if overview.verdict(cell) is not before.verdict(cell))
-    for cell in sorted({near for one in decided for near in _around(one)}):
-        if belief.verdict(cell) is None and _is_plain(overview, box, cell):
-            for frame, vote in overview.open_ballots[cell]:
+    verdicts, ballots = overview.verdicts, overview.open_ballots
+    decided = (cell for cell in fresh if verdicts.get(cell) is not None)
+    for cell in belief.undecided(sorted({near for one in decided for near in _around(one)})):
+        if _is_plain(verdicts, box, cell):
+            for frame, vote in ballots[cell]:
                 found.setdefault(frame, {})[cell] = vote
     for frame, votes in sorted(found.items()):
         belief = belief.with_frame(None, frame, votes)
     return belief
 
 
-def _is_plain(overview: Belief, box: Container[Cell], cell: Cell) -> bool:
-    verdict = overview.verdict(cell)
+def _is_plain(verdicts: Mapping[Cell, bool | None], box: Container[Cell], cell: Cell) -> bool:
+    verdict = verdicts.get(cell)
     if verdict is None:
         return False
     for near in _around(cell):
-        other = overview.verdict(near)
-        unseen = near not in overview.open_ballots and near not in box
+        other = verdicts.get(near)
+        unseen = near not in verdicts and near not in box
         if other is not verdict and not (unseen and not verdict):
             return False
     return True

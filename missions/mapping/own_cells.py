@@ -59,10 +59,11 @@ class OwnCells:
         overview = bool(event.overview)
         before = self.high if overview else self.low
         said = {vote.cell: vote.positive for vote in event.votes}
+        undecided = set(before.undecided(said))
         after = before.with_frame(None, FrameId(event.vehicle, event.t_s), said)
         for cell in sorted(said):
             verdict = after.verdict(cell)
-            if verdict is not None and before.verdict(cell) is None:
+            if verdict is not None and cell in undecided:
                 self._decided.setdefault(overview, {})[cell] = verdict
             if not overview and cell not in self._done:
                 if verdict is None and not said[cell]:

@@ -78,7 +78,7 @@ def test_the_order_of_the_frames_does_not_change_the_map(told: Told) -> None:
         state, _ = step(told.setting, none, event)
         low, high = low.join(state.belief), high.join(state.overview)
     shown = list(high.open_ballots)
-    belief = with_plain(low, none.overview, high, told.setting.in_box, shown)
+    belief = with_plain(low, high, told.setting.in_box, shown)
     assert sorted([c.east, c.north] for c in belief.roi) == told.recording.recorded()["roi"]
 
 

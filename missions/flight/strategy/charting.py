@@ -17,7 +17,7 @@ from missions.flight.strategy.flyers import LONGEST_S, gate_of, kinematics, over
 from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.two_heights import heights_of
 from missions.planning.search.strip import Strip
-from missions.planning.sweep.chart import Chart, Flags, Known, places
+from missions.planning.sweep.chart import Chart, Flags, Known
 from missions.units import Cell
 
 Metres = NDArray[np.float64]
@@ -37,24 +37,22 @@ def chart_of(
     lies on a lane that is still to be flown is nobody's.
     """
     belief, cell_m = state.belief, setting.mission.grid.cell_m
-    tallies = belief.open_tallies
+    tallies = belief.open_tallies.as_dict()
     box = setting.box_cells if root is None else ()
     ways = _ways(setting, begin_s, team)
     chart = Chart.around([*((root,) if root else box), *tallies, *ways], cell_m)
     if tallies:
-        east, north = places(tallies.keys()).T
-        index = (north - chart.south) * chart.columns + east - chart.west
+        index = chart.indices(tallies.keys())
         counted = chain.from_iterable(tallies.values())
         positive, total = np.fromiter(counted, np.int64, 2 * len(tallies)).reshape(-1, 2).T
         chart.yes[index], chart.no[index] = positive, total - positive
-    for cell in belief.roi:
-        chart.yes[chart.index(cell)] = belief.positive
-        chart.no[chart.index(cell)] = 0
+    region = chart.indices(belief.roi.as_dict().keys())
+    chart.yes[region], chart.no[region] = belief.positive, 0
     _fence(setting, chart, begin_s, begin_s if home_s is None else home_s, team)
     if root is not None:
         return Known(chart, chart.index(root))
     wanted = np.zeros(chart.columns * chart.rows, np.uint8)
-    wanted[[chart.index(cell) for cell in strategy_of(setting).asked_for(setting, state)]] = 1
+    wanted[chart.indices(strategy_of(setting).asked_for(setting, state))] = 1
     lanes = {lane for vehicle in state.vehicles.values() for lane in vehicle.lanes}
     time_s = setting.lane_time_s(state.t_s)
     for lane in sorted(lanes):

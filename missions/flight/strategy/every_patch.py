@@ -8,7 +8,7 @@ frame so far took for no region is done with: it is no part of a patch unless on
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
@@ -131,14 +131,12 @@ class EveryPatch(Covering):
             return super().shares(setting)
         return share_by_time(setting.lanes, setting.pads)
 
-    def asked_for(self, setting: Setting, state: State) -> Iterator[Cell]:
+    def asked_for(self, setting: Setting, state: State) -> list[Cell]:
         """Cells of the box that no frame has shown, and those that a frame took for region."""
-        belief, shown = state.belief, state.shown
-        tallies = belief.open_tallies
-        yield from (cell for cell in setting.box_cells if cell not in tallies and cell not in shown)
-        for cell, (positive, _) in tallies.items():
-            if positive and belief.verdict(cell) is None:
-                yield cell
+        shown, tallies = state.shown, state.belief.open_tallies.as_dict()
+        unseen = [cell for cell in setting.box_cells if cell not in tallies and cell not in shown]
+        region = [cell for cell, (positive, _) in tallies.items() if positive]
+        return unseen + state.belief.undecided(region)
 
     def open_cells(self, setting: Setting, state: State) -> frozenset[Cell]:
         """Those, and the cells beside a patch."""
@@ -146,7 +144,7 @@ class EveryPatch(Covering):
         found = set(self.asked_for(setting, state))
         region = (cell for cell in belief.open_tallies if belief.provisional(cell))
         found.update(near for cell in region for near in cell.neighbours())
-        return frozenset(cell for cell in found if belief.verdict(cell) is None)
+        return frozenset(belief.undecided(found))
 
     def beside_lanes(
         self, setting: Setting, state: State, vehicle: VehicleState
@@ -156,8 +154,7 @@ class EveryPatch(Covering):
             return None
         belief = state.belief
         beside = {near for cell in belief.roi for near in cell.neighbours()}
-        undecided = {cell for cell in beside if belief.verdict(cell) is None}
-        return nearest(setting, state, vehicle, undecided)
+        return nearest(setting, state, vehicle, belief.undecided(beside))
 
     def replan_s(self, setting: Setting) -> float:
         """Two frames: more than that is flown before it is known what they show."""

@@ -12,7 +12,7 @@ and give it a name with `missions.flight.strategies.register`, or by an entry po
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -147,9 +147,9 @@ class Strategy(Kind, ABC):
         return None
 
     # --- what has to be decided -----------------------------------------------------------------
-    def asked_for(self, setting: Setting, state: State) -> Iterator[Cell]:
+    def asked_for(self, setting: Setting, state: State) -> Sequence[Cell]:
         """The cells that have to be decided and are not, whatever lies beside them."""
-        return iter(())
+        return ()
 
     def open_cells(self, setting: Setting, state: State) -> frozenset[Cell]:
         """All cells that have to be decided and are not, those beside a patch among them."""
@@ -182,7 +182,7 @@ class Strategy(Kind, ABC):
 
     def lane_done(self, setting: Setting, state: State) -> Callable[[Cell], bool]:
         """Return what says whether a lane has done its work at a cell: any frame has judged it."""
-        return state.belief.open_ballots.__contains__
+        return state.belief.open_tallies.as_dict().__contains__
 
     @abstractmethod
     def seen_in_passing(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Final
 
 from missions.flight.setting import Setting
@@ -18,10 +18,9 @@ class Survey(Covering):
     about = SURVEY
     whole_box = True
 
-    def asked_for(self, setting: Setting, state: State) -> Iterator[Cell]:
+    def asked_for(self, setting: Setting, state: State) -> list[Cell]:
         """The cells of the box that are not decided."""
-        verdict = state.belief.verdict
-        return (cell for cell in setting.box_cells if verdict(cell) is None)
+        return state.belief.undecided(setting.box_cells)
 
     def open_cells(self, setting: Setting, state: State) -> frozenset[Cell]:
         """The same: what lies beside a patch beyond the box is not asked for."""
@@ -29,8 +28,8 @@ class Survey(Covering):
 
     def lane_done(self, setting: Setting, state: State) -> Callable[[Cell], bool]:
         """Whether a cell is decided."""
-        verdict = state.belief.verdict
-        return lambda cell: verdict(cell) is not None
+        verdicts = state.belief.verdicts
+        return lambda cell: verdicts.get(cell) is not None
 
 
 WHOLE_BOX: Final = Survey()

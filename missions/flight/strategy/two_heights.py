@@ -38,7 +38,7 @@ class OneHeight:
 
     def searched(self, state: State) -> Callable[[Cell], bool]:
         """Return what says whether any frame has judged a cell."""
-        return state.belief.open_ballots.__contains__
+        return state.belief.open_tallies.as_dict().__contains__
 
     def layer_m(self, setting: Setting, vehicle: VehicleState) -> float:
         """The altitude that a vehicle works in."""
@@ -74,7 +74,7 @@ class TwoHeights(OneHeight):
 
     def searched(self, state: State) -> Callable[[Cell], bool]:
         """The same, from on high or from below."""
-        low, high = state.belief.open_ballots, state.overview.open_ballots
+        low, high = (b.open_tallies.as_dict() for b in (state.belief, state.overview))
         return lambda cell: cell in high or cell in low
 
     def layer_m(self, setting: Setting, vehicle: VehicleState) -> float:

@@ -70,6 +70,11 @@ class Chart:
         """The place of a cell in the arrays; of a cell in the window."""
         return (cell.north - self.south) * self.columns + cell.east - self.west
 
+    def indices(self, cells: Collection[Cell]) -> Ints:
+        """The places of some cells in the arrays."""
+        east, north = places(cells).T
+        return (north - self.south) * self.columns + east - self.west
+
     def holds(self, cell: Cell) -> bool:
         """Whether a cell is in the window."""
         east, north = cell.east - self.west, cell.north - self.south
