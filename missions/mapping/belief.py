@@ -106,7 +106,7 @@ class Belief:
 
         A frame belongs to one vantage, or to none: told of both, it votes in two ballots.
         """
-        return self._with_frames(vantage, {frame: verdicts})
+        return self.with_frames(vantage, {frame: verdicts})
 
     def in_time(self, vantage: Vantage, frame: FrameId, verdicts: Verdicts) -> Verdicts:
         """Of a frame that has just arrived, the verdicts that do not come too late.
@@ -133,7 +133,7 @@ class Belief:
         """
         joined = self
         for vantage, frames in other.looks.items():
-            joined = joined._with_frames(vantage, frames)
+            joined = joined.with_frames(vantage, frames)
         return joined
 
     def tally(self, cell: Cell, vantage: Vantage) -> Tally:
@@ -237,7 +237,8 @@ class Belief:
                     count[1] += 1
         return {cell: Tally(*counts[cell]) for cell in sorted(counts)}
 
-    def _with_frames(self, vantage: Vantage, frames: Mapping[FrameId, Verdicts]) -> Belief:
+    def with_frames(self, vantage: Vantage, frames: Mapping[FrameId, Verdicts]) -> Belief:
+        """This belief and several frames taken over `vantage`; the same frame twice counts once."""
         at_vantage: PersistentMap[FrameId, Verdicts] = self.looks.get(vantage, PersistentMap())
         ballots: PersistentMap[Cell, Ballot] = self._ballots.get(vantage, PersistentMap())
         before = ballots.as_dict()

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from missions.events import Event, FrameSeen, Tracked
 from missions.fleet_events import Fact, Shared
-from missions.mapping.belief import Ballot, Belief, FrameId
+from missions.mapping.belief import Ballot, Belief, FrameId, Verdicts
 from missions.mapping.overview import with_plain
 from missions.mapping.own_cells import OwnCells, as_frames
 from missions.units import Cell
@@ -89,7 +89,7 @@ class Facts:
                     told.add(cell)
                     for frame, vote in ballot:
                         found.setdefault(frame, {})[cell] = vote
-        return _with_frames(belief, found)
+        return belief.with_frames(None, _by_exposure(found))
 
     def _belief(self, *, overview: bool) -> Belief:
         """The votes that made each decision, as far as they are known, else as few as could."""
@@ -109,10 +109,8 @@ class Facts:
             fact = Fact(t_s, ((cell, says),), overview)
             for seen in as_frames(vehicle, fact, self._none.frames, self._none.positive):
                 put(cell, ((FrameId(vehicle, seen.t_s), says),))
-        return _with_frames(self._none, found)
+        return self._none.with_frames(None, _by_exposure(found))
 
 
-def _with_frames(belief: Belief, found: Mapping[FrameId, Mapping[Cell, bool]]) -> Belief:
-    for frame, votes in sorted(found.items(), key=lambda item: item[0].exposed):
-        belief = belief.with_frame(None, frame, votes)
-    return belief
+def _by_exposure(found: Mapping[FrameId, Verdicts]) -> dict[FrameId, Verdicts]:
+    return dict(sorted(found.items(), key=lambda item: item[0].exposed))

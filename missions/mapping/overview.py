@@ -36,9 +36,7 @@ def with_plain(
         if _is_plain(verdicts, box, cell):
             for frame, vote in ballots[cell]:
                 found.setdefault(frame, {})[cell] = vote
-    for frame, votes in sorted(found.items()):
-        belief = belief.with_frame(None, frame, votes)
-    return belief
+    return belief.with_frames(None, dict(sorted(found.items()))) if found else belief
 
 
 def _is_plain(verdicts: Mapping[Cell, bool | None], box: Container[Cell], cell: Cell) -> bool:

@@ -73,7 +73,8 @@ class Chart:
     def indices(self, cells: Collection[Cell]) -> Ints:
         """The places of some cells in the arrays."""
         east, north = places(cells).T
-        return (north - self.south) * self.columns + east - self.west
+        found: Ints = (north - self.south) * self.columns + east - self.west
+        return found
 
     def holds(self, cell: Cell) -> bool:
         """Whether a cell is in the window."""
