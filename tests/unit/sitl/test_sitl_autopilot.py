@@ -153,6 +153,48 @@ def test_without_radio_control_its_throttle_reads_zero(make_client, mode):
     assert client.vehicle.truth.landed
 
 
+NAN = math.nan
+YAW, START, PAUSE, FENCE, RATE, SHOOT = 115, 300, 193, 207, 511, 203
+SPEED, ITEM, HOME, ASK_RATE, ASK = 178, 224, 179, 510, 512
+
+
+@pytest.mark.parametrize(
+    ("command", "p", "result"),
+    [
+        (ARM, (0.5,), UNSUPPORTED), (ARM, (0.0,), ACCEPTED), (MODE, (0, 4), DENIED),
+        (MODE, (1, 99), FAILED), (TAKEOFF, (0, 0, 0, 0, 0, 0, NAN), FAILED),
+        (YAW, (90, 0, 1, 0), FAILED), (YAW, (NAN,), DENIED), (START, (1,), DENIED),
+        (PAUSE, (2,), DENIED), (FENCE, (2,), FAILED), (RATE, (30, NAN), DENIED),
+        (ASK_RATE, (99999,), DENIED), (ASK_RATE, (30,), ACCEPTED), (ASK, (99999,), FAILED),
+        (ASK, (NAN,), DENIED), (SHOOT, (0, 0, 0, 0, 0), ACCEPTED),
+        (SHOOT, (0, 0, 0, 0, 1), ACCEPTED),
+        (SPEED, (7, 1.0), DENIED), (SPEED, (1, NAN), DENIED), (ITEM, (NAN,), DENIED),
+        (HOME, (1,), ACCEPTED), (HOME, (0, 0, 0, 0, 91, 0, 0), FAILED),
+        (HOME, (0, 0, 0, 0, 0, 0, 0), FAILED), (HOME, (0, 0, 0, 0, 37.2, -80.4, 650), ACCEPTED),
+    ],
+)  # fmt: skip
+def test_a_command_on_the_ground_has_its_answer(ready, command, p, result):
+    assert ready.result(command, *p) == result
+
+
+def test_the_nose_is_turned_in_flight_and_a_stream_only_followed_where_it_may(flying):
+    assert flying.result(ARM, 1) == ACCEPTED  # it is
+    assert flying.result(YAW, 90, 0, 1, 0) == ACCEPTED
+    flying.run(4.0)
+    assert flying.result(YAW, 30, 0, -1, 1) == ACCEPTED
+    flying.run(4.0)
+    assert math.degrees(flying.vehicle.truth.yaw_rad) == pytest.approx(60.0, abs=2.0)
+    flying.send(mav.MAVLink_param_set_message(1, 1, b"FENCE_ENABLE", 1.0, 2))
+    for _ in range(10):
+        flying.along((500.0, 0.0), (3.0, 0.0))  # outside the fence
+        flying.run(0.1)
+    assert flying.result(MODE, 1, Mode.BRAKE) == ACCEPTED
+    for _ in range(10):
+        flying.along((5.0, 0.0), (3.0, 0.0))
+        flying.run(0.1)
+    assert abs(flying.where[0]) < 0.1
+
+
 def test_who_is_addressed(make_client):
     client = make_client()
     assert client.command(ARM, 1, system=2) == []
@@ -242,7 +284,7 @@ def test_same_seed_and_bytes_same_bytes(make_client, autopilot):
         client.run(6.0)
         client.command(MODE, 1, 4)
         client.command(ARM, 1)
-        client.command(TAKEOFF, 0, 0, 0, math.nan, math.nan, math.nan, 12.0)
+        client.command(TAKEOFF, 0, 0, 0, NAN, NAN, NAN, 12.0)
         client.run(8.0)
         client.reposition(7.0, 3.0, 612.0, frame=0)
         client.command(mav.MAV_CMD_IMAGE_START_CAPTURE, 0, 1, 3, 0)

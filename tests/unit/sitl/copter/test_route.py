@@ -107,6 +107,11 @@ def test_auto_is_refused_with_a_reason(planner):
     )
     assert client.result(START) == 4
     assert client.result(START, 2, 3) == 2
+    client.result(ARM, 0)
+    client.send(mav.MAVLink_param_set_message(1, 1, b"AUTO_OPTIONS", 1, 6))
+    assert client.result(MODE, 1, AUTO) == 0
+    assert client.result(ARM, 1) == 0
+    assert client.command(START)[1].text == "Auto: Missing Takeoff Cmd"
 
 
 def test_auto_waits_on_the_ground_for_the_start(planner):
@@ -150,6 +155,8 @@ def test_a_mission_in_flight_is_left_and_taken_up_again(planner):
 
 def test_set_current(planner):
     client = planner.client
+    planner.upload()
+    assert client.send(mav.MAVLink_mission_set_current_message(1, 1, 0)) == []
     planner.upload(UP, row(WP, at=(0.0, 40.0, 10.0)), row(WP, at=(30.0, 0.0, 10.0)))
     assert client.send(mav.MAVLink_mission_set_current_message(1, 1, 9)) == []
     assert client.result(224, 9) == 4
@@ -168,6 +175,9 @@ def test_on_the_way(planner):
         UP,
         row(178, 1.0, 2.0),
         row(115, 180.0),
+        row(115, 10.0, 0.0, 1.0, 1.0),
+        row(115, 10.0, 0.0, -1.0, 1.0),
+        row(2001),
         row(203),
         row(WP, at=(0.0, 20.0, 10.0)),
         row(2000, 0.0, 1.0, 3.0),
@@ -189,10 +199,10 @@ def test_on_the_way(planner):
     assert max(yaws) == pytest.approx(math.pi, abs=0.1)
     assert len(client.seen("CAMERA_IMAGE_CAPTURED")) == 4
     assert client.vehicle.truth.landed
-    assert planner.reached == [1, 5, 7, 9]
-    assert "Mission: 8 MountControl has no effect" in planner.texts
+    assert planner.reached == [1, 8, 10, 12]
+    assert "Mission: 11 MountControl has no effect" in planner.texts
     times = {m.seq: t for t, m in client.log if m.get_type() == "MISSION_ITEM_REACHED"}
-    assert times[7] - times[5] > 5.0
+    assert times[10] - times[8] > 5.0
 
 
 def test_pictures_by_distance(planner):
@@ -251,11 +261,13 @@ def test_pausing_in_auto(planner):
     client.run(12.0)
     assert client.result(193, 0) == 0
     assert planner.current.mission_state == PAUSED
+    assert client.result(193, 0) == 4
     client.run(6.0)
     where = client.where
     client.run(4.0)
     assert client.where == pytest.approx(where, abs=0.2)
     assert client.result(193, 1) == 0
+    assert client.result(193, 1) == 4
     client.run(15.0)
     assert client.where[1] == pytest.approx(40.0, abs=0.3)
     assert planner.reached == [1, 2]
