@@ -1,10 +1,20 @@
-"""How a missing extra is installed where this uavmap runs: no package index has uavmap itself."""
+"""Packages that are extras: how one is installed where this uavmap runs, and the client of Dask.
+
+No package index has uavmap itself.
+"""
 
 from __future__ import annotations
 
 import shlex
 import sys
-from importlib import metadata
+from collections.abc import Callable
+from importlib import import_module, metadata
+from typing import Any, Final
+
+from missions.errors import StudyError
+
+ANSWER_S: Final = 10.0
+"""Time in which a Dask scheduler answers, real seconds."""
 
 
 def install_command(extra: str) -> str:
@@ -23,3 +33,29 @@ def install_command(extra: str) -> str:
         if marker.replace("'", '"').strip() == f'extra == "{extra}"'
     ]
     return shlex.join([sys.executable, "-m", "pip", "install", *map(str.strip, packages)])
+
+
+def dask_client(
+    address: str, answer_s: float | None = None, load: Callable[[str], Any] = import_module
+) -> Any:
+    """Return a client of the scheduler at `tcp://HOST:PORT`.
+
+    Raises `StudyError` without Dask, for no address, and without an answer within `answer_s`.
+    """
+    try:
+        distributed: Any = load("distributed")
+    except ImportError:
+        raise StudyError(f"--scheduler needs Dask: {install_command('cluster')}") from None
+    if not _is_address(address):  # Dask would wait for half a minute, and then complain at length
+        raise StudyError(f"--scheduler {address!r}: expected tcp://HOST:PORT")
+    try:
+        return distributed.Client(address, timeout=answer_s or ANSWER_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise StudyError(f"--scheduler {address}: no Dask scheduler answers ({error})") from None
+
+
+def _is_address(text: str) -> bool:
+    scheme, _, rest = text.rpartition("://")
+    host, _, port = rest.rpartition(":")
+    whole = port.isascii() and port.isdigit() and len(port) < 6 and 0 < int(port) < 65536
+    return scheme in ("", "tcp", "tls") and bool(host) and whole

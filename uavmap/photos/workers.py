@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import ImageError, StudyError, UavmapError
-from uavmap.base.dask_client import dask_client
+from uavmap.base.extras import dask_client
 from uavmap.base.version import __version__
 from uavmap.photos.sources.photo_file import FileContent, decoded
 from uavmap.photos.sources.picture_record import Picture

@@ -251,8 +251,6 @@ class AircraftProcess:
 
 
 class _Line:
-    """One connection."""
-
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self.reader = reader
         self.writer = writer

@@ -12,7 +12,7 @@ from importlib import import_module
 from multiprocessing import active_children, get_context
 from typing import Any, Final, TextIO
 
-from uavmap.base.dask_client import dask_client
+from uavmap.base.extras import dask_client
 
 SHARES: Final = 16
 """Batches a worker: few enough to cost little, many enough to end together."""

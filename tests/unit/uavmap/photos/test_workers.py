@@ -12,7 +12,7 @@ import pytest
 
 from missions.errors import ImageError, StudyError
 from tests.unit.uavmap.photos.sources.test_replay_robust import good
-from uavmap.base import dask_client
+from uavmap.base import extras
 from uavmap.photos import workers as module
 from uavmap.photos.workers import Cluster, Threads, Travelling
 from uavmap.ui.cli import main
@@ -90,7 +90,7 @@ def test_a_scheduler_that_is_not_there_is_a_line(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(dask_client, "ANSWER_S", 0.3)
+    monkeypatch.setattr(extras, "ANSWER_S", 0.3)
     out = tmp_path / "out"
     assert main(["replay", str(good), "--scheduler", address, "--out", str(out)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
