@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from missions.errors import ImageError
 from missions.geo.grid import Grid
 from missions.units import Quaternion
 from tests.support.photographs import DJI, dji, write_photo
@@ -137,6 +138,8 @@ def test_a_mirrored_photo_is_refused(tmp_path: Path) -> None:
     (refused,) = open_source(tmp_path).pictures()
     assert isinstance(refused, Refused)
     assert "Orientation is 5" in refused.reason
+    with pytest.raises(ImageError, match=r"no picture can be read: a\.jpg: "):
+        tagged(tmp_path)
 
 
 def test_read_image_is_blue_green_red() -> None:
@@ -179,6 +182,7 @@ FOCAL, PLANE_X, PLANE_UNIT, FILM = 0x920A, 0xA20E, 0xA210, 0xA405
         ({FOCAL: 5.0, PLANE_X: 640.0, PLANE_UNIT: 3, FILM: 99}, "", (640, 480), 90.0),
         ({FILM: 24}, "", (400, 300), 71.6),
         ({FILM: 24}, "", (600, 400), 73.7),
+        ({FILM: 24}, 'd:CalibratedFocalLength="20000.0"', (400, 300), 71.6),  # of one degree
         ({}, 'd:CalibratedFocalLength="320.0"', (640, 480), 90.0),
         ({FILM: 24}, 'd:DewarpData="2022-01-01;320,320,1,-2,0.1,0,0,0,0"', (640, 480), 90.0),
         ({FILM: 24}, 'd:DewarpData="2022-01-01;1,2" d:CalibratedFocalLength="x"', (400, 300), 71.6),

@@ -235,15 +235,15 @@ def test_a_name_in_two_folders_is_two_pictures(good: Path, tmp_path: Path) -> No
 def test_where_most_are_bad_the_map_is_not_complete(good: Path, tmp_path: Path) -> None:
     """Poses are refined: what cannot be decoded ends that no more than the map."""
     photos = folder_of(good, tmp_path)
-    undecodable = ("empty", "torn head", "truncated", "a pixel", "a bomb")
-    for case in undecodable:
+    cases = ("empty", "torn head", "truncated", "turned", "a pixel", "a bomb")
+    for case in cases:
         BAD[case][0](photos / f"{case}.jpg")
     mapped(good, good, tmp_path / "alone", "on")
     code, rows, summary = mapped(photos, good, tmp_path / "out", "on")
     assert code == 3
     alone, found = (tmp_path / name / "map.geojson" for name in ("alone", "out"))
     assert found.read_bytes() == alone.read_bytes()
-    assert {rows[f"{case}.jpg"]["used"] for case in undecodable} == {"no"}
+    assert {rows[f"{case}.jpg"]["used"] for case in cases} == {"no"}
     assert summary["completed"] is False
     assert summary["cells_roi"]
 

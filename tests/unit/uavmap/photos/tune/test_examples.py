@@ -17,9 +17,10 @@ from PIL import Image
 
 from missions.errors import ImageError
 from tests.unit.uavmap.photos.test_replay import painted
-from tests.unit.uavmap.ui.cli.commands.test_tune import WIDE, region_file
+from tests.unit.uavmap.ui.cli.commands.test_tune import SMALL, WIDE, region_file
 from uavmap.photos.tune.examples import load_examples
 from uavmap.photos.tune.paint_page import MOST_BYTES, Easel, served
+from uavmap.ui.cli import main
 
 MASK = np.zeros((90, 160), np.uint8)
 MASK[:40] = 255
@@ -115,11 +116,16 @@ def test_a_mask_that_means_nothing_is_refused(
         load_examples(images, where, WIDE)
 
 
-def test_two_masks_of_one_picture_are_refused(images: Path, where: Path) -> None:
+def test_two_masks_of_one_picture_are_refused_in_a_line(
+    images: Path, where: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for name in ("1.png", "1.jpg.png"):
         Image.fromarray(MASK).save(where / name)
-    with pytest.raises(ImageError, match=r"is a mask of 1\.jpg, too; keep one"):
-        load_examples(images, where, WIDE)
+    line = ["tune", str(images), "--examples", str(where), "--out", str(tmp_path / "eyes")]
+    assert main([*line, *SMALL]) == 2
+    (told,) = capsys.readouterr().err.splitlines()
+    assert told.startswith("uavmap: ")
+    assert "is a mask of 1.jpg, too; keep one" in told
 
 
 def away(told: dict[str, object]) -> None:
