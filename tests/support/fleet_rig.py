@@ -1,6 +1,6 @@
 """A simulated fleet to which things happen, in one process and on virtual time, and what must hold.
 
-    Mishaps -> flown(...) -> Outcome: what was forbidden, and figures
+    Mishaps -> flown(...) -> Outcome: what was forbidden, and what was said
 
 A member's program dies as a process does: no goodbye, its queue is lost, nothing more goes to its
 vehicle, which is left with its autopilot; it starts again with its journal.
@@ -16,9 +16,8 @@ import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from missions.events import Event
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
@@ -34,7 +33,7 @@ from uavmap.fleet.simulated_radio import LinkModel
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.output.facts.figures import figures
-from uavmap.output.facts.score import MISSED_SHARE, cells_near, score, shares_of, true_roi
+from uavmap.output.facts.score import MISSED_SHARE, cells_near, shares_of, true_roi
 from uavmap.output.merging import Source, merged
 from uavmap.runner.one_flight import Flight
 from uavmap.runner.operator.onlooker import folded
@@ -74,42 +73,23 @@ def field_text(vehicles: int = 3, *, high: bool = False, more: str = "") -> str:
 
 @dataclass(frozen=True, slots=True)
 class Death:
-    """A member's program dies, and starts again."""
+    """A member's program dies, and starts again; its clock has gone on meanwhile."""
 
     vehicle: int
     at_s: float
     for_s: float
-    knows_time: bool = True
-    """Whether its clocks went on meanwhile; else it goes on at its last event."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mishaps:
     """What happens to a fleet; seconds of the world, by vehicle."""
 
-    model: LinkModel = field(default_factory=LinkModel)
-    starts_s: Mapping[int, float] = field(default_factory=dict)
-    ahead_s: Mapping[int, float] = field(default_factory=dict)
+    model: LinkModel
+    ahead_s: Mapping[int, float]
     """By how much a member's clocks are ahead."""
-    deaths: tuple[Death, ...] = ()
-    lost: frozenset[int] = frozenset()
+    deaths: tuple[Death, ...]
+    lost: frozenset[int]
     """Vehicles whose motor fails: they fall, wherever that is."""
-
-    def __str__(self) -> str:
-        model = self.model
-        words = []
-        for parted in model.partitions:
-            groups = "|".join("".join(map(str, sorted(g))) for g in parted.groups)
-            words.append(f"parted {parted.begin:.0f}-{parted.end:.0f} {groups}")
-        words += [f"late {n} {s:.0f}" for n, s in self.starts_s.items()]
-        words += [f"clock {n} {s:+.0f}" for n, s in self.ahead_s.items()]
-        words += [
-            f"dies {d.vehicle} {d.at_s:.0f}+{d.for_s:.0f}{'' if d.knows_time else '?'}"
-            for d in self.deaths
-        ]
-        words += [f"falls {n}" for n in sorted(self.lost)]
-        words.append(f"loss {model.loss:.2f} jitter {model.jitter_s:.1f} twice {model.doubled:.2f}")
-        return ", ".join(words)
 
 
 @dataclass(slots=True)
@@ -147,10 +127,7 @@ class Outcome:
     """What came of a flight."""
 
     forbidden: list[str]
-    figures: dict[str, Any]
     said: list[str]
-    events: dict[int, list[Event]]
-    settings: dict[int, Setting]
 
 
 class Said:
@@ -217,7 +194,6 @@ class Beset(SimulatedFleet):
     async def live(self, number: int) -> None:
         """A member's program, as often as it starts."""
         loop, mishaps = asyncio.get_running_loop(), self.mishaps
-        await asyncio.sleep(mishaps.starts_s.get(number, 0.0))
         flight = self.flights[number]
         flight.clock.set(mishaps.ahead_s.get(number, 0.0))
         deaths = [death for death in mishaps.deaths if death.vehicle == number]
@@ -231,10 +207,7 @@ class Beset(SimulatedFleet):
             await self._die(number, flight, program)
             await asyncio.sleep(death.for_s)
             flight = self.flights[number] = self.again(number)
-            if death.knows_time:
-                flight.clock.set(clock_s + loop.time())
-            else:
-                flight.clock.set(flight.state.t_s)
+            flight.clock.set(clock_s + loop.time())
         await self._program(flight, number, len(deaths) + 1)
 
     async def _program(self, flight: Flight, number: int, start: int) -> None:
@@ -261,14 +234,13 @@ def flown(text: str, mishaps: Mishaps, folder: Path, seed: int = 1) -> Outcome:
     fleet = Beset(plan, folder, mishaps)
     forbidden: list[str] = []
 
-    async def fly() -> dict[str, Any]:
+    async def fly() -> None:
         async with asyncio.timeout(MOST_S):
-            return await fleet.fly()
+            await fleet.fly()
 
-    truth: dict[str, Any] = {}
     try:
         with shown_on(said):
-            truth = run(fly(), VirtualClock())
+            run(fly(), VirtualClock())
     except TimeoutError:
         forbidden.append(f"no end: {sorted(set(fleet.flights) - set(fleet.ended_s))}")
     except BaseExceptionGroup as failed:
@@ -276,10 +248,8 @@ def flown(text: str, mishaps: Mishaps, folder: Path, seed: int = 1) -> Outcome:
     for flight in fleet.flights.values():
         flight.close()
     forbidden += [f"mute: {n}" for n in fleet.flights if not fleet.air.sent_bytes.get(n)]
-    forbidden += _of_the_air(fleet)
-    outcome = Outcome(forbidden, truth, said.lines, {}, {})
-    _of_the_maps(fleet, outcome)
-    return outcome
+    forbidden += _of_the_air(fleet) + _of_the_maps(fleet)
+    return Outcome(forbidden, said.lines)
 
 
 def _of_the_air(fleet: Beset) -> list[str]:
@@ -298,45 +268,36 @@ def _of_the_air(fleet: Beset) -> list[str]:
     return found
 
 
-def _of_the_maps(fleet: Beset, outcome: Outcome) -> None:
-    """What was forbidden in the journals, and figures of the map of all."""
+def _of_the_maps(fleet: Beset) -> list[str]:
+    """What was forbidden in the journals, and in the map of all."""
     sources = [Source.read(fleet.folder(number)) for number in fleet.flights]
     regions: dict[int, frozenset[Cell]] = {}
     for source in sources:
-        number = source.plan.member or 0
         setting = source.plan.known_setting()
-        outcome.settings[number], outcome.events[number] = setting, list(source.events)
         state = joined(setting, State.initial(setting), source.events)
-        regions[number] = frozenset(state.belief.roi)
-    parted_s = max((part.end for part in fleet.mishaps.model.partitions), default=0.0)
+        regions[source.plan.member or 0] = frozenset(state.belief.roi)
+    forbidden = []
     for one, other in itertools.combinations(regions, 2):
-        begun_s = max(parted_s, fleet.begun_s.get(one, 9e9), fleet.begun_s.get(other, 9e9))
+        begun_s = max(fleet.begun_s.get(one, 9e9), fleet.begun_s.get(other, 9e9))
         ended_s = min(fleet.ended_s.get(one, 0.0), fleet.ended_s.get(other, 0.0))
         if ended_s - begun_s > CONTACT_S and regions[one] != regions[other]:
             off = len(regions[one] ^ regions[other])
-            outcome.forbidden.append(f"maps: {one} and {other} differ in {off} cells")
+            forbidden.append(f"maps: {one} and {other} differ in {off} cells")
     plan, events = merged(sources)
     setting = plan.known_setting()
-    state, found = figures(setting, events)
-    marks = score(
-        state.belief.roi, true_roi(setting.mission, setting.grid), setting.grid,
-        state.belief.detections(),
-    )  # fmt: skip
-    outcome.figures |= {
-        "cells": len(state.belief.roi), "missed": marks.cells_missed,
-        "makespan_s": found.makespan_s, "sorties": found.sorties,
-        "explored": state.exploration_finished,
-    }  # fmt: skip
+    state, _ = figures(setting, events)
     # (what was decided wrongly is the detector's affair: cells that the region covers by half)
-    near = cells_near(true_roi(setting.mission, setting.grid), setting.grid)
-    shares = shares_of(near, true_roi(setting.mission, setting.grid), setting.grid)
+    truth = true_roi(setting.mission, setting.grid)
+    near = cells_near(truth, setting.grid)
+    shares = shares_of(near, truth, setting.grid)
     orphans = [c for c in near if shares[c] >= MISSED_SHARE and state.belief.verdict(c) is None]
     whole = state.exploration_finished and not (state.undecided or state.unsearched)
     if (orphans or not whole) and len(fleet.mishaps.lost) < len(fleet.flights):
-        outcome.forbidden.append(
+        forbidden.append(
             f"orphans: {len(orphans)} of the region, {len(state.undecided)} undecided, "
             f"{len(state.unsearched)} lanes, explored {state.exploration_finished}"
         )
+    return forbidden
 
 
 def _at(place: GridPoint, height_m: float) -> str:

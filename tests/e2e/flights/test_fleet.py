@@ -134,7 +134,7 @@ def test_a_fleet_goes_on_when_a_program_dies_and_a_vehicle_falls(tmp_path: Path)
     """Messages overtake each other, one clock is off, and nobody is told of any of it."""
     text = field_text(more='[[sim.faults]]\nvehicle = 2\nat_s = 40.9\nkind = "motor"\n')
     model = LinkModel(delay_s=0.1, jitter_s=4.0, doubled=0.3)
-    mishaps = Mishaps(model, {}, {3: 7.0}, (Death(1, 21.0, 2.0),), frozenset({2}))
+    mishaps = Mishaps(model, {3: 7.0}, (Death(1, 21.0, 2.0),), frozenset({2}))
     outcome = beset(text, mishaps, tmp_path / "out", 22)
     assert not outcome.forbidden, outcome.said
 
