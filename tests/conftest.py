@@ -30,6 +30,8 @@ import missions.lab.strategies  # noqa: F401 - the strategies of papers register
 from tests.support.said import Said
 from uavmap.base.messages import shown_on
 
+# what imports leave behind is no garbage: see `pytest_collection_finish`
+gc.disable()
 # how fast the machine is just now says nothing of the program
 _PATIENT = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("repeatable", _PATIENT, derandomize=True)
@@ -114,3 +116,4 @@ def pytest_collection_finish() -> None:
     """Leave what was collected out of every later collection of garbage: it is not garbage."""
     gc.collect()
     gc.freeze()
+    gc.enable()
