@@ -249,23 +249,19 @@ def _observed(observer: Observer) -> Iterator[None]:
 
 
 def report(
-    flights: Iterable[tuple[str, Flown]],
-    forbidden: Callable[[Flown], Iterable[str]],
-    *,
-    verbose: bool = False,
+    flights: Iterable[tuple[str, Flown]], forbidden: Callable[[Flown], Iterable[str]]
 ) -> int:
-    """Print flights with something forbidden, or all, as they end, and a table by label.
+    """Print flights with something forbidden as they end, and a table by label.
 
     Returns how many had something forbidden.
     """
     rows, bad = [], 0
     for label, flight in flights:
         rows.append((label, flight))
-        wrong = sorted(forbidden(flight))
-        bad += bool(wrong)
-        if wrong or verbose:
-            last = flight.said.strip().splitlines()[-1:] if wrong else ()
-            print(*["FORBIDDEN"] * bool(wrong), *wrong, flight.line(), *last, flush=True)
+        if wrong := sorted(forbidden(flight)):
+            bad += 1
+            last = flight.said.strip().splitlines()[-1:]
+            print("FORBIDDEN", *wrong, flight.line(), *last, flush=True)
     print(table(rows), EXPLAINED, sep="\n\n")
     print(f"{bad} of {len(rows)} flights with something forbidden")
     return bad

@@ -84,9 +84,11 @@ def amid_a_path(flight: Flight, name: str) -> int:
 
 # --- in one process --------------------------------------------------------------------------
 @pytest.mark.parametrize(("name", "vehicles"), [("tiny", 1), ("pair", 2), ("drift", 1)])
-def test_it_is_complete_and_right(name: str, vehicles: int, tmp_path: Path) -> None:
+def test_it_is_complete_and_right(
+    name: str, vehicles: int, tiny_passed: Flight, tmp_path: Path
+) -> None:
     """The region of `drift` moves on, behind a hole in the fence."""
-    done = flown(name, tmp_path / "out").done
+    done = (tiny_passed if name == "tiny" else flown(name, tmp_path / "out")).done
     assert done.code == 0, done.err
     summary = done.summary
     assert (summary["completed"], summary["vehicles"]) == (True, vehicles)
