@@ -12,6 +12,7 @@ import json
 import os
 import signal
 import socket
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -32,15 +33,18 @@ from tests.e2e.rig import (
     wait_until,
 )
 
-SPEEDUP = 4.0
+SPEEDUP = 10.0
+STREAMED = 3.0
+"""As fast as a stream of setpoints is told."""
 FRAMES = 12
+SPECK = mission("speck")
 
 
 @pytest.fixture
 def patient(tmp_path: Path) -> Path:
     """A mission whose aircraft wait for two seconds for another mission process."""
     path = tmp_path / "patient.toml"
-    text = Path(mission("speck")).read_text("utf-8")
+    text = Path(SPECK).read_text("utf-8")
     path.write_text(text + "\n[guardian]\norphan_hold_s = 2.0\n", "utf-8")
     return path
 
@@ -54,16 +58,32 @@ def under_way(process: Process, folder: Path) -> None:
     assert process.poll() is None, process.communicate()
 
 
+@contextlib.contextmanager
+def searching(
+    folder: Path, source: Path | str = SPECK, autopilot: str = "ardupilot"
+) -> Iterator[tuple[Process, list[str]]]:
+    """A flight over sockets that is in the search, and the URLs of its simulator."""
+    with (
+        simulator("speck", speedup=SPEEDUP, autopilot=autopilot) as urls,
+        started(*flying(source, urls, folder, SPEEDUP, "--auto-swap")) as process,
+    ):
+        under_way(process, folder)
+        yield process, urls
+
+
+def killed(process: Process) -> None:
+    """Kill the mission process."""
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+
+
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_a_mission_process_that_dies_leaves_nobody_in_the_air(
     autopilot: str, patient: Path, tmp_path: Path
 ) -> None:
     folder = tmp_path / "out"
-    with simulator("speck", speedup=SPEEDUP, autopilot=autopilot) as urls:
-        with started(*flying(patient, urls, folder, SPEEDUP, "--auto-swap")) as process:
-            under_way(process, folder)
-            process.send_signal(signal.SIGKILL)
-            process.communicate()
+    with searching(folder, patient, autopilot) as (process, _):
+        killed(process)
         wait_until(lambda: not (folder / "aircraft.json").exists(), "the aircraft to be home")
         before = len(events(folder))
         done = uavmap("resume", folder, "--json")
@@ -83,11 +103,8 @@ def test_control_c_while_the_aircraft_are_brought_home_names_them(
     patient: Path, tmp_path: Path
 ) -> None:
     folder = tmp_path / "out"
-    with simulator("speck", speedup=SPEEDUP) as urls:
-        with started(*flying(patient, urls, folder, SPEEDUP, "--auto-swap")) as process:
-            under_way(process, folder)
-            process.send_signal(signal.SIGKILL)
-            process.communicate()
+    with searching(folder, patient) as (process, _):
+        killed(process)
         record = folder / "aircraft.log"
         wait_until(lambda: record.exists() and b'"guarded"' in record.read_bytes(), "the return")
         with started("resume", folder, "--json") as waiting:
@@ -104,12 +121,9 @@ def test_control_c_while_the_aircraft_are_brought_home_names_them(
 
 def test_the_next_process_takes_over_the_aircraft_in_the_air(tmp_path: Path) -> None:
     folder = tmp_path / "out"
-    with simulator("speck", speedup=SPEEDUP) as urls:
-        with started(*flying(mission("speck"), urls, folder, SPEEDUP, "--auto-swap")) as process:
-            under_way(process, folder)
-            aircraft = aircraft_process(folder)
-            process.send_signal(signal.SIGKILL)
-            process.communicate()
+    with searching(folder) as (process, _):
+        aircraft = aircraft_process(folder)
+        killed(process)
         with started("resume", folder, "--json") as process:
             wait_until(lambda: bool(events(folder, "resumed")), "the resumed mission")
             assert aircraft_process(folder) == aircraft
@@ -122,11 +136,7 @@ def test_the_next_process_takes_over_the_aircraft_in_the_air(tmp_path: Path) -> 
 
 def test_a_process_of_the_aircraft_that_dies_is_started_again(tmp_path: Path) -> None:
     folder = tmp_path / "out"
-    with (
-        simulator("speck", speedup=SPEEDUP) as urls,
-        started(*flying(mission("speck"), urls, folder, SPEEDUP, "--auto-swap")) as process,
-    ):
-        under_way(process, folder)
+    with searching(folder) as (process, _):
         os.kill(aircraft_process(folder), signal.SIGKILL)
         done = ended(process)
     assert done.code == 0, done.err
@@ -139,11 +149,9 @@ def test_a_process_of_the_aircraft_that_dies_is_started_again(tmp_path: Path) ->
 def test_aircraft_that_cannot_be_started_again_are_named(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     with (
-        simulator("speck", speedup=SPEEDUP) as urls,
-        started(*flying(mission("speck"), urls, folder, SPEEDUP, "--auto-swap")) as process,
+        searching(folder) as (process, urls),
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
     ):
-        under_way(process, folder)
         process.send_signal(signal.SIGSTOP)
         os.kill(aircraft_process(folder), signal.SIGKILL)
         address = (LOOPBACK, int(urls[0].rsplit(":", 1)[1]))
@@ -165,11 +173,7 @@ def _binds(port: socket.socket, address: tuple[str, int]) -> bool:
 
 def test_sigterm_to_the_process_of_the_aircraft_calls_all_home(tmp_path: Path) -> None:
     folder = tmp_path / "out"
-    with (
-        simulator("speck", speedup=SPEEDUP) as urls,
-        started(*flying(mission("speck"), urls, folder, SPEEDUP, "--auto-swap")) as process,
-    ):
-        under_way(process, folder)
+    with searching(folder) as (process, _):
         os.kill(aircraft_process(folder), signal.SIGTERM)
         done = ended(process)
     assert done.code == 3, done.err
@@ -185,7 +189,7 @@ def test_control_c_while_the_process_of_the_aircraft_starts_leaves_none_behind(
     folder = tmp_path / "out"
     port, _ = free_ports(1)
     url = f"udpin://{LOOPBACK}:{port}"
-    with started(*flying(mission("speck"), [url], folder, SPEEDUP, "--auto-swap")) as process:
+    with started(*flying(SPECK, [url], folder, SPEEDUP, "--auto-swap")) as process:
         wait_until((folder / "aircraft.json").exists, "the process of the aircraft")
         aircraft = aircraft_process(folder)
         process.send_signal(signal.SIGINT)
@@ -198,13 +202,12 @@ def test_control_c_while_the_process_of_the_aircraft_starts_leaves_none_behind(
 def test_setpoints_go_on_while_the_mission_process_stands_still(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     with (
-        simulator("speck", speedup=1.0) as urls,
+        simulator("speck", speedup=STREAMED) as urls,
         Relay(int(urls[0].rsplit(":", 1)[1])) as relay,
         started(
-            "fly", mission("speck"), "--connect", relay.url, "--auto-swap", "--json",
-            "--strategy", "swath", "--out", folder,
+            *flying(SPECK, [relay.url], folder, STREAMED, "--auto-swap", "--strategy", "swath")
         ) as process,
-    ):  # fmt: skip
+    ):
         under_way(process, folder)
         process.send_signal(signal.SIGSTOP)
         try:
