@@ -122,6 +122,12 @@ def mission_text(
     """
 
 
+def with_small_pictures(text: str) -> str:
+    """The TOML of a mission, its pictures 240 x 180: most of what a simulated flight costs."""
+    small = "[camera]\nwidth_px = 240\nheight_px = 180\npixels_per_cell = 20"
+    return text.replace("[camera]", small)
+
+
 def mission(box: Points, fence: Points, holes: Collection[Points] = (), **how: Any) -> Mission:
     """A checked mission; `how` are the options of `mission_text`."""
     return parse_mission(mission_text(box, fence, holes, **how), "test")

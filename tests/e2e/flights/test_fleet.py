@@ -24,7 +24,15 @@ from tests.e2e.rig import uavmap
 from tests.support.fleet_rig import Death, Mishaps, field_text
 from tests.support.fleet_rig import flown as beset
 from tests.support.plans import plan_of
-from tests.support.small_missions import CELL_M, START, joined, mission_text, ring, square
+from tests.support.small_missions import (
+    CELL_M,
+    START,
+    joined,
+    mission_text,
+    ring,
+    square,
+    with_small_pictures,
+)
 from uavmap.fleet.simulated_radio import LinkModel
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
@@ -46,9 +54,7 @@ def made(tmp_path: Path, vehicles: int = 3) -> Path:
         capacity_wh=60.0,
         strategy="swath",
     )
-    text = text.replace(
-        "[camera]", "[camera]\nwidth_px = 240\nheight_px = 180\npixels_per_cell = 20"
-    )
+    text = with_small_pictures(text)
     text += f"[[sim.roi]]\npolygon = {ring(Grid.at(START, CELL_M), TRUE)}\n"
     file = tmp_path / "field.toml"
     file.write_text(text, encoding="utf-8")
@@ -173,6 +179,7 @@ def test_pads_whose_heights_contradict_the_mission_keep_a_fleet_on_the_ground(
     )  # fmt: skip
     first, one, two = text.split("[[vehicles]]\n")
     text = f"{first}[[vehicles]]\n{one}[[vehicles]]\nhome_height_m = {second_m}\n{two}"
+    text = with_small_pictures(text)
     text += f"[[sim.roi]]\npolygon = {ring(Grid.at(START, CELL_M), TRUE)}\n"
     text += "[sim.quirks]\nheight_sigma_m = 0.0\n"
     text += "[sim.terrain]\nslope_percent = 10.0\nrises_toward_deg = 270.0\n"

@@ -12,7 +12,14 @@ from missions.flight.step import fold
 from missions.geo.grid import Grid
 from missions.units import GridPoint
 from tests.e2e.rig import uavmap
-from tests.support.small_missions import CELL_M, START, mission_text, ring, square
+from tests.support.small_missions import (
+    CELL_M,
+    START,
+    mission_text,
+    ring,
+    square,
+    with_small_pictures,
+)
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 
@@ -30,6 +37,7 @@ def written(folder: Path, strategy: str, *, prior: bool) -> Path:
         capacity_wh=90.0,
         mounting="gimbal",
     )
+    text = with_small_pictures(text)
     text += f"\n[sim]\n[[sim.roi]]\npolygon = {ring(GRID, REGION)}\n"
     folder.mkdir()
     if prior:

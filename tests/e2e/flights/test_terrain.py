@@ -20,7 +20,7 @@ from sitl.vehicle import SimVehicle
 from sitl.world.world import Patch, World, WorldSpec
 from tests.e2e.rig import ROI_STATES
 from tests.support.hills import checked, over, slope, text_over
-from tests.support.small_missions import START, mission_text, ring, square
+from tests.support.small_missions import START, mission_text, ring, square, with_small_pictures
 from uavmap.base.image_files import read_image
 from uavmap.runner.simulation import Truth, relief_of
 from uavmap.ui.cli import main
@@ -41,6 +41,7 @@ class Flown:
         text = mission_text(
             square(32, 35, 16, 9), square(-20, -20, 95, 95), altitude_m=ALTITUDE_M, **how
         )
+        text = with_small_pictures(text)
         grid = setting_of(checked(text)).grid
         region = ring(grid, square(34, 37, 13, 9))
         text = text_over(text, slope(10.0, TOWARD_DEG))

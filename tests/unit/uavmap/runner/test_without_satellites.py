@@ -27,8 +27,6 @@ FLOW = "optical_flow = true\nodometry_drift = 0.03\n"
 SMALLER = {
     "48.0010072": "48.0007000",
     "interval_s = 0.2": "interval_s = 0.3",
-    "width_px = 640": "width_px = 320",
-    "height_px = 480": "height_px = 240\npixels_per_cell = 40",
 }
 LOST = '[[sim.faults]]\nkind = "gps"\nat_s = 25\n'
 
