@@ -97,7 +97,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark tests; spread the files that wait, those that compute, and doctests evenly."""
     kinds: dict[str, dict[Path, list[pytest.Item]]] = {}
     for item in items:
-        if any(fnmatchcase(f"{item.path.name}::{item.name}", pattern) for pattern in SLOW):
+        # a line without parameters is for all of them
+        names = {item.name, item.name.partition("[")[0]}
+        if any(fnmatchcase(f"{item.path.name}::{n}", p) for n in names for p in SLOW):
             item.add_marker("slow")
         if _needs_system(item.path):
             item.add_marker("system")

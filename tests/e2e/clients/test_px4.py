@@ -22,24 +22,24 @@ SLOWER = 5.0
 
 
 @pytest.fixture
-def tiny_px4(tmp_path):
-    """The mission `tiny` on a PX4, well above the sea."""
-    text = Path(mission("tiny")).read_text("utf-8")
-    path = tmp_path / "tiny_px4.toml"
+def speck_px4(tmp_path):
+    """The mission `speck` on a PX4, well above the sea."""
+    text = Path(mission("speck")).read_text("utf-8")
+    path = tmp_path / "speck_px4.toml"
     text = text.replace("[sim]\n", '[sim]\nautopilot = "px4"\n')
     path.write_text(text.replace("[start]\n", "[start]\namsl_m = 1234.5\n"), "utf-8")
     return path
 
 
-def test_a_mission_in_one_process(tiny, tiny_px4, tmp_path):
-    arguments = ("fly", tiny_px4, "--sim", "--seed", 1, "--json", "--out")
+def test_a_mission_in_one_process(speck, speck_px4, tmp_path):
+    arguments = ("fly", speck_px4, "--sim", "--seed", 1, "--json", "--out")
     done = [uavmap(*arguments, tmp_path / name) for name in ("one", "two")]
     assert [one.code for one in done] == [0, 0]
     summary = done[0].summary
     assert summary["completed"] is True
     assert (summary["cells_missed"], summary["fence_breaches"]) == (0, 0)
     assert summary["bound_held"] is True
-    assert maps_alike(tmp_path / "one", tiny.folder)
+    assert maps_alike(tmp_path / "one", speck.folder)
     assert bodies(tmp_path / "one") == bodies(tmp_path / "two")
     log = mavutil.mavlink_connection(str(tmp_path / "one" / "flight.tlog"))
     with contextlib.closing(log.f):
