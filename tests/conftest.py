@@ -93,6 +93,16 @@ def _needs_system(path: Path) -> bool:
     return "sitl" in path.parts or SYSTEM.search(path.read_text("utf-8")) is not None
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Import no file of which the marks that are asked for leave nothing: that takes seconds."""
+    asked, name = config.option.markexpr, collection_path.name
+    if collection_path.suffix != ".py" or name == "__init__.py":
+        return None
+    if asked == "slow":
+        return name not in {line.partition("::")[0] for line in SLOW} or None
+    return ("not system" in asked and _needs_system(collection_path)) or None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark tests; spread the files that wait, those that compute, and doctests evenly."""
     kinds: dict[str, dict[Path, list[pytest.Item]]] = {}
