@@ -15,23 +15,14 @@ from missions.events import from_json
 from tests.golden.recording import RECORDINGS, Recording, outcome
 from tests.support.plans import named_text, plan_of
 from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
+from uavmap.journal.flight_plan import JOURNAL
 from uavmap.runner.flight import fly
 
 
 def flown(recording: Recording, folder: Path) -> list[str]:
     """The texts of the events of a golden mission, flown now."""
     source = named_text(recording.mission)
-    plan = plan_of(
-        source.source,
-        source.text,
-        strategy=recording.strategy,
-        vehicles=None,
-        seed=recording.seed,
-        urls=(),
-        speedup=None,
-        epoch_utc_s=SIM_EPOCH_UTC_S,
-    )
+    plan = plan_of(*source, strategy=recording.strategy, seed=recording.seed)
     fly(plan, folder)
     with Journal.open(folder / JOURNAL) as journal:
         return journal.bodies()

@@ -31,7 +31,7 @@ from uavmap.base.messages import shown_on
 from uavmap.fleet.radio import Radio, SealedRadio
 from uavmap.fleet.simulated_radio import LinkModel
 from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.output.facts.figures import figures
 from uavmap.output.facts.score import MISSED_SHARE, cells_near, shares_of, true_roi
 from uavmap.output.merging import Source, merged
@@ -229,7 +229,7 @@ class Beset(SimulatedFleet):
 
 def flown(text: str, mishaps: Mishaps, folder: Path, seed: int = 1) -> Outcome:
     """Fly a fleet, and say what was forbidden."""
-    plan = plan_of("field.toml", text, None, None, seed, (), None, SIM_EPOCH_UTC_S, comms="free")
+    plan = plan_of("field.toml", text, seed=seed, comms="free")
     said = Said()
     fleet = Beset(plan, folder, mishaps)
     forbidden: list[str] = []

@@ -3,7 +3,6 @@
     python -m tests.benchmarks.photos.boundary                  `runway` in the simulator, ten seeds
     python -m tests.benchmarks.photos.boundary --seeds 3
     python -m tests.benchmarks.photos.boundary --brighton       the photographs of Brighton Beach
-    python -m tests.benchmarks.photos.boundary --cost FOLDER    seconds of a replay, part by part
 
 In the simulator the camera tilts with the airframe, the wind blows, positions are off by 0.3 m and
 the light changes. The error of the boundary is the distance of each of its points (every 0.1 m) to
@@ -31,7 +30,6 @@ from missions.units import LatLon
 from tests.benchmarks import frame
 from tests.benchmarks.photos import brighton
 from tests.benchmarks.photos.brighton import PAINTED, detector_folder, learned_from
-from tests.benchmarks.photos.replay import result_costs
 from tests.support.plans import named_text
 from tests.support.small_missions import first_patch
 from uavmap.load.mission_source import load
@@ -39,7 +37,6 @@ from uavmap.output.facts.boundary_model import FILE
 from uavmap.output.facts.score import true_roi
 from uavmap.photos.after_flight import draw_boundary
 from uavmap.photos.ground.rasters import Wishes
-from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.runner.flight import fly
 from uavmap.ui.cli import main as uavmap
 
@@ -138,23 +135,10 @@ def _one_detector(name: str, detector: Path) -> None:
     )
 
 
-# --- cost ----------------------------------------------------------------------------------------
-def cost(path: Path) -> None:
-    """CPU seconds of the parts of a replay, poses as tagged; the least of three."""
-    gathered, mission = gather(open_source(path)), load("road")
-    found = [result_costs(gathered, mission, "road", path)[:, 1] for _ in range(3)]
-    for part, seconds in zip(
-        ("verdicts", "results", "GeoTIFFs"), np.min(found, axis=0), strict=True
-    ):
-        print(f"{part:10} {seconds:6.2f} s CPU")
-
-
 def main() -> None:
     """Run what is asked for."""
-    options = frame.asked(__doc__, seeds=10, brighton=False, cost=Path)
-    if options.cost:
-        cost(options.cost)
-    elif options.brighton:
+    options = frame.asked(__doc__, seeds=10, brighton=False)
+    if options.brighton:
         brighton_beach()
     else:
         flown(options.seeds)

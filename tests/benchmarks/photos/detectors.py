@@ -1,7 +1,6 @@
 """How good the detectors are on the photographs of Brighton Beach; prints a table.
 
     python -m tests.benchmarks.photos.detectors              picture by picture, about three minutes
-    python -m tests.benchmarks.photos.detectors --sets        each kind of model and set of features
     python -m tests.benchmarks.photos.detectors --map      the maps that `replay` makes, by the tags
     python -m tests.benchmarks.photos.detectors --time          milliseconds a picture on one core
 
@@ -98,25 +97,6 @@ def one_training(examples: list[Example], painted: Sequence[int], wishes: Wishes
     return found
 
 
-def by_set(examples: list[Example]) -> None:
-    """Each kind of model on each set of features."""
-    head()
-    for names in SETS:
-        every: dict[str, list[Judged]] = {kind: [] for kind in KINDS}
-        for painted in PAINTED:
-            others = [example for i, example in enumerate(examples) if i not in painted]
-            wishes = Wishes(kinds=("both",), sets=(names,))
-            both, choice = learned_from(examples, painted, others, wishes)
-            parts = {"both": both.parts, "logistic": both.parts[:1], "trees": both.parts[1:]}
-            for kind in KINDS:
-                detector = LearnedDetector(both.model_copy(update={"parts": parts[kind]}))
-                found = [judged(detector, example, choice.share) for example in others]
-                row(f"{kind} from {painted}", found)
-                every[kind] += found
-        for kind in KINDS:
-            row(f"== {kind}, {names}", every[kind])
-
-
 def by_map(examples: list[Example]) -> None:
     """The maps of `uavmap replay`, with the poses that the tags tell."""
     print("maps by the poses of the tags      precision recall IoU (cells of 2 m)")
@@ -156,10 +136,10 @@ def times(examples: list[Example]) -> None:
 
 def main() -> None:
     """Print what is asked for."""
-    options = asked(__doc__, sets=False, map=False, time=False)
+    options = asked(__doc__, map=False, time=False)
     if not brighton.there():
         raise SystemExit(f"{brighton.PHOTOGRAPHS}: the photographs are not here")
-    chosen = {by_set: options.sets, by_map: options.map, times: options.time}
+    chosen = {by_map: options.map, times: options.time}
     show = next((show for show, on in chosen.items() if on), by_picture)
     show(brighton.examples(brighton.names()))
 

@@ -1,4 +1,4 @@
-"""How fast a replay is beside the decoder, how much memory it takes, and what damage does to it.
+"""How fast a replay is beside the decoder, and how much memory it takes.
 
 python -m tests.benchmarks.photos.replay rate FOLDER        pictures a second, beside decoding alone
 python -m tests.benchmarks.photos.replay rate FOLDER --refine on  the same, by refined poses
@@ -6,7 +6,6 @@ python -m tests.benchmarks.photos.replay results FOLDER           seconds after 
 python -m tests.benchmarks.photos.replay memory               1,000, 3,000 and 10,000 small pictures
 python -m tests.benchmarks.photos.replay memory --pictures 5000   so many, over as much more ground
 python -m tests.benchmarks.photos.replay memory --around 300    all over the ground of the first 300
-python -m tests.benchmarks.photos.replay fuzz PICTURE 1000       damaged copies: no crash, no memory
 
 The small pictures are a survey with the tags of a drone's. The ground is a patchwork that repeats
 itself every 460 m: a road with plants on both sides. The pictures lie in legs of 100, with 75 %
@@ -27,7 +26,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -204,17 +202,26 @@ def _memory(counts: list[int], refine: str, around: int | None) -> None:
             shutil.rmtree(out)
 
 
-def result_costs(
-    gathered: Gathered, mission: Mission, source: str, path: Path
-) -> NDArray[np.float64]:
-    """Wall and CPU seconds (columns) of verdicts, results and GeoTIFFs (rows) of a replay."""
-    setting = setting_of(mission)
+def _results(path: Path, often: int) -> None:
+    """Seconds from the last verdict to the last result, and of the GeoTIFFs after it."""
+    gathered = gather(open_source(path))
+    mission = mission_of_text(derived(gathered), "derived")
+    for _ in range(often):
+        (wall, cpu), (tiff_wall, tiff_cpu) = _result_costs(gathered, mission, str(path))
+        print(
+            f"results {wall:.2f} s ({cpu:.2f} s CPU), GeoTIFFs {tiff_wall:.1f} s "
+            f"({tiff_cpu:.1f} s CPU)",
+            flush=True,
+        )
+
+
+def _result_costs(gathered: Gathered, mission: Mission, path: str) -> NDArray[np.float64]:
+    """Wall and CPU seconds (columns) of results and GeoTIFFs (rows) of a replay."""
     with tempfile.TemporaryDirectory() as name, Spool() as spool:
-        folder = Path(name)
-        times = [(time.perf_counter(), time.process_time())]
-        judged = look_at_all(gathered, setting, spool)
+        folder, times = Path(name), []
+        judged = look_at_all(gathered, setting_of(mission), spool)
         times.append((time.perf_counter(), time.process_time()))
-        meta = journal_meta(mission, source, str(path)) | judged.taken()
+        meta = journal_meta(mission, "derived", path) | judged.taken()
         with Journal.create(folder / JOURNAL, meta) as journal:
             judged.written(journal, folder)
         times.append((time.perf_counter(), time.process_time()))
@@ -223,34 +230,11 @@ def result_costs(
     return np.diff(times, axis=0)
 
 
-def _results(path: Path, often: int) -> None:
-    """Seconds from the last verdict to the last result, and of the GeoTIFFs after it."""
-    gathered = gather(open_source(path))
-    mission = mission_of_text(derived(gathered), "derived")
-    for _ in range(often):
-        _, (wall, cpu), (tiff_wall, tiff_cpu) = result_costs(gathered, mission, "derived", path)
-        print(
-            f"results {wall:.2f} s ({cpu:.2f} s CPU), GeoTIFFs {tiff_wall:.1f} s "
-            f"({tiff_cpu:.1f} s CPU)",
-            flush=True,
-        )
-
-
-def _fuzz(path: Path, count: int) -> None:
-    """Print what becomes of damaged copies, and the memory that it took."""
-    data, outcomes = path.read_bytes(), Counter[str]()
-    with tempfile.TemporaryDirectory() as folder:
-        for bad in mutations(data, count):
-            outcomes[survives(bad, Path(folder) / "bad.jpg")] += 1
-    print(f"{count} mutations: {dict(outcomes)}, peak {peak_mb():.0f} MB")
-
-
 def main() -> None:
     """Print what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("rate", "results", "memory", "fuzz"))
+    parser.add_argument("what", choices=("rate", "results", "memory"))
     parser.add_argument("path", type=Path, nargs="?")
-    parser.add_argument("count", type=int, nargs="?", default=1000)
     parser.add_argument("--pictures", type=int, nargs="+", default=[1000, 3000, 10_000])
     parser.add_argument("--around", type=int)
     parser.add_argument("--refine", choices=("on", "off"), default="off")
@@ -261,10 +245,8 @@ def main() -> None:
         parser.error(f"{options.what} needs pictures")
     elif options.what == "rate":
         _rate(options.path, options.refine)
-    elif options.what == "results":
-        _results(options.path, 5)
     else:
-        _fuzz(options.path, options.count)
+        _results(options.path, 5)
 
 
 if __name__ == "__main__":

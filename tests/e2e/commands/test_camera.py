@@ -8,7 +8,6 @@ import threading
 import time
 import urllib.request
 
-import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -83,22 +82,10 @@ def test_a_flight_with_the_pictures_of_a_folder(tmp_path) -> None:
             time.sleep(0.2)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "line"),
-    [
-        (
-            ["--connect", "udpin://127.0.0.1:14999", "--camera", "usb"],
-            "'usb' is not a camera; write mavlink, v4l2:/dev/video0",
-        ),
-        (["--sim", "--camera", "libcamera"], "--camera goes with --connect"),
-        (
-            ["--connect", "udpin://127.0.0.1:0", "--camera", "mavlink", "--camera", "mavlink"],
-            "1 vehicles, but 2 cameras; give --camera once a vehicle",
-        ),
-    ],
-)
-def test_what_is_wrong_with_a_camera_is_said_in_a_line(arguments, line, tmp_path) -> None:
-    done = uavmap("fly", mission("speck"), *arguments, "--out", tmp_path / "out")
+def test_what_is_wrong_with_a_camera_is_said_in_a_line(tmp_path) -> None:
+    cameras = ["--camera", "mavlink", "--camera", "mavlink"]
+    connect = ["--connect", "udpin://127.0.0.1:0"]
+    done = uavmap("fly", mission("speck"), *connect, *cameras, "--out", tmp_path / "out")
     assert done.code == 2
-    assert line in done.err
+    assert "1 vehicles, but 2 cameras; give --camera once a vehicle" in done.err
     assert not (tmp_path / "out").exists()

@@ -71,7 +71,16 @@ def test_an_entry_point_is_all_that_a_strategy_needs(tmp_path: Path) -> None:
         return done.stdout
 
     assert "spiral" in [one["name"] for one in json.loads(run("strategies", "--json"))]
-    run("fly", MISSIONS / "speck.toml", "--sim", "--strategy", "spiral", "--all-strategies", "--out", out)
+    run(
+        "fly",
+        MISSIONS / "speck.toml",
+        "--sim",
+        "--strategy",
+        "spiral",
+        "--all-strategies",
+        "--out",
+        out,
+    )
     summary = json.loads((out / "summary.json").read_text("utf-8"))
     assert summary["completed"]
     assert summary["strategy"] == "spiral"
