@@ -99,7 +99,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     if collection_path.suffix != ".py" or name == "__init__.py":
         return None
     if asked == "slow":
-        return name not in {line.partition("::")[0] for line in SLOW} or None
+        return name not in {Path(line.partition("::")[0]).name for line in SLOW} or None
     return ("not system" in asked and _needs_system(collection_path)) or None
 
 
@@ -109,7 +109,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         # a line without parameters is for all of them
         names = {item.name, item.name.partition("[")[0]}
-        if any(fnmatchcase(f"{item.path.name}::{n}", p) for n in names for p in SLOW):
+        if any(fnmatchcase(f"{item.path}::{n}", f"*/{line}") for n in names for line in SLOW):
             item.add_marker("slow")
         if _needs_system(item.path):
             item.add_marker("system")

@@ -250,11 +250,11 @@ def test_control_c_on_a_path_brings_it_home_and_resume_sends_it_out_again(
     assert maps_alike(folder, speck_passed.folder)
 
 
-def test_two_vehicles_over_sockets(speck_passed: Flight, tmp_path: Path) -> None:
+def test_two_vehicles_over_sockets(tiny_passed: Flight, tmp_path: Path) -> None:
     folder = tmp_path / "out"
-    with simulator("speck", speedup=SPEEDUP, vehicles=2) as urls:
-        done = uavmap(*flying(mission("speck"), urls, folder, SPEEDUP, *SWATH, "--vehicles", 2))
+    with simulator("tiny", speedup=SPEEDUP, vehicles=2) as urls:
+        done = uavmap(*flying(mission("tiny"), urls, folder, SPEEDUP, *SWATH, "--vehicles", 2))
     assert done.code == 0, done.err
     assert done.summary["completed"] is True
     assert {event["vehicle"] for event in events(folder, "landed")} == {1, 2}
-    assert maps_alike(folder, speck_passed.folder)
+    assert maps_alike(folder, tiny_passed.folder)
