@@ -21,7 +21,7 @@ from missions.mission.schema import MAX_VEHICLES, Mission
 from uavmap.base.arguments import choice, number, whole
 from uavmap.base.version import __version__
 from uavmap.journal.event_log import PLAN, JournalReader
-from uavmap.load.kept_detector import with_kept_detector
+from uavmap.load.detector_source import with_kept_detector
 from uavmap.load.planner_setup import ready_planner, tell_if_uncompiled
 
 Driver = Literal["pymavlink", "mavsdk"]

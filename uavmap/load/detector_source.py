@@ -1,11 +1,16 @@
 """Detectors as missions name them: their parameters, their files, and those of plug-ins.
 
 A mission holds path and checksum of its model, so a resumed flight is judged by the same model.
+Results are moved to other computers, and models are tidied away. So the results hold a copy of
+the model, as a folder that `--detector` takes, checked by the checksum in the mission.
 """
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import os
+import shutil
 import tomllib
 from collections.abc import Callable, Mapping
 from functools import lru_cache
@@ -13,14 +18,17 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import tomlkit
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from missions.errors import MissionFileError
+from missions.errors import ImageError, MissionFileError, OutputError
 from missions.mission.messages import explain
+from missions.mission.schema import Mission
 from missions.mission.sections.detector_section import DetectorSection
+from uavmap.base.extras import install_command
 from uavmap.base.text_files import read_bytes, read_text
-from uavmap.load.onnx_file import onnx_detector
 from vision.detectors import (
     FROM_FILES,
     Detector,
@@ -29,6 +37,7 @@ from vision.detectors import (
     detector_names,
     make_detector,
 )
+from vision.detectors.onnx import OnnxDetector, OnnxSettings, Run
 
 GROUP: Final = "uavmap.detectors"
 """The entry points that plug-ins have: a name, and what makes the detector of its parameters."""
@@ -216,3 +225,137 @@ def _loaded(name: str, point: EntryPoint) -> Callable[..., Detector]:
             f"({type(error).__name__}: {error}); install it again, or remove it"
         ) from None
     return build
+
+
+# --- segmentation models, run by onnxruntime (the extra `onnx`) -----------------------------------
+def onnx_detector(path: Path, data: bytes, parameters: Mapping[str, Any]) -> Detector:
+    """Return the detector of an ONNX file and the TOML of the same name beside it.
+
+    Raises `MissionFileError` without the extra, and for faults of the files.
+    """
+    settings = _settings(path.with_suffix(".toml"))
+    run: Run = _Session(data)
+    return build_detector("onnx", OnnxDetector, {"run": run, "settings": settings, **parameters})
+
+
+def _settings(path: Path) -> OnnxSettings:
+    try:
+        return OnnxSettings.model_validate(tomllib.loads(read_text(path, _LARGEST_TOML)))
+    except OSError as error:
+        raise MissionFileError(
+            f"{path} cannot be read ({error.strerror}); write it: tile_px, scale, mean, std, ..."
+        ) from None
+    except ValidationError as error:
+        raise MissionFileError(f"{path}: {explain(error, OnnxSettings)[0]}") from None
+    except ValueError as error:
+        raise MissionFileError(f"{path}: not a TOML file: {error}") from None
+
+
+class _Session:
+    """A model made ready. A copy that travels (pickle) takes the bytes and makes it ready anew."""
+
+    def __init__(self, data: bytes) -> None:
+        try:
+            import onnxruntime  # noqa: PLC0415 - an extra
+        except ImportError:
+            raise MissionFileError(
+                f"a segmentation model needs onnxruntime: {install_command('onnx')}"
+            ) from None
+        options = onnxruntime.SessionOptions()
+        options.log_severity_level = 4
+        options.intra_op_num_threads = 1  # the other cores have other vehicles' pictures
+        try:
+            session = onnxruntime.InferenceSession(
+                data, options, providers=["CPUExecutionProvider"]
+            )
+        except Exception as error:  # the runtime has no common class of its errors
+            raise MissionFileError(
+                f"not a model that onnxruntime reads ({_first(error)})"
+            ) from None
+        inputs = session.get_inputs()
+        if len(inputs) != 1:
+            raise MissionFileError(f"the model has {len(inputs)} inputs; one is expected: pictures")
+        self._data, self._session, self._input = data, session, inputs[0].name
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _Session, (self._data,)
+
+    def __call__(self, batch: NDArray[np.float32]) -> NDArray[Any]:
+        try:
+            return np.asarray(self._session.run(None, {self._input: batch})[0])
+        except Exception as error:
+            raise ImageError(f"the model cannot judge a tile ({_first(error)})") from None
+
+
+def _first(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0][:200]
+
+
+# --- the copy with the results --------------------------------------------------------------------
+KEPT: Final = "detector"
+"""The folder, in that of the results."""
+_BESIDE: Final = ".toml"  # settings of a segmentation model, under its name
+
+
+def keep_detector(section: DetectorSection, folder: Path) -> None:
+    """Copy the model of a mission, if it has one, into the folder of its results.
+
+    Raises `OutputError`, and leaves nothing, where the disk refuses, or the model has changed.
+    """
+    if section.model is None:
+        return
+    model, kept = Path(section.model), folder / KEPT
+    try:
+        kept.mkdir(parents=True, exist_ok=True)
+        _copied(model, kept / model.name)
+        settings = model.with_suffix(_BESIDE)
+        if section.name == "onnx":
+            _copied(settings, kept / settings.name)
+        table = section.model_dump(mode="json", exclude_unset=True) | {"model": model.name}
+        (kept / DETECTOR_TOML).write_text(tomlkit.dumps({"detector": table}), "utf-8")
+    except OSError as error:
+        drop_detector(folder)
+        raise OutputError(
+            f"{kept}: the detector's model cannot be kept ({error.strerror}); make room, or give "
+            "another --out"
+        ) from None
+    if section.model_sha256 not in (None, _sha256((kept / model.name).read_bytes())):
+        drop_detector(folder)
+        raise OutputError(f"{model}: the file has changed since it was read; begin again")
+
+
+def drop_detector(folder: Path) -> None:
+    """Remove what `keep_detector` has made, for a mission that has not begun."""
+    shutil.rmtree(folder / KEPT, ignore_errors=True)
+
+
+def with_kept_detector(mission: Mission, folder: Path) -> Mission:
+    """Return the mission with its model read from the unchanged copy in a folder, if any."""
+    section = mission.detector
+    if section.model is None:
+        return mission
+    kept = (folder / KEPT / Path(section.model).name).resolve()
+    with contextlib.suppress(OSError):
+        if kept.is_file() and section.model_sha256 == _sha256(kept.read_bytes()):
+            moved = section.model_copy(update={"model": str(kept)})
+            return mission.model_copy(update={"detector": moved})
+    return mission
+
+
+def with_relative_model(text: str) -> str:
+    """Return the text of a mission file for the results, beside the copy of its model."""
+    document = tomlkit.parse(text)
+    section = document["detector"]
+    if "model" in section:
+        section["model"] = f"{KEPT}/{Path(str(section['model'])).name}"
+    return tomlkit.dumps(document)
+
+
+def _copied(source: Path, target: Path) -> None:
+    """A copy that is whole or not there."""
+    temporary = target.with_name(f".{target.name}")
+    try:
+        shutil.copyfile(source, temporary)
+        os.replace(temporary, target)
+    finally:
+        temporary.unlink(missing_ok=True)

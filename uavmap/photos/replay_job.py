@@ -27,8 +27,7 @@ from uavmap.base.atomic_write import write_text
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.journal.results_folder import make_folder, refuse_unwritable, results_folder
-from uavmap.load.detector_source import detector_text
-from uavmap.load.kept_detector import keep_detector, with_relative_model
+from uavmap.load.detector_source import detector_text, keep_detector, with_relative_model
 from uavmap.load.mission_source import load, mission_of_text
 from uavmap.photos.ground.rasters import ORTHO, Wishes
 from uavmap.photos.mission_from_photos import DETECTOR, derived

@@ -40,7 +40,7 @@ from uavmap.journal.flight_plan import (
     FlightPlan,
     check_member,
 )
-from uavmap.load.kept_detector import drop_detector, keep_detector
+from uavmap.load.detector_source import drop_detector, keep_detector
 from uavmap.load.mission_source import load
 from uavmap.mavlink.links.urls import parse_url
 from uavmap.runner.aircraft_takeover import taken_over

@@ -11,8 +11,17 @@ import pyproj
 
 from missions.errors import AreaError
 from uavmap.base.printable import printable
-from uavmap.load.areas import crs
-from uavmap.load.areas.drawing import Layer, Point, Shape, layer_of, number, shapes_of, shown_name
+from uavmap.load.areas.drawing import (
+    WGS84,
+    Layer,
+    Point,
+    Shape,
+    crs_of_epsg,
+    layer_of,
+    number,
+    shapes_of,
+    shown_name,
+)
 
 _NAMES: Final = ("name", "title", "label", "kind", "id", "fid", "objectid")
 _EPSG: Final = re.compile(r"(?:urn:(?:x-)?ogc:def:crs:)?EPSG:[^:]*:?(\d{4,6})$", re.IGNORECASE)
@@ -55,14 +64,14 @@ def _parsed(text: str, source: str) -> Any:
 def _system(value: object, source: str) -> pyproj.CRS:
     """The system of the member `crs`; without one it is WGS84."""
     if value is None:
-        return crs.WGS84
+        return WGS84
     properties = value.get("properties") if isinstance(value, Mapping) else None
     name = properties.get("name") if isinstance(properties, Mapping) else None
     if isinstance(name, str) and len(name) < 100:
         if _CRS84.match(name):
-            return crs.WGS84
+            return WGS84
         if found := _EPSG.match(name):
-            return crs.crs_of_epsg(int(found[1]), source)
+            return crs_of_epsg(int(found[1]), source)
     raise AreaError(
         f"{source}: crs = {printable(json.dumps(value)[:200], 60)}: not a system by name such as "
         "urn:ogc:def:crs:EPSG::25832; save the area in WGS84 (EPSG:4326)"

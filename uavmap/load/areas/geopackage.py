@@ -13,7 +13,6 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from missions.errors import AreaError
-from uavmap.load.areas import crs
 from uavmap.load.areas.drawing import (
     MOST_BYTES,
     MOST_LAYERS,
@@ -21,6 +20,8 @@ from uavmap.load.areas.drawing import (
     NAME_COLUMNS,
     Layer,
     Shape,
+    crs_of_epsg,
+    crs_of_wkt,
     drawn,
     layer_of,
     row_name,
@@ -105,8 +106,8 @@ def _system(file: sqlite3.Connection, srs: object, source: str) -> pyproj.CRS | 
         return None
     organization, code, definition = row
     if str(organization).upper() == "EPSG" and isinstance(code, int):
-        return crs.crs_of_epsg(code, source)
-    return crs.crs_of_wkt(str(definition), source)
+        return crs_of_epsg(code, source)
+    return crs_of_wkt(str(definition), source)
 
 
 def _shapes(rows: list[tuple[object, object]], stem: str, source: str) -> Iterator[Shape]:

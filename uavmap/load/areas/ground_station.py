@@ -16,9 +16,9 @@ from missions.errors import AreaError, GeodesyError
 from missions.geo.grid import Grid
 from missions.units import GridPoint, LatLon
 from uavmap.base.printable import printable
-from uavmap.load.areas import crs
 from uavmap.load.areas.drawing import (
     MOST_VERTICES,
+    WGS84,
     Layer,
     Point,
     Role,
@@ -267,10 +267,10 @@ def read_polygon(text: str, source: str, *, fence: bool | None) -> Layer:
     if fence is None:
         fence = len(points) > 4 and points[1] == points[-1]
     if not fence:
-        return layer_of([polygon("polygon", [points], source, Role.AREA)], crs.WGS84, source)
+        return layer_of([polygon("polygon", [points], source, Role.AREA)], WGS84, source)
     border = polygon("fence", [points[1:]], source, Role.FENCE)
     home = Shape("return point", Role.HOME, tuple(points[:1]))
-    return layer_of([border, home], crs.WGS84, source)
+    return layer_of([border, home], WGS84, source)
 
 
 # --- all of them --------------------------------------------------------------------------------
@@ -286,7 +286,7 @@ def with_area(shapes: list[Shape], flown: list[Point], home: Point | None, sourc
             corners = [(float(x), float(y)) for x, y, *_ in hull.exterior.coords]
             shapes.append(polygon("waypoints", [corners], source, Role.AREA))
             notices.append(f"no survey; the area is what its {len(away)} waypoints span")
-    return layer_of(shapes, crs.WGS84, source, notices)
+    return layer_of(shapes, WGS84, source, notices)
 
 
 def _circle(centre: Point, radius_m: float, role: Role, where: str) -> Shape:

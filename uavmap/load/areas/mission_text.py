@@ -1,20 +1,166 @@
-"""A mission file with all its keys and a comment on each, made from the schema.
+"""From places, a drone and the user's wishes to the text of a mission, with a comment on each key.
 
-A test requires a comment for every key.
+The keys come from the schema. A test requires a comment for every one.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Any, Final, Literal
 
 import annotated_types
 import tomlkit
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from missions.mission.schema import Mission, VehicleSection
+from missions.mission import flyable
+from missions.mission.height_and_speed import LEAST_HEIGHT_M, search_layer_faults
+from missions.mission.schema import Mission, VehicleSection, parse_fields
+from missions.mission.sections.fields import AUTO
+from missions.units import LatLon
+from uavmap.base.printable import printable
+from uavmap.load.areas.drones import Camera
+from uavmap.load.areas.layout import Layout
 
+HIGHEST_M: Final = 60.0
+"""Nobody is sent higher unasked: there an error of one degree is a metre on the ground."""
+WIND_M_S: Final = 5.0
+"""What is reckoned with where nobody says: a fresh day, not a calm one."""
+STRATEGY: Final = "swath"
+_CAMERA: Final = ("hfov_deg", "width_px", "height_px", "interval_s", "mounting")
+_SETTLE_M_S: Final = 1.5
+_HIGH: Final = {
+    "search.altitude_m": AUTO,
+    "flight.climb_m_s": 2.5,
+    "flight.descent_m_s": 1.5,
+}
+"""A search from on high, and the speeds at which ArduPilot and PX4 climb and descend by default."""
+_SEARCHED_HIGH: Final = {"search.find": "all", **_HIGH}
+_LEAN_RAD: Final = math.radians(10.0)
+"""More than a small multicopter leans in `WIND_M_S`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figures(Camera):
+    """What a mission needs to know of an aircraft: its camera, and these."""
+
+    capacity_wh: float
+    hover_power_w: float
+    max_airspeed_m_s: float
+    speed_m_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Flying:
+    """How the mission is to be flown."""
+
+    vehicles: int = 1
+    strategy: str = STRATEGY
+    wind_m_s: float = WIND_M_S
+    altitude_m: float | None = None
+    """None: as high as the pixels allow, `HIGHEST_M` at most."""
+    ceiling_m: float | None = None
+    find: Literal["first", "all"] = "all"
+
+
+def compose(name: str, origin: str, layout: Layout, figures: Figures, flying: Flying) -> str:
+    """The text of a mission file. It is not checked yet."""
+    values = _values(name, layout, figures, flying)
+    header = _header(name, origin, layout, figures)
+    if flying.altitude_m is None:
+        first = mission_text(values, header, flying.vehicles)
+        values |= _seeing_enough(parse_fields(first, name))
+    if flying.find == "all" and flying.strategy == STRATEGY:
+        values |= _SEARCHED_HIGH
+        high = parse_fields(mission_text(values, header, flying.vehicles), name)
+        if list(search_layer_faults(high)):  # no room above the layers of the map
+            values = {key: value for key, value in values.items() if key not in _HIGH}
+    return mission_text(values, header, flying.vehicles)
+
+
+def _values(name: str, layout: Layout, figures: Figures, flying: Flying) -> dict[str, Any]:
+    values: dict[str, Any] = {
+        "name": name,
+        "strategy": flying.strategy,
+        "start.position": _pair(layout.home),
+        "search.box": tuple(map(_pair, layout.box)),
+        "fence.polygon": tuple(map(_pair, layout.fence)),
+        "grid.cell_m": layout.cell_m,
+        "flight.altitude_m": AUTO if flying.altitude_m is None else flying.altitude_m,
+        "flight.speed_m_s": figures.speed_m_s,
+        "flight.settle_m_s": min(_SETTLE_M_S, figures.speed_m_s),
+        "flight.max_airspeed_m_s": figures.max_airspeed_m_s,
+        **{f"camera.{key}": getattr(figures, key) for key in _CAMERA},
+        "battery.capacity_wh": figures.capacity_wh,
+        "battery.hover_power_w": figures.hover_power_w,
+        "wind.speed_m_s": flying.wind_m_s,
+        "sim.roi": tuple(map(_pair, layout.roi)),
+    }
+    if layout.holes:
+        values["fence.holes"] = tuple(tuple(map(_pair, hole)) for hole in layout.holes)
+    if flying.ceiling_m is not None:
+        values["fence.ceiling_m"] = flying.ceiling_m
+    return values
+
+
+def _seeing_enough(mission: Mission) -> dict[str, Any]:
+    """Return the height for `altitude_m = "auto"`, and what it requires of the camera's pixels.
+
+    It stays "auto" unless that is above `HIGHEST_M`, or the lowest of several vehicles would see
+    too little: then all fly higher, and a cell has fewer pixels.
+    """
+    above_m = (len(mission.vehicles) - 1) * mission.team.layer_m
+    top_m = mission.altitude_m(0) + above_m
+    if top_m <= HIGHEST_M and not list(flyable.values(mission)):
+        return {}
+    lowest_m = float(math.floor(max(min(top_m, HIGHEST_M) - above_m, LEAST_HEIGHT_M)))
+    while lowest_m + above_m <= mission.fence.ceiling_m:
+        optics = mission.camera.optics
+        pixels = math.floor(optics.pixels_per_cell(lowest_m + above_m, mission.grid.cell_m))
+        asked = min(mission.camera.pixels_per_cell, float(max(pixels, 1)))
+        tried = mission.model_copy(
+            update={
+                "flight": mission.flight.model_copy(update={"altitude_m": lowest_m}),
+                "camera": mission.camera.model_copy(update={"pixels_per_cell": asked}),
+            }
+        )
+        if not list(flyable.values(tried)):
+            return {"flight.altitude_m": lowest_m, "camera.pixels_per_cell": asked}
+        lowest_m += 1.0
+    return {}  # no height helps: the check of the mission says what would
+
+
+def largest_cell_m(figures: Figures, flying: Flying) -> float:
+    """Return the largest cell of which a picture shows 3 x 3, from at most `HIGHEST_M`, m.
+
+    A fixed camera looks aside while the vehicle leans into the wind.
+    """
+    height_m = flying.altitude_m or min(HIGHEST_M, flying.ceiling_m or HIGHEST_M)
+    shape = min(figures.height_px / figures.width_px, 1.0)
+    half_rad = math.atan(math.tan(math.radians(figures.hfov_deg) / 2.0) * shape)
+    lean_rad = 0.0 if figures.mounting == "gimbal" else _LEAN_RAD
+    seen_m = height_m * math.tan(max(half_rad - lean_rad, 0.0)) - flyable.POSITION_ERROR_M
+    return max(seen_m, 0.0) / (0.5 + flyable.SEEN_SHARE)
+
+
+def _header(name: str, origin: str, layout: Layout, figures: Figures) -> Sequence[str]:
+    return (
+        # a file may have a name with line breaks, which would end the comment
+        f"{name}: map a region somewhere in {layout.name!r} ({printable(origin)}).",
+        "",
+        "Made by `uavmap new`. The aircraft:",
+        f"{figures.title}.",
+        "Look at the figures of battery, camera and wind below before you fly.",
+    )
+
+
+def _pair(place: LatLon) -> tuple[float, float]:
+    return place.lat_deg, place.lon_deg
+
+
+# --- the text -------------------------------------------------------------------------------------
 Values = Mapping[str, Any]
 """What a mission says besides the defaults, by dotted key."""
 

@@ -13,14 +13,11 @@ from typing import Final
 from missions.errors import AreaError
 from uavmap.base.text_files import read_bytes
 from uavmap.load.areas.archive import check_archive
-from uavmap.load.areas.crs import in_wgs84
-from uavmap.load.areas.drawing import MOST_BYTES, Area, Drawing, Layer, bounded_together
+from uavmap.load.areas.drawing import MOST_BYTES, Area, Drawing, Layer, bounded_together, in_wgs84
 from uavmap.load.areas.geojson import read_geojson
 from uavmap.load.areas.geopackage import read_geopackage
-from uavmap.load.areas.gpx import read_gpx
 from uavmap.load.areas.ground_station import is_pairs, read_plan, read_polygon, read_waypoints
-from uavmap.load.areas.kml import read_kml, read_kmz
-from uavmap.load.areas.markup import local, refused, root_of
+from uavmap.load.areas.markup import local, read_gpx, read_kml, read_kmz, refused, root_of
 from uavmap.load.areas.shp import read_shapefile, read_zipped
 from uavmap.load.areas.table import is_table, read_table
 

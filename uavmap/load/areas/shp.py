@@ -16,7 +16,6 @@ import pyproj
 import shapefile
 
 from missions.errors import AreaError
-from uavmap.load.areas import crs
 from uavmap.load.areas.archive import read_member
 from uavmap.load.areas.drawing import (
     MOST_SHAPES,
@@ -25,6 +24,7 @@ from uavmap.load.areas.drawing import (
     Point,
     Rings,
     Shape,
+    crs_of_wkt,
     layer_of,
     row_name,
     shapes_of,
@@ -64,7 +64,7 @@ def read_zipped(data: bytes, source: str) -> Iterator[Layer]:
 
 def _system(parts: Mapping[str, bytes], source: str) -> pyproj.CRS | None:
     text = parts.get("prj", b"").decode("utf-8", errors="replace").strip()
-    return crs.crs_of_wkt(text, f"{source}: its .prj") if text else None
+    return crs_of_wkt(text, f"{source}: its .prj") if text else None
 
 
 def _shapes(parts: Mapping[str, bytes], stem: str, source: str) -> Iterator[Shape]:

@@ -11,12 +11,12 @@ import shapely
 
 from missions.errors import AreaError
 from uavmap.base.printable import printable
-from uavmap.load.areas import crs
 from uavmap.load.areas.drawing import (
     MOST_BYTES,
     MOST_SHAPES,
     MOST_VERTICES,
     NAME_COLUMNS,
+    WGS84,
     Layer,
     Point,
     Role,
@@ -74,7 +74,7 @@ def read_table(text: str, source: str) -> Layer:
     points = [_place(row, columns, f"{source}: row {i + 2}") for i, row in enumerate(rows)]
     if not set(names).isdisjoint(_WAYPOINTS):
         return with_area([], points, None, source)
-    return layer_of([polygon("polygon", [points], source, Role.AREA)], crs.WGS84, source)
+    return layer_of([polygon("polygon", [points], source, Role.AREA)], WGS84, source)
 
 
 def _rows(text: str, source: str) -> Iterator[list[str]]:

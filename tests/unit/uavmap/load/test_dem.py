@@ -15,7 +15,7 @@ from missions.geo.grid import Grid
 from missions.units import GridPoint, Pose, Quaternion
 from tests.support.photographs import write_photo
 from tests.support.small_missions import START, mission_text, square
-from uavmap.load import elevation_model
+from uavmap.load import dem
 from uavmap.load.mission_source import load
 from uavmap.photos.sources.picture_record import above_ground
 from uavmap.ui.cli import main
@@ -174,9 +174,9 @@ def test_of_a_fine_model_means_are_read_and_no_more_than_is_needed(tmp_path, mon
 
     geotiff(tmp_path / "dem.tif", heights=stones, pixel=0.25)
     shapes = []
-    means = elevation_model._means
+    means = dem._means
     monkeypatch.setattr(
-        elevation_model,
+        dem,
         "_means",
         lambda *asked: shapes.append(means(*asked).shape) or means(*asked),
     )

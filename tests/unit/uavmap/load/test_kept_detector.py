@@ -13,8 +13,7 @@ from tests.unit.uavmap.photos.sources.test_replay_robust import good, mapped, sh
 from tests.unit.uavmap.photos.test_replay import paint
 from uavmap.journal.event_log import Journal, JournalReader
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
-from uavmap.load.detector_source import detector_text
-from uavmap.load.kept_detector import KEPT, keep_detector
+from uavmap.load.detector_source import KEPT, detector_text, keep_detector
 from uavmap.load.mission_source import load
 from uavmap.photos.sources.inventory import gather
 from uavmap.photos.sources.photo_folder import Folder

@@ -18,10 +18,17 @@ from missions.mission.checks import STRATEGIES
 from missions.units import GridPoint, LatLon
 from uavmap.base.atomic_write import write_text
 from uavmap.journal.results_folder import folder_name
-from uavmap.load.areas.composing import STRATEGY, WIND_M_S, Figures, Flying, compose, largest_cell_m
 from uavmap.load.areas.drawing import Area, Drawing
 from uavmap.load.areas.drones import camera_named, drone_named, table_lines
 from uavmap.load.areas.layout import Layout, Wishes, lay_out
+from uavmap.load.areas.mission_text import (
+    STRATEGY,
+    WIND_M_S,
+    Figures,
+    Flying,
+    compose,
+    largest_cell_m,
+)
 from uavmap.load.areas.reading import KINDS, read_area_file
 from uavmap.load.mission_source import mission_of_text
 from uavmap.runner.preflight.plan_figures import estimate

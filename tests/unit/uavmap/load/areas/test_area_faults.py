@@ -21,8 +21,8 @@ from missions.units import LatLon
 from tests.support.areas import area_files as files
 from tests.support.areas.area_files import FIELD, collection, feature, kml, placemark, saved
 from tests.unit.uavmap.load.areas.test_area_kinds import SIM
-from uavmap.load.areas.composing import Flying, compose
 from uavmap.load.areas.layout import Wishes, lay_out
+from uavmap.load.areas.mission_text import Flying, compose
 from uavmap.load.areas.reading import read_area_file
 from uavmap.load.areas.shp import read_shapefile
 

@@ -14,10 +14,10 @@ from missions.mission.checks import parse_mission
 from missions.units import LatLon
 from tests.support.areas import area_files_of_tools
 from tests.support.areas.area_files import FIELD, HOME, HOME_INSIDE, KINDS, POND
-from uavmap.load.areas.composing import Figures, Flying, compose
 from uavmap.load.areas.drawing import Positions
 from uavmap.load.areas.drones import CAMERAS, DRONES
 from uavmap.load.areas.layout import Wishes, lay_out
+from uavmap.load.areas.mission_text import Figures, Flying, compose
 from uavmap.load.areas.reading import read_area_file
 
 SIM = Figures("the simulator's", 80.0, 640, 480, 0.2, "fixed", 60.0, 300.0, 12.0, 6.0)

@@ -28,7 +28,7 @@ from tests.unit.uavmap.photos.test_replay import (
     paint,
     painted,
 )
-from uavmap.load.kept_detector import KEPT
+from uavmap.load.detector_source import KEPT
 from uavmap.load.mission_source import load
 from uavmap.output.facts.map_model import NOT_ROI
 from uavmap.photos.tune.examples import Example, load_examples
