@@ -24,7 +24,7 @@ from uavmap.fleet.sealing import meaning_of
 from uavmap.journal.event_log import Journal, JournalReader
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.journal.recovery import good_events
-from uavmap.output.write_results import flown_flight, write_results
+from uavmap.output.results import flown_flight, write_results
 
 MERGED: Final = "merged"
 """Key of the journal's meta: the folders of its sources."""

@@ -1,11 +1,12 @@
-"""summary.json: the figures of a mission, for people and programs."""
+"""The figures of a mission: summary.json, and the certificates of patches in words."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any, Final
 
 from uavmap.base.atomic_write import write_text
 
@@ -38,3 +39,114 @@ def _plain(value: object) -> object:
     if isinstance(value, list | tuple):
         return [_plain(inner) for inner in value]
     return value
+
+
+# --- patches in words -----------------------------------------------------------------------------
+MOST_PATCHES: Final = 20
+"""Maximum number of patches with a line each."""
+_WHY: Final = {
+    "beyond_fence": "beyond the fence",
+    "few_frames": "in too few frames",
+    "given_up": "given up",
+    "no_frames": "in no frame",
+    "out_of_reach": "out of reach",
+    "skipped": "skipped by the operator",
+}
+
+
+def state_in_words(one: Mapping[str, Any]) -> str:
+    """Write whether a patch, or all, are complete, or how many cells are open, and why.
+
+    >>> state_in_words({"complete": True, "open": {}})
+    'complete'
+    >>> state_in_words({"complete": False, "open": {"no_frames": [[0, 1], [0, 2]], "skipped": 1}})
+    'open at 3 cells: 2 in no frame, 1 skipped by the operator'
+    """
+    if one["complete"]:
+        return "complete"
+    counts = {
+        why: found if isinstance(found, int) else len(found) for why, found in one["open"].items()
+    }
+    parts = [f"{count} {_WHY[why]}" for why, count in counts.items()]
+    cells = sum(counts.values())
+    return f"open at {cells} {'cell' if cells == 1 else 'cells'}: {', '.join(parts)}"
+
+
+def time_in_words(one: Mapping[str, Any]) -> str:
+    """Write the time taken, and the least time.
+
+    >>> time_in_words({"took_s": 73.04, "lower_bound_s": 7.3, "ratio": 10.0})
+    '73.0 s, at least 7.3 s, ratio 10.00'
+    >>> time_in_words({"took_s": 8.8, "lower_bound_s": 0.0, "ratio": None})
+    '8.8 s, at least 0.0 s'
+    """
+    ratio = "" if one["ratio"] is None else f", ratio {one['ratio']:.2f}"
+    return f"{one['took_s']:,.1f} s, at least {one['lower_bound_s']:,.1f} s{ratio}"
+
+
+def drift_in_words(one: Mapping[str, Any]) -> str:
+    """How a patch was seen to drift, and what follows where the mission says otherwise; empty where
+    it was not measured, or stands still as the mission says.
+
+    >>> measured = {"speed_m_s": 0.301, "toward_deg": 70.4, "error_m_s": 0.01, "off_m_s": 0.002}
+    >>> drift_in_words({"took_s": 400.0, "drift": {**measured, "differs": False}})
+    'drifts at 0.30 m/s toward 70 deg, give or take 0.01 m/s'
+    >>> drift_in_words({"took_s": 400.0, "drift": {**measured, "off_m_s": 0.05, "differs": True}})
+    ... # doctest: +NORMALIZE_WHITESPACE
+    'drifts at 0.30 m/s toward 70 deg, give or take 0.01 m/s, which is 0.05 m/s off what the
+    mission says: its outline may be off by 20 m; set drift.speed_m_s = 0.30 and drift.toward_deg =
+    70, and fly again'
+    """
+    drift = one.get("drift")
+    if drift is None or not (drift["differs"] or drift["speed_m_s"] > 3.0 * drift["error_m_s"]):
+        return ""
+    speed, toward = f"{drift['speed_m_s']:.2f}", f"{drift['toward_deg']:.0f}"
+    told = f"drifts at {speed} m/s toward {toward} deg, give or take {drift['error_m_s']:.2f} m/s"
+    if not drift["differs"]:
+        return told
+    return (
+        f"{told}, which is {drift['off_m_s']:.2f} m/s off what the mission says: its outline may "
+        f"be off by {drift['off_m_s'] * one['took_s']:.0f} m; set drift.speed_m_s = {speed} and "
+        f"drift.toward_deg = {toward}, and fly again"
+    )
+
+
+def box_in_words(box: Mapping[str, Any]) -> str:
+    """Write how much of the search box is decided.
+
+    >>> told = {"cells": 9, "decided": 6, "few_frames": 0, "no_frames": 2, "beyond_fence": 1}
+    >>> box_in_words({**told, "whole": False})
+    '6 of 9 cells decided, 2 in no frame, 1 beyond the fence'
+    """
+    counts = [f"{box['decided']:,} of {box['cells']:,} cells decided"]
+    kinds = ("few_frames", "no_frames", "beyond_fence")
+    return ", ".join([*counts, *(f"{box[why]:,} {_WHY[why]}" for why in kinds if box[why])])
+
+
+def lines(
+    found: Sequence[Mapping[str, Any]], in_all: Mapping[str, Any], *, verbose: bool
+) -> Iterator[str]:
+    """Yield a line per patch; `verbose`: with its times and bounds, and one for all and the box."""
+    for number, one in enumerate(found[:MOST_PATCHES], start=1):
+        root, drift = one["root"], drift_in_words(one)
+        place = f"at {root['lat_deg']:.6f}, {root['lon_deg']:.6f}"
+        if verbose:
+            told = (
+                f"; decided from {one['found_s']:,.1f} s on, {place} first, to "
+                f"{one['decided_s']:,.1f} s ({time_in_words(one)})"
+            )
+        else:
+            told = f", {place}"
+        moved = f"; it {drift}" if drift else ""
+        yield f"patch {number}: {one['area_m2']:,.0f} sq m, {state_in_words(one)}{told}{moved}"
+    if len(found) > MOST_PATCHES:
+        yield f"... and {len(found) - MOST_PATCHES} more patches"
+    if not verbose:
+        return
+    if len(found) > 1:
+        yield (
+            f"all {len(found)} patches: {in_all['area_m2']:,.0f} sq m, {state_in_words(in_all)} "
+            f"({time_in_words(in_all)})"
+        )
+    missed = "" if in_all["box"]["whole"] else "; a patch may be missing there"
+    yield f"search box: {box_in_words(in_all['box'])}{missed}"

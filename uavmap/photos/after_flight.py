@@ -24,7 +24,7 @@ from uavmap.output.drawing.map_scene import map_scene, map_view
 from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts import boundary_file
 from uavmap.output.facts.boundary_model import FILE
-from uavmap.output.write_results import flown_flight
+from uavmap.output.results import flown_flight
 from uavmap.photos.ground.fine_map import FineMap, beneath
 from uavmap.photos.ground.rasters import ORTHO, Rasters, Wishes
 from uavmap.photos.ground.surface import Footing, Scene

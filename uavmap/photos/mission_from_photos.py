@@ -13,7 +13,7 @@ from typing import Final
 from missions.geo.footprint import Optics
 from missions.geo.grid import Grid
 from missions.units import GridPoint, LatLon
-from uavmap.output.drawing.scale import step_near
+from uavmap.output.drawing.sheet import step_near
 from uavmap.photos.sources.inventory import Gathered
 from uavmap.photos.sources.picture_record import Placed, credible
 from vision.camera import Lens

@@ -31,10 +31,10 @@ from uavmap.base.terminal import LINE_LIMIT
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.output.facts.boundary_file import BoundaryMap
-from uavmap.output.facts.calendar import TAKEN, Calendar, taken_meta
 from uavmap.output.facts.flight_log import FlightLog
+from uavmap.output.facts.flown_mission import TAKEN, Calendar, taken_meta
 from uavmap.output.facts.vote_tally import Votes, weighed
-from uavmap.output.replay_results import Replayed, flown_replay, write_replay
+from uavmap.output.results import Replayed, flown_replay, write_replay
 from uavmap.photos.ground.fine_map import FineMap, beneath
 from uavmap.photos.ground.judging import Judge, Task
 from uavmap.photos.ground.rasters import Rasters, Wishes

@@ -39,7 +39,7 @@ from uavmap.journal.mission_time import (
     taken_up_at,
 )
 from uavmap.journal.telemetry_log import TlogWriter
-from uavmap.output.write_results import flown_flight, write_results
+from uavmap.output.results import flown_flight, write_results
 from uavmap.runner.aircraft_process import AircraftProcess, Connection
 from uavmap.runner.aircraft_side import in_this_process
 from uavmap.runner.aircraft_takeover import Attachment

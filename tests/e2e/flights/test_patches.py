@@ -19,7 +19,7 @@ from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load
 from uavmap.output.facts.figures import figures
-from uavmap.output.write_results import map_data
+from uavmap.output.results import map_data
 from uavmap.ui.page.page_scene import STATES
 from uavmap.ui.page.watching import Watcher
 

@@ -10,9 +10,7 @@ from markupsafe import Markup, escape
 from numpy.typing import ArrayLike
 
 from missions.units import GridPoint
-from uavmap.output.drawing import legend
 from uavmap.output.drawing.palette import FAINT, LAND, PAPER, Colour, Style, css
-from uavmap.output.drawing.scale import ARROW_HEIGHT_PX, BAR_HEIGHT_PX, north_arrow, scale_bar
 from uavmap.output.drawing.scene import (
     Area,
     Box,
@@ -25,7 +23,15 @@ from uavmap.output.drawing.scene import (
     Shape,
     View,
 )
-from uavmap.output.facts.outline import runs
+from uavmap.output.drawing.sheet import (
+    ARROW_HEIGHT_PX,
+    BAR_HEIGHT_PX,
+    SAMPLE_PX,
+    legend_sample,
+    north_arrow,
+    scale_bar,
+)
+from uavmap.output.facts.map_model import runs
 
 LEFT_PX: Final = 84
 """Margin of a map on its left, px: labels of a graticule stand there."""
@@ -73,8 +79,8 @@ def map_drawing(scene: Scene, over: Iterable[Shape] = (), around: Iterable[Shape
 
 def sample(entry: Entry) -> Markup:
     """Write the sample of an entry of the legend."""
-    wide, high = int(legend.SAMPLE_PX), 18
-    inside = _joined(legend.sample(entry, 0.0, high / 2), View.page(wide, high))
+    wide, high = int(SAMPLE_PX), 18
+    inside = _joined(legend_sample(entry, 0.0, high / 2), View.page(wide, high))
     return Markup(f'<svg class="sample" viewBox="0 0 {wide} {high}">{inside}</svg>')
 
 

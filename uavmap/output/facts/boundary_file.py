@@ -23,8 +23,7 @@ from missions.geo.grid import Grid
 from missions.units import LatLon
 from uavmap.base.atomic_write import write_text
 from uavmap.output.facts.boundary_model import Boundary
-from uavmap.output.facts.map_model import placed
-from uavmap.output.facts.outline import Runs, runs
+from uavmap.output.facts.map_model import Runs, placed, runs
 from uavmap.output.formats import geojson_encoder as geojson
 
 DECIMALS: Final = 8

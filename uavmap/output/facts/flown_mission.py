@@ -1,23 +1,186 @@
-"""All that the report and the files of a flight, or of recorded pictures, are made of."""
+"""All that the report and the files of a flight, or of recorded pictures, are made of.
+
+Among it the dates of mission seconds, and the size of the region by its cells, with bounds.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry import MultiPolygon, Polygon
 
 from missions.flight.setting import Setting
 from uavmap.base.version import __version__
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.output.facts.boundary_model import BoundaryTold, read_boundary
-from uavmap.output.facts.calendar import Calendar
-from uavmap.output.facts.extent import Extent, extent
 from uavmap.output.facts.flight_log import FlightLog
-from uavmap.output.facts.map_model import MapData
+from uavmap.output.facts.map_model import MapData, packed
+
+TAKEN: Final = "taken"
+"""In the journal's meta of a replay: when its first picture was taken, and by which clock."""
+_1970: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
+@dataclass(frozen=True, slots=True)
+class Calendar:
+    """The dates of mission seconds.
+
+    Attributes:
+        zero_s: Seconds since 1970 at mission time 0; None where unknown.
+        rate: Seconds of the calendar in a mission second.
+        clock: `utc`; `camera`, a clock without a zone; `simulated`: UTC of a world that begins on
+            2020-01-01 in each flight.
+    """
+
+    zero_s: float | None
+    rate: float = 1.0
+    clock: Literal["utc", "camera", "simulated"] = "utc"
+
+    @classmethod
+    def of_flight(cls, plan: FlightPlan) -> Calendar:
+        """Create the calendar of a flight."""
+        if plan.simulated:
+            return cls(plan.epoch_utc_s, clock="simulated")
+        return cls(plan.epoch_utc_s, 1.0 / (plan.speedup or 1.0))
+
+    @classmethod
+    def of_replay(cls, taken: object) -> Calendar:
+        """Create the calendar of recorded pictures, from the meta of their journal."""
+        first_s = taken.get("first_s") if isinstance(taken, Mapping) else None
+        if not isinstance(taken, Mapping) or not isinstance(first_s, int | float):
+            return cls(None)
+        return cls(float(first_s), clock="utc" if taken.get("clock") == "utc" else "camera")
+
+    def utc(self, t_s: float) -> str | None:
+        """Write UTC to a millisecond, as ISO 8601 and GeoPackage have it; None where unknown.
+
+        >>> Calendar(1577836800.0).utc(61.5)
+        '2020-01-01T00:01:01.500Z'
+        >>> Calendar(0.0, clock="camera").utc(1.0) is None
+        True
+        """
+        date = None if self.clock == "camera" else self.date(t_s)
+        return None if date is None else f"{date:%Y-%m-%dT%H:%M:%S}.{date.microsecond // 1000:03}Z"
+
+    def told(self, t_s: float) -> str:
+        """Write a date to a second, for people.
+
+        >>> Calendar(0.0, clock="camera").told(3600.0), Calendar(None).told(1.0)
+        ("1970-01-01 01:00:00 by the camera's clock", 'not known')
+        """
+        date = self.date(t_s)
+        if date is None:
+            return "not known"
+        zone = {"utc": " UTC", "camera": " by the camera's clock", "simulated": " UTC, simulated"}
+        return f"{date:%Y-%m-%d %H:%M:%S}{zone[self.clock]}"
+
+    def date(self, t_s: float) -> datetime | None:
+        """Return the date; that of a camera's clock has a zone without meaning."""
+        if self.zero_s is None:
+            return None
+        try:
+            return _1970 + timedelta(milliseconds=round(1e3 * (self.zero_s + t_s * self.rate)))
+        except (OverflowError, ValueError):  # a journal may hold any number
+            return None
+
+
+def taken_meta(first_s: float | None, clock: str) -> dict[str, Any]:
+    """Create the meta of a replay's journal from the time of its first picture."""
+    return {TAKEN: {"first_s": first_s, "clock": clock}}
+
+
+# --- the size of the region -----------------------------------------------------------------------
+_NEIGHBOURS: Final = np.array([[0, 1], [1, 0], [0, -1], [-1, 0]], np.int32)
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """A region in numbers: square metres and metres on the ground.
+
+    A cell belongs to the region where at least `detector.share` of it looks like region. So along
+    the outline a cell of the region counts from that share on to all of it, a judged one beside it
+    from nothing to that share, and one without a verdict may be region whole. The outline runs
+    along the sides of cells: a smooth line through them is shorter, by a factor of 1 to the root of
+    2.
+
+    Attributes:
+        area_m2: Of all its cells.
+        low_m2: Minimum of region in them.
+        high_m2: Maximum of region, with that in the cells beside.
+        outline: Around its cells, in the moving frame; may be empty.
+        perimeter_m: Of the outline, holes included.
+        parts: Cells that share only a corner are of different parts.
+        open_cells: Cells of the region beside a cell without a verdict: it may go on there.
+    """
+
+    area_m2: float
+    low_m2: float
+    high_m2: float
+    outline: Polygon | MultiPolygon
+    perimeter_m: float
+    parts: int
+    holes: int
+    open_cells: int
+
+    @property
+    def shortest_m(self) -> float:
+        """The perimeter of a smooth outline that runs diagonally all along."""
+        return self.perimeter_m / math.sqrt(2.0)
+
+    def figures(self) -> dict[str, Any]:
+        """Return the figures for the summary."""
+        return {
+            "area_m2": round(self.area_m2, 1),
+            "area_low_m2": round(self.low_m2, 1),
+            "area_high_m2": round(self.high_m2, 1),
+            "perimeter_m": round(self.perimeter_m, 1),
+        }
+
+
+def extent(data: MapData, share: float) -> Extent:
+    """Measure a map's region; a cell belongs to it from `share` on."""
+    table = data.cells
+    roi = table.cells[table.roi]
+    rim, beside, beyond, open_cells = _around(roi, table.cells[table.are("non-roi")])
+    cell_m2 = data.grid.cell_m**2
+    shape = data.outline
+    parts = [] if shape.is_empty else list(getattr(shape, "geoms", [shape]))
+    return Extent(
+        len(roi) * cell_m2,
+        (len(roi) - (1.0 - share) * rim) * cell_m2,
+        (len(roi) + share * beside + beyond) * cell_m2,
+        shape,
+        float(shape.length),
+        len(parts),
+        sum(len(part.interiors) for part in parts),
+        open_cells,
+    )
+
+
+def _around(roi: NDArray[np.int32], judged: NDArray[np.int32]) -> tuple[int, int, int, int]:
+    """Count rim cells of the region, judged and unjudged cells beside them, and open cells.
+
+    >>> _around(np.array([[0, 0]], np.int32), np.array([[1, 0], [0, 1], [0, -1], [5, 5]], np.int32))
+    (1, 3, 1, 1)
+    """
+    inside, known = packed(roi), packed(judged)
+    near = packed((roi[:, None] + _NEIGHBOURS).reshape(-1, 2))
+    outer = ~np.isin(near, inside)
+    unjudged = outer & ~np.isin(near, known)
+    rim, open_cells = (int(side.reshape(-1, 4).any(axis=1).sum()) for side in (outer, unjudged))
+    outside, beyond = (len(np.unique(near[side])) for side in (outer, unjudged))
+    return rim, outside - beyond, beyond, open_cells
+
+
+# --- a flight with its results --------------------------------------------------------------------
 @dataclass(frozen=True)
 class Flown:
     """A flight with its results, or a replay.

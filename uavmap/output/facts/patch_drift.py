@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from missions.events import FrameSeen
 from missions.geo.grid import Grid
 from missions.units import Cell
-from uavmap.output.facts.patch_summary import MOST_PATCHES
+from uavmap.output.summary import MOST_PATCHES
 
 LEAST_S: Final = 30.0
 """Minimum time between the first and the last sight of a cell that counts, s."""

@@ -10,10 +10,9 @@ from typing import Final, NamedTuple
 from missions.errors import OutputError
 from missions.mapping.tree import Tree
 from missions.units import Cell
-from uavmap.output.drawing import legend, palette
+from uavmap.output.drawing import palette
 from uavmap.output.drawing.palette import Colour, Style
 from uavmap.output.drawing.raster import encode_png, picture, text_width
-from uavmap.output.drawing.scale import step_up
 from uavmap.output.drawing.scene import (
     Box,
     Dot,
@@ -25,6 +24,7 @@ from uavmap.output.drawing.scene import (
     View,
     bounds_of,
 )
+from uavmap.output.drawing.sheet import legend_row, legend_row_width, step_up
 from uavmap.output.drawing.svg import document
 from uavmap.output.film.film_writers import DRAWINGS, check_path, save
 
@@ -77,7 +77,7 @@ def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
         right + depth_size[0] + MARGIN_PX,
         2 * MARGIN_PX + text_width(caption, 14),
         2 * MARGIN_PX + text_width(title, 20),
-        2 * MARGIN_PX + legend.row_width(_legend(tree)),
+        2 * MARGIN_PX + legend_row_width(_legend(tree)),
     )
     height = HEAD_PX + max(ground_size[1], depth_size[1] + _LABEL_PX) + FOOT_PX
     if max(width, height) > _LARGEST_PX:
@@ -98,7 +98,7 @@ def tree_shapes(tree: Tree, title: str) -> tuple[tuple[int, int], list[Shape]]:
         *_ruler(depths, spine, HEAD_PX + _LABEL_PX - 14),
         *_edges(tree, spine, depths, depth_step),
         *_vertices(tree, depths, depth_step),
-        *legend.row(_legend(tree), MARGIN_PX, height - 20),
+        *legend_row(_legend(tree), MARGIN_PX, height - 20),
     ]
     return (round(width), round(height)), shapes
 

@@ -1,22 +1,156 @@
-"""Mission items as files of ground stations: a QGroundControl plan, and QGC WPL 110.
+"""The search of a mission as items that an autopilot flies by itself, and ground stations' files.
 
-A plan is JSON with the mission, the geofence and the rally points of one vehicle. QGC WPL 110 is
-the text file of Mission Planner and others: the mission alone, its first row the home.
+A vehicle climbs over its pad, flies its lanes with pictures along them, comes back over its pad by
+a path inside the fence, and returns there (RTL): RTL alone would fly straight home, over ground
+that the fence excludes. The pictures are not judged.
+
+A plan of QGroundControl is JSON with the mission, the geofence and the rally points of one vehicle.
+QGC WPL 110 is the text file of Mission Planner and others: the mission alone, its first row the
+home.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.units import LatLon
+from missions.errors import GeodesyError
+from missions.flight.setting import Setting
+from missions.mission.places import homes
+from missions.mission.schema import Mission, positions
+from missions.mission.views import path_speed_m_s
+from missions.planning.search.lanes import Lane
+from missions.units import GridPoint, LatLon
 from uavmap.mavlink.mission_transfer import Item
 
+_SAME_M: Final = 0.01
+"""Distance below which two points of a path are one, m."""
+_GROUND_SPEED: Final = 1
+"""SPEED_TYPE of MAV_CMD_DO_CHANGE_SPEED: over ground."""
+
+
+@dataclass(frozen=True, slots=True)
+class SearchFlight:
+    """The search of one vehicle.
+
+    Attributes:
+        vehicle: From 0.
+        speed_m_s: Over ground.
+        fence: Of the mission, as vertices of polygons.
+        rally: The vehicle's home alone: an autopilot returns to the nearest rally point, which
+            might be the pad of another vehicle.
+        left_out: Lanes to which no path inside the fence leads.
+    """
+
+    vehicle: int
+    home: LatLon
+    speed_m_s: float
+    items: tuple[Item, ...]
+    fence: tuple[Item, ...]
+    rally: tuple[Item, ...]
+    left_out: tuple[Lane, ...]
+
+
+def search_flight(
+    setting: Setting, vehicle: int, frame: int = mav.MAV_FRAME_GLOBAL_RELATIVE_ALT
+) -> SearchFlight:
+    """Plan the share of a vehicle (from 0) of the search lanes, in the order of flight.
+
+    `frame` is the MAV_FRAME of the heights: above home, or above the sea. Raises `GeodesyError`
+    where no path inside the fence leads back to the home.
+    """
+    mission, grid, fence = setting.mission, setting.grid, setting.fence
+    home = homes(mission)[vehicle]
+    height_m = mission.search_altitude_m(vehicle) or mission.altitude_m(vehicle)
+    at_height_m = height_m + (mission.start.amsl_m if frame == mav.MAV_FRAME_GLOBAL else 0.0)
+
+    def at(place: LatLon, command: int = mav.MAV_CMD_NAV_WAYPOINT) -> Item:
+        return Item(command, place, 0.0, frame, round(at_height_m, 3), (0.0, 0.0, math.nan))
+
+    speed_m_s, every_m = mission.flight.speed_m_s, mission.grid.cell_m
+    if not setting.strategy.stops:
+        speed_m_s = path_speed_m_s(mission, height_m)
+        every_m = speed_m_s * mission.camera.interval_s
+    items = [
+        at(home, mav.MAV_CMD_NAV_TAKEOFF),
+        _order(mav.MAV_CMD_DO_CHANGE_SPEED, _GROUND_SPEED, round(speed_m_s, 2), -1.0),
+    ]
+    here, left_out = grid.fixed(home), list[Lane]()
+    for lane in setting.shares[vehicle]:
+        path = fence.route(here, lane[0])
+        if path is None:
+            left_out.append(lane)
+            continue
+        items += [at(grid.position(point)) for point in _new(here, path)]
+        items += [_pictures(every_m), at(grid.position(lane[1])), _pictures(0.0)]
+        here = lane[1]
+    back = fence.route(here, grid.fixed(home))
+    if back is None:  # a path from the pad has led here
+        raise GeodesyError("no path inside the fence leads back to the home")
+    points = list(_new(here, back))
+    items += [at(grid.position(point)) for point in points[:-1]]
+    items += [at(home)] if points else []
+    items.append(_order(mav.MAV_CMD_NAV_RETURN_TO_LAUNCH))
+    rally = Item(mav.MAV_CMD_NAV_RALLY_POINT, home, height_m=height_m)
+    return SearchFlight(
+        vehicle, home, speed_m_s, tuple(items), _fence(mission), (rally,), tuple(left_out)
+    )
+
+
+def _order(command: int, first: float = 0.0, second: float = 0.0, third: float = 0.0) -> Item:
+    frame = mav.MAV_FRAME_MISSION
+    return Item(command, LatLon(0.0, 0.0), first, frame, others=(second, third, 0.0))
+
+
+def _pictures(every_m: float) -> Item:
+    """Take a picture at once and then every `every_m` metres; 0 stops it."""
+    return _order(
+        mav.MAV_CMD_DO_SET_CAM_TRIGG_DIST, round(every_m, 3), 0.0, 1.0 if every_m else 0.0
+    )
+
+
+def _new(at: GridPoint, path: Sequence[GridPoint]) -> Iterator[GridPoint]:
+    for point in path:
+        if at.distance_to(point) > _SAME_M:
+            yield point
+        at = point
+
+
+def _fence(mission: Mission) -> tuple[Item, ...]:
+    inclusion = mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
+    exclusion = mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
+    rings = [(inclusion, mission.fence.polygon), *((exclusion, h) for h in mission.fence.holes)]
+    return tuple(
+        Item(command, corner, float(len(corners)))
+        for command, ring in rings
+        for corners in [clockwise(positions(ring))]
+        for corner in corners
+    )
+
+
+def clockwise(ring: Sequence[LatLon]) -> list[LatLon]:
+    """Open a ring and order its corners clockwise, as QGroundControl draws them.
+
+    >>> [c.lat_deg for c in clockwise([LatLon(0.0, 0.0), LatLon(0.0, 1.0), LatLon(1.0, 1.0)])]
+    [1.0, 0.0, 0.0]
+    """
+    corners = list(ring[:-1] if ring[0] == ring[-1] else ring)
+    # longitudes near the first one: a ring over the antimeridian would seem to go around the globe
+    east = [math.remainder(c.lon_deg - corners[0].lon_deg, 360.0) for c in corners]
+    area = sum(
+        east[i - 1] * corner.lat_deg - east[i] * corners[i - 1].lat_deg
+        for i, corner in enumerate(corners)
+    )
+    return corners[::-1] if area > 0 else corners
+
+
+# --- the files ------------------------------------------------------------------------------------
 DECIMALS: Final = 8
 """Decimals of degrees: a millimetre, finer than the 1e-7 degrees that go over the link."""
 _ALTITUDE_MODES: Final = {mav.MAV_FRAME_GLOBAL_RELATIVE_ALT: 1, mav.MAV_FRAME_GLOBAL: 2}

@@ -12,8 +12,8 @@ import numpy as np
 from uavmap.base.printable import printable
 from uavmap.output.facts.counting import navigation_in_words
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.facts.patch_summary import MOST_PATCHES, box_in_words, state_in_words
-from uavmap.output.report.timeline import minutes
+from uavmap.output.report.drawings import minutes
+from uavmap.output.summary import MOST_PATCHES, box_in_words, state_in_words
 
 Facts = list[tuple[str, str]]
 Row = tuple[object, ...]

@@ -14,9 +14,13 @@ from uavmap.output.drawing import svg
 from uavmap.output.drawing.scene import Scene
 from uavmap.output.facts.flown_mission import Flown
 from uavmap.output.report import facts
-from uavmap.output.report.kept_pictures import boundary_frames
-from uavmap.output.report.map_drawing import draw_map, legend_of
-from uavmap.output.report.timeline import draw_timeline, minutes
+from uavmap.output.report.drawings import (
+    boundary_frames,
+    draw_map,
+    draw_timeline,
+    legend_of,
+    minutes,
+)
 
 
 def encode(flown: Flown) -> bytes:

@@ -20,8 +20,7 @@ from missions.mission.schema import MAX_VEHICLES
 from uavmap.base.atomic_write import write_text
 from uavmap.base.terminal import PipeConsole
 from uavmap.journal.mission_time import duration
-from uavmap.output.facts.patch_summary import box_in_words, lines
-from uavmap.output.summary import encode
+from uavmap.output.summary import box_in_words, encode, lines
 from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, complain
 
 EXIT_CODES: Final = """\

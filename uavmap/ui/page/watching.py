@@ -43,7 +43,7 @@ from missions.units import Cell, GridPoint
 from uavmap.base.printable import printable
 from uavmap.output.facts.counting import LIFT_OFF_M, Counter
 from uavmap.output.facts.figures import figures_of, finding
-from uavmap.output.write_results import cell_state, weighed_state
+from uavmap.output.results import cell_state, weighed_state
 from uavmap.runner.operator.progress import cells_known, doing, phase, remarkable
 from uavmap.runner.operator.time_left import time_left
 from uavmap.ui.page.board import Board

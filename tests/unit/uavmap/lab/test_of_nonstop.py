@@ -8,7 +8,7 @@ from missions.lab.arena.survey import surveyed
 from missions.units import Cell
 from uavmap.lab.run_film import film_of_nonstop
 from uavmap.output.film.film import Place, Reel, Unit
-from uavmap.output.film.stage import Stage, caption
+from uavmap.output.film.film_writers import Stage, caption
 
 ROI = Roi("three", Cell(0, 0), frozenset({Cell(0, 0), Cell(1, 0), Cell(2, 0)}))
 

@@ -25,7 +25,7 @@ from tests.unit.uavmap.photos.sources.test_replay_robust import PLACES, good, ma
 from tests.unit.uavmap.photos.test_replay import paint
 from uavmap.journal.event_log import Journal
 from uavmap.load.mission_source import mission_of_text
-from uavmap.output.facts.extent import extent
+from uavmap.output.facts.flown_mission import extent
 from uavmap.output.facts.map_model import CellTable
 from uavmap.output.facts.vote_tally import Votes, weighed
 from uavmap.output.formats import geojson_encoder as geojson

@@ -13,9 +13,8 @@ from uavmap.base.terminal import Terminal
 from uavmap.journal.event_log import JournalReader
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.output.facts.score import true_roi
-from uavmap.output.film.film import Film
+from uavmap.output.film.film import Film, film_of_flight, title_of
 from uavmap.output.film.film_writers import DRAWINGS, FILMS, check_path, write_film
-from uavmap.output.film.flight_film import film_of_flight, title_of
 from uavmap.output.film.rerun_recording import SUFFIX, sdk, write_recording
 from uavmap.output.film.tree_picture import draw_tree
 from uavmap.ui.cli.common import index_number

@@ -18,7 +18,7 @@ from missions.mission import flyable
 from missions.mission.places import drawn
 from uavmap.base.atomic_write import write_bytes
 from uavmap.load.mission_source import load
-from uavmap.output.drawing.preflight_scene import preflight_scene
+from uavmap.output.drawing.map_scene import preflight_scene
 from uavmap.output.drawing.raster import encode_png
 from uavmap.output.drawing.sheet import draw_sheet
 from uavmap.output.report.page import encode_plan

@@ -20,9 +20,14 @@ from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load
 from uavmap.output.documents import FORMATS, Format, files_of, refuse_open
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.formats.ground_station_plan import Firmware, plan_text, waypoints_text
-from uavmap.output.formats.plan_items import SearchFlight, search_flight
-from uavmap.output.results_reading import flown_of
+from uavmap.output.formats.ground_station_plan import (
+    Firmware,
+    SearchFlight,
+    plan_text,
+    search_flight,
+    waypoints_text,
+)
+from uavmap.output.results import flown_of
 from uavmap.ui.cli.common import overwrite_nothing, vehicle_count
 
 EXAMPLES: Final = """\

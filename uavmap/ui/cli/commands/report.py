@@ -9,7 +9,7 @@ from typing import Final
 from missions.errors import OutputError
 from uavmap.base.terminal import Terminal
 from uavmap.output.documents import REPORT, write_report
-from uavmap.output.results_reading import flown_of
+from uavmap.output.results import flown_of
 from uavmap.ui.cli.commands.export import tell_incomplete
 from uavmap.ui.cli.common import add_summary_options, print_summary
 

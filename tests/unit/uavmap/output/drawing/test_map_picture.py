@@ -16,9 +16,8 @@ from uavmap.output.drawing import svg
 from uavmap.output.drawing.map_scene import map_scene, map_view
 from uavmap.output.drawing.palette import STATES, TRUTH, Colour, Style, css, track_colour
 from uavmap.output.drawing.raster import THROUGH, THROUGH_OPAQUE, cell_picture
-from uavmap.output.drawing.scale import step_down
 from uavmap.output.drawing.scene import Cells, View
-from uavmap.output.drawing.sheet import MARGIN_PX, TITLE_PX, draw_sheet, write_sheet
+from uavmap.output.drawing.sheet import MARGIN_PX, TITLE_PX, draw_sheet, step_down, write_sheet
 from uavmap.output.facts.map_model import MapData
 
 

@@ -26,7 +26,7 @@ from tests.golden.recording import STOPS
 from tests.support.small_missions import joined, mission, random_scenario, scattered, square
 from uavmap.output.facts.figures import figures, summary
 from uavmap.output.facts.patch_certificates import beyond_fence, certificates
-from uavmap.output.facts.patch_summary import lines
+from uavmap.output.summary import lines
 from uavmap.ui.cli.common import report
 
 Told = tuple[list[dict[str, Any]], dict[str, Any]]

@@ -16,8 +16,7 @@ from tests.unit.uavmap.output.film.runs import small_film
 from uavmap.output.drawing.palette import HIDDEN, PAPER, STATES, track_colour
 from uavmap.output.film import film_writers as writers
 from uavmap.output.film.film import FPS, HOLD_S, Change, Film, Fix, Place, Reel, Unit
-from uavmap.output.film.film_writers import write_film
-from uavmap.output.film.stage import Stage
+from uavmap.output.film.film_writers import Stage, write_film
 
 
 def silent(text: str) -> None:

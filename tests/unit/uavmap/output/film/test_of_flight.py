@@ -6,8 +6,7 @@ from missions.events import Connected, FrameSeen, Tracked, Vote
 from missions.flight.setting_of import setting_of
 from missions.units import Cell, GridPoint
 from tests.support.small_missions import mission, square
-from uavmap.output.film.film import Place, Unit
-from uavmap.output.film.flight_film import film_of_flight
+from uavmap.output.film.film import Place, Unit, film_of_flight
 
 BOX = square(0.0, 0.0, 40.0, 40.0)
 FENCE = square(-30.0, -30.0, 120.0, 120.0)

@@ -18,7 +18,7 @@ from missions.events import Crashed, Event, from_json
 from missions.units import GridPoint, LatLon, Pose, Quaternion
 from tests.golden.recording import STOPS
 from uavmap.journal.kept_frames import FrameKeeper, KeptFrame
-from uavmap.output.film.flight_film import film_of_flight
+from uavmap.output.film.film import film_of_flight
 from uavmap.output.film.rerun_recording import write_recording
 
 DOWN = Quaternion.from_euler(0.0, -np.pi / 2, 0.0)

@@ -30,18 +30,17 @@ from uavmap.base.version import __version__
 from uavmap.load.areas.reading import read_area_file
 from uavmap.output.documents import FORMATS, files_of
 from uavmap.output.drawing.palette import STATES
-from uavmap.output.facts.calendar import Calendar
 from uavmap.output.facts.flight_log import FlightLog
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import Calendar, Flown
 from uavmap.output.facts.map_model import MapData
 from uavmap.output.formats import geojson_encoder as geojson
+from uavmap.output.formats import geopackage_layers
 from uavmap.output.formats import kml_encoder as kml
-from uavmap.output.formats import qgis_style
 from uavmap.output.formats.geopackage_layers import APPLICATION_ID
 from uavmap.output.formats.layers import Layer
 from uavmap.output.formats.map_layers import layers
 from uavmap.output.report.page import encode
-from uavmap.output.results_reading import flown_of
+from uavmap.output.results import flown_of
 from uavmap.ui.cli import main
 
 AREA_M2 = 96.0
@@ -415,4 +414,4 @@ def test_what_does_not_fit_together_is_told_in_a_line(
 def test_every_layer_has_a_style_and_short_names(flown: Flown) -> None:
     for layer in layers(flown):
         assert all(len(field.name) <= 10 for field in layer.fields)
-        assert ET.fromstring(qgis_style.qml(layer)).find("renderer-v2") is not None
+        assert ET.fromstring(geopackage_layers.qml(layer)).find("renderer-v2") is not None

@@ -28,8 +28,7 @@ from uavmap.output import documents
 from uavmap.output.documents import REPORT, write_documents
 from uavmap.output.facts.score import true_roi
 from uavmap.output.report.page import encode
-from uavmap.output.results_reading import flown_of
-from uavmap.output.write_results import flown_flight, write_results
+from uavmap.output.results import flown_flight, flown_of, write_results
 from uavmap.ui.cli import main
 
 

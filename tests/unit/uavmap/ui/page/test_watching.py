@@ -14,7 +14,7 @@ from missions.flight.step import step
 from missions.orders import FlyPath, FlyTo, Sweep
 from tests.golden.recording import PASSES, SPILL, STOPS, Recording
 from uavmap.output.facts.figures import figures
-from uavmap.output.write_results import map_data
+from uavmap.output.results import map_data
 from uavmap.ui.page import watching
 from uavmap.ui.page.board import Board
 from uavmap.ui.page.page_scene import STATES, scene_of

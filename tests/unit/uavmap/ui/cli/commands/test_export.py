@@ -24,7 +24,7 @@ from tests.support.plan_schema import faults_of
 from tests.support.small_missions import mission_text, square
 from tests.unit.uavmap.conftest import Refusals
 from uavmap.load.mission_source import load
-from uavmap.output.formats.plan_items import clockwise
+from uavmap.output.formats.ground_station_plan import clockwise
 from uavmap.ui.cli import main
 
 E7 = 1e-7

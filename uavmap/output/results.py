@@ -1,0 +1,330 @@
+"""The results of a flight or a replay in its folder: maps, picture, summary, documents.
+
+They are read back from the journal, also of an interrupted flight.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from missions.events import Event, FrameSeen, Tracked, Weighed
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.mapping.evidence import Evidence
+from missions.mission.schema import positions
+from missions.units import Cell, LatLon
+from uavmap.base.text_files import read_text
+from uavmap.journal.event_log import JournalReader
+from uavmap.journal.flight_plan import JOURNAL, FlightPlan
+from uavmap.output import summary as summary_file
+from uavmap.output.documents import write_documents
+from uavmap.output.drawing.map_scene import Photograph, map_scene, map_view
+from uavmap.output.drawing.sheet import write_sheet
+from uavmap.output.facts import boundary_file
+from uavmap.output.facts.boundary_file import BoundaryMap
+from uavmap.output.facts.boundary_model import FILE
+from uavmap.output.facts.figures import Figures, figures, summary
+from uavmap.output.facts.flight_log import FlightLog
+from uavmap.output.facts.flown_mission import TAKEN, Calendar, Flown, dated, extent
+from uavmap.output.facts.map_model import CellRow, CellTable, MapData, Track
+from uavmap.output.facts.map_model import State as CellState
+from uavmap.output.facts.score import score, true_roi
+from uavmap.output.facts.vote_tally import Votes, weighed
+from uavmap.output.formats import geojson_encoder as geojson
+from uavmap.output.formats import kml_encoder as kml
+
+
+def flown_flight(
+    folder: Path,
+    plan: FlightPlan,
+    setting: Setting,
+    events: Sequence[Event],
+    simulated: Mapping[str, Any] | None = None,
+) -> tuple[Flown, State]:
+    """Fold the journal of a flight; return what its results show, and its last state.
+
+    `simulated` is what the simulator watched.
+    """
+    state, found = figures(setting, events)
+    truth = None
+    if plan.simulated and setting.mission.sim.roi:
+        truth = true_roi(setting.mission, setting.grid)
+    data = map_data(setting, state, found, truth)
+    values = _values(plan, setting, state, found, truth) | dict(simulated or {})
+    calendar = Calendar.of_flight(plan)
+    values = dated(values, data, extent(data, setting.mission.detector.share), calendar)
+    return Flown(folder, plan, setting, data, values, FlightLog.of(events), calendar), state
+
+
+def write_results(flown: Flown, say: Callable[[str], None]) -> dict[str, Any]:
+    """Write the maps, the summary and then the documents of a flight; return the summary."""
+    write_cells(flown)
+    write_sheet(map_scene(flown.data), flown.folder / "map.png")
+    summary_file.write(flown.values, flown.folder / "summary.json")
+    write_documents(flown, say)
+    return dict(flown.values)
+
+
+def map_data(setting: Setting, state: State, found: Figures, truth: BaseGeometry | None) -> MapData:
+    """Create the map of a flight."""
+    grid = setting.grid
+    cells = CellTable.of(
+        CellRow(cell, cell_state(cell, state, recorded=False), tally.positive, tally.total)
+        for cell, tally in state.belief.cells().items()
+    )
+    tracks = tuple(
+        Track(number, tuple((t, grid.position(point), height) for t, point, height in points))
+        for number, points in found.tracks.items()
+        if points
+    )
+    lanes = tuple((grid.position(a), grid.position(b)) for a, b in state.unsearched)
+    return replace(map_of(setting, state.t_s, cells, tracks), truth=truth, unsearched=lanes)
+
+
+def map_of(setting: Setting, t_s: float, cells: CellTable, tracks: tuple[Track, ...]) -> MapData:
+    """Create the map of some cells and tracks, in what the mission planned."""
+    mission = setting.mission
+    return MapData(
+        mission=mission.name,
+        grid=setting.grid,
+        t_s=t_s,
+        cells=cells,
+        tracks=tracks,
+        start=mission.home,
+        box=positions(mission.search.box),
+        fence=positions(mission.fence.polygon),
+        fence_holes=tuple(positions(hole) for hole in mission.fence.holes),
+    )
+
+
+def write_cells(flown: Flown) -> None:
+    """Write map.geojson and map.kml."""
+    data = flown.data
+    geojson.write(data, flown.folder / "map.geojson", flown.calendar.utc(data.t_s))
+    kml.write(data, flown.folder / "map.kml")
+
+
+def cell_state(cell: Cell, state: State, *, recorded: bool) -> CellState:
+    """Return the state of a cell on the map; in recorded imagery every ROI cell is explored."""
+    if cell not in state.belief.roi:
+        votes = state.belief.tally(cell, None)
+        if recorded or not votes.total or state.belief.verdict(cell) is not None:
+            return "non-roi"
+        return "provisional" if state.belief.provisional(cell) else "provisional non-roi"
+    if recorded:
+        return "explored"
+    if cell in state.skipped:
+        return "skipped"
+    if state.tree is None:  # of a survey, or where every patch is looked for
+        known = all(state.belief.verdict(near) is not None for near in cell.neighbours())
+        return "explored" if known else "unexplored"
+    return state.tree.state(cell).value if cell in state.tree else "unexplored"
+
+
+def weighed_state(cell: Cell, evidence: Evidence, share: float) -> CellState:
+    """Return the state of a cell that is decided by evidence."""
+    return "explored" if evidence.is_roi(cell, share) else "non-roi"
+
+
+def _values(
+    plan: FlightPlan, setting: Setting, state: State, found: Figures, truth: BaseGeometry | None
+) -> dict[str, Any]:
+    values = summary(setting, state, found, plan.seed if plan.simulated else None)
+    values |= {"cells_skipped": len(state.skipped)}
+    if truth is not None:
+        marks = score(state.belief.roi, truth, setting.grid, state.belief.detections())
+        values |= asdict(marks) | {"iou_cells": round(marks.iou_cells, 4)}
+    return values
+
+
+# --- recorded pictures ----------------------------------------------------------------------------
+KIND = "recorded pictures"
+"""Stands in the summary in place of a strategy."""
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """What pictures have shown.
+
+    Attributes:
+        cells: Every cell that was seen, sorted.
+        undecided: Cells in too few pictures to be ROI; shape (n, 2).
+        taken: Of each used picture seconds since the first, place, height in metres.
+        refused: Number of different pictures that are not used.
+        copies: Number of files that are copies of another one.
+    """
+
+    cells: CellTable
+    undecided: NDArray[np.int32]
+    taken: Sequence[tuple[float, LatLon, float]]
+    refused: int
+    copies: int
+
+    @property
+    def pictures(self) -> int:
+        """All different pictures."""
+        return len(self.taken) + self.refused
+
+    @property
+    def end_s(self) -> float:
+        """The time of the map: of the last picture, in seconds since the first."""
+        return max((t_s for t_s, _, _ in self.taken), default=0.0)
+
+    @property
+    def complete(self) -> bool:
+        """Whether most pictures are in the map."""
+        return len(self.cells) > 0 and len(self.taken) > self.refused
+
+
+def write_replay(
+    made: Flown,
+    boundary: Callable[[], BoundaryMap | None],
+    beneath: Photograph | None,
+    say: Callable[[str], None],
+) -> dict[str, Any]:
+    """Write the results of a replay; return the summary.
+
+    `boundary` waits for the boundary at pixel level; `beneath` is the ground of the map's picture.
+    Files are written in a second thread while these two, and then the picture, are computed.
+    """
+    data, values = made.data, dict(made.values)
+    with ThreadPoolExecutor(1) as pool:  # short tasks: Ctrl-C waits for a moment only
+        cells = pool.submit(write_cells, made)
+        photograph = None if beneath is None else beneath(map_view(data))
+        found = boundary()
+        if found is not None:
+            values |= found.figures()
+            data = data.with_boundary(found.boundary.region)
+        flown = replace(made, data=data, values=values)
+        others = pool.submit(_write_others, flown, found, say)
+        write_sheet(map_scene(data), flown.folder / "map.png", photograph)
+        for files in (cells, others):
+            files.result()
+    return values
+
+
+def _write_others(flown: Flown, boundary: BoundaryMap | None, say: Callable[[str], None]) -> None:
+    """Write the boundary, the summary and the documents."""
+    if boundary is not None:
+        boundary_file.write(boundary, flown.folder / FILE)
+    summary_file.write(flown.values, flown.folder / "summary.json")
+    write_documents(flown, say)
+
+
+def flown_replay(
+    folder: Path,
+    plan: FlightPlan,
+    setting: Setting,
+    replayed: Replayed,
+    log: FlightLog,
+    calendar: Calendar,
+    known: Mapping[str, Any] | None = None,
+) -> Flown:
+    """Create what the results of a replay show; `known` are figures that replace others."""
+    tracks = (Track(1, tuple(replayed.taken)),) if replayed.taken else ()
+    data = map_of(setting, replayed.end_s, replayed.cells, tracks)
+    data = replace(data, pictures=len(replayed.taken))
+    size = extent(data, setting.mission.detector.share)
+    values = dated({**_replay_summary(setting, replayed), **(known or {})}, data, size, calendar)
+    return Flown(folder, plan, setting, data, values, log, calendar, recorded=True)
+
+
+def _replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:
+    cell_m2 = setting.grid.cell_m**2
+    votes = int(replayed.cells.votes.sum(dtype=np.int64))
+    used, roi = len(replayed.taken), int(np.count_nonzero(replayed.cells.roi))
+    return {
+        "mission": setting.mission.name,
+        "strategy": KIND,
+        "completed": replayed.complete,
+        "finding": _finding(replayed, roi, roi * cell_m2),
+        "photographs": replayed.pictures,
+        "photographs_judged": used,
+        "photographs_refused": replayed.refused,
+        "photographs_twice": replayed.copies,
+        "frames_judged": used,
+        "cells_seen": len(replayed.cells),
+        "cells_seen_m2": round(len(replayed.cells) * cell_m2, 1),
+        "cells_roi": roi,
+        "cells_roi_m2": round(roi * cell_m2, 1),
+        "cells_undecided": len(replayed.undecided),
+        "pictures_per_cell": round(votes / len(replayed.cells), 2) if votes else 0.0,
+        "decided_by": "evidence" if setting.mission.by_evidence else "count",
+        "iou_cells": None,
+    }
+
+
+def _finding(replayed: Replayed, roi: int, area_m2: float) -> str:
+    used = len(replayed.taken)
+    if not used:
+        return f"none of {replayed.pictures} pictures can be used; pictures.csv says why"
+    what = f"a region of {roi} cells ({area_m2:,.0f} sq m)" if roi else "no region"
+    text = f"{what} in {used} pictures"
+    if replayed.refused:
+        text += f"; {replayed.refused} more are not used, pictures.csv says why"
+    if len(replayed.undecided):
+        text += f"; {len(replayed.undecided)} cells were seen in too few pictures to be region"
+    return text
+
+
+# --- read back ------------------------------------------------------------------------------------
+_MOST_BYTES: Final = 10_000_000
+
+
+def flown_of(folder: Path) -> Flown:
+    """Read a folder of results. Raises `JournalError`, `MissionFileError`."""
+    journal = JournalReader(folder / JOURNAL)
+    plan = FlightPlan.read(journal)
+    events, meta = list(journal.events()), journal.meta
+    setting = plan.known_setting()
+    if "replay" in meta:
+        return _replayed(folder, plan, setting, events, Calendar.of_replay(meta.get(TAKEN)))
+    return flown_flight(folder, plan, setting, events, meta.get("truth"))[0]
+
+
+def _replayed(
+    folder: Path, plan: FlightPlan, setting: Setting, events: Sequence[Event], calendar: Calendar
+) -> Flown:
+    """Count the votes of the journal again: the pictures are elsewhere."""
+    mission, grid = setting.mission, setting.grid
+    votes = Votes(mission.votes.frames, mission.votes.positive)
+    evidence = Evidence() if mission.by_evidence else None
+    taken: list[tuple[float, LatLon, float]] = []
+    place: Tracked | None = None
+    said: FrameSeen | None = None
+    for event in events:
+        if isinstance(event, Tracked):
+            place = event
+        elif isinstance(event, FrameSeen):
+            said = event
+            if place is not None:
+                taken.append((event.t_s, grid.position(place.position), place.height_m))
+            if evidence is None and event.vantage is not None:
+                votes.add(event.vantage, event.votes)
+        elif isinstance(event, Weighed) and evidence is not None and said is not None:
+            evidence.add(said.votes, event.weights)
+    decided = votes.counted()
+    if evidence is not None:
+        decided = weighed(evidence, mission.detector.share)
+    log = FlightLog.of(events)
+    replayed = Replayed(*decided, taken, len(log.troubles), 0)
+    known = _kept_summary(folder)
+    return flown_replay(folder, plan, setting, replayed, log, calendar, known)
+
+
+def _kept_summary(folder: Path) -> dict[str, Any]:
+    """Return the summary that the replay has written: it counts files, the journal does not."""
+    try:
+        values = json.loads(read_text(folder / "summary.json", _MOST_BYTES))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return values if isinstance(values, dict) and "completed" in values else {}
