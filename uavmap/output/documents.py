@@ -48,7 +48,7 @@ def files_of(flown: Flown, kind: str) -> dict[str, bytes]:
     """Encode the files of a format, by name."""
     made = FORMATS[kind]
     encode = import_module(f"uavmap.output.formats.{made.module}").encode
-    data = encode(flown, layers(flown, flown.boundary))
+    data = encode(flown, layers(flown))
     return data if isinstance(data, dict) else {made.name: data}
 
 

@@ -31,10 +31,9 @@ from uavmap.output.drawing.map_scene import Photograph, map_scene, map_view
 from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts import boundary_file
 from uavmap.output.facts.boundary_file import BoundaryMap
-from uavmap.output.facts.boundary_model import FILE
 from uavmap.output.facts.figures import Figures, figures, summary
 from uavmap.output.facts.flight_log import FlightLog
-from uavmap.output.facts.flown_mission import TAKEN, Calendar, Flown, dated, extent
+from uavmap.output.facts.flown_mission import BOUNDARY_FILE, TAKEN, Calendar, Flown, dated
 from uavmap.output.facts.map_model import CellRow, CellTable, MapData, Track
 from uavmap.output.facts.map_model import State as CellState
 from uavmap.output.facts.score import score, true_roi
@@ -58,11 +57,14 @@ def flown_flight(
     truth = None
     if plan.simulated and setting.mission.sim.roi:
         truth = true_roi(setting.mission, setting.grid)
-    data = map_data(setting, state, found, truth)
-    values = _values(plan, setting, state, found, truth) | dict(simulated or {})
-    calendar = Calendar.of_flight(plan)
-    values = dated(values, data, extent(data, setting.mission.detector.share), calendar)
-    return Flown(folder, plan, setting, data, values, FlightLog.of(events), calendar), state
+    values = summary(setting, state, found, plan.seed if plan.simulated else None)
+    values |= {"cells_skipped": len(state.skipped)}
+    if truth is not None:
+        marks = score(state.belief.roi, truth, setting.grid, state.belief.detections())
+        values |= asdict(marks) | {"iou_cells": round(marks.iou_cells, 4)}
+    values |= dict(simulated or {})
+    data, log = map_data(setting, state, found, truth), FlightLog.of(events)
+    return dated(Flown(folder, plan, setting, data, values, log, Calendar.of_flight(plan))), state
 
 
 def write_results(flown: Flown, say: Callable[[str], None]) -> dict[str, Any]:
@@ -135,17 +137,6 @@ def weighed_state(cell: Cell, evidence: Evidence, share: float) -> CellState:
     return "explored" if evidence.is_roi(cell, share) else "non-roi"
 
 
-def _values(
-    plan: FlightPlan, setting: Setting, state: State, found: Figures, truth: BaseGeometry | None
-) -> dict[str, Any]:
-    values = summary(setting, state, found, plan.seed if plan.simulated else None)
-    values |= {"cells_skipped": len(state.skipped)}
-    if truth is not None:
-        marks = score(state.belief.roi, truth, setting.grid, state.belief.detections())
-        values |= asdict(marks) | {"iou_cells": round(marks.iou_cells, 4)}
-    return values
-
-
 # --- recorded pictures ----------------------------------------------------------------------------
 KIND = "recorded pictures"
 """Stands in the summary in place of a strategy."""
@@ -215,7 +206,7 @@ def write_replay(
 def _write_others(flown: Flown, boundary: BoundaryMap | None, say: Callable[[str], None]) -> None:
     """Write the boundary, the summary and the documents."""
     if boundary is not None:
-        boundary_file.write(boundary, flown.folder / FILE)
+        boundary_file.write(boundary, flown.folder / BOUNDARY_FILE)
     summary_file.write(flown.values, flown.folder / "summary.json")
     write_documents(flown, say)
 
@@ -233,9 +224,8 @@ def flown_replay(
     tracks = (Track(1, tuple(replayed.taken)),) if replayed.taken else ()
     data = map_of(setting, replayed.end_s, replayed.cells, tracks)
     data = replace(data, pictures=len(replayed.taken))
-    size = extent(data, setting.mission.detector.share)
-    values = dated({**_replay_summary(setting, replayed), **(known or {})}, data, size, calendar)
-    return Flown(folder, plan, setting, data, values, log, calendar, recorded=True)
+    values = {**_replay_summary(setting, replayed), **(known or {})}
+    return dated(Flown(folder, plan, setting, data, values, log, calendar, recorded=True))
 
 
 def _replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from uavmap.output.documents import write_documents
 from uavmap.output.drawing.map_scene import map_scene, map_view
 from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts import boundary_file
-from uavmap.output.facts.boundary_model import FILE
+from uavmap.output.facts.flown_mission import BOUNDARY_FILE
 from uavmap.output.results import flown_flight
 from uavmap.photos.ground.fine_map import FineMap, beneath
 from uavmap.photos.ground.rasters import ORTHO, Rasters, Wishes
@@ -56,12 +56,12 @@ def draw_boundary(
         complain(f"{error}; all other results are complete")
     except OSError as error:
         complain(
-            f"{FILE} is not written ({error.strerror}); all other results are "
+            f"{BOUNDARY_FILE} is not written ({error.strerror}); all other results are "
             f"complete, and `uavmap replay {folder}` makes it anew"
         )
     except KeyboardInterrupt:
         complain(
-            f"interrupted: not all of {FILE}, {ORTHO} is there; all other results "
+            f"interrupted: not all of {BOUNDARY_FILE}, {ORTHO} is there; all other results "
             f"are complete, and `uavmap replay {folder}` makes these anew"
         )
 
@@ -84,7 +84,7 @@ def _draw(folder: Path, spool: Spool, wishes: Wishes) -> None:
         return
     fine = FineMap.of(setting, looked.judge, scene, spool, looked.threads)
     told = _told(fine, looked, state)
-    boundary_file.write(told, folder / FILE)
+    boundary_file.write(told, folder / BOUNDARY_FILE)
     data = flown.data.with_boundary(fine.boundary.region)
     ground = beneath(scene, spool, setting.grid, looked.threads, state.t_s)
     write_sheet(map_scene(data), folder / "map.png", ground(map_view(data)))

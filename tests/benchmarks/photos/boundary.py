@@ -33,7 +33,7 @@ from tests.benchmarks.photos.brighton import PAINTED, detector_folder, learned_f
 from tests.support.plans import named_text
 from tests.support.small_missions import first_patch
 from uavmap.load.mission_source import load
-from uavmap.output.facts.boundary_model import FILE
+from uavmap.output.facts.flown_mission import BOUNDARY_FILE
 from uavmap.output.facts.score import true_roi
 from uavmap.photos.after_flight import draw_boundary
 from uavmap.photos.ground.rasters import Wishes
@@ -51,7 +51,7 @@ BY_HAND: dict[str, dict[str, Any]] = {
 
 def mapped(folder: Path, grid: Grid, kind: str) -> BaseGeometry:
     """A feature of boundary.geojson, or the outline of map.geojson, in metres of the grid."""
-    name = FILE if kind == "boundary" else "map.geojson"
+    name = BOUNDARY_FILE if kind == "boundary" else "map.geojson"
     features = json.loads((folder / name).read_text("utf-8"))["features"]
     geometry = next(f["geometry"] for f in features if f["properties"]["kind"] == kind)
     if geometry is None:
@@ -91,7 +91,7 @@ def flown(seeds: int) -> None:
             draw_boundary(folder, print, Wishes(ortho=False))
             region = mapped(folder, setting.grid, "boundary")
             cells = mapped(folder, setting.grid, "outline")
-            features = json.loads((folder / FILE).read_text("utf-8"))["features"]
+            features = json.loads((folder / BOUNDARY_FILE).read_text("utf-8"))["features"]
         told = features[0]["properties"]
         errors = np.quantile(errors_m(region, truth), (0.5, 0.95, 1.0))
         said = (told["uncertainty_95_m"], told["area_m2"] / truth.area)

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
-import annotated_types
 import tomlkit
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -382,14 +381,11 @@ def _place(value: Sequence[float]) -> str:
 def _limits(key: str, field: FieldInfo) -> str:
     """The unit by the name of the key, and what is allowed by the schema."""
     unit = next((unit for suffix, unit in UNITS if key.endswith(suffix)), "")
-    low, high = "", ""
-    for limit in field.metadata:
-        if isinstance(limit, annotated_types.Ge):
-            low = f"from {limit.ge:g}"
-        elif isinstance(limit, annotated_types.Gt):
-            low = f"above {limit.gt:g}"
-        elif isinstance(limit, annotated_types.Le):
-            high = f"up to {limit.le:g}"
-        elif isinstance(limit, annotated_types.Lt):
-            high = f"below {limit.lt:g}"
-    return ", ".join(filter(None, (unit, low, high)))
+    words = (("ge", "from"), ("gt", "above"), ("le", "up to"), ("lt", "below"))
+    limits = [
+        f"{word} {getattr(limit, name):g}"
+        for name, word in words
+        for limit in field.metadata
+        if hasattr(limit, name)
+    ]
+    return ", ".join(filter(None, (unit, *limits)))

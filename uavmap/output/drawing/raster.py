@@ -55,9 +55,9 @@ def encode_png(image: Image.Image, *, photograph: bool = False) -> bytes:
     return buffer.getvalue()
 
 
-def picture(view: View, shapes: Iterable[Shape], paper: Colour = PAPER) -> Image.Image:
+def picture(view: View, shapes: Iterable[Shape]) -> Image.Image:
     """Draw shapes on an image of their own."""
-    canvas = Canvas((view.width_px, view.height_px), paper)
+    canvas = Canvas((view.width_px, view.height_px))
     for shape in shapes:
         canvas.draw(shape, view)
     return canvas.shown()

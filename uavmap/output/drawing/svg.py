@@ -10,7 +10,7 @@ from markupsafe import Markup, escape
 from numpy.typing import ArrayLike
 
 from missions.units import GridPoint
-from uavmap.output.drawing.palette import FAINT, LAND, PAPER, Colour, Style, css
+from uavmap.output.drawing.palette import FAINT, LAND, PAPER, Style, css
 from uavmap.output.drawing.scene import (
     Area,
     Box,
@@ -42,10 +42,10 @@ _LEAST_PX: Final = 0.4
 """Minimum distance of two neighbours in a line that are both kept, px."""
 
 
-def document(view: View, shapes: Iterable[Shape], paper: Colour = PAPER) -> Markup:
+def document(view: View, shapes: Iterable[Shape]) -> Markup:
     """Write a drawing of its own."""
     page = View.page(view.width_px, view.height_px)
-    ground = Box((0.0, 0.0), (view.width_px, view.height_px), paper)
+    ground = Box((0.0, 0.0), (view.width_px, view.height_px), PAPER)
     inside = [*elements([ground], page), *elements(shapes, view)]
     return _svg(view.width_px, view.height_px, "\n".join(inside), "drawing")
 

@@ -1,7 +1,7 @@
-"""boundary.geojson: the region's outline at pixel level, by RFC 7946; docs/replay.md describes it.
+"""The boundary of a region at pixel level, and boundary.geojson (docs/replay.md describes it).
 
-Longitude before latitude, WGS84, eight decimals (a millimetre), rings closed, exterior rings
-counter-clockwise and holes clockwise.
+By RFC 7946: longitude before latitude, WGS84, eight decimals (a millimetre), rings closed, exterior
+rings counter-clockwise and holes clockwise.
 """
 
 from __future__ import annotations
@@ -10,19 +10,18 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from pydantic_core import to_json
-from shapely.geometry import mapping
+from shapely.geometry import MultiPolygon, mapping
 from shapely.geometry.base import BaseGeometry
 
 from missions.geo.grid import Grid
 from missions.units import LatLon
 from uavmap.base.atomic_write import write_text
-from uavmap.output.facts.boundary_model import Boundary
 from uavmap.output.facts.map_model import Runs, placed, runs
 from uavmap.output.formats import geojson_encoder as geojson
 
@@ -32,6 +31,82 @@ _ROWS: Final = 1_000_000  # cells that are looked at at once
 Feature = dict[str, Any]
 
 
+class Line(NamedTuple):
+    """A closed line of the boundary.
+
+    Attributes:
+        points: Shape (n, 2), its first point again at the end.
+        hole: Whether the region lies outside of it.
+        uncertainty_m: Half the distance from P = 0.1 to P = 0.9 across it, at each point but the
+            last; infinite where P reaches 0.9 nowhere.
+    """
+
+    points: NDArray[np.float64]
+    hole: bool
+    uncertainty_m: NDArray[np.float64]
+
+    def uncertainty(self, share: float) -> float:
+        """Return the uncertainty that this share of the line does not exceed, m."""
+        return weighted_quantile(self.uncertainty_m, _lengths(self.points), share)
+
+
+@dataclass(frozen=True, slots=True)
+class Boundary:
+    """The region, and where its edge may be, in ground metres of the grid's moving frame.
+
+    Attributes:
+        probability: P at the boundary.
+        region: Where P is at least that; valid, may be empty.
+        likely: Where P is at least 0.9.
+        possible: Where P is at least 0.1.
+        band: Possible and not likely.
+        lines: Those of `region`, outer ones first.
+        open_lines: Where the boundary runs along the end of the pictures.
+        pitch_m: Edge of a pixel of the raster, m on the ground.
+        tolerance_m: Maximum shift of lines when points were left out, m.
+    """
+
+    probability: float
+    region: MultiPolygon
+    likely: MultiPolygon
+    possible: MultiPolygon
+    band: MultiPolygon
+    lines: tuple[Line, ...]
+    open_lines: BaseGeometry
+    pitch_m: float
+    tolerance_m: float
+
+    def uncertainty_m(self, share: float) -> float | None:
+        """Return the uncertainty that this share of all lines does not exceed, m."""
+        if not self.lines:
+            return None
+        steps = np.concatenate([_lengths(line.points) for line in self.lines])
+        values = np.concatenate([line.uncertainty_m for line in self.lines])
+        return weighted_quantile(values, steps, share)
+
+
+def weighted_quantile(
+    values: NDArray[np.float64], weights: NDArray[np.float64], share: float
+) -> float:
+    """Return the value that this share of the weight does not exceed.
+
+    >>> weighted_quantile(np.array([3.0, 1.0, 2.0]), np.array([1.0, 8.0, 1.0]), 0.85)
+    2.0
+    """
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    at = int(np.searchsorted(total, share * total[-1]))
+    return float(values[order][min(at, len(values) - 1)])
+
+
+def _lengths(ring: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the weight of each point of a closed line: half the way to its neighbours."""
+    steps = np.hypot(*np.diff(ring, axis=0).T)
+    lengths: NDArray[np.float64] = (steps + np.roll(steps, 1)) / 2.0
+    return lengths
+
+
+# --- the file ------------------------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class BoundaryMap:
     """The content of the file.

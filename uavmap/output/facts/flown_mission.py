@@ -5,24 +5,27 @@ Among it the dates of mission seconds, and the size of the region by its cells, 
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, Literal
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from shapely.errors import ShapelyError
 from shapely.geometry import MultiPolygon, Polygon
 
 from missions.flight.setting import Setting
+from uavmap.base.text_files import read_text
 from uavmap.base.version import __version__
 from uavmap.journal.flight_plan import FlightPlan
-from uavmap.output.facts.boundary_model import BoundaryTold, read_boundary
 from uavmap.output.facts.flight_log import FlightLog
-from uavmap.output.facts.map_model import MapData, packed
+from uavmap.output.facts.map_model import MapData, on_ground, packed
 
 TAKEN: Final = "taken"
 """In the journal's meta of a replay: when its first picture was taken, and by which clock."""
@@ -180,6 +183,77 @@ def _around(roi: NDArray[np.int32], judged: NDArray[np.int32]) -> tuple[int, int
     return rim, outside - beyond, beyond, open_cells
 
 
+# --- the boundary at pixel level ------------------------------------------------------------------
+BOUNDARY_FILE: Final = "boundary.geojson"
+_MOST_BYTES: Final = 50_000_000
+_SAME_S: Final = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class BoundaryTold:
+    """The boundary at pixel level, in the fixed frame, m on the ground.
+
+    Attributes:
+        low_m2: Where P is at least 0.9.
+        high_m2: Where P is at least 0.1.
+        length_m: Of all its lines.
+        uncertainty_m: Of half of it: half the distance from P = 0.1 to P = 0.9; None where P
+            reaches 0.9 nowhere.
+        open_m: Where it runs along the end of the pictures.
+        position_m: Standard deviation of a picture's place.
+    """
+
+    region: Polygon | MultiPolygon
+    area_m2: float
+    low_m2: float
+    high_m2: float
+    length_m: float
+    uncertainty_m: float | None
+    open_m: float
+    position_m: float
+
+
+def read_boundary(folder: Path, data: MapData) -> BoundaryTold | None:
+    """Read the boundary in a folder of results; None where there is none of this map.
+
+    A file that was edited, or that is of an earlier part of the flight, does not count.
+    """
+    try:
+        told = json.loads(read_text(folder / BOUNDARY_FILE, _MOST_BYTES))
+        if abs(float(told["t_s"]) - data.t_s) > _SAME_S:
+            return None
+        return _told(told["features"], data)
+    except (OSError, ValueError, TypeError, KeyError, RecursionError, ShapelyError):
+        return None
+
+
+def _told(found: Iterable[Mapping[str, Any]], data: MapData) -> BoundaryTold | None:
+    """Read the features; None of a geometry that is no boundary. Any other fault raises."""
+    features = {str(one["id"]): one for one in found}
+    feature = features["boundary"]
+    values = feature["properties"]
+    region: Polygon | MultiPolygon = Polygon()
+    if feature["geometry"] is not None:
+        shape = shapely.from_geojson(json.dumps(feature["geometry"]))
+        if not isinstance(shape, Polygon | MultiPolygon):
+            return None
+        region = shapely.transform(shape, lambda at: on_ground(at, data.grid))
+    uncertainty = values["uncertainty_m"]
+    lines = (one for name, one in features.items() if name.startswith("line "))
+    numbers = [
+        float(values["area_m2"]), float(values["area_low_m2"]), float(values["area_high_m2"]),
+        float(sum(line["properties"]["length_m"] for line in lines)), float(values["open_m"]),
+        float(values["position_m"]), 0.0 if uncertainty is None else float(uncertainty),
+    ]  # fmt: skip
+    if not np.isfinite(numbers).all() or not np.isfinite(shapely.get_coordinates(region)).all():
+        return None
+    area_m2, low_m2, high_m2, length_m, open_m, position_m, uncertainty_m = numbers
+    return BoundaryTold(
+        region, area_m2, low_m2, high_m2, length_m,
+        None if uncertainty is None else uncertainty_m, open_m, position_m,
+    )  # fmt: skip
+
+
 # --- a flight with its results --------------------------------------------------------------------
 @dataclass(frozen=True)
 class Flown:
@@ -226,15 +300,14 @@ class Flown:
         return f"EPSG:{self.data.grid.zone.epsg}"
 
 
-def dated(
-    values: Mapping[str, Any], data: MapData, found: Extent, when: Calendar
-) -> dict[str, Any]:
-    """Add the extent of the region, dates, coordinates and version to a summary."""
-    return {
-        **values,
-        **found.figures(),
-        "begun_utc": when.utc(0.0),
-        "ended_utc": when.utc(data.t_s),
-        "crs": f"EPSG:{data.grid.zone.epsg}",
+def dated(flown: Flown) -> Flown:
+    """Add the extent of the region, dates, coordinates and version to the summary."""
+    values = {
+        **flown.values,
+        **flown.extent.figures(),
+        "begun_utc": flown.calendar.utc(0.0),
+        "ended_utc": flown.calendar.utc(flown.data.t_s),
+        "crs": flown.crs,
         "version": __version__,
     }
+    return replace(flown, values=values)

@@ -20,18 +20,17 @@ from missions.mission.places import homes
 from uavmap.base.printable import printable
 from uavmap.base.version import __version__
 from uavmap.journal.kept_frames import KeptFrame, read_kept
-from uavmap.output.facts.boundary_model import BoundaryTold
 from uavmap.output.facts.flight_log import Fix
-from uavmap.output.facts.flown_mission import Flown
+from uavmap.output.facts.flown_mission import BoundaryTold, Flown
 from uavmap.output.facts.map_model import CellTable, drift_m
 from uavmap.output.formats.layers import Field, Layer, Shapes, Value
 
 
-def layers(flown: Flown, boundary: BoundaryTold | None = None) -> list[Layer]:
+def layers(flown: Flown) -> list[Layer]:
     """Create every layer of a map that has a row; the region always has one."""
     found = [
         _region(flown),
-        *([] if boundary is None else [_boundary(flown, boundary)]),
+        *([] if flown.boundary is None else [_boundary(flown, flown.boundary)]),
         _cells(flown),
         _tracks(flown),
         _track_points(flown),

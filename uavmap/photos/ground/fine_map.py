@@ -23,8 +23,7 @@ from missions.flight.setting import Setting
 from missions.geo.grid import Grid
 from missions.mission.schema import positions
 from uavmap.output.drawing.scene import View
-from uavmap.output.facts.boundary_file import BoundaryMap
-from uavmap.output.facts.boundary_model import Boundary, Line
+from uavmap.output.facts.boundary_file import Boundary, BoundaryMap, Line
 from uavmap.photos.ground.judging import Judge
 from uavmap.photos.ground.surface import Scene, Shown, Surface, fused
 from uavmap.photos.scratch_file import Spool

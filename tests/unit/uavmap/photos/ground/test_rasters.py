@@ -27,7 +27,7 @@ from missions.units import LatLon
 from tests.support.small_missions import square
 from tests.unit.uavmap.photos.sources.test_replay_robust import xmp
 from tests.unit.uavmap.photos.test_replay import GRID, GSD_M, field_text, paint, shot
-from uavmap.output.facts.boundary_model import FILE
+from uavmap.output.facts.flown_mission import BOUNDARY_FILE
 from uavmap.photos.ground import rasters
 from uavmap.ui.cli import main
 from vision.raster import Fusion
@@ -73,7 +73,7 @@ def results(field: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def features(folder: Path) -> dict[str, dict[str, Any]]:
-    text = (folder / FILE).read_text("utf-8")
+    text = (folder / BOUNDARY_FILE).read_text("utf-8")
     return {f["id"]: f for f in json.loads(text)["features"]}
 
 
@@ -201,7 +201,7 @@ def test_without_rasterio(
     assert "probability.tif and ortho.tif: not written without rasterio" in (
         capsys.readouterr().err
     )
-    assert (tmp_path / "map" / FILE).exists()
+    assert (tmp_path / "map" / BOUNDARY_FILE).exists()
     assert not list((tmp_path / "map").glob("*.tif"))
     assert replayed(field, tmp_path / "none", "--ortho") == 2
     assert "pip install 'rasterio>=" in capsys.readouterr().err
@@ -224,7 +224,7 @@ def test_ctrl_c_in_the_mosaic_leaves_all_else(
     there = [path.name for path in (tmp_path / "map").iterdir()]
     others = {"journal.jsonl", "map.geojson", "map.kml", "map.png", "summary.json", "pictures.csv"}
     others |= {"map.gpkg", "report.html"}
-    assert set(there) == {*others, FILE, rasters.PROBABILITY}
+    assert set(there) == {*others, BOUNDARY_FILE, rasters.PROBABILITY}
 
 
 @pytest.fixture
@@ -247,7 +247,7 @@ def test_a_full_disk_leaves_all_else(
     assert "all other results are complete" in err
     assert "Traceback" not in err
     assert not (tmp_path / "map" / rasters.ORTHO).exists()
-    assert (tmp_path / "map" / FILE).exists()
+    assert (tmp_path / "map" / BOUNDARY_FILE).exists()
     assert not [path for path in (tmp_path / "map").iterdir() if path.name.startswith(".")]
 
 

@@ -21,7 +21,7 @@ from missions.units import LatLon, Pose, Quaternion
 from tests.support.photographs import write_photo
 from tests.unit.uavmap.photos.test_replay import field_text, shot
 from uavmap.journal.kept_frames import WAITING, FrameKeeper, KeptFrame, read_kept
-from uavmap.output.facts.boundary_model import FILE
+from uavmap.output.facts.flown_mission import BOUNDARY_FILE
 from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.photo_folder import read_geo_file
@@ -212,7 +212,7 @@ def test_a_flight_keeps_its_frames_for_a_replay(tmp_path: Path) -> None:
         return {f["id"] for f in features if f["properties"].get("state") == "explored"}
 
     assert region(again) == region(flown)
-    found = [json.loads((folder / FILE).read_text("utf-8")) for folder in (flown, again)]
+    found = [json.loads((folder / BOUNDARY_FILE).read_text("utf-8")) for folder in (flown, again)]
     areas = [each["features"][0]["properties"]["area_m2"] for each in found]
     assert areas[0] > 0.0
     assert areas[1] == pytest.approx(areas[0], rel=0.1)  # poses are refined in a replay

@@ -22,7 +22,7 @@ from tests.unit.uavmap.photos.test_replay import HEIGHT, WIDTH, field_text, geot
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import mission_of_text
-from uavmap.output.facts.boundary_model import FILE as BOUNDARY
+from uavmap.output.facts.flown_mission import BOUNDARY_FILE as BOUNDARY
 from uavmap.photos import scratch_file
 from uavmap.photos.mission_from_photos import derived
 from uavmap.photos.sources.inventory import gather
