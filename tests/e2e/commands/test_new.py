@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
-from shapely.geometry import Polygon
 
 from tests.support.areas.area_files import kml, kml_polygon, placemark, saved
 from uavmap.load.areas.reading import read_area_file
@@ -43,23 +41,6 @@ def test_a_kml_is_flown_in_the_simulator(
     for kind, name in (("geojson", "outline"), ("kml", "Region")):
         areas = read_area_file(f"flown/map.{kind}").areas
         assert name in {area.name for area in areas}
-
-
-def test_an_exported_search_comes_back_with_its_fence_and_home() -> None:
-    assert main(["export", "runway-field", "--plan", "r.plan", "--waypoints", "r.waypoints"]) == 0
-    runway = load("runway-field")
-    for name in ("r.plan", "r.waypoints"):
-        out = f"{name[2:]}.toml"
-        assert main(["new", name, "--drone", "sim", "--out", out]) == 0
-        again = load(out)
-        assert again.start.position == pytest.approx(runway.start.position, abs=1e-7)
-        if name == "r.plan":
-            found = sorted(again.fence.polygon)
-            assert np.allclose(found, sorted(runway.fence.polygon), atol=1e-7)
-        # what its lanes span: the box, less what they see beside themselves
-        box, lanes = (Polygon(mission.search.box) for mission in (runway, again))
-        assert 0.8 * box.area < lanes.area < box.area
-        assert lanes.intersection(box).area > 0.99 * lanes.area
 
 
 def test_a_new_mission_maps_all_of_its_area_and_other_strategies_say_what_they_leave(

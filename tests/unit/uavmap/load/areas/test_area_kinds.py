@@ -12,7 +12,6 @@ from shapely.geometry import Polygon
 
 from missions.mission.checks import parse_mission
 from missions.units import LatLon
-from tests.support.areas import area_files_of_tools
 from tests.support.areas.area_files import FIELD, HOME, HOME_INSIDE, KINDS, POND
 from uavmap.load.areas.drawing import Positions
 from uavmap.load.areas.drones import CAMERAS, DRONES
@@ -57,11 +56,6 @@ def metres(ring: Positions | tuple[tuple[float, float], ...]) -> Polygon:
     points = [(p.lon_deg, p.lat_deg) if isinstance(p, LatLon) else p for p in ring]
     scale = np.array([111_320.0 * np.cos(np.radians(52.4565)), 111_320.0])
     return shapely.transform(Polygon(points), lambda xy: (xy - np.array(FIELD[0])) * scale)
-
-
-def test_there_are_at_least_forty_kinds() -> None:
-    assert len(KINDS) >= 80
-    assert set(area_files_of_tools.GDAL) < set(KINDS)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import shapely
 
@@ -23,8 +24,10 @@ ISLAND = frozenset(Cell(i, k) for i in range(14, 18) for k in range(9, 11))
 KINDS = {
     "geojson": ("out/region.geojson", ()),
     "shp": ("out/region.shp", ()),
+    "csv": ("out/region.csv", ()),
     "gpkg": ("out.gpkg", ("--area", "region")),
     "kml": ("out.kml", ("--area", "region")),
+    "gpx": ("out.gpx", ()),
 }
 
 
@@ -55,6 +58,8 @@ def test_the_region_is_the_box_of_the_next_mission(kind: str, tmp_path: Path) ->
     region = outline(ISLAND, setting.grid)
     # degrees in the file of a mission have seven decimals, a centimetre
     assert box.symmetric_difference(region).area < 0.01 * region.area
+    if kind in ("gpkg", "kml", "gpx"):
+        assert found.start.position == pytest.approx(setting.mission.start.position, abs=1e-6)
     if kind in ("gpkg", "kml"):  # which have the fence, with its hole, too
         fence = shapely.Polygon([setting.grid.fixed(p) for p in positions(found.fence.polygon)])
         drawn = shapely.Polygon(setting.fence.outer.exterior)
@@ -62,15 +67,21 @@ def test_the_region_is_the_box_of_the_next_mission(kind: str, tmp_path: Path) ->
         assert len(found.fence.holes) == 1
 
 
-def test_the_plan_of_a_search_is_a_mission_over_the_same_ground(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["plan", "waypoints"])
+def test_the_plan_of_a_search_is_a_mission_over_the_same_ground(kind: str, tmp_path: Path) -> None:
     file, setting = mission_file(tmp_path)
-    plan = tmp_path / "search.plan"
-    assert main(["export", str(file), "--plan", str(plan)]) == 0
+    plan = tmp_path / f"search.{kind}"
+    options = ["--plan", str(tmp_path / "search.plan")]
+    if kind == "waypoints":
+        options += ["--waypoints", str(plan)]
+    assert main(["export", str(file), *options]) == 0
     found = made_of(plan)
     before = setting.mission
-    assert found.start.position == pytest.approx(before.start.position, abs=1e-6)
-    assert len(found.fence.polygon) == len(before.fence.polygon)
-    assert len(found.fence.holes) == len(before.fence.holes) == 1
+    assert found.start.position == pytest.approx(before.start.position, abs=1e-7)
+    if kind == "plan":
+        fences = (sorted(mission.fence.polygon) for mission in (found, before))
+        assert np.allclose(*fences, atol=1e-7)
+        assert len(found.fence.holes) == len(before.fence.holes) == 1
     box = shapely.Polygon([setting.grid.fixed(p) for p in positions(found.search.box)])
     drawn = shapely.Polygon([setting.grid.fixed(p) for p in positions(before.search.box)])
     assert drawn.buffer(0.5).covers(box)  # its lanes, less what they see beside themselves

@@ -27,7 +27,6 @@ from tests.golden.recording import STOPS
 from tests.unit.uavmap.output.flown_folders import PLAN, folder_of, keep_frames, named
 from tests.unit.uavmap.output.maps import empty_map, make_map, written
 from uavmap.base.version import __version__
-from uavmap.load.areas.reading import read_area_file
 from uavmap.output.documents import FORMATS, files_of
 from uavmap.output.drawing.palette import STATES
 from uavmap.output.facts.flight_log import FlightLog
@@ -362,34 +361,7 @@ def test_csv_has_a_row_a_cell_with_degrees(folder: Path, tmp_path: Path) -> None
     assert (about["computed_in"], about["area_m2"]) == ("EPSG:32632", "96.0")
 
 
-# --- round trips, and what is refused ------------------------------------------------------------
-@pytest.mark.parametrize(
-    ("kind", "name"),
-    [
-        ("geojson", "region.geojson"),
-        ("shp", "region.shp"),
-        ("csv", "region.csv"),
-        ("gpkg", ""),
-        ("kml", ""),
-        ("gpx", ""),
-    ],
-)
-def test_a_region_is_read_back_as_an_area(
-    kind: str, name: str, folder: Path, tmp_path: Path
-) -> None:
-    """What was mapped can be the box, and the fence and the home, of the next mission."""
-    out = exported(folder, kind, tmp_path / ("out" if name else f"out.{kind}"))
-    drawing = read_area_file(str(out / name if name else out))
-    called = "outline of the region" if kind == "gpx" else "region"
-    (region,) = (area for area in drawing.areas if area.name == called)
-    flown = flown_of(folder)
-    ring = shapely.Polygon([flown.data.grid.fixed(place) for place in region.ring])
-    assert ring.area == pytest.approx(AREA_M2, rel=1e-3)
-    if not name:
-        assert len(drawing.fences) == (kind != "gpx")
-        assert drawing.home is not None
-
-
+# --- what is refused ------------------------------------------------------------------------------
 def test_what_does_not_fit_together_is_told_in_a_line(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
