@@ -64,13 +64,6 @@ def test_what_is_asked_for_and_no_more(folder, tmp_path, tiny, capsys):
     assert str(tree) in err
 
 
-def test_a_drifting_region_is_shown_at_rest(drift, tmp_path):
-    assert main(["animate", str(drift.folder), "--animate", str(tmp_path / "film.gif")]) == 0
-    with Image.open(tmp_path / "film.gif") as film:
-        frames = film.n_frames
-    assert STATES["explored"] in colours(tmp_path / "film.gif", frame=frames - 1)
-
-
 def test_names_without_a_folder_go_where_they_are_asked_for(folder, tmp_path, monkeypatch, capsys):
     """By themselves where you are, as with any program; with -o elsewhere."""
     here, there = tmp_path / "here", tmp_path / "there"

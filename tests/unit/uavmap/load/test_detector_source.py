@@ -176,37 +176,11 @@ def test_a_plug_in_that_does_not_work_is_named(name: str, message: str) -> None:
 
 
 # --- segmentation models ---------------------------------------------------------------------
-def _field(number: int, value: bytes | int | str) -> bytes:
-    """A field of a protocol buffer."""
-    if isinstance(value, int):
-        return _varint(number << 3) + _varint(value)
-    data = value.encode() if isinstance(value, str) else value
-    return _varint(number << 3 | 2) + _varint(len(data)) + data
+MEAN = (Path(__file__).parents[3] / "data" / "mean.onnx").read_bytes()
+"""Of tiles of 32 pixels: answers with the mean of the three channels."""
 
 
-def _varint(value: int) -> bytes:
-    out = b""
-    while value > 127:
-        out += bytes([value & 127 | 128])
-        value >>= 7
-    return out + bytes([value])
-
-
-def _tensor(name: str, channels: int, tile: int) -> bytes:
-    dims = b"".join(_field(1, _field(1, size)) for size in (1, channels, tile, tile))
-    return _field(1, name) + _field(2, _field(1, _field(1, 1) + _field(2, dims)))
-
-
-def mean_model(tile: int) -> bytes:
-    """An ONNX model that answers with the mean of the three channels."""
-    axes = _field(1, "axes") + _field(8, 1) + _field(20, 7)
-    node = _field(1, "x") + _field(2, "y") + _field(4, "ReduceMean") + _field(5, axes)
-    graph = _field(1, node) + _field(2, "g")
-    graph += _field(11, _tensor("x", 3, tile)) + _field(12, _tensor("y", 1, tile))
-    return _field(1, 7) + _field(7, graph) + _field(8, _field(2, 13))
-
-
-def onnx(folder: Path, toml: str, model: bytes) -> DetectorSection:
+def onnx(folder: Path, toml: str, model: bytes = MEAN) -> DetectorSection:
     (folder / "net.toml").write_text(toml)
     (folder / "net.onnx").write_bytes(model)
     return DetectorSection(name="onnx", model=str(folder / "net.onnx"))
@@ -215,7 +189,7 @@ def onnx(folder: Path, toml: str, model: bytes) -> DetectorSection:
 def test_a_segmentation_model_judges_tile_by_tile(tmp_path: Path) -> None:
     pytest.importorskip("onnxruntime")
     toml = 'tile_px = 32\noutput = "probability"'
-    detector = detector_of_section(onnx(tmp_path, toml, mean_model(32)))
+    detector = detector_of_section(onnx(tmp_path, toml))
     for shape in ((50, 70, 3), (20, 90, 3)):
         image = np.random.default_rng(1).integers(0, 256, shape, dtype=np.uint8)
         found = detector.probability(image)
@@ -226,9 +200,9 @@ def test_a_segmentation_model_judges_tile_by_tile(tmp_path: Path) -> None:
     ("toml", "model", "message"),
     [
         ("tile_px = 32", b"no model", "not a model that onnxruntime reads"),
-        ("tile_px = 32\ntile = 3", mean_model(32), "tile: unknown key"),
-        ("tile_px = 32\nstd = [0.0, 1.0, 1.0]", mean_model(32), "std"),
-        ("tile_px = ", mean_model(32), "not a TOML file"),
+        ("tile_px = 32\ntile = 3", MEAN, "tile: unknown key"),
+        ("tile_px = 32\nstd = [0.0, 1.0, 1.0]", MEAN, "std"),
+        ("tile_px = ", MEAN, "not a TOML file"),
     ],
 )
 def test_what_is_wrong_with_a_segmentation_model_is_said(
@@ -241,7 +215,7 @@ def test_what_is_wrong_with_a_segmentation_model_is_said(
 
 def test_an_answer_of_another_shape_is_said(tmp_path: Path) -> None:
     pytest.importorskip("onnxruntime")
-    detector = detector_of_section(onnx(tmp_path, "tile_px = 32\nchannel = 2", mean_model(32)))
+    detector = detector_of_section(onnx(tmp_path, "tile_px = 32\nchannel = 2"))
     with pytest.raises(ImageError, match="is the TOML file beside it right"):
         detector.mask(np.zeros((40, 40, 3), np.uint8))
 

@@ -24,8 +24,8 @@ def explored(roi: set[Cell], robots: int = 2, comms: Comms = Comms.SHARED) -> Ru
     return run(EXPLORERS["rdfs"], roi, START, robots, comms=comms)
 
 
-def small_film(cells: int = 24, robots: int = 2, seed: int = 5) -> Film:
-    roi = small_roi(cells, seed)
+def small_film(cells: int = 24, robots: int = 2) -> Film:
+    roi = small_roi(cells)
     return film_of_run(explored(roi, robots), roi, f"eden {cells}")
 
 

@@ -33,7 +33,6 @@ from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.flown_mission import Calendar, Flown
 from uavmap.output.facts.map_model import MapData
 from uavmap.output.formats import geojson_encoder as geojson
-from uavmap.output.formats import geopackage_layers
 from uavmap.output.formats import kml_encoder as kml
 from uavmap.output.formats.geopackage_layers import APPLICATION_ID
 from uavmap.output.formats.layers import Layer
@@ -134,7 +133,9 @@ def test_the_styles_are_in_the_colours_of_the_picture(folder: Path, tmp_path: Pa
     assert [ET.fromstring(qml).tag for qml in by_gdal["styleQML"]] == ["qgis"] * len(LAYERS)
     assert {(column, default) for _, column, _, default in rows} == {("geom", 1)}
     styles = {name: ET.fromstring(qml) for name, _, qml, _ in rows}
-    renderer = styles["cells"].find("renderer-v2")
+    renderers = {name: style.find("renderer-v2") for name, style in styles.items()}
+    assert None not in renderers.values()
+    renderer = renderers["cells"]
     assert renderer is not None
     assert (renderer.get("type"), renderer.get("attr")) == ("categorizedSymbol", "state")
     fills = [
@@ -156,6 +157,7 @@ def test_the_styles_are_in_the_colours_of_the_picture(folder: Path, tmp_path: Pa
 @pytest.mark.parametrize("kind", FORMATS)
 def test_the_same_flight_gives_the_same_bytes(kind: str, folder: Path, flown: Flown) -> None:
     assert files_of(flown, kind) == files_of(flown_of(folder), kind)
+    assert all(len(field.name) <= 10 for layer in layers(flown) for field in layer.fields)
 
 
 def frames_in(flown: Flown) -> Layer:
@@ -381,9 +383,3 @@ def test_what_does_not_fit_together_is_told_in_a_line(
     assert main(["export", "runway", "--to", "gpkg"]) == 2
     assert "--to is for a results folder" in capsys.readouterr().err
     assert there.read_text() == "mine"
-
-
-def test_every_layer_has_a_style_and_short_names(flown: Flown) -> None:
-    for layer in layers(flown):
-        assert all(len(field.name) <= 10 for field in layer.fields)
-        assert ET.fromstring(geopackage_layers.qml(layer)).find("renderer-v2") is not None
