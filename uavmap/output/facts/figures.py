@@ -16,7 +16,7 @@ from missions.mapping.belief import FrameId
 from missions.mapping.breadth_first import patches
 from missions.planning.bounds.lower_bounds import one_way_lower_bound, passing_bound_s
 from missions.units import GridPoint
-from uavmap.output.facts.counting import Counter
+from uavmap.output.facts.flight_log import Counter
 from uavmap.output.facts.patch_certificates import certificates
 from uavmap.output.facts.patch_drift import Shares
 from vision.projection import SEEN_SHARE

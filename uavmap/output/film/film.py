@@ -23,7 +23,7 @@ from missions.mapping.evidence import Evidence, evidence_of
 from missions.mission.schema import Mission
 from missions.units import Cell
 from uavmap.output.drawing.scene import bounds_of
-from uavmap.output.facts.counting import LIFT_OFF_M
+from uavmap.output.facts.flight_log import LIFT_OFF_M
 from uavmap.output.facts.map_model import NOT_ROI
 from uavmap.output.facts.map_model import State as CellState
 from uavmap.output.facts.score import MISSED_SHARE, cells_near, shares_of

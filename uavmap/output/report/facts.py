@@ -10,9 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from uavmap.base.printable import printable
-from uavmap.output.facts.counting import navigation_in_words
+from uavmap.output.facts.flight_log import navigation_in_words
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.report.drawings import minutes
 from uavmap.output.summary import MOST_PATCHES, box_in_words, state_in_words
 
 Facts = list[tuple[str, str]]
@@ -22,6 +21,16 @@ _MOST_TROUBLES: Final = 200
 _MOST_LETTERS: Final = 300
 _PASSWORD: Final = re.compile(r"//[^/@\s]*@")
 """Of an address: a page is handed on, and must not contain it."""
+
+
+def minutes(t_s: float) -> str:
+    """Write seconds as whole minutes and seconds.
+
+    >>> minutes(125.9), minutes(0.0)
+    ('2:05', '0:00')
+    """
+    whole = int(t_s)
+    return f"{whole // 60}:{whole % 60:02d}"
 
 
 # --- what was found ------------------------------------------------------------------------------

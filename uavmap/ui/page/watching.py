@@ -41,8 +41,8 @@ from missions.mapping.tree import Tree
 from missions.orders import FlyPath, FlyTo, Order, ReturnToLaunch, Sweep
 from missions.units import Cell, GridPoint
 from uavmap.base.printable import printable
-from uavmap.output.facts.counting import LIFT_OFF_M, Counter
 from uavmap.output.facts.figures import figures_of, finding
+from uavmap.output.facts.flight_log import LIFT_OFF_M, Counter
 from uavmap.output.results import cell_state, weighed_state
 from uavmap.runner.operator.progress import cells_known, doing, phase, remarkable
 from uavmap.runner.operator.time_left import time_left
