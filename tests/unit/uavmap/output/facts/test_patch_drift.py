@@ -6,12 +6,15 @@ import math
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from missions.events import FrameSeen, Vote
 from missions.geo.grid import Grid
@@ -42,47 +45,47 @@ class Blob:
     v_north_m_s: float = 0.0
     grows_m_s: float = 0.0
 
-    def share(self, cell: Cell, t_s: float) -> float:
-        inside = 0
-        for i in range(FINE):
-            for j in range(FINE):
-                east_m = (cell.east - 0.5 + (i + 0.5) / FINE) * CELL_M - self.east_m
-                north_m = (cell.north - 0.5 + (j + 0.5) / FINE) * CELL_M - self.north_m
-                east_m, north_m = east_m - self.v_east_m_s * t_s, north_m - self.v_north_m_s * t_s
-                turn = math.atan2(north_m, east_m)
-                rim_m = self.radius_m * (1.0 + 0.15 * math.sin(3.0 * turn))
-                inside += math.hypot(east_m, north_m) < rim_m + self.grows_m_s * t_s
-        return inside / FINE**2
+    def shares(self, cells: NDArray[np.int_], t_s: float) -> NDArray[np.float64]:
+        """The share of each cell that it covers."""
+        fine = (np.arange(FINE) + 0.5) / FINE - 0.5
+        east_m = (cells[:, 0, None, None] + fine[:, None]) * CELL_M
+        north_m = (cells[:, 1, None, None] + fine) * CELL_M
+        east_m, north_m = np.broadcast_arrays(
+            east_m - self.east_m - self.v_east_m_s * t_s,
+            north_m - self.north_m - self.v_north_m_s * t_s,
+        )
+        rim_m = self.radius_m * (1.0 + 0.15 * np.sin(3.0 * np.arctan2(north_m, east_m)))
+        inside = np.hypot(east_m, north_m) < rim_m + self.grows_m_s * t_s
+        return inside.mean(axis=(1, 2))
 
-    def cells(self) -> set[Cell]:
+    def cells(self) -> NDArray[np.int_]:
+        """All that it may touch, shape (n, 2)."""
         reach = math.ceil(self.radius_m * 1.3 / CELL_M) + 6
         at = round(self.east_m / CELL_M), round(self.north_m / CELL_M)
-        span = range(-reach, reach + 1)
-        return {Cell(at[0] + i, at[1] + j) for i in span for j in span}
+        return np.argwhere(np.ones((2 * reach + 1,) * 2)) + at - [reach, reach]
 
 
 def frames_of(
     blobs: list[Blob], times_s: list[float], *, noise: float = 0.02, lag: float = 0.2, seed: int = 1
 ) -> list[FrameSeen]:
     """Some frames of all cells around each time, columns to the east `lag` seconds later."""
-    chance = random.Random(seed)
+    chance = np.random.default_rng(seed)
+    cells = np.unique(np.vstack([blob.cells() for blob in blobs]), axis=0)
     found = list[FrameSeen]()
-    for begin_s in times_s:
-        for k in range(3):
-            for column in sorted({c.east for blob in blobs for c in blob.cells()}):
-                t_s = round(begin_s + k + lag * (column + 40), 3)
-                votes = []
-                cells = {c for blob in blobs for c in blob.cells() if c.east == column}
-                for cell in sorted(cells):
-                    share = max(blob.share(cell, t_s) for blob in blobs)
-                    share = min(1.0, max(0.0, share + chance.gauss(0.0, noise)))
-                    votes.append(Vote(cell, share > 0.3, round(share, 3)))
-                found.append(FrameSeen(1, t_s, None, tuple(votes)))
+    for begin_s, k, column in product(times_s, range(3), np.unique(cells[:, 0]).tolist()):
+        t_s = round(begin_s + k + lag * (column + 40), 3)
+        there = cells[cells[:, 0] == column]
+        shares = np.max([blob.shares(there, t_s) for blob in blobs], axis=0)
+        shares = np.clip(shares + chance.normal(0.0, noise, len(there)), 0.0, 1.0).round(3)
+        pairs = zip(there.tolist(), shares.tolist(), strict=True)
+        votes = tuple(Vote(Cell(*cell), share > 0.3, share) for cell, share in pairs)
+        found.append(FrameSeen(1, t_s, None, votes))
     return found
 
 
 def patch(blob: Blob) -> set[Cell]:
-    return {cell for cell in blob.cells() if blob.share(cell, 0.0) > 0.5}
+    cells = blob.cells()
+    return {Cell(*cell) for cell in cells[blob.shares(cells, 0.0) > 0.5].tolist()}
 
 
 def measured(blobs: list[Blob], frames: list[FrameSeen]) -> list[Drift | None]:
