@@ -142,7 +142,7 @@ def flown(seed: int, strategy: str) -> tuple[dict[str, object], Figures]:
     return summary(flight.setting, state, found, seed), found
 
 
-@pytest.mark.parametrize("seed", [1, 2, 6, 9])
+@pytest.mark.parametrize("seed", [1, 2, 9])
 def test_an_exploration_lies_between_its_bounds(seed: int) -> None:
     values, found = flown(seed, "rdfs")
     assert found.bound_makespan_s is not None

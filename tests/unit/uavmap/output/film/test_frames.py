@@ -41,7 +41,7 @@ def test_what_is_drawn_piecemeal_is_what_is_drawn_at_once():
 
 
 def test_cells_have_the_colours_of_their_states_in_every_frame():
-    film = small_film(robots=1)
+    film = small_film(cells=9, robots=1)
     stage, reel, times = Stage(film), Reel(film), film.times()
     for t, frame in zip(times, stage.frames(times), strict=True):
         list(reel.forward(t))
