@@ -102,8 +102,6 @@ class CellRow(NamedTuple):
     state: State
     positive: int
     votes: int
-    belief: float | None = None
-    """Believed share of region, 0 to 1, where recorded pictures are weighed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,8 +117,8 @@ class CellTable:
 
     >>> rows = [CellRow(Cell(3, 4), "explored", 2, 3), CellRow(Cell(3, 5), "non-roi", 0, 3)]
     >>> table = CellTable.of(rows)
-    >>> len(table), table.cells.tolist(), table.roi.tolist(), list(table) == rows
-    (2, [[3, 4], [3, 5]], [True, False], True)
+    >>> table.cells.tolist(), table.roi.tolist(), next(table.values())
+    ([[3, 4], [3, 5]], [True, False], ([3, 4], 'explored', 2, 3, None))
     """
 
     cells: NDArray[np.int32]
@@ -131,15 +129,13 @@ class CellTable:
 
     @classmethod
     def of(cls, rows: Iterable[CellRow]) -> Self:
-        """Create the table of rows; beliefs are those of all, or of none."""
+        """Create the table of a flight, where nothing is weighed."""
         found = list(rows)
-        beliefs = [row.belief for row in found if row.belief is not None]
         return cls(
             np.array([row.cell for row in found], np.int32).reshape(-1, 2),
             np.array([_CODES[row.state] for row in found], np.uint8),
             np.array([row.positive for row in found], np.int32),
             np.array([row.votes for row in found], np.int32),
-            np.array(beliefs) if beliefs else None,
         )
 
     @classmethod
@@ -164,12 +160,6 @@ class CellTable:
         belief = None if self.belief is None else self.belief[some]
         counts = self.positive[some], self.votes[some]
         return CellTable(self.cells[some], self.codes[some], *counts, belief)
-
-    def __iter__(self) -> Iterator[CellRow]:
-        """Row by row."""
-        for part in self.parts():
-            for (east, north), state, positive, votes, belief in part.values():
-                yield CellRow(Cell(east, north), state, positive, votes, belief)
 
     def parts(self) -> Iterator[CellTable]:
         """Yield the table in parts of at most `AT_ONCE` cells."""

@@ -31,8 +31,8 @@ class Votes:
     >>> for _ in range(2):
     ...     votes.add(Cell(0, 0), [Vote(Cell(1, 0), True, 0.9)])
     >>> table, undecided = votes.counted()
-    >>> list(table), len(undecided)
-    ([CellRow(cell=Cell(east=1, north=0), state='explored', positive=2, votes=2, belief=None)], 0)
+    >>> list(table.values()), len(undecided)
+    ([([1, 0], 'explored', 2, 2, None)], 0)
     """
 
     frames: int

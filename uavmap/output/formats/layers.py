@@ -6,7 +6,7 @@ to WGS84. Column names have at most ten letters, the limit of a Shapefile.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Final, Literal, NamedTuple
 
@@ -19,12 +19,13 @@ from missions.units import LatLon
 from uavmap.base.printable import printable
 from uavmap.base.version import __version__
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.facts.map_model import AT_ONCE, MapData, placed, turned
+from uavmap.output.facts.map_model import MapData, placed, turned
 
 DECIMALS: Final = 7
 """Of a degree: about a centimetre."""
 
 Value = str | int | float | bool | None
+Row = tuple[Value, ...]
 Shapes = NDArray[np.object_]
 Geometry = Literal["Point", "LineString", "Polygon", "MultiPolygon"]
 
@@ -45,7 +46,8 @@ class Layer:
         name: Of a table, or a file.
         title: For people.
         heights: Whether points have a third coordinate: metres above home.
-        made: The geometries; None for a row without a place. Of many, a function makes a part.
+        parts: Yields geometries, None for a row without a place, and their rows; of many cells at
+            most `AT_ONCE` at a time.
     """
 
     name: str
@@ -53,22 +55,17 @@ class Layer:
     geometry: Geometry
     heights: bool
     fields: tuple[Field, ...]
-    made: Shapes | Callable[[slice], Shapes]
-    rows: Sequence[tuple[Value, ...]]
+    parts: Callable[[], Iterable[tuple[Shapes, Iterable[Row]]]]
 
     @property
     def shapes(self) -> Shapes:
         """All geometries."""
-        return self._part(slice(0, len(self.rows)))
+        return np.concatenate([shapes for shapes, _ in self.parts()])
 
-    def parts(self) -> Iterator[tuple[Shapes, Sequence[tuple[Value, ...]]]]:
-        """Yield geometries and rows, at most `AT_ONCE` at a time."""
-        for first in range(0, len(self.rows), AT_ONCE):
-            part = slice(first, min(first + AT_ONCE, len(self.rows)))
-            yield self._part(part), self.rows[part]
-
-    def _part(self, part: slice) -> Shapes:
-        return self.made(part) if callable(self.made) else self.made[part]
+    @property
+    def rows(self) -> Iterator[Row]:
+        """All rows."""
+        return (row for _, rows in self.parts() for row in rows)
 
     def column(self, name: str) -> list[Value]:
         """Return the values of a column."""

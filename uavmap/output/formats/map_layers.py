@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import PurePath
-from typing import Any, Final, overload
+from typing import Any, Final
 
 import numpy as np
 import shapely
@@ -23,7 +22,7 @@ from uavmap.journal.kept_frames import KeptFrame, read_kept
 from uavmap.output.facts.flight_log import Fix
 from uavmap.output.facts.flown_mission import BoundaryTold, Flown
 from uavmap.output.facts.map_model import CellTable, drift_m
-from uavmap.output.formats.layers import Field, Layer, Shapes, Value
+from uavmap.output.formats.layers import Field, Layer, Row, Shapes, Value
 
 
 def layers(flown: Flown) -> list[Layer]:
@@ -39,7 +38,7 @@ def layers(flown: Flown) -> list[Layer]:
         _fence(flown),
         _places(flown),
     ]
-    return [layer for layer in found if layer.rows]
+    return [layer for layer in found if next(layer.rows, None) is not None]
 
 
 # --- the ground ----------------------------------------------------------------------------------
@@ -96,7 +95,7 @@ def _fields(names: str) -> tuple[Field, ...]:
     return tuple(Field(name, _KIND_OF[name]) for name in names.split())
 
 
-def _about(flown: Flown) -> tuple[Value, ...]:
+def _about(flown: Flown) -> Row:
     t_s = flown.data.t_s
     return (round(t_s, 3), flown.calendar.utc(t_s), flown.crs, __version__)
 
@@ -107,7 +106,7 @@ def _region(flown: Flown) -> Layer:
     shapes = np.array([None], dtype=object)
     if not shape.is_empty:
         shapes = _of_region(flown, _whole(shape))
-    row: tuple[Value, ...] = (
+    row: Row = (
         "region", data.mission, flown.completed, printable(str(flown.values.get("finding", ""))),
         int(np.count_nonzero(data.cells.roi)), round(found.area_m2, 1), round(found.low_m2, 1),
         round(found.high_m2, 1), round(found.perimeter_m, 1), found.parts, found.holes,
@@ -118,7 +117,7 @@ def _region(flown: Flown) -> Layer:
         f"open_cells begun_utc simulated {_ABOUT}"
     )
     rows = [(*row, *_about(flown))]
-    return Layer("region", "Region", "MultiPolygon", False, fields, shapes, rows)
+    return Layer("region", "Region", "MultiPolygon", False, fields, lambda: [(shapes, rows)])
 
 
 def _boundary(flown: Flown, told: BoundaryTold) -> Layer:
@@ -126,57 +125,41 @@ def _boundary(flown: Flown, told: BoundaryTold) -> Layer:
     if not told.region.is_empty:
         shapes = _of_ground(flown, [_whole(told.region)])
     fields = _fields(f"name area_m2 area_low area_high perim_m uncert_m open_m {_ABOUT}")
-    rows: list[tuple[Value, ...]] = [(
+    rows: list[Row] = [(
         "boundary", told.area_m2, told.low_m2, told.high_m2, told.length_m, told.uncertainty_m,
         told.open_m, *_about(flown),
     )]  # fmt: skip
-    return Layer("boundary", "Boundary by pixels", "MultiPolygon", False, fields, shapes, rows)
+    return Layer(
+        "boundary", "Boundary by pixels", "MultiPolygon", False, fields, lambda: [(shapes, rows)]
+    )
 
 
 def _cells(flown: Flown) -> Layer:
     data, fields = flown.data, _fields("column row state region positive votes belief")
     half_m = data.grid.cell_m / 2.0
 
-    def squares(part: slice) -> Shapes:
-        middle = data.grid.cell_m * data.cells.cells[part].astype(np.float64)
+    def parts() -> Iterator[tuple[Shapes, Iterator[Row]]]:
         drift = drift_m(data.grid, data.t_s)
-        # the axes of the grid are those of the projection
-        low, high = (_projected(data.grid, middle + more_m + drift) for more_m in (-half_m, half_m))
-        return np.array(shapely.box(*low.T, *high.T), dtype=object)
+        for table in data.cells.parts():
+            middle = data.grid.cell_m * table.cells.astype(np.float64)
+            # the axes of the grid are those of the projection
+            low, high = (_projected(data.grid, middle + m + drift) for m in (-half_m, half_m))
+            yield np.array(shapely.box(*low.T, *high.T), dtype=object), _cell_rows(table)
 
-    return Layer("cells", "Cells", "Polygon", False, fields, squares, _CellValues(data.cells))
+    return Layer("cells", "Cells", "Polygon", False, fields, parts)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _CellValues(Sequence[tuple[Value, ...]]):
-    """A row of values per cell, made on demand."""
-
-    table: CellTable
-
-    def __len__(self) -> int:
-        return len(self.table)
-
-    @overload
-    def __getitem__(self, at: int) -> tuple[Value, ...]: ...
-    @overload
-    def __getitem__(self, at: slice) -> _CellValues: ...
-    def __getitem__(self, at: int | slice) -> tuple[Value, ...] | _CellValues:
-        if isinstance(at, slice):
-            return _CellValues(self.table.which(at))
-        return next(iter(_CellValues(self.table.which([range(len(self))[at]]))))
-
-    def __iter__(self) -> Iterator[tuple[Value, ...]]:
-        for part in self.table.parts():
-            for values, roi in zip(part.values(), part.roi.tolist(), strict=True):
-                (east, north), state, positive, votes, belief = values
-                told = None if belief is None else round(belief, 3)
-                yield (east, north, state, roi, positive, votes, told)
+def _cell_rows(table: CellTable) -> Iterator[Row]:
+    for values, roi in zip(table.values(), table.roi.tolist(), strict=True):
+        (east, north), state, positive, votes, belief = values
+        told = None if belief is None else round(belief, 3)
+        yield (east, north, state, roi, positive, votes, told)
 
 
 # --- who was where -------------------------------------------------------------------------------
 def _tracks(flown: Flown) -> Layer:
     fields = _fields("name vehicle sortie start_s end_s start_utc end_utc length_m")
-    lines, rows = [], list[tuple[Value, ...]]()
+    lines, rows = [], list[Row]()
     for vehicle, sortie, points in track_lines(flown):
         there = np.array([(*fix.place, fix.height_m) for fix in points])
         length_m = float(np.hypot(*np.diff(there[:, :2], axis=0).T).sum())
@@ -188,7 +171,7 @@ def _tracks(flown: Flown) -> Layer:
             round(length_m, 1),
         ))  # fmt: skip
     shapes = _of_ground(flown, lines, heights=True)
-    return Layer("tracks", "Tracks", "LineString", True, fields, shapes, rows)
+    return Layer("tracks", "Tracks", "LineString", True, fields, lambda: [(shapes, rows)])
 
 
 def track_parts(flown: Flown) -> list[tuple[int, int, list[Fix]]]:
@@ -206,7 +189,7 @@ def track_lines(flown: Flown) -> list[tuple[int, int, list[Fix]]]:
 
 def _track_points(flown: Flown) -> Layer:
     fields = _fields("vehicle sortie t_s utc height_m charge_wh")
-    points, rows = list[tuple[float, ...]](), list[tuple[Value, ...]]()
+    points, rows = list[tuple[float, ...]](), list[Row]()
     for vehicle, sortie, fixes in track_parts(flown):
         for fix in fixes:
             points.append((*fix.place, fix.height_m))
@@ -214,7 +197,7 @@ def _track_points(flown: Flown) -> Layer:
             utc = flown.calendar.utc(fix.t_s)
             rows.append((vehicle, sortie, round(fix.t_s, 3), utc, round(fix.height_m, 2), charge))
     shapes = _points(flown, points)
-    return Layer("track_points", "Track points", "Point", True, fields, shapes, rows)
+    return Layer("track_points", "Track points", "Point", True, fields, lambda: [(shapes, rows)])
 
 
 def _frames(flown: Flown) -> Layer:
@@ -226,7 +209,7 @@ def _frames(flown: Flown) -> Layer:
         vehicle: np.array([(f.t_s, *f.place, f.height_m) for f in fixes]).T
         for vehicle, fixes in flown.log.fixes.items()
     }
-    points, rows = list[tuple[float, ...]](), list[tuple[Value, ...]]()
+    points, rows = list[tuple[float, ...]](), list[Row]()
     for frame in flown.log.frames:
         own = kept.get((frame.vehicle, round(frame.t_s, 3)))
         if own is not None:
@@ -243,7 +226,8 @@ def _frames(flown: Flown) -> Layer:
             frame.vehicle, round(frame.t_s, 3), flown.calendar.utc(frame.t_s), round(point[2], 2),
             frame.cells, frame.positive, printable(name) or None, by,
         ))  # fmt: skip
-    return Layer("frames", "Judged frames", "Point", True, fields, _points(flown, points), rows)
+    shapes = _points(flown, points)
+    return Layer("frames", "Judged frames", "Point", True, fields, lambda: [(shapes, rows)])
 
 
 def kept_by_time(flown: Flown) -> dict[tuple[int, float], KeptFrame]:
@@ -270,12 +254,14 @@ def kept_by_time(flown: Flown) -> dict[tuple[int, float], KeptFrame]:
 def _unsearched(flown: Flown) -> Layer:
     fixed = flown.data.grid.fixed
     lines = [shapely.linestrings(list(map(fixed, lane))) for lane in flown.data.unsearched]
-    rows: list[tuple[Value, ...]] = [
+    rows: list[Row] = [
         (f"lane {number}, without a judged frame",) for number in range(1, len(lines) + 1)
     ]
     shapes = _of_ground(flown, lines)
     fields = _fields("name")
-    return Layer("unsearched", "Not searched", "LineString", False, fields, shapes, rows)
+    return Layer(
+        "unsearched", "Not searched", "LineString", False, fields, lambda: [(shapes, rows)]
+    )
 
 
 def _fence(flown: Flown) -> Layer:
@@ -283,10 +269,12 @@ def _fence(flown: Flown) -> Layer:
     holes = [list(map(fixed, hole)) for hole in data.fence_holes]
     fence = orient(Polygon(list(map(fixed, data.fence)), holes))
     box = orient(Polygon(list(map(fixed, data.box))))
-    rows: list[tuple[Value, ...]] = [("geofence", "fence"), ("search box", "box")]
+    rows: list[Row] = [("geofence", "fence"), ("search box", "box")]
     fields = _fields("name kind")
     shapes = _of_ground(flown, [fence, box])
-    return Layer("fence", "Geofence and search box", "Polygon", False, fields, shapes, rows)
+    return Layer(
+        "fence", "Geofence and search box", "Polygon", False, fields, lambda: [(shapes, rows)]
+    )
 
 
 def _places(flown: Flown) -> Layer:
@@ -295,9 +283,12 @@ def _places(flown: Flown) -> Layer:
     fields = _fields("name vehicle")
     if flown.recorded:
         shapes = _of_ground(flown, [Point(grid.fixed(flown.data.start))])
-        return Layer("places", "Start", "Point", False, fields, shapes, [("start", None)])
+        return Layer(
+            "places", "Start", "Point", False, fields, lambda: [(shapes, [("start", None)])]
+        )
     shown = {number: grid.fixed(place) for number, place in enumerate(planned, start=1)}
     shown |= flown.log.homes
     points = [Point(place) for place in shown.values()]
-    rows: list[tuple[Value, ...]] = [(f"home of vehicle {number}", number) for number in shown]
-    return Layer("places", "Homes", "Point", False, fields, _of_ground(flown, points), rows)
+    rows: list[Row] = [(f"home of vehicle {number}", number) for number in shown]
+    shapes = _of_ground(flown, points)
+    return Layer("places", "Homes", "Point", False, fields, lambda: [(shapes, rows)])

@@ -41,7 +41,7 @@ def test_cells_have_the_colour_of_their_state(
 ) -> None:
     data = make_map(drift_m_s=drift_m_s)
     image = draw_sheet(map_scene(data))
-    (state,) = [row.state for row in data.cells if row.cell == cell]
+    (state,) = [state for place, state, *_ in data.cells.values() if tuple(place) == cell]
     # a metre off the centre, where no track runs
     east_m, north_m = data.grid.to_fixed(data.grid.centre_of(cell), data.t_s)
     assert near(at(image, data, east_m + 1, north_m - 0.7), STATES[state])
@@ -68,7 +68,8 @@ def test_cells_and_box_are_in_view() -> None:
     data = make_map(drift_m_s=0.4, t_s=600.0)
     view = map_view(data)
     places = [data.grid.fixed(place) for place in data.box]
-    places += [data.grid.fixed(data.grid.centre(row.cell, data.t_s)) for row in data.cells]
+    cells = map(tuple, data.cells.cells.tolist())
+    places += [data.grid.fixed(data.grid.centre(Cell(*cell), data.t_s)) for cell in cells]
     for x, y in map(view.pixel, places):
         assert 0 < x < view.width_px
         assert 0 < y < view.height_px

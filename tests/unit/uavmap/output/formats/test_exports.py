@@ -172,7 +172,7 @@ def test_kept_frames_have_names_and_places_but_for_places_that_are_none(tmp_path
     assert set(frames.column("place_by")) == {"pose"}
     assert frames.column("picture")[0] == "1-000018.650.jpg"
     assert set(bare.column("place_by")) == {"telemetry"}
-    assert len(bare.rows) == len(frames.rows) == 34
+    assert len(list(bare.rows)) == len(list(frames.rows)) == 34
     poses = folder / "frames" / "poses.csv"
     for bad in ("nan", "inf", "-1e300", "91"):
         poses.write_text(poses.read_text("utf-8").replace("47.30011000", bad, 3), "utf-8")
