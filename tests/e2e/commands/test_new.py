@@ -10,6 +10,7 @@ import pytest
 from tests.support.areas.area_files import kml, kml_polygon, placemark, saved
 from uavmap.load.areas.reading import read_area_file
 from uavmap.load.mission_source import load
+from uavmap.runner import flight
 from uavmap.ui.cli import main
 
 FIELD = ((13.303, 52.456), (13.3035, 52.456), (13.3035, 52.4563), (13.303, 52.4563))
@@ -44,7 +45,7 @@ def test_a_kml_is_flown_in_the_simulator(
 
 
 def test_a_new_mission_maps_all_of_its_area_and_other_strategies_say_what_they_leave(
-    capsys: pytest.CaptureFixture[str],
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = ["new", "--at", "52.4568,13.3044", "--size", "40x30", "--drone", "sim"]
     assert main([*made, "--out", "all.toml"]) == 0
@@ -57,5 +58,6 @@ def test_a_new_mission_maps_all_of_its_area_and_other_strategies_say_what_they_l
         ("all", "auto"), ("first", None), ("all", None),
     ]  # fmt: skip
     capsys.readouterr()
-    assert main(["fly", "all.toml", "--sim", "--strategy", "rdfs"]) == 0
+    monkeypatch.setattr(flight.Flight, "run", lambda self: {"completed": False})
+    assert main(["fly", "all.toml", "--sim", "--strategy", "rdfs", "--json"]) == 3
     assert "for swath, and are set aside" in capsys.readouterr().err
