@@ -22,7 +22,7 @@ from uavmap.base.arguments import choice, number, whole
 from uavmap.base.version import __version__
 from uavmap.journal.event_log import PLAN, JournalReader
 from uavmap.load.detector_source import with_kept_detector
-from uavmap.load.planner_setup import ready_planner, tell_if_uncompiled
+from uavmap.load.strategy_source import ready_planner, tell_if_uncompiled
 
 Driver = Literal["pymavlink", "mavsdk"]
 PYMAVLINK: Final = "pymavlink"

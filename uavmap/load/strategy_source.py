@@ -1,13 +1,17 @@
-"""Strategies of plug-ins: packages beside uavmap that have an entry point for them."""
+"""Strategies of plug-ins, and what is said, and done, before a strategy plans slowly."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Final
 
 from missions.errors import StrategyError
+from missions.planning.sweep.strategies import NONSTOP
+from uavmap.base.extras import install_command
 
 GROUP: Final = "uavmap.strategies"
 """The entry points that plug-ins have: a name, and an object that is a `Strategy`."""
@@ -44,3 +48,32 @@ def _registered(strategy: object) -> str:
     except StrategyError as error:
         return str(error)
     return ""
+
+
+# --- planners -------------------------------------------------------------------------------------
+_PLANNERS: Final = ("horizon", *NONSTOP)
+
+
+def tell_if_uncompiled(strategies: Iterable[str], say: Callable[[str], None]) -> None:
+    """Say so where a planner is among the strategies and numba is not installed."""
+    slow = [name for name in strategies if name in _PLANNERS]
+    if slow:
+        from missions.planning.kernels.jit import COMPILED  # noqa: PLC0415 - numba takes a second
+
+        if not COMPILED:
+            remedy = install_command("fast")
+            say(f"{slow[0]} plans slowly without numba, which compiles it: {remedy}")
+
+
+def ready_planner(strategy: str, say: Callable[[str], None]) -> None:
+    """Compile the planner of a strategy that does not stop; `say` if that is still to do."""
+    if strategy not in NONSTOP:
+        return
+    from missions.planning.kernels import swath as kernels  # noqa: PLC0415 - numba takes a second
+    from missions.planning.sweep.memo import warm_up  # noqa: PLC0415, as above
+
+    stats = getattr(kernels.improve, "stats", None)  # None where nothing is compiled
+    kept = getattr(stats, "cache_path", None)
+    if kept is not None and not any(Path(kept).glob("swath.improve-*.nbi")):
+        say("the planner is compiled, once on this machine; that may take a minute")
+    warm_up()

@@ -15,7 +15,7 @@ from uavmap.lab.commands.runs import Column, Outcome, print_means, run_trials, t
 from uavmap.lab.commands.simulate_options import NONSTOP_DEFAULTS
 from uavmap.lab.nonstop_trials import FlightTerms, flown_under, nonstop_means, nonstop_trials
 from uavmap.lab.run_film import film_of_nonstop
-from uavmap.load.planner_setup import tell_if_uncompiled
+from uavmap.load.strategy_source import tell_if_uncompiled
 from uavmap.ui.cli.commands.animate import wants_pictures, write_pictures
 from uavmap.ui.cli.common import pair
 

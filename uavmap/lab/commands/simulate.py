@@ -32,7 +32,7 @@ from uavmap.lab.run_film import film_of_run
 from uavmap.lab.simulated_links import draws, simulated_links
 from uavmap.lab.simulating import MOST_ROBOTS, known_strategies, metric_of, nonstop_among
 from uavmap.lab.trials import Terms, explored, means, trials
-from uavmap.load.planner_setup import tell_if_uncompiled
+from uavmap.load.strategy_source import tell_if_uncompiled
 from uavmap.ui.cli.commands.animate import (
     add_picture_options,
     check_pictures,

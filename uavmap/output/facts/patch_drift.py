@@ -22,7 +22,7 @@ import math
 from array import array
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -82,8 +82,7 @@ class Drift:
         }
 
 
-@dataclass(frozen=True, slots=True)
-class _Seen:
+class _Seen(NamedTuple):
     """Times and shares of cells, first and last; all of shape (N,)."""
 
     east: NDArray[np.int64]
@@ -159,10 +158,7 @@ def _around(patch: Collection[Cell], seen: _Seen) -> _Seen:
     column, row = seen.east - low[0], seen.north - low[1]
     inside = (column >= 0) & (row >= 0) & (column < wide) & (row < deep)
     inside[inside] = near[column[inside], row[inside]]
-    return _Seen(
-        column[inside], row[inside], seen.begin_s[inside], seen.begin_share[inside],
-        seen.end_s[inside], seen.end_share[inside],
-    )  # fmt: skip
+    return _Seen(column[inside], row[inside], *(values[inside] for values in seen[2:]))
 
 
 def _is_part(share: Floats) -> NDArray[np.bool_]:

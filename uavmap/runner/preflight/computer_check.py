@@ -33,7 +33,7 @@ from uavmap.aircraft.imaging.classifier import Classifier
 from uavmap.aircraft.path_stream import INTERVAL_S
 from uavmap.base.extras import install_command
 from uavmap.base.version import __version__
-from uavmap.load.planner_setup import ready_planner
+from uavmap.load.strategy_source import ready_planner
 from uavmap.runner.preflight.finding import Finding, bad, ok, warn
 from vision.projection import Frame
 

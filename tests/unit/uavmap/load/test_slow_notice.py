@@ -13,7 +13,7 @@ import pytest
 from missions.planning.kernels import jit, swath
 from missions.planning.sweep import memo
 from uavmap.journal import event_log
-from uavmap.load.planner_setup import ready_planner
+from uavmap.load.strategy_source import ready_planner
 from uavmap.runner import flight
 from uavmap.ui.cli import main
 
@@ -110,7 +110,7 @@ def test_nothing_is_compiled_after_the_planner_was_got_ready(tmp_path: Path) -> 
         import sys
         from missions.planning.kernels import swath
         from uavmap.ui.cli import main
-        from uavmap.load.planner_setup import ready_planner
+        from uavmap.load.strategy_source import ready_planner
 
         def forms():
             kernels = {name: k for name, k in vars(swath).items() if hasattr(k, "signatures")}
