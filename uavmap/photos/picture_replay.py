@@ -33,8 +33,7 @@ from uavmap.journal.flight_plan import FlightPlan
 from uavmap.output.facts.boundary_file import BoundaryMap
 from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.flown_mission import TAKEN, Calendar, taken_meta
-from uavmap.output.facts.vote_tally import Votes, weighed
-from uavmap.output.results import Replayed, flown_replay, write_replay
+from uavmap.output.results import Replayed, Votes, flown_replay, weighed, write_replay
 from uavmap.photos.ground.fine_map import FineMap, beneath
 from uavmap.photos.ground.judging import Judge, Task
 from uavmap.photos.ground.rasters import Rasters, Wishes

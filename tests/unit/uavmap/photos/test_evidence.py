@@ -27,9 +27,9 @@ from uavmap.journal.event_log import Journal
 from uavmap.load.mission_source import mission_of_text
 from uavmap.output.facts.flown_mission import extent
 from uavmap.output.facts.map_model import CellTable
-from uavmap.output.facts.vote_tally import Votes, weighed
 from uavmap.output.formats import geojson_encoder as geojson
 from uavmap.output.formats import kml_encoder as kml
+from uavmap.output.results import Votes, weighed
 from uavmap.photos.mission_from_photos import derived
 from uavmap.photos.picture_replay import Looked, look_at_all
 from uavmap.photos.scratch_file import Spool
