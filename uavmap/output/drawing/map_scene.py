@@ -81,9 +81,11 @@ def line_layer(name: str, lines: Iterable[Iterable[Place]], *, closed: bool = Fa
 def map_view(data: MapData) -> View:
     """Create the view of cells, tracks, truth, box and home, and of a fence that is near."""
     points = [data.grid.fixed(data.start), *_fixed(data, data.box)]
-    if len(data.squares):
-        low, high = data.squares[:, :2].min(axis=0), data.squares[:, 2:].max(axis=0)
-        points += [GridPoint(*low.tolist()), GridPoint(*high.tolist())]
+    if len(data.cells):
+        cell_m, moved_m = data.grid.cell_m, drift_m(data.grid, data.t_s)
+        low, high = data.cells.cells.min(axis=0), data.cells.cells.max(axis=0)
+        corners_m = low * cell_m - cell_m / 2 + moved_m, high * cell_m + cell_m / 2 + moved_m
+        points += [GridPoint(*corner_m.tolist()) for corner_m in corners_m]
     points += [point for track in data.tracks for point in _track(data, track)]
     if data.truth is not None and not data.truth.is_empty:
         west, south, east, north = data.truth.bounds

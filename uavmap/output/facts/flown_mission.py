@@ -242,16 +242,14 @@ def _told(found: Iterable[Mapping[str, Any]], data: MapData) -> BoundaryTold | N
     lines = (one for name, one in features.items() if name.startswith("line "))
     numbers = [
         float(values["area_m2"]), float(values["area_low_m2"]), float(values["area_high_m2"]),
-        float(sum(line["properties"]["length_m"] for line in lines)), float(values["open_m"]),
-        float(values["position_m"]), 0.0 if uncertainty is None else float(uncertainty),
+        float(sum(line["properties"]["length_m"] for line in lines)),
+        0.0 if uncertainty is None else float(uncertainty), float(values["open_m"]),
+        float(values["position_m"]),
     ]  # fmt: skip
     if not np.isfinite(numbers).all() or not np.isfinite(shapely.get_coordinates(region)).all():
         return None
-    area_m2, low_m2, high_m2, length_m, open_m, position_m, uncertainty_m = numbers
-    return BoundaryTold(
-        region, area_m2, low_m2, high_m2, length_m,
-        None if uncertainty is None else uncertainty_m, open_m, position_m,
-    )  # fmt: skip
+    told = BoundaryTold(region, *numbers)
+    return replace(told, uncertainty_m=None) if uncertainty is None else told
 
 
 # --- a flight with its results --------------------------------------------------------------------

@@ -236,7 +236,7 @@ class MapData:
     def with_boundary(self, boundary: BaseGeometry) -> MapData:
         """Return the same map with a boundary, and keep what was computed of its cells."""
         other = replace(self, boundary=boundary)
-        kept = ("corners", "outline", "squares")
+        kept = ("corners", "outline")
         other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
         return other
 
@@ -249,15 +249,6 @@ class MapData:
     def outline(self) -> Polygon | MultiPolygon:
         """Around the cells of the region, in the moving frame."""
         return outline(self.roi_cells, self.grid)
-
-    @cached_property
-    def squares(self) -> NDArray[np.float64]:
-        """West, south, east and north of each cell in the fixed frame at the time of the map, m;
-        shape (n, 4)."""
-        grid, cells = self.grid, self.cells.cells.astype(np.float64)
-        half_m, middle_m = grid.cell_m / 2, cells * grid.cell_m
-        moved_m = drift_m(grid, self.t_s)
-        return np.hstack([middle_m - half_m + moved_m, middle_m + half_m + moved_m])
 
     @property
     def roi_cells(self) -> tuple[Cell, ...]:

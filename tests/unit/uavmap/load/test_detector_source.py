@@ -5,32 +5,40 @@ A model is kept with what it judged; what uavmap writes beside photographs is no
 
 from __future__ import annotations
 
+import shutil
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import ClassVar
+
 import numpy as np
 import pytest
+from PIL import Image
+
 from missions.errors import ImageError, MissionFileError
 from missions.mission.sections.detector_section import DetectorSection
-from tests.unit.missions.mission.test_mission_file import HEAD
-from uavmap.load import detector_source
-from uavmap.load.detector_source import check_detector, detector_of_section, known_detectors
-from uavmap.load.mission_source import mission_of_text
-from uavmap.ui.cli import main
-from vision.detectors.interface import certain
-import shutil
-from PIL import Image
 from tests.support.plans import plan_of
+from tests.unit.missions.mission.test_mission_file import HEAD
 from tests.unit.uavmap.photos.sources.test_replay_robust import good, mapped, shot
 from tests.unit.uavmap.photos.test_replay import paint
 from uavmap.journal.event_log import Journal, JournalReader
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
-from uavmap.load.detector_source import KEPT, detector_text, keep_detector
-from uavmap.load.mission_source import load
+from uavmap.load import detector_source
+from uavmap.load.detector_source import (
+    KEPT,
+    check_detector,
+    detector_of_section,
+    detector_text,
+    keep_detector,
+    known_detectors,
+)
+from uavmap.load.mission_source import load, mission_of_text
 from uavmap.photos.sources.inventory import gather
 from uavmap.photos.sources.photo_folder import Folder
 from uavmap.photos.tune import tune_job as tuning
+from uavmap.ui.cli import main
+from vision.detectors.interface import certain
 from vision.detectors.learned_model import Logistic, Model, model_bytes
+
 
 def section(text: str) -> DetectorSection:
     return mission_of_text(f"{HEAD}\n{text}", "m.toml").detector

@@ -5,26 +5,26 @@
 
 from __future__ import annotations
 
+import json
+import re
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
 import pytest
+
 import uavmap
-from missions.errors import NotFlownError
+from missions.errors import MissionFileError, NotFlownError
 from missions.mission.sections.detector_section import DetectorSection
 from missions.mission.sections.search_sections import PriorPlace
 from tests.support.hills import over, slope
 from tests.support.plans import named_text, plan_of
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
-from uavmap.load.mission_source import mission_of_text, shipped_missions, with_lines
+from uavmap.load.mission_source import load, mission_of_text, shipped_missions, with_lines
 from uavmap.runner import flight
 from uavmap.ui.cli import main
-import json
-import re
-from missions.errors import MissionFileError
-from uavmap.load.mission_source import load
 
 TEXT = """\
 name = "x"
