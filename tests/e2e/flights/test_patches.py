@@ -105,8 +105,8 @@ def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path: Path) ->
         watcher.take_in(event, state)
     watcher.refresh(whole=True)
     shown = {cell: STATES[code] for cell, code in watcher.board.cells.items()}
-    rows = map_data(setting, state, figures(setting, events)[1], None).cells
-    assert shown == {row.cell: row.state for row in rows}
+    table = map_data(setting, state, figures(setting, events)[1], None).cells
+    assert shown == {tuple(cell): state for cell, state, *_ in table.values()}
 
 
 @pytest.mark.parametrize(("attitude", "most_missed"), [(EXACT_ATTITUDE, 0), ("", 1)])

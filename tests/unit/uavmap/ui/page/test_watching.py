@@ -36,7 +36,8 @@ def test_the_board_of_a_flight_is_its_map(monkeypatch: pytest.MonkeyPatch) -> No
     watcher.refresh(whole=True)
     copy.apply(watcher.board.since(copy.version))
     final, found = figures(setting, events)
-    rows = {row.cell: row.state for row in map_data(setting, final, found, None).cells}
+    table = map_data(setting, final, found, None).cells
+    rows = {tuple(cell): state for cell, state, *_ in table.values()}
     shown = {cell: STATES[code] for cell, code in copy.cells.items()}
     assert shown == rows
     fields = copy.since(0)["fields"]
