@@ -24,7 +24,7 @@ from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 from uavmap.load.mission_source import load, mission_of_text, shipped_missions, with_lines
 from uavmap.runner import flight
-from uavmap.ui.cli import main
+from uavmap.ui.cli import flight_options, main
 
 TEXT = """\
 name = "x"
@@ -72,8 +72,8 @@ def test_a_mission_is_parsed_once(
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(tomllib, "loads", counted)
+    monkeypatch.setattr(flight_options, "fly", not_flown)
     monkeypatch.setattr(flight, "fly", not_flown)
-    monkeypatch.setattr("uavmap.ui.cli.flight_options.fly", not_flown)
     work()
     assert parsed == [named_text("runway").text]
 
