@@ -112,7 +112,7 @@ def test_the_votes_are_those_of_a_belief(seed: int) -> None:
         belief = belief.with_frame(vantage, frame, {v.cell: v.positive for v in said})
     assert votes.roi == set(belief.roi)
     found, _ = votes.counted()
-    counts = {row.cell: (row.positive, row.votes) for row in found}
+    counts = {Cell(*cell): (yes, count) for cell, _, yes, count, _ in found.values()}
     assert counts == {cell: tuple(tally) for cell, tally in belief.cells().items()}
 
 
