@@ -91,9 +91,9 @@ class RiggedFlight(Flight):
         self.rig, self.said = rig, said
 
     async def _fly_simulated(self) -> Truth:
-        simulation = Simulation(self._setting, self._plan.seed)
+        simulation = Simulation(self.setting, self._plan.seed)
         session = simulation.open_session(0, lambda frame: None)
-        card = self._folder / "card"
+        card = self.folder / "card"
         card.mkdir()
         async with asyncio.TaskGroup() as tasks:
             world = tasks.create_task(simulation.run())
