@@ -23,7 +23,7 @@ from missions.mission.schema import Mission, positions
 from missions.planning.search.lanes import LANE_CELLS, Lane
 from missions.planning.search.prior import LikelyLane
 from missions.planning.search.search_order import Pace, expected_s, plain_blocks
-from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.interface import Metric
 from missions.planning.sweep.plan_memo import PlanMemo
 from missions.units import Cell, GridPoint
 

@@ -52,11 +52,6 @@ class Optics:
         """Focal length in pixels."""
         return self.width_px / 2.0 / math.tan(self.hfov_rad / 2.0)
 
-    @property
-    def vfov_rad(self) -> float:
-        """Angle of view along the picture, top to bottom."""
-        return 2.0 * math.atan(self.height_px / 2.0 / self.focal_px)
-
     def gsd_m(self, height_m: float) -> float:
         """Ground sample distance: metres of ground to a pixel, from `height_m` above it."""
         return height_m / self.focal_px

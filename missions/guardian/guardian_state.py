@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from missions.geo.course import Course
+from missions.geo.braking import Course
 from missions.geo.fence import Fence
 from missions.guardian.thresholds import HEIGHT_LOST_M
 from missions.mission.energy import EnergyModel

@@ -64,8 +64,8 @@ class Evidence:
     >>> above, aslant = Vote(Cell(0, 0), True, 0.9), Vote(Cell(0, 0), False, 0.2)
     >>> evidence.add([above], [0.9])
     >>> evidence.add([aslant], [0.2])
-    >>> round(evidence.belief(Cell(0, 0)), 2), evidence.roi(0.5), evidence.cells()
-    (0.77, frozenset({Cell(east=0, north=0)}), {Cell(east=0, north=0): (1, 2)})
+    >>> round(evidence.belief(Cell(0, 0)), 2), evidence.is_roi(Cell(0, 0), 0.5), evidence.cells()
+    (0.77, True, {Cell(east=0, north=0): (1, 2)})
     """
 
     def __init__(self) -> None:
@@ -150,11 +150,6 @@ class Evidence:
         """The weight of all pictures on a cell, at least 0."""
         return float(self._sums_of(cell)[0, 0]) / _STEPS
 
-    def roi(self, share: float) -> frozenset[Cell]:
-        """The cells that are believed to be region in at least that share (`detector.share`)."""
-        found = self.weighings()
-        return frozenset(_named(found.cells[found.roi(share)]))
-
     def is_roi(self, cell: Cell, share: float) -> bool:
         """Whether there is weight enough on a cell, and it is region in at least that share."""
         return self.weight(cell) >= LEAST_WEIGHT and self.belief(cell) >= share
@@ -164,11 +159,6 @@ class Evidence:
         found = self.weighings()
         told = zip(found.positive.tolist(), found.pictures.tolist(), strict=True)
         return dict(zip(_named(found.cells), told, strict=True))
-
-    @property
-    def undecided(self) -> int:
-        """How many cells have too little weight to be decided."""
-        return int(np.count_nonzero(~self.weighings().decided))
 
 
 def _keys(cells: Cells) -> NDArray[np.int64]:

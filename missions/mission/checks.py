@@ -16,7 +16,9 @@ from typing import Any, Final
 
 from missions.errors import MissionFileError
 from missions.geo.grid import Grid
-from missions.mission import flyable, leapfrog_checks, places, terrain_checks
+from missions.mission import flyable, places
+from missions.mission.fleet_checks import leapfrog_faults
+from missions.mission.height_and_speed import terrain_faults
 from missions.mission.schema import Mission, parse_fields
 from missions.planning.stepwise import EXPLORERS
 from missions.planning.sweep.strategies import ON_PATHS, SWATH
@@ -75,7 +77,7 @@ def check(
         *(() if placeless else flyable.values(mission)),
         *_speeds(mission),
         *_team(mission),
-        *leapfrog_checks.faults(mission),
+        *leapfrog_faults(mission),
         *_moving_ground(mission),
     ]
     if not where:
@@ -86,7 +88,7 @@ def check(
             *places.prior_faults(mission, grid),
         ]
         if not where:
-            faults += terrain_checks.faults(mission, grid)
+            faults += terrain_faults(mission, grid)
             where = list(flyable.search(mission, grid))
     if faults or where:
         raise MissionFileError("\n".join(f"{source}: {fault}" for fault in [*where, *faults]))

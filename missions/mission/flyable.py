@@ -17,7 +17,6 @@ from shapely.ops import nearest_points, unary_union
 
 from missions.geo.fence import Fence, route_length_m
 from missions.geo.grid import Grid
-from missions.mission import terrain_checks
 from missions.mission.energy import CLIMB_SPEED_M_S, LEAST_HEADWAY_M_S
 from missions.mission.height_and_speed import (
     altitude_reason,
@@ -26,10 +25,11 @@ from missions.mission.height_and_speed import (
     layer_faults,
     picture_warnings,
     search_layer_faults,
+    terrain_warnings,
 )
 from missions.mission.places import drawn, far_homes, homes
 from missions.mission.schema import Mission, positions
-from missions.mission.sections.fields import AUTO
+from missions.mission.sections import AUTO
 from missions.mission.views import energy_model
 from missions.planning.search.lanes import LANE_CELLS, Lane, lanes
 from missions.units import GridPoint
@@ -301,7 +301,7 @@ def warnings(mission: Mission, grid: Grid) -> list[str]:
             f"{corner.sortie_wh:.1f} Wh with the reserve: it will not be reached"
         )
     found.extend(picture_warnings(mission))
-    found.extend(terrain_checks.warnings(mission))
+    found.extend(terrain_warnings(mission))
     if mission.sim.sensor_noise == 0.0 and not mission.camera.noiseless:
         found.append(
             "sim.sensor_noise = 0: pictures that are uniform or repeat are taken for those of a "

@@ -13,9 +13,8 @@ from shapely.validation import explain_validity
 from missions.geo.geodesy import NORTH_LIMIT_DEG, SOUTH_LIMIT_DEG
 from missions.geo.grid import Grid
 from missions.mission.schema import Mission, positions
-from missions.mission.sections.fields import Vertex
-from missions.mission.sections.search_sections import PriorPlace
-from missions.mission.sections.sim_section import SimRegion
+from missions.mission.sections import PriorPlace, Vertex
+from missions.mission.sim_section import SimRegion
 from missions.planning.search.prior import Area, Spot
 from missions.units import GridPoint, LatLon
 

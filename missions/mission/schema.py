@@ -23,29 +23,32 @@ from missions.errors import MissionFileError
 from missions.geo.footprint import Optics
 from missions.geo.terrain import Relief, Terrain
 from missions.mission.messages import explain
-from missions.mission.sections.detector_section import DetectorSection
-from missions.mission.sections.fields import (
+from missions.mission.sections import (
     AUTO,
     Altitude,
     Count,
+    DetectorSection,
+    Drift,
     FileName,
+    Guardian,
     HostName,
+    Lattice,
     NotNegative,
     Number,
     Positive,
     Ring,
+    Search,
     Section,
     TagDictionary,
-    Vertex,
-)
-from missions.mission.sections.search_sections import Drift, Guardian, Search, Team, Votes, Wind
-from missions.mission.sections.sim_section import Sim
-from missions.mission.sections.terrain_section import (
-    Lattice,
+    Team,
     TerrainSection,
+    Vertex,
+    Votes,
+    Wind,
     relief_in,
     terrain_in,
 )
+from missions.mission.sim_section import Sim
 from missions.units import LatLon
 
 MAX_VEHICLES = 50

@@ -5,7 +5,7 @@ between two of them that their pictures show. From both follows the error of the
 and whether satellites can be believed. What it is for and how it does: docs/own-map.md.
 """
 
-from missions.navigation.position_error import Disagreement, Estimate, ToldErrors
+from missions.navigation.network import Disagreement, Estimate, ToldErrors
 from missions.navigation.track import Track
 
 __all__ = ["Disagreement", "Estimate", "ToldErrors", "Track"]

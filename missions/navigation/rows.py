@@ -10,14 +10,20 @@ from typing import Final, Literal
 
 import numpy as np
 
-from missions.navigation.network import Links, Numbers, Reals, Solution, Steps, Turns
-from missions.navigation.position_error import UNEASE_M, ToldErrors
+from missions.navigation.network import (
+    UNEASE_M,
+    Links,
+    Numbers,
+    Reals,
+    Solution,
+    Steps,
+    ToldErrors,
+    Turns,
+)
 
 _ANYWHERE_M: Final = 1000.0  # the error of a first keyframe whose satellites are not trusted
 _LEAP_M: Final = 100.0  # how far a told position may leap, once links have shown that it did
-_KNOT_S: Final = (
-    3.0  # between two times at which scale and rotation are known; longer if it must be
-)
+_KNOT_S: Final = 3.0  # between times at which scale and rotation are known; longer if it must be
 _MOST_KNOTS: Final = 40
 _BEND: Final = 0.1  # of what a process without inertia would do between knots: filters smooth
 

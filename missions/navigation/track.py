@@ -19,8 +19,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.navigation.network import Links, Solution, Turns, solve
-from missions.navigation.position_error import Disagreement, Estimate, ToldErrors
+from missions.navigation.network import (
+    Disagreement,
+    Estimate,
+    Links,
+    Solution,
+    ToldErrors,
+    Turns,
+    solve,
+)
 from missions.navigation.rows import (
     Key,
     Knots,

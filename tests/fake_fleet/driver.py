@@ -34,7 +34,7 @@ from missions.events import (
     Tracked,
     Vote,
 )
-from missions.geo.course import Course
+from missions.geo.braking import Course
 from missions.guardian import (
     HASTE_M_S,
     Guard,

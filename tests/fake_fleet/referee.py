@@ -18,7 +18,7 @@ from missions.flight.step import fold
 from missions.guardian import PAD_M
 from missions.lab.arena.roi import component
 from missions.mapping.belief import FrameId
-from missions.mapping.breadth_first import patches
+from missions.mapping.tree import patches
 from missions.orders import StandDown, TakeOff
 from missions.planning.search.lanes import point_on
 from missions.units import GridPoint

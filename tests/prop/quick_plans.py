@@ -19,8 +19,8 @@ def quick_plans() -> Iterator[None]:
     Not where paths themselves are looked at: good plans bring vehicles closer to each other.
     """
     from missions.planning.sweep import memo  # noqa: PLC0415 - numba takes a second to load
+    from missions.planning.sweep.paths import Tuning  # noqa: PLC0415, as above
     from missions.planning.sweep.plan_memo import PlanMemo  # noqa: PLC0415, as above
-    from missions.planning.sweep.planned_team import Tuning  # noqa: PLC0415, as above
     from missions.planning.sweep.sweep_planner import Plan  # noqa: PLC0415, as above
 
     thorough = memo.plan_once

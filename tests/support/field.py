@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.flight.setting_of import setting_of
 from missions.mission.schema import Mission, VehicleSection
-from missions.mission.sections.sim_section import SimFault
+from missions.mission.sim_section import SimFault
 from sitl.vehicle import SimVehicle
 from tests.support.flights import small_mission
 from tests.support.said import Said

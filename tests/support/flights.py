@@ -13,7 +13,7 @@ from missions.events import Airborne, Event, FrameSeen, Overridden
 from missions.flight.setting_of import setting_of
 from missions.geo.grid import Grid
 from missions.mission.schema import Mission
-from missions.mission.sections.sim_section import SimQuirks, SimRegion
+from missions.mission.sim_section import SimQuirks, SimRegion
 from missions.orders import FlyTo, Look, Order, StandDown, TakeOff
 from missions.units import Cell, GridPoint
 from tests.support.small_missions import CELL_M, START, mission, square

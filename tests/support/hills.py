@@ -9,7 +9,7 @@ import numpy as np
 from missions.geo.terrain import Heights, encoded
 from missions.mission.checks import parse_mission
 from missions.mission.schema import Mission
-from missions.mission.sections.terrain_section import Lattice, TerrainSection
+from missions.mission.sections import Lattice, TerrainSection
 
 SIDE_M = 240.0
 STEP_M = 4.0

@@ -15,7 +15,7 @@ from pydantic import BaseModel
 
 from missions.flight.state import Phase, ReturnReason
 from missions.mission.schema import Mission, VehicleSection
-from missions.mission.sections.sim_section import SimFault
+from missions.mission.sim_section import SimFault
 from sitl.testing import Vehicle
 from uavmap.ui.cli import parser
 

@@ -6,7 +6,7 @@ import itertools
 from typing import Final
 
 from missions.flight.setting import Setting
-from missions.geo.course import Course
+from missions.geo.braking import Course
 from missions.guardian import Task
 from missions.mission.energy import CLIMB_SPEED_M_S
 from missions.orders import FlyPath, FlyTo, Hold, Land, Look, Order, Sweep, TakeOff

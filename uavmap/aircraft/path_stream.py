@@ -22,7 +22,7 @@ from typing import Final, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import LinkError
-from missions.geo.course import Course
+from missions.geo.braking import Course
 from missions.orders import FlyPath
 from missions.units import GridPoint
 from uavmap.aircraft.controlled_commands import ControlledCommands, NotOursError

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from missions.partition import Partition
+from missions.fleet_events import Partition
 from missions.units import GridPoint
 
 OVERHEAD_BYTES: Final = 28

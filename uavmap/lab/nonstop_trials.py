@@ -7,10 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from missions.lab.arena.nonstop import Flown, Team, flown
-from missions.lab.arena.offline_reference import reference
 from missions.lab.arena.roi import Roi
 from missions.lab.arena.survey import surveyed
-from missions.lab.arena.time_bounds import lower_bound_s
+from missions.lab.arena.time_bounds import lower_bound_s, reference
 from missions.planning.sweep.strategies import SURVEY, About
 from uavmap.lab.trials import Figures, Trial, means_of, ratio
 

@@ -23,7 +23,7 @@ from shapely.geometry.base import BaseGeometry
 from missions.errors import GeodesyError, RoiError
 from missions.geo.grid import Grid
 from missions.lab.arena.roi import KINDS, MAX_CELLS, Roi, boundary, component, grown
-from missions.mapping.breadth_first import patches
+from missions.mapping.tree import patches
 from missions.units import Cell, LatLon
 from uavmap.base.text_files import read_text
 from uavmap.output.facts.score import MISSED_SHARE, cells_near, shares_of

@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from missions.errors import LinkError, RoiError, StrategyError, UavmapError
 from missions.lab.arena.roi import Roi
 from missions.lab.strategies import EXPLORERS
-from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.interface import Metric
 from missions.planning.sweep.strategies import NONSTOP
 from missions.units import LatLon
 from uavmap.base.arguments import Paths, number, path_text, whole
 from uavmap.base.extras import install_command
 from uavmap.lab.roi_files import load_rois
-from uavmap.lab.simulated_links import simulated_links
 from uavmap.lab.trials import Means, Terms, Trial, by_strategy, means, means_by_name, trials
 
 if TYPE_CHECKING:
     import pandas
+
+from missions.fleet_events import Partition
+from missions.lab.arena.arena_run import Comms
+from missions.lab.arena.radio import Links
+from uavmap.fleet.simulated_radio import RANGE, link_words
 
 MOST_ROBOTS = 1000
 _SPEED_M_S = 6.0
@@ -197,3 +202,66 @@ def _rois(
     if not found:
         raise RoiError("roi is empty; name a region")
     return found
+
+
+# --- the radio between robots on the grid ------------------------------------------------------
+KINDS: Final = ("shared", "free", "meeting")
+_KEYS: Final = ("loss", "delay", "rate")
+_TIME: Final = r"([0-9]+(?:\.[0-9]+)?)"
+_GROUPS: Final = r"[0-9]+(?:[+/][0-9]+)*"
+_APART: Final = re.compile(f"{_TIME}-{_TIME}(?::({_GROUPS}))?", re.ASCII)
+_APART_MEANT: Final = "apart:BEGIN-END, or with groups of robots apart:BEGIN-END:1+2/3+4"
+
+
+def simulated_links(text: str, robots: int, seed: int) -> Comms | Links:
+    """Read links; lengths in cells, times in steps. `free` is another word for `shared`.
+
+    The seed is of the losses. Raises `ValueError` with the text and the remedy.
+
+    >>> simulated_links("meeting", 3, 1)
+    <Comms.MEETING: 'meeting'>
+    >>> simulated_links("range:8,loss:0.2,apart:10-30:1+2", 3, 1).apart
+    (Partition(begin=10.0, end=30.0, groups=(frozenset({0, 1}),)),)
+    """
+    words = link_words(text, KINDS, "CELLS", _KEYS, ("apart",))
+    if words.kind == Comms.MEETING and (words.numbers or words.others):
+        raise ValueError("who talks only at a vertex needs no radio; write meeting alone, or range")
+    if words.kind == Comms.MEETING:
+        return Comms.MEETING
+    if words.kind != RANGE and not words.numbers and not words.others:
+        return Comms.SHARED
+    return Links(
+        range_cells=words.numbers.get(RANGE, math.inf),
+        loss=words.numbers.get("loss", 0.0),
+        delay=words.numbers.get("delay", 0.0),
+        rate=words.numbers.get("rate", math.inf),
+        apart=tuple(_apart(text, robots) for _, text in words.others),
+        seed=seed,
+    )
+
+
+def draws(comms: Comms | Links) -> bool:
+    """Return whether a seed makes a difference.
+
+    >>> draws(Links(loss=0.1)), draws(Links(loss=1.0)), draws(Comms.SHARED)
+    (True, False, False)
+    """
+    return isinstance(comms, Links) and 0.0 < comms.loss < 1.0
+
+
+def _apart(text: str, robots: int) -> Partition:
+    """Read a partition; robots are numbered from 1."""
+    found = _APART.fullmatch(text)
+    if found is None:
+        raise ValueError(f"apart:{text} is no time; write {_APART_MEANT}")
+    begin, end = float(found[1]), float(found[2])
+    if not begin < end:
+        raise ValueError(f"apart:{text} ends before it begins; write {_APART_MEANT}")
+    numbers = [[int(n) for n in group.split("+")] for group in (found[3] or "").split("/") if group]
+    flat = [n for group in numbers for n in group]
+    for robot in flat:
+        if not 1 <= robot <= robots:
+            raise ValueError(f"apart:{text}: robot {robot} is none of 1 to {robots}")
+        if flat.count(robot) > 1:
+            raise ValueError(f"apart:{text}: robot {robot} stands there twice; leave one out")
+    return Partition(begin, end, tuple(frozenset(n - 1 for n in group) for group in numbers))

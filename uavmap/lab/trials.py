@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
-from missions.lab.arena.arena_run import Comms, Run, run
-from missions.lab.arena.certificate import certify
+from missions.lab.arena.arena_run import Comms, Run, certify, run
 from missions.lab.arena.radio import Links
 from missions.lab.arena.roi import Roi
-from missions.planning.bounds.lower_bounds import LowerBounds
+from missions.planning.lower_bounds import LowerBounds
 from missions.planning.stepwise import Explorer
-from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.interface import Metric
 
 Figures = dict[str, Any]
 """As in the JSON of `uavmap simulate`."""

@@ -25,7 +25,7 @@ from missions.geo.grid import Grid
 from missions.geo.terrain import encoded
 from missions.mission.places import positions_near
 from missions.mission.schema import Mission
-from missions.mission.sections.terrain_section import MOST_POINTS, Lattice, TerrainSection
+from missions.mission.sections import MOST_POINTS, Lattice, TerrainSection
 from missions.units import GridPoint, LatLon
 from uavmap.base.extras import install_command
 

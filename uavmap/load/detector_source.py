@@ -26,7 +26,7 @@ from pydantic import ValidationError
 from missions.errors import ImageError, MissionFileError, OutputError
 from missions.mission.messages import explain
 from missions.mission.schema import Mission
-from missions.mission.sections.detector_section import DetectorSection
+from missions.mission.sections import DetectorSection
 from uavmap.base.extras import install_command
 from uavmap.base.text_files import read_bytes, read_text
 from vision.detectors import (

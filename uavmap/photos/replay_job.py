@@ -21,8 +21,8 @@ import shapely
 
 from missions.errors import OutputError, UavmapError
 from missions.flight.setting_of import setting_of
+from missions.mission.height_and_speed import refuse_unknown_ground
 from missions.mission.schema import Mission
-from missions.mission.terrain_checks import refuse_unknown_ground
 from uavmap.base.atomic_write import write_text
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan

@@ -24,8 +24,8 @@ from missions.errors import (
 )
 from missions.flight.setting import Setting
 from missions.flight.state import State
+from missions.mission.height_and_speed import refuse_unknown_ground
 from missions.mission.schema import Mission
-from missions.mission.terrain_checks import refuse_unknown_ground
 from uavmap.base.extras import install_command
 from uavmap.fleet.fleet_radio import check_network
 from uavmap.journal.event_log import PLAIN, Journal, planner

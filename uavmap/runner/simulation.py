@@ -21,7 +21,7 @@ from missions.flight.setting_of import setting_of
 from missions.geo.grid import Grid
 from missions.mission.places import home_heights_m, homes
 from missions.mission.schema import Mission, positions
-from missions.mission.sections.sim_section import SimFault
+from missions.mission.sim_section import SimFault
 from missions.planning.sweep.strategies import LEAPFROG
 from missions.units import GridPoint, LatLon
 from sitl.camera.pinhole import CameraSpec

@@ -23,7 +23,7 @@ from missions.planning.sweep.chart import Known
 from missions.units import Cell, GridPoint
 
 if TYPE_CHECKING:
-    from missions.planning.sweep.planned_team import Valued
+    from missions.planning.sweep.paths import Valued
 
 MOST_ROUTES: Final = 12
 """So many places, the nearest first, are tried for a way inside the fence."""
@@ -68,7 +68,7 @@ def fetch(
 
 def _needed(setting: Setting, known: Known) -> list[Cell]:
     """The cells that have to be decided, and are not."""
-    from missions.planning.sweep.planned_team import Tuning  # noqa: PLC0415 - numba takes a second
+    from missions.planning.sweep.paths import Tuning  # noqa: PLC0415 - numba takes a second
 
     worth, need, candidates, _ = value_of(setting, known)
     least_s = 0.5 * Tuning().penalty_s
@@ -78,7 +78,7 @@ def _needed(setting: Setting, known: Known) -> list[Cell]:
 def value_of(setting: Setting, known: Known) -> Valued:
     """What a frame of each cell is worth, and how many cells have to be decided still."""
     from missions.planning.sweep.memo import valued  # noqa: PLC0415 - numba takes a second
-    from missions.planning.sweep.planned_team import Tuning  # noqa: PLC0415, as above
+    from missions.planning.sweep.paths import Tuning  # noqa: PLC0415, as above
     from missions.planning.sweep.sweep_planner import Planner  # noqa: PLC0415, as above
 
     votes = setting.mission.votes

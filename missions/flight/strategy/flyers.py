@@ -14,8 +14,7 @@ from missions.mission.views import DRAG_1_S, G_M_S2, path_speed_m_s, seen_whole_
 from missions.units import GridPoint
 
 if TYPE_CHECKING:
-    from missions.planning.sweep.paths import Route
-    from missions.planning.sweep.planned_team import Flyer, Kinematics
+    from missions.planning.sweep.paths import Flyer, Kinematics, Route
 
 LONGEST_S: Final = 300.0
 """A path is not planned for later: a region that drifts would be out of the fence by then."""
@@ -32,7 +31,7 @@ def flyer_of(
 
     `planned` is the path that was planned for it last, and `route` what that was made of.
     """
-    from missions.planning.sweep.planned_team import Flyer  # noqa: PLC0415 - numba takes a second to load
+    from missions.planning.sweep.paths import Flyer  # noqa: PLC0415 - numba takes a second to load
 
     grid = setting.grid
     path = vehicle.path
@@ -125,7 +124,7 @@ def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
 
     The nose is held at `setting.yaw_rad`, so the picture's sides lie along the axes.
     """
-    from missions.planning.sweep.planned_team import Kinematics  # noqa: PLC0415 - numba takes a second to load
+    from missions.planning.sweep.paths import Kinematics  # noqa: PLC0415 - numba takes a second to load
 
     mission, grid = setting.mission, setting.grid
     height_m = vehicle.cruise_height_m

@@ -35,7 +35,7 @@ from missions.units import Cell, GridPoint
 
 if TYPE_CHECKING:
     from missions.planning.sweep.chart import Known
-    from missions.planning.sweep.planned_team import Flyer
+    from missions.planning.sweep.paths import Flyer
     from missions.planning.sweep.tours import Tour, Waypoints
 
 Bits = NDArray[np.bool_]

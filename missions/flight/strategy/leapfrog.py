@@ -29,7 +29,7 @@ from missions.flight.strategy.survey import Survey
 from missions.flight.strategy.sweep_passes import give_up_rest
 from missions.geo.path_in_fence import is_outside
 from missions.geo.trajectory import ACCELERATION_M_S2
-from missions.mission.leapfrog_checks import tracker_view
+from missions.mission.fleet_checks import tracker_view
 from missions.mission.views import path_speed_m_s
 from missions.planning.leapfrog_geometry import LEAST_M, Role, Step, steps_along
 from missions.planning.search.lanes import Lane, unseen

@@ -34,8 +34,7 @@ from missions.planning.sweep.chart import Known
 from missions.units import Cell
 
 if TYPE_CHECKING:
-    from missions.planning.sweep.paths import Route
-    from missions.planning.sweep.planned_team import Flyer
+    from missions.planning.sweep.paths import Flyer, Route
     from missions.planning.sweep.sweep_planner import Plan
     from missions.planning.sweep.tours import Waypoints
 
@@ -255,7 +254,7 @@ def _plan(
     times: float,
 ) -> Plan:
     from missions.planning.sweep.memo import plan_once  # noqa: PLC0415 - numba takes a second to load
-    from missions.planning.sweep.planned_team import Tuning  # noqa: PLC0415, as above
+    from missions.planning.sweep.paths import Tuning  # noqa: PLC0415, as above
 
     votes = setting.mission.votes
     penalty_s = Tuning().penalty_s * times * PRESSING**memory.pressing

@@ -20,7 +20,7 @@ from missions.planning.sweep.chart import Known
 from missions.units import Cell
 
 if TYPE_CHECKING:
-    from missions.planning.sweep.planned_team import Flyer
+    from missions.planning.sweep.paths import Flyer
     from missions.planning.sweep.tours import Tour, Tours, Waypoints
 
 EVERY_S: Final = 4.0

@@ -37,7 +37,7 @@ from missions.planning.sweep.chart import Chart, Ints, Known
 from missions.units import Cell, GridPoint
 
 if TYPE_CHECKING:
-    from missions.planning.sweep.planned_team import Flyer
+    from missions.planning.sweep.paths import Flyer
     from missions.planning.sweep.tours import Tour, Waypoints
 
 EVERY_S: Final = 4.0

@@ -18,12 +18,16 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from missions.errors import StrategyError
-from missions.lab.arena.minds import Mind, look
-from missions.lab.arena.radio import Links, Radio
+from missions.lab.arena.radio import Links, Mind, Radio, look
 from missions.mapping.tree import Tree
+from missions.planning.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
 from missions.planning.stepwise import Decision, Explorer, Situation
-from missions.planning.stepwise.interface import refuse_impossible
-from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.interface import (
+    Metric,
+    bound_time,
+    promised_moves,
+    refuse_impossible,
+)
 from missions.units import Cell
 
 _SAME_INSTANT = 1e-9
@@ -289,3 +293,55 @@ class _Arena:
                 mind = mind.meet(self.minds[robot])
             for robot in here:
                 self.minds[robot] = mind
+
+
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """A makespan between its bounds; all times in the same unit."""
+
+    makespan: float
+    lower_bound: float
+    """No team is faster on this ROI."""
+    bound: float | None
+    """The strategy's promise for this ROI; None without one."""
+    tree_depth: int
+    cells: int
+
+    @property
+    def bound_held(self) -> bool | None:
+        """Whether the strategy kept its promise; None without one."""
+        if self.bound is None:
+            return None
+        return self.makespan <= self.bound * (1.0 + _ROUNDING)
+
+
+def certify(
+    run: Run,
+    explorer: Explorer,
+    robots: int,
+    metric: Metric,
+    static: LowerBounds,
+    comms: Comms | Links = Comms.SHARED,
+) -> Certificate:
+    """The certificate of a run in the arena that explored the whole ROI.
+
+    `static` holds the bounds for steps to neighbours; straight flight has its own. Strategies
+    promise for teams that share what they know: other teams walk into what is explored already,
+    and get no bound, nor does a case that `promised_moves` excludes.
+    """
+    tree = run.tree
+    lower = flight_lower_bound(tree.vertices, tree.root, robots, metric)
+    if not metric.straight:
+        lower = max(lower, drift_lower_bound(static.moves(robots), metric))
+    shared = comms is Comms.SHARED
+    moves = promised_moves(explorer, tree, robots, metric) if shared else None
+    return Certificate(
+        makespan=run.makespan,
+        lower_bound=lower,
+        bound=bound_time(moves, metric),
+        tree_depth=tree.depth,
+        cells=len(tree),
+    )

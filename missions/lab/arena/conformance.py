@@ -19,18 +19,17 @@ import numpy as np
 
 from missions.errors import StrategyError
 from missions.lab.arena.arena_run import Comms, Run, patience_of, run
-from missions.lab.arena.minds import look
-from missions.lab.arena.radio import Links
+from missions.lab.arena.radio import Links, look
 from missions.lab.arena.roi import component, eden, thin
 from missions.mapping.tree import Tree
 from missions.planning.stepwise.interface import (
     Decision,
     Explorer,
     Memory,
+    Metric,
     Situation,
     promised_moves,
 )
-from missions.planning.stepwise.metric import Metric
 from missions.units import Cell
 
 START = Cell(0, 0)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import RoiError
-from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.interface import Metric
 from missions.units import Cell
 
 _NONE = -1

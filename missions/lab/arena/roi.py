@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from missions.errors import RoiError
-from missions.mapping.breadth_first import neighbours_in, reached
+from missions.mapping.tree import neighbours_in, reached
 from missions.units import Cell
 
 MAX_CELLS = 1_000_000

@@ -19,7 +19,7 @@ from missions.geo.trajectory import Trajectory, rounded_path
 from missions.lab.arena.nonstop import Flown, Ground, Team
 from missions.lab.arena.roi import Roi
 from missions.planning.kernels import worth as kernels
-from missions.planning.sweep.planned_team import Kinematics
+from missions.planning.sweep.paths import Kinematics
 from missions.units import Cell, GridPoint
 
 MARGIN_CELLS = 2

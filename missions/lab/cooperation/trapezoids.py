@@ -22,8 +22,7 @@ from itertools import count
 from typing import Final
 
 from missions.errors import StrategyError
-from missions.lab.cooperation.exploration import Exploration, Why
-from missions.lab.cooperation.robot_team import Team
+from missions.lab.cooperation.exploration import Exploration, Team, Why
 from missions.lab.cooperation.space import Point, Space
 from missions.lab.cooperation.stripes import Door, Stripe, stripes_of
 

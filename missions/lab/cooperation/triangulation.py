@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import StrategyError
-from missions.lab.cooperation.exploration import Exploration, Why
-from missions.lab.cooperation.robot_team import Team
+from missions.lab.cooperation.exploration import Exploration, Team, Why
 from missions.lab.cooperation.space import GRID_M, Point, Space
 
 Corner = tuple[int, int]

@@ -26,7 +26,7 @@ from typing import Final
 
 import numpy as np
 
-from missions.lab.localization.neighbourhood import (
+from missions.lab.localization.grid_map import (
     DIRECTIONS,
     NORTH,
     SOUTH,

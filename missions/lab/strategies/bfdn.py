@@ -22,8 +22,7 @@ from dataclasses import dataclass
 from typing import cast
 
 from missions.mapping.tree import Tree
-from missions.planning.stepwise.interface import Decision, Situation
-from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.interface import Decision, Metric, Situation
 from missions.units import Cell
 
 _DEGREE = 4

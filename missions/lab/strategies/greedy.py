@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import cast
 
 from missions.lab.strategies.leg_costs import Ways, headed_for
-from missions.mapping.breadth_first import step_home
-from missions.planning.stepwise.interface import Decision, Situation
-from missions.planning.stepwise.metric import Metric
+from missions.mapping.tree import step_home
+from missions.planning.stepwise.interface import Decision, Metric, Situation
 from missions.units import Cell
 
 

@@ -13,8 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from missions.lab.strategies.leg_costs import Ways
-from missions.mapping.breadth_first import step_home
-from missions.mapping.tree import Tree
+from missions.mapping.tree import Tree, step_home
 from missions.planning.stepwise.interface import Decision, Situation
 from missions.units import Cell
 

@@ -10,9 +10,8 @@ from collections import Counter
 from collections.abc import Collection, Mapping
 from functools import cache
 
-from missions.mapping.breadth_first import neighbours_in, reached
-from missions.mapping.tree import Tree
-from missions.planning.stepwise.metric import Metric
+from missions.mapping.tree import Tree, neighbours_in, reached
+from missions.planning.stepwise.interface import Metric
 from missions.units import Cell
 
 

@@ -24,8 +24,7 @@ from dataclasses import dataclass, field
 from typing import cast
 
 from missions.lab.strategies.leg_costs import Ways, headed_for
-from missions.mapping.breadth_first import step_home, step_towards
-from missions.mapping.tree import Tree
+from missions.mapping.tree import Tree, step_home, step_towards
 from missions.planning.stepwise.interface import Decision, Situation
 from missions.units import Cell
 

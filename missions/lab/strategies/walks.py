@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import cast
 
-from missions.mapping.breadth_first import step_home
+from missions.mapping.tree import step_home
 from missions.planning.stepwise.interface import Decision, Situation
 from missions.units import Cell
 

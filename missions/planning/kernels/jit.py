@@ -8,6 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -23,8 +26,8 @@ else:
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of arrays if numba is there; a kernel may call others of its own module.
 
-    Of another only what never changes (`missions.planning.kernels.annealing`): numba compiles anew
-    when the file of a kernel changes, but does not see that a callee in another file did.
+    Of another only what never changes (the end of this one): numba compiles anew when the file of a
+    kernel changes, but does not see that a callee in another file did.
 
     The compiled code is kept beside the source, else in the user's cache, so that only the first
     run on a machine compiles. Where neither can be written every run does.
@@ -37,3 +40,34 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
     except RuntimeError:  # numba finds no folder to write to
         compiled = njit(cache=False)(function)
     return compiled
+
+
+# --- what the annealings of paths and of tours share ---------------------------------------------
+# Compiled code of other modules holds these functions, and is not compiled anew when this file
+# changes. So each keeps its meaning under its name: what is to give other numbers gets another.
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@kernel
+def uniform(state: Ints) -> float:
+    """A number from 0 to 1 (Park and Miller's generator, multiplier 48271)."""
+    state[0] = state[0] * 48271 % 2147483647
+    return float(state[0]) / 2147483647.0
+
+
+@kernel
+def draw(state: Ints, n: int) -> int:
+    """A whole number from 0 to n - 1."""
+    return int(uniform(state) * n) % n
+
+
+@kernel
+def team_s(total: Floats, last: float) -> float:
+    """Seconds of a team: the part `last` of the last vehicle's, the rest of everybody's."""
+    most, both = 0.0, 0.0
+    for v in range(total.shape[0]):
+        most = max(most, total[v])
+        both += total[v]
+    cost: float = last * most + (1.0 - last) * both / total.shape[0]
+    return cost

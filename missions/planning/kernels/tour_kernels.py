@@ -14,8 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.planning.kernels.annealing import draw, team_s, uniform
-from missions.planning.kernels.jit import kernel
+from missions.planning.kernels.jit import draw, kernel, team_s, uniform
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

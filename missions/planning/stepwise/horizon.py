@@ -39,8 +39,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
-from missions.mapping.breadth_first import step_home
-from missions.mapping.tree import Tree, Vertex
+from missions.mapping.tree import Tree, Vertex, step_home
 from missions.planning.stepwise.interface import Decision, Situation
 from missions.planning.stepwise.rdfs import Rdfs, rdfs_bound_moves
 from missions.planning.stepwise.route_planner import SMALL_TEAM, Ground, Sites, step_cost

@@ -17,8 +17,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from missions.mapping.breadth_first import distances
-from missions.mapping.tree import Tree
+from missions.mapping.tree import Tree, distances
 from missions.planning.stepwise.interface import Decision, Situation
 from missions.units import Cell
 

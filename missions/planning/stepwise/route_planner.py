@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.mapping.breadth_first import distances
-from missions.mapping.tree import Tree
-from missions.planning.stepwise.interface import Situation
-from missions.planning.stepwise.metric import Metric
+from missions.mapping.tree import Tree, distances
+from missions.planning.stepwise.interface import Metric, Situation
 from missions.units import Cell
 
 if TYPE_CHECKING:

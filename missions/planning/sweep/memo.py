@@ -13,8 +13,8 @@ from typing import Final
 
 from missions.planning.kernels.jit import COMPILED
 from missions.planning.sweep.chart import Chart, Known
+from missions.planning.sweep.paths import Flyer, Kinematics, Tuning, Valued
 from missions.planning.sweep.plan_memo import PlanMemo
-from missions.planning.sweep.planned_team import Flyer, Kinematics, Tuning, Valued
 from missions.planning.sweep.sweep_planner import Plan, Planner
 from missions.planning.sweep.tours import KEEP_S, LEAST_WORK, Tours, Waypoints, lay_tours
 from missions.units import Cell, GridPoint

@@ -26,15 +26,17 @@ from missions.planning.kernels import worth as worths
 from missions.planning.sweep.chart import Chart, Flags
 from missions.planning.sweep.paths import (
     Floats,
+    Flyer,
     Ints,
     Route,
+    Tuning,
+    Valued,
     ahead,
     geometry,
     path_of,
     segments_of,
     within,
 )
-from missions.planning.sweep.planned_team import Flyer, Tuning, Valued
 from missions.units import GridPoint
 
 _TIMES: Final = 1.2

@@ -17,8 +17,7 @@ import numpy as np
 
 from missions.planning.kernels import tour_kernels as kernels
 from missions.planning.sweep.chart import Chart
-from missions.planning.sweep.paths import Floats, Ints
-from missions.planning.sweep.planned_team import Flyer, Valued
+from missions.planning.sweep.paths import Floats, Flyer, Ints, Valued
 
 LEAST_WORK: Final = 24
 """Cells; less is left to annealing alone."""

@@ -21,7 +21,7 @@ from missions.lab.arena.arena_run import run
 from missions.lab.arena.fast import Lattice, run_rdfs
 from missions.lab.arena.roi import grown
 from missions.lab.strategies import EXPLORERS
-from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.interface import Metric
 from missions.units import Cell
 from tests.benchmarks.frame import asked, head, row
 

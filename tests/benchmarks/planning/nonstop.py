@@ -14,11 +14,11 @@ from statistics import fmean, stdev
 from typing import Any
 
 from missions.lab.arena.nonstop import Camera, Run, Team, flown
-from missions.lab.arena.offline_reference import reference
 from missions.lab.arena.roi import Roi, grown
 from missions.lab.arena.survey import surveyed
+from missions.lab.arena.time_bounds import reference
 from missions.planning.sweep.memo import warm_up
-from missions.planning.sweep.planned_team import Tuning, Valued
+from missions.planning.sweep.paths import Tuning, Valued
 from missions.planning.sweep.sweep_planner import Plan, Planner
 from tests.benchmarks import frame
 from tests.benchmarks.frame import asked

@@ -10,11 +10,13 @@ import pytest
 from missions.events import Event, FrameSeen
 from missions.flight.state import Phase
 from missions.flight.step import fold
+from missions.geo.terrain import FOLLOW_M
 from missions.lab.arena.roi import component
 from missions.mapping.belief import Belief, FrameId
 from missions.orders import Hold, TakeOff
 from missions.planning.stepwise import EXPLORERS
 from tests.fake_fleet import Fleet, fleet
+from tests.support.hills import hills, over
 from tests.support.small_missions import Scenario, random_scenario, reachable
 
 SEEDS = range(6)
@@ -213,3 +215,22 @@ def test_every_strategy_flies_and_goes_on_after_a_crash(name: str) -> None:
     assert flight.faults == []
     assert fold(flight.setting, flight.events) == flight.state
     map_is_whole(flight, scenario)
+
+
+@pytest.mark.parametrize(("seed", "strategy"), [(0, None), (7, "swath")])
+def test_over_random_hills_the_map_is_whole_and_nobody_comes_near_the_ground(
+    seed: int, strategy: str | None
+) -> None:
+    scenario = random_scenario(seed, strategy=strategy)
+    mission = over(scenario.mission, hills(seed, 16.0))
+    mission = mission.model_copy(
+        update={"battery": mission.battery.model_copy(update={"capacity_wh": 60.0})}
+    )
+    flight = fleet(mission, scenario.roi)
+    flight.start()
+    flight.run()
+    assert flight.faults == []
+    assert {v.phase for v in flight.state.vehicles.values()} == {Phase.FINISHED}
+    if strategy is None:
+        map_is_whole(flight, scenario)
+    assert min(d.least_off_m for d in flight.drivers.values()) >= -FOLLOW_M

@@ -11,8 +11,14 @@ from missions.errors import StrategyError, UavmapError
 from missions.lab.arena.nonstop import Camera, Team
 from missions.lab.arena.roi import Roi
 from missions.planning.sweep.strategies import About
-from uavmap.lab.commands.runs import Column, Outcome, print_means, run_trials, tell
-from uavmap.lab.commands.simulate_options import NONSTOP_DEFAULTS
+from uavmap.lab.commands.runs import (
+    NONSTOP_DEFAULTS,
+    Column,
+    Outcome,
+    print_means,
+    run_trials,
+    tell,
+)
 from uavmap.lab.nonstop_trials import FlightTerms, flown_under, nonstop_means, nonstop_trials
 from uavmap.lab.run_film import film_of_nonstop
 from uavmap.load.strategy_source import tell_if_uncompiled

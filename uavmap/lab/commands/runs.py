@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple, TypeVar
@@ -12,7 +13,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 from rich.console import Console, JustifyMethod
 from rich.table import Table
 
-from missions.errors import OutputError
+from missions.errors import OutputError, UavmapError
 from uavmap.journal.results_folder import make_folder
 from uavmap.lab.trials import Figures, Means, Trial, by_strategy, means_by_name
 from uavmap.ui.cli import INTERRUPTED
@@ -148,3 +149,36 @@ def print_table(
 def tell(text: str) -> None:
     """Print a line to standard error."""
     print(text, file=sys.stderr)
+
+
+# --- options ------------------------------------------------------------------------------------
+NONSTOP_DEFAULTS: Final[dict[str, Any]] = {
+    "footprint": "15",
+    "accel": 2.5,
+    "frame_s": 0.2,
+    "error_rate": 0.0,
+    "loss_rate": 0.0,
+    "box_factor": None,
+    "offline": False,
+}
+"""By option. The parser has none, so that it is known which were given."""
+
+Add = Callable[..., None]
+
+
+def value_options(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> Add:
+    """Return a function that adds an option with a value: flag, metavar, help, conversion."""
+
+    def add(flag: str, metavar: str | None, text: str, kind: Any = None, **more: Any) -> None:
+        parser.add_argument(flag, metavar=metavar, help=text, type=kind, **more)
+
+    return add
+
+
+def refuse(
+    options: argparse.Namespace, names: Iterable[str], error: type[UavmapError], why: str
+) -> None:
+    """Raise an error for the first of some options that is given."""
+    for name in names:
+        if getattr(options, name) is not None:
+            raise error(f"--{name.replace('_', '-')} {why}")

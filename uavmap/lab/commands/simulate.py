@@ -11,26 +11,35 @@ from missions.errors import LinkError, LocalizationError, RoiError, StrategyErro
 from missions.lab.arena.arena_run import Comms
 from missions.lab.arena.radio import Links
 from missions.lab.arena.roi import KINDS, MAX_CELLS, Roi, grown
+from missions.lab.cooperation.trapezoids import Cover
 from missions.lab.strategies import EXPLORERS
 from missions.planning.stepwise import Explorer
-from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.interface import Metric
 from missions.planning.sweep.strategies import NONSTOP
 from missions.units import LatLon
-from uavmap.lab.commands.runs import Column, Outcome, free_file, print_means, run_trials, tell
-from uavmap.lab.commands.simulate_options import (
-    COOPERATION_OPTIONS,
-    LOCALIZE_OPTIONS,
+from uavmap.lab.commands.localize import LOCALIZE_OPTIONS, add_localize_options, run_localize
+from uavmap.lab.commands.runs import (
     NONSTOP_DEFAULTS,
-    add_cooperation_options,
-    add_localize_options,
-    add_nonstop_options,
+    Column,
+    Outcome,
+    free_file,
+    print_means,
     refuse,
+    run_trials,
+    tell,
     value_options,
 )
+from uavmap.lab.cooperation_trials import Mode
 from uavmap.lab.roi_files import load_rois
 from uavmap.lab.run_film import film_of_run
-from uavmap.lab.simulated_links import draws, simulated_links
-from uavmap.lab.simulating import MOST_ROBOTS, known_strategies, metric_of, nonstop_among
+from uavmap.lab.simulating import (
+    MOST_ROBOTS,
+    draws,
+    known_strategies,
+    metric_of,
+    nonstop_among,
+    simulated_links,
+)
 from uavmap.lab.trials import Terms, explored, means, trials
 from uavmap.load.strategy_source import tell_if_uncompiled
 from uavmap.ui.cli.commands.animate import (
@@ -47,6 +56,7 @@ _COMMS_HELP: Final = (
     "loss:SHARE, delay:TIME, rate:CELLS_A_UNIT_OF_TIME, apart:BEGIN-END (nobody hears "
     "anybody then; apart:10-30:1+2/3+4: only those in one group do)"
 )
+COOPERATION_OPTIONS: Final = ("cooperate", "range", "theta", "cover")
 _SUMMARY: Final = "summary.json"
 _CELLS, _COUNT, _SEED = 120, 1, 1
 
@@ -103,13 +113,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--speed", "V", speed, number_type(float, 1e-3, 1e3))
     add("--drift", "V,DEG", "of the ROI: speed, and the bearing that it moves towards")
     add("--comms", "HOW", _COMMS_HELP)
-    add_nonstop_options(parser)
+    _add_nonstop_options(parser)
     add_localize_options(parser)
-    add_cooperation_options(parser)
+    _add_cooperation_options(parser)
     add_picture_options(parser, several=True)
     out = f"write {_SUMMARY} into this folder, too; of a polygon also moves.csv, map.png"
     add("--out", "DIR", out)
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+
+
+def _add_nonstop_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of strategies that do not stop."""
+    group = parser.add_argument_group(
+        f"{' and '.join(NONSTOP)}",
+        "flight without stopping, in seconds and metres, from the start cell back to it",
+    )
+    add, rate = value_options(group), number_type(float, 0.0, 0.4)
+    add("--footprint", "M[,M]", "what a frame shows, m east and north (default 15)")
+    add("--accel", "A", "acceleration, m/s^2 (default 2.5)", number_type(float, 0.1, 20.0))
+    add("--frame-s", "S", "from frame to frame (default 0.2)", number_type(float, 0.02, 10.0))
+    add("--error-rate", "P", "of votes that are wrong (default 0)", rate)
+    add("--loss-rate", "P", "of frames that are lost (default 0)", rate)
+    box = "box of a survey: F times as wide as the region (default: 2 cells beyond it)"
+    add("--box-factor", "F", box, number_type(float, 1.0, 20.0))
+    offline = "a reference that knows the region"
+    group.add_argument("--offline", action="store_true", default=None, help=offline)
+
+
+def _add_cooperation_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of --polygon."""
+    group = parser.add_argument_group(
+        "robots that watch each other",
+        "with --polygon: one moves while others see it; path, exchanges, map, errors of place",
+    )
+    add, modes, covers = value_options(group), [m.value for m in Mode], [c.value for c in Cover]
+    add("--cooperate", None, "how the polygon is explored", choices=modes)
+    add("--range", "M", "how far a robot sees, metres", number_type(float, 0.01, 1e5))
+    theta = "what a move takes up for who watches it, 1 to 170 degrees (default 60)"
+    add("--theta", "DEG", theta, number_type(float, 1.0, 170.0))
+    add("--cover", None, "of trapezoid: what a move covers (default triangles)", choices=covers)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -121,13 +163,11 @@ def run(options: argparse.Namespace) -> int:
                 "out the one or the other"
             )
         refuse(options, COOPERATION_OPTIONS, StrategyError, "is for --polygon FILE")
-        from uavmap.lab.commands.localize import run_localize  # noqa: PLC0415 - not for the others
-
         out = free_file(options.out, [_SUMMARY])
         return run_localize(options, lambda: _rois(options, nonstop=True), out)
     refuse(options, LOCALIZE_OPTIONS, LocalizationError, "is for --localize METHOD")
     if options.polygon is not None:
-        from uavmap.lab.commands.cooperation import run_cooperation  # noqa: PLC0415 - as above
+        from uavmap.lab.commands.cooperation import run_cooperation  # noqa: PLC0415 - reads areas of all kinds
 
         return run_cooperation(options)
     refuse(options, COOPERATION_OPTIONS, StrategyError, "is for --polygon FILE")

@@ -11,13 +11,10 @@ from typing import Final
 import numpy as np
 
 from missions.lab.arena.roi import grown
-from missions.lab.localization.grid_map import GridMap
-from missions.lab.localization.grids import chevrons, cluttered, corridor, studded
+from missions.lab.localization.grid_map import GridMap, chevrons, cluttered, corridor, studded
 from missions.lab.localization.localization_planner import Planner
-from missions.lab.localization.localization_run import Localized, localize
-from missions.lab.localization.methods import METHODS
-from missions.lab.localization.noisy_run import Errors, localize_with_errors
-from missions.lab.localization.pose_belief import Noise
+from missions.lab.localization.localization_run import METHODS, Localized, localize
+from missions.lab.localization.noisy_run import Errors, Noise, localize_with_errors
 from missions.units import Cell
 from uavmap.lab.studies.homing_robot_page import (
     BEST,

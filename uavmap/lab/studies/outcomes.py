@@ -8,15 +8,13 @@ from functools import lru_cache
 from itertools import groupby
 from typing import TypeVar
 
-from missions.lab.arena.arena_run import run
-from missions.lab.arena.certificate import Certificate, certify
+from missions.lab.arena.arena_run import Certificate, certify, run
 from missions.lab.arena.fast import Lattice, run_rdfs
 from missions.lab.arena.roi import Roi, grown
 from missions.lab.strategies import EXPLORERS
-from missions.mapping.breadth_first import distances
-from missions.planning.bounds.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
-from missions.planning.stepwise.interface import bound_time
-from missions.planning.stepwise.metric import Metric
+from missions.mapping.tree import distances
+from missions.planning.lower_bounds import LowerBounds, drift_lower_bound, flight_lower_bound
+from missions.planning.stepwise.interface import Metric, bound_time
 
 T = TypeVar("T")
 K = TypeVar("K")

@@ -12,7 +12,7 @@ from itertools import pairwise
 from statistics import mean
 from typing import Final
 
-from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.interface import Metric
 from missions.planning.stepwise.rdfs import rdfs_bound_moves
 from missions.units import Cell
 from uavmap.lab.studies.outcomes import explore, grouped, roi_of

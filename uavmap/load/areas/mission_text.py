@@ -17,7 +17,7 @@ from pydantic.fields import FieldInfo
 from missions.mission import flyable
 from missions.mission.height_and_speed import LEAST_HEIGHT_M, search_layer_faults
 from missions.mission.schema import Mission, VehicleSection, parse_fields
-from missions.mission.sections.fields import AUTO
+from missions.mission.sections import AUTO
 from missions.units import LatLon
 from uavmap.base.printable import printable
 from uavmap.load.areas.drones import Camera

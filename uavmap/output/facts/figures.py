@@ -13,8 +13,8 @@ from missions.flight.step import step
 from missions.flight.strategy.flyers import kinematics
 from missions.flight.team.members import concluded, facts_of, with_map
 from missions.mapping.belief import FrameId
-from missions.mapping.breadth_first import patches
-from missions.planning.bounds.lower_bounds import one_way_lower_bound, passing_bound_s
+from missions.mapping.tree import patches
+from missions.planning.lower_bounds import one_way_lower_bound, passing_bound_s
 from missions.units import GridPoint
 from uavmap.output.facts.flight_log import Counter
 from uavmap.output.facts.patch_certificates import certificates

@@ -6,7 +6,7 @@ What a patch *took* is the time from its first judged cell to the last one of it
 whatever else was flown meanwhile: paths, swaps of batteries, other patches, interruptions.
 
 Every cell judged after the first one was shown by a later frame. What R vehicles show at that
-moment, and sweep from then on, is bounded by `missions.planning.bounds.lower_bounds`; so what these
+moment, and sweep from then on, is bounded by `missions.planning.lower_bounds`; so what these
 cells cover gives the least time of any team as large and as fast. All of the time counts: none
 breaks off.
 
@@ -26,9 +26,9 @@ from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.strategy.interface import strategy_of
 from missions.mapping.belief import FrameId, judging_frames
-from missions.mapping.breadth_first import patches
+from missions.mapping.tree import patches
 from missions.mission.views import DRAG_1_S, G_M_S2, path_speed_m_s, seen_whole_m
-from missions.planning.bounds.lower_bounds import passing_bound_s
+from missions.planning.lower_bounds import passing_bound_s
 from missions.units import Cell, GridPoint
 from uavmap.output.facts.map_model import drift_m
 from vision.projection import SEEN_SHARE

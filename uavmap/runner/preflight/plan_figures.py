@@ -8,10 +8,15 @@ from typing import Any
 from missions.flight.setting import Setting
 from missions.mission import flyable
 from missions.mission.energy import LANDING_OVERHEAD_S
-from missions.mission.height_and_speed import Layer, altitude_reason, layers, search_layers
+from missions.mission.height_and_speed import (
+    Layer,
+    altitude_reason,
+    layers,
+    off_if_flat_m,
+    search_layers,
+)
 from missions.mission.places import far_homes
 from missions.mission.schema import Mission
-from missions.mission.terrain_checks import off_if_flat_m
 from missions.planning.search.lanes import search_length_m
 from missions.units import GridPoint
 

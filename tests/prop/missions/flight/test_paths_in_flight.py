@@ -20,13 +20,12 @@ from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase
 from missions.flight.step import fold
 from missions.flight.strategy.interface import strategy_of
-from missions.geo.braking import braked
-from missions.geo.course import Course
+from missions.geo.braking import Course, braked
 from missions.geo.fence import route_length_m
 from missions.geo.path_in_fence import OUTSIDE_M
 from missions.geo.trajectory import ACCELERATION_M_S2, Trajectory
 from missions.lab.arena.roi import component
-from missions.mapping.breadth_first import patches
+from missions.mapping.tree import patches
 from missions.mission.views import path_speed_m_s
 from missions.orders import FlyPath
 from missions.planning.kernels.swath import SLOW

@@ -22,7 +22,7 @@ from missions.flight.return_home import turn_back
 from missions.flight.state import ReturnReason, VehicleState
 from missions.flight.strategy.flyers import flyer_of
 from missions.flight.transitions import BEHIND_S, MOST_BEHIND
-from missions.geo.course import Course
+from missions.geo.braking import Course
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
 from missions.geo.path_in_fence import BEFORE_S, WORTH_S, allowed, as_far_as_allowed, is_outside

@@ -10,7 +10,7 @@ from shapely.geometry import box
 
 from missions.geo.terrain import FOLLOW_M, Terrain, decoded, encoded, relief_of
 from missions.mission.energy import CLIMB_SPEED_M_S
-from missions.mission.sections.terrain_section import terrain_in
+from missions.mission.sections import terrain_in
 from missions.units import GridPoint
 from tests.support.hills import SIDE_M, STEP_M, hills, lattice, slope
 

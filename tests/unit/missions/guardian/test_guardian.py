@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from missions.geo.course import Course
+from missions.geo.braking import Course
 from missions.geo.fence import Fence
 from missions.geo.trajectory import rounded_path
 from missions.guardian import Guard, Limits, Seen, Task, watch

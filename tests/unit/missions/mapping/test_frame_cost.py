@@ -31,7 +31,7 @@ from tests.benchmarks.planning.belief import (
     seen_openly,
 )
 
-SMALL, LARGE = 200, 8_000
+SMALL, LARGE = 200, 2_000
 
 
 class Costs:

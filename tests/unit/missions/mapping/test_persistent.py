@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.lab.arena.minds import look
+from missions.lab.arena.radio import look
 from missions.lab.arena.roi import KINDS
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.persistent import PersistentMap, PersistentSet
@@ -85,7 +85,7 @@ def test_a_set_stays_what_it_is() -> None:
 
 
 # --- any history -----------------------------------------------------------------------------
-FAST = settings(max_examples=150, deadline=None)
+FAST = settings(max_examples=60, deadline=None)
 
 changes = st.dictionaries(st.integers(0, 6), st.integers(), max_size=4)
 steps = st.lists(st.tuples(st.integers(0, 99), changes, st.booleans()), max_size=30)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from missions.mapping.tree import Tree
 from missions.units import Cell
 
-FAST = settings(max_examples=120, deadline=None)
+FAST = settings(max_examples=60, deadline=None)
 ROOT = Cell(0, 0)
 NORTH, EAST, SOUTH, WEST = ROOT.neighbours()
 

@@ -13,15 +13,14 @@ from hypothesis import strategies as st
 from missions.lab.arena.roi import KINDS
 from missions.lab.strategies.hungarian import assign
 from missions.lab.strategies.leg_costs import Ways
-from missions.mapping.breadth_first import (
+from missions.mapping.tree import (
+    Tree,
     distances,
     neighbours_in,
     reached,
-    step_home,
     step_towards,
 )
-from missions.mapping.tree import Tree
-from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.interface import Metric
 from missions.units import Cell
 
 FAST = settings(max_examples=100, deadline=None)
@@ -74,12 +73,6 @@ def test_a_search_ends_at_the_ring_of_the_nearest_goal() -> None:
     assert set(steps) == {Cell(e, 0) for e in range(-3, 4)}
 
 
-def test_neighbours_are_kept_to_what_is_known() -> None:
-    near = neighbours_in({Cell(0, 1), Cell(1, 0)})
-    assert near(START) == [Cell(0, 1), Cell(1, 0)]
-    assert near(Cell(9, 9)) == []
-
-
 # --- single steps ----------------------------------------------------------------------------
 @pytest.mark.parametrize("seed", range(8))
 def test_step_by_step_the_goal_is_reached_in_the_least_number_of_steps(seed: int) -> None:
@@ -101,33 +94,7 @@ def test_of_equal_steps_the_first_of_north_east_south_west() -> None:
     assert step_towards(block, Cell(1, 1), Cell(1, 1)) == Cell(1, 1)
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_home_is_reached_by_a_shortest_known_way(seed: int) -> None:
-    """Not up the tree: round a hole the tree may be much longer."""
-    cells = known(seed)
-    tree = tree_of(cells)
-    far = floyd(set(tree.vertices))
-    for start in sorted(tree.vertices)[:6]:
-        at: Cell = start
-        count = 0
-        while (after := step_home(tree, at)) is not None:
-            at, count = after, count + 1
-        assert at == START
-        assert count == far[start, START]
-
-
 # --- lengths of legs -------------------------------------------------------------------------
-@pytest.mark.parametrize("seed", range(6))
-def test_cell_by_cell_a_length_is_a_number_of_steps(seed: int) -> None:
-    tree = tree_of(known(seed), looks=4)
-    ways = Ways(tree, Metric(speed=3.0))
-    far = floyd(set(tree.vertices))
-    goals = sorted(tree.vertices)
-    lengths = ways.lengths(START, goals)
-    assert lengths == {goal: far[START, goal] for goal in goals}
-    assert list(lengths.values()) == sorted(lengths.values())
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_in_flight_a_length_is_a_straight_line_in_cells(seed: int) -> None:
     tree = tree_of(known(seed))

@@ -70,6 +70,10 @@ REFUSED = {
         ["frame shows 13.9 m x 10.4 m", "10.4 m; 0.8 m off its place",  # no wind, no lean
          "reaches 4.4 m to its nearest edge", "3 x 3 cells of 4 m it needs 5.6 m"], None,
     ),
+    "an error of the pose that leaves no cell": (
+        {"camera__pose_error_m": "6.0"},
+        ["camera.pose_error_m = 6: from 12 m a frame shows 15.1 m"], None,
+    ),
     "an upright picture": (
         {"camera__width_px": "480", "camera__height_px": "640", "camera__hfov_deg": "50.0"},
         ["11.2 m x 14.9 m"], None,

@@ -1,23 +1,171 @@
-"""What limits the speed of a vehicle that takes pictures: blur, and frames enough for a cell."""
+"""How high layers are, as given or by pixels and ceiling; and how fast: blur, and frames enough."""
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from missions.errors import MissionFileError
+from missions.flight.setting_of import setting_of
+from missions.flight.state import State
 from missions.geo.grid import Grid
 from missions.mission import flyable
-from missions.mission.height_and_speed import blur_px, speed_limits
-from missions.mission.schema import Mission
+from missions.mission.checks import check, parse_mission
+from missions.mission.height_and_speed import altitude_reason, blur_px, layers, speed_limits
+from missions.mission.schema import Mission, VehicleSection, parse_fields
 from missions.units import GridPoint
 from tests.support.footprints import whole_cells
 from tests.support.small_missions import mission, square
+from tests.unit.missions.mission.test_mission_checks import fault, text
 
 FAST = settings(max_examples=100, deadline=None)
+
+
+def parsed(**changes: str) -> Mission:
+    return parse_mission(text(**{"flight__altitude_m": "'auto'", **changes}), "m.toml")
+
+
+def flown_by(vehicles: int, made: Mission) -> Mission:
+    return made.model_copy(update={"vehicles": (VehicleSection(),) * vehicles})
+
+
+def test_frames_count_for_the_map_from_where_a_cell_has_its_pixels() -> None:
+    """Searched from 76 m, mapped from 12: at 38 m a cell of 4 m has 40 of its 80 pixels."""
+    given = {"flight__altitude_m": "12.0", "strategy": "'swath'"}
+    assert parsed(**given).overview_above_m is None
+    high = parsed(**given, search__find="'all'", search__altitude_m="'auto'")
+    assert high.overview_above_m is not None
+    assert abs(high.overview_above_m - 19.07) < 0.01
+    coarse = high.model_copy(
+        update={"camera": high.camera.model_copy(update={"pixels_per_cell": 200.0})}
+    )
+    assert coarse.overview_above_m == 13.5  # never within what a vehicle strays from its layer
+
+
+def test_by_hand() -> None:
+    """80 degrees over 640 px are 381.4 px of focal length: 4 m have 80 px from 19.07 m."""
+    mission = parsed()
+    assert mission.camera.pixels_per_cell == 80.0
+    assert mission.altitude_m(0) == 19.0
+    assert altitude_reason(mission) == "camera.pixels_per_cell"
+    assert parsed(camera__pixels_per_cell="60").altitude_m(0) == 25.4
+    assert parsed(grid__cell_m="8.0").altitude_m(0) == 38.1
+
+
+def test_the_ceiling_holds_it_down() -> None:
+    mission = parsed(fence__ceiling_m="18.37")
+    assert mission.altitude_m(0) == 18.3
+    assert altitude_reason(mission) == "fence.ceiling_m"
+    assert parsed(grid__cell_m="8.0", camera__pixels_per_cell="20").altitude_m(0) == 120.0
+
+
+def test_the_layers_of_a_team_lie_below_the_highest() -> None:
+    three = flown_by(3, parsed(camera__pixels_per_cell="60"))
+    assert [three.altitude_m(i) for i in range(3)] == [13.4, 19.4, 25.4]
+    state = State.initial(setting_of(three))
+    assert [v.cruise_altitude_m for v in state.vehicles.values()] == [13.4, 19.4, 25.4]
+
+
+@FAST
+@given(
+    st.floats(20.0, 120.0), st.integers(64, 4000), st.floats(1.0, 10.0), st.floats(10.0, 200.0),
+    st.floats(5.0, 200.0), st.integers(1, 4), st.floats(5.0, 12.0),
+)  # fmt: skip
+def test_every_layer_is_as_fine_as_asked_for_and_below_the_ceiling(
+    hfov_deg: float, width_px: int, cell_m: float, pixels: float, ceiling_m: float, size: int,
+    layer_m: float,
+) -> None:  # fmt: skip
+    """And a tenth of a metre more would not be."""
+    mission = parse_fields(
+        text(
+            flight__altitude_m="'auto'",
+            camera__hfov_deg=str(hfov_deg),
+            camera__width_px=str(width_px),
+            grid__cell_m=str(cell_m),
+            camera__pixels_per_cell=str(pixels),
+            fence__ceiling_m=str(ceiling_m),
+            vehicles="[" + "{}, " * size + "]",
+            team__layer_m=str(layer_m),
+        ),
+        "m.toml",
+    )
+    heights = [mission.altitude_m(i) for i in range(size)]
+    assert heights == sorted(heights)
+    assert all(b - a == pytest.approx(layer_m, abs=1e-5) for a, b in pairwise(heights))
+    top_m = heights[-1]
+    assert top_m <= ceiling_m + 1e-9
+    optics = mission.camera.optics
+    if top_m > 0.0:
+        assert optics.pixels_per_cell(top_m, cell_m) >= pixels - 1e-6
+    higher_m = top_m + 0.1001
+    assert higher_m > ceiling_m or optics.pixels_per_cell(higher_m, cell_m) < pixels
+
+
+# --- faults ----------------------------------------------------------------------------------
+def test_a_layer_above_the_ceiling_is_refused() -> None:
+    line = fault(flight__altitude_m="121.0")
+    assert line == (
+        "flight.altitude_m = 121: the highest layer is at 121 m, above fence.ceiling_m = 120; "
+        "fly lower, or raise the ceiling if you may"
+    )
+    parse_mission(text(flight__altitude_m="121.0", fence__ceiling_m="121.0"), "m.toml")
+
+
+def test_the_highest_layer_counts() -> None:
+    mission = parse_mission(text(flight__altitude_m="110.0"), "m.toml")
+    check(flown_by(2, mission), "m.toml")
+    with pytest.raises(MissionFileError, match=r"2 layers of 6 m above it, is at 122 m"):
+        check(flown_by(3, mission), "m.toml")
+
+
+def test_a_team_too_large_for_the_room_below_is_refused() -> None:
+    with pytest.raises(MissionFileError) as caught:
+        check(flown_by(5, parsed(camera__pixels_per_cell="60")), "m.toml")
+    (line,) = str(caught.value).splitlines()
+    assert line == (
+        'm.toml: flight.altitude_m = "auto": camera.pixels_per_cell sets the highest layer to '
+        "25.4 m; 4 layers of team.layer_m = 6 below it the lowest is at 1.4 m, and 3 m are needed; "
+        "fly fewer vehicles, or raise what sets it"
+    )
+
+
+def test_where_the_lowest_layer_shows_too_little_the_remedy_helps() -> None:
+    """Pixels that allow 9 m: a frame shows less than three cells."""
+    line = fault(flight__altitude_m="'auto'", camera__pixels_per_cell="160")
+    assert line.startswith("camera.hfov_deg = 80: from 9.5 m")
+    _, _, remedy = line.partition("lower camera.pixels_per_cell to ")
+    pixels = remedy.partition(",")[0]
+    assert parsed(camera__pixels_per_cell=pixels).altitude_m(0) > 9.5
+    line = fault(flight__altitude_m="'auto'", fence__ceiling_m="9.0")
+    _, _, remedy = line.partition("raise fence.ceiling_m to ")
+    parsed(fence__ceiling_m=remedy.partition(",")[0])
+
+
+# --- what follows ----------------------------------------------------------------------------
+def test_a_cell_with_too_few_pixels_is_warned_of() -> None:
+    coarse = parse_mission(text(flight__altitude_m="40.0"), "m.toml")
+    grid = Grid.at(coarse.home, coarse.grid.cell_m)
+    (line,) = [w for w in flyable.warnings(coarse, grid) if "pixels" in w]
+    assert line.startswith("camera.pixels_per_cell = 80: from the highest layer, 40 m")
+    assert "38.1 pixels" in line
+    fine = parsed()
+    assert not [w for w in flyable.warnings(fine, grid) if "pixels" in w]
+
+
+def test_the_figures_of_the_layers() -> None:
+    low, high = layers(flown_by(2, parsed(camera__pixels_per_cell="60")))
+    assert (low.altitude_m, high.altitude_m) == (19.4, 25.4)
+    assert high.gsd_m == pytest.approx(25.4 * math.tan(math.radians(40.0)) / 320.0)
+    assert high.footprint == pytest.approx((640 * high.gsd_m, 480 * high.gsd_m))
+    assert high.pixels_per_cell == pytest.approx(4.0 / high.gsd_m)
+    assert high.speeds.blur_m_s > low.speeds.blur_m_s
+
+
 PLAIN = mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160), interval_s=0.2, speed_m_s=30.0)
 
 

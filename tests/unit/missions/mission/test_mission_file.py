@@ -6,7 +6,7 @@ import pytest
 
 from missions.errors import MissionFileError
 from missions.mission.schema import MAX_VEHICLES, Mission, parse_fields, parse_toml
-from missions.mission.sections.sim_section import SimFault
+from missions.mission.sim_section import SimFault
 from missions.units import LatLon
 
 HEAD = """
@@ -61,6 +61,12 @@ def test_missing_sections_are_named_one_a_line() -> None:
         ("vehicles = []", "vehicles: 0 given, at least 1 needed"),
         ("grid = 3", "grid: must be a table, [grid]"),
         ("fence.holes = [[[48.0, 11.0]]]", "fence.holes[0]: 1 given, at least 3 needed"),
+        (
+            "flight.altitude_m = 'automatic'",
+            "flight.altitude_m = 'automatic': must be a number or \"auto\"",
+        ),
+        ("flight.altitude_m = true", "flight.altitude_m = True: input should be a valid number"),
+        ("flight.altitude_m = [12.0]", "flight.altitude_m = list: input should be a valid number"),
         ("camera.mounting = 'x'", "camera.mounting = 'x': input should be 'fixed' or 'gimbal'"),
     ],
 )

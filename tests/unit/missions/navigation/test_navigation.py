@@ -65,7 +65,7 @@ def test_heights_that_wander_are_followed_by_zooms() -> None:
     """Scale and rotation are a process; between two pictures the ground shows how they changed."""
     squares, turned = [], []
     errors = ToldErrors(satellites_m=0.5, pointing_m=1e-3, common_s=60.0)
-    for seed in range(30):
+    for seed in range(15):
         flight = Flight(seed, 100, errors)
         keep = math.exp(-1.0 / errors.common_s)
         turns = [flight.common]
@@ -80,8 +80,8 @@ def test_heights_that_wander_are_followed_by_zooms() -> None:
         said = flight.track.estimate()
         squares.append(abs(complex(*said.error_m) - flight.off[-1]) ** 2 / said.sigma_m**2)
         turned.append(abs(complex(said.scale, said.rotation_rad) - turns[-1]))
-    # 60 degrees of freedom: 95 % of such sums lie between these
-    assert 40.5 < sum(squares) < 83.3
+    # 30 degrees of freedom: 95 % of such sums lie between these
+    assert 16.8 < sum(squares) < 47.0
     assert np.mean(turned) < 0.5 * math.sqrt(math.pi / 2) * errors.common
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import Counter
 
@@ -11,7 +12,7 @@ from missions.lab.arena.arena_run import run
 from missions.mapping.tree import Tree
 from missions.planning.stepwise import EXPLORERS, Situation
 from missions.planning.stepwise.horizon import Retreat
-from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.interface import Metric
 from missions.units import Cell
 
 START = Cell(0, 0)
@@ -27,6 +28,76 @@ def decide(name: str, tree: Tree, at: dict[int, Cell], *robots: int, **more: obj
     who = robots or tuple(sorted(at))
     situation = Situation(tree, at, who, **more)  # type: ignore[arg-type]
     return EXPLORERS[name].decide(situation)
+
+
+# --- one decision ----------------------------------------------------------------------------
+def grown(*looks: tuple[Cell, list[Cell]]) -> Tree:
+    """A tree that was looked from some cells, one after the other, and what each look showed."""
+    tree = Tree.rooted(START)
+    for cell, seen in looks:
+        tree = tree.looked(cell, seen)
+    return tree
+
+
+NORTH_OPEN = fork(NORTH, EAST).looked(NORTH, [Cell(0, 2)])
+BOTH_OPEN = NORTH_OPEN.looked(EAST, [Cell(2, 0)])
+COLUMN = [(Cell(0, n), [Cell(0, n + 1)]) for n in range(3)]
+RING = [Cell(0, 0), Cell(0, 1), Cell(0, 2), Cell(1, 2), Cell(2, 2), Cell(2, 1), Cell(2, 0),
+        Cell(1, 0)]  # fmt: skip
+ARMS = [(START, [NORTH, SOUTH]), (NORTH, [Cell(0, 2)]), (SOUTH, [Cell(0, -2)])]
+HOOK = [(START, [EAST, SOUTH]), (EAST, [Cell(1, 1)]), (SOUTH, [Cell(0, -2)])]
+Moves = dict[int, Cell | None]
+DECISIONS: dict[str, tuple[str, Tree, dict[int, Cell], tuple[int, ...], Moves]] = {
+    "an unexplored child comes before one under exploration": (
+        "rdfs", NORTH_OPEN, {1: START, 2: NORTH}, (1,), {1: EAST},
+    ),
+    "of children under exploration the one with fewer robots below it": (
+        "rdfs", BOTH_OPEN, {1: START, 2: Cell(0, 2), 3: Cell(0, 2), 4: Cell(2, 0)}, (1,), {1: EAST},
+    ),
+    "from a finished branch one goes up": (
+        "rdfs", fork(NORTH, EAST).looked(NORTH, []), {1: NORTH}, (1,), {1: START},
+    ),
+    "the outermost of equal children comes first": (
+        "rdfs", grown(*COLUMN, (Cell(0, 3), [Cell(1, 3), Cell(-1, 3), Cell(0, 4)])),
+        {1: Cell(0, 3)}, (1,), {1: Cell(0, 4)},
+    ),
+    # round a ring the tree is open at one place, which a robot may cross
+    "home is by the shortest way and not up the tree": (
+        "rdfs", grown(*((a, [b]) for a, b in itertools.pairwise(RING)), (RING[-1], [])),
+        {1: Cell(1, 0)}, (1,), {1: START},
+    ),
+    "as printed the first child is taken, wherever the others are": (
+        "rdfs-paper", NORTH_OPEN, {1: START, 2: NORTH}, (1,), {1: NORTH},
+    ),
+    "as printed a group is halved": (
+        "rdfs-paper", fork(NORTH, EAST, SOUTH), dict.fromkeys((1, 2, 3), START), (1, 2, 3),
+        {1: NORTH, 2: NORTH, 3: EAST},
+    ),
+    "greedy goes to the nearest": ("greedy", NORTH_OPEN, {1: NORTH}, (1,), {1: Cell(0, 2)}),
+    "greedy sends two not to the same": (  # the second is on its way to the east
+        "greedy", NORTH_OPEN, {1: NORTH, 2: NORTH}, (1, 2), {1: Cell(0, 2), 2: START},
+    ),
+    # the nearer robot leaves the near cell to the other, whom it would cost more
+    "hungarian assigns a team at once": (
+        "hungarian", grown(*ARMS, (Cell(0, 2), [Cell(0, 3)])), {1: START, 2: Cell(0, 2)}, (1, 2),
+        {1: SOUTH, 2: Cell(0, 3)},
+    ),
+    "lrta avoids where others are among equals": (
+        "lrta", fork(NORTH, EAST), {1: START, 2: NORTH}, (1,), {1: EAST},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", DECISIONS)
+def test_a_decision_that_can_be_checked_by_eye(what: str) -> None:
+    name, tree, at, robots, moves = DECISIONS[what]
+    assert decide(name, tree, at, *robots).moves == moves
+
+
+def test_in_flight_the_nearest_is_as_the_crow_flies() -> None:
+    """Three steps round the corner are 1.4 cells in flight."""
+    straight = decide("greedy", grown(*HOOK), {1: START}, metric=Metric(straight=True)).moves
+    assert straight == {1: Cell(1, 1)}
 
 
 # --- rdfs: Algorithm 1 -----------------------------------------------------------------------
@@ -46,84 +117,12 @@ def test_robots_at_a_fork_part_evenly(
     assert sorted(Counter(moves.values()).values()) == shares
 
 
-def test_an_unexplored_child_comes_before_one_under_exploration() -> None:
-    tree = fork(NORTH, EAST).looked(NORTH, [Cell(0, 2)])
-    assert decide("rdfs", tree, {1: START, 2: NORTH}, 1).moves == {1: EAST}
-
-
-def test_of_children_under_exploration_the_one_with_fewer_robots_below_it() -> None:
-    tree = fork(NORTH, EAST).looked(NORTH, [Cell(0, 2)]).looked(EAST, [Cell(2, 0)])
-    at = {1: START, 2: Cell(0, 2), 3: Cell(0, 2), 4: Cell(2, 0)}
-    assert decide("rdfs", tree, at, 1).moves == {1: EAST}
-
-
-def test_from_a_finished_branch_one_goes_up() -> None:
-    tree = fork(NORTH, EAST).looked(NORTH, [])
-    assert decide("rdfs", tree, {1: NORTH}).moves == {1: START}
-
-
-def test_the_outermost_of_equal_children_comes_first() -> None:
-    tree = Tree.rooted(START)
-    for n in range(3):
-        tree = tree.looked(Cell(0, n), [Cell(0, n + 1)])
-    tree = tree.looked(Cell(0, 3), [Cell(1, 3), Cell(-1, 3), Cell(0, 4)])
-    assert decide("rdfs", tree, {1: Cell(0, 3)}).moves == {1: Cell(0, 4)}
-
-
-def test_when_all_is_explored_home_is_by_the_shortest_way_and_not_up_the_tree() -> None:
-    """Round a ring the tree is open at one place, which a robot may cross."""
-    ring = [Cell(0, 0), Cell(0, 1), Cell(0, 2), Cell(1, 2), Cell(2, 2), Cell(2, 1), Cell(2, 0),
-            Cell(1, 0)]  # fmt: skip
-    tree = Tree.rooted(START)
-    for cell, after in zip(ring, [*ring[1:], None], strict=True):
-        tree = tree.looked(cell, [after] if after else [])
-    assert tree.depth == 7
-    assert decide("rdfs", tree, {1: Cell(1, 0)}).moves == {1: START}
-
-
 def test_below_its_anchor_a_robot_goes_on_in_depth() -> None:
     tree = fork(NORTH).looked(NORTH, [Cell(0, 2)])
     there = decide("bfdn", tree, {1: START})
     assert there.moves == {1: NORTH}
     below = decide("bfdn", tree, {1: NORTH}, memory=there.memory)
     assert below.moves == {1: Cell(0, 2)}
-
-
-def test_as_printed_a_robot_that_comes_alone_takes_the_first_child_wherever_the_others_are() -> (
-    None
-):
-    tree = fork(NORTH, EAST).looked(NORTH, [Cell(0, 2)])
-    assert decide("rdfs-paper", tree, {1: START, 2: NORTH}, 1).moves == {1: NORTH}
-    group = decide("rdfs-paper", fork(NORTH, EAST, SOUTH), dict.fromkeys((1, 2, 3), START)).moves
-    assert [group[r] for r in (1, 2, 3)] == [NORTH, NORTH, EAST]
-
-
-# --- greedy ----------------------------------------------------------------------------------
-def test_greedy_goes_to_the_nearest_and_two_not_to_the_same() -> None:
-    tree = fork(NORTH, EAST).looked(NORTH, [Cell(0, 2)])
-    assert decide("greedy", tree, {1: NORTH}).moves == {1: Cell(0, 2)}
-    both = decide("greedy", tree, {1: NORTH, 2: NORTH}).moves
-    assert both == {1: Cell(0, 2), 2: START}  # the second is on its way to the east
-
-
-def test_in_flight_the_nearest_is_as_the_crow_flies() -> None:
-    """Three steps round the corner are 1.4 cells in flight."""
-    hook = {START, Cell(1, 0), Cell(1, 1), Cell(0, -1), Cell(0, -2)}
-    tree = Tree.rooted(START).looked(START, [Cell(1, 0), Cell(0, -1)])
-    tree = tree.looked(Cell(1, 0), [Cell(1, 1)]).looked(Cell(0, -1), [Cell(0, -2)])
-    assert set(tree.vertices) == hook
-    straight = decide("greedy", tree, {1: START}, metric=Metric(straight=True)).moves
-    assert straight == {1: Cell(1, 1)}
-
-
-# --- hungarian -------------------------------------------------------------------------------
-def test_the_team_is_assigned_at_once() -> None:
-    """The nearer robot leaves the near cell to the other, whom it would cost more."""
-    tree = Tree.rooted(START).looked(START, [NORTH, SOUTH])
-    tree = tree.looked(NORTH, [Cell(0, 2)]).looked(SOUTH, [Cell(0, -2)])
-    tree = tree.looked(Cell(0, 2), [Cell(0, 3)])
-    moves = decide("hungarian", tree, {1: START, 2: Cell(0, 2)}).moves
-    assert moves == {1: SOUTH, 2: Cell(0, 3)}
 
 
 def test_when_nothing_is_open_everybody_goes_home() -> None:
@@ -174,10 +173,6 @@ def test_lrta_leaves_the_weight_of_where_it_goes_and_one_more() -> None:
     on = decide("lrta", row, {1: EAST}, memory=there.memory)
     assert on.moves == {1: Cell(2, 0)}  # 0 there, 1 where it came from
     assert on.memory == {START: 1, EAST: 1}
-
-
-def test_lrta_avoids_where_others_are_among_equals() -> None:
-    assert decide("lrta", fork(NORTH, EAST), {1: START, 2: NORTH}, 1).moves == {1: EAST}
 
 
 # --- smartdfs --------------------------------------------------------------------------------

@@ -26,7 +26,7 @@ from missions.events import (
 )
 from missions.flight.strategy.sweep_passes import NOTICE_S
 from missions.geo.trajectory import Trajectory, rounded_path
-from missions.mission.sections.sim_section import SimQuirks
+from missions.mission.sim_section import SimQuirks
 from missions.orders import FlyPath, FlyTo, Hold, Land, Look, StandDown, Sweep, TakeOff
 from missions.units import Cell, GridPoint
 from sitl.copter.modes import Mode

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 from missions.events import Event
-from missions.fleet_events import Asked, Fact
+from missions.fleet_events import Asked, Fact, Partition
 from missions.flight.airspace.airspace import SEPARATION_BUFFER_M, Airspace
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
@@ -20,7 +20,6 @@ from missions.flight.transitions import apply
 from missions.geo.volumes import Volume
 from missions.mission.checks import parse_mission
 from missions.orders import FlyTo
-from missions.partition import Partition
 from missions.units import Cell, GridPoint
 from tests.support.fleet_rig import field_text
 from tests.unit.uavmap.fleet.test_sealing import KEY, met

@@ -15,16 +15,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from missions.errors import LinkError
+from missions.fleet_events import Partition
 from missions.lab.arena.arena_run import Comms
 from missions.lab.arena.radio import Links
-from missions.partition import Partition
 from tests.support.ports import free_port
 from tests.support.running import by, in_real_time
 from tests.support.said import Said
 from uavmap.fleet.radio import MulticastRadio, Radios, parse_endpoint
 from uavmap.fleet.simulated_radio import LinkModel, link_model
 from uavmap.fleet.zenoh_radio import ZenohLinks, ZenohRadio
-from uavmap.lab.simulated_links import simulated_links
+from uavmap.lab.simulating import simulated_links
 
 PATIENCE_S = 30.0
 LOOK_S = 0.02

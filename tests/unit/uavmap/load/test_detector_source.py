@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 from missions.errors import ImageError, MissionFileError
-from missions.mission.sections.detector_section import DetectorSection
+from missions.mission.sections import DetectorSection
 from tests.support.plans import plan_of
 from tests.unit.missions.mission.test_mission_file import HEAD
 from tests.unit.uavmap.photos.sources.test_replay_robust import good, mapped, shot

@@ -16,8 +16,7 @@ import pytest
 
 import uavmap
 from missions.errors import MissionFileError, NotFlownError
-from missions.mission.sections.detector_section import DetectorSection
-from missions.mission.sections.search_sections import PriorPlace
+from missions.mission.sections import DetectorSection, PriorPlace
 from tests.support.hills import over, slope
 from tests.support.plans import named_text, plan_of
 from uavmap.journal.event_log import Journal

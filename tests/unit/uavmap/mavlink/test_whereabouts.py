@@ -16,7 +16,7 @@ from missions.events import Airborne, Arrived, FrameLost, FrameSeen
 from missions.geo.grid import Grid
 from missions.geo.trajectory import rounded_path
 from missions.mission.schema import Mission
-from missions.mission.sections.sim_section import SimRegion
+from missions.mission.sim_section import SimRegion
 from missions.orders import FlyPath, FlyTo, TakeOff
 from missions.units import Cell, GridPoint, LatLon, Pose, Quaternion
 from tests.support.flights import Flight, fly

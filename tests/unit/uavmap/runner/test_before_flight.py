@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import NotFlownError, PreflightError
 from missions.flight.setting_of import setting_of
 from missions.mission.schema import Battery, Mission
-from missions.mission.sections.sim_section import SimFault
+from missions.mission.sim_section import SimFault
 from tests.support.field import BOTH, Field, mission_of, on_field
 from tests.support.running import by
 from tests.support.small_missions import at_heights, with_receivers

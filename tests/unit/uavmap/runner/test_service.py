@@ -14,7 +14,7 @@ from missions.events import Connected, Crashed, Event, LinkLost, Overridden, Rec
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
 from missions.flight.step import fold
-from missions.mission.sections.detector_section import DetectorSection
+from missions.mission.sections import DetectorSection
 from missions.orders import Order, StandDown, TakeOff
 from missions.units import GridPoint
 from tests.support.flights import small_mission

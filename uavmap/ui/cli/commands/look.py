@@ -11,7 +11,7 @@ import cv2
 from rich.table import Table
 
 from missions.errors import ImageError, OutputError
-from missions.mission.terrain_checks import refuse_unknown_ground
+from missions.mission.height_and_speed import refuse_unknown_ground
 from uavmap.base.terminal import PipeConsole
 from uavmap.load.detector_source import detector_text
 from uavmap.load.mission_source import load, mission_of_text

@@ -13,7 +13,7 @@ from missions.lab.arena.arena_run import Run, run
 from missions.lab.arena.fast import Lattice, Summary, run_rdfs
 from missions.lab.arena.roi import KINDS
 from missions.planning.stepwise import EXPLORERS, Decision, rdfs
-from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.interface import Metric
 from missions.planning.stepwise.rdfs import Rdfs, rdfs_bound_moves
 from missions.units import Cell
 

@@ -28,12 +28,6 @@ def test_all_is_seen_and_nobody_moves_unwatched(explore, seed):
     assert faults(exploration, seed, points=40, pieces=2) == []
 
 
-@pytest.mark.parametrize("seed", [0, 4])
-def test_the_same_ground_is_explored_in_the_same_way(seed):
-    one, other = (in_stripes(random_space(seed), seed) for _ in range(2))
-    assert (one.moves, one.pieces) == (other.moves, other.pieces)
-
-
 def test_triangles_are_as_many_as_the_corners_and_holes_say():
     for seed in range(8):
         space = random_space(seed)
@@ -123,13 +117,6 @@ def test_watched_errors_are_at_most_a_tenth(ends):
         for which in (0, 1)
     )
     assert watched < alone / 10.0
-
-
-def test_the_same_seed_gives_the_same_errors(ends):
-    square = Space([(0, 0), (40, 0), (40, 40), (0, 40)])
-    found = trapezoids.explore(square, (0.0, 0.0), Pattern(10.0, math.radians(60.0)))
-    again = followed(found, Noise(), 3)
-    assert [end.error_m(1) for end in again] == [end.error_m(1) for end in ends[3]]
 
 
 def test_a_straight_way_by_hand():

@@ -7,13 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.lab.arena.roi import KINDS, grown
-from missions.lab.localization.grid_map import GridMap, split
-from missions.lab.localization.grids import cluttered
+from missions.lab.localization.grid_map import DIRECTIONS, RING, GridMap, cluttered, label, split
 from missions.lab.localization.homing import Moves, blum_kozen, homing
 from missions.lab.localization.localization_planner import Planner, homing_bound
-from missions.lab.localization.localization_run import localize
-from missions.lab.localization.methods import METHODS
-from missions.lab.localization.neighbourhood import DIRECTIONS, RING, label
+from missions.lab.localization.localization_run import METHODS, localize
 
 FEW = settings(max_examples=60, deadline=None)
 

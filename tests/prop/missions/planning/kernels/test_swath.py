@@ -12,16 +12,22 @@ from hypothesis import strategies as st
 
 from missions.geo.trajectory import Trajectory
 from missions.lab.arena.nonstop import Camera, Ground, Run, Team
-from missions.lab.arena.offline_reference import reference
 from missions.lab.arena.roi import KINDS, Roi, grown
 from missions.lab.arena.survey import surveyed
-from missions.lab.arena.time_bounds import lower_bound_s
+from missions.lab.arena.time_bounds import lower_bound_s, reference
 from missions.planning.kernels import swath as kernels
 from missions.planning.kernels import worth as worths
 from missions.planning.kernels.jit import COMPILED
 from missions.planning.sweep.chart import Chart
-from missions.planning.sweep.paths import Route, path_of, segments_of, trajectory_of
-from missions.planning.sweep.planned_team import Flyer, Kinematics, Tuning
+from missions.planning.sweep.paths import (
+    Flyer,
+    Kinematics,
+    Route,
+    Tuning,
+    path_of,
+    segments_of,
+    trajectory_of,
+)
 from missions.planning.sweep.sweep_planner import Planner
 from missions.units import Cell, GridPoint
 

@@ -10,11 +10,10 @@ import pytest
 
 from missions.lab.arena.arena_run import Comms, Run, run
 from missions.lab.arena.roi import component, eden, grown, thin
-from missions.mapping.breadth_first import distances
-from missions.mapping.tree import Tree
+from missions.mapping.tree import Tree, distances
 from missions.planning.stepwise import Decision, Situation
 from missions.planning.stepwise.horizon import Horizon, PlannerMemory, Retreat
-from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.interface import Metric
 from missions.planning.stepwise.rdfs import rdfs_bound_moves
 from missions.planning.stepwise.route_planner import Ground, Sites
 from missions.units import Cell
@@ -154,14 +153,6 @@ def test_robots_that_talk_only_where_they_meet_find_everything(seed: int) -> Non
         explored(result, roi)
 
 
-@pytest.mark.parametrize("seed", range(14))
-def test_robots_that_fly_straight_in_a_drift_find_everything(seed: int) -> None:
-    roi, robots, _ = roi_of(seed)
-    for straight in (True, False):
-        metric = Metric(speed=1.5, drift_east=0.5, drift_north=0.2, straight=straight, look=2.0)
-        explored(run(Horizon(), roi, START, robots, metric=metric), roi)
-
-
 def test_what_is_not_passable_is_flown_along_known_cells() -> None:
     """Around a closed ring nobody crosses the middle."""
     roi = component(rings(3), START)
@@ -188,19 +179,6 @@ def test_robots_come_and_go_during_a_retreat(until: float) -> None:
     explored(run(Horizon(until=until), roi, START, 5, team=team), roi)
 
 
-@pytest.mark.parametrize("metric", [Metric(), Metric(straight=True, look=1.0)])
-def test_without_its_memory_the_planner_goes_on_from_the_tree(metric: Metric) -> None:
-    @dataclass
-    class Forgetful:
-        name: str = "horizon"
-
-        def decide(self, situation: Situation) -> Decision:
-            return Decision(Horizon().decide(replace(situation, memory=None)).moves)
-
-    roi = component(rings(3), START)
-    explored(run(Forgetful(), roi, START, 3, metric=metric), roi)  # type: ignore[arg-type]
-
-
 def test_a_cell_found_late_under_a_branch_that_was_dropped_is_visited() -> None:
     """After the retreat began a vertex outside T' gets a neighbour."""
     tree = Tree.rooted(START).looked(START, [Cell(0, 1), Cell(1, 0)])
@@ -217,17 +195,6 @@ def test_a_cell_found_late_under_a_branch_that_was_dropped_is_visited() -> None:
         late = late if late.has_looked(at) else late.looked(at, [])
         seen.append(at)
     assert seen[-3:] == [Cell(0, 1), Cell(0, 2), Cell(0, 3)]
-
-
-def test_a_team_shares_a_cross() -> None:
-    """Four arms, four robots: nobody walks two, which would take 24."""
-    assert run(Horizon(), star(6), START, 4).makespan <= 14
-
-
-def test_pockets_are_closed_on_the_way() -> None:
-    """A rectangle with an even side has a tour through every cell once; not knowing costs a bit."""
-    roi = {Cell(e, n) for e in range(8) for n in range(6)}
-    assert run(Horizon(), roi, START, 1).makespan <= 54
 
 
 def test_who_is_away_for_a_battery_keeps_no_cell_from_the_others() -> None:

@@ -15,7 +15,7 @@ from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase
 from missions.flight.strategy.leapfrog import MAPPER, TRACKER
 from missions.geo.fence import Fence
-from missions.mission.leapfrog_checks import tracker_view
+from missions.mission.fleet_checks import tracker_view
 from missions.orders import FlyPath, FlyTo
 from missions.planning.leapfrog_geometry import Role, TrackerView, steps_along
 from missions.planning.leapfrog_offsets import OffsetNoise, Offsets

@@ -12,7 +12,7 @@ import pytest
 from missions.lab.kernels import greedy_kernels as greedy
 from missions.lab.kernels import lattice_walks
 from missions.lab.kernels.lattice_walks import cover
-from missions.planning.kernels import annealing, jit
+from missions.planning.kernels import jit
 
 
 def test_without_a_folder_for_compiled_code_every_run_compiles(monkeypatch):
@@ -32,9 +32,9 @@ def test_without_a_folder_for_compiled_code_every_run_compiles(monkeypatch):
 def test_what_kernels_of_other_modules_call_never_changes():
     """What is compiled already would go on with what it was."""
     state = np.array([7], np.int64)
-    assert [annealing.draw(state, 1000) for _ in range(6)] == [0, 595, 209, 241, 775, 327]
-    assert annealing.uniform(state) == 0.6048307691723251
-    assert annealing.team_s(np.array([1.0, 2.0, 6.0]), 0.75) == 0.75 * 6.0 + 0.25 * 9.0 / 3.0
+    assert [jit.draw(state, 1000) for _ in range(6)] == [0, 595, 209, 241, 775, 327]
+    assert jit.uniform(state) == 0.6048307691723251
+    assert jit.team_s(np.array([1.0, 2.0, 6.0]), 0.75) == 0.75 * 6.0 + 0.25 * 9.0 / 3.0
 
 
 def test_kernels_call_no_others_outside_of_their_module():
@@ -45,8 +45,8 @@ def test_kernels_call_no_others_outside_of_their_module():
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("missions"):
                 names = {alias.name for alias in node.names}
-                shared = node.module == annealing.__name__
-                assert shared or names <= {"kernel", "Floats", "Ints"}, f"{path.name}: {names}"
+                shared = node.module == jit.__name__
+                assert shared or names <= {"Floats", "Ints"}, f"{path.name}: {names}"
 
 
 # --- greedy ----------------------------------------------------------------------------------

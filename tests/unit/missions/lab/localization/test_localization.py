@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from missions.errors import LocalizationError
 from missions.lab.arena.roi import grown
-from missions.lab.localization.grid_map import GridMap
-from missions.lab.localization.grids import chevrons, corridor, studded
+from missions.lab.localization.grid_map import RING, GridMap, chevrons, corridor, studded
 from missions.lab.localization.localization_planner import Planner, homing_bound, plan
-from missions.lab.localization.localization_run import localize
-from missions.lab.localization.methods import METHODS, Method
-from missions.lab.localization.neighbourhood import RING
-from missions.lab.localization.noisy_run import Errors, localize_with_errors
-from missions.lab.localization.pose_belief import Belief, Noise
+from missions.lab.localization.localization_run import METHODS, Method, localize
+from missions.lab.localization.noisy_run import Belief, Errors, Noise, localize_with_errors
 from missions.units import Cell
 
 RNG = np.random.default_rng
@@ -212,3 +211,16 @@ def test_a_demand_that_is_higher_takes_more_moves() -> None:
         )
 
     assert moves(0.6) < moves(0.95) < moves(0.9995)
+
+
+PAGE = (Path(__file__).parents[5] / "docs" / "localization.md").read_text("utf-8")
+
+
+def test_the_example_of_the_page_runs() -> None:
+    (block,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    exec(compile(block, "page", "exec", dont_inherit=True), {"__name__": "page"})
+
+
+def test_the_table_has_every_method_with_its_promise() -> None:
+    rows = re.findall(r"^\| `([a-z-]+)` \| [^|]+ \| ([^|]+) \| [^|]+ \|$", PAGE, re.MULTILINE)
+    assert rows == [(m.name, m.promise) for m in METHODS.values()]

@@ -3,14 +3,30 @@
 from __future__ import annotations
 
 import itertools
+import math
 
+import numpy as np
 import pytest
-from hypothesis import given, settings
+import shapely
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from shapely.geometry import LineString, Point, Polygon
+from shapely.ops import unary_union
 
 from missions.geo.fence import Fence
-from missions.planning.search.lanes import LANE_CELLS, Lane, lanes, search_length_m, share_out
+from missions.planning.search.lanes import (
+    LANE_CELLS,
+    Lane,
+    lanes,
+    longest_m,
+    search_length_m,
+    share_by_time,
+    share_out,
+    tour_m,
+    unseen,
+)
 from missions.units import GridPoint
+from tests.unit.missions.geo.test_fence import random_fence
 
 FAST = settings(max_examples=120, deadline=None)
 
@@ -27,23 +43,14 @@ OPEN = Fence.of(ring(-1000, -1000, 1000, 1000), [], 0.0)
 
 
 # --- where they lie --------------------------------------------------------------------------
-def test_lanes_lie_three_cells_apart_on_the_middles_of_cells() -> None:
-    flown = lanes(ring(0, 0, 60, 44), 4.0, OPEN)
-    assert [start.north_m for start, _ in flown] == [4.0, 16.0, 28.0, 40.0]
-    assert all(start.north_m == end.north_m for start, end in flown)
+@pytest.mark.parametrize("along", [0, 1])
+def test_lanes_lie_three_cells_apart_along_the_longer_side_to_and_fro(along: int) -> None:
+    """On the middles of cells."""
+    flown = lanes(ring(0, 0, 60, 44) if along == 0 else ring(0, 0, 44, 60), 4.0, OPEN)
+    assert [start[1 - along] for start, _ in flown] == [4.0, 16.0, 28.0, 40.0]
+    assert all(start[1 - along] == end[1 - along] for start, end in flown)
+    assert [end[along] > start[along] for start, end in flown] == [True, False, True, False]
     assert LANE_CELLS == 3
-
-
-def test_lanes_run_along_the_longer_side() -> None:
-    along_north = lanes(ring(0, 0, 44, 60), 4.0, OPEN)
-    assert [start.east_m for start, _ in along_north] == [4.0, 16.0, 28.0, 40.0]
-    assert all(start.east_m == end.east_m for start, end in along_north)
-
-
-def test_every_second_lane_is_flown_the_other_way() -> None:
-    flown = lanes(ring(0, 0, 60, 44), 4.0, OPEN)
-    directions = [end.east_m > start.east_m for start, end in flown]
-    assert directions == [True, False, True, False]
 
 
 @pytest.mark.parametrize(
@@ -181,3 +188,129 @@ def test_the_length_of_a_search_counts_the_ways_there_between_and_back() -> None
     home = GridPoint(0, -4)
     assert search_length_m(block, home) == pytest.approx(4 + 30 + 12 + 30 + 16)
     assert search_length_m([], home) == 0.0
+
+
+# --- shares by time -------------------------------------------------------------------------------
+def beside(count: int, apart_m: float, length_m: float) -> list[tuple[GridPoint, GridPoint]]:
+    return [(GridPoint(k * apart_m, 0.0), GridPoint(k * apart_m, length_m)) for k in range(count)]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_other_cuts_have_the_slowest_at_home_sooner(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    lanes = beside(7, 40.0, float(rng.uniform(50, 400)))
+    pads = sorted(GridPoint(float(x), -5.0) for x in rng.uniform(0, 240, 3))
+    blocks = share_by_time(lanes, pads)
+    best_m = min(
+        longest_m((tuple(lanes[:a]), tuple(lanes[a:b]), tuple(lanes[b:])), pads)
+        for a, b in itertools.combinations_with_replacement(range(8), 2)
+    )
+    assert longest_m(blocks, pads) <= 1.02 * best_m + 1e-6
+    flown = {frozenset(lane) for block in blocks for lane in block}
+    assert flown == {frozenset(lane) for lane in lanes}
+
+
+def test_two_lanes_are_flown_out_and_back() -> None:
+    way_m, flown = tour_m(GridPoint(0.0, 0.0), beside(2, 30.0, 100.0))
+    assert way_m == 260.0
+    assert [lane[0].north_m for lane in flown] == [0.0, 100.0]
+
+
+def test_who_stands_in_the_middle_gets_the_lanes_in_the_middle() -> None:
+    lanes = beside(9, 155.0, 1000.0)
+    pads = [GridPoint(x, 0.0) for x in (570.0, 670.0, 595.0, 645.0, 620.0)]
+    blocks = share_by_time(lanes, pads)
+    assert [len(block) for block in blocks] == [2, 2, 2, 2, 1]
+    assert blocks[4][0][0].east_m == 620.0
+    assert share_by_time((), pads) == ((),) * 5
+
+
+# --- what is judged from them -----------------------------------------------------------------
+places = st.builds(GridPoint, st.floats(-30, 30), st.floats(-30, 30))
+
+
+def judged(box: list[GridPoint], cell_m: float) -> None:
+    """Every cell whose centre is in the box is under a lane, or beside one, not across a corner."""
+    flown = lanes(box, cell_m, OPEN)
+    seen = unary_union([LineString(lane) for lane in flown])
+    rows = seen.bounds[2] - seen.bounds[0], seen.bounds[3] - seen.bounds[1]
+    inside = Polygon(box).buffer(-1e-6)
+    shapely.prepare(inside)
+    west, south, east, north = (round(edge / cell_m) for edge in inside.bounds)
+    assert max(rows) > 0
+    for i, k in itertools.product(range(west, east + 1), range(south, north + 1)):
+        centre = Point(i * cell_m, k * cell_m)
+        if inside.covers(centre):
+            assert seen.distance(centre) <= cell_m + 1e-6
+
+
+edges = st.floats(6, 60)
+
+
+@FAST
+@given(st.floats(-40, 40), st.floats(-40, 40), edges, edges, st.floats(2, 6))
+def test_every_cell_of_the_box_is_judged_from_a_lane(
+    east_m: float, north_m: float, width_m: float, depth_m: float, cell_m: float
+) -> None:
+    judged(ring(east_m, north_m, east_m + width_m, north_m + depth_m), cell_m)
+
+
+@FAST
+@given(st.floats(0, math.tau), st.floats(20, 60), st.floats(15, 40))
+def test_a_turned_box_is_judged_up_to_its_slanting_rim(
+    turn_rad: float, width_m: float, depth_m: float
+) -> None:
+    cos, sin = math.cos(turn_rad), math.sin(turn_rad)
+    box = [GridPoint(e * cos - n * sin, e * sin + n * cos) for e, n in ring(0, 0, width_m, depth_m)]
+    judged(box, 4.0)
+
+
+def test_a_box_that_is_a_rounding_too_short_loses_no_row() -> None:
+    judged(ring(0, 0, 40, 39.99999999999999), 1.0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_lanes_stay_inside_the_fence(seed: int) -> None:
+    fence, exact = random_fence(seed)
+    rng = np.random.default_rng([seed, 3])
+    (west, south), (width, depth) = rng.uniform(-40, 0, 2), rng.uniform(20, 60, 2)
+    box = ring(float(west), float(south), float(west + width), float(south + depth))
+    flown = lanes(box, 4.0, fence)
+    for start, end in flown:
+        assert fence.allows(start)
+        assert fence.allows(end)
+        assert exact.covers(LineString([start, end]))
+    blocks = share_out(flown, 3) if flown else ()
+    assert tuple(itertools.chain.from_iterable(blocks)) == flown
+
+
+@FAST
+@given(places, places, st.lists(st.floats(0, 1), max_size=30))
+def test_what_is_unseen_of_a_lane_lies_on_it_and_no_frame_near(
+    start: GridPoint, end: GridPoint, shares: list[float]
+) -> None:
+    length_m = start.distance_to(end)
+    assume(length_m > 0.01)
+    seen_m = [share * length_m for share in shares]
+    line = LineString([start, end])
+    stretches = unseen((start, end), seen_m, 4.0)
+    for a, b in stretches:
+        assert line.distance(Point(a)) < 1e-6
+        assert line.distance(Point(b)) < 1e-6
+        middle_m = (start.distance_to(a) + start.distance_to(b)) / 2
+        assert all(abs(middle_m - place_m) > 4.0 - 1e-6 for place_m in seen_m)
+    # and whatever is farther than a cell and a half from every frame is in one of them
+    for share in np.linspace(0, 1, 21):
+        place_m = float(share) * length_m
+        if all(abs(place_m - seen) > 6.0 for seen in seen_m) and length_m > 2.0:
+            place = line.interpolate(place_m)
+            assert any(LineString(stretch).distance(place) < 1e-6 for stretch in stretches)
+
+
+def test_a_lane_with_a_frame_over_each_cell_is_seen() -> None:
+    lane = (GridPoint(0, 0), GridPoint(40, 0))
+    assert unseen(lane, [4.0 * i for i in range(11)], 4.0) == ()
+    assert unseen(lane, [4.0 * i for i in range(11) if i != 5], 4.0) == ()  # one is lost
+    two_lost = [4.0 * i for i in range(11) if i not in (5, 6)]
+    assert unseen(lane, two_lost, 4.0) == ((GridPoint(20, 0), GridPoint(24, 0)),)
+    assert unseen(lane, [], 4.0) == (lane,)

@@ -8,7 +8,7 @@ import numpy as np
 
 from missions.planning.kernels import tour_kernels as kernels
 from missions.planning.sweep.chart import Chart
-from missions.planning.sweep.planned_team import Flyer, Kinematics, Tuning, Valued
+from missions.planning.sweep.paths import Flyer, Kinematics, Tuning, Valued
 from missions.planning.sweep.sweep_planner import Planner
 from missions.planning.sweep.tours import Tours, Waypoints, lay_tours
 from missions.units import Cell, GridPoint

@@ -10,8 +10,7 @@ import pytest
 from PIL import Image
 
 from missions.errors import AreaError
-from uavmap.lab.polygon_file import read_polygon_file
-from uavmap.lab.studies import two_robots
+from uavmap.lab.commands.cooperation import read_polygon_file
 from uavmap.ui.cli import main
 
 WKT = "POLYGON ((0 0, 30 0, 30 12, 18 12, 18 20, 0 20, 0 0), (5 5, 9 5, 9 9, 5 9, 5 5))"
@@ -182,29 +181,3 @@ def test_a_file_that_is_no_polygon_is_named(tmp_path, text, said):
 def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(AreaError, match=r"b\.wkt: cannot be read"):
         read_polygon_file(str(tmp_path / "b.wkt"))
-
-
-# --- the study ----------------------------------------------------------------------------------
-def test_the_study_sets_the_paper_beside(tmp_path, capsys):
-    assert main(["study", "two-robots", "--quick", "--out", str(tmp_path)]) == 0
-    with (tmp_path / "two-robots.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert {row["covering"] for row in rows} == {"triangles", "diamonds"}
-    for row in rows:
-        stripes = two_robots.QUICK_STRIPES
-        assert abs(float(row["steps"]) - float(row["paper: steps"])) <= 3 * stripes
-        assert abs(float(row["off, %"])) < 4.0
-    page = (tmp_path / "two-robots.md").read_text()
-    assert "as printed" in page
-    assert (tmp_path / "two-robots.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_the_study_of_the_leapfrog(tmp_path, capsys):
-    assert main(["study", "leapfrog", "--quick", "--out", str(tmp_path)]) == 0
-    with (tmp_path / "leapfrog.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert {(row["m"], row["hops"]) for row in rows} == {
-        ("50", "6"), ("100", "12"), ("50", "5"), ("100", "9")
-    }  # fmt: skip
-    assert all(float(row["times better"]) > 1.5 for row in rows)
-    assert "tracked errors are" in (tmp_path / "leapfrog.md").read_text().lower()

@@ -11,12 +11,19 @@ from pathlib import Path
 import distributed
 import pytest
 
-from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.interface import Metric
 from missions.units import Cell
 from uavmap.lab.commands import study as command
-from uavmap.lab.studies import STUDIES, greedy_table_1, lrv_figure_3, roi_bounds, roi_figure_7
-from uavmap.lab.studies import executors as spread
-from uavmap.lab.studies.executors import Progress
+from uavmap.lab.commands.study import Progress
+from uavmap.lab.studies import (
+    STUDIES,
+    greedy_table_1,
+    lrv_figure_3,
+    roi_bounds,
+    roi_figure_7,
+    strategy_comparison,
+    two_robots,
+)
 from uavmap.lab.studies.outcomes import PLAIN
 from uavmap.lab.studies.roi_figure_7 import lawn_mower
 from uavmap.lab.studies.strategy_comparison import reference
@@ -71,7 +78,8 @@ def test_the_formula_gives_the_papers_sequence(m, tolerance):
     assert lrv_figure_3.formula(m) == pytest.approx(lrv_figure_3.PAPER[m], rel=tolerance)
 
 
-def test_roi_figure_7_breaks_no_bound_and_shows_the_papers_trends(tmp_path):
+def test_roi_figure_7_breaks_no_bound_and_shows_the_papers_trends(tmp_path, monkeypatch):
+    monkeypatch.setattr(roi_figure_7, "QUICK_TRIALS", 2)
     rows = study("roi-figure-7", tmp_path)
     assert {row["violations"] for row in rows} == {"0"}
     for row in rows:
@@ -103,7 +111,9 @@ def test_roi_bounds_tells_the_readings_of_algorithm_1_apart(tmp_path):
     assert sum(int(row["above Lemma 1 with ecc"]) for row in deep) > 0
 
 
-def test_strategies_sets_ours_beside_the_prototypes(tmp_path):
+def test_strategies_sets_ours_beside_the_prototypes(tmp_path, monkeypatch):
+    monkeypatch.setattr(strategy_comparison, "QUICK_CELLS", 12)
+    monkeypatch.setattr(strategy_comparison, "QUICK_TRIALS", 1)
     rows = study("strategies", tmp_path)
     assert {"rdfs", "rdfs-paper"} <= {row["strategy"] for row in rows}
     assert {row["bound broken"] for row in rows} == {"0"}
@@ -122,6 +132,25 @@ def test_homing_robot_keeps_its_bounds_and_meets_the_papers_grids(tmp_path):
     page = (tmp_path / "homing-robot.md").read_text()
     assert "**0 violations** in 100 runs" in page
     assert "0 of\n28 needed fewer" in page
+
+
+def test_two_robots_sets_the_paper_beside(tmp_path):
+    rows = study("two-robots", tmp_path)
+    assert {row["covering"] for row in rows} == {"triangles", "diamonds"}
+    for row in rows:
+        stripes = two_robots.QUICK_STRIPES
+        assert abs(float(row["steps"]) - float(row["paper: steps"])) <= 3 * stripes
+        assert abs(float(row["off, %"])) < 4.0
+    assert "as printed" in (tmp_path / "two-robots.md").read_text()
+
+
+def test_leapfrog_says_how_much_better_tracked_errors_are(tmp_path):
+    rows = study("leapfrog", tmp_path)
+    assert {(row["m"], row["hops"]) for row in rows} == {
+        ("50", "6"), ("100", "12"), ("50", "5"), ("100", "9")
+    }  # fmt: skip
+    assert all(float(row["times better"]) > 1.5 for row in rows)
+    assert "tracked errors are" in (tmp_path / "leapfrog.md").read_text().lower()
 
 
 # --- the lawn mower --------------------------------------------------------------------------
@@ -165,9 +194,9 @@ def test_another_seed_gives_other_trials():
 
 
 def test_results_keep_the_order_of_the_jobs():
-    assert spread.spread(abs, [-3, 2, -1]) == [3, 2, 1]
-    assert spread.spread(abs, range(-40, 0), workers=2) == list(range(40, 0, -1))
-    assert spread.spread(abs, []) == []
+    assert command.spread(abs, [-3, 2, -1]) == [3, 2, 1]
+    assert command.spread(abs, range(-40, 0), workers=2) == list(range(40, 0, -1))
+    assert command.spread(abs, []) == []
 
 
 # --- what is said ----------------------------------------------------------------------------
@@ -189,7 +218,7 @@ def test_a_missing_extra_is_named_with_the_remedy(tmp_path, capsys, monkeypatch)
     ],
 )
 def test_a_scheduler_that_is_none_is_named(address, said, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(spread, "ANSWER_S", 0.3)
+    monkeypatch.setattr(command, "ANSWER_S", 0.3)
     assert main(["study", "strategies", "--out", str(tmp_path), "--scheduler", address]) == 2
     assert said in capsys.readouterr().err
 
@@ -198,7 +227,7 @@ def test_a_cluster_without_dask_is_named(tmp_path, capsys, monkeypatch):
     def missing(name: str) -> None:
         raise ImportError(name)
 
-    monkeypatch.setattr(spread, "import_module", missing)
+    monkeypatch.setattr(command, "import_module", missing)
     assert main(["study", "strategies", "--out", str(tmp_path), "--scheduler", "x:1"]) == 2
     assert "pip install 'distributed>=" in capsys.readouterr().err
 
@@ -239,7 +268,7 @@ class Terminal(io.StringIO):
 @pytest.mark.parametrize("stream", [io.StringIO(), Terminal()])
 def test_progress_is_told_after_two_seconds(stream, monkeypatch):
     now_s = 100.0
-    monkeypatch.setattr(spread.time, "monotonic", lambda: now_s)
+    monkeypatch.setattr(command.time, "monotonic", lambda: now_s)
     progress = Progress("name", 8, stream)
     now_s = 101.9
     progress.update(1)

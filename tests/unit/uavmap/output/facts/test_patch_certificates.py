@@ -19,7 +19,7 @@ from missions.flight.state import State
 from missions.geo.grid import Grid
 from missions.mapping.belief import Belief, FrameId, judging_frames
 from missions.mapping.own_cells import OwnCells
-from missions.planning.bounds.lower_bounds import passing_bound_s
+from missions.planning.lower_bounds import passing_bound_s
 from missions.units import Cell
 from tests.fake_fleet import fleet
 from tests.golden.recording import STOPS

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from missions.lab.arena.arena_run import Comms, Run, run
-from missions.lab.arena.minds import look
+from missions.lab.arena.radio import look
 from missions.lab.arena.roi import eden
 from missions.mapping.tree import Tree
 from missions.planning.stepwise import EXPLORERS

@@ -15,7 +15,7 @@ from PIL import Image
 from pydantic import BaseModel
 
 from missions.mission.schema import Mission, VehicleSection
-from missions.mission.sections.sim_section import Sim
+from missions.mission.sim_section import Sim
 from tests.support.areas.area_files import (
     FIELD,
     KINDS,

@@ -27,8 +27,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.mapping.breadth_first import distances
-from missions.planning.stepwise.metric import Metric
+from missions.mapping.tree import distances
+from missions.planning.stepwise.interface import Metric
 from missions.units import Cell
 
 COMPILED_FROM = 5000

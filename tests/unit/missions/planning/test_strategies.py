@@ -1,6 +1,9 @@
-"""Strategies register themselves by name; missions, simulations and flights then know them."""
+"""Strategies register themselves by name, and the page of docs shows and names them all."""
 
 from __future__ import annotations
+
+import re
+from pathlib import Path
 
 import pytest
 
@@ -9,6 +12,7 @@ from missions.flight.setting_of import setting_of
 from missions.lab.arena.arena_run import run
 from missions.planning.stepwise import EXPLORERS, Decision, Situation, register
 from missions.planning.stepwise.rdfs import Rdfs
+from missions.planning.sweep.strategies import ON_PATHS
 from missions.units import Cell
 from tests.support.small_missions import mission, square
 
@@ -47,3 +51,20 @@ def test_register_a_second_strategy_of_a_name_is_refused() -> None:
         register(Other())
     assert isinstance(EXPLORERS["rdfs"], Rdfs)
     register(Rdfs())  # the same once more
+
+
+PAGE = Path(__file__).parents[4] / "docs" / "strategies.md"
+
+
+def test_the_examples_of_the_page_run() -> None:
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    assert len(blocks) == 4
+    names: dict[str, object] = {"__name__": "page"}
+    exec(compile("\n".join(blocks), "page", "exec", dont_inherit=True), names)
+    assert {"Nearest", "BACKWARDS"} <= names.keys()
+
+
+def test_the_table_has_a_row_for_every_strategy_in_their_order() -> None:
+    first, *_ = PAGE.read_text("utf-8").split("\n## ")
+    rows = re.findall(r"^\| `([a-z-]+)` \|", first, re.MULTILINE)
+    assert rows == [*EXPLORERS, *ON_PATHS]

@@ -12,21 +12,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from missions.lab.arena.arena_run import run
-from missions.lab.arena.certificate import certify
+from missions.lab.arena.arena_run import certify, run
 from missions.lab.arena.roi import KINDS, Roi, grown
-from missions.planning.bounds import lower_bounds
-from missions.planning.bounds.lower_bounds import (
+from missions.planning import lower_bounds
+from missions.planning.lower_bounds import (
     LowerBounds,
     drift_lower_bound,
     flight_lower_bound,
     one_way_lower_bound,
 )
 from missions.planning.stepwise import EXPLORERS
-from missions.planning.stepwise.metric import Metric
+from missions.planning.stepwise.interface import Metric
 from missions.units import Cell
 
-SHARED = os.environ.get("UAVMAP_SHARED") or Path(__file__).resolve().parents[5] / "../shared"
+SHARED = os.environ.get("UAVMAP_SHARED") or Path(__file__).resolve().parents[4] / "../shared"
 SETS = sorted((Path(SHARED) / "data/roi").glob("*.json"))
 
 

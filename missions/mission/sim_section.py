@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from missions.mission.sections.fields import (
+from missions.mission.sections import (
     Count,
     NotNegative,
     Number,

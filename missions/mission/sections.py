@@ -1,0 +1,351 @@
+"""The sections of a mission file: what single fields may hold, and tables of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetPydanticSchema,
+    SerializerFunctionWrapHandler,
+    ValidatorFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError, core_schema
+from shapely.geometry import Polygon
+
+from missions.geo.grid import Grid
+from missions.geo.terrain import Relief, Terrain, decoded, relief_of
+from missions.units import LatLon
+
+# strict: "4" and true are not numbers, although Python could make some of them
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Count = Annotated[int, Field(strict=True)]
+Degrees = Number
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Latitude = Annotated[Number, Field(ge=-90, le=90)]
+Longitude = Annotated[Number, Field(ge=-180, le=180)]
+Share = Annotated[Number, Field(ge=0, le=1)]
+Vertex = tuple[Latitude, Longitude]
+TagDictionary = Literal[
+    "DICT_4X4_50", "DICT_4X4_100", "DICT_4X4_250", "DICT_5X5_50", "DICT_5X5_100",
+    "DICT_6X6_50", "DICT_APRILTAG_36h11",
+]  # fmt: skip
+Ring = Annotated[tuple[Vertex, ...], Field(min_length=3)]
+
+HostName = Annotated[
+    str, Field(strict=True, min_length=1, max_length=253, pattern=r"^[A-Za-z0-9._:-]+$")
+]
+
+AUTO: Final = "auto"
+
+
+LONGEST_NAME: Final = 100
+_RESERVED: Final = frozenset('<>:"/\\|?*')
+
+
+def _file_name(name: str) -> str:
+    """A name that can be the name of a folder, on every system that people copy results to."""
+    fault = ""
+    if not name or not name.strip("."):
+        fault = "must not be empty or only dots"
+    elif len(name) > LONGEST_NAME:
+        fault = f"at most {LONGEST_NAME} letters; this has {len(name):,}"
+    elif found := sorted(set(name) & _RESERVED):
+        fault = f"results go into a folder of this name: leave out {' '.join(found)}"
+    elif not name.isprintable():
+        fault = "results go into a folder of this name: leave out control characters"
+    elif name != name.strip() or name.endswith("."):
+        fault = "must not begin or end with a space, or end with a dot"
+    if fault:
+        raise PydanticCustomError("file_name", "{fault}", {"fault": fault})
+    return name
+
+
+FileName = Annotated[str, AfterValidator(_file_name)]
+
+
+def _number_or_auto(value: object, number: ValidatorFunctionWrapHandler) -> object:
+    if isinstance(value, str) and value != AUTO:
+        raise PydanticCustomError("altitude", 'must be a number or "auto"')
+    return value if value == AUTO else number(value)
+
+
+def _altitude_schema(_: object, schema_of: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+    number = schema_of.generate_schema(Annotated[Number, Field(gt=0, le=1000)])
+    return core_schema.no_info_wrap_validator_function(_number_or_auto, number)
+
+
+# not a union: its messages would speak of both kinds at once
+Altitude = Annotated[float | Literal["auto"], GetPydanticSchema(_altitude_schema)]
+
+
+class Section(BaseModel):
+    """A table of a mission file: no other keys than its own."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+# --- [detector] -----------------------------------------------------------------------------------
+_SHARED: Final[Mapping[str, tuple[str, ...]]] = {
+    "threshold": ("intensity", "dilations", "polarity"),
+    "paved": ("greenness", "intensity", "dilations"),
+}
+"""The parameters that stand in `[detector]` itself, as before there were tables."""
+
+
+class DetectorSection(Section):
+    """Which detector judges pictures, and its parameters, in a table of its own:
+    `[detector.paved]`.
+
+    Parameters of `threshold` and `paved` may stand in `[detector]` itself, where those of both are
+    one set with the defaults of the paper.
+    """
+
+    name: str = "threshold"
+    model: Annotated[str | None, Field(min_length=1, max_length=4096)] = None
+    """The file of a model, of the detectors that have one: from the folder of the mission file."""
+    model_sha256: Annotated[str | None, Field(pattern=r"^[0-9a-f]{64}$")] = None
+    """Of that file; another one is refused. Added when the mission file is read."""
+    intensity: Annotated[Count, Field(ge=0, le=255)] = 150
+    dilations: Annotated[Count, Field(ge=0, le=100)] = 7
+    polarity: Literal["dark", "bright"] = "dark"
+    greenness: Annotated[Number, Field(ge=-1, le=2)] = 0.04
+    """Of the detector `paved`: what is greener than this grows."""
+    share: Annotated[Number, Field(gt=0, le=1)] = 0.3
+    """A cell is seen as ROI from this share of its pixels on."""
+    view: Literal["cross", "all"] = "cross"
+    """`cross`: a frame votes on the cell below and its four neighbours; `all`: on every cell
+    that it shows whole (recorded imagery from a height)."""
+    tables: Mapping[str, Mapping[str, Any]] = {}
+    """The tables of the detectors, by name; what may be in them, the detectors say."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _tables(cls, value: object) -> object:
+        """A table in this section is one of a detector."""
+        if not isinstance(value, Mapping):
+            return value
+        tables = {key: inner for key, inner in value.items() if isinstance(inner, Mapping)}
+        rest = {key: inner for key, inner in value.items() if key not in tables}
+        return {**rest, "tables": tables} if tables else rest
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """The section as it stands in a file: the detectors' tables in it."""
+        values: dict[str, Any] = fields(self)
+        tables: dict[str, Any] = values.pop("tables", {})
+        return values | tables
+
+    @model_validator(mode="after")
+    def _one_place(self) -> DetectorSection:
+        shared = _SHARED.get(self.name, ())
+        for key in shared:
+            if self.name in self.tables and key in self.model_fields_set:
+                raise ValueError(
+                    f"{key} = {getattr(self, key)!r} stands beside [detector.{self.name}]; move "
+                    "it in there"
+                )
+        return self
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The parameters of the named detector: those of its table, or the shared ones.
+
+        >>> DetectorSection(name="paved", greenness=0.1).parameters
+        {'greenness': 0.1, 'intensity': 150, 'dilations': 7}
+        >>> DetectorSection(name="paved", paved={"greenness": 0.1}).parameters
+        {'greenness': 0.1}
+        """
+        if self.name in self.tables or self.name not in _SHARED:
+            return dict(self.tables.get(self.name, {}))
+        return {key: getattr(self, key) for key in _SHARED[self.name]}
+
+
+# --- [terrain] ------------------------------------------------------------------------------------
+MOST_POINTS = 250_000
+"""Of a lattice: what a journal keeps of the ground stays small."""
+
+
+class Lattice(Section):
+    """The heights of the ground, as they are kept with a mission; `uavmap.load.dem` writes them.
+
+    In metres along the grid's axes around the start (`missions.geo.terrain`).
+    """
+
+    west_m: Number
+    south_m: Number
+    step_m: Positive
+    columns: Annotated[Count, Field(ge=2, le=MOST_POINTS)]
+    rows: Annotated[Count, Field(ge=2, le=MOST_POINTS)]
+    heights: str
+
+    @model_validator(mode="after")
+    def _whole(self) -> Lattice:
+        if self.rows * self.columns > MOST_POINTS:
+            raise ValueError(f"{self.rows} x {self.columns} are more than {MOST_POINTS} heights")
+        decoded(self.heights, self.rows, self.columns)
+        return self
+
+
+def _lattice(value: object) -> object:
+    if isinstance(value, str):
+        raise PydanticCustomError(
+            "dem_path", "a GeoTIFF is read only beside the mission file that names it"
+        )
+    return value
+
+
+class TerrainSection(Section):
+    """Where the heights of the ground come from: a digital elevation model, or the autopilot."""
+
+    dem: Annotated[Lattice | None, BeforeValidator(_lattice)] = None
+    """The path of a GeoTIFF, relative to the mission file; what is kept of it is a lattice."""
+    source: Literal["autopilot"] | None = None
+    """The autopilot's own terrain database, which is asked before take-off."""
+
+    @model_validator(mode="after")
+    def _one(self) -> TerrainSection:
+        if (self.dem is None) == (self.source is None):
+            raise ValueError('give it either dem = "FILE.tif" or source = "autopilot"')
+        return self
+
+
+@lru_cache(maxsize=8)
+def terrain_in(lattice: Lattice) -> Terrain:
+    """The terrain of a lattice."""
+    heights = decoded(lattice.heights, lattice.rows, lattice.columns)
+    heights.setflags(write=False)
+    return Terrain(lattice.west_m, lattice.south_m, lattice.step_m, heights)
+
+
+@lru_cache(maxsize=8)
+def relief_in(lattice: Lattice, start: Vertex, fence: Ring, *, hull: bool = False) -> Relief:
+    """The relief of the ground inside a fence; `hull`: also of what straight ways in it cross."""
+    grid = Grid.at(LatLon(*start), 1.0)
+    ring = [grid.fixed(LatLon(*vertex)) for vertex in fence]
+    area = Polygon(ring)
+    return relief_of(terrain_in(lattice), area.convex_hull if hull else area)
+
+
+# --- the region, and who maps it ------------------------------------------------------------------
+MAX_PRIOR_PLACES = 1000
+
+
+class PriorPlace(Section):
+    """One of the places where the ROI may be: a point with a spread, or a polygon."""
+
+    position: Vertex | None = None
+    spread_m: Positive | None = None
+    """Standard deviation around `position`; without it half of the box's shorter side."""
+    polygon: Ring | None = None
+    holes: tuple[Ring, ...] = ()
+    """Of the polygon."""
+    weight: Positive = 1.0
+    """How probable it is, beside the other places."""
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> PriorPlace:
+        if (self.position is None) == (self.polygon is None):
+            raise ValueError("give it either a position or a polygon")
+        if self.polygon is not None and self.spread_m is not None:
+            raise ValueError("spread_m belongs to a position; a polygon is as wide as it is")
+        if self.polygon is None and self.holes:
+            raise ValueError("holes belong to a polygon")
+        return self
+
+
+def _prior_places(value: object) -> object:
+    """A single position is a list of one place."""
+    if isinstance(value, str):
+        raise PydanticCustomError(
+            "prior_path",
+            "a GeoJSON file is read only beside the mission file that names it; write the places "
+            "here: [latitude, longitude], or [{{position = [...]}}, {{polygon = [...]}}]",
+        )
+    if isinstance(value, list | tuple) and len(value) == 2:
+        numbers = [isinstance(part, int | float) for part in value]
+        return [{"position": value}] if all(numbers) else value
+    return value
+
+
+class Search(Section):
+    """The box that holds at least a part of the ROI, and where in it the ROI probably is."""
+
+    box: Ring
+    prior: Annotated[
+        tuple[PriorPlace, ...],
+        Field(min_length=1, max_length=MAX_PRIOR_PLACES),
+        BeforeValidator(_prior_places),
+    ] = ()
+    """Orders the lanes so that the ROI is expected to be seen soonest. Without it they are flown
+    one beside the other."""
+    find: Literal["first", "all"] = "first"
+    """"first": the search ends where the ROI is seen first, and what hangs together with that is
+    mapped. "all": the whole box is seen, and every patch of the ROI that begins in it is mapped
+    (strategy "swath")."""
+    altitude_m: Altitude | None = None
+    """Of the lowest layer of the search, above the start; without it that of the map. "auto": as
+    high as `search.pixels_per_cell` and `fence.ceiling_m` allow."""
+    pixels_per_cell: Positive = 20.0
+    """What the edge of a cell must have for a suspicion, where the search has layers of its own."""
+    layer_m: NotNegative | None = None
+    """Height between two layers of the search; without it `team.layer_m`. 0: all search in one, as
+    high as any of them; who would come near another one waits."""
+
+
+class Votes(Section):
+    """How many frames a cell gets, and how many of them must say yes."""
+
+    frames: Annotated[Count, Field(ge=1, le=100)] = 5
+    positive: Annotated[Count, Field(ge=1, le=100)] = 3
+    recorded: Literal["evidence", "count"] | None = None
+    """How recorded pictures decide on a cell. `evidence`: by the mean of what all of them saw,
+    weighed; `count`: by the first `frames`, as in the paper and in every flight. Left out: by
+    evidence under the view "all", by counting under "cross"."""
+
+    @model_validator(mode="after")
+    def _enough_frames(self) -> Votes:
+        if self.positive > self.frames:
+            raise ValueError(
+                f"positive = {self.positive} can never be reached with frames = {self.frames}"
+            )
+        return self
+
+
+class Wind(Section):
+    """The worst wind known for the flight."""
+
+    speed_m_s: Annotated[Number, Field(ge=0, le=40)] = 0.0
+    from_deg: Degrees = 0.0
+
+
+class Drift(Section):
+    """A rigid translation of the ROI, known beforehand (section 3)."""
+
+    speed_m_s: Annotated[Number, Field(ge=0, le=20)] = 0.0
+    toward_deg: Degrees = 0.0
+
+
+class Guardian(Section):
+    """What the guardians of the aircraft do when the mission is gone."""
+
+    orphan_hold_s: Annotated[Number, Field(ge=0, le=600)] = 20.0
+
+
+class Team(Section):
+    """How several vehicles keep apart: a layer of height each."""
+
+    separation_m: Positive = 4.0
+    """Two airborne vehicles are never nearer than this."""
+    layer_m: Positive = 6.0
+    """Height between two layers; more than `separation_m`, for what the vehicles waver."""

@@ -1,1 +1,0 @@
-"""How long an exploration must take at least, and may take at most."""
