@@ -221,7 +221,7 @@ def _of_json(text: str) -> Space:
     holes = root.get("holes_m", [])
     if not isinstance(holes, list):
         raise AreaError("holes_m: expected a list of rings, [[[east, north], ...], ...]")
-    rings = [_ring(root["polygon_m"], "polygon_m")]
+    rings = [_ring(root.get("polygon_m"), "polygon_m")]
     rings += [_ring(hole, f"holes_m[{i}]") for i, hole in enumerate(holes)]
     return Space(rings[0], rings[1:])
 

@@ -165,6 +165,7 @@ def test_geojson_with_a_hole_and_a_keep_out_zone(tmp_path):
         ("POLYGON ((0 0, 4 4, 4 0, 0 4, 0 0))", "not a polygon"),
         ('{"polygon_m": [[0, 0], [1]]}', r"polygon_m\[1\] = \[1\]: expected \[east, north\]"),
         ('{"polygon_m": 5}', r"polygon_m\[0\] = 5"),
+        ('{"name": "polygon_m"}', r"polygon_m\[0\] = null"),
         ('{"polygon_m": [[0, 0], [1, 0], [0, 1]], "holes_m": 3}', "holes_m: expected"),
         ('{"polygon_m": ', "not JSON"),
         ("nothing", "not a kind of file"),
