@@ -182,7 +182,7 @@ def test_a_bad_picture_is_named_and_the_others_make_their_map(
     make, reason = BAD[case]
     photos = folder_of(good, tmp_path)
     make(photos / "bad.jpg")
-    code, rows, summary = mapped(photos, good, tmp_path / "out", "--no-ortho")
+    code, rows, summary = mapped(photos, good, tmp_path / "out")
     assert code == 0
     assert reason in rows["bad.jpg"]["reason"]
     assert [rows[f"{n}.jpg"]["used"] for n in range(3)] == ["yes"] * 3
