@@ -314,7 +314,7 @@ def test_masks_overlays_and_results_below_the_photographs_are_left_out(
     eyes(photos / "my-field")
     (photos / "my-field" / "overlays").mkdir()
     drawn.save(photos / "my-field" / "overlays" / "0.jpg")
-    assert mapped(photos, good, photos / "map", "--refine", "off")[0] == 0
+    assert mapped(photos, good, photos / "map")[0] == 0
     found = gather(Folder(photos))
     assert [p.name for p in found.pictures] == [p.name for p in alone]
     assert not found.refused
