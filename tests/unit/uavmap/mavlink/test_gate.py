@@ -114,6 +114,7 @@ class Vehicle:
         mav.MAVLink_heartbeat_message(77, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 4, 4, 3),
         mav.MAVLink_heartbeat_message(2, mav.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 4, 99, 3),
         heartbeat(autopilot=mav.MAV_AUTOPILOT_PX4),
+        heartbeat(4 << 16 | 3 << 24, autopilot=mav.MAV_AUTOPILOT_PX4),
     ],
     ids=lambda m: m.get_type(),
 )
@@ -529,7 +530,7 @@ def poisoned(hostile: Hostile, rng: random.Random) -> Message:
     return message
 
 
-def test_thousands_of_random_and_poisoned_frames_with_the_vehicles_own_ids() -> None:
+def test_ten_thousand_random_and_poisoned_frames_with_the_vehicles_own_ids() -> None:
     rng, hostile = random.Random(11), Hostile(11)
     heard: list[str] = []
 
@@ -539,7 +540,7 @@ def test_thousands_of_random_and_poisoned_frames_with_the_vehicles_own_ids() -> 
         chunks = hostile.chunks(well_addressed=True)
         settled = None
         tracemalloc.start()
-        for number in range(4000):
+        for number in range(10_000):
             if number % 20 == 0:
                 session.feed(peer.frame(position(t_s=1.0 + number / 100)))
             elif rng.random() < 0.3:
@@ -549,20 +550,20 @@ def test_thousands_of_random_and_poisoned_frames_with_the_vehicles_own_ids() -> 
                 frame = bytearray(peer.frame(poisoned(hostile, rng), component))
                 session.feed(bytes(frame))
             assert finite(session.view)
-            if number == 1200:
+            if number == 3000:
                 heard.clear()
                 settled = tracemalloc.get_traced_memory()[0]
                 heard_before = len(peer.frames)
-            if number >= 1200:
+            if number >= 3000:
                 del peer.frames[heard_before:]  # the log is on disk in a flight
                 heard.clear()
         assert settled is not None
         grown = tracemalloc.get_traced_memory()[0] - settled
         tracemalloc.stop()
-        assert grown < 120_000
+        assert grown < 300_000
 
     peer = in_session(bombard)
-    assert peer.session.view.gate.refused.total() > 400
+    assert peer.session.view.gate.refused.total() > 1000
     assert len(peer.session.view.gate.refused) < 100
 
 
