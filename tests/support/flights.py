@@ -28,6 +28,9 @@ from uavmap.mavlink.session import GROUND_SYSTEM_ID, Session
 from uavmap.runner.flight_links import mount_of
 from uavmap.runner.simulation import STEP_S, make_vehicles
 
+PATIENCE_S = 3600.0
+"""Longest wait for an event, in seconds of the flight: on a busy machine these pass quickly."""
+
 Message = Any
 PILOT_SYSTEM_ID = 255
 WIDTH_PX, HEIGHT_PX = 160, 120
@@ -199,19 +202,19 @@ class Flight:
     def seen(self, kind: type[Event]) -> list[Any]:
         return [event for event in self.events if isinstance(event, kind)]
 
-    async def sees(self, kind: type[Event], count: int = 1, within_s: float = 120.0) -> Any:
+    async def sees(self, kind: type[Event], count: int = 1, within_s: float = PATIENCE_S) -> Any:
         """The event of a kind, once so many have been reported."""
         async with asyncio.timeout(within_s):
             while len(self.seen(kind)) < count:  # noqa: ASYNC110
                 await asyncio.sleep(STEP_S)
         return self.seen(kind)[count - 1]
 
-    async def until(self, condition: Callable[[], bool], within_s: float = 120.0) -> None:
+    async def until(self, condition: Callable[[], bool], within_s: float = PATIENCE_S) -> None:
         async with asyncio.timeout(within_s):
             while not condition():  # noqa: ASYNC110
                 await asyncio.sleep(STEP_S)
 
-    async def after(self, order: Order, kind: type[Event], within_s: float = 120.0) -> Any:
+    async def after(self, order: Order, kind: type[Event], within_s: float = PATIENCE_S) -> Any:
         """Give an order and wait for the event that ends it."""
         count = len(self.seen(kind))
         self.driver.give(order)
