@@ -103,6 +103,23 @@ def detector_of_section(section: DetectorSection, height_ratio: float = 1.0) -> 
         raise MissionFileError(f"detector.model = {str(path)!r}: {text}") from None
 
 
+def region_in_words(section: DetectorSection) -> str:
+    """Return what the detector of a mission takes for region, in words; reads no model.
+
+    >>> region_in_words(DetectorSection())
+    'darker than 150 of 255 (fits the simulator; for real ground see uavmap tune)'
+    >>> region_in_words(DetectorSection(name="paved", paved={}))
+    'bare ground: not green, and brighter than 90 of 255'
+    """
+    if section.model is not None:
+        return f"what the model {Path(section.model).name} was made to find"
+    words: str | None = getattr(_made(section.name, section.parameters), "words", None)
+    if words is None:
+        return f"what the plug-in {section.name} marks"
+    simulated = section.name == "threshold"
+    return f"{words} (fits the simulator; for real ground see uavmap tune)" if simulated else words
+
+
 def resolved_section(
     section: Mapping[str, Any] | None, folder: Path, detector: Path | None
 ) -> dict[str, Any] | None:

@@ -22,7 +22,8 @@ class Detector(Protocol):
     other bands, and uint16. Parameters out of range raise `MissionFileError`, naming the key.
 
     If its mask is smaller than the region by some pixels at each edge, `shrinks_px` may give that
-    number: the region's boundary is drawn so much farther out.
+    number: the region's boundary is drawn so much farther out. `words` may describe what it takes
+    for region, to follow "region = ".
     """
 
     @property

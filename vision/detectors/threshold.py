@@ -86,6 +86,12 @@ class ThresholdDetector(MaskDetector):
         check_whole("dilations", self.dilations, 255)
         check_polarity(self.polarity)
 
+    @property
+    def words(self) -> str:
+        """What it takes for region."""
+        side = "darker" if self.polarity == "dark" else "brighter"
+        return f"{side} than {self.intensity} of 255"
+
     def _roi(self, image: NDArray[Any]) -> NDArray[Any]:
         gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         dark_roi = self.polarity == "dark"
@@ -119,6 +125,12 @@ class AdaptiveDetector(MaskDetector):
         check_whole("offset", self.offset, 254)
         check_whole("dilations", self.dilations, 255)
         check_polarity(self.polarity)
+
+    @property
+    def words(self) -> str:
+        """What it takes for region."""
+        side = "darker" if self.polarity == "dark" else "brighter"
+        return f"{side} than its surroundings by more than {self.offset} of 255"
 
     def _roi(self, image: NDArray[Any]) -> NDArray[Any]:
         gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
@@ -155,6 +167,11 @@ class PavedDetector(MaskDetector):
         check_whole("intensity", self.intensity, 254)
         check_whole("dilations", self.dilations, 255)
         check_number("greenness", self.greenness, -1.0, 2.0)
+
+    @property
+    def words(self) -> str:
+        """What it takes for region."""
+        return f"bare ground: not green, and brighter than {self.intensity} of 255"
 
     def _roi(self, image: NDArray[Any]) -> NDArray[Any]:
         # 3 G - (R + G + B) < greenness (R + G + B), as one sum over the bands; only its sign is
@@ -200,6 +217,13 @@ class ColorDetector:
         check_number("lightness", self.lightness, 0.0, 1.0)
         _check_colors("samples", self.samples, 1)
         _check_colors("not_samples", self.not_samples, 0)
+
+    @property
+    def words(self) -> str:
+        """What it takes for region."""
+        colours = ", ".join("rgb({}, {}, {})".format(*color) for color in self.samples[:3])
+        more = len(self.samples) - 3
+        return f"coloured like {colours}" + (f" and {more} more" if more > 0 else "")
 
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
         """See `Detector.probability`."""
@@ -308,6 +332,11 @@ deviations | |
         check_number("softness", self.softness, 0.001, 100.0)
         for key in ("blue", "green", "red", "nir"):
             check_whole(key, getattr(self, key), _MOST_BAND)
+
+    @property
+    def words(self) -> str:
+        """What it takes for region."""
+        return f"index {self.kind} {self.side} {self.value:g}"
 
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
         """See `Detector.probability`. Raises `ImageError` if the picture lacks a band."""

@@ -5,6 +5,8 @@ What all of them promise: `tests.conformance.test_detectors`.
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -12,6 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.errors import ImageError, MissionFileError
+from missions.mission.sections import DetectorSection
+from uavmap.load.detector_source import region_in_words
 from vision.detectors import make_detector
 
 
@@ -135,3 +139,19 @@ def test_a_hot_spot_stands_out_of_its_picture() -> None:
     mask = make_detector("index", kind="hot", value=8.0).mask(heat)
     assert np.count_nonzero(mask) == 12
     assert (mask[10:13, 20:24] == 255).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "words"),
+    [
+        ("threshold", {"polarity": "bright"}, "brighter than 150 of 255"),
+        ("adaptive", {}, "darker than its surroundings by more than 12 of 255"),
+        ("paved", {}, "bare ground: not green, and brighter than 90 of 255"),
+        ("color", {"samples": [[10, 20, 30]] * 5}, "rgb(10, 20, 30) and 2 more"),
+        ("index", {"kind": "ndwi", "value": 0.3}, "index ndwi above 0.3"),
+    ],
+)
+def test_detector_describes_what_it_takes_for_region(
+    name: str, parameters: dict[str, Any], words: str
+) -> None:
+    assert region_in_words(DetectorSection(name=name, **{name: parameters})).find(words) >= 0

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from uavmap.base.printable import printable
+from uavmap.load.detector_source import region_in_words
 from uavmap.output.facts.flight_log import navigation_in_words
 from uavmap.output.facts.flown_mission import Flown
 from uavmap.output.summary import MOST_PATCHES, box_in_words, state_in_words
@@ -66,6 +67,7 @@ def extent_facts(flown: Flown) -> Facts:
         if boundary.open_m:
             facts.append(("Open boundary", f"{boundary.open_m:,.1f} m at the end of the pictures"))
     facts.append(("Position", _position(flown)))
+    facts.append(("Region is", region_in_words(flown.setting.mission.detector)))
     return facts
 
 

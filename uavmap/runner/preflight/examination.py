@@ -21,6 +21,7 @@ from uavmap.aircraft.cameras.spec import CameraSpec
 from uavmap.base.atomic_write import write_bytes
 from uavmap.base.printable import printable
 from uavmap.journal.flight_plan import FlightOptions
+from uavmap.load.detector_source import region_in_words
 from uavmap.mavlink.identity import answered
 from uavmap.mavlink.parameters import Parameters
 from uavmap.mavlink.session import Session
@@ -105,8 +106,9 @@ class Examination:
         mask = detector.mask(image)
         overlay = folder / PICTURES.format(self._number)
         text = (
-            f"a picture of {size_px[0]} x {size_px[1]} px; the detector {detector.name} marks "
-            f"{100 * float(np.count_nonzero(mask)) / mask.size:.0f} % of it"
+            f"a picture of {size_px[0]} x {size_px[1]} px; "
+            f"{100 * float(np.count_nonzero(mask)) / mask.size:.0f} % of it is region: "
+            f"{region_in_words(setting.mission.detector)}"
         )
         try:
             overlay.parent.mkdir(parents=True, exist_ok=True)

@@ -17,6 +17,7 @@ from missions.geo.grid import Grid
 from missions.mission import flyable
 from missions.mission.places import drawn
 from uavmap.base.atomic_write import write_bytes
+from uavmap.load.detector_source import region_in_words
 from uavmap.load.mission_source import load
 from uavmap.output.drawing.map_scene import preflight_scene
 from uavmap.output.drawing.raster import encode_png
@@ -59,6 +60,7 @@ def run(options: argparse.Namespace) -> int:
             figures["first_sighting_s"] = round(soon_s, 1)
             figures["first_sighting_without_prior_s"] = round(late_s, 1)
         figures["ground"] = ground_figures(setting)
+        figures["region"] = region_in_words(setting.mission.detector)
         figures["warnings"] = warnings
         figures["taken"] = taken_lines(setting.mission)
         print(json.dumps(figures, indent=2))
@@ -68,6 +70,7 @@ def run(options: argparse.Namespace) -> int:
         print(f"  {warning}")
     for line in taken_lines(setting.mission):
         print(f"  {line}")
+    print(f"  region = {region_in_words(setting.mission.detector)}")
     print(f"  box {box_line(setting)}; UTM zone {zone_name(setting.grid)}")
     reason, rows = figures.pop("altitude_set_by"), figures.pop("layers")
     print(f"  height and speed of each layer; {reason} sets the height:")
@@ -135,6 +138,7 @@ def plan_facts(setting: Setting, figures: Mapping[str, Any]) -> list[tuple[str, 
     return [
         ("home", f"{home.lat_deg:.6f}, {home.lon_deg:.6f} (latitude, longitude)"),
         ("UTM zone", zone_name(setting.grid)),
+        ("region", region_in_words(mission.detector)),
         ("box", box_line(setting)),
         (
             "fence",

@@ -67,11 +67,14 @@ def test_a_kml_becomes_a_mission_that_check_takes(
     out, err = capsys.readouterr()
     assert "Untitled Polygon, 105 m x 114 m" in out
     assert "52.45593 N 13.30378 E, UTM zone 33N (EPSG:32633); is that the place?" in out
+    assert "region = darker than 150 of 255 (fits the simulator; for real ground" in out
     assert "no home was drawn" in err
     with Image.open("field.png") as picture:
         assert picture.size[0] > 800
     assert main(["check", "field.toml"]) == 0
-    assert "nothing wrong" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "nothing wrong" in said
+    assert "region = darker than 150 of 255" in said
     mission = load("field.toml")
     assert (mission.name, mission.battery.capacity_wh, mission.wind.speed_m_s) == ("field", 74, 5)
 

@@ -1,0 +1,18 @@
+"""What the operator is shown at once, beside what `test_time_left` shows."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.support.scenarios import scenario
+
+
+@pytest.mark.parametrize(("intensity", "shown"), [(254, 1), (150, 0)])
+def test_detector_that_takes_all_ground_for_region_is_reported_once(
+    intensity: int, shown: int
+) -> None:
+    def change(text: str) -> str:
+        return text.replace("[detector]\n", f"[detector]\nintensity = {intensity}\n")
+
+    flight = scenario("ardupilot", change=change)
+    assert flight.said.count("check whether it fits this ground") == shown
