@@ -21,6 +21,7 @@ from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.lane_passes import drop_seen
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.two_heights import heights_of
+from missions.flight.team.interface import team_of
 from missions.mission.energy import FRESH
 from missions.mission.height_and_speed import LEAST_HEIGHT_M
 from missions.orders import AwaitBattery, TakeOff
@@ -55,7 +56,7 @@ def assign(setting: Setting, state: State) -> State:
 def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if vehicle.braking_until_s is not None:
         return state.holding(vehicle)
-    if (first := setting.team.first(setting, state, vehicle)) is not None:
+    if (first := team_of(setting).first(setting, state, vehicle)) is not None:
         return first
     if vehicle.return_reason is not None:
         return fly_home(setting, state, vehicle)
@@ -102,7 +103,7 @@ def _unfit(setting: Setting, vehicle: VehicleState) -> str:
     """Why a vehicle may not take off from where it stands; empty if it may."""
     if not setting.fence.contains(vehicle.position):
         return "it stands outside of the geofence; move it, or the fence"
-    if refusal := setting.team.refusal(setting, vehicle):
+    if refusal := team_of(setting).refusal(setting, vehicle):
         return refusal
     room_m = setting.fence.outer.boundary.distance(Point(vehicle.position))
     if room_m < min(CLIMB_ROOM_M, setting.mission.fence.margin_m):

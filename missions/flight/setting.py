@@ -11,7 +11,7 @@ from typing import Protocol
 
 from shapely.geometry import Point, Polygon
 
-from missions.flight.team.interface import Team
+from missions.flight.team.scope import Scope
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
@@ -82,7 +82,7 @@ class Setting:
     grid: Grid
     fence: Fence
     energy: EnergyModel
-    team: Team
+    team: Scope
     """The vehicles that are commanded."""
     strategy: Kind
     """How vehicles find the region and map it."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from missions.flight.setting import Setting
-from missions.flight.team.interface import Team
+from missions.flight.team.scope import Scope
 from missions.geo.trajectory import Trajectory
 from missions.mapping.belief import Belief
 from missions.mapping.tree import Tree
@@ -245,7 +245,7 @@ class State:
 
     belief: Belief
     vehicles: Mapping[int, VehicleState]
-    team: Team
+    team: Scope
     """Which of the vehicles are commanded."""
     t_s: float = 0.0
     tree: Tree | None = None

@@ -19,6 +19,7 @@ from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep import Paths
 from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest, last_waiting
 from missions.flight.strategy.two_heights import heights_of, is_over_pad, over_own_pad
+from missions.flight.team.interface import team_of
 from missions.flight.team.work_shares import held_until_s
 from missions.mission.views import rows_across
 from missions.planning.search.lanes import Lane, along_east, longest_m, share_by_time
@@ -162,11 +163,11 @@ class EveryPatch(Covering):
 
     def share_work(self, setting: Setting, state: State, work: OpenWork) -> Work:
         """As the team shares its work."""
-        return setting.team.share_work(setting, state, work)
+        return team_of(setting).share_work(setting, state, work)
 
     def gathers(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
         """As the team does."""
-        return setting.team.gathers(setting, state, vehicle)
+        return team_of(setting).gathers(setting, state, vehicle)
 
     def held_until_s(
         self, setting: Setting, state: State, vehicle: VehicleState, t_s: float

@@ -12,6 +12,7 @@ from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.lane_passes import give_up_lane
 from missions.flight.strategy.visiting import visit
+from missions.flight.team.interface import team_of
 from missions.orders import FlyTo, Order, Sweep
 
 
@@ -61,7 +62,7 @@ def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
             heir = replace(vehicle, candidate=other.candidate, at_target=False)
             return state.with_vehicle(heir)
 
-    orphan = setting.team.free_lane(setting, state)
+    orphan = team_of(setting).free_lane(setting, state)
     if orphan is not None:
         return state.with_vehicle(replace(vehicle, lanes=(orphan,), on_lane=False))
 

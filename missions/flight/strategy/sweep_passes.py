@@ -27,6 +27,7 @@ from missions.flight.strategy.fallback import fall_back, patience_s
 from missions.flight.strategy.flyers import flyer_of, over_home_s, over_pad
 from missions.flight.strategy.interface import OpenWork, Strategy, TourMemory, strategy_of
 from missions.flight.strategy.two_heights import heights_of
+from missions.flight.team.interface import team_of
 from missions.geo.path_in_fence import allowed, is_outside
 from missions.geo.trajectory import Trajectory
 from missions.orders import FlyPath
@@ -139,7 +140,7 @@ def explore_passes(strategy: Strategy, setting: Setting, state: State) -> State:
     times = 1.0 if others_part is None else ALONE_TIMES
     plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     left_out = plan.work == 0 and others_part is not None
-    if left_out and setting.team.want_reported(setting, state, known):
+    if left_out and team_of(setting).want_reported(setting, state, known):
         plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and others_part is not None:
         known.chart.closed[others_part] = 0
@@ -290,7 +291,7 @@ def _fly(
         elif vehicle.idle and allowed(setting.fence, flown):
             blocked = True  # its air is claimed, which passes: nothing is in vain yet
         elif vehicle.idle:
-            state = setting.team.way_out(setting, state, vehicle)
+            state = team_of(setting).way_out(setting, state, vehicle)
     vain_s = 0.0 if blocked else memory.vain_s
     memory = replace(memory, routes=routes, paths=paths, longest_s=longest_s, vain_s=vain_s)
     return state, memory, blocked

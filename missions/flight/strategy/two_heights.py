@@ -20,6 +20,7 @@ from missions.flight.airspace.airspace import OVER_PAD_M, Airspace
 from missions.flight.airspace.needs import OFF_LAYER_M
 from missions.flight.setting import Setting
 from missions.flight.state import State, VehicleState
+from missions.flight.team.interface import team_of
 from missions.geo.trajectory import LANE_CUTS_M
 from missions.mission.views import path_speed_m_s, seen_whole_m
 from missions.planning.search.lanes import Lane, point_on
@@ -162,7 +163,7 @@ def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State
     heights = heights_of(setting)
     if heights.in_layer(setting, state, vehicle):
         return None
-    changed = setting.team.change_layer(setting, state, vehicle)
+    changed = team_of(setting).change_layer(setting, state, vehicle)
     if changed is not None:
         return changed
     moved = replace(vehicle, cruise_altitude_m=heights.layer_m(setting, vehicle))

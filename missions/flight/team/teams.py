@@ -24,7 +24,8 @@ from missions.flight.strategy.lane_passes import cells_drift_out, still_open
 from missions.flight.strategy.touring import shared_out
 from missions.flight.strategy.two_heights import heights_of, is_over_pad, over_own_pad
 from missions.flight.team.gathering import gathers
-from missions.flight.team.interface import Fences, Team
+from missions.flight.team.interface import Team
+from missions.flight.team.scope import Fences
 from missions.flight.team.work_shares import own_part, share_parts, want_reported
 from missions.geo.columns import PAD_M, columns_over, fence_without
 from missions.geo.fence import Fence
@@ -157,7 +158,7 @@ class Listener(Member):
         return Fences(whole, whole, None)
 
 
-def team_of(member: int | None) -> Team:
+def team_for(member: int | None) -> Team:
     """Return the team of a service.
 
     Args:
