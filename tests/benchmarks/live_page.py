@@ -23,7 +23,7 @@ from missions.mapping.tree import Tree, Vertex
 from missions.orders import FlyPath
 from missions.units import Cell, GridPoint
 from tests.benchmarks.frame import asked, cpu_ms, spread
-from tests.support.browser import browser
+from tests.support.page.browser import browser
 from tests.support.plans import named_text, plan_of
 from tests.support.said import Said
 from tests.support.small_missions import first_patch

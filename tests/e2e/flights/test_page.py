@@ -28,7 +28,7 @@ from tests.e2e.rig import (
     uavmap,
     wait_until,
 )
-from tests.support.browser import browser, need_browser
+from tests.support.page.browser import browser, need_browser
 
 SPEEDUP = 3.0
 """Slow enough that a battery outlasts a pause in which a busy machine starts tabs."""

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.golden.recording import STOPS
-from tests.support.html_page import Page
+from tests.support.page.html_page import Page
 from tests.unit.uavmap.output.flown_folders import (
     EVENTS,
     EVIL,

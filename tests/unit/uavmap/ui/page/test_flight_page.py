@@ -15,7 +15,7 @@ from missions.events import from_json
 from missions.flight.state import State
 from missions.flight.step import step
 from tests.golden.recording import STOPS
-from tests.support.page_feed import Feed
+from tests.support.page.page_feed import Feed
 from tests.support.plans import named_text, plan_of
 from tests.support.said import Said
 from uavmap.base.messages import shown_on

@@ -18,7 +18,7 @@ from missions.events import FrameSeen, Vote, Weighed
 from missions.units import Cell, Pose, Quaternion
 from tests.golden.recording import STOPS
 from tests.support import journals
-from tests.support.page_feed import Feed
+from tests.support.page.page_feed import Feed
 from tests.unit.uavmap.output.flown_folders import EVENTS, PLAN
 from uavmap.journal.event_log import Journal, JournalReader
 from uavmap.journal.flight_plan import JOURNAL

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from missions.errors import OutputError, UavmapError
-from tests.support.page_tab import PATIENCE_S, Tab
+from tests.support.page.page_tab import PATIENCE_S, Tab
 from tests.support.running import by, in_real_time
 from tests.support.said import Said
 from uavmap.base.messages import shown_on

@@ -26,7 +26,7 @@ from tests.support.areas.area_files import (
     placemark,
     saved,
 )
-from tests.support.html_page import Page
+from tests.support.page.html_page import Page
 from tests.support.plans import named_text
 from tests.unit.uavmap.conftest import Refusals
 from uavmap.load.areas.mission_text import COMMENTS, SECTIONS, section_of
