@@ -132,7 +132,7 @@ def _on_its_way_home(
 
 
 def link_lost(event: LinkLost, vehicle: VehicleState, setting: Setting) -> VehicleState:
-    """It is silent: what it carries out is remembered, for its air stays claimed.
+    """It is silent: what it carries out is remembered, for its air stays reserved.
 
     From the order to take off it counts as in the air, until it is heard on the ground.
     """

@@ -40,7 +40,7 @@ def assign(setting: Setting, state: State) -> State:
     strategy = strategy_of(setting).in_force(state)
     if state.tree is None and setting.lanes:
         state = strategy.searched(setting, state)
-    state = Airspace(setting, state).revised()
+    state = Airspace(setting, state).stop_conflicting()
     for number in state.our_numbers:
         state = turn_back(setting, state, state.vehicles[number])
     state = strategy.plan(setting, state)
@@ -56,11 +56,11 @@ def assign(setting: Setting, state: State) -> State:
 def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if vehicle.braking_until_s is not None:
         return state.holding(vehicle)
-    if (first := team_of(setting).first(setting, state, vehicle)) is not None:
+    if (first := team_of(setting).urgent_order(setting, state, vehicle)) is not None:
         return first
     if vehicle.return_reason is not None:
         return fly_home(setting, state, vehicle)
-    if (given_way := Airspace(setting, state).made_way(vehicle)) is not None:
+    if (given_way := Airspace(setting, state).make_way(vehicle)) is not None:
         return given_way
     if state.paused:
         return state.holding(vehicle)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from missions.flight.setting import Setting
 from missions.flight.strategies import chosen
 from missions.flight.strategy.interface import Area
-from missions.flight.team.teams import team_for
+from missions.flight.team.teams import make_team
 from missions.geo.grid import Grid
 from missions.mission.flyable import fence_of
 from missions.mission.places import homes, prior_of
@@ -26,7 +26,7 @@ def setting_of(mission: Mission, member: int | None = None) -> Setting:
     grid = Grid.at(
         mission.home, mission.grid.cell_m, mission.drift.speed_m_s, mission.drift.toward_deg
     )
-    team, pads = team_for(member), [grid.fixed(place) for place in homes(mission)]
+    team, pads = make_team(member), [grid.fixed(place) for place in homes(mission)]
     fences = team.fences(mission, fence_of(mission, grid), pads)
     box = [grid.fixed(place) for place in positions(mission.search.box)]
     strategy = chosen(mission)

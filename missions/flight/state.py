@@ -306,7 +306,11 @@ class State:
         return replace(self, vehicles={**self.vehicles, vehicle.vehicle: vehicle})
 
     def holding(self, vehicle: VehicleState) -> State:
-        """This state with a vehicle waiting where it is: it reserves the air there, and no more."""
+        """This state with a vehicle that hovers where it is.
+
+        It keeps the air of a hover; between layers the heights between, over its pad the column in
+        which it lands.
+        """
         order = vehicle.order if isinstance(vehicle.order, Hold) else Hold()
         return self.with_vehicle(replace(vehicle, order=order))
 

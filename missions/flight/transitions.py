@@ -244,7 +244,7 @@ def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
     if leg is not None and leg.stop and abs(vehicle.height_m - leg.height_m) > OFF_LAYER_M:
         arrived = replace(arrived, height_m=leg.height_m)  # which may be told later
     if vehicle.return_reason is not None:
-        # the way home may have been claimed, and a part of it flown
+        # the way home may have been reserved by another, and a part of it flown
         part = leg is not None and leg.route[-1].distance_to(vehicle.pad) > BESIDE_PAD_M
         return replace(arrived, over_home=not part)
     if on_path and not vehicle.on_lane:

@@ -157,7 +157,7 @@ class Trajectory:
         return GridPoint(east + drift_east * t_s, north + drift_north * t_s)
 
     def places(self, begin_s: float, end_s: float, steps: int) -> list[GridPoint]:
-        """Return the places at so many equal steps between two times, both ends among them."""
+        """Return `steps` + 1 places at equal intervals from `begin_s` to `end_s`."""
         step_s = (end_s - begin_s) / steps
         return [self.place_at(begin_s + k * step_s) for k in range(steps + 1)]
 

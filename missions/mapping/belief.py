@@ -239,6 +239,8 @@ class Belief:
 
     def with_frames(self, vantage: Vantage, frames: Mapping[FrameId, Verdicts]) -> Belief:
         """This belief and several frames taken over `vantage`; the same frame twice counts once."""
+        if not frames:
+            return self
         at_vantage: PersistentMap[FrameId, Verdicts] = self.looks.get(vantage, PersistentMap())
         ballots: PersistentMap[Cell, Ballot] = self._ballots.get(vantage, PersistentMap())
         before = ballots.as_dict()

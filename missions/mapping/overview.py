@@ -23,7 +23,7 @@ def with_plain(
     box: Container[Cell],
     fresh: Collection[Cell],
 ) -> Belief:
-    """A belief with the votes of cells that have become plain, after `fresh` got votes from above.
+    """Return `belief` with the votes on cells that are plain since `fresh` ones got votes.
 
     What was decided from below stays as it is. Beyond the
     `box` nobody searches: there a cell that no overview shows stands in the way of region only,

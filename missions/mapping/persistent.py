@@ -63,9 +63,10 @@ class PersistentMap(Mapping[K, V]):
         return newer
 
     def as_dict(self) -> Mapping[K, V]:
-        """Return the table of this version, to be read at once: it changes with the next version.
+        """Return the live table of this version, which costs no call in Python for each key.
 
-        To read it costs what a `dict` costs; the methods here cost a call in Python each.
+        Do not keep it: the next version takes it over and changes it. An older version copies its
+        table, once.
         """
         return self._whole()
 

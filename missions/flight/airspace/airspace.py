@@ -8,7 +8,7 @@
 A reservation is the order that a vehicle carries out: nothing is kept beside it that could differ
 from what is flown. A vehicle that cannot be commanded reserves all the air that it may be in: a
 silent one flies on with its last order, and may return by itself; a pilot or a failsafe may go
-anywhere near. When such a reservation changes, orders under way are checked again (`revised`).
+anywhere near. When such a reservation changes, `stop_conflicting` checks orders under way again.
 
 A member of a fleet that leaves its own layer or column asks the others for a column of air, and
 has it once all of them have promised to keep out of it (`ask_for_column`, `can_promise`).
@@ -48,7 +48,7 @@ CLOSED_S: Final = 3.0
 ASK_S: Final = 12.0
 """Longest wait of a member for the air that it has asked for, s."""
 SLOW_TIMES: Final = 2.0
-"""A member has such air for so many times as long as the change of layer should take."""
+"""Shortest promise of such air, in durations of the change of layer."""
 OVER_PAD_M: Final = 1.0
 """Distance to its pad within which a vehicle is in the column over it, m."""
 _CANNOT_PROMISE: Final = (Phase.APART, Phase.OFFLINE, Phase.YIELDED, Phase.GUARDED)
@@ -75,7 +75,7 @@ class Airspace:
         """Return the state in which a vehicle carries out an order; None if its air is not clear.
 
         A path also has to stay clear of vehicles that cannot be commanded: else it would be stopped
-        at the next report (`revised`).
+        at the next report (`stop_conflicting`).
         """
         blocked = isinstance(order, FlyPath) and self._leads_into_uncontrolled(vehicle, order)
         if blocked or not self.is_clear(vehicle, order):
@@ -85,7 +85,7 @@ class Airspace:
     def reserve_or_wait(self, vehicle: VehicleState, order: Order) -> State:
         """Reserve the air for an order, or for a detour on the way home; else the vehicle waits.
 
-        A vehicle that flies a path goes on with it, and one on the ground stays there.
+        One on the ground stays there.
         """
         given = self.reserve(vehicle, order)
         if given is not None:
@@ -95,9 +95,7 @@ class Airspace:
                 given = self.reserve(vehicle, detour)
                 if given is not None:
                     return given
-        if vehicle.landed or vehicle.path is not None:
-            return self.state
-        return self.state.holding(vehicle)
+        return self.state if vehicle.landed else self.state.holding(vehicle)
 
     def leave(self, vehicle: VehicleState, route: tuple[GridPoint, ...]) -> State:
         """Return the state in which a member leaves air that may be another's, clear or not.
@@ -112,7 +110,7 @@ class Airspace:
         others = (v for v in self.state.vehicles.values() if v.vehicle != vehicle.vehicle)
         return [other for other in others if other.uncontrolled]
 
-    def revised(self) -> State:
+    def stop_conflicting(self) -> State:
         """Return the state in which vehicles stop that fly towards uncontrolled or closed air."""
         state = self.state
         for vehicle in state.ours:
@@ -124,7 +122,7 @@ class Airspace:
                 state = state.with_vehicle(stopped)
         return state
 
-    def made_way(self, vehicle: VehicleState) -> State | None:
+    def make_way(self, vehicle: VehicleState) -> State | None:
         """Return the state in which a vehicle flies out of uncontrolled or closed air.
 
         None where it is in no such air, or where no place beside it is clear.
@@ -292,8 +290,8 @@ class Airspace:
         """Ask for the air from here to a layer.
 
         Returns:
-            The vehicle that asks; and whether it has the air, None while it waits. It has not where
-            a member cannot be asked, or does not answer in time.
+            The vehicle that asks; and whether it has the air: True, None while it waits, False if
+            a member cannot be asked or does not answer within `ASK_S`.
         """
         if self.has_column(vehicle, layer_m):
             return vehicle, True
@@ -303,9 +301,8 @@ class Airspace:
             or vehicle.leased_until_s > -math.inf
             or t_s >= asks.until_s
         ):
-            asks = (
-                None  # blown away, or interrupted: that air is another, or was its own too briefly
-            )
+            # blown away, or interrupted: that air is another, or was its own too briefly
+            asks = None
         others = (v for v in self.state.vehicles.values() if not self.state.is_ours(v.vehicle))
         waited_s = 0.0 if asks is None else t_s - asks.asked_s
         if waited_s > ASK_S or any(v.phase in _CANNOT_PROMISE for v in others):

@@ -52,7 +52,7 @@ def chart_of(
     if root is not None:
         return Known(chart, chart.index(root))
     wanted = np.zeros(chart.columns * chart.rows, np.uint8)
-    wanted[chart.indices(strategy_of(setting).asked_for(setting, state))] = 1
+    wanted[chart.indices(list(strategy_of(setting).asked_for(setting, state)))] = 1
     lanes = {lane for vehicle in state.vehicles.values() for lane in vehicle.lanes}
     time_s = setting.lane_time_s(state.t_s)
     for lane in sorted(lanes):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from missions.flight.setting import Setting, Shares
 from missions.flight.state import Phase, State, VehicleState
@@ -25,9 +25,6 @@ from missions.mission.views import rows_across
 from missions.planning.search.lanes import Lane, along_east, longest_m, share_by_time
 from missions.planning.sweep.strategies import SWATH
 from missions.units import Cell, GridPoint
-
-if TYPE_CHECKING:
-    pass
 
 SHORT_CELLS: Final = 10.0
 """What is left of a lane and is shorter is left to the planner of paths."""

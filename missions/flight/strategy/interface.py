@@ -12,7 +12,7 @@ and give it a name with `missions.flight.strategies.register`, or by an entry po
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -147,7 +147,7 @@ class Strategy(Kind, ABC):
         return None
 
     # --- what has to be decided -----------------------------------------------------------------
-    def asked_for(self, setting: Setting, state: State) -> Sequence[Cell]:
+    def asked_for(self, setting: Setting, state: State) -> Iterable[Cell]:
         """The cells that have to be decided and are not, whatever lies beside them."""
         return ()
 

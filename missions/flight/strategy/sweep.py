@@ -89,7 +89,7 @@ class Paths(Strategy):
         return on_a_lane(setting, state, vehicle, event)
 
     def plan(self, setting: Setting, state: State) -> State:
-        """Stop those who meet claimed air or have nothing left on their lanes, and plan anew."""
+        """Stop those who meet reserved air or have nothing left on their lanes, and plan anew."""
         state = end_searched(setting, keep_clear(setting, state))
         return state if state.paused else self.plan_paths(setting, state)
 

@@ -140,7 +140,7 @@ def explore_passes(strategy: Strategy, setting: Setting, state: State) -> State:
     times = 1.0 if others_part is None else ALONE_TIMES
     plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     left_out = plan.work == 0 and others_part is not None
-    if left_out and team_of(setting).want_reported(setting, state, known):
+    if left_out and team_of(setting).mark_unreported(setting, state, known):
         plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and others_part is not None:
         known.chart.closed[others_part] = 0
@@ -289,7 +289,7 @@ def _fly(
             routes[number], paths[number] = route, flown
             longest_s = max(longest_s, flown.end_s - state.t_s)
         elif vehicle.idle and allowed(setting.fence, flown):
-            blocked = True  # its air is claimed, which passes: nothing is in vain yet
+            blocked = True  # its air is reserved, which passes: nothing is in vain yet
         elif vehicle.idle:
             state = team_of(setting).way_out(setting, state, vehicle)
     vain_s = 0.0 if blocked else memory.vain_s

@@ -4,7 +4,7 @@ With `search.altitude_m` lanes are flown in layers of their own above all those 
 is made, so wide that few of them see the box. What such a frame shows of plain ground counts
 (`missions.mapping.overview`); all else is looked at from below.
 
-A vehicle changes its layer where it is, or a few metres beside, in air that nobody has claimed. If
+A vehicle changes its layer where it is, or a few metres beside, in air that is clear. If
 the mission says how fast the autopilot climbs and descends, it does so on its way: at take-off it
 climbs only as far as the way to its first lane leaves to be climbed, and who has no lanes left
 flies to what has to be mapped while it comes down.

@@ -26,8 +26,8 @@ class Team(Scope, ABC):
         return ""
 
     # --- in the air -----------------------------------------------------------------------------
-    def first(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
-        """Return the state with what a vehicle has to do before all else; None: nothing."""
+    def urgent_order(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+        """Return the state in which a vehicle does what comes before all else; None: nothing."""
         return None
 
     def change_layer(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
@@ -52,9 +52,8 @@ class Team(Scope, ABC):
     def share_work(self, setting: Setting, state: State, work: OpenWork) -> Work:
         """Close in the chart what others are to see."""
 
-    def want_reported(self, setting: Setting, state: State, known: Known) -> bool:
-        """Have observed what others take for observed by ours and is undecided; whether there is
-        any."""
+    def mark_unreported(self, setting: Setting, state: State, known: Known) -> bool:
+        """Mark undecided cells that others may take for observed; return whether there are any."""
         return False
 
 

@@ -8,7 +8,7 @@ to do for as long as that should take them, and then does what they have left. W
 decided (`Shared`) counts as votes for what is done next; the map of the results is made of all
 facts (`missions.mapping.joined_map`).
 
-That nobody meets anybody does not hang on any of this: `missions.geo.fence`.
+That nobody meets anybody does not hang on any of this: `missions.geo.columns`.
 """
 
 from __future__ import annotations

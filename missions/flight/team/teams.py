@@ -9,7 +9,7 @@ know (`missions.flight.team.gathering`). One of the members lays out which vehic
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from missions.flight.airspace.airspace import Airspace
@@ -26,7 +26,7 @@ from missions.flight.strategy.two_heights import heights_of, is_over_pad, over_o
 from missions.flight.team.gathering import gathers
 from missions.flight.team.interface import Team
 from missions.flight.team.scope import Fences
-from missions.flight.team.work_shares import own_part, share_parts, want_reported
+from missions.flight.team.work_shares import mark_unreported, own_part, share_parts
 from missions.geo.columns import PAD_M, columns_over, fence_without
 from missions.geo.fence import Fence
 from missions.mission.schema import Mission
@@ -51,7 +51,7 @@ class Alone(Team):
 class Member(Team):
     """A service that commands one vehicle of a fleet."""
 
-    number: int
+    number: int = field()
     climbs_on_path = False  # others are asked for a column, not for a way
 
     def controls(self, number: int) -> bool:
@@ -59,7 +59,7 @@ class Member(Team):
         return number == self.number
 
     def fences(self, mission: Mission, whole: Fence, pads: Sequence[GridPoint]) -> Fences:
-        """The columns over the pads of others are holes."""
+        """Return fences in which the columns over the pads of others are holes."""
         columns = columns_over(pads, mission.team.separation_m)
         others = [column for k, column in enumerate(columns, start=1) if k != self.number]
         ours, everyones = (
@@ -77,7 +77,7 @@ class Member(Team):
             "or its home in the mission of everybody"
         )
 
-    def first(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+    def urgent_order(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
         """Have a vehicle climb or descend where it is, if its layer may be another's.
 
         It has been stopped on its way between two layers. While the air of that way is still its
@@ -141,24 +141,24 @@ class Member(Team):
         others, memory, tours = own_part(self.number, setting, state, work.known.chart, work.memory)
         return Work(state, memory, tours, others)
 
-    def want_reported(self, setting: Setting, state: State, known: Known) -> bool:
+    def mark_unreported(self, setting: Setting, state: State, known: Known) -> bool:
         """Votes that decide nothing are not reported: others may miss what ours takes for seen."""
-        return want_reported(self.number, setting, state, known)
+        return mark_unreported(self.number, setting, state, known)
 
 
 @dataclass(frozen=True)
 class Listener(Member):
     """A station that commands no vehicle of a fleet, and knows what all of them report."""
 
-    number: int = 0
+    number: int = field(default=0, init=False)
     knows_orders = False
 
     def fences(self, mission: Mission, whole: Fence, pads: Sequence[GridPoint]) -> Fences:
-        """It flies nothing, and needs no air."""
+        """Return the whole fence: it flies nothing."""
         return Fences(whole, whole, None)
 
 
-def team_for(member: int | None) -> Team:
+def make_team(member: int | None) -> Team:
     """Return the team of a service.
 
     Args:

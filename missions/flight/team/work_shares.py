@@ -117,7 +117,7 @@ def _tour(places: Sequence[GridPoint]) -> Tour:
     return tuple((place.east_m, place.north_m, CUT_M) for place in places)
 
 
-def want_reported(mine: int, setting: Setting, state: State, known: Known) -> bool:
+def mark_unreported(mine: int, setting: Setting, state: State, known: Known) -> bool:
     """Have seen from the places told to ours what there is undecided; whether there is any.
 
     Votes that decide nothing are not told: whoever has laid out the parts may miss what ours takes

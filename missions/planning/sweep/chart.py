@@ -71,7 +71,7 @@ class Chart:
         return (cell.north - self.south) * self.columns + cell.east - self.west
 
     def indices(self, cells: Collection[Cell]) -> Ints:
-        """The places of some cells in the arrays."""
+        """The places of cells in the arrays; all must be in the window."""
         east, north = places(cells).T
         found: Ints = (north - self.south) * self.columns + east - self.west
         return found

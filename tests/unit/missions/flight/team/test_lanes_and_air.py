@@ -118,7 +118,7 @@ def stopped_between(*, leased_s: float, apart: bool = False) -> State:
 
 
 def sent_back(state: State) -> VehicleState:
-    after = team_of(setting()).first(setting(), state, state.vehicles[OURS])
+    after = team_of(setting()).urgent_order(setting(), state, state.vehicles[OURS])
     assert after is not None
     return after.vehicles[OURS]
 
