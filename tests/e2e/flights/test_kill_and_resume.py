@@ -140,7 +140,7 @@ def test_resuming_a_finished_mission_writes_its_results_anew(speck, tmp_path):
 
 def test_random_kills_once_and_twice_and_a_disk_that_fills():
     """A few of those that `python -m tests.benchmarks.kills` runs; UAVMAP_KILLS sets how many."""
-    count = int(os.environ.get("UAVMAP_KILLS", "1"))
+    count = int(os.environ.get("UAVMAP_KILLS", "2"))
     numbers = ["--kills", count, "--twice", (count + 1) // 2, "--full", (count + 1) // 2]
     done = subprocess.run(
         [sys.executable, "-m", "tests.benchmarks.kills", *map(str, numbers)],

@@ -19,8 +19,8 @@ from tests.fake_fleet import Fleet, fleet
 from tests.support.hills import hills, over
 from tests.support.small_missions import Scenario, random_scenario, reachable
 
-SEEDS = range(6)
-DRIFT_SEEDS = range(3)
+SEEDS = range(9)
+DRIFT_SEEDS = range(5)
 KINDS = ["pilot", "link", "crash"]
 
 
@@ -120,7 +120,7 @@ def interrupted(scenario: Scenario, kind: str, rng: np.random.Generator) -> Flee
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(5))
 def test_interruptions_change_nothing_in_the_end(seed: int, kind: str) -> None:
     scenario = random_scenario(100 + seed)
     flight = interrupted(scenario, kind, np.random.default_rng([seed, KINDS.index(kind)]))
@@ -148,7 +148,7 @@ def test_a_recall_brings_everybody_home_and_a_resume_goes_on(seed: int) -> None:
     map_is_whole(flight, scenario)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(6))
 def test_one_lost_for_good_is_done_without(seed: int) -> None:
     """A vehicle lands under its pilot and never comes back: the others finish its work."""
     scenario = next(

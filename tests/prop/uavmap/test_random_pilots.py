@@ -24,7 +24,7 @@ from tests.support.flights import UP_M, Flight, fly, small_mission, to
 from tests.support.small_missions import square
 from uavmap.aircraft.control import PUT_BACK_S
 
-FLIGHTS = 12
+FLIGHTS = 25
 """For each flavour; with 150, 212 pilots turned a switch and none was crossed."""
 HEARD_S = 0.25
 """Heartbeats come five times a second, and a step of the simulator later they are heard."""

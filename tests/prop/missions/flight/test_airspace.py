@@ -108,7 +108,7 @@ def flown(vehicle: VehicleState, order: Order | None) -> list[Place]:
     return found
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=400, deadline=None)
 @given(st.data())
 def test_an_order_that_is_clear_leads_past_what_the_other_does(data: st.DataObject) -> None:
     first, second = data.draw(vehicles(1)), data.draw(vehicles(2))
@@ -139,7 +139,7 @@ def test_an_order_that_is_clear_leads_past_what_the_other_does(data: st.DataObje
     assert nearest_m >= separation_m, (asked, doing)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.data())
 def test_two_in_their_layers_never_wait_for_each_other(data: st.DataObject) -> None:
     """Refusals are for columns and for changes of height: legs in two layers never meet."""

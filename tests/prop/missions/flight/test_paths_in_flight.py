@@ -151,27 +151,27 @@ def holds(scenario: Scenario) -> Watched:
     return flight
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 100_000))
 def test_every_path_can_be_flown_and_left(seed: int) -> None:
     assert holds(random_scenario(seed, strategy="swath")).paths > 0
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 100_000))
 def test_every_path_over_a_region_that_drifts(seed: int) -> None:
     flight = holds(random_scenario(seed, drift=True, strategy="swath"))
     assert flight.state.completed
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 100_000))
 def test_every_path_of_small_missions(seed: int) -> None:
     """Holes beside the homes and in the box, given winds, batteries for half a sortie."""
     holds(unkind_scenario(seed, "swath"))
 
 
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(seed=st.integers(0, 100_000))
 @example(seed=8359)  # two on the ground, no lane left, and a few cells open
 def test_every_path_of_a_survey(seed: int) -> None:
@@ -181,7 +181,7 @@ def test_every_path_of_a_survey(seed: int) -> None:
     assert flight.state.completed == (len(seen) == len(flight.setting.box_cells))
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 100_000), high=st.booleans())
 def test_every_path_of_a_mission_that_finds_every_patch(seed: int, high: bool) -> None:
     scenario = scattered(random_scenario(seed, strategy="swath"), seed, high=high)

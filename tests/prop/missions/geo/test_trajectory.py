@@ -30,7 +30,7 @@ def times(plan: Trajectory) -> list[float]:
     return [plan.begin_s + STEP_S * i for i in range(count + 1)]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(points, st.sampled_from([1.0, 6.0, 10.0]), st.sampled_from([0.3, 1.0, 2.5]), drifts)
 def test_a_path_is_continuous_and_keeps_its_limits(
     corners: list[GridPoint], speed_m_s: float, cut_m: float, drift: tuple[float, float]

@@ -16,7 +16,7 @@ from missions.mapping.belief import Belief, FrameId, Tally
 from missions.mapping.tree import Tree, VertexState
 from missions.units import Cell
 
-FAST = settings(max_examples=60, deadline=None)
+FAST = settings(max_examples=120, deadline=None)
 
 small_cells = st.builds(Cell, st.integers(-1, 1), st.integers(-1, 1))
 frame_ids = st.builds(FrameId, st.integers(1, 2), st.integers(0, 3).map(float))

@@ -280,3 +280,16 @@ def test_a_leg_along_an_edge_is_allowed_whatever_the_last_bits_of_its_corners_sa
     assert route_length_m(start, way) < 33.0
     assert not fence.allows_leg(start, end)
     assert not fence.allows_leg(start, GridPoint(43.98, 12.0))  # 2 cm inside of the margin
+
+
+@pytest.mark.parametrize("seed", range(15))
+def test_a_vehicle_blown_out_comes_back_by_the_nearest_way(seed: int) -> None:
+    fence, _ = random_fence(seed)
+    rng = np.random.default_rng([seed, 2])
+    end = somewhere(fence, rng)
+    edge = fence.inner.boundary.interpolate(float(rng.uniform()), normalized=True)
+    out = GridPoint(float(edge.x) + 0.7, float(edge.y) + 0.7)
+    route = fence.route(out, end)
+    if route is not None and not fence.allows(out):
+        assert fence.allows(route[0])
+        assert out.distance_to(route[0]) <= math.hypot(0.7, 0.7) + 1e-6

@@ -249,3 +249,36 @@ def test_a_new_target_on_the_way_and_another_mode(windy):
     windy.run(60.0)
     assert windy.vehicle.truth.landed
     assert math.hypot(*windy.where[:2]) < 0.5
+
+
+@pytest.mark.parametrize("distance_m", [0.5, 4.0, 20.0, 80.0])
+def test_reaches_a_target_without_passing_it(make_client, distance_m):
+    client = make_client()
+    client.send(mav.MAVLink_param_set_message(1, 1, b"PSC_JERK_XY", 0.0, 9))
+    client.take_off()
+    furthest, fastest = 0.0, 0.0
+
+    def watch():
+        nonlocal furthest, fastest
+        furthest = max(furthest, client.where[1])
+        fastest = max(fastest, math.hypot(*client.vehicle.truth.velocity_m_s[:2]))
+
+    assert client.reposition(0.0, distance_m, 12.0) == 0
+    client.run(8.0 + distance_m / 4.0, watch)
+    east, north, height = client.where
+    assert abs(north - distance_m) < 0.1
+    assert abs(east) < 0.1
+    assert abs(height - 12.0) < 0.2
+    assert furthest - distance_m < 0.5
+    assert fastest <= 10.0 * 1.05
+
+
+def test_velocity_targets_time_out(flying):
+    message = mav.MAVLink_set_position_target_global_int_message(
+        0, 1, 1, 6, 0xFC7, 0, 0, 0.0, 0.0, 2.0, 0.0, *([0.0] * 5)
+    )
+    flying.send(message)
+    flying.run(2.5)
+    assert flying.vehicle.truth.velocity_m_s[0] == pytest.approx(2.0, abs=0.1)
+    flying.run(4.0)
+    assert math.hypot(*flying.vehicle.truth.velocity_m_s) < 0.1

@@ -38,7 +38,7 @@ METRICS = {
 }
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(
     kind=st.sampled_from(sorted(ROIS)),
     cells=st.integers(1, 70),

@@ -189,7 +189,7 @@ def violations(name: str, seeds: range) -> int:
     return count
 
 
-@pytest.mark.parametrize("block", range(3))
+@pytest.mark.parametrize("block", range(6))
 def test_rdfs_keeps_lemma_1(block: int) -> None:
     assert violations("rdfs", range(1000 + 60 * block, 1060 + 60 * block)) == 0
 
