@@ -96,9 +96,12 @@ class Section(BaseModel):
 
 
 # --- [detector] -----------------------------------------------------------------------------------
+LATER: Final = "later"
+"""Name in place of a detector's, until one is chosen: no real pictures are judged by it."""
 _SHARED: Final[Mapping[str, tuple[str, ...]]] = {
     "threshold": ("intensity", "dilations", "polarity"),
     "paved": ("greenness", "intensity", "dilations"),
+    LATER: ("intensity", "dilations", "polarity"),
 }
 """The parameters that stand in `[detector]` itself, as before there were tables."""
 

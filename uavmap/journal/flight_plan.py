@@ -21,7 +21,7 @@ from missions.mission.schema import MAX_VEHICLES, Mission
 from uavmap.base.arguments import choice, number, whole
 from uavmap.base.version import __version__
 from uavmap.journal.event_log import PLAN, JournalReader
-from uavmap.load.detector_source import with_kept_detector
+from uavmap.load.detector_source import refuse_undecided, with_kept_detector
 from uavmap.load.strategy_source import ready_planner, tell_if_uncompiled
 
 Driver = Literal["pymavlink", "mavsdk"]
@@ -172,7 +172,7 @@ class FlightPlan(FlightOptions):
         if wanted != len(mission.vehicles):
             mission = with_vehicles(mission, wanted)
         plan = cls(**given, mission=mission, epoch_utc_s=epoch_utc_s)
-        plan.check_strategy()
+        plan.check_simulated_only()
         if mission is not loaded:
             plan.check_mission()
         if options.member is not None:
@@ -193,8 +193,11 @@ class FlightPlan(FlightOptions):
         # its detector was checked when the file was read
         check(self.mission, self.mission_source, detectors=(self.mission.detector.name,))
 
-    def check_strategy(self) -> None:
-        """Raise where a strategy of papers would fly a real aircraft, or without being asked."""
+    def check_simulated_only(self) -> None:
+        """Raise where what is for the simulator alone would fly a real aircraft: no detector, or a
+        strategy of papers, which the user has to ask for there, too."""
+        if not self.simulated:
+            refuse_undecided(self.mission.detector, self.mission_source)
         name = self.mission.strategy
         if name in FLOWN or name not in STRATEGIES:
             return

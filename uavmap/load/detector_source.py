@@ -18,18 +18,17 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 import tomlkit
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from missions.errors import ImageError, MissionFileError, OutputError
+from missions.errors import MissionFileError, OutputError
 from missions.mission.messages import explain
 from missions.mission.schema import Mission
-from missions.mission.sections import DetectorSection
-from uavmap.base.extras import install_command
+from missions.mission.sections import LATER, DetectorSection
 from uavmap.base.text_files import read_bytes, read_text
+from uavmap.load.onnx_model import LARGEST_TOML, onnx_detector
 from vision.detectors import (
+    FINDS,
     FROM_FILES,
     Detector,
     build_detector,
@@ -37,18 +36,33 @@ from vision.detectors import (
     detector_names,
     make_detector,
 )
-from vision.detectors.onnx import OnnxDetector, OnnxSettings, Run
 
 GROUP: Final = "uavmap.detectors"
 """The entry points that plug-ins have: a name, and what makes the detector of its parameters."""
 DETECTOR_TOML: Final = "detector.toml"
-_LARGEST_TOML: Final = 100_000
+SIMULATORS: Final = "threshold"
+"""The detector of a simulated flight whose mission has none yet: it fits the painted ground."""
 _LARGEST_MODEL: Final = 500_000_000
 
 
 def known_detectors() -> tuple[str, ...]:
     """The names of all detectors that are installed, sorted."""
     return tuple(sorted({*detector_names(), *_plugins()}))
+
+
+def finds() -> Mapping[str, str]:
+    """What each installed detector finds, by name, in a sentence; ours come first."""
+    return {**FINDS, **dict.fromkeys(sorted(_plugins()), "What this plug-in marks.")}
+
+
+def refuse_undecided(section: DetectorSection, source: str) -> None:
+    """Raise `MissionFileError` where real pictures would be judged by no detector."""
+    if section.name == LATER:
+        raise MissionFileError(
+            f'{source}: detector.name = "{LATER}": no detector is chosen, and only the simulator '
+            "goes without; set one of "
+            f"{', '.join(FINDS)}, or fly with --detector NAME (or a folder of `uavmap tune`)"
+        )
 
 
 def check_detector(section: DetectorSection) -> None:
@@ -71,7 +85,7 @@ def check_detector(section: DetectorSection) -> None:
             f"detector.model = {section.model!r}: the detector {name!r} has no file; leave it out"
         )
     else:
-        _made(name, section.parameters)
+        _made(SIMULATORS if name == LATER else name, section.parameters)
 
 
 def detector_of_section(section: DetectorSection, height_ratio: float = 1.0) -> Detector:
@@ -85,7 +99,7 @@ def detector_of_section(section: DetectorSection, height_ratio: float = 1.0) -> 
     if "dilations" in parameters:
         parameters["dilations"] = round(parameters["dilations"] / height_ratio)
     if section.name not in FROM_FILES:
-        return _made(section.name, parameters)
+        return _made(SIMULATORS if section.name == LATER else section.name, parameters)
     path = Path(section.model or "")
     kept = section.model_sha256
     data = _model(path, "" if kept is None else f"put it back: its SHA-256 is {kept}")
@@ -113,9 +127,11 @@ def region_in_words(section: DetectorSection) -> str:
     """
     if section.model is not None:
         return f"what the model {Path(section.model).name} was made to find"
-    words: str | None = getattr(_made(section.name, section.parameters), "words", None)
+    words: str | None = getattr(detector_of_section(section), "words", None)
     if words is None:
         return f"what the plug-in {section.name} marks"
+    if section.name == LATER:
+        return f"not chosen yet; the simulator takes {SIMULATORS}: {words}"
     simulated = section.name == "threshold"
     return f"{words} (fits the simulator; for real ground see uavmap tune)" if simulated else words
 
@@ -125,13 +141,14 @@ def resolved_section(
 ) -> dict[str, Any] | None:
     """Return the table `[detector]` with its model by whole path and checksum.
 
-    A `detector` (a folder of `uavmap tune`) replaces the table, except for a `view` that it does
-    not set. Raises `MissionFileError`.
+    A `detector` (a name, or a folder of `uavmap tune`) replaces the table, except for `view` and
+    `share` where it does not set them. Raises `MissionFileError`.
     """
     found = None if section is None else dict(section)
     if detector is not None:
-        view = {"view": found["view"]} if found and "view" in found else {}
-        found = {**view, **_given(detector)}
+        before = found or {}
+        kept = {key: before[key] for key in ("view", "share") if key in before}
+        found = kept | _given(detector)
     if found is None or not isinstance(model := found.get("model"), str) or not model:
         return found
     path = _whole(folder, model)
@@ -139,13 +156,14 @@ def resolved_section(
 
 
 def detector_text(detector: Path) -> str:
-    """Return the table `[detector]` of a folder (`--detector`), for recorded pictures.
+    """Return the table `[detector]` of a name or a folder (`--detector`), for recorded pictures.
 
     Its model is read once, so that a fault is reported first. Raises `MissionFileError`.
     """
     what = f"--detector {detector}"
     try:
-        table = {"view": "all", **(resolved_section(None, Path(), detector) or {})}
+        recorded = {"view": "all", "share": 0.5}
+        table = resolved_section(recorded, Path(), detector) or {}
         section = DetectorSection.model_validate(table)
         check_detector(section)
         if section.model is not None:
@@ -159,13 +177,19 @@ def detector_text(detector: Path) -> str:
 
 
 def _given(detector: Path) -> dict[str, Any]:
+    name = str(detector)
+    if name in known_detectors() and not detector.exists():
+        if name in FROM_FILES:
+            raise MissionFileError(f"--detector {name}: is made of a file; give its folder")
+        return {"name": name, name: {}}
     path = detector / DETECTOR_TOML if detector.is_dir() else detector
     try:
-        given = tomllib.loads(read_text(path, _LARGEST_TOML))
+        given = tomllib.loads(read_text(path, LARGEST_TOML))
     except OSError as error:
         raise MissionFileError(
             f"--detector {detector}: {path.name} cannot be read ({error.strerror}); give a folder "
-            "that `uavmap tune` has written, or such a file"
+            "that `uavmap tune` has written, such a file, or one of the names "
+            f"{', '.join(finds())}"
         ) from None
     except ValueError as error:
         raise MissionFileError(f"--detector {detector}: {path}: not a TOML file: {error}") from None
@@ -242,70 +266,6 @@ def _loaded(name: str, point: EntryPoint) -> Callable[..., Detector]:
             f"({type(error).__name__}: {error}); install it again, or remove it"
         ) from None
     return build
-
-
-# --- segmentation models, run by onnxruntime (the extra `onnx`) -----------------------------------
-def onnx_detector(path: Path, data: bytes, parameters: Mapping[str, Any]) -> Detector:
-    """Return the detector of an ONNX file and the TOML of the same name beside it.
-
-    Raises `MissionFileError` without the extra, and for faults of the files.
-    """
-    settings = _settings(path.with_suffix(".toml"))
-    run: Run = _Session(data)
-    return build_detector("onnx", OnnxDetector, {"run": run, "settings": settings, **parameters})
-
-
-def _settings(path: Path) -> OnnxSettings:
-    try:
-        return OnnxSettings.model_validate(tomllib.loads(read_text(path, _LARGEST_TOML)))
-    except OSError as error:
-        raise MissionFileError(
-            f"{path} cannot be read ({error.strerror}); write it: tile_px, scale, mean, std, ..."
-        ) from None
-    except ValidationError as error:
-        raise MissionFileError(f"{path}: {explain(error, OnnxSettings)[0]}") from None
-    except ValueError as error:
-        raise MissionFileError(f"{path}: not a TOML file: {error}") from None
-
-
-class _Session:
-    """A model made ready. A copy that travels (pickle) takes the bytes and makes it ready anew."""
-
-    def __init__(self, data: bytes) -> None:
-        try:
-            import onnxruntime  # noqa: PLC0415 - an extra
-        except ImportError:
-            raise MissionFileError(
-                f"a segmentation model needs onnxruntime: {install_command('onnx')}"
-            ) from None
-        options = onnxruntime.SessionOptions()
-        options.log_severity_level = 4
-        options.intra_op_num_threads = 1  # the other cores have other vehicles' pictures
-        try:
-            session = onnxruntime.InferenceSession(
-                data, options, providers=["CPUExecutionProvider"]
-            )
-        except Exception as error:  # the runtime has no common class of its errors
-            raise MissionFileError(
-                f"not a model that onnxruntime reads ({_first(error)})"
-            ) from None
-        inputs = session.get_inputs()
-        if len(inputs) != 1:
-            raise MissionFileError(f"the model has {len(inputs)} inputs; one is expected: pictures")
-        self._data, self._session, self._input = data, session, inputs[0].name
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return _Session, (self._data,)
-
-    def __call__(self, batch: NDArray[np.float32]) -> NDArray[Any]:
-        try:
-            return np.asarray(self._session.run(None, {self._input: batch})[0])
-        except Exception as error:
-            raise ImageError(f"the model cannot judge a tile ({_first(error)})") from None
-
-
-def _first(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0][:200]
 
 
 # --- the copy with the results --------------------------------------------------------------------

@@ -16,7 +16,7 @@ from typing import Any, Final
 from missions.errors import MissionFileError
 from missions.mission.checks import check
 from missions.mission.schema import Mission, mission_of_tables, parse_fields, parse_toml
-from missions.mission.sections import MAX_PRIOR_PLACES
+from missions.mission.sections import LATER, MAX_PRIOR_PLACES
 from uavmap.base.text_files import read_text
 from uavmap.load.dem import LEVEL, with_ground
 from uavmap.load.detector_source import (
@@ -63,7 +63,7 @@ def mission_of_text(text: str, source: str) -> Mission:
 
 
 def _check(mission: Mission, source: str) -> None:
-    check(mission, source, detectors=known_detectors())
+    check(mission, source, detectors=(*known_detectors(), LATER))
     with _named(source):
         check_detector(mission.detector)
 

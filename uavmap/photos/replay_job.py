@@ -27,7 +27,12 @@ from uavmap.base.atomic_write import write_text
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S, FlightPlan
 from uavmap.journal.results_folder import make_folder, refuse_unwritable, results_folder
-from uavmap.load.detector_source import detector_text, keep_detector, with_relative_model
+from uavmap.load.detector_source import (
+    detector_text,
+    keep_detector,
+    refuse_undecided,
+    with_relative_model,
+)
 from uavmap.load.mission_source import load, mission_of_text
 from uavmap.photos.ground.rasters import ORTHO, Wishes
 from uavmap.photos.mission_from_photos import DETECTOR, derived
@@ -93,6 +98,8 @@ def _replayed(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Do
     wanted.rasters.check()
     # faults of the mission and the detector are reported before pictures are read
     given = None if wanted.mission is None else load(wanted.mission, wanted.detector)
+    if given is not None:
+        refuse_undecided(given.detector, wanted.mission or "")
     detector = DETECTOR
     if given is None and wanted.detector is not None:
         detector = detector_text(Path(wanted.detector))

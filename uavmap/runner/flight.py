@@ -26,6 +26,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.mission.height_and_speed import refuse_unknown_ground
 from missions.mission.schema import Mission
+from missions.mission.sections import LATER
 from uavmap.base.extras import install_command
 from uavmap.fleet.fleet_radio import check_network
 from uavmap.journal.event_log import PLAIN, Journal, planner
@@ -40,7 +41,7 @@ from uavmap.journal.flight_plan import (
     FlightPlan,
     check_member,
 )
-from uavmap.load.detector_source import drop_detector, keep_detector
+from uavmap.load.detector_source import drop_detector, keep_detector, region_in_words
 from uavmap.load.mission_source import load
 from uavmap.mavlink.links.urls import parse_url
 from uavmap.runner.aircraft_takeover import taken_over
@@ -67,6 +68,8 @@ def planned(options: FlightOptions) -> FlightPlan:
             f"--strategy {options.strategy}: search.find and search.altitude_m of the mission are "
             "for swath, and are set aside"
         )
+    if mission.detector.name == LATER:
+        _LOG.info(f"no detector is chosen yet: region = {region_in_words(mission.detector)}")
     if plan.member != 0:  # a faulty camera is reported before a folder is made
         cameras_of(plan.cameras, plan.mission, plan.member)
     return plan
@@ -197,7 +200,7 @@ def resume(
                 f"{folder}: --recall is for aircraft at the end of a link; a simulated flight ends "
                 f"with its process, and `uavmap resume {folder}` goes on with it"
             )
-        plan.check_strategy()
+        plan.check_simulated_only()
         check_urls(plan.urls)
         _refuse_network(plan, folder)
         setting = plan.setting(_LOG.info)

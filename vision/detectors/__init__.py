@@ -22,7 +22,8 @@ from vision.detectors.threshold import (
 )
 
 __all__ = [
-    "FROM_FILES", "Detector", "build_detector", "check_keys", "detector_names", "make_detector",
+    "FINDS", "FROM_FILES", "Detector", "build_detector", "check_keys", "detector_names",
+    "detector_parameters", "make_detector",
 ]  # fmt: skip
 
 _REGISTRY: Mapping[str, Callable[..., Detector]] = {
@@ -34,6 +35,17 @@ _REGISTRY: Mapping[str, Callable[..., Detector]] = {
     "paved": PavedDetector,
     "threshold": ThresholdDetector,
 }
+
+FINDS: Final[Mapping[str, str]] = {
+    "threshold": "Ground darker (or brighter) than all around it, in a steady light.",
+    "paved": "Bare ground among plants: roads, soil, stones; lit and not green.",
+    "adaptive": "Small patches that are darker (or brighter) than what lies around them.",
+    "color": "Ground of some sample colours, which a mission file has to give.",
+    "index": "Plants, by excess green; with near infrared also NDVI and water; hot spots.",
+    "learned": "What was painted in a few photographs, by `uavmap tune`.",
+    "onnx": "What a segmentation model was made to find.",
+}
+"""What each detector finds, in a sentence for a person who has to choose one."""
 
 FROM_FILES: Final[Mapping[str, tuple[str, ...]]] = {
     "learned": ("model",),
@@ -66,6 +78,19 @@ def make_detector(name: str, **params: object) -> Detector:
 def check_keys(name: str, keys: Mapping[str, object]) -> None:
     """Raise `MissionFileError` for a key that the mission file cannot give that detector."""
     _check_known(name, _REGISTRY[name], keys, FROM_FILES.get(name, ()))
+
+
+def detector_parameters(name: str) -> dict[str, object]:
+    """Return the parameters of a detector that have defaults, none of one from elsewhere.
+
+    >>> detector_parameters("paved")
+    {'greenness': 0.04, 'intensity': 90, 'dilations': 1}
+    """
+    if name not in _REGISTRY:
+        return {}
+    parameters = signature(_REGISTRY[name]).parameters.items()
+    given = ((key, one.default) for key, one in parameters if one.default is not one.empty)
+    return {key: default for key, default in given if default is not None}
 
 
 def build_detector(

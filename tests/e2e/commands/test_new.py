@@ -29,14 +29,20 @@ def test_a_kml_is_flown_in_the_simulator(
     # small pictures and a strategy that needs no compiled kernels: this is about the mission
     small = ("--pixels", "320x240", "--strategy", "rdfs", "--wind", "2")
     assert main(["new", "meadow.kml", "--drone", "sim", *small]) == 0
-    assert main(["check", "meadow.toml"]) == 0
-    capsys.readouterr()
+    assert main(["check", "meadow.toml"]) == 2  # nothing says yet what to look for
+    assert 'meadow.toml: detector.name = "later"' in capsys.readouterr().err
     code = main(["fly", "meadow.toml", "--sim", "--out", "flown", "--json"])
-    summary = json.loads(capsys.readouterr().out)
+    out, err = capsys.readouterr()
+    summary = json.loads(out)
     assert code == 0
+    assert "the simulator takes threshold: darker than 150 of 255" in err
     assert summary["completed"]
     assert summary["cells_roi"] > 3
     assert (summary["fence_breaches"], summary["reserve_violations"]) == (0, 0)
+
+    # nothing that goes on from it takes the simulator's detector for a choice
+    assert main(["resume", "flown", "--connect", "udpin://127.0.0.1:14998"]) == 2
+    assert 'meadow.toml: detector.name = "later"' in capsys.readouterr().err
 
     # the mapped region, drawn by us, is an area for the next mission
     for kind, name in (("geojson", "outline"), ("kml", "Region")):

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from missions.mission.schema import Mission
-from uavmap.load.areas.mission_text import COMMENTS, SECTIONS, UNITS
+from uavmap.load.areas.key_comments import COMMENTS, SECTIONS, UNITS
 
 Schema = Mapping[str, Any]
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Final, Literal
 
 import tomlkit
@@ -21,6 +22,7 @@ from missions.mission.sections import AUTO
 from missions.units import LatLon
 from uavmap.base.printable import printable
 from uavmap.load.areas.drones import Camera
+from uavmap.load.areas.key_comments import COMMENTS, SECTIONS, UNITS
 from uavmap.load.areas.layout import Layout
 
 HIGHEST_M: Final = 60.0
@@ -64,9 +66,17 @@ class Flying:
     find: Literal["first", "all"] = "all"
 
 
-def compose(name: str, origin: str, layout: Layout, figures: Figures, flying: Flying) -> str:
-    """The text of a mission file. It is not checked yet."""
+def compose(
+    name: str,
+    origin: str,
+    layout: Layout,
+    figures: Figures,
+    flying: Flying,
+    detector: Mapping[str, Any] = MappingProxyType({}),
+) -> str:
+    """The text of a mission file, with the table [detector]. It is not checked yet."""
     values = _values(name, layout, figures, flying)
+    values |= {f"detector.{key}": value for key, value in detector.items()}
     header = _header(name, origin, layout, figures)
     if flying.altitude_m is None:
         first = mission_text(values, header, flying.vehicles)
@@ -164,127 +174,12 @@ Values = Mapping[str, Any]
 """What a mission says besides the defaults, by dotted key."""
 
 _COLUMN: Final = 40
-UNITS: Final = (
-    ("_m_s", "m/s"), ("_wh", "Wh"), ("_w", "W"), ("_deg", "degrees"), ("_px", "pixels"),
-    ("_m", "m"), ("_s", "s"),
-)  # fmt: skip
-
-SECTIONS: Final[Mapping[str, str]] = {
-    "start": "Home of the first vehicle, and the middle of the grid's first cell.",
-    "search": "The area that is searched lane by lane until the region is seen; from then on "
-    "the\n# vehicles follow the region, also out of this area.",
-    "fence": "No vehicle leaves this polygon, or enters a hole of it.",
-    "grid": "The map.",
-    "flight": "How the vehicles fly.",
-    "camera": "The camera looks straight down.",
-    "detector": "What tells the region in a picture (docs/detectors.md).",
-    "votes": "How sure the map is.",
-    "battery": "Measure hover_power_w: hover a battery down, divide its energy by the hours.",
-    "wind": "The worst wind of the day: the way home is planned against it.",
-    "drift": "A region that moves as a whole, such as an oil film.",
-    "team": "How several vehicles keep apart.",
-    "guardian": "What the guardians of the aircraft do when the mission is gone.",
-    "navigation": "When satellites are lost, or lie (docs/navigation.md).",
-    "terrain": "Where the ground is not flat (docs/terrain.md).",
-    "sim": "For `--sim` alone; a real flight never reads it.",
-}
-
-COMMENTS: Final[Mapping[str, str]] = {
-    "name": "results go into results/NAME-1, and so on",
-    "strategy": "how vehicles find their way: `uavmap strategies`",
-    "start.position": "[latitude, longitude]",
-    "start.amsl_m": "the ground's height above the sea, for `uavmap export`",
-    "search.box": "[latitude, longitude] of each corner, once around",
-    "search.prior": "where in it the region probably is (docs/prior.md)",
-    "search.find": '"first": the piece seen first; "all": all in the box (docs/strategies.md)',
-    "search.altitude_m": 'of the lowest vehicle that searches higher up; for find = "all"',
-    "search.pixels_per_cell": "of the edge of a cell, for a suspicion from up there",
-    "search.layer_m": "height between two who search; 0: all in one layer",
-    "fence.polygon": "with room for a region that reaches out of the area",
-    "fence.holes": "polygons that nobody flies over",
-    "fence.margin_m": "plan legs this far inside",
-    "fence.ceiling_m": "no vehicle is sent higher above the start",
-    "grid.cell_m": "edge of a cell on the ground",
-    "flight.altitude_m": 'of the lowest vehicle; "auto": as high as pixels and ceiling allow',
-    "flight.height_above": 'what heights are above: "home", or "ground" with [terrain]',
-    "flight.speed_m_s": "over ground",
-    "flight.settle_m_s": "who stops takes pictures once slower than this",
-    "flight.max_airspeed_m_s": "what the airframe holds against the wind",
-    "flight.accel_m_s2": "along and across paths that are flown without stopping",
-    "flight.climb_m_s": "that the autopilot is set to; then climbed on the way, too",
-    "flight.descent_m_s": "that the autopilot is set to, down to 10 m",
-    "camera.hfov_deg": "field of view across the width of a picture",
-    "camera.width_px": "of a picture",
-    "camera.height_px": "of a picture",
-    "camera.mounting": '"fixed" tilts with the airframe, "gimbal" looks straight down',
-    "camera.yaw_deg": "bearing of the picture's upper edge from the nose",
-    "camera.pitch_deg": "so far it looks forward of straight down",
-    "camera.roll_deg": "so far it looks to the left of straight down",
-    "camera.latency_s": "from the exposure until a picture is there",
-    "camera.interval_s": "between two pictures",
-    "camera.pixels_per_cell": "that the edge of a cell must have for the detector",
-    "camera.pose_error_m": "how far off the rim of a picture may lie on the ground",
-    "camera.exposure_s": "how long the shutter is open",
-    "camera.max_blur_px": "what the flight may blur a picture by",
-    "camera.hosts": "pictures may be fetched from these, too",
-    "camera.calibration": "of recorded pictures: a file of OpenCV",
-    "camera.noiseless": "only for a simulated camera without noise",
-    "detector.name": "`threshold`, `paved`, `learned`, ...",
-    "detector.model": "the file of a model, of a detector that has one",
-    "detector.model_sha256": "of that file",
-    "detector.intensity": "of threshold: darker than this is dark",
-    "detector.dilations": "times that the bright part grows by a pixel",
-    "detector.polarity": '"dark" or "bright": the region, beside the ground',
-    "detector.greenness": "of paved: what is greener grows",
-    "detector.share": "of a cell's pixels, to see the cell as region",
-    "detector.view": '"cross", or "all": what a picture taken at rest judges',
-    "votes.frames": "pictures of every cell",
-    "votes.positive": "that must say yes",
-    "votes.recorded": '"evidence" or "count", of recorded pictures (docs/replay.md)',
-    "battery.capacity_wh": "of a full battery",
-    "battery.hover_power_w": "while it hovers, with its camera",
-    "battery.reserve": "share that is left at touch-down",
-    "wind.speed_m_s": "the worst of the day",
-    "wind.from_deg": "where it blows from, true bearing",
-    "drift.speed_m_s": "of the region",
-    "drift.toward_deg": "where it moves to, true bearing",
-    "guardian.orphan_hold_s": "a vehicle whose mission process has died holds, then returns",
-    "team.separation_m": "two airborne vehicles never come nearer",
-    "team.layer_m": "height between two vehicles; more than the separation",
-    "navigation.gnss_loss": '"rtl", "land"; on by "map" (own pictures) or "leapfrog"',
-    "navigation.watch": 'hold positions against pictures; by default with "map"',
-    "navigation.tolerated_m": "that satellites and pictures may disagree",
-    "navigation.tag_m": "side of the marker on the mapper, for a leapfrog",
-    "navigation.tag_dictionary": "of OpenCV; the mapper's number is 1",
-    "vehicles.url": "where it is reached; or `uavmap fly --connect`",
-    "vehicles.camera": "as `uavmap fly --camera` (docs/cameras.md)",
-    "vehicles.home": "where it stands; without it in a row east of the start",
-    "vehicles.home_height_m": "of its home above the start; else from `terrain.dem`, or 0",
-    "vehicles.layer": "from 0, the lowest; shared by vehicles that work far apart",
-    "terrain.dem": 'a GeoTIFF of heights beside this file, such as "dem.tif"',
-    "terrain.source": '"autopilot": its own terrain database',
-    "sim.autopilot": '"ardupilot" or "px4"',
-    "sim.roi": "the true region; the one below is invented",
-    "sim.roi_intensity": "how bright the region is painted",
-    "sim.ground_intensity": "how bright the ground is painted",
-    "sim.texture": "how uneven the ground is",
-    "sim.sensor_noise": "of a pixel",
-    "sim.illumination": "how much the light changes over the ground",
-    "sim.gust_m_s": "of the wind",
-    "sim.gps_sigma_m": "error of positions, standard deviation",
-    "sim.gps_tau_s": "how long such an error lasts",
-    "sim.optical_flow": "whether it flies on without satellites",
-    "sim.odometry_drift": "share of the distance that flying on without satellites errs by",
-    "sim.swap_s": "what the crew needs for a battery",
-    "sim.tag_m": "marker on top of each vehicle; 0: none; by default in a leapfrog only",
-    "sim.tag_dictionary": "of OpenCV; the number is the vehicle's; by default navigation's",
-    "sim.terrain": "ground that is not level (docs/simulator.md)",
-    "sim.quirks": "what real aircraft do (docs/simulator.md)",
-    "sim.parameters": "of the simulated autopilot",
-    "sim.faults": "what goes wrong, and when (docs/simulator.md)",
-}
 _LISTED_LAST: Final = frozenset({"sim.roi"})
 _HIDDEN: Final = frozenset({"detector.tables"})
+_OF_THRESHOLD: Final = frozenset(
+    f"detector.{key}" for key in ("intensity", "dilations", "polarity", "greenness")
+)
+"""Keys of the detector's section that mean nothing where its name is another one."""
 _UNSAID: Final = frozenset({"start.amsl_m"})
 """Whoever needs it asks for it where it is not said: its default is no height of any place."""
 
@@ -325,10 +220,18 @@ def _section(
     given = any(key.startswith(f"{name}.") for key in values)
     off = "# " if optional and not given else ""
     yield f"{off}[{name}]"
+    hidden = _LISTED_LAST | _HIDDEN
+    if values.get("detector.name", "threshold") != "threshold":
+        hidden |= _OF_THRESHOLD
     for key, field in section.model_fields.items():
         full = f"{name}.{key}"
-        if full not in _LISTED_LAST and full not in _HIDDEN:
+        if full not in hidden:
             yield from _line(key, full, field, values)
+    for table, keys in values.get(f"{name}.tables", {}).items():
+        yield ""
+        yield f"[{name}.{table}]"
+        for key, value in keys.items():
+            yield f"{key} = {tomlkit.item(value).as_string()}"
     for full in sorted(_LISTED_LAST):
         if full.startswith(f"{name}.") and full in values:
             yield ""

@@ -15,7 +15,7 @@ from typing import Any, Final
 from rich.markup import escape
 from rich.table import Table
 
-from missions.errors import OutputError, UavmapError
+from missions.errors import AreaError, OutputError, UavmapError
 from missions.mission.schema import MAX_VEHICLES
 from uavmap.base.atomic_write import write_text
 from uavmap.base.terminal import PipeConsole
@@ -116,6 +116,24 @@ def print_figures(figures: Mapping[str, Any], out: Path | None, *, as_json: bool
     if as_json:
         sys.stdout.write(text)
     return as_json
+
+
+def asks() -> bool:
+    """Whether somebody sits at a terminal."""
+    return sys.stdin is not None and sys.stdin.isatty()
+
+
+def answer_to(question: str) -> str:
+    """A line from the terminal; standard output stays free for the result.
+
+    Raises `AreaError` where nobody answers.
+    """
+    sys.stderr.write(f"{question} ")
+    sys.stderr.flush()
+    line = sys.stdin.readline()
+    if not line.strip():
+        raise AreaError("no answer")
+    return line.strip()
 
 
 def agreed(question: str) -> bool:

@@ -237,10 +237,10 @@ TABLE: Final = (
         "mission that leaves such a fence is not flown",
     ),
     Option(
-        name="--detector", metavar="DIR", commands=(*_FLIES, "replay", "look"), field="detector",
-        python=True,
-        help="a folder that `uavmap tune` has written, or a detector.toml: judge pictures by this "
-        "detector, not by that of the mission file",
+        name="--detector", metavar="NAME|DIR", commands=(*_FLIES, "replay", "look"),
+        field="detector", python=True,
+        help="judge pictures by this detector, not by that of the mission file: a name such as "
+        "`paved`, a folder that `uavmap tune` has written, or a detector.toml",
     ),
     Option(
         name="--calibration", metavar="FILE", commands=("replay", "look"),

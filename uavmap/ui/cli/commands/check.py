@@ -17,7 +17,7 @@ from missions.geo.grid import Grid
 from missions.mission import flyable
 from missions.mission.places import drawn
 from uavmap.base.atomic_write import write_bytes
-from uavmap.load.detector_source import region_in_words
+from uavmap.load.detector_source import refuse_undecided, region_in_words
 from uavmap.load.mission_source import load
 from uavmap.output.drawing.map_scene import preflight_scene
 from uavmap.output.drawing.raster import encode_png
@@ -49,7 +49,9 @@ def run(options: argparse.Namespace) -> int:
     """Check."""
     if options.map is not None:
         check_kind(options.map, "--map")
-    setting = setting_of(load(options.mission))
+    mission = load(options.mission)
+    refuse_undecided(mission.detector, options.mission)
+    setting = setting_of(mission)
     figures = estimate(setting)
     warnings = flyable.warnings(setting.mission, setting.grid)
     if options.map is not None:

@@ -13,7 +13,7 @@ from rich.table import Table
 from missions.errors import ImageError, OutputError
 from missions.mission.height_and_speed import refuse_unknown_ground
 from uavmap.base.terminal import PipeConsole
-from uavmap.load.detector_source import detector_text
+from uavmap.load.detector_source import detector_text, refuse_undecided
 from uavmap.load.mission_source import load, mission_of_text
 from uavmap.output.film.film_writers import save
 from uavmap.output.summary import encode
@@ -57,6 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Look at one picture."""
     mission = None if options.mission is None else load(options.mission, options.detector)
+    if mission is not None:
+        refuse_undecided(mission.detector, options.mission)
     lens = calibration_of(options.calibration, mission, options.mission)
     source = options.mission or "derived from the picture"
     detector = DETECTOR

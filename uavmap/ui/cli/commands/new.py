@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import shlex
 import sys
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -15,6 +16,7 @@ from missions.flight.setting_of import setting_of
 from missions.geo.grid import Grid
 from missions.mission import flyable
 from missions.mission.checks import STRATEGIES
+from missions.mission.sections import LATER
 from missions.units import GridPoint, LatLon
 from uavmap.base.atomic_write import write_text
 from uavmap.journal.results_folder import folder_name
@@ -30,12 +32,13 @@ from uavmap.load.areas.mission_text import (
     largest_cell_m,
 )
 from uavmap.load.areas.reading import KINDS, read_area_file
-from uavmap.load.detector_source import region_in_words
+from uavmap.load.detector_source import SIMULATORS, region_in_words
 from uavmap.load.mission_source import mission_of_text
 from uavmap.runner.preflight.plan_figures import estimate
 from uavmap.ui.cli import complain
 from uavmap.ui.cli.commands.check import box_line, check_kind, search_line, write_map, zone_name
-from uavmap.ui.cli.common import epsg_code, number_type, pair, vehicle_count
+from uavmap.ui.cli.common import answer_to, asks, epsg_code, number_type, pair, vehicle_count
+from uavmap.ui.cli.detector_choice import add_detector_options, chosen, detector_table, learned
 
 EXAMPLES: Final = """\
 examples:
@@ -45,11 +48,13 @@ examples:
   uavmap new survey.plan --drone solo --camera rpi-hq-6mm survey, fence and home of QGroundControl
   uavmap new --at 37.198,-80.578 --size 200x150 --drone x500 --out field.toml
   uavmap new field.kml --battery 90 --hover 320 --hfov 66 --pixels 4608x2592
+  uavmap new field.kml --drone x500 --detector paved      look for bare ground
+  uavmap new field.kml --drone x500 --like a.jpg b.jpg c.jpg   or for what is painted in these
   uavmap new --drone list                                 which drones and cameras are known
 
 then:
+  uavmap fly field.toml --sim                             in the simulator
   uavmap check field.toml --map field.html                what would be flown, as a page
-  uavmap fly field.toml --sim                             the same in the simulator
 
 A polygon whose name has "fence" in it is the geofence, one with "no-fly" or "keep-out" a hole of
 it, a point named "home", "start" or "take-off" the home. At a terminal what is missing is asked.
@@ -73,6 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the plan as .png or .html (default: a .png beside the mission)",
     )
     _add_area_options(parser)
+    add_detector_options(parser)
     add_drone_options(parser)
 
 
@@ -117,13 +123,22 @@ def run(options: argparse.Namespace) -> int:
     layout = lay_out(drawing, _wishes(options, drawing, largest_cell_m(figures, flying)))
     name = options.name or folder_name(out.stem)
     origin = Path(drawing.source).name
+    detector = chosen(options)
+
+    def composed() -> tuple[str, Setting]:
+        table = detector_table(detector, out.parent)
+        text = compose(name, origin, layout, figures, flying, table)
+        return text, setting_of(mission_of_text(text, str(out)))
+
     try:
-        text = compose(name, origin, layout, figures, flying)
-        setting = setting_of(mission_of_text(text, str(out)))
+        text, setting = composed()
     except MissionFileError as error:
         raise AreaError(
             f"such a mission could not be flown, nothing is written:\n{error}"
         ) from None
+    if options.like is not None:  # which takes a while, so all else is checked before
+        detector = learned(options.like, out)
+        text, setting = composed()
     try:
         write_text(out, text)
     except OSError as error:
@@ -147,7 +162,18 @@ def _tell(layout: Layout, setting: Setting, aircraft: Figures, out: Path, previe
     print(f"  region = {region_in_words(setting.mission.detector)}")
     print(f"  {search_line(estimate(setting))}")
     print(f"  the plan is drawn in {preview}")
-    print(f"  next: uavmap check {out}; uavmap fly {out} --sim")
+    print(f"  next: {_next(setting.mission.detector.name, shlex.quote(str(out)))}")
+
+
+def _next(detector: str, out: str) -> str:
+    """The commands to go on with: the simulator's ground is painted for one detector."""
+    if detector == LATER:
+        return (
+            f"uavmap fly {out} --sim; before a real flight choose a detector (docs/detectors.md) "
+            "and set detector.name"
+        )
+    simulators = "" if detector == SIMULATORS else f" --detector {SIMULATORS}"
+    return f"uavmap check {out}; uavmap fly {out} --sim{simulators}"
 
 
 def _check_files(out: Path, preview: Path) -> None:
@@ -259,24 +285,6 @@ def add_drone_options(parser: argparse.ArgumentParser) -> None:
     add("--cell", metavar="M", type=number_type(float, 0.1, 500), help="of the map (default: 4 up)")
     add("--height", metavar="M", type=metres, help="above home (default: as the pixels allow)")
     add("--ceiling", metavar="M", type=metres, help="the highest allowed (default 120)")
-
-
-def asks() -> bool:
-    """Whether somebody sits at a terminal."""
-    return sys.stdin is not None and sys.stdin.isatty()
-
-
-def answer_to(question: str) -> str:
-    """A line from the terminal; standard output stays free for the result.
-
-    Raises `AreaError` where nobody answers.
-    """
-    sys.stderr.write(f"{question} ")
-    sys.stderr.flush()
-    line = sys.stdin.readline()
-    if not line.strip():
-        raise AreaError("no answer")
-    return line.strip()
 
 
 def two_numbers(option: str, text: str) -> tuple[float, float]:

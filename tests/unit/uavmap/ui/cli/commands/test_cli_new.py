@@ -15,6 +15,7 @@ from PIL import Image
 from pydantic import BaseModel
 
 from missions.mission.schema import Mission, VehicleSection
+from missions.mission.sections import LATER
 from missions.mission.sim_section import Sim
 from tests.support.areas.area_files import (
     FIELD,
@@ -29,10 +30,19 @@ from tests.support.areas.area_files import (
 from tests.support.page.html_page import Page
 from tests.support.plans import named_text
 from tests.unit.uavmap.conftest import Refusals
-from uavmap.load.areas.mission_text import COMMENTS, SECTIONS, section_of
+from uavmap.aircraft.imaging.classifier import detector_of
+from uavmap.load.areas.key_comments import COMMENTS, SECTIONS
+from uavmap.load.areas.mission_text import section_of
 from uavmap.load.mission_source import load
 from uavmap.output.drawing.palette import FENCE
 from uavmap.ui.cli import main
+from vision.detectors import FINDS, Detector, detector_names, detector_parameters
+from vision.detectors.threshold import (
+    AdaptiveDetector,
+    IndexDetector,
+    PavedDetector,
+    ThresholdDetector,
+)
 
 SVG = "http://www.w3.org/2000/svg"
 """The name of a language, and nothing to load."""
@@ -63,7 +73,7 @@ def new(*arguments: object) -> None:
 def test_a_kml_becomes_a_mission_that_check_takes(
     field: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    new(field, "--drone", "x500", "--out", "field.toml")
+    new(field, "--drone", "x500", "--detector", "threshold", "--out", "field.toml")
     out, err = capsys.readouterr()
     assert "Untitled Polygon, 105 m x 114 m" in out
     assert "52.45593 N 13.30378 E, UTM zone 33N (EPSG:32633); is that the place?" in out
@@ -156,19 +166,38 @@ def test_the_table_of_drones(capsys: pytest.CaptureFixture[str]) -> None:
 def test_what_is_missing_is_asked_at_a_terminal(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys, "stdin", Terminal("52.4565, 13.30375\n120x80\nsim\n"))
+    monkeypatch.setattr(sys, "stdin", Terminal("52.4565, 13.30375\n120x80\nsim\npaved\n"))
     new()
     err = capsys.readouterr().err
     assert "area (a file, or LAT,LON of its middle):" in err
     assert "which drone:" in err
-    assert load("area.toml").battery.capacity_wh == 60.0
+    for name, text in FINDS.items():
+        assert re.search(rf"\d  {name} +{re.escape(text)}", err)
+    assert "later" in err
+    assert "what is the region (number, name, or a folder of `uavmap tune`):" in err
+    mission = load("area.toml")
+    assert mission.battery.capacity_wh == 60.0
+    assert detector_of(mission) == PavedDetector()
+
+
+def test_new_answer_is_no_detector_says_which_there_are(
+    field: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for answer, expected in (("grass", "grass cannot be read"), ("4", "samples is missing")):
+        monkeypatch.setattr(sys, "stdin", Terminal(f"{answer}\n"))
+        assert main(["new", field, "--drone", "sim"]) == 2
+        assert expected in capsys.readouterr().err
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_which_area_is_asked_at_a_terminal(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     saved(tmp_path, "two.geojson", collection(feature(name="A"), feature(name="B")))
-    monkeypatch.setattr(sys, "stdin", Terminal("two.geojson\n2\n"))
+    monkeypatch.setattr(sys, "stdin", Terminal("two.geojson\n2\nlater\n"))
     new("--drone", "sim")
     assert "  2  B" in capsys.readouterr().err
     assert "B, 105 m" not in Path("two.toml").read_text("utf-8")
@@ -181,6 +210,60 @@ def test_nobody_answers(
     monkeypatch.setattr(sys, "stdin", Terminal(""))
     assert main(["new"]) == 2
     assert "no answer" in capsys.readouterr().err
+
+
+# --- what to look for -------------------------------------------------------------------------
+def test_new_without_a_terminal_names_no_detector_and_only_the_simulator_flies_it(
+    field: str, capsys: pytest.CaptureFixture[str], refused: Refusals
+) -> None:
+    new(field, "--drone", "sim", "--out", "a.toml")
+    told = capsys.readouterr().out
+    assert "region = not chosen yet; the simulator takes threshold: darker than 150" in told
+    assert "next: uavmap fly a.toml --sim" in told
+    assert load("a.toml").detector.name == LATER
+    assert detector_of(load("a.toml")) == ThresholdDetector()
+    reason = 'a.toml: detector.name = "later": no detector is chosen'
+    for command in (
+        ["check", "a.toml"],
+        ["doctor", "a.toml"],
+        ["fly", "a.toml", "--connect", "udpin://127.0.0.1:14999", "--yes"],
+        ["replay", "somewhere", "--mission", "a.toml"],
+        ["look", "some.jpg", "--mission", "a.toml"],
+    ):
+        line = refused(*command)
+        assert reason in line
+        assert "set one of threshold, paved, adaptive" in line
+    assert not Path("results").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "made"),
+    [
+        ("threshold", ThresholdDetector()),
+        ("paved", PavedDetector()),
+        ("adaptive", AdaptiveDetector()),
+        ("index", IndexDetector()),
+    ],
+)
+def test_new_detector_by_name_has_its_parameters_in_the_mission(
+    field: str, name: str, made: Detector
+) -> None:
+    new(field, "--drone", "sim", "--detector", name, "--out", "a.toml")
+    mission = load("a.toml")
+    assert detector_of(mission) == made
+    assert main(["check", "a.toml"]) == 0
+    section = tomllib.loads(Path("a.toml").read_text("utf-8"))["detector"]
+    keys = section if name == "threshold" else section[name]
+    assert set(detector_parameters(name)) <= set(keys)
+
+
+def test_a_detector_by_name_judges_in_place_of_the_missions(field: str) -> None:
+    new(field, "--drone", "sim", "--out", "a.toml")
+    assert detector_of(load("a.toml", "paved")) == PavedDetector()
+
+
+def test_every_detector_is_explained_to_those_who_choose() -> None:
+    assert set(FINDS) == set(detector_names())
 
 
 # --- what is refused --------------------------------------------------------------------------
@@ -207,6 +290,9 @@ def test_nobody_answers(
         (["field.kml", "--drone", "sim", "--area", "x"], "there are 'Field'"),
         (["field.kml", "--drone", "sim", "--crs", "25833"], "leave it out"),
         (["--drone", "sim"], "no area; give a file, or --at LAT,LON"),
+        (["field.kml", "--drone", "sim", "--detector", "grass"], "grass cannot be read"),
+        (["field.kml", "--drone", "sim", "--detector", "learned"], "made of a file; give its"),
+        (["field.kml", "--drone", "sim", "--like", "a.jpg"], "a.jpg: there is no such photo"),
     ],
 )
 def test_it_is_told_in_a_line_and_nothing_is_written(
@@ -299,7 +385,7 @@ def with_fence(text: str, fence: str) -> str:
 def test_a_home_far_from_the_box_is_asked_about(
     field: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    new(field, "--drone", "astro", "--out", "a.toml")
+    new(field, "--drone", "astro", "--detector", "threshold", "--out", "a.toml")
     wide = "[[52.44, 13.29], [52.44, 13.32], [52.49, 13.32], [52.49, 13.29]]"
     text = with_fence(Path("a.toml").read_text("utf-8"), wide)
     far = re.sub(r"^position = .*$", "position = [52.4785, 13.3030]", text, count=1, flags=re.M)
