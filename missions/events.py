@@ -92,6 +92,8 @@ class FrameSeen(OfVehicle):
     kind: Literal["frame_seen"] = "frame_seen"
     overview: Literal[True] | None = None
     """Taken from the height of a search, where a cell has few pixels."""
+    unsure: tuple[Cell, ...] | None = None
+    """Cells that look like nothing that the detector knows; their votes say no region."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -326,7 +328,7 @@ def to_json(event: Event) -> str:
     try:
         # without a vantage is something that a frame says; elsewhere None is what nobody has said
         if isinstance(event, FrameSeen):
-            unsaid = {"overview"} if event.overview is None else None
+            unsaid = {key for key in ("overview", "unsure") if getattr(event, key) is None}
             data, nones = _ADAPTER.dump_json(event, exclude=unsaid), event.vantage is None
         else:
             data, nones = _ADAPTER.dump_json(event, exclude_none=True), False

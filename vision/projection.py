@@ -22,7 +22,7 @@ from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import Cell, Pose
 from vision.camera import Camera, edges, project
-from vision.detectors.interface import Detector, Marks
+from vision.detectors.interface import UNSURE, Detector, Marks, judged
 
 SEEN_SHARE: Final = 0.9
 """Least part of a cell inside the picture for a verdict."""
@@ -96,6 +96,12 @@ class Projection:
         """
         shares, seen = self._seen(marks, cells, finely=finely)
         return np.where(seen >= SEEN_SHARE, shares, -1.0)
+
+    def unsure(self, unfamiliar: NDArray[np.uint8] | None, cells: Cells) -> NDArray[np.bool_]:
+        """Return which cells look for the most part like nothing that the detector knows."""
+        if unfamiliar is None or not len(cells):
+            return np.zeros(len(cells), np.bool_)
+        return self._seen(unfamiliar, cells)[0] >= UNSURE
 
     def weighed(self, marks: Marks, cells: Cells) -> tuple[Floats, Floats]:
         """Return the part of each cell that is marked, and its weight (`weights`).
@@ -334,12 +340,14 @@ class Verdict:
     """The verdict of one frame on one cell.
 
     `share` is the part of the cell that is ROI, 0 to 1: of its pixels, those in the mask; of a
-    calibrated detector, their mean probability.
+    calibrated detector, their mean probability. `unsure`: most of it looks like nothing that the
+    detector knows.
     """
 
     cell: Cell
     positive: bool
     share: float
+    unsure: bool = False
 
 
 def look(
@@ -386,11 +394,8 @@ def look(
     wanted = projection.cells(view, margin_m, vantage)
     if not len(wanted):
         return ()
-    shares = projection.shares(marks_of(detector, frame.image), wanted, finely=True)
-    found = zip(wanted.tolist(), shares.tolist(), strict=True)
-    return tuple(Verdict(Cell(*cell), s >= share, s) for cell, s in found if s >= 0.0)
-
-
-def marks_of(detector: Detector, image: NDArray[np.uint8]) -> Marks:
-    """Return what cells' shares are counted from: a calibrated probability, else the mask."""
-    return detector.probability(image) if detector.calibrated else detector.mask(image)
+    found = judged(detector, frame.image)
+    shares = projection.shares(found.marks, wanted, finely=True)
+    unsure = projection.unsure(found.unfamiliar, wanted)
+    rows = zip(wanted.tolist(), shares.tolist(), unsure.tolist(), strict=True)
+    return tuple(Verdict(Cell(*cell), s >= share, s, doubt) for cell, s, doubt in rows if s >= 0.0)

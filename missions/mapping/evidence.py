@@ -57,6 +57,57 @@ class Weighings(NamedTuple):
         return self.decided & (self.belief >= share)
 
 
+class CellSums:
+    """Sums of whole numbers by cell, some tens of bytes a cell, in columns.
+
+    >>> sums = CellSums(2)
+    >>> for one in ([[3, 1]], [[4, 1]]):
+    ...     sums.add(np.array([[0, -7]]), np.array(one))
+    >>> [column.tolist() for column in sums.table()]
+    [[[0, -7]], [[7, 2]]]
+    """
+
+    def __init__(self, columns: int) -> None:
+        self._keys = np.empty(0, np.int64)  # of the cells, sorted
+        self._sums = np.empty((0, columns), np.int64)
+        self._new: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
+        self._waiting = 0
+
+    def add(self, cells: Cells, numbers: NDArray[np.integer]) -> None:
+        """Add numbers, shape (n, columns), to those of cells, shape (n, 2)."""
+        self._new.append((_keys(cells), numbers.astype(np.int64)))
+        self._waiting += len(numbers)
+        if self._waiting > max(_FEW, len(self._keys)):
+            self._settle()
+
+    def _settle(self) -> None:
+        """Take in what waits: seldom, since all cells are sorted for it."""
+        if not self._new:
+            return
+        keys = np.concatenate([self._keys, *(keys for keys, _ in self._new)])
+        sums = np.concatenate([self._sums, *(sums for _, sums in self._new)])
+        order = np.argsort(keys, kind="stable")
+        self._keys, first = np.unique(keys[order], return_index=True)
+        if len(first):
+            self._sums = np.add.reduceat(sums[order], first, axis=0)
+        self._new, self._waiting = [], 0
+
+    def table(self) -> tuple[Cells, NDArray[np.int64]]:
+        """Return every cell, sorted, shape (n, 2), and its sums, shape (n, columns)."""
+        self._settle()
+        cells = np.column_stack([self._keys >> 32, (self._keys & _LOW) - _HALF]).astype(np.int32)
+        return cells, self._sums
+
+    def of_cell(self, cell: Cell) -> NDArray[np.int64]:
+        """Return the sums of a cell, shape (1, columns); zeros of an unknown one."""
+        self._settle()
+        key = (cell.east << 32) + (cell.north + _HALF)
+        at = int(self._keys.searchsorted(key))
+        if at < len(self._keys) and self._keys[at] == key:
+            return self._sums[at : at + 1]
+        return np.zeros((1, self._sums.shape[1]), np.int64)
+
+
 class Evidence:
     """The evidence so far, some tens of bytes a cell.
 
@@ -69,13 +120,9 @@ class Evidence:
     """
 
     def __init__(self) -> None:
-        self._keys = np.empty(0, np.int64)  # of the cells, sorted
-        # of each, in thousandths of thousandths: weight, weight times share; and pictures that
-        # say region, and all
-        self._sums = np.empty((0, 4), np.int64)
-        self._new: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
-        self._waiting = 0
-        self._usual = 0.0  # the share of region in the whole set
+        # in thousandths of thousandths: weight, weight times share; and pictures that say region,
+        # and all
+        self._sums = CellSums(4)
 
     def add(self, votes: Iterable[Vote], weights: Sequence[float]) -> None:
         """The votes of one more picture and their weights, 0 to 1, in the same order."""
@@ -99,56 +146,29 @@ class Evidence:
         """The same, column by column."""
         weight = np.rint(weights * _STEPS).astype(np.int64)
         region = weight * np.rint(shares * _STEPS).astype(np.int64)
-        sums = np.column_stack([weight, region, positive, np.ones_like(weight)])
-        self._new.append((_keys(cells), sums))
-        self._waiting += len(sums)
-        if self._waiting > max(_FEW, len(self._keys)):
-            self._settle()
-
-    def _settle(self) -> None:
-        """Take in what waits: seldom, since all cells are sorted for it."""
-        if not self._new:
-            return
-        keys = np.concatenate([self._keys, *(keys for keys, _ in self._new)])
-        sums = np.concatenate([self._sums, *(sums for _, sums in self._new)])
-        order = np.argsort(keys, kind="stable")
-        self._keys, first = np.unique(keys[order], return_index=True)
-        if len(first):
-            self._sums = np.add.reduceat(sums[order], first, axis=0)
-        self._new, self._waiting = [], 0
-        weight, region = self._sums[:, :2].sum(axis=0).tolist()
-        self._usual = region / (_STEPS * weight) if weight else 0.0
+        self._sums.add(cells, np.column_stack([weight, region, positive, np.ones_like(weight)]))
 
     def weighings(self) -> Weighings:
         """What is known of every cell that was seen."""
-        self._settle()
-        weight, _, positive, pictures = self._sums.T
-        cells = np.column_stack([self._keys >> 32, (self._keys & _LOW) - _HALF]).astype(np.int32)
+        cells, sums = self._sums.table()
+        weight, _, positive, pictures = sums.T
         decided = weight >= LEAST_WEIGHT * _STEPS
-        return Weighings(cells, self._beliefs(self._sums), decided, positive, pictures)
+        return Weighings(cells, self._beliefs(sums), decided, positive, pictures)
 
     def _beliefs(self, sums: NDArray[np.int64]) -> NDArray[np.float64]:
         prior = round(PRIOR_WEIGHT * _STEPS)
-        region = sums[:, 1] / _STEPS + prior * self._usual
-        found: NDArray[np.float64] = region / (sums[:, 0] + prior)
+        weight, region = self._sums.table()[1][:, :2].sum(axis=0).tolist()
+        usual = region / (_STEPS * weight) if weight else 0.0  # in the whole set
+        found: NDArray[np.float64] = (sums[:, 1] / _STEPS + prior * usual) / (sums[:, 0] + prior)
         return found
-
-    def _sums_of(self, cell: Cell) -> NDArray[np.int64]:
-        """Those of a cell, shape (1, 4); zeros, if unseen."""
-        self._settle()
-        key = (cell.east << 32) + (cell.north + _HALF)
-        at = int(self._keys.searchsorted(key))
-        if at < len(self._keys) and self._keys[at] == key:
-            return self._sums[at : at + 1]
-        return np.zeros((1, 4), np.int64)
 
     def belief(self, cell: Cell) -> float:
         """The part of a cell that is believed to be region, 0 to 1; what is usual, if unseen."""
-        return float(self._beliefs(self._sums_of(cell))[0])
+        return float(self._beliefs(self._sums.of_cell(cell))[0])
 
     def weight(self, cell: Cell) -> float:
         """The weight of all pictures on a cell, at least 0."""
-        return float(self._sums_of(cell)[0, 0]) / _STEPS
+        return float(self._sums.of_cell(cell)[0, 0]) / _STEPS
 
     def is_roi(self, cell: Cell, share: float) -> bool:
         """Whether there is weight enough on a cell, and it is region in at least that share."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from missions.errors import MissionFileError
+from tests.support.models import all_familiar
 from vision.detectors import Detector, detector_names, make_detector
 from vision.detectors.learned_model import Logistic, Model, Tree, Trees, model_bytes
 from vision.detectors.onnx import OnnxSettings
@@ -21,6 +22,7 @@ MODEL = Model(
         Logistic(mean=(0.0, 0.0), scale=(1.0, 1.0), weights=(2.0, -1.0), bias=0.1),
         Trees(base=0.2, trees=(TREE, TREE)),
     ),
+    **all_familiar(),
 )
 PARAMETERS: Mapping[str, Mapping[str, Any]] = {
     "color": {"samples": [[120, 120, 120], [30, 200, 40]], "distance": 60.0},

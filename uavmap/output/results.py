@@ -19,6 +19,7 @@ from missions.events import Event, FrameSeen, Tracked, Vote, Weighed
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.mapping.evidence import Evidence
+from missions.mapping.unsure import Unsure
 from missions.mission.schema import positions
 from missions.units import Cell, LatLon
 from uavmap.base.text_files import read_text
@@ -55,13 +56,15 @@ def flown_flight(
     truth = None
     if plan.simulated and setting.mission.sim.roi:
         truth = true_roi(setting.mission, setting.grid)
+    data = map_data(setting, state, found, truth)
     values = summary(setting, state, found, plan.seed if plan.simulated else None)
     values |= {"cells_skipped": len(state.skipped)}
+    values = doubted(values, data.cells, setting)
     if truth is not None:
         marks = score(state.belief.roi, truth, setting.grid, state.belief.detections())
         values |= asdict(marks) | {"iou_cells": round(marks.iou_cells, 4)}
     values |= dict(simulated or {})
-    data, log = map_data(setting, state, found, truth), FlightLog.of(events)
+    log = FlightLog.of(events)
     return dated(Flown(folder, plan, setting, data, values, log, Calendar.of_flight(plan))), state
 
 
@@ -78,7 +81,12 @@ def map_data(setting: Setting, state: State, found: Figures, truth: BaseGeometry
     """Create the map of a flight."""
     grid = setting.grid
     cells = CellTable.of(
-        CellRow(cell, cell_state(cell, state, recorded=False), tally.positive, tally.total)
+        CellRow(
+            cell,
+            cell_state(cell, state, found.unsure, recorded=False),
+            tally.positive,
+            tally.total,
+        )
         for cell, tally in state.belief.cells().items()
     )
     tracks = tuple(
@@ -88,6 +96,20 @@ def map_data(setting: Setting, state: State, found: Figures, truth: BaseGeometry
     )
     lanes = tuple((grid.position(a), grid.position(b)) for a, b in state.unsearched)
     return replace(map_of(setting, state.t_s, cells, tracks), truth=truth, unsearched=lanes)
+
+
+def doubted(values: Mapping[str, Any], cells: CellTable, setting: Setting) -> dict[str, Any]:
+    """Add to a summary what the detector is not sure of: that is not mapped."""
+    count = int(np.count_nonzero(cells.are("unsure")))
+    area_m2 = round(count * setting.grid.cell_m**2, 1)
+    found = {**values, "cells_unsure": count, "cells_unsure_m2": area_m2}
+    if count:
+        found["completed"] = False
+        found["finding"] = (
+            f"{values['finding']}; {count} cells ({area_m2:,.0f} sq m) are unsure: they look like "
+            "nothing that the detector was shown"
+        )
+    return found
 
 
 def map_of(setting: Setting, t_s: float, cells: CellTable, tracks: tuple[Track, ...]) -> MapData:
@@ -113,9 +135,11 @@ def write_cells(flown: Flown) -> None:
     kml.write(data, flown.folder / "map.kml")
 
 
-def cell_state(cell: Cell, state: State, *, recorded: bool) -> CellState:
+def cell_state(cell: Cell, state: State, unsure: Unsure, *, recorded: bool) -> CellState:
     """Return the state of a cell on the map; in recorded imagery every ROI cell is explored."""
     if cell not in state.belief.roi:
+        if unsure.is_unsure(cell):
+            return "unsure"
         votes = state.belief.tally(cell, None)
         if recorded or not votes.total or state.belief.verdict(cell) is not None:
             return "non-roi"
@@ -130,9 +154,11 @@ def cell_state(cell: Cell, state: State, *, recorded: bool) -> CellState:
     return state.tree.state(cell).value if cell in state.tree else "unexplored"
 
 
-def weighed_state(cell: Cell, evidence: Evidence, share: float) -> CellState:
+def weighed_state(cell: Cell, evidence: Evidence, unsure: Unsure, share: float) -> CellState:
     """Return the state of a cell that is decided by evidence."""
-    return "explored" if evidence.is_roi(cell, share) else "non-roi"
+    if evidence.is_roi(cell, share):
+        return "explored"
+    return "unsure" if unsure.is_unsure(cell) else "non-roi"
 
 
 # --- recorded pictures ----------------------------------------------------------------------------
@@ -222,7 +248,8 @@ def flown_replay(
     tracks = (Track(1, tuple(replayed.taken)),) if replayed.taken else ()
     data = map_of(setting, replayed.end_s, replayed.cells, tracks)
     data = replace(data, pictures=len(replayed.taken))
-    values = {**_replay_summary(setting, replayed), **(known or {})}
+    counted = doubted(_replay_summary(setting, replayed), replayed.cells, setting)
+    values = {**counted, **(known or {})}
     return dated(Flown(folder, plan, setting, data, values, log, calendar, recorded=True))
 
 
@@ -346,22 +373,25 @@ def _replayed(
     taken: list[tuple[float, LatLon, float]] = []
     place: Tracked | None = None
     said: FrameSeen | None = None
+    unsure = Unsure()
     for event in events:
         if isinstance(event, Tracked):
             place = event
         elif isinstance(event, FrameSeen):
             said = event
+            unsure.note(event)
             if place is not None:
                 taken.append((event.t_s, grid.position(place.position), place.height_m))
             if evidence is None and event.vantage is not None:
                 votes.add(event.vantage, event.votes)
         elif isinstance(event, Weighed) and evidence is not None and said is not None:
             evidence.add(said.votes, event.weights)
-    decided = votes.counted()
+    table, undecided = votes.counted()
     if evidence is not None:
-        decided = weighed(evidence, mission.detector.share)
+        table, undecided = weighed(evidence, mission.detector.share)
     log = FlightLog.of(events)
-    replayed = Replayed(*decided, taken, len(log.troubles), 0)
+    table = table.doubted(unsure.are(table.cells))
+    replayed = Replayed(table, undecided, taken, len(log.troubles), 0)
     known = _kept_summary(folder)
     return flown_replay(folder, plan, setting, replayed, log, calendar, known)
 

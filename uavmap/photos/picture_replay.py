@@ -25,6 +25,7 @@ import numpy as np
 from missions.events import FrameLost, FrameSeen, Tracked, Vote, Weighed
 from missions.flight.setting import Setting
 from missions.mapping.evidence import Evidence
+from missions.mapping.unsure import Unsure
 from missions.units import Cell, GridPoint
 from uavmap.base.printable import printable
 from uavmap.base.terminal import LINE_LIMIT
@@ -90,9 +91,11 @@ class Looked:
         votes = Votes(mission.votes.frames, mission.votes.positive)
         evidence = Evidence() if mission.by_evidence else None
         log = FlightLog()
-        journal.append_all(log.noting(self._events(votes, evidence)))
+        unsure = Unsure()
+        journal.append_all(log.noting(self._events(votes, evidence, unsure)))
         share = mission.detector.share
         table, undecided = votes.counted() if evidence is None else weighed(evidence, share)
+        table = table.doubted(unsure.are(table.cells))
         mapped = Replayed(
             table,
             undecided,
@@ -159,7 +162,7 @@ class Looked:
         return [shot for shot in self.shots if not shot.reason]
 
     def _events(
-        self, votes: Votes, evidence: Evidence | None
+        self, votes: Votes, evidence: Evidence | None, unsure: Unsure
     ) -> Iterator[Tracked | FrameSeen | Weighed | FrameLost]:
         """Yield the events of a journal; count, or weigh, the votes on the way."""
         grid, share = self.setting.grid, self.setting.mission.detector.share
@@ -178,7 +181,10 @@ class Looked:
             told = zip(cells.tolist(), positive.tolist(), shares.tolist(), strict=True)
             said = tuple(Vote(Cell(*cell), yes, part) for cell, yes, part in told)
             shot.cells = len(said)
-            yield FrameSeen(VEHICLE, shot.t_s, kept.vantage, said)
+            doubtful = kept.unsure[rated]
+            unsure.add(cells, doubtful)
+            those = tuple(Cell(*cell) for cell in cells[doubtful].tolist()) or None
+            yield FrameSeen(VEHICLE, shot.t_s, kept.vantage, said, unsure=those)
             if evidence is None:
                 votes.add(kept.vantage, said)
                 continue
@@ -270,8 +276,7 @@ def _turn(judge: Judge, shots: Sequence[Shot], spool: Spool) -> None:
         if shot.reason or not turned or shot.camera is None:
             continue
         said = spool.get(number)
-        shares = judge.turned(shot.placed, shot.t_s, shot.camera, said)
-        spool.put(number, said._replace(shares=shares))
+        spool.put(number, judge.turned(shot.placed, shot.t_s, shot.camera, said))
         shot.turned = True
 
 

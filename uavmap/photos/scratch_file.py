@@ -76,6 +76,8 @@ class Said(NamedTuple):
         marks: The detector's, packed.
         weights: Shape (n,): of the shares, 0 to 1; 1 where votes are counted.
         small: A JPEG of the picture, small.
+        unsure: Shape (n,): which look like nothing that the detector knows.
+        unfamiliar: The pixels that do, packed; empty of a detector that is a rule.
     """
 
     vantage: Cell
@@ -83,13 +85,16 @@ class Said(NamedTuple):
     shares: NDArray[np.float64]
     marks: bytes
     weights: NDArray[np.float64]
-    small: bytes = b""
+    small: bytes
+    unsure: NDArray[np.bool_]
+    unfamiliar: bytes = b""
 
 
 class Spool(ScratchFile):
     """Judgements of pictures by number, in a file that vanishes with this object; for any thread.
 
-    >>> said = Said(Cell(0, 0), np.array([[1, 2]]), np.array([0.5]), b"marks", np.array([0.7]))
+    >>> said = Said(Cell(0, 0), np.array([[1, 2]]), np.array([0.5]), b"marks", np.array([0.7]),
+    ...             b"", np.array([False]))
     >>> with Spool() as spool:
     ...     spool.put(7, said)
     ...     found = spool.get(7)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import Any, Final, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,31 @@ from missions.errors import MissionFileError
 
 Marks: TypeAlias = NDArray[np.uint8] | NDArray[np.float32]
 """Of a picture's pixels: a mask, 0 or 255, or a probability, 0 to 1."""
+
+
+UNFAMILIAR: Final = 0.05
+"""A pixel with a lower familiarity looks like nothing that the detector knows."""
+UNSURE: Final = 0.5
+"""The part of a cell's pixels from which on an unfamiliar look leaves the cell unsure."""
+
+
+class Judgement(NamedTuple):
+    """The judgement of a picture, pixel by pixel, each (rows, columns).
+
+    Attributes:
+        marks: What cells' shares are counted from: a calibrated probability, else the mask. An
+            unfamiliar pixel is not region.
+        familiarity: How much each pixel looks like what the detector knows, 0 to 1, float32; None
+            of a detector that is a rule, and takes everything for known.
+    """
+
+    marks: Marks
+    familiarity: NDArray[np.float32] | None = None
+
+    @property
+    def unfamiliar(self) -> NDArray[np.uint8] | None:
+        """The pixels that look like nothing that the detector knows: 255, else 0."""
+        return None if self.familiarity is None else ~marked(self.familiarity, UNFAMILIAR)
 
 
 @runtime_checkable
@@ -23,7 +48,8 @@ class Detector(Protocol):
 
     If its mask is smaller than the region by some pixels at each edge, `shrinks_px` may give that
     number: the region's boundary is drawn so much farther out. `words` may describe what it takes
-    for region, to follow "region = ".
+    for region, to follow "region = ". `judged(image)` may return a `Judgement` that says what the
+    detector does not know.
     """
 
     @property
@@ -46,6 +72,15 @@ class Detector(Protocol):
 
     def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
         """Return the ROI of a picture: (rows, columns), uint8, 255 for ROI, else 0."""
+
+
+def judged(detector: Detector, image: NDArray[Any]) -> Judgement:
+    """Return a detector's judgement of a picture."""
+    knows = getattr(detector, "judged", None)
+    if knows is not None:
+        found: Judgement = knows(image)
+        return found
+    return Judgement(detector.probability(image) if detector.calibrated else detector.mask(image))
 
 
 def sigmoid(logit: NDArray[Any]) -> NDArray[np.float32]:

@@ -1,23 +1,17 @@
-"""A model that `uavmap tune` has learned: the features of a pixel, the model's file, its answer.
+"""A model that `uavmap tune` has learned: its file, its answer, and what it does not know.
 
-**Features.** A picture is brought to a working width, so that a feature means the same ground at
-any resolution, and described on a grid of every `STRIDE`-th pixel. Colours are differences of
-logarithms: a longer exposure adds a constant to each channel's logarithm, which the differences
-lose; brightness is relative to the picture's median. Box filters and area means cost the same at
-each scale.
-
-**Model.** Its file is JSON, so reading one runs nothing that it holds. A model has one or two
-parts, a logistic regression and boosted trees; its answer is the calibrated mean of theirs. A tree
-has at most eight leaves: the leaves that its conditions leave over are eight bits of a byte, and a
-table of 256 values gives their worth (QuickScorer, Lucchese and others, 2015), for all pixels at
-once.
+Its file is JSON, so reading one runs nothing that it holds. A model has one or two parts, a
+logistic regression and boosted trees; its answer is the calibrated mean of theirs. A tree has at
+most eight leaves: the leaves that its conditions leave over are eight bits of a byte, and a table
+of 256 values gives their worth (QuickScorer, Lucchese and others, 2015), for all pixels at once.
+Beside its probability a pixel has a familiarity (`vision.detectors.familiarity`).
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Final, Literal
 
@@ -26,136 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from missions.errors import ImageError, MissionFileError
-from vision.detectors.interface import check_number, marked, sigmoid
+from missions.errors import MissionFileError
+from vision.detectors.familiarity import NAMES, Familiar, Familiarity
+from vision.detectors.interface import UNFAMILIAR, Judgement, check_number, marked, sigmoid
+from vision.detectors.pixel_features import FEATURES, features, working_picture
 
 Array = NDArray[np.float32]
 
-STRIDE: Final = 4
-"""Pixels of the working width between two described places."""
-NEAR, AROUND, FAR = 5, 15, 45
-"""Sides of the boxes over which features are averaged, in described places."""
-
-_LOG: Final = np.log(np.arange(256, dtype=np.float32) + 6.0).astype(np.float32)
-_LEAST: Final = 1e-4
-
-GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
-    "color": (
-        "light", "red_green", "blue_green", "green_excess", "saturation",
-        "light_near", "red_green_near", "blue_green_near", "green_excess_near",
-    ),
-    "texture": (
-        "detail", "detail_near", "detail_around", "rough_near", "rough_around",
-        "line_near", "line_around",
-    ),
-    "context": (
-        "light_around", "red_green_around", "blue_green_around", "green_excess_around",
-        "light_beside", "red_green_beside", "blue_green_beside", "light_far_beside",
-        "red_green_rest", "blue_green_rest", "green_excess_rest",
-    ),
-}  # fmt: skip
-"""The features by group. `_near`, `_around`: the mean over a box; `_beside`: against the mean of
-the surroundings; `_rest`: against the median of the picture.
-"""
-
-FEATURES: Final = tuple(name for names in GROUPS.values() for name in names)
-
-
-def working_picture(image: NDArray[Any], width_px: int) -> NDArray[np.uint8]:
-    """Return a picture at the working width, 8 bits; `ImageError` unless it has three channels."""
-    if image.ndim != 3 or image.shape[2] != 3:
-        raise ImageError(f"a learned detector needs 3 channels, the picture has {image.shape[2:]}")
-    if image.dtype == np.uint16:
-        image = (image >> 8).astype(np.uint8)
-    rows, columns = image.shape[:2]
-    if columns == width_px:
-        return image.astype(np.uint8, copy=False)
-    size = (width_px, max(STRIDE, round(rows * width_px / columns)))
-    how = cv2.INTER_AREA if columns > width_px else cv2.INTER_LINEAR
-    return cv2.resize(image, size, interpolation=how).astype(np.uint8, copy=False)
-
-
-def described_shape(rows: int, columns: int) -> tuple[int, int]:
-    """Return rows and columns of the described places of a working picture."""
-    return max(1, rows // STRIDE), max(1, columns // STRIDE)
-
-
-def features(picture: NDArray[np.uint8], names: Sequence[str] = FEATURES) -> Array:
-    """Return the features of a working picture: (len(names), rows // STRIDE, columns // STRIDE).
-
-    Args:
-        picture: (rows, columns, 3), uint8, blue-green-red, at the working width.
-        names: Some of `FEATURES`.
-    """
-    rows, columns = described_shape(*picture.shape[:2])
-    size = (columns, rows)
-    wanted = set(names)
-    found = _colors(picture, size)
-    if wanted & set(GROUPS["texture"]):
-        found |= _texture(picture, size, found["light"])
-    return np.stack([found[name] for name in names])
-
-
-def _colors(picture: NDArray[np.uint8], size: tuple[int, int]) -> dict[str, Array]:
-    logs = _shrunk(cv2.LUT(picture, _LOG), size)
-    blue, green, red = (np.ascontiguousarray(logs[:, :, i]) for i in range(3))
-    plain = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-    total = plain.sum(axis=2) + 3.0
-    light = np.asarray(0.1 * blue + 0.6 * green + 0.3 * red, np.float32)
-    light -= np.float32(np.median(light))
-    base: dict[str, Array] = {
-        "light": light,
-        "red_green": red - green,
-        "blue_green": blue - green,
-        "green_excess": np.asarray(3.0 * plain[:, :, 1] / total - 1.0, np.float32),
-    }
-    found = dict(base)
-    found["saturation"] = np.asarray(1.0 - 3.0 * plain.min(axis=2) / total, np.float32)
-    for key, value in base.items():
-        found[f"{key}_near"] = _box(value, NEAR)
-        found[f"{key}_around"] = _box(value, AROUND)
-        if key == "light":
-            found["light_beside"] = found["light_near"] - found["light_around"]
-            found["light_far_beside"] = found["light_near"] - _box(value, FAR)
-        else:
-            found[f"{key}_beside"] = found[f"{key}_near"] - _box(value, FAR)
-            found[f"{key}_rest"] = found[f"{key}_near"] - np.float32(np.median(value))
-    return found
-
-
-def _texture(picture: NDArray[np.uint8], size: tuple[int, int], light: Array) -> dict[str, Array]:
-    gray = cv2.LUT(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), _LOG)
-    detail = _shrunk(np.abs(cv2.Laplacian(gray, cv2.CV_32F)), size)
-    found = {"detail": _log(detail)}
-    for key, side in (("near", NEAR), ("around", AROUND)):
-        found[f"detail_{key}"] = _log(_box(detail, side))
-        spread = _box(light * light, side) - _box(light, side) ** 2
-        found[f"rough_{key}"] = _log(np.asarray(np.maximum(spread, 0.0), np.float32))
-    across = np.asarray(cv2.Sobel(light, cv2.CV_32F, 1, 0), np.float32)
-    along = np.asarray(cv2.Sobel(light, cv2.CV_32F, 0, 1), np.float32)
-    for key, side in (("near", NEAR), ("around", AROUND)):
-        xx, yy, xy = (_box(v, side) for v in (across * across, along * along, across * along))
-        # 0: edges in all directions, as of leaves; 1: all in one, as of a road
-        ratio = np.sqrt((xx - yy) ** 2 + 4.0 * xy * xy) / (xx + yy + np.float32(_LEAST))
-        found[f"line_{key}"] = np.asarray(ratio, np.float32)
-    return found
-
-
-def _shrunk(values: NDArray[Any], size: tuple[int, int]) -> Array:
-    return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), np.float32)
-
-
-def _box(values: Array, side: int) -> Array:
-    return np.asarray(cv2.blur(values, (side, side), borderType=cv2.BORDER_REFLECT), np.float32)
-
-
-def _log(values: Array) -> Array:
-    return np.asarray(np.log(values + np.float32(_LEAST)), np.float32)
-
-
-# --- the model -----------------------------------------------------------------------------------
 FORMAT: Final = "uavmap detector"
-VERSION: Final = 1
+VERSION: Final = 2
 LEAVES: Final = 8
 LARGEST_BYTES: Final = 8_000_000
 
@@ -206,7 +79,7 @@ class Model(_Part):
     """A learned detector; `threshold` is the least probability of a marked pixel."""
 
     format: Literal["uavmap detector"] = "uavmap detector"
-    version: Literal[1] = 1
+    version: Literal[2] = 2
     features: Annotated[tuple[str, ...], Field(min_length=1)]
     working_width_px: Annotated[int, Field(ge=32, le=8000)] = 1000
     parts: Annotated[tuple[Logistic | Trees, ...], Field(min_length=1, max_length=4)]
@@ -214,6 +87,9 @@ class Model(_Part):
     offset: _Number = 0.0
     """Of the calibration: probability = 1 / (1 + exp(-(slope logit + offset)))."""
     threshold: Annotated[_Number, Field(gt=0, lt=1)] = 0.5
+    familiarity: Familiarity
+    wrong_when_sure: Annotated[_Number, Field(ge=0, le=1)]
+    """The part of familiar cells that were judged wrong in pictures that were left out."""
 
     @model_validator(mode="after")
     def _fits(self) -> Model:
@@ -268,22 +144,24 @@ def read_model(data: bytes, source: str) -> Model:
 
 @dataclass(frozen=True, slots=True)
 class Scorer:
-    """A model with the tables of its trees."""
+    """The parts of a model with the tables of its trees, and its calibration."""
 
-    model: Model
+    parts: tuple[Logistic | Trees, ...]
+    slope: float = 1.0
+    offset: float = 0.0
     _tables: tuple[tuple[NDArray[np.float32], ...], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         made = tuple(
             tuple(_table(tree) for tree in part.trees) if isinstance(part, Trees) else ()
-            for part in self.model.parts
+            for part in self.parts
         )
         object.__setattr__(self, "_tables", made)
 
     def logit(self, values: Array) -> Array:
         """Return the mean of the parts before calibration, (n,), of features (count, n)."""
         total = np.zeros(values.shape[1], np.float32)
-        for part, tables in zip(self.model.parts, self._tables, strict=True):
+        for part, tables in zip(self.parts, self._tables, strict=True):
             if isinstance(part, Logistic):
                 weights = np.array(part.weights) / np.array(part.scale)
                 bias = part.bias - float(weights @ np.array(part.mean))
@@ -293,13 +171,12 @@ class Scorer:
                 for tree, table in zip(part.trees, tables, strict=True):
                     logit += table[_left_over(tree, values)]
             total += sigmoid(logit)
-        share = np.clip(total / len(self.model.parts), 1e-6, 1.0 - 1e-6)
+        share = np.clip(total / len(self.parts), 1e-6, 1.0 - 1e-6)
         return np.asarray(np.log(share / (1.0 - share)), np.float32)
 
     def probability(self, values: Array) -> Array:
         """Return of features (count, n) the probabilities, shape (n,)."""
-        model = self.model
-        return sigmoid(self.logit(values) * np.float32(model.slope) + np.float32(model.offset))
+        return sigmoid(self.logit(values) * np.float32(self.slope) + np.float32(self.offset))
 
 
 def _left_over(tree: Tree, values: Array) -> NDArray[np.uint8]:
@@ -322,6 +199,10 @@ def _table(tree: Tree) -> NDArray[np.float32]:
     return table
 
 
+_EVERY: Final = 2
+"""Familiarity changes slowly: every second described place is compared."""
+
+
 @dataclass(frozen=True, slots=True)
 class LearnedDetector:
     """The ROI is what a model takes for it by colour, texture and surroundings.
@@ -336,24 +217,55 @@ class LearnedDetector:
 
     model: bytes | Model
     threshold: float = 0.0
+    _model: Model = field(init=False, repr=False)
     _scorer: Scorer = field(init=False, repr=False)
+    _familiar: Familiar = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         check_number("threshold", self.threshold, 0.0, 1.0)
         model = self.model
         if not isinstance(model, Model):
             model = read_model(model, "detector.model")
-        object.__setattr__(self, "_scorer", Scorer(model))
+        scorer = Scorer(model.parts, model.slope, model.offset)
+        object.__setattr__(self, "_model", model)
+        object.__setattr__(self, "_scorer", scorer)
+        object.__setattr__(self, "_familiar", Familiar.of(model.familiarity))
+
+    def judged(self, image: NDArray[Any]) -> Judgement:
+        """See `Judgement`. Raises `ImageError` for a picture without three channels."""
+        size = (image.shape[1], image.shape[0])
+        share, values = self._described(image)
+        some = values[: len(NAMES), ::_EVERY, ::_EVERY]
+        region = share[::_EVERY, ::_EVERY] >= self._least
+        familiarity = self._familiar.familiarity(
+            np.ascontiguousarray(some).reshape(len(NAMES), -1), region.ravel()
+        ).reshape(region.shape)
+        share, familiarity = (
+            np.asarray(cv2.resize(one, size, interpolation=cv2.INTER_LINEAR), np.float32)
+            for one in (share, familiarity)
+        )
+        return Judgement(np.where(familiarity >= UNFAMILIAR, share, np.float32(0.0)), familiarity)
 
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
         """See `Detector.probability`. Raises `ImageError` for a picture without three channels."""
-        model = self._scorer.model
-        values = features(working_picture(image, model.working_width_px), model.features)
-        count, rows, columns = values.shape
-        share = self._scorer.probability(values.reshape(count, -1)).reshape(rows, columns)
+        share, _ = self._described(image)
         size = (image.shape[1], image.shape[0])
         return np.asarray(cv2.resize(share, size, interpolation=cv2.INTER_LINEAR), np.float32)
 
     def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
         """See `Detector.mask`."""
-        return marked(self.probability(image), self.threshold or self._scorer.model.threshold)
+        return marked(self.probability(image), self._least)
+
+    def _described(self, image: NDArray[Any]) -> tuple[Array, Array]:
+        """Return the probabilities of the described places, and their features `NAMES` first."""
+        model = self._model
+        picture = working_picture(image, model.working_width_px)
+        names = (*NAMES, *(name for name in model.features if name not in NAMES))
+        values = features(picture, names)
+        of_model = values[[names.index(name) for name in model.features]]
+        share = self._scorer.probability(of_model.reshape(len(of_model), -1))
+        return share.reshape(values.shape[1:]), values
+
+    @property
+    def _least(self) -> float:
+        return self.threshold or self._model.threshold

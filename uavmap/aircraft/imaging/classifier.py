@@ -22,7 +22,37 @@ from uavmap.load.detector_source import detector_of_section
 from vision.camera import Camera
 from vision.detectors import Detector
 from vision.plausible import Image, implausible
-from vision.projection import Frame, look
+from vision.projection import Frame, Verdict, look
+
+Verdicts = tuple[Verdict, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Suspecting:
+    """A detector from the height of a search, where what it takes for region is a suspicion.
+
+    From there all ground looks unlike what was painted from below, which is no reason to pass it.
+    """
+
+    detector: Detector
+
+    @property
+    def name(self) -> str:
+        """See `Detector.name`."""
+        return self.detector.name
+
+    @property
+    def calibrated(self) -> bool:
+        """See `Detector.calibrated`."""
+        return self.detector.calibrated
+
+    def probability(self, image: Image) -> NDArray[np.float32]:
+        """See `Detector.probability`."""
+        return self.detector.probability(image)
+
+    def mask(self, image: Image) -> NDArray[np.uint8]:
+        """See `Detector.mask`."""
+        return self.detector.mask(image)
 
 
 @dataclass(slots=True)
@@ -60,7 +90,7 @@ class Classifier:
         above = None
         if search_m is not None:
             higher_m = search_m + (height_m or lowest_m) - lowest_m
-            above = detector or detector_of(mission, higher_m / lowest_m)
+            above = Suspecting(detector or detector_of(mission, higher_m / lowest_m))
         return cls(mission, grid, camera, detector or detector_of(mission, ratio), above)
 
     def is_overview(self, frame: Frame) -> bool:
@@ -68,7 +98,7 @@ class Classifier:
         above_m = self.mission.overview_above_m
         return above_m is not None and frame.pose.height_m > above_m
 
-    def votes(self, frame: Frame, vantage: Cell | None) -> tuple[Cell, tuple[Vote, ...]]:
+    def votes(self, frame: Frame, vantage: Cell | None) -> tuple[Cell, Verdicts]:
         """The vantage of a frame, by default the cell below, and what the frame says.
 
         Raises `ImageError` for a picture that is no evidence (`vision.plausible`), or not of the
@@ -77,7 +107,7 @@ class Classifier:
         here = vantage or self.grid.cell_at(frame.pose.position, frame.t_s)
         return here, self._judged(frame, self.mission.detector.view, here)
 
-    def votes_anywhere(self, frame: Frame) -> tuple[Vote, ...]:
+    def votes_anywhere(self, frame: Frame) -> Verdicts:
         """What a frame says of every cell that it shows whole, wherever it was taken.
 
         Whatever `detector.view` says; `camera.pose_error_m` from the rim of the picture. Raises
@@ -91,13 +121,13 @@ class Classifier:
 
     def _judged(
         self, frame: Frame, view: Literal["cross", "all"], vantage: Cell | None
-    ) -> tuple[Vote, ...]:
+    ) -> Verdicts:
         reason = self.doubt(frame)
         self._last = frame.image
         if reason:
             raise ImageError(reason)
         above = self.from_above if self.is_overview(frame) else None
-        verdicts = look(
+        return look(
             frame,
             self.grid,
             above or self.detector,
@@ -107,7 +137,6 @@ class Classifier:
             margin_m=self.mission.camera.pose_error_m,
             terrain=self.mission.ground,
         )
-        return tuple(Vote(v.cell, v.positive, round(v.share, 3)) for v in verdicts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,10 +206,13 @@ class PictureJudge:
                 keeper.keep(kept, taken.data)
             frame = Frame(image, taken.pose, taken.t_s, camera)
             if taken.anywhere:
-                votes = classifier.votes_anywhere(frame)
+                here, verdicts = None, classifier.votes_anywhere(frame)
                 overview: Literal[True] | None = True if classifier.is_overview(frame) else None
-                return FrameSeen(taken.vehicle, taken.t_s, None, votes, overview=overview)
-            here, votes = classifier.votes(frame, taken.vantage)
+            else:
+                here, verdicts = classifier.votes(frame, taken.vantage)
+                overview = None
         except ImageError as error:
             return FrameLost(taken.vehicle, taken.t_s, printable(str(error)))
-        return FrameSeen(taken.vehicle, taken.t_s, here, votes)
+        votes = tuple(Vote(v.cell, v.positive, round(v.share, 3)) for v in verdicts)
+        unsure = tuple(v.cell for v in verdicts if v.unsure) or None
+        return FrameSeen(taken.vehicle, taken.t_s, here, votes, overview=overview, unsure=unsure)

@@ -27,6 +27,7 @@ STATES: Final[Mapping[State, Colour]] = {
     "non-roi": (216, 220, 224),
     "provisional": (226, 178, 158),
     "provisional non-roi": (236, 232, 222),
+    "unsure": (178, 152, 214),
 }
 STATE_NAMES: Final[Mapping[State, str]] = {
     "explored": "explored",
@@ -36,6 +37,7 @@ STATE_NAMES: Final[Mapping[State, str]] = {
     "non-roi": "not region",
     "provisional": "region so far",
     "provisional non-roi": "not region so far",
+    "unsure": "unsure: unlike what the detector knows",
 }
 """Names of the cell states for readers; files hold the states themselves."""
 RECORDED_NAMES: Final[Mapping[State, str]] = {**STATE_NAMES, "explored": "region"}

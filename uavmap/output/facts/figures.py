@@ -14,6 +14,7 @@ from missions.flight.strategy.flyers import kinematics
 from missions.flight.team.members import concluded, facts_of, with_map
 from missions.mapping.belief import FrameId
 from missions.mapping.tree import patches
+from missions.mapping.unsure import Unsure
 from missions.planning.lower_bounds import one_way_lower_bound, passing_bound_s
 from missions.units import GridPoint
 from uavmap.output.facts.flight_log import Counter
@@ -48,6 +49,8 @@ class Figures:
     """The mission time of the first lift-off that the journal knows."""
     shares: Shares = field(default_factory=Shares, compare=False, repr=False)
     """What the frames of the journal say of each cell, by which patches are seen to drift."""
+    unsure: Unsure = field(default_factory=Unsure, compare=False, repr=False)
+    """The cells that look like nothing that the detector knows."""
 
     @property
     def ratio(self) -> float | None:
@@ -64,7 +67,7 @@ class Figures:
 def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
     """Fold a journal; return the final state and the figures."""
     state = State.initial(setting)
-    counter, shares = Counter(state.vehicles), Shares()
+    counter, shares, unsure = Counter(state.vehicles), Shares(), Unsure()
     # looks from a cell are no facts of a fleet: of flights that are merged each keeps its own
     in_fleet = setting.member is not None and not setting.strategy.stops
     facts = facts_of(setting) if in_fleet else None
@@ -74,11 +77,12 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
         counter.after(event)
         if isinstance(event, FrameSeen):
             shares.take(event)
+            unsure.note(event)
         if facts is not None:
             facts.take(event)
     if facts is not None:
         state = concluded(setting, with_map(state, facts))
-    return state, replace(figures_of(setting, state, counter), shares=shares)
+    return state, replace(figures_of(setting, state, counter), shares=shares, unsure=unsure)
 
 
 def figures_of(setting: Setting, state: State, counter: Counter) -> Figures:

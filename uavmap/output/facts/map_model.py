@@ -81,11 +81,13 @@ State = Literal[
     "provisional",
     "provisional non-roi",
     "skipped",
+    "unsure",
 ]
 """Skipped: region that the operator excluded from looks. Provisional: the majority of frames, while
-they are too few for a verdict."""
+they are too few for a verdict. Unsure: not taken for region, and like nothing that the detector
+knows."""
 
-NOT_ROI: frozenset[State] = frozenset(("non-roi", "provisional", "provisional non-roi"))
+NOT_ROI: frozenset[State] = frozenset(("non-roi", "provisional", "provisional non-roi", "unsure"))
 """States that are not region."""
 
 _STATES: Final[tuple[State, ...]] = get_args(State)
@@ -154,6 +156,11 @@ class CellTable:
     def __len__(self) -> int:
         """How many cells."""
         return len(self.cells)
+
+    def doubted(self, unsure: NDArray[np.bool_]) -> CellTable:
+        """Return the table with some cells unsure that are no region."""
+        codes = np.where(unsure & ~self.roi, _CODES["unsure"], self.codes)
+        return replace(self, codes=codes)
 
     def which(self, some: slice | Sequence[int] | NDArray[np.bool_]) -> CellTable:
         """Return the table of some of the cells."""

@@ -20,6 +20,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.step import step
 from missions.mapping.evidence import Evidence, evidence_of
+from missions.mapping.unsure import Unsure
 from missions.mission.schema import Mission
 from missions.units import Cell
 from uavmap.output.drawing.scene import bounds_of
@@ -241,6 +242,7 @@ class _Log:
     shown: dict[Cell, CellState] = field(default_factory=dict)
     evidence: Evidence | None = None
     """Of recorded pictures that are weighed."""
+    unsure: Unsure = field(default_factory=Unsure)
     seen: FrameSeen | None = None
 
     def take_in(self, event: Event) -> None:
@@ -254,6 +256,7 @@ class _Log:
             self.tracks.setdefault(event.vehicle, []).append(fix)
         if isinstance(event, FrameSeen):
             self.seen = event
+            self.unsure.note(event)
         cells: set[Cell] = set()
         if isinstance(event, Weighed) and self.evidence is not None and self.seen is not None:
             self.evidence.add(self.seen.votes, event.weights)
@@ -267,9 +270,10 @@ class _Log:
 
     def note(self, cell: Cell) -> None:
         if self.evidence is None:
-            now = cell_state(cell, self.state, recorded=self.recorded)
+            now = cell_state(cell, self.state, self.unsure, recorded=self.recorded)
         else:
-            now = weighed_state(cell, self.evidence, self.setting.mission.detector.share)
+            share = self.setting.mission.detector.share
+            now = weighed_state(cell, self.evidence, self.unsure, share)
         tree = self.state.tree
         if self.shown.get(cell) != now:
             self.shown[cell] = now

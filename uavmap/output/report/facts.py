@@ -99,6 +99,7 @@ def certificate(flown: Flown) -> tuple[Facts, Facts]:
         ("Open cells", open_cells, "cells of the region beside which nobody has judged"),
         ("Cells not looked from", unreached, "out of reach, or fenced off"),
         ("Cells that lack votes", _number(values, "cells_undecided"), "looked at, undecided"),
+        ("Cells unsure", cells["unsure"], "like nothing that the detector was shown"),
         ("Cells skipped", _number(values, "cells_skipped"), "by the operator"),
         ("Pictures refused", _number(values, "photographs_refused"), "pictures.csv says why"),
     ]

@@ -28,9 +28,9 @@ from uavmap.photos.sources.photo_file import eight_bits
 from uavmap.photos.sources.picture_record import Picture, Placed, above_ground, credible
 from vision.camera import Camera, Lens, project
 from vision.detectors import Detector
-from vision.detectors.interface import Marks
+from vision.detectors.interface import Marks, judged
 from vision.plausible import implausible
-from vision.projection import Cells, Frame, Projection, Verdict, marks_of
+from vision.projection import Cells, Frame, Projection, Verdict
 from vision.upright import Patch, UprightSearch
 
 LEAST_WIDTH_PX: Final = 64
@@ -105,27 +105,38 @@ class Judge:
         vantage, cells = self._asked(frame.camera, placed, t_s)
         some = np.ascontiguousarray(frame.image[::_EVERY])  # noise is in every row
         self._refuse_implausible(some)
-        marks = marks_of(self.detector, frame.image)
-        laid = self.laid(frame.camera, placed, t_s)
+        found = judged(self.detector, frame.image)
+        laid, unfamiliar = self.laid(frame.camera, placed, t_s), found.unfamiliar
         if self.mission.by_evidence:
-            shares, weights = laid.weighed(marks, cells)
+            shares, weights = laid.weighed(found.marks, cells)
         else:
-            shares, weights = laid.shares(marks, cells), np.ones(len(cells))
+            shares, weights = laid.shares(found.marks, cells), np.ones(len(cells))
+        said = Said(
+            vantage, cells, shares, packed(found.marks), weights, miniature(frame.image),
+            laid.unsure(unfamiliar, cells), b"" if unfamiliar is None else packed(unfamiliar),
+        )  # fmt: skip
         return Judged(
-            Said(vantage, cells, shares, packed(marks), weights, miniature(frame.image)),
+            said,
             frame.camera,
             self.search.patch(frame) if self.compare else None,
             hashlib.blake2b(some.data, digest_size=16).digest(),
             sharpness(frame.image),
         )
 
-    def turned(self, placed: Placed, t_s: float, camera: Camera, said: Said) -> NDArray[np.float64]:
-        """Return the shares of a picture that is stored upside down; its weights stay."""
-        upright = unpacked(said.marks, camera.height_px, camera.width_px, upside_down=True)
+    def turned(self, placed: Placed, t_s: float, camera: Camera, said: Said) -> Said:
+        """Return the judgement of a picture that is stored upside down; its weights stay."""
+        size = (camera.height_px, camera.width_px)
+        upright = unpacked(said.marks, *size, upside_down=True)
         laid = self.laid(camera, placed, t_s)
         if self.mission.by_evidence:
-            return laid.shares_of(upright, said.cells, said.weights)
-        return laid.shares(upright, said.cells)
+            shares = laid.shares_of(upright, said.cells, said.weights)
+        else:
+            shares = laid.shares(upright, said.cells)
+        if not said.unfamiliar:
+            return said._replace(shares=shares)
+        unfamiliar = unpacked(said.unfamiliar, *size, upside_down=True)
+        unsure = laid.unsure(np.asarray(unfamiliar, np.uint8), said.cells)
+        return said._replace(shares=shares, unsure=unsure)
 
     def laid(self, camera: Camera, placed: Placed, t_s: float) -> Projection:
         """Lay the picture on the mission's ground."""
@@ -265,6 +276,7 @@ class PictureReport:
                     "row": verdict.cell.north,
                     "share": round(verdict.share, 3),
                     "roi": verdict.positive,
+                    "unsure": verdict.unsure,
                 }
                 for verdict in self.verdicts
             ],
@@ -286,12 +298,12 @@ def look_at(picture: Picture, mission: Mission, lens: Lens | None = None) -> Pic
         raise ImageError(f"{picture.name}: {error}") from None
     section, laid = mission.detector, judge.laid(frame.camera, placed, 0.0)
     cells = laid.cells(section.view, mission.camera.pose_error_m)
-    mask = judge.detector.mask(frame.image)
-    marks = marks_of(judge.detector, frame.image) if judge.detector.calibrated else mask
-    shares = laid.shares(marks, cells).tolist() if len(cells) else []
+    mask, found = judge.detector.mask(frame.image), judged(judge.detector, frame.image)
+    shares = laid.shares(found.marks, cells).tolist() if len(cells) else []
+    unsure = laid.unsure(found.unfamiliar, cells).tolist()
     verdicts = tuple(
-        Verdict(Cell(*cell), share >= section.share, share)
-        for cell, share in zip(cells.tolist(), shares, strict=True)
+        Verdict(Cell(*cell), share >= section.share, share, doubt)
+        for cell, share, doubt in zip(cells.tolist(), shares, unsure, strict=True)
         if share >= 0.0
     )
     doubt = implausible(frame.image, noiseless=mission.camera.noiseless) or ""

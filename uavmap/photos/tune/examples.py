@@ -32,7 +32,7 @@ from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.sources.photo_file import SUFFIXES, decoded, eight_bits
 from uavmap.photos.sources.picture_record import Placed, credible
 from vision.camera import Camera, project
-from vision.detectors.learned_model import working_picture
+from vision.detectors.pixel_features import working_picture
 
 BLACK: Final = 85
 WHITE: Final = 170

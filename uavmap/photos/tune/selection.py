@@ -25,7 +25,8 @@ from uavmap.photos.tune.training import (
     training_set,
 )
 from vision.detectors.interface import sigmoid
-from vision.detectors.learned_model import FEATURES, GROUPS, Logistic, Model, Scorer, Trees
+from vision.detectors.learned_model import Logistic, Scorer, Trees
+from vision.detectors.pixel_features import FEATURES, GROUPS
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,17 +99,18 @@ def cell_counts(
         cell: Side of a cell in places.
         least: The share that makes a cell positive.
     """
-    rows, columns = (max(1, round(side / cell)) for side in known.shape)
-
-    def by_cell(values: NDArray[np.float32]) -> NDArray[np.float32]:
-        cells = cv2.resize(values, (columns, rows), interpolation=cv2.INTER_AREA)
-        return np.asarray(cells, np.float32)
-
-    seen = by_cell(known.astype(np.float32))
+    seen = by_cell(known.astype(np.float32), cell)
     weight = np.maximum(seen, 1e-6)
-    there = by_cell(region * known) / weight >= 0.5
-    found = by_cell(share * known) / weight >= least
+    there = by_cell(region * known, cell) / weight >= 0.5
+    found = by_cell(share * known, cell) / weight >= least
     return Counts.of(found, there, seen >= 0.5)
+
+
+def by_cell(values: NDArray[np.float32], cell: float) -> NDArray[np.float32]:
+    """Return the means over cells of that side, of values by rows and columns of places."""
+    rows, columns = (max(1, round(side / cell)) for side in values.shape)
+    cells = cv2.resize(values, (columns, rows), interpolation=cv2.INTER_AREA)
+    return np.asarray(cells, np.float32)
 
 
 Array = NDArray[np.float32]
@@ -235,7 +237,7 @@ def _judged(
         halves = {"both": parts, "logistic": parts[:1], "trees": parts[1:]}
         by_kind = {kind: parts} if len(kinds) == 1 else halves
         for kind, some in by_kind.items():
-            scorer = Scorer(Model(features=names, parts=some))
+            scorer = Scorer(some)
             for i in judged:
                 found[kind][i] = [
                     scorer.logit(np.ascontiguousarray(one.values[rows])) for one in pictures[i]

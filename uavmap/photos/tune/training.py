@@ -18,16 +18,8 @@ from numpy.typing import NDArray
 from missions.errors import UavmapError
 from uavmap.base.extras import install_command
 from uavmap.photos.tune.examples import Example
-from vision.detectors.learned_model import (
-    LEAVES,
-    Logistic,
-    Model,
-    Scorer,
-    Tree,
-    Trees,
-    described_shape,
-    features,
-)
+from vision.detectors.learned_model import LEAVES, Logistic, Scorer, Tree, Trees
+from vision.detectors.pixel_features import described_shape, features
 
 VARIANTS: Final = 3
 """Variants of each painted picture."""
@@ -212,9 +204,7 @@ def _balanced(labels: NDArray[np.bool_]) -> NDArray[np.intp]:
 
 def _check_same(parts: Trees, values: NDArray[np.float32], wanted: NDArray[np.float64]) -> None:
     """Check the trees' answers: scikit-learn does not promise how it keeps them."""
-    names = tuple(f"{i}" for i in range(values.shape[1]))
-    model = Model.model_construct(features=names, parts=(parts,), slope=1.0, offset=0.0)
-    found = Scorer(model).probability(np.ascontiguousarray(values.T))
+    found = Scorer((parts,)).probability(np.ascontiguousarray(values.T))
     off = np.abs(found - wanted) > _AGREE
     if off.mean() > 0.01:  # a value on a border may fall to the other side by its last bit
         raise UavmapError(

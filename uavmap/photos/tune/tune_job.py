@@ -19,6 +19,7 @@ from missions.errors import ImageError, OutputError
 from uavmap.base.atomic_write import umask, write_bytes, write_text
 from uavmap.output.summary import encode
 from uavmap.photos.tune.examples import Example, list_pictures, load_examples, read_picture
+from uavmap.photos.tune.familiar_ground import familiar_ground, sure_cells
 from uavmap.photos.tune.selection import (
     KINDS,
     SETS,
@@ -31,14 +32,8 @@ from uavmap.photos.tune.selection import (
     total,
 )
 from uavmap.photos.tune.training import Described, Scale, described, need_learner, variants
-from vision.detectors.learned_model import (
-    STRIDE,
-    LearnedDetector,
-    Model,
-    described_shape,
-    features,
-    model_bytes,
-)
+from vision.detectors.learned_model import LearnedDetector, Model, model_bytes
+from vision.detectors.pixel_features import STRIDE, described_shape, features
 
 MODEL: Final = "model.json"
 DETECTOR: Final = "detector.toml"
@@ -123,6 +118,8 @@ def learned(
     cell = wishes.cell_px / STRIDE
     choice = choose(pictures, scale, cell, wishes.seed, say, wishes.kinds, wishes.sets)
     names = SETS[choice.features]
+    ground = familiar_ground(pictures, scale, wishes.seed)
+    sure = sure_cells(pictures, choice, ground, cell)
     model = Model(
         features=names,
         working_width_px=wishes.width_px,
@@ -130,6 +127,8 @@ def learned(
         slope=choice.slope,
         offset=choice.offset,
         threshold=choice.threshold,
+        familiarity=ground.familiarity,
+        wrong_when_sure=max(one.wrong for one in sure),
     )
     return model, choice, pictures
 

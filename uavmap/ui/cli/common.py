@@ -286,6 +286,12 @@ def not_seen(summary: Mapping[str, Any]) -> str:
         parts.append(f"search box: {box}; a patch may be missing there")
     if cells := summary.get("cells_undecided"):
         parts.append(f"{cells:,} {'cell' if cells == 1 else 'cells'} undecided")
+    if cells := summary.get("cells_unsure"):
+        many = "cell looks" if cells == 1 else "cells look"
+        parts.append(
+            f"{cells:,} {many} like nothing that the detector was shown "
+            f"({summary['cells_unsure_m2']:,.0f} sq m, unsure)"
+        )
     if lanes_m := summary.get("unsearched_m"):
         parts.append(f"{lanes_m:,.0f} m of search lanes")
     return "; ".join(parts)

@@ -38,6 +38,7 @@ from missions.flight.state import Phase, State, VehicleState
 from missions.geo.trajectory import Piece, Trajectory
 from missions.mapping.evidence import Evidence
 from missions.mapping.tree import Tree
+from missions.mapping.unsure import Unsure
 from missions.orders import FlyPath, FlyTo, Order, ReturnToLaunch, Sweep
 from missions.units import Cell, GridPoint
 from uavmap.base.printable import printable
@@ -102,6 +103,7 @@ class Watcher:
         self._waiting: deque[Cell] = deque()
         """Cells of the tree that are still to be looked at."""
         self._tree: Tree | None = None
+        self._unsure = Unsure()
         self._seen: FrameSeen | None = None
         self._judged = self._lost = 0
         self._last: dict[int, tuple[float, float]] = {}
@@ -115,6 +117,7 @@ class Watcher:
         self.state = state
         if isinstance(event, FrameSeen):
             self._seen, self._judged = event, self._judged + 1
+            self._unsure.note(event)
             if self._evidence is None:
                 self._mark(vote.cell for vote in event.votes)
         elif isinstance(event, Weighed):
@@ -197,9 +200,11 @@ class Watcher:
     def _show(self, cell: Cell) -> bool:
         """Put a cell on the board; whether it is another than before."""
         if self._evidence is None:
-            state = cell_state(cell, self.state, recorded=self._recorded)
+            state = cell_state(cell, self.state, self._unsure, recorded=self._recorded)
         else:
-            state = weighed_state(cell, self._evidence, self.setting.mission.detector.share)
+            state = weighed_state(
+                cell, self._evidence, self._unsure, self.setting.mission.detector.share
+            )
         place, code = (cell.east, cell.north), _CODES[state]
         changed = self.board.cell(place) != code
         self.board.set_cell(place, code)

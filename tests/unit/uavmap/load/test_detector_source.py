@@ -16,6 +16,7 @@ from PIL import Image
 
 from missions.errors import ImageError, MissionFileError
 from missions.mission.sections import DetectorSection
+from tests.support.models import all_familiar
 from tests.support.plans import plan_of
 from tests.unit.missions.mission.test_mission_file import HEAD
 from tests.unit.uavmap.photos.sources.test_replay_robust import good, mapped, shot
@@ -253,7 +254,7 @@ __all__ = ["good"]  # a fixture
 
 # --- kept with the results ------------------------------------------------------------------------
 DARK = Logistic(bias=0.0, weights=(-4.0,), mean=(0.0,), scale=(1.0,))
-MODEL = Model(features=("light",), parts=(DARK,), threshold=0.5)
+MODEL = Model(features=("light",), parts=(DARK,), threshold=0.5, **all_familiar())
 
 
 def eyes(folder: Path) -> Path:

@@ -16,6 +16,7 @@ from missions.errors import ImageError, MissionFileError
 from missions.units import LatLon
 from tests.benchmarks.photos import brighton
 from tests.benchmarks.photos.detectors import judged
+from tests.support.models import all_familiar
 from tests.support.small_missions import START, ring, square
 from tests.unit.uavmap.conftest import Refusals
 from tests.unit.uavmap.photos.test_replay import (
@@ -145,7 +146,7 @@ def test_the_mission_that_is_flown_holds_the_checksum_of_its_model(
         (lambda data: data[:200], "damaged"),
         (lambda data: b"\x80\x04\x95", "damaged"),
         (lambda data: b'{"format": "other"}', "not a detector's model"),
-        (lambda data: data.replace(b'"version":1', b'"version":9'), "version 9"),
+        (lambda data: data.replace(b'"version":2', b'"version":9'), "version 9"),
         (lambda data: data.replace(b'"bias"', b'"bios"'), "damaged"),
         (lambda data: data.replace(b'"light"', b'"leight"', 1), "unknown feature 'leight'"),
     ],
@@ -214,12 +215,12 @@ def test_trees_answer_as_the_learner_does_and_survive_their_file() -> None:
     values = rng.normal(size=(4000, 3)).astype(np.float32)
     labels = (values[:, 0] * values[:, 1] > 0.2) | (values[:, 2] > 1.0)
     parts = fit_trees(values, labels, 1)  # holds its answers against the learner's by itself
-    model = Model(features=("light", "red_green", "detail"), parts=(parts,))
+    model = Model(features=("light", "red_green", "detail"), parts=(parts,), **all_familiar())
     again = read_model(model_bytes(model), "x")
     assert model_bytes(again) == model_bytes(model)
     columns = np.ascontiguousarray(values.T)
-    found = Scorer(again).probability(columns)
-    assert np.array_equal(found, Scorer(model).probability(columns))
+    found = Scorer(again.parts).probability(columns)
+    assert np.array_equal(found, Scorer(model.parts).probability(columns))
     assert ((found > 0.5) == labels).mean() > 0.95
 
 
