@@ -73,7 +73,7 @@ class CellSums:
         self._new: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
         self._waiting = 0
 
-    def add(self, cells: Cells, numbers: NDArray[np.integer]) -> None:
+    def add(self, cells: NDArray[np.integer], numbers: NDArray[np.integer]) -> None:
         """Add numbers, shape (n, columns), to those of cells, shape (n, 2)."""
         self._new.append((_keys(cells), numbers.astype(np.int64)))
         self._waiting += len(numbers)
@@ -181,7 +181,7 @@ class Evidence:
         return dict(zip(_named(found.cells), told, strict=True))
 
 
-def _keys(cells: Cells) -> NDArray[np.int64]:
+def _keys(cells: NDArray[np.integer]) -> NDArray[np.int64]:
     """A whole number for each cell, in the order of the cells."""
     wide = cells.astype(np.int64)
     return (wide[:, 0] << 32) + (wide[:, 1] + _HALF)

@@ -30,7 +30,7 @@ class Unsure:
         cells = np.array([vote.cell for vote in event.votes], np.int32).reshape(-1, 2)
         self.add(cells, np.array([vote.cell in doubtful for vote in event.votes]))
 
-    def add(self, cells: Cells, unsure: NDArray[np.bool_]) -> None:
+    def add(self, cells: NDArray[np.integer], unsure: NDArray[np.bool_]) -> None:
         """Count a frame column by column."""
         self._counts.add(cells, np.column_stack([unsure, np.ones_like(unsure)]))
 
@@ -44,7 +44,7 @@ class Unsure:
         unsure, frames = self._counts.of_cell(cell)[0].tolist()
         return bool(unsure > 0 and 2 * unsure >= frames)
 
-    def are(self, cells: Cells) -> NDArray[np.bool_]:
+    def are(self, cells: NDArray[np.integer]) -> NDArray[np.bool_]:
         """Return which of some cells are."""
         found = {Cell(*cell) for cell in self.cells().tolist()}
         return np.array([Cell(*cell) in found for cell in cells.tolist()], np.bool_)

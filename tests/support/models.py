@@ -18,4 +18,4 @@ def all_familiar() -> dict[str, Any]:
     densities = tuple(-1e9 + number for number in range(len(QUANTILES)))
     kind = Kind(gaussians=(wide,), densities=densities)
     told = Familiarity(mean=(0.0,) * side, scale=(1.0,) * side, region=kind, surround=kind)
-    return {"familiarity": told, "wrong_when_sure": 0.0}
+    return {"familiarity": told, "wrong_at_most": 1.0}

@@ -7,6 +7,7 @@ region lies in the eastern half, so examples painted in the western half show no
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from missions.geo.geodesy import LocalPlane
 from missions.units import LatLon, Quaternion
 from sitl.camera.exif import Geotag, tagged
+from uavmap.output.facts.map_model import NOT_ROI
 
 GSD_M: Final = 0.06
 WIDTH_M: Final = 192.0
@@ -373,3 +375,25 @@ def western(shots: Sequence[Shot], count: int = 3) -> list[Shot]:
     some = [s for s in shots if s.east_m < WIDTH_M * 0.42 and 0.05 < s.region.mean() < 0.8]
     step = max(1, len(some) // count)
     return some[step // 2 :: step][:count]
+
+
+# --- maps ----------------------------------------------------------------------------------------
+def judged_cells(folder: Path, place: Site) -> tuple[Mask, Mask, Mask]:
+    """Return which cells of a map within the site are region, unsure, and region in truth."""
+    plane = LocalPlane(ORIGIN)
+    rows: list[tuple[bool, bool, bool]] = []
+    features = json.loads((folder / "map.geojson").read_text("utf-8"))["features"]
+    for feature in features:
+        if feature["properties"]["kind"] != "cell":
+            continue
+        ring = feature["geometry"]["coordinates"][0]
+        corners = [plane.to_plane(LatLon(lat, lon)) for lon, lat in ring]
+        east, north = (np.array(axis) / GSD_M for axis in zip(*corners, strict=True))
+        if min(east.min(), north.min()) < 0 or east.max() > SHAPE[1] or north.max() > SHAPE[0]:
+            continue
+        lines = slice(int(SHAPE[0] - north.max()), int(SHAPE[0] - north.min()))
+        part = place.region[lines, int(east.min()) : int(east.max())]
+        state = feature["properties"]["state"]
+        rows.append((state not in NOT_ROI, state == "unsure", bool(part.mean() >= 0.5)))
+    region, unsure, truth = np.array(rows).T
+    return region, unsure, truth

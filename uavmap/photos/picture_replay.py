@@ -24,7 +24,7 @@ import numpy as np
 
 from missions.events import FrameLost, FrameSeen, Tracked, Vote, Weighed
 from missions.flight.setting import Setting
-from missions.mapping.evidence import Evidence
+from missions.mapping.evidence import CellSums, Evidence
 from missions.mapping.unsure import Unsure
 from missions.units import Cell, GridPoint
 from uavmap.base.printable import printable
@@ -39,6 +39,7 @@ from uavmap.photos.ground.fine_map import FineMap, beneath
 from uavmap.photos.ground.judging import Judge, Task
 from uavmap.photos.ground.rasters import Rasters, Wishes
 from uavmap.photos.ground.surface import Footing, Scene
+from uavmap.photos.next_pictures import Next, UnsureGround, next_pictures, write_next
 from uavmap.photos.scratch_file import Spool
 from uavmap.photos.sources.inventory import PICTURES_FILE, Gathered, PictureRow, write_pictures
 from uavmap.photos.sources.picture_record import Placed, above_ground, credible
@@ -123,8 +124,32 @@ class Looked:
         for line in said:
             _LOG.info(line)
         write_pictures(self._rows(), folder / PICTURES_FILE)
+        if any(self.spool.get(n).unlike is not None for n in self.numbers[:1]):
+            write_next(self.asked(unsure), folder)
         self._log()
         return summary
+
+    def asked(self, unsure: Unsure) -> list[Next]:
+        """Return the pictures whose painting would settle most of the unsure ground."""
+        cell_m2, found = self.setting.grid.cell_m**2, []
+        told = [(number, self.spool.get(number)) for number in self.numbers]
+        shown = CellSums(1)
+        for _, said in told:
+            shown.add(said.cells[said.unsure], np.ones((int(said.unsure.sum()), 1), np.int64))
+        cells, counts = shown.table()
+        parts = np.where(unsure.are(cells), 1.0 / counts[:, 0], 0.0)
+        part_of = dict(zip(map(tuple, cells.tolist()), parts.tolist(), strict=True))
+        for number, said in told:
+            if said.unlike is not None:
+                here = sum(part_of[cell] for cell in map(tuple, said.cells[said.unsure].tolist()))
+                name = self.shots[number].placed.picture.name
+                found.append(UnsureGround(name, said.unlike, cell_m2 * here))
+        return next_pictures(found)
+
+    @property
+    def numbers(self) -> list[int]:
+        """The numbers of the used pictures."""
+        return [number for number, shot in enumerate(self.shots) if not shot.reason]
 
     def taken(self) -> dict[str, Any]:
         """Return when the first picture was taken, and by which clock, for the journal's meta."""
@@ -268,6 +293,21 @@ def look_at_all(
     judge = replace(judge, search=UprightSearch(setting.grid, search.pitch_m))
     # marks and pictures that were judged elsewhere are laid on the ground here
     return Looked(setting, gathered, refused, shots, spool, judge, threads_of(crew))
+
+
+def pictures_to_paint(gathered: Gathered, setting: Setting) -> list[Next]:
+    """Return the pictures whose painting would settle most ground, by the poses of their tags.
+
+    Raises `ImageError` if no tags allow to use a picture.
+    """
+    with Spool() as spool:
+        looked = look_at_all(gathered, setting, spool)
+        looked.refuse_empty()
+        unsure = Unsure()
+        for number in looked.numbers:
+            said = spool.get(number)
+            unsure.add(said.cells, said.unsure)
+        return looked.asked(unsure)
 
 
 def _turn(judge: Judge, shots: Sequence[Shot], spool: Spool) -> None:

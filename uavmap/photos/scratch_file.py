@@ -78,6 +78,7 @@ class Said(NamedTuple):
         small: A JPEG of the picture, small.
         unsure: Shape (n,): which look like nothing that the detector knows.
         unfamiliar: The pixels that do, packed; empty of a detector that is a rule.
+        unlike: Features of some of them, (places, features).
     """
 
     vantage: Cell
@@ -88,6 +89,7 @@ class Said(NamedTuple):
     small: bytes
     unsure: NDArray[np.bool_]
     unfamiliar: bytes = b""
+    unlike: NDArray[np.float32] | None = None
 
 
 class Spool(ScratchFile):

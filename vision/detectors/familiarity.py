@@ -128,6 +128,10 @@ class Familiar:
         scaled = (np.array(told.mean, np.float32), np.array(told.scale, np.float32))
         return cls(Comparison(told.region, *scaled), Comparison(told.surround, *scaled))
 
+    def standardised(self, values: Array) -> Array:
+        """Return features (`NAMES`, n) by their usual spread, (n, `NAMES`)."""
+        return (values.T - self.region.mean) / self.region.scale
+
     def familiarity(self, values: Array, region: NDArray[np.bool_]) -> Array:
         """Return how familiar places are, (n,), 0 to 1.
 

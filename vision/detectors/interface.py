@@ -27,10 +27,12 @@ class Judgement(NamedTuple):
             unfamiliar pixel is not region.
         familiarity: How much each pixel looks like what the detector knows, 0 to 1, float32; None
             of a detector that is a rule, and takes everything for known.
+        unlike: Standardised features of some unfamiliar places, (places, features).
     """
 
     marks: Marks
     familiarity: NDArray[np.float32] | None = None
+    unlike: NDArray[np.float32] | None = None
 
     @property
     def unfamiliar(self) -> NDArray[np.uint8] | None:

@@ -88,8 +88,8 @@ class Model(_Part):
     """Of the calibration: probability = 1 / (1 + exp(-(slope logit + offset)))."""
     threshold: Annotated[_Number, Field(gt=0, lt=1)] = 0.5
     familiarity: Familiarity
-    wrong_when_sure: Annotated[_Number, Field(ge=0, le=1)]
-    """The part of familiar cells that were judged wrong in pictures that were left out."""
+    wrong_at_most: Annotated[_Number, Field(ge=0, le=1)]
+    """A bound on the part of the familiar cells that are judged wrong in another picture."""
 
     @model_validator(mode="after")
     def _fits(self) -> Model:
@@ -199,6 +199,8 @@ def _table(tree: Tree) -> NDArray[np.float32]:
     return table
 
 
+_UNLIKE: Final = 64
+"""About so many unfamiliar places of a picture are kept."""
 _EVERY: Final = 2
 """Familiarity changes slowly: every second described place is compared."""
 
@@ -237,14 +239,16 @@ class LearnedDetector:
         share, values = self._described(image)
         some = values[: len(NAMES), ::_EVERY, ::_EVERY]
         region = share[::_EVERY, ::_EVERY] >= self._least
-        familiarity = self._familiar.familiarity(
-            np.ascontiguousarray(some).reshape(len(NAMES), -1), region.ravel()
-        ).reshape(region.shape)
+        some = np.ascontiguousarray(some).reshape(len(NAMES), -1)
+        familiarity = self._familiar.familiarity(some, region.ravel())
+        unlike = self._familiar.standardised(some[:, familiarity < UNFAMILIAR])
+        familiarity = familiarity.reshape(region.shape)
         share, familiarity = (
             np.asarray(cv2.resize(one, size, interpolation=cv2.INTER_LINEAR), np.float32)
             for one in (share, familiarity)
         )
-        return Judgement(np.where(familiarity >= UNFAMILIAR, share, np.float32(0.0)), familiarity)
+        marks = np.where(familiarity >= UNFAMILIAR, share, np.float32(0.0))
+        return Judgement(marks, familiarity, unlike[:: max(1, len(unlike) // _UNLIKE)])
 
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
         """See `Detector.probability`. Raises `ImageError` for a picture without three channels."""

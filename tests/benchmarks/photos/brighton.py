@@ -93,7 +93,7 @@ def learned_from(
 ) -> tuple[Model, Choice]:
     """A model learned from some photographs, for others that are not painted."""
     pictures = [example.picture for example in others]
-    model, choice, _ = learned([every[i] for i in painted], pictures, wishes, lambda _: None)
+    model, choice, *_ = learned([every[i] for i in painted], pictures, wishes, lambda _: None)
     return model, choice
 
 

@@ -110,7 +110,7 @@ def _cells(data: MapData) -> tuple[Cells, Layer]:
         if count := np.count_nonzero(there):
             entries.append(Entry(colour, f"{names[state]} ({count})"))
     origin = grid.to_fixed(GridPoint(0.0, 0.0), data.t_s)
-    opaque = tuple(state not in NOT_ROI for state in palette.STATES)
+    opaque = tuple(state not in NOT_ROI or state == "unsure" for state in palette.STATES)
     cells = Cells(table.cells, codes, tuple(palette.STATES.values()), grid.cell_m, origin, opaque)
     return cells, Layer((), tuple(entries))
 

@@ -114,6 +114,7 @@ class Judge:
         said = Said(
             vantage, cells, shares, packed(found.marks), weights, miniature(frame.image),
             laid.unsure(unfamiliar, cells), b"" if unfamiliar is None else packed(unfamiliar),
+            found.unlike,
         )  # fmt: skip
         return Judged(
             said,

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import cv2
 import numpy as np
@@ -16,10 +16,23 @@ import tomlkit
 from numpy.typing import NDArray
 
 from missions.errors import ImageError, OutputError
+from missions.flight.setting_of import setting_of
 from uavmap.base.atomic_write import umask, write_bytes, write_text
+from uavmap.base.messages import muted
+from uavmap.load.detector_source import detector_text
+from uavmap.load.mission_source import mission_of_text
 from uavmap.output.summary import encode
+from uavmap.photos.mission_from_photos import derived
+from uavmap.photos.next_pictures import NEXT, Next, write_next
+from uavmap.photos.picture_replay import pictures_to_paint
+from uavmap.photos.sources.inventory import gather, open_source
 from uavmap.photos.tune.examples import Example, list_pictures, load_examples, read_picture
-from uavmap.photos.tune.familiar_ground import familiar_ground, sure_cells
+from uavmap.photos.tune.familiar_ground import (
+    Sure,
+    familiar_ground,
+    sure_cells,
+    wrong_at_most,
+)
 from uavmap.photos.tune.selection import (
     KINDS,
     SETS,
@@ -39,7 +52,7 @@ MODEL: Final = "model.json"
 DETECTOR: Final = "detector.toml"
 REPORT: Final = "report.json"
 OVERLAYS: Final = "overlays"
-FILES: Final = (MODEL, REPORT, OVERLAYS, DETECTOR)
+FILES: Final = (MODEL, REPORT, OVERLAYS, NEXT, DETECTOR)
 _OTHERS: Final = 24  # pictures without examples that the features are normalised by
 _SHOWN: Final = 12  # of those, so many are drawn
 _LEAST_SPREAD: Final = 1e-3
@@ -71,17 +84,30 @@ def tune(images: Path, where: Path, out: Path, wishes: Wishes, say: Say) -> dict
     examples = load_examples(images, where, wishes.width_px, say)
     others = _others(images, {example.name for example in examples}, wishes, say)
     say(f"{len(examples)} painted, {len(others)} others to normalise features by")
-    model, choice, pictures = learned(examples, [picture for _, picture in others], wishes, say)
-    report = _report(pictures, choice, wishes)
+    found = learned(examples, [picture for _, picture in others], wishes, say)
+    report, choice = _report(found, wishes), found.choice
     try:
         with _whole(out) as folder:
-            write_bytes(folder / MODEL, model_bytes(model))
+            write_bytes(folder / MODEL, model_bytes(found.model))
             write_text(folder / DETECTOR, _detector_toml(choice, report))
             write_text(folder / REPORT, encode(report) + "\n")
-            _draw(folder / OVERLAYS, examples, others[:_SHOWN], choice, model)
+            _draw(folder / OVERLAYS, examples, others[:_SHOWN], choice, found.model)
+            write_next(_asked(images, folder, say), folder)
     except OSError as error:
         raise OutputError(f"--out {out} cannot be written: {error.strerror}") from None
     return report
+
+
+def _asked(images: Path, detector: Path, say: Say) -> list[Next]:
+    """Return the pictures to paint next; without tags of their poses none, which is reported."""
+    try:
+        with muted():
+            gathered = gather(open_source(images))
+            text = derived(gathered, None, detector=detector_text(detector))
+            return pictures_to_paint(gathered, setting_of(mission_of_text(text, str(images))))
+    except ImageError as error:
+        say(f"{NEXT} names no picture, since their tags do not place them: {error}; a replay does")
+        return []
 
 
 @contextmanager
@@ -101,10 +127,19 @@ def _whole(out: Path) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
+class Learned(NamedTuple):
+    """A model, the choice of cross-validation, the examples described, and how sure each is."""
+
+    model: Model
+    choice: Choice
+    pictures: Sequence[Picture]
+    sure: Sequence[Sure]
+
+
 def learned(
     examples: Sequence[Example], others: Sequence[NDArray[np.uint8]], wishes: Wishes, say: Say
-) -> tuple[Model, Choice, list[Picture]]:
-    """Return the model, the choice of cross-validation, and the examples described.
+) -> Learned:
+    """Learn from examples.
 
     Raises `ImageError` if fewer than two pictures are painted, or one of them holds all that is
     region or all that is not.
@@ -128,9 +163,9 @@ def learned(
         offset=choice.offset,
         threshold=choice.threshold,
         familiarity=ground.familiarity,
-        wrong_when_sure=max(one.wrong for one in sure),
+        wrong_at_most=wrong_at_most(sure),
     )
-    return model, choice, pictures
+    return Learned(model, choice, pictures, sure)
 
 
 def _check_spread(examples: Sequence[Example]) -> None:
@@ -170,7 +205,8 @@ def _scale(pictures: Sequence[Picture], others: Sequence[NDArray[np.uint8]]) -> 
 
 
 # --- what is written -------------------------------------------------------------------------
-def _report(pictures: Sequence[Picture], choice: Choice, wishes: Wishes) -> dict[str, Any]:
+def _report(found: Learned, wishes: Wishes) -> dict[str, Any]:
+    pictures, choice = found.pictures, found.choice
     cell = wishes.cell_px / STRIDE
     counts = [
         picture_counts(plain, share, cell, choice.threshold, choice.share)
@@ -182,8 +218,10 @@ def _report(pictures: Sequence[Picture], choice: Choice, wishes: Wishes) -> dict
             "region_share": round(_region_share(plain), 4),
             "pixels": _figures(pixels),
             "cells": _figures(cells),
+            "sure": sure.share,
+            "wrong_when_sure": sure.wrong,
         }
-        for (plain, *_), (pixels, cells) in zip(pictures, counts, strict=True)
+        for (plain, *_), (pixels, cells), sure in zip(pictures, counts, found.sure, strict=True)
     ]
     ious = [cells.iou for _, cells in counts]
     return {
@@ -197,6 +235,7 @@ def _report(pictures: Sequence[Picture], choice: Choice, wishes: Wishes) -> dict
         "calibration": [choice.slope, choice.offset],
         "pixels": _figures(total([pixels for pixels, _ in counts])),
         "cells": _figures(total([cells for _, cells in counts])),
+        "wrong_at_most": found.model.wrong_at_most,
         "cell_iou_spread": [round(min(ious), 4), round(max(ious), 4)],
         "pictures": rows,
         "tried": dict(choice.tried),
@@ -222,6 +261,8 @@ def _detector_toml(choice: Choice, report: dict[str, Any]) -> str:
         "# Written by `uavmap tune`. On painted pictures that it was not learned from:\n"
         f"# pixels IoU {pixels['iou']:.2f}, cells IoU {cells['iou']:.2f} "
         f"(precision {cells['precision']:.2f}, recall {cells['recall']:.2f}).\n"
+        f"# Of the cells of which it is sure at most {100 * report['wrong_at_most']:.0f} % are "
+        "wrong in another picture.\n"
         f"{tomlkit.dumps({'detector': section})}"
     )
 

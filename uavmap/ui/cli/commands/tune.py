@@ -13,6 +13,7 @@ from rich.table import Table
 from missions.errors import OutputError
 from uavmap.base.terminal import PipeConsole, Terminal
 from uavmap.journal.results_folder import refuse_unwritable
+from uavmap.photos.next_pictures import NEXT
 from uavmap.photos.tune.paint_page import paint
 from uavmap.photos.tune.selection import KINDS, SETS
 from uavmap.photos.tune.tune_job import FILES, Wishes, tune
@@ -100,6 +101,9 @@ def run(options: argparse.Namespace) -> int:
         return 0
     _show(report)
     print(f"detector in {out}: use it with --detector {out}, and look at {out}/overlays first")
+    if asked := (out / NEXT).read_text("utf-8").splitlines():
+        picture, area_m2 = asked[0].split("\t")
+        print(f"paint {picture} next: it would settle {area_m2} sq m ({out / NEXT})")
     return 0
 
 
@@ -108,15 +112,19 @@ def _show(report: dict[str, Any]) -> None:
     table = Table(title=title, title_justify="left")
     table.add_column("picture")
     for column in ("region", "pixels: precision", "recall", "IoU", "cells: precision", "recall",
-                   "IoU"):  # fmt: skip
+                   "IoU", "sure", "wrong when sure"):  # fmt: skip
         table.add_column(column, justify="right")
     for row in report["pictures"]:
-        table.add_row(escape(row["picture"]), f"{100 * row['region_share']:.0f} %", *_numbers(row))
+        sure = [f"{100 * row[key]:.1f} %" for key in ("sure", "wrong_when_sure")]
+        share = f"{100 * row['region_share']:.0f} %"
+        table.add_row(escape(row["picture"]), share, *_numbers(row), *sure)
     table.add_section()
     table.add_row("all", "", *_numbers(report))
     PipeConsole().print(table)
     low, high = report["cell_iou_spread"]
     print(f"cell IoU from {low:.2f} to {high:.2f} over {len(report['pictures'])} pictures")
+    bound = 100 * report["wrong_at_most"]
+    print(f"of the cells of which it is sure, at most {bound:.0f} % are wrong in another picture")
 
 
 def _numbers(row: dict[str, Any]) -> list[str]:

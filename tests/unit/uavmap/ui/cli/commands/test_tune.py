@@ -238,7 +238,7 @@ def test_three_real_photographs_teach_the_road_in_others() -> None:
     names = brighton.names()
     painted = brighton.examples([names[i] for i in (2, 7, 12)])
     wishes = Wishes(kinds=("logistic",), sets=("color and texture",))
-    model, choice, _ = learned(painted, [], wishes, lambda _: None)
+    model, choice, *_ = learned(painted, [], wishes, lambda _: None)
     detector = LearnedDetector(model)
     others = brighton.examples([names[i] for i in (0, 5, 10, 15)])
     cells = total([judged(detector, example, choice.share)[1] for example in others])

@@ -1,0 +1,93 @@
+"""Which picture to paint next: the one that settles most of the ground that is unsure.
+
+A painted picture settles what it shows, and what looks like it elsewhere. So unsure ground is
+compared by its features: places within `REACH` of a place in a picture count as settled by it.
+Pictures are taken one by one, each the best beside those that are taken already.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavmap.base.atomic_write import write_text
+
+NEXT: Final = "next.txt"
+REACH: Final = 2.5
+"""Distance of standardised features within which ground looks alike."""
+MOST: Final = 12
+"""Pictures that are named at most."""
+LEAST: Final = 0.01
+"""Part of the unsure ground that a named picture settles at least."""
+_PLACES: Final = 8000
+_PEERS: Final = 3
+
+Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class UnsureGround:
+    """The unsure ground in a picture: some of its places' features, (places, features), and area.
+
+    Ground that several pictures show is divided among them.
+    """
+
+    picture: str
+    features: Array
+    area_m2: float
+
+
+class Next(NamedTuple):
+    """A picture, and the area that its painting would settle."""
+
+    picture: str
+    area_m2: float
+
+
+def next_pictures(unsure: Sequence[UnsureGround]) -> list[Next]:
+    """Return the pictures to paint, the best first; none where all is sure.
+
+    >>> soil, roof = np.zeros((4, 2), np.float32), np.full((4, 2), 9, np.float32)
+    >>> ground = [("a", soil, 50.0), ("b", soil + 0.1, 40.0), ("c", roof, 30.0)]
+    >>> next_pictures([UnsureGround(*one) for one in ground])
+    [Next(picture='a', area_m2=90.0), Next(picture='c', area_m2=30.0)]
+    """
+    some = [one for one in unsure if len(one.features) and one.area_m2 > 0.0]
+    if not some:
+        return []
+    step = max(1, sum(len(one.features) for one in some) // _PLACES)
+    features = [one.features[::step] for one in some]
+    places = np.concatenate(features)
+    area_m2 = np.concatenate(
+        [np.full(len(f), one.area_m2 / len(f)) for one, f in zip(some, features, strict=True)]
+    )
+    reached = np.stack([_near(mine, places) for mine in features])
+    found: list[Next] = []
+    least_m2 = LEAST * float(area_m2.sum())
+    while len(found) < min(MOST, len(some)):
+        gains = reached @ area_m2
+        best = int(np.argmax(gains))
+        if gains[best] < least_m2:
+            break
+        found.append(Next(some[best].picture, round(float(gains[best]), 1)))
+        area_m2 = np.where(reached[best], 0.0, area_m2)
+    return found
+
+
+def _near(mine: Array, places: Array) -> NDArray[np.bool_]:
+    """Return which places look like several of a picture's own, (places,)."""
+    squares = (mine**2).sum(axis=1)[:, None] + (places**2).sum(axis=1) - 2.0 * mine @ places.T
+    peers = min(_PEERS, len(mine))
+    found: NDArray[np.bool_] = np.partition(squares, peers - 1, axis=0)[peers - 1] <= REACH**2
+    return found
+
+
+def write_next(found: Sequence[Next], folder: Path) -> None:
+    """Write `next.txt`: a name and its square metres a line, the best first."""
+    lines = [f"{one.picture}\t{one.area_m2:.0f}\n" for one in found]
+    write_text(folder / NEXT, "".join(lines))
