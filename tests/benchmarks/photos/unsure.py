@@ -1,6 +1,6 @@
 """Sites with ground that looks like the region and that no example shows.
 
-    python -m tests.benchmarks.photos.unsure [--seeds 1 2 3]           about a minute a site and seed
+    python -m tests.benchmarks.photos.unsure [--seeds 1 2 3]    a minute a site and seed
 
 Of each rendered site (`tests.support.sites`) three photographs of the western half are painted,
 `uavmap tune` learns, and `uavmap replay` maps, once; then the two pictures are painted that the map
