@@ -25,7 +25,6 @@ import numpy as np
 
 import uavmap.runner.simulation
 from missions.errors import LinkError
-from missions.events import Vote
 from missions.flight.setting_of import setting_of
 from missions.mission.schema import Mission
 from sitl.scenario import Setup
@@ -35,7 +34,7 @@ from tests.support.small_missions import first_patch
 from uavmap.aircraft.imaging.classifier import Classifier
 from uavmap.load.mission_source import load
 from uavmap.output.facts.score import CLEAR_SHARE, cells_near, shares_of, true_roi
-from vision.projection import Frame
+from vision.projection import Frame, Verdict
 
 MISSION = "runway"
 STRATEGY = "swath"
@@ -50,11 +49,11 @@ Change = Callable[[str], str]
 
 # --- verdicts and pictures -----------------------------------------------------------------------
 @contextlib.contextmanager
-def _verdicts(change: Callable[[tuple[Vote, ...]], tuple[Vote, ...]]) -> Iterator[None]:
+def _verdicts(change: Callable[[tuple[Verdict, ...]], tuple[Verdict, ...]]) -> Iterator[None]:
     """Meanwhile the verdicts of every frame are changed."""
     judged = Classifier._judged  # the one place where all verdicts are given
 
-    def changed(self: Classifier, frame: Frame, *where: Any) -> tuple[Vote, ...]:
+    def changed(self: Classifier, frame: Frame, *where: Any) -> tuple[Verdict, ...]:
         return change(judged(self, frame, *where))
 
     with mock.patch.object(Classifier, "_judged", changed):
@@ -66,10 +65,10 @@ def flipped_votes(seed: int, share: float) -> Iterator[None]:
     """Every vote is wrong with this probability."""
     rng = np.random.default_rng([seed, 1])
 
-    def change(votes: tuple[Vote, ...]) -> tuple[Vote, ...]:
+    def change(votes: tuple[Verdict, ...]) -> tuple[Verdict, ...]:
         wrong = rng.random(len(votes)) < share
         return tuple(
-            vote._replace(positive=not vote.positive) if flip else vote
+            replace(vote, positive=not vote.positive) if flip else vote
             for vote, flip in zip(votes, wrong, strict=True)
         )
 
@@ -87,14 +86,14 @@ def false_frame(_: int) -> Iterator[None]:
     region = {cell for cell, share in shares.items() if share >= CLEAR_SHARE}
     frames, lied = 0, False
 
-    def change(votes: tuple[Vote, ...]) -> tuple[Vote, ...]:
+    def change(votes: tuple[Verdict, ...]) -> tuple[Verdict, ...]:
         nonlocal frames, lied
         frames += 1
         beside = votes and not any(vote.cell in region for vote in votes)
         if lied or frames <= SEARCH_FRAMES or not beside:
             return votes
         lied = True
-        return tuple(vote._replace(positive=True) for vote in votes)
+        return tuple(replace(vote, positive=True) for vote in votes)
 
     with _verdicts(change):
         yield

@@ -49,6 +49,7 @@ def field_values(kind: type) -> dict[str, st.SearchStrategy[object]]:
         tuple[float, ...]: st.lists(finite, max_size=6).map(tuple),
         tuple[GridPoint, ...]: st.lists(points, max_size=4).map(tuple),
         tuple[Vote, ...]: st.lists(votes, max_size=6).map(tuple),
+        tuple[Cell, ...]: st.lists(cells, max_size=6).map(tuple),
         tuple[Fact, ...]: st.lists(facts, max_size=4).map(tuple),
         tuple[Part, ...]: st.lists(
             st.builds(Part, st.integers(1, 50), st.lists(points, max_size=4).map(tuple)), max_size=4
