@@ -102,7 +102,7 @@ class Referee:
 
     def dishonest(self, code: int, said: Sequence[str], summary: Mapping[str, Any]) -> str:
         """What `uavmap` said at its end that is not so; empty for nothing."""
-        if code in (0, 3) and not self.all_at_home:
+        if code in (0, 3, 5) and not self.all_at_home:
             away = [f"{self.from_pad_m(k):.1f} m" for k in range(len(self.tracks))]
             return f"exit {code}, and not all are at home: {', '.join(away)} from their pads"
         if code == 0 and summary and not summary["completed"]:
@@ -111,7 +111,7 @@ class Referee:
             return "exit 3, and the summary says that it is complete"
         if code == 4 and self.all_at_home and not any(track.struck for track in self.tracks):
             return "exit 4, and all are at home"
-        if code not in (0, 2, 3, 4):
+        if code not in (0, 2, 3, 4, 5):
             return f"exit {code}"
         broken = [line for line in said if "Traceback" in line]
         return broken[0] if broken else ""

@@ -12,7 +12,7 @@ import hashlib
 import os
 import shutil
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -40,6 +40,8 @@ from vision.detectors import (
 GROUP: Final = "uavmap.detectors"
 """The entry points that plug-ins have: a name, and what makes the detector of its parameters."""
 DETECTOR_TOML: Final = "detector.toml"
+OVERLAYS: Final = "overlays"
+"""Judged pictures beside a detector that `uavmap tune` has learned."""
 SIMULATORS: Final = "threshold"
 """The detector of a simulated flight whose mission has none yet: it fits the painted ground."""
 _LARGEST_MODEL: Final = 500_000_000
@@ -134,6 +136,17 @@ def region_in_words(section: DetectorSection) -> str:
         return f"not chosen yet; the simulator takes {SIMULATORS}: {words}"
     simulated = section.name == "threshold"
     return f"{words} (fits the simulator; for real ground see uavmap tune)" if simulated else words
+
+
+def region_lines(section: DetectorSection, folder: Path = Path()) -> Iterator[str]:
+    """Say what the detector of a mission takes for region, and which pictures show it, if any.
+
+    `folder`: from which the mission names its model.
+    """
+    yield f"region = {region_in_words(section)}"
+    overlays = None if section.model is None else (folder / section.model).parent / OVERLAYS
+    if overlays is not None and overlays.is_dir():
+        yield f"look at what it marks: {overlays} (red: marked, green: painted)"
 
 
 def resolved_section(

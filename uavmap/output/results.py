@@ -31,9 +31,10 @@ from uavmap.output.drawing.map_scene import Photograph, map_scene, map_view
 from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts import boundary_file
 from uavmap.output.facts.boundary_file import BoundaryMap
+from uavmap.output.facts.detector_fit import doubted, ending, no_verdict
 from uavmap.output.facts.figures import Figures, figures, summary
 from uavmap.output.facts.flight_log import FlightLog
-from uavmap.output.facts.flown_mission import BOUNDARY_FILE, TAKEN, Calendar, Flown, dated
+from uavmap.output.facts.flown_mission import BOUNDARY_FILE, DERIVED, TAKEN, Calendar, Flown, dated
 from uavmap.output.facts.map_model import CellRow, CellTable, MapData, Track
 from uavmap.output.facts.map_model import State as CellState
 from uavmap.output.facts.score import score, true_roi
@@ -64,6 +65,7 @@ def flown_flight(
         marks = score(state.belief.roi, truth, setting.grid, state.belief.detections())
         values |= asdict(marks) | {"iou_cells": round(marks.iou_cells, 4)}
     values |= dict(simulated or {})
+    values |= ending(values, no_verdict(setting, state, found.fit, real=not plan.simulated))
     log = FlightLog.of(events)
     return dated(Flown(folder, plan, setting, data, values, log, Calendar.of_flight(plan))), state
 
@@ -96,20 +98,6 @@ def map_data(setting: Setting, state: State, found: Figures, truth: BaseGeometry
     )
     lanes = tuple((grid.position(a), grid.position(b)) for a, b in state.unsearched)
     return replace(map_of(setting, state.t_s, cells, tracks), truth=truth, unsearched=lanes)
-
-
-def doubted(values: Mapping[str, Any], cells: CellTable, setting: Setting) -> dict[str, Any]:
-    """Add to a summary what the detector is not sure of: that is not mapped."""
-    count = int(np.count_nonzero(cells.are("unsure")))
-    area_m2 = round(count * setting.grid.cell_m**2, 1)
-    found = {**values, "cells_unsure": count, "cells_unsure_m2": area_m2}
-    if count:
-        found["completed"] = False
-        found["finding"] = (
-            f"{values['finding']}; {count} cells ({area_m2:,.0f} sq m) are unsure: they look like "
-            "nothing that the detector was shown"
-        )
-    return found
 
 
 def map_of(setting: Setting, t_s: float, cells: CellTable, tracks: tuple[Track, ...]) -> MapData:
@@ -248,6 +236,8 @@ def flown_replay(
     tracks = (Track(1, tuple(replayed.taken)),) if replayed.taken else ()
     data = map_of(setting, replayed.end_s, replayed.cells, tracks)
     data = replace(data, pictures=len(replayed.taken))
+    if plan.mission_source == DERIVED:
+        data = replace(data, box=(), fence=(), fence_holes=())
     counted = doubted(_replay_summary(setting, replayed), replayed.cells, setting)
     values = {**counted, **(known or {})}
     return dated(Flown(folder, plan, setting, data, values, log, calendar, recorded=True))

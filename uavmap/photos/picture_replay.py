@@ -27,10 +27,12 @@ from missions.flight.setting import Setting
 from missions.mapping.evidence import CellSums, Evidence
 from missions.mapping.unsure import Unsure
 from missions.units import Cell, GridPoint
+from uavmap.base.atomic_write import write_bytes
 from uavmap.base.printable import printable
 from uavmap.base.terminal import LINE_LIMIT
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import FlightPlan
+from uavmap.output.drawing import judged
 from uavmap.output.facts.boundary_file import BoundaryMap
 from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.flown_mission import TAKEN, Calendar, taken_meta
@@ -115,6 +117,7 @@ class Looked:
             positions_m = [shot.placed.picture.position_sigma_m for shot in self._used]
             return self.fine.told(mapped.end_s, positions_m, table.cells, undecided)
 
+        self._write_judged(folder)
         ground = None
         if scene is not None:
             grid = self.setting.grid
@@ -151,6 +154,15 @@ class Looked:
         """The numbers of the used pictures."""
         return [number for number, shot in enumerate(self.shots) if not shot.reason]
 
+    def _write_judged(self, folder: Path) -> None:
+        """Write the first picture that shows region, or else the first one, with its marks."""
+        least = self.setting.mission.detector.share
+        some = (n for n in self.numbers if (self.spool.get(n).shares >= least).any())
+        for number in [next(some, n) for n in self.numbers[:1]]:
+            image = self.judge.frame(self.shots[number].placed, self.shots[number].t_s).image
+            drawn = judged.outlined(image, self.judge.detector.mask(image))
+            write_bytes(folder / judged.FILE, drawn)
+
     def taken(self) -> dict[str, Any]:
         """Return when the first picture was taken, and by which clock, for the journal's meta."""
         pictures = [shot.placed.picture for shot in self.shots]
@@ -172,7 +184,13 @@ class Looked:
         """Raise `ImageError` if no picture at all is used."""
         if not self._used:
             reasons = {shot.placed.picture.name: shot.reason for shot in self.shots}
-            raise self.gathered.none_usable({**reasons, **self.refused})
+            aside = {picture.name: reason for picture, reason in self.gathered.aside}
+            raise self.gathered.none_usable({**reasons, **self.refused, **aside})
+
+    def unused(self) -> dict[str, str]:
+        """Return by name the pictures that were looked at and are not in the map, and why."""
+        bad = {shot.placed.picture.name: shot.reason for shot in self.shots if shot.reason}
+        return {**self.refused, **bad} if self._used else {}
 
     def footings(self) -> list[Footing]:
         """Return the used pictures, where they were taken."""
@@ -216,11 +234,14 @@ class Looked:
             weights = kept.weights[rated].round(3)
             evidence.add_columns(cells, positive, shares, weights)
             yield Weighed(VEHICLE, shot.t_s, tuple(weights.tolist()))
+        for picture, reason in self.gathered.aside:
+            yield FrameLost(VEHICLE, self.shots[-1].t_s, f"{printable(picture.name)}: {reason}")
 
     def _rows(self) -> list[PictureRow]:
         """Return a row for each picture and each file that is none, by name."""
         shots = {shot.placed.picture.name: shot for shot in self.shots}
         rows = [PictureRow(None, name, reason, 0, False) for name, reason in self.gathered.refused]
+        rows += [PictureRow(p, p.name, reason, 0, False) for p, reason in self.gathered.aside]
         for picture in self.gathered.pictures:
             name, shot = picture.name, shots.get(picture.name)
             better = self.gathered.refined.get(name)

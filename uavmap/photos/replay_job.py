@@ -10,6 +10,7 @@ import ctypes
 import errno
 import logging
 import os
+import shlex
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -31,16 +32,19 @@ from uavmap.load.detector_source import (
     detector_text,
     keep_detector,
     refuse_undecided,
+    region_in_words,
     with_relative_model,
 )
 from uavmap.load.mission_source import load, mission_of_text
+from uavmap.output.facts.flown_mission import DERIVED
 from uavmap.photos.ground.rasters import ORTHO, Wishes
 from uavmap.photos.mission_from_photos import DETECTOR, derived
 from uavmap.photos.picture_replay import Looked, look_at_all
 from uavmap.photos.registration.calibration import calibration_of
-from uavmap.photos.registration.refined_pictures import refined
-from uavmap.photos.scratch_file import Spool
+from uavmap.photos.registration.refined_pictures import Overlaps
+from uavmap.photos.scratch_file import FeatureFile, Spool
 from uavmap.photos.sources.inventory import gather, open_source
+from uavmap.photos.sources.picture_record import contradicted
 from uavmap.photos.workers import Crew
 
 _LOG: Final = logging.getLogger("uavmap.photos")
@@ -107,24 +111,36 @@ def _replayed(wanted: Wanted, crew: Crew, complain: Callable[[str], None]) -> Do
     if wanted.out is not None:  # said before pictures are read, which may take long
         refuse_unwritable(results_folder(wanted.out, ""))
     gathered = gather(open_source(Path(wanted.path), wanted.video_start))
-    better = None
-    if wanted.refine:
-        better = refined(gathered, given, lens=lens, crew=crew)
-        gathered = better.gathered
-    text, source = "", wanted.mission or "derived from the pictures"
-    mission = given
-    if mission is None:
-        text = derived(gathered, lens, any_day=wanted.any_day, detector=detector)
-        mission = mission_of_text(text, source)
-    refuse_unknown_ground(mission, source)
-    folder = results_folder(wanted.out, mission.name)
-    for line in _shown(text):
-        _LOG.info(line)
-    with Spool() as spool:
-        looked = look_at_all(
-            gathered, setting_of(mission), spool, crew, lens=lens, any_day=wanted.any_day
-        )
+    source = wanted.mission or DERIVED
+    with Spool() as spool, FeatureFile() as kept:
+        overlaps = None
+        if wanted.refine:
+            overlaps = Overlaps.of(gathered, given, kept, lens=lens, crew=crew)
+        bad = contradicted(gathered.pictures, given, any_day=wanted.any_day)
+        if len(bad) < len(gathered.pictures):
+            gathered = gathered.without(bad)
+        while True:
+            better = None if overlaps is None else overlaps.refined(gathered)
+            gathered = gathered if better is None else better.gathered
+            text, mission = "", given
+            if mission is None:
+                text = derived(gathered, lens, any_day=wanted.any_day, detector=detector)
+                mission = mission_of_text(text, source)
+            refuse_unknown_ground(mission, source)
+            looked = look_at_all(
+                gathered, setting_of(mission), spool, crew, lens=lens, any_day=wanted.any_day
+            )
+            bad = looked.unused()
+            if not bad or (given is not None and overlaps is None):
+                break
+            # poses, and cells that come from them, are those of the others alone
+            _LOG.info(f"{len(bad)} of them are set aside; once more without")
+            gathered = gathered.without(bad)
         looked.refuse_empty()
+        folder = results_folder(wanted.out, mission.name)
+        if given is None:
+            for line in _shown(mission, wanted):
+                _LOG.info(line)
         make_folder(folder)
         keep_detector(mission.detector, folder)
         try:
@@ -176,10 +192,23 @@ def _rasters(
     return False
 
 
-def _shown(text: str) -> list[str]:
-    """Return the lines of a derived mission that a user may want to change."""
-    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
-    return lines and ["without --mission, from the pictures:", *(f"  {line}" for line in lines)]
+def _shown(mission: Mission, wanted: Wanted) -> list[str]:
+    """Return what a replay without --mission has chosen, and how to choose otherwise."""
+    camera, path = mission.camera, shlex.quote(wanted.path)
+    lines = [
+        f"cells of {mission.grid.cell_m:g} m, pictures judged at {camera.width_px} px, "
+        f"{camera.hfov_deg:.1f} deg wide, from {mission.altitude_m(0):.0f} m",
+        f"region = {region_in_words(mission.detector)}",
+    ]
+    if wanted.detector is None:
+        lines += [
+            f"that is the detector {mission.detector.name}, which depends least on the light and "
+            "needs no examples; it knows nothing of your region",
+            "another one: --detector NAME; one that has seen your region: "
+            f"uavmap tune {path} --paint --examples painted --out my-field, then --detector "
+            "my-field",
+        ]
+    return ["without --mission, from the pictures:", *(f"  {line}" for line in lines)]
 
 
 def journal_meta(mission: Mission, source: str, path: str) -> dict[str, Any]:

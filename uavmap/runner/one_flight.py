@@ -55,6 +55,7 @@ from uavmap.runner.operator.ground_crew import (
     say_last_known,
 )
 from uavmap.runner.operator.interrupts import interrupts, leave_map, like_control_c, patiently
+from uavmap.runner.operator.judged_picture import JudgedPicture
 from uavmap.runner.operator.keyboard import Keys, keyboard
 from uavmap.runner.preflight.vehicle_check import pad_heights
 from uavmap.runner.service import GroundService, Service
@@ -99,7 +100,8 @@ class Flight:
         self.folder = folder
         self._journal = journal
         self._state = state
-        self._company = company
+        onlookers = *company.onlookers, JudgedPicture(folder, setting)
+        self._company = replace(company, onlookers=onlookers)
         self._again = again
         self._found = found
         self._events_before = len(journal)

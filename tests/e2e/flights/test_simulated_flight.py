@@ -20,7 +20,7 @@ from shapely.ops import unary_union
 from tests.e2e.rig import bodies, events, mission, uavmap
 
 RESULTS = {"map.geojson", "map.kml", "map.png", "journal.jsonl", "flight.tlog", "summary.json"}
-RESULTS |= {"map.gpkg", "report.html"}
+RESULTS |= {"map.gpkg", "report.html", "judged.jpg"}
 KEYS = [
     "mission",
     "strategy",

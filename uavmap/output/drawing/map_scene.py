@@ -59,15 +59,14 @@ def map_scene(data: MapData) -> Scene:
         layers.append(moved("truth", rings_of(data.truth)))
     if data.unsearched:
         layers.append(line_layer("unsearched", (_fixed(data, lane) for lane in data.unsearched)))
-    fences = [_fixed(data, ring) for ring in (data.fence, *data.fence_holes)]
-    layers += [
-        line_layer("box", [_fixed(data, data.box)], closed=True),
-        line_layer("fence", fences, closed=True),
-        Layer(
-            (Dot(data.grid.fixed(data.start), palette.HOME_DOT),),
-            (Entry(palette.HOME_DOT, "home"),),
-        ),
-    ]
+    if data.box:  # not of pictures for which nobody has drawn one
+        layers.append(line_layer("box", [_fixed(data, data.box)], closed=True))
+    if data.fence:
+        fences = [_fixed(data, ring) for ring in (data.fence, *data.fence_holes)]
+        layers.append(line_layer("fence", fences, closed=True))
+    if data.pictures is None:
+        home = Dot(data.grid.fixed(data.start), palette.HOME_DOT)
+        layers.append(Layer((home,), (Entry(palette.HOME_DOT, "home"),)))
     return Scene(data.mission, _subtitle(data), map_view(data), tuple(layers), cells)
 
 

@@ -17,6 +17,7 @@ from missions.mapping.tree import patches
 from missions.mapping.unsure import Unsure
 from missions.planning.lower_bounds import one_way_lower_bound, passing_bound_s
 from missions.units import GridPoint
+from uavmap.output.facts.detector_fit import DetectorFit
 from uavmap.output.facts.flight_log import Counter
 from uavmap.output.facts.patch_certificates import certificates
 from uavmap.output.facts.patch_drift import Shares
@@ -51,6 +52,7 @@ class Figures:
     """What the frames of the journal say of each cell, by which patches are seen to drift."""
     unsure: Unsure = field(default_factory=Unsure, compare=False, repr=False)
     """The cells that look like nothing that the detector knows."""
+    fit: DetectorFit = field(default_factory=DetectorFit, compare=False, repr=False)
 
     @property
     def ratio(self) -> float | None:
@@ -67,7 +69,8 @@ class Figures:
 def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
     """Fold a journal; return the final state and the figures."""
     state = State.initial(setting)
-    counter, shares, unsure = Counter(state.vehicles), Shares(), Unsure()
+    counter, shares = Counter(state.vehicles), Shares()
+    unsure, fit = Unsure(), DetectorFit()
     # looks from a cell are no facts of a fleet: of flights that are merged each keeps its own
     in_fleet = setting.member is not None and not setting.strategy.stops
     facts = facts_of(setting) if in_fleet else None
@@ -78,11 +81,13 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
         if isinstance(event, FrameSeen):
             shares.take(event)
             unsure.note(event)
+            fit.take(event)
         if facts is not None:
             facts.take(event)
     if facts is not None:
         state = concluded(setting, with_map(state, facts))
-    return state, replace(figures_of(setting, state, counter), shares=shares, unsure=unsure)
+    found = figures_of(setting, state, counter)
+    return state, replace(found, shares=shares, unsure=unsure, fit=fit)
 
 
 def figures_of(setting: Setting, state: State, counter: Counter) -> Figures:

@@ -27,6 +27,8 @@ from uavmap.journal.flight_plan import FlightPlan
 from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.map_model import MapData, on_ground, packed
 
+DERIVED: Final = "derived from the pictures"
+"""Source of the mission of a replay for which the user gave none: nobody drew its box and fence."""
 TAKEN: Final = "taken"
 """In the journal's meta of a replay: when its first picture was taken, and by which clock."""
 _1970: Final = datetime(1970, 1, 1, tzinfo=UTC)
@@ -276,6 +278,15 @@ class Flown:
     def completed(self) -> bool:
         """Whether the mission is complete."""
         return bool(self.values.get("completed"))
+
+    @property
+    def ending(self) -> str:
+        """How it ended, in words."""
+        if self.recorded:
+            return "Pictures" if self.completed else "Too few pictures"
+        if self.values.get("no_verdict"):
+            return "No verdict"
+        return "Complete" if self.completed else "Not complete"
 
     @property
     def simulated(self) -> bool:

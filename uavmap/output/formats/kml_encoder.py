@@ -110,7 +110,8 @@ def _map(data: MapData) -> Iterator[str]:
     for track in tracks:
         places = line_in_degrees(data, (place for _, place, _ in track.points))
         points = [(*at, height) for at, (_, _, height) in zip(places, track.points, strict=True)]
-        lines.append(_mark(f"Vehicle {track.vehicle}", f"track-{track.vehicle}", _aloft(points)))
+        name = f"Vehicle {track.vehicle}" if data.pictures is None else "Pictures"
+        lines.append(_mark(name, f"track-{track.vehicle}", _aloft(points)))
     folders.append(_folder("Tracks", lines))
     lanes = [
         _mark(
@@ -132,7 +133,8 @@ def _cells(data: MapData) -> Iterator[str]:
         there = data.cells.are(state)
         if not there.any():
             continue
-        yield f"<Folder><name>{state}</name>\n"
+        name = state if data.pictures is None else palette.RECORDED_NAMES[state]
+        yield f"<Folder><name>{name}</name>\n"
         style = state.replace(" ", "-")
         some, corners = data.cells.which(there), data.corners.which(there)
         texts = corners.written(data.start, lambda *at: _place(at))

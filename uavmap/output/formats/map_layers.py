@@ -265,13 +265,16 @@ def _unsearched(flown: Flown) -> Layer:
 
 
 def _fence(flown: Flown) -> Layer:
+    """Create the fence and the box; of pictures for which nobody has drawn them, neither."""
     data, fixed = flown.data, flown.data.grid.fixed
     holes = [list(map(fixed, hole)) for hole in data.fence_holes]
     fence = orient(Polygon(list(map(fixed, data.fence)), holes))
     box = orient(Polygon(list(map(fixed, data.box))))
-    rows: list[Row] = [("geofence", "fence"), ("search box", "box")]
+    named: list[Row] = [("geofence", "fence"), ("search box", "box")]
+    drawn = [(s, row) for s, row in zip((fence, box), named, strict=True) if not s.is_empty]
+    rows = [row for _, row in drawn]
     fields = _fields("name kind")
-    shapes = _of_ground(flown, [fence, box])
+    shapes = _of_ground(flown, [shape for shape, _ in drawn])
     return Layer(
         "fence", "Geofence and search box", "Polygon", False, fields, lambda: [(shapes, rows)]
     )

@@ -197,10 +197,14 @@ def trouble_rows(flown: Flown) -> tuple[list[Row], int]:
         told.append((times[0], vehicle, f"{frames} lost: {reason}"))
     told.sort()
     rows: list[Row] = [
-        (minutes(t_s), f"vehicle {who}" if who and not flown.recorded else "", what)
+        ("" if flown.recorded else minutes(t_s), _whose(flown, who), what)
         for t_s, who, what in told[:_MOST_TROUBLES]
     ]
     return rows, max(0, len(told) - _MOST_TROUBLES)
+
+
+def _whose(flown: Flown, vehicle: int) -> str:
+    return f"vehicle {vehicle}" if vehicle and not flown.recorded else ""
 
 
 def notes(flown: Flown) -> list[str]:
@@ -219,6 +223,17 @@ def notes(flown: Flown) -> list[str]:
 
 
 # --- how it was set up ---------------------------------------------------------------------------
+_JUDGING: Final = ("grid.", "camera.", "detector.", "votes.", "terrain")
+"""Keys of a mission by which recorded pictures are judged."""
+
+
+def settings_of(flown: Flown) -> Iterator[tuple[str, str, bool]]:
+    """Yield the settings of a mission; of recorded pictures those by which they were judged."""
+    for key, value, given in settings(flown.setting.mission):
+        if not flown.recorded or key.startswith(_JUDGING):
+            yield key, value, given
+
+
 def settings(section: Any, above: str = "") -> Iterator[tuple[str, str, bool]]:
     """Yield each key of a mission, as `section.key`, its value, and whether the file named it."""
     for name in type(section).model_fields:

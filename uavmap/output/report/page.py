@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
@@ -27,6 +27,7 @@ from uavmap.base.text_files import read_bytes
 from uavmap.base.version import __version__
 from uavmap.journal.kept_frames import FRAMES, KeptFrame
 from uavmap.output.drawing import svg
+from uavmap.output.drawing.judged import FILE as JUDGED
 from uavmap.output.drawing.map_scene import map_scene
 from uavmap.output.drawing.palette import FAINT, INK, UNSEARCHED, Style, css, track_colour
 from uavmap.output.drawing.scene import Label, Line, Scene, View
@@ -76,6 +77,7 @@ def _context(flown: Flown) -> dict[str, Any]:
         "map": draw_map(flown),
         "timeline": draw_timeline(flown),
         "frames": boundary_frames(flown),
+        "judged": _address(flown.folder / JUDGED, _JUDGED_PX),
         "minutes": facts.minutes,
         "written_by": __version__,
     }
@@ -281,6 +283,7 @@ def _axis(flown: Flown, end_s: float, scale: float, top: float) -> Iterator[str]
 # --- kept frames nearest to the boundary ----------------------------------------------------------
 MOST: Final = 8
 _WIDE_PX: Final = 280
+_JUDGED_PX: Final = 560
 _QUALITY: Final = 70
 
 
@@ -330,15 +333,21 @@ def _nearest(flown: Flown, kept: Sequence[KeptFrame]) -> list[KeptFrame]:
 
 def _shown(flown: Flown, frame: KeptFrame) -> Shown | None:
     name = PurePath(frame.frame).name  # never a path that leads elsewhere
+    address = _address(flown.folder / FRAMES / name, _WIDE_PX)
+    return None if address is None else Shown(printable(name), frame, address)
+
+
+def _address(path: Path, wide_px: int) -> str | None:
+    """Return an address with a picture in it; None of one that cannot be read."""
     try:
-        data = read_bytes(flown.folder / FRAMES / name, MAX_PICTURE_BYTES)
-        with opened(io.BytesIO(data), name) as picture:
-            high = max(1, round(picture.height * _WIDE_PX / picture.width))
-            picture.draft("RGB", (_WIDE_PX, high))
-            small = picture.convert("RGB").resize((_WIDE_PX, high))
+        data = read_bytes(path, MAX_PICTURE_BYTES)
+        with opened(io.BytesIO(data), path.name) as picture:
+            high = max(1, round(picture.height * wide_px / picture.width))
+            picture.draft("RGB", (wide_px, high))
+            small = picture.convert("RGB").resize((wide_px, high))
     except (ImageError, OSError, ValueError):
         return None
     buffer = io.BytesIO()
     small.save(buffer, "JPEG", quality=_QUALITY)
     text = base64.b64encode(buffer.getvalue()).decode()
-    return Shown(printable(name), frame, f"data:image/jpeg;base64,{text}")
+    return f"data:image/jpeg;base64,{text}"

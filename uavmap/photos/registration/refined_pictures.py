@@ -21,6 +21,8 @@ import numpy as np
 from missions.errors import ImageError
 from missions.flight.setting_of import setting_of
 from missions.geo.geodesy import LocalPlane
+from missions.geo.grid import Grid
+from missions.geo.terrain import Terrain
 from missions.mission.schema import Mission
 from uavmap.base.printable import printable
 from uavmap.output import summary
@@ -70,29 +72,59 @@ def refined(
     lens: Lens | None = None,
     crew: Crew | None = None,
 ) -> RefinedSet:
-    """Register the pictures of a set, over the ground of the mission where it is not flat.
-
-    Args:
-        mission: Gives the ground, and the angle of view of pictures whose tags have none.
-        lens: A calibration for all pictures.
-        crew: Examines the pictures; None: threads here, one a core. The result is the same.
-    """
-    lenses = Lenses(HFOV_DEG if mission is None else mission.camera.hfov_deg, lens)
-    placed = [p for p in gathered.pictures if _has_place(p)]
-    ground = None
-    if mission is not None and mission.ground is not None:
-        ground = setting_of(mission).grid, mission.ground
+    """Register the pictures of a set once (`Overlaps`)."""
     with FeatureFile() as kept:
+        return Overlaps.of(gathered, mission, kept, lens=lens, crew=crew).refined(gathered)
+
+
+@dataclass(frozen=True, slots=True)
+class Overlaps:
+    """The features of a set's pictures, by which some or all of them are registered."""
+
+    taken: Sequence[Taken]
+    lenses: Lenses
+    ground: tuple[Grid, Terrain] | None
+    crew: Crew
+
+    @classmethod
+    def of(
+        cls,
+        gathered: Gathered,
+        mission: Mission | None,
+        kept: FeatureFile,
+        *,
+        lens: Lens | None = None,
+        crew: Crew | None = None,
+    ) -> Overlaps:
+        """Examine the pictures of a set, over the ground of the mission where it is not flat.
+
+        Args:
+            mission: Gives the ground, and the angle of view of pictures whose tags have none.
+            kept: Where the features wait.
+            lens: A calibration for all pictures.
+            crew: Examines the pictures; None: threads here, one a core. The result is the same.
+        """
+        lenses = Lenses(HFOV_DEG if mission is None else mission.camera.hfov_deg, lens)
+        placed = [p for p in gathered.pictures if _has_place(p)]
+        ground = None
+        if mission is not None and mission.ground is not None:
+            ground = setting_of(mission).grid, mission.ground
         crew = crew or Threads()
-        taken = _looked_at(placed, lenses, crew, kept)
-        result, found = refine(taken, ground, _log_overlaps, threads_of(crew).in_order)
-    by_name = {p.name: p for p in placed}
-    poses = {name: _filled(by_name[name], pose, lenses) for name, pose in found.items()}
-    turned = frozenset(name for name, pose in found.items() if pose.refined.turned)
-    for line in lines(taken, result, found):
-        _LOG.info(line)
-    better = replace(gathered, refined=poses, upside_down=turned)
-    return RefinedSet(better, tuple(taken), result, found)
+        return cls(_looked_at(placed, lenses, crew, kept), lenses, ground, crew)
+
+    def refined(self, gathered: Gathered) -> RefinedSet:
+        """Register the pictures that are still in the set: others have no say in their poses."""
+        names = {picture.name for picture in gathered.pictures}
+        taken = [tag for tag in self.taken if tag.picture.name in names]
+        many = threads_of(self.crew).in_order
+        result, found = refine(taken, self.ground, _log_overlaps, many)
+        by_name = {tag.picture.name: tag.picture for tag in taken}
+        poses = {name: _filled(by_name[name], pose, self.lenses) for name, pose in found.items()}
+        turned = frozenset(name for name, pose in found.items() if pose.refined.turned)
+        for line in lines(taken, result, found):
+            _LOG.info(line)
+        better = replace(gathered, refined=poses, upside_down=turned)
+        return RefinedSet(better, tuple(taken), result, found)
 
 
 def _looked_at(

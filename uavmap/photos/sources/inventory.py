@@ -94,6 +94,7 @@ class Gathered:
         left_out: Other files, a line a kind.
         refined: Pictures with the poses from their overlaps, by name.
         upside_down: The names of those among them that were stored so.
+        aside: Pictures that have no say in the map, nor in the poses of others, and why.
     """
 
     source: str
@@ -103,6 +104,19 @@ class Gathered:
     left_out: tuple[str, ...]
     refined: Mapping[str, Picture] = field(default_factory=dict)
     upside_down: frozenset[str] = frozenset()
+    aside: tuple[tuple[Picture, str], ...] = ()
+
+    def without(self, reasons: Mapping[str, str]) -> Gathered:
+        """Set pictures aside, by name, as if they were not in the source."""
+        aside = [(p, reasons[p.name]) for p in self.pictures if p.name in reasons]
+        kept = tuple(p for p in self.pictures if p.name not in reasons)
+        return replace(
+            self,
+            pictures=kept,
+            aside=(*self.aside, *aside),
+            refined={},
+            upside_down=frozenset(),
+        )
 
     @property
     def posed(self) -> tuple[Picture, ...]:

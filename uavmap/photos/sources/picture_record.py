@@ -126,6 +126,7 @@ LEAST_DOWN_DEG = 35.0
 _LEAST_SET = 3
 _EARTH_M = 6_371_000.0
 _LEAST_HEIGHT_M = 0.5
+_USUAL_HEIGHT_M = 50.0
 _MOST_HEIGHT_M = 5_000.0
 
 
@@ -164,6 +165,33 @@ def credible(
     times = (v.picture.taken_s for v in verdicts if isinstance(v, Placed))
     first_s = min((t_s for t_s in times if t_s is not None), default=0.0)
     return [_since(v, first_s) if isinstance(v, Placed) else v for v in verdicts]
+
+
+def contradicted(
+    pictures: Sequence[Picture], mission: Mission | None = None, *, any_day: bool = False
+) -> dict[str, str]:
+    """Return by name the pictures whose own tags cannot be true of this set, and why.
+
+    What a tag does not give may still come from the overlaps of a picture, and contradicts nothing.
+    """
+    told = [p.height_m if p.height_m and p.height_m.value > 0.0 else None for p in pictures]
+    usual_m = median_low([h.value for h in told if h] or [_USUAL_HEIGHT_M])
+    filled = [
+        replace(
+            picture,
+            height_m=height or Measured(usual_m, 1.0),
+            yaw_deg=picture.yaw_deg or Measured(0.0, 180.0),
+            pitch_deg=picture.pitch_deg or Measured(-90.0, 5.0),
+        )
+        for picture, height in zip(pictures, told, strict=True)
+        if picture.position is not None
+    ]
+    verdicts = credible(filled, mission, any_day=any_day)
+    return {
+        picture.name: verdict
+        for picture, verdict in zip(filled, verdicts, strict=True)
+        if isinstance(verdict, str)
+    }
 
 
 def _since(entry: Placed, first_s: float) -> Placed:

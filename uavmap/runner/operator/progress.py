@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 from rich.console import Group
@@ -39,6 +39,7 @@ from missions.orders import AwaitBattery, FlyPath, FlyTo, Hold, Land, Look, Swee
 from uavmap.aircraft.autopilot_texts import may_be_a_failsafe
 from uavmap.base.printable import printable
 from uavmap.base.terminal import Terminal
+from uavmap.output.facts.detector_fit import DetectorFit
 from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.runner.operator.time_left import time_left
 
@@ -61,32 +62,6 @@ _DOING: Final = {
     Land: "landing",
     AwaitBattery: "battery swap",
 }
-FRAMES_TO_JUDGE: Final = 100
-"""Number of pictures after which the detector's share of region is looked at."""
-MOST_REGION: Final = 0.9
-"""Share of votes for region from which on the detector hardly fits the ground."""
-
-
-@dataclass(slots=True)
-class DetectorCheck:
-    """Whether the detector takes nearly all that the first pictures show for region."""
-
-    pictures: int = 0
-    region: int = 0
-    votes: int = 0
-
-    def news(self, event: FrameSeen) -> str:
-        """Return what the operator has to know after a picture; empty for nothing."""
-        self.pictures += 1
-        self.votes += len(event.votes)
-        self.region += sum(vote.positive for vote in event.votes)
-        nearly_all = 0 < MOST_REGION * self.votes <= self.region
-        if self.pictures != FRAMES_TO_JUDGE or not nearly_all:
-            return ""
-        return (
-            f"the detector takes {100 * self.region / self.votes:.0f} % of what the first "
-            f"{FRAMES_TO_JUDGE} pictures show for region: check whether it fits this ground"
-        )
 
 
 class ProgressTable(Onlooker):
@@ -99,7 +74,7 @@ class ProgressTable(Onlooker):
         self._drawn_s = self._reckoned_s = float("-inf")
         self._left = ""
         self._state: State | None = None
-        self._detector = DetectorCheck()
+        self._detector = DetectorFit()
         self._unexplained: dict[int, Overridden] = {}
         """Changes of mode by vehicle, whose cause may follow in the autopilot's next text."""
 
@@ -149,8 +124,8 @@ class ProgressTable(Onlooker):
             yield event
 
     def _show_news(self, event: Event, state: State) -> None:
-        text = self._detector.news(event) if isinstance(event, FrameSeen) else ""
-        if text := text or remarkable(event, state):
+        news = self._detector.take(event) if isinstance(event, FrameSeen) else None
+        if text := remarkable(event, state) if news is None else news.text:
             self._terminal.show(f"{state.t_s:7.0f} s  {text}")
 
     def end(self) -> None:

@@ -76,7 +76,8 @@ def fly(
         vehicles: Their number, 1 to 50. By default that of the mission file, or of the URLs.
         strategy: Instead of the mission file's.
         all_strategies: With `sim`: strategies that serve comparisons in papers may fly, too.
-        detector: A folder that `uavmap tune` has written, instead of the mission file's detector.
+        detector: A name such as `"paved"`, or a folder that `uavmap tune` has written, instead of
+            the mission file's.
         seed: Of the simulation: the same seed gives the same flight. 0 or more.
         speedup: Times real time, 0.001 to 1000. By default as fast as possible with `sim`, else 1.
         auto_swap: Take off again as soon as a battery is fresh, unasked; for simulators only.

@@ -40,7 +40,8 @@ def replay(
         path: A folder of pictures with its subfolders, or one file; or a flight with kept frames.
         mission: A mission file, or the name of a shipped one: grid, camera, detector and votes. By
             default they come from the pictures.
-        detector: A folder that `uavmap tune` has written, instead of the mission's detector.
+        detector: A name such as `"paved"`, or a folder that `uavmap tune` has written, instead of
+            the mission's.
         out: The folder of the results; by default a new one in `results`.
         calibration: The camera's calibration by OpenCV, instead of the tags' focal length.
         any_day: Use pictures of other days than most, too.

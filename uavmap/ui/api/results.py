@@ -100,6 +100,11 @@ class Results:
         return str(self.summary["finding"])
 
     @property
+    def no_verdict(self) -> str | None:
+        """Why the map tells nothing, of a flight whose detector does not fit the ground."""
+        return self.summary.get("no_verdict")
+
+    @property
     def aircraft_down(self) -> tuple[str, ...]:
         """A line for each aircraft that somebody has to look after, with its place."""
         return tuple(self.summary.get("aircraft_down", ()))

@@ -24,6 +24,7 @@ from uavmap.base.version import __version__
 USER_ERROR: Final = 2
 INCOMPLETE: Final = 3
 AIRCRAFT_DOWN: Final = 4
+NO_VERDICT: Final = 5
 INTERRUPTED: Final = 130
 NOBODY_READS: Final = 141
 """As a shell tells of a program that a closed pipe has ended."""

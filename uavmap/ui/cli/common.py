@@ -20,8 +20,10 @@ from missions.mission.schema import MAX_VEHICLES
 from uavmap.base.atomic_write import write_text
 from uavmap.base.terminal import PipeConsole
 from uavmap.journal.mission_time import duration
+from uavmap.output.drawing.judged import FILE as JUDGED
+from uavmap.output.facts.detector_fit import REMEDY
 from uavmap.output.summary import box_in_words, encode, lines
-from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, complain
+from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, NO_VERDICT, complain
 
 EXIT_CODES: Final = """\
 exit codes:
@@ -30,6 +32,7 @@ exit codes:
   3    the flight is over, the mission is not complete
   4    an aircraft is down, or was left to its autopilot; a line says where. Also where the map is
        complete: "mission completed: yes" may come with it
+  5    the flight is over, and the detector does not fit the ground: no verdict
   130  interrupted
 """
 
@@ -158,18 +161,22 @@ def report(
         print_summary(summary, folder, as_json=as_json, verbose=verbose)
     for line in summary.get("aircraft_down", ()):
         complain(line)
-    if goes_on and not summary["completed"] and "aircraft_down" in summary:
+    if reason := summary.get("no_verdict"):
+        complain(f"no verdict: {reason}; {REMEDY}")
+    elif goes_on and not summary["completed"] and "aircraft_down" in summary:
         # a simulated world ends with its flight: the aircraft begin again at home
         how = "" if summary.get("seed") is None else " --from-home"
         complain(f"to go on: uavmap resume {folder}{how}")
     if summary.get("aircraft_down"):  # also where everything is mapped
         return AIRCRAFT_DOWN
+    if summary.get("no_verdict"):
+        return NO_VERDICT
     return 0 if summary["completed"] else INCOMPLETE
 
 
 OUTLINES: Final = ("boundary.geojson", "map.geojson")
 """Files with the outline of the region, the finest first."""
-PICTURES: Final = ("map.png", "report.html", "ortho.tif")
+PICTURES: Final = ("map.png", JUDGED, "report.html", "ortho.tif")
 
 _FIGURES: Final = {
     "frames_judged": "frames judged",
@@ -251,7 +258,11 @@ def rows(summary: Mapping[str, Any], folder: Path) -> Iterator[tuple[str, str]]:
     time: 3 min 42 s
     not seen: 2 cells undecided
     """
-    yield "mission completed", "yes" if summary["completed"] else "no"
+    if (photographs := summary.get("photographs")) is not None:
+        yield "photographs", f"{summary['photographs_judged']:,} of {photographs:,} in the map"
+    else:
+        ended = "no verdict" if summary.get("no_verdict") else "no"
+        yield "mission completed", "yes" if summary["completed"] else ended
     if (area_m2 := summary.get("area_m2", summary.get("cells_roi_m2"))) is not None:
         low_m2, high_m2 = summary.get("area_low_m2"), summary.get("area_high_m2")
         known = low_m2 is not None and high_m2 is not None
@@ -259,8 +270,6 @@ def rows(summary: Mapping[str, Any], folder: Path) -> Iterator[tuple[str, str]]:
     yield from _files("outline", folder, OUTLINES[:1] if _has(folder, OUTLINES[0]) else OUTLINES)
     if (time_s := summary.get("makespan_s")) is not None:
         yield "time", duration(time_s)
-    if (photographs := summary.get("photographs")) is not None:
-        yield "photographs", f"{summary['photographs_judged']:,} of {photographs:,} judged"
     yield "not seen", not_seen(summary) or "nothing"
     for key in _ALARMS:
         if summary.get(key):

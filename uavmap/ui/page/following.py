@@ -18,6 +18,7 @@ from missions.mapping.evidence import Evidence
 from uavmap.journal.event_log import JournalReader
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.journal.kept_frames import FRAMES, POSES, KeptFrame, read_kept
+from uavmap.output.facts.flown_mission import DERIVED
 from uavmap.photos.ground.rasters import ORTHO
 from uavmap.ui.page.feed import Feed
 from uavmap.ui.page.live import tell_scene
@@ -52,7 +53,8 @@ class Follower:
         self._folder = reader.path.parent
         self.recorded = "replay" in reader.meta
         plan = FlightPlan.read(reader)
-        self.setting = plan.known_setting()
+        self.setting, self._real = plan.known_setting(), not plan.simulated
+        self._drawn = plan.mission_source != DERIVED
         self._background = (
             of_mosaic(self._folder / ORTHO, self.setting)
             if tiles is None
@@ -74,9 +76,14 @@ class Follower:
             self._evidence = Evidence()
         state = State.initial(self.setting)
         watcher = Watcher(
-            self.setting, state, recorded=self.recorded, evidence=self._evidence, dear_s=math.inf
+            self.setting,
+            state,
+            recorded=self.recorded,
+            real=self._real,
+            evidence=self._evidence,
+            dear_s=math.inf,
         )
-        scene = scene_of(self.setting, self._background, recorded=self.recorded)
+        scene = scene_of(self.setting, self._background, recorded=self.recorded, drawn=self._drawn)
         tell_scene(feed, scene, self._background)
         last_s = events[-1].t_s if events else 0.0
         step_s = max(STEP_S, last_s / MOST_STEPS)

@@ -51,7 +51,7 @@ class FlightPage(Onlooker):
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._feed = feed
-        self._hands_off = SIMULATED if simulated else NOT_YET
+        self._hands_off, self._real = (SIMULATED if simulated else NOT_YET), not simulated
         self._now_s = now_s
         self._background = background
         self._watcher: Watcher | None = None
@@ -110,7 +110,13 @@ class FlightPage(Onlooker):
             self._feed.put({"kind": "ended", "text": text})
 
     def _watch(self, setting: Setting) -> None:
-        self._watcher = Watcher(setting, State.initial(setting), words=False, now_s=self._now_s)
+        self._watcher = Watcher(
+            setting,
+            State.initial(setting),
+            real=self._real,
+            words=False,
+            now_s=self._now_s,
+        )
         self._watcher.board.set_field("hands_off", self._hands_off)
         tell_scene(self._feed, scene_of(setting, self._background), self._background)
         for text in self._said:

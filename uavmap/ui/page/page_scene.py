@@ -217,9 +217,15 @@ STATES: Final[tuple[State, ...]] = tuple(COLOURS)
 
 
 def scene_of(
-    setting: Setting, background: Background | None = None, *, recorded: bool = False
+    setting: Setting,
+    background: Background | None = None,
+    *,
+    recorded: bool = False,
+    drawn: bool = True,
 ) -> dict[str, Any]:
     """Return the scene of a mission, for JSON, with the picture under its map.
+
+    `drawn`: whether somebody has drawn its box and fence.
 
     Points are metres east and north in the grid's fixed frame; cells are in the moving one, which
     drifts with `drift_m_s` from mission time 0.
@@ -231,6 +237,8 @@ def scene_of(
         return [[round(point.east_m, 2), round(point.north_m, 2)] for point in points]
 
     (home,) = ring([mission.home])
+    rings = (mission.search.box, mission.fence.polygon, *mission.fence.holes)
+    box, fence, *holes = (ring(positions(one)) if drawn else [] for one in rings)
     names = RECORDED_NAMES if recorded else STATE_NAMES
     return {
         "mission": mission.name,
@@ -239,15 +247,15 @@ def scene_of(
         "cell_m": grid.cell_m,
         "drift_m_s": [round(grid.drift_east_m_s, 6), round(grid.drift_north_m_s, 6)],
         "home": home,
-        "home_mark": [[radius_px, css(colour)] for radius_px, colour in HOME_DOT],
-        "box": ring(positions(mission.search.box)),
-        "fence": ring(positions(mission.fence.polygon)),
-        "holes": [ring(positions(hole)) for hole in mission.fence.holes],
+        "home_mark": [] if recorded else [[radius, css(colour)] for radius, colour in HOME_DOT],
+        "box": box,
+        "fence": fence,
+        "holes": holes,
         "states": [[names[state], css(COLOURS[state])] for state in STATES],
         "lines": {
             key: {"name": name, "colour": css(style.colour), "dash": style.dash_px}
             for key, (name, style) in LINES.items()
-            if key in ("box", "fence")
+            if key in ("box", "fence") and drawn
         },
         "ink": css(INK),
         "land": css(LAND),

@@ -10,6 +10,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any, Final
 
 from shapely.geometry import LineString, Point
@@ -42,6 +43,7 @@ from missions.mapping.unsure import Unsure
 from missions.orders import FlyPath, FlyTo, Order, ReturnToLaunch, Sweep
 from missions.units import Cell, GridPoint
 from uavmap.base.printable import printable
+from uavmap.output.facts.detector_fit import DetectorFit, no_verdict
 from uavmap.output.facts.figures import figures_of, finding
 from uavmap.output.facts.flight_log import LIFT_OFF_M, Counter
 from uavmap.output.results import cell_state, weighed_state
@@ -72,6 +74,7 @@ class Watcher:
         setting: Of the mission.
         state: Before the first event.
         recorded: Whether the pictures were recorded, and nothing flies.
+        real: Whether the ground was not painted by the simulator in the flight's process.
         evidence: Where recorded pictures are weighed.
         words: Whether vehicles' messages go into the log here.
         dear_s: Longest computation of a certificate that is repeated, seconds of the clock.
@@ -84,15 +87,14 @@ class Watcher:
         state: State,
         *,
         recorded: bool = False,
+        real: bool = False,
         evidence: Evidence | None = None,
         words: bool = True,
         dear_s: float = DEAR_S,
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.board = Board()
-        self.state = state
-        self.setting = setting
-        self._recorded = recorded
+        self.board, self.state, self.setting = Board(), state, setting
+        self._recorded, self._fit = recorded, DetectorFit()
         self._evidence = evidence
         self._words = words
         self._dear_s = dear_s
@@ -104,6 +106,7 @@ class Watcher:
         """Cells of the tree that are still to be looked at."""
         self._tree: Tree | None = None
         self._unsure = Unsure()
+        self._why_none = partial(no_verdict, setting, real=real)
         self._seen: FrameSeen | None = None
         self._judged = self._lost = 0
         self._last: dict[int, tuple[float, float]] = {}
@@ -118,6 +121,8 @@ class Watcher:
         if isinstance(event, FrameSeen):
             self._seen, self._judged = event, self._judged + 1
             self._unsure.note(event)
+            if (news := self._fit.take(event)) and not self._recorded:
+                self.say(news.text, "warning" if news.warns else "event")
             if self._evidence is None:
                 self._mark(vote.cell for vote in event.votes)
         elif isinstance(event, Weighed):
@@ -235,7 +240,8 @@ class Watcher:
         board.set_field("t_s", round(state.t_s, 1))
         words = "replay of pictures" if self._recorded else phase(state)
         if state.over and not self._recorded:
-            words = "over, complete" if state.completed else "over, not complete"
+            done = "complete" if state.completed else "not complete"
+            words = f"over, {'no verdict' if self._why_none(state, self._fit) else done}"
         board.set_field("phase", words)
         board.set_field("roi", len(state.belief.roi))
         if state.tree is not None and state.belief.open_ballots:  # the same count in words
@@ -256,7 +262,10 @@ class Watcher:
 
     def _show_left(self) -> None:
         state, board = self.state, self.board
-        board.set_field("finding", finding(self.setting, state))
+        found = finding(self.setting, state)
+        if not self._recorded and (reason := self._why_none(state, self._fit)):
+            found = f"no verdict: {reason}; {found}"
+        board.set_field("finding", found)
         if not self._recorded:
             left = time_left(self.setting, state)
             about_s = None if left.about_s is None else round(left.about_s)

@@ -17,7 +17,7 @@ from missions.geo.grid import Grid
 from missions.mission import flyable
 from missions.mission.places import drawn
 from uavmap.base.atomic_write import write_bytes
-from uavmap.load.detector_source import refuse_undecided, region_in_words
+from uavmap.load.detector_source import refuse_undecided, region_in_words, region_lines
 from uavmap.load.mission_source import load
 from uavmap.output.drawing.map_scene import preflight_scene
 from uavmap.output.drawing.raster import encode_png
@@ -72,7 +72,8 @@ def run(options: argparse.Namespace) -> int:
         print(f"  {warning}")
     for line in taken_lines(setting.mission):
         print(f"  {line}")
-    print(f"  region = {region_in_words(setting.mission.detector)}")
+    for line in region_lines(mission.detector):
+        print(f"  {line}")
     print(f"  box {box_line(setting)}; UTM zone {zone_name(setting.grid)}")
     reason, rows = figures.pop("altitude_set_by"), figures.pop("layers")
     print(f"  height and speed of each layer; {reason} sets the height:")

@@ -224,7 +224,9 @@ def export_map(options: argparse.Namespace, say: Callable[[str], None]) -> int:
 
 def tell_incomplete(flown: Flown, say: Callable[[str], None]) -> None:
     """Say where a map is not all of it."""
-    if not flown.completed:
+    if flown.values.get("no_verdict"):
+        say(f"{flown.folder}: {flown.values['finding']}")
+    elif not flown.completed:
         say(
             f"{flown.folder}: the mission is not complete; this is its map so far, at mission time "
             f"{flown.data.t_s:.0f} s"

@@ -32,7 +32,7 @@ from uavmap.load.areas.mission_text import (
     largest_cell_m,
 )
 from uavmap.load.areas.reading import KINDS, read_area_file
-from uavmap.load.detector_source import SIMULATORS, region_in_words
+from uavmap.load.detector_source import SIMULATORS, region_lines
 from uavmap.load.mission_source import mission_of_text
 from uavmap.runner.preflight.plan_figures import estimate
 from uavmap.ui.cli import complain
@@ -159,7 +159,8 @@ def _tell(layout: Layout, setting: Setting, aircraft: Figures, out: Path, previe
         f"{zone_name(setting.grid)}; is that the place?"
     )
     print(f"  aircraft: {aircraft.title}")
-    print(f"  region = {region_in_words(setting.mission.detector)}")
+    for line in region_lines(setting.mission.detector, out.parent):
+        print(f"  {line}")
     print(f"  {search_line(estimate(setting))}")
     print(f"  the plan is drawn in {preview}")
     print(f"  next: {_next(setting.mission.detector.name, shlex.quote(str(out)))}")

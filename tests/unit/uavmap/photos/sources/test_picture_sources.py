@@ -218,7 +218,7 @@ def test_a_flight_keeps_its_frames_for_a_replay(tmp_path: Path) -> None:
     assert areas[1] == pytest.approx(areas[0], rel=0.1)  # poses are refined in a replay
     report = (flown / "report.html").read_text("utf-8")
     assert "boundary by pixels" in report  # written anew once the boundary is known
-    assert report.count('src="data:image/jpeg') == 8
+    assert report.count('src="data:image/jpeg') == 8 + 1  # along the boundary, and judged.jpg
     assert main(["resume", str(again)]) == 2
 
 

@@ -268,7 +268,7 @@ def test_without_a_mission_one_is_derived_and_can_be_given_again(
     assert main(["replay", str(photos), "--out", str(out)]) == 0
     text = (out / "mission.toml").read_text("utf-8")
     assert "cell_m = 2" in text  # 25 pixels of 8 cm
-    assert "cell_m = 2" in capsys.readouterr().err
+    assert "cells of 2 m" in capsys.readouterr().err
     file = out / "mission.toml"
     assert main(["replay", str(photos), "--mission", str(file), "--out", str(again)]) == 0
     assert (out / "map.geojson").read_bytes() == (again / "map.geojson").read_bytes()

@@ -1,0 +1,167 @@
+"""What the frames of a flight say of its detector, and when the flight tells nothing."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from missions.events import FrameSeen, Vote, from_json
+from missions.flight.setting import Setting
+from missions.flight.setting_of import setting_of
+from missions.flight.state import State
+from missions.flight.step import step
+from missions.mapping.persistent import PersistentSet
+from missions.mission.sections import DetectorSection
+from missions.units import Cell
+from tests.golden.recording import STOPS
+from tests.support.small_missions import mission, square
+from uavmap.base.terminal import Terminal
+from uavmap.output.facts.detector_fit import (
+    FIRST_FRAMES,
+    LEAST_FRAMES,
+    DetectorFit,
+    is_untouched,
+    no_verdict,
+)
+from uavmap.runner.operator.progress import ProgressTable
+from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, NO_VERDICT
+from uavmap.ui.cli.common import report, rows
+from uavmap.ui.page.watching import Watcher
+
+
+def frame(number: int, positive: int, in_all: int = 10) -> FrameSeen:
+    """A frame of its own ground, some cells of which look like region."""
+    votes = (Vote(Cell(number, k), k < positive, float(k < positive)) for k in range(in_all))
+    return FrameSeen(1, float(number), None, tuple(votes))
+
+
+def fit_of(positive: int, frames: int = LEAST_FRAMES) -> DetectorFit:
+    fit = DetectorFit()
+    for number in range(frames):
+        fit.take(frame(number, positive))
+    return fit
+
+
+@pytest.mark.parametrize(
+    ("positive", "expected", "warns"),
+    [
+        (0, "takes nothing of what the first 100 pictures show for region; the search", False),
+        (9, "takes 90 % of what the first 100 pictures show for region: check whether", True),
+        (10, "takes 100 % of what the first 100 pictures show for region: check", True),
+        (1, None, False),
+        (8, None, False),
+    ],
+)
+def test_detector_fit_after_the_first_frames_reports_once(
+    positive: int, expected: str | None, warns: bool
+) -> None:
+    fit = DetectorFit()
+    news = [fit.take(frame(number, positive)) for number in range(3 * FIRST_FRAMES)]
+    said = [(number, one) for number, one in enumerate(news, 1) if one is not None]
+    if expected is None:
+        assert not said
+        return
+    ((number, one),) = said
+    assert number == FIRST_FRAMES
+    assert expected.replace("0 %", "0%") in one.text
+    assert one.warns == warns
+
+
+def test_detector_fit_counts_ground_and_not_how_often_it_is_seen() -> None:
+    """Over the middle of a region nearly all votes say region; the ground around it does not."""
+    fit = DetectorFit()
+    fit.take(frame(0, 0, 80))
+    for _ in range(200):
+        fit.take(frame(1, 20, 20))
+    assert fit.share == pytest.approx(20 / 100)
+    assert not fit.takes_nearly_all
+
+
+def flight() -> tuple[Setting, State]:
+    """A complete one."""
+    setting = STOPS.setting()
+    state = State.initial(setting)
+    for line in STOPS.lines():
+        state, _ = step(setting, state, from_json(line))
+    assert state.completed
+    return setting, state
+
+
+def with_detector(setting: Setting, **section: Any) -> Setting:
+    detector = DetectorSection(**section)
+    return replace(setting, mission=setting.mission.model_copy(update={"detector": detector}))
+
+
+def test_no_verdict_nearly_all_is_region_tells_nothing_on_any_ground() -> None:
+    setting, state = flight()
+    for real in (False, True):
+        assert "90% of the 200 cells seen" in no_verdict(setting, state, fit_of(9), real=real)
+    assert no_verdict(setting, state, fit_of(8), real=True) == ""
+    assert no_verdict(setting, state, fit_of(9, LEAST_FRAMES - 1), real=True) == ""
+    assert no_verdict(setting, State.initial(setting), fit_of(9), real=True) == ""  # not over
+
+
+def test_no_verdict_without_region_depends_on_ground_and_detector() -> None:
+    setting, state = flight()
+    nothing = replace(state, belief=replace(state.belief, roi=PersistentSet()))
+    setting = with_detector(setting)
+    assert "no region in the whole box" in no_verdict(setting, nothing, fit_of(0), real=True)
+    assert no_verdict(setting, nothing, fit_of(0), real=False) == ""
+    assert no_verdict(setting, state, fit_of(0), real=True) == ""  # it has found one
+    chosen = with_detector(setting, intensity=100)
+    assert no_verdict(chosen, nothing, fit_of(0), real=True) == ""
+
+
+@pytest.mark.parametrize(
+    ("section", "untouched"),
+    [
+        ({}, True),
+        ({"threshold": {}}, True),
+        ({"threshold": {"intensity": 150}}, True),
+        ({"threshold": {"intensity": 140}}, False),
+        ({"polarity": "bright"}, False),
+        ({"name": "paved"}, False),
+    ],
+)
+def test_is_untouched_only_with_all_values_of_the_default(
+    section: dict[str, Any], untouched: bool
+) -> None:
+    assert is_untouched(DetectorSection(**section)) == untouched
+
+
+def test_terminal_and_page_report_what_the_detector_takes() -> None:
+    setting = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
+    state, out = State.initial(setting), io.StringIO()
+    table, watcher = ProgressTable(Terminal(out)), Watcher(setting, state, real=True)
+    for number in range(FIRST_FRAMES):
+        table.update(frame(number, 10), state, 0)
+        watcher.take_in(frame(number, 10), state)
+    assert "takes 100% of what the first 100 pictures show for region" in out.getvalue()
+    watcher.refresh(whole=True)
+    ((_, level, text),) = [line[-3:] for line in watcher.board.since(0)["log"]]
+    assert level == "warning"
+    assert "for region" in text
+
+
+@pytest.mark.parametrize(
+    ("down", "verdict", "code"),
+    [([], "x", NO_VERDICT), (["1 is down"], "x", AIRCRAFT_DOWN), ([], None, INCOMPLETE)],
+)
+def test_report_no_verdict_has_an_exit_code_of_its_own(
+    down: list[str],
+    verdict: str | None,
+    code: int,
+    tmp_path: Any,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    summary = {
+        "mission": "m", "strategy": "s", "completed": False, "no_verdict": verdict,
+        "finding": "f", "aircraft_down": down, "seed": None,
+    }  # fmt: skip
+    assert report(summary, tmp_path, as_json=False) == code
+    assert ("to go on: uavmap resume" in capsys.readouterr().err) == (verdict is None)
+    ended = "no" if verdict is None else "no verdict"
+    assert dict(rows(summary, tmp_path))["mission completed"] == ended

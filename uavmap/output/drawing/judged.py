@@ -1,0 +1,33 @@
+"""One judged picture of a flight or a replay: what the detector takes for region, to look at."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+FILE: Final = "judged.jpg"
+"""Name in the results: the first picture with region in it, or else the first one at all."""
+MOST_WIDE_PX: Final = 1000
+_OUTLINE: Final = (0, 0, 255)  # red, as OpenCV has it
+_QUALITY: Final = 85
+
+
+def outlined(image: NDArray[np.uint8], region: NDArray[Any]) -> bytes:
+    """Draw the outline of what is region into a picture; return it as a small JPEG.
+
+    Args:
+        image: Blue-green-red, (rows, columns, 3).
+        region: Not 0 where the detector marks region; of any size.
+    """
+    columns = min(image.shape[1], MOST_WIDE_PX)
+    rows = max(1, round(image.shape[0] * columns / image.shape[1]))
+    small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA)
+    whole = (np.asarray(region) > 0).astype(np.uint8)
+    marked = cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_NEAREST)
+    lines, _ = cv2.findContours(marked, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(small, lines, -1, _OUTLINE, max(2, columns // 400))
+    _, data = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    return bytes(data)
