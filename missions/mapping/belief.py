@@ -35,8 +35,8 @@ every cell that ever was in it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from missions.mapping.persistent import PersistentMap, PersistentSet
@@ -285,6 +285,11 @@ class Belief:
             self.frames, self.positive, looks, roi, all_ballots,
             open_tallies, self._verdicts.updated(says),
         )  # fmt: skip
+
+    def with_region(self, cells: Collection[Cell]) -> Belief:
+        """This belief with cells that are region whatever their ballots say: of a finished map."""
+        says: dict[Cell, bool | None] = dict.fromkeys(cells, True)
+        return replace(self, roi=self.roi.added(cells), _verdicts=self._verdicts.updated(says))
 
     def _ballot(self, cell: Cell, vantage: Vantage) -> Ballot:
         at_vantage = self._ballots.get(vantage)

@@ -21,6 +21,8 @@ MOST_LEVEL_M_S: Final = 10.0
 """... of a camera in a gimbal, which does not lean along, and looks from high up."""
 LEAST_M_S: Final = 0.3
 """What cannot be mapped at this speed is not mapped without stopping."""
+LEAST_PART: Final = 0.5
+"""Least part of `detector.share` that a cell on the map shows, whatever the error of the pose."""
 
 
 def path_speed_m_s(mission: Mission, height_m: float, wind_m_s: float = 0.0) -> float:
@@ -31,6 +33,21 @@ def path_speed_m_s(mission: Mission, height_m: float, wind_m_s: float = 0.0) -> 
     held = mission.camera.mounting == "gimbal"
     most_m_s = min(MOST_LEVEL_M_S if held else MOST_M_S, headway_m_s(mission, wind_m_s))
     return max(LEAST_M_S, min(most_m_s, speed_limits(mission, height_m).least_m_s))
+
+
+def rim_share(mission: Mission) -> float:
+    """Return the mean share of a cell's pixels from which it belongs on the map, at the rim.
+
+    An error of the pose moves the outline by `camera.pose_error_m`, in all frames of a pass alike.
+    So it may hide a strip of that width of a cell that is region in `detector.share` of it.
+
+    >>> from types import SimpleNamespace as Of
+    >>> camera, detector, grid = Of(pose_error_m=0.5), Of(share=0.25), Of(cell_m=4.0)
+    >>> rim_share(Of(camera=camera, detector=detector, grid=grid))
+    0.125
+    """
+    hidden = mission.camera.pose_error_m / mission.grid.cell_m
+    return max(mission.detector.share - hidden, LEAST_PART * mission.detector.share)
 
 
 def seen_whole_m(mission: Mission, height_m: float, *, east_ahead: bool) -> tuple[float, float]:

@@ -19,8 +19,10 @@ from missions.events import Event, FrameSeen, Tracked, Vote, Weighed
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.mapping.evidence import Evidence
+from missions.mapping.rim_cells import rim_cells
 from missions.mapping.unsure import Unsure
 from missions.mission.schema import positions
+from missions.mission.views import rim_share
 from missions.units import Cell, LatLon
 from uavmap.base.text_files import read_text
 from uavmap.journal.event_log import JournalReader
@@ -51,9 +53,12 @@ def flown_flight(
 ) -> tuple[Flown, State]:
     """Fold the journal of a flight; return what its results show, and its last state.
 
-    `simulated` is what the simulator watched.
+    The map has cells at the rim that no vote elected (`missions.mapping.rim_cells`). `simulated` is
+    what the simulator watched.
     """
     state, found = figures(setting, events)
+    rim = rim_cells(events, state.belief, rim_share(setting.mission))
+    state = replace(state, belief=state.belief.with_region(rim))
     truth = None
     if plan.simulated and setting.mission.sim.roi:
         truth = true_roi(setting.mission, setting.grid)
@@ -136,10 +141,10 @@ def cell_state(cell: Cell, state: State, unsure: Unsure, *, recorded: bool) -> C
         return "explored"
     if cell in state.skipped:
         return "skipped"
-    if state.tree is None:  # of a survey, or where every patch is looked for
+    if state.tree is None or cell not in state.tree:  # of a survey, of a patch, at the rim
         known = all(state.belief.verdict(near) is not None for near in cell.neighbours())
         return "explored" if known else "unexplored"
-    return state.tree.state(cell).value if cell in state.tree else "unexplored"
+    return state.tree.state(cell).value
 
 
 def weighed_state(cell: Cell, evidence: Evidence, unsure: Unsure, share: float) -> CellState:

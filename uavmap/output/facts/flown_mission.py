@@ -21,6 +21,7 @@ from shapely.errors import ShapelyError
 from shapely.geometry import MultiPolygon, Polygon
 
 from missions.flight.setting import Setting
+from missions.mission.views import rim_share
 from uavmap.base.text_files import read_text
 from uavmap.base.version import __version__
 from uavmap.journal.flight_plan import FlightPlan
@@ -110,9 +111,10 @@ _NEIGHBOURS: Final = np.array([[0, 1], [1, 0], [0, -1], [-1, 0]], np.int32)
 class Extent:
     """A region in numbers: square metres and metres on the ground.
 
-    A cell belongs to the region where at least `detector.share` of it looks like region. So along
-    the outline a cell of the region counts from that share on to all of it, a judged one beside it
-    from nothing to that share, and one without a verdict may be region whole. The outline runs
+    A cell belongs to the region where at least `detector.share` of it looks like region, less what
+    an error of the pose may hide (`rim_share`). So along the outline a cell of the region
+    counts from the lesser share on to all of it, a judged one beside it from nothing to
+    `detector.share`, and one without a verdict may be region whole. The outline runs
     along the sides of cells: a smooth line through them is shorter, by a factor of 1 to the root of
     2.
 
@@ -150,8 +152,13 @@ class Extent:
         }
 
 
-def extent(data: MapData, share: float) -> Extent:
-    """Measure a map's region; a cell belongs to it from `share` on."""
+def extent(data: MapData, least: float, most: float) -> Extent:
+    """Measure a map's region.
+
+    Args:
+        least: Share from which on a cell may belong to it, 0 to 1.
+        most: Share from which on a cell does, at least `least`.
+    """
     table = data.cells
     roi = table.cells[table.roi]
     rim, beside, beyond, open_cells = _around(roi, table.cells[table.are("non-roi")])
@@ -160,8 +167,8 @@ def extent(data: MapData, share: float) -> Extent:
     parts = [] if shape.is_empty else list(getattr(shape, "geoms", [shape]))
     return Extent(
         len(roi) * cell_m2,
-        (len(roi) - (1.0 - share) * rim) * cell_m2,
-        (len(roi) + share * beside + beyond) * cell_m2,
+        (len(roi) - (1.0 - least) * rim) * cell_m2,
+        (len(roi) + most * beside + beyond) * cell_m2,
         shape,
         float(shape.length),
         len(parts),
@@ -296,7 +303,13 @@ class Flown:
     @cached_property
     def extent(self) -> Extent:
         """The size of the region."""
-        return extent(self.data, self.setting.mission.detector.share)
+        return extent(self.data, self.least_share, self.setting.mission.detector.share)
+
+    @property
+    def least_share(self) -> float:
+        """The share from which on a cell may belong to the region."""
+        mission = self.setting.mission
+        return mission.detector.share if self.recorded else rim_share(mission)
 
     @cached_property
     def boundary(self) -> BoundaryTold | None:

@@ -39,12 +39,11 @@ def extent_facts(flown: Flown) -> Facts:
     """Return area and perimeter with their bounds."""
     found, data, boundary = flown.extent, flown.data, flown.boundary
     cells = f"{np.count_nonzero(data.cells.roi):,} cells of {data.grid.cell_m:g} m"
-    share = flown.setting.mission.detector.share
     facts = [
         (
             "Area by cells",
             f"{_m2(found.area_m2)} ({cells}); between {_m2(found.low_m2)} and "
-            f"{_m2(found.high_m2)}, for a cell counts from {share:.0%} region on",
+            f"{_m2(found.high_m2)}, for a cell counts from {flown.least_share:.0%} region on",
         ),
         (
             "Perimeter by cells",

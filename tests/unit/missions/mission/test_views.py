@@ -15,6 +15,7 @@ from missions.mission.views import (
     G_M_S2,
     beside_rows_m,
     reaches_m,
+    rim_share,
     rows_across,
     wind_toward,
 )
@@ -113,3 +114,18 @@ def test_the_side_to_which_the_camera_does_not_look_comes_nearer() -> None:
     level = windy(5.0, 270.0, east_ahead=False, mounting="gimbal")
     assert beside_rows_m(level.mission, level.grid, 12.0, east_ahead=False) == 0.0
     assert rows_across(level.mission, level.grid, east_ahead=False) >= west.lane_rows
+
+
+@pytest.mark.parametrize(
+    ("pose_error_m", "cell_m", "expected"),
+    [(0.0, 4.0, 0.3), (0.5, 4.0, 0.175), (0.5, 10.0, 0.25), (5.0, 4.0, 0.15)],
+)
+def test_rim_share_allows_for_the_error_of_the_pose_and_keeps_half(
+    pose_error_m: float, cell_m: float, expected: float
+) -> None:
+    made = mission(square(0, 0, 40, 30), square(-30, -30, 120, 100))
+    camera = made.camera.model_copy(update={"pose_error_m": pose_error_m})
+    grid = made.grid.model_copy(update={"cell_m": cell_m})
+    assert made.detector.share == 0.3
+    changed = made.model_copy(update={"camera": camera, "grid": grid})
+    assert rim_share(changed) == pytest.approx(expected)

@@ -241,7 +241,7 @@ def test_who_writes_cells_takes_some_at_a_time(tmp_path: Path) -> None:
     geojson.write(data, tmp_path / "warm")
     with traced() as memory:
         data = replace(data, cells=some)
-        extent(data, 0.5)
+        extent(data, 0.5, 0.5)
         geojson.write(data, tmp_path / "map.geojson")
         kml.write(data, tmp_path / "map.kml")
         most = memory()[1]

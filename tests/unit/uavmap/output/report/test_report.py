@@ -53,7 +53,7 @@ def test_the_report_of_a_flight_has_what_a_customer_asks_for(tmp_path: Path) -> 
         "47.3000° N",
         "8.5000° E",
         "20 m",
-        "96 m² (6 cells of 4 m); between 29 m² and 144 m²",
+        "96 m² (6 cells of 4 m); between 17 m² and 144 m²",
         "40 m along the sides of cells",
         "Frames judged 34",
         "6 region, 15 not region",
