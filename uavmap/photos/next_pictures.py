@@ -7,7 +7,7 @@ Pictures are taken one by one, each the best beside those that are taken already
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -15,7 +15,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from missions.mapping.evidence import CellSums
+from missions.mapping.unsure import Unsure
 from uavmap.base.atomic_write import write_text
+from uavmap.photos.scratch_file import Said
 
 NEXT: Final = "next.txt"
 REACH: Final = 2.5
@@ -77,6 +80,27 @@ def next_pictures(unsure: Sequence[UnsureGround]) -> list[Next]:
         found.append(Next(some[best].picture, round(float(gains[best]), 1)))
         area_m2 = np.where(reached[best], 0.0, area_m2)
     return found
+
+
+def asked(judged: Iterable[tuple[str, Said]], unsure: Unsure, cell_m2: float) -> list[Next]:
+    """Return the pictures whose painting would settle most of the unsure ground.
+
+    Args:
+        judged: The pictures of a map, by name.
+        unsure: The unsure cells of the map.
+    """
+    pictures = [(name, said) for name, said in judged if said.unlike is not None]
+    shown = CellSums(1)
+    for _, said in pictures:
+        shown.add(said.cells[said.unsure], np.ones((int(said.unsure.sum()), 1), np.int64))
+    cells, counts = shown.table()
+    parts = np.where(unsure.are(cells), 1.0 / counts[:, 0], 0.0)
+    part_of = dict(zip(map(tuple, cells.tolist()), parts.tolist(), strict=True))
+    ground = []
+    for name, said in pictures:
+        here = sum(part_of[cell] for cell in map(tuple, said.cells[said.unsure].tolist()))
+        ground.append(UnsureGround(name, np.asarray(said.unlike), cell_m2 * here))
+    return next_pictures(ground)
 
 
 def _near(mine: Array, places: Array) -> NDArray[np.bool_]:

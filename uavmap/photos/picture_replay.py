@@ -24,7 +24,7 @@ import numpy as np
 
 from missions.events import FrameLost, FrameSeen, Tracked, Vote, Weighed
 from missions.flight.setting import Setting
-from missions.mapping.evidence import CellSums, Evidence
+from missions.mapping.evidence import Evidence
 from missions.mapping.unsure import Unsure
 from missions.units import Cell, GridPoint
 from uavmap.base.atomic_write import write_bytes
@@ -36,13 +36,13 @@ from uavmap.output.drawing import judged
 from uavmap.output.facts.boundary_file import BoundaryMap
 from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.flown_mission import TAKEN, Calendar, taken_meta
-from uavmap.output.results import Replayed, Votes, flown_replay, weighed, write_replay
+from uavmap.output.results import Decided, Replayed, Votes, flown_replay, weighed, write_replay
 from uavmap.photos.ground.fine_map import FineMap, beneath
 from uavmap.photos.ground.judging import Judge, Task
 from uavmap.photos.ground.rasters import Rasters, Wishes
 from uavmap.photos.ground.surface import Footing, Scene
-from uavmap.photos.next_pictures import Next, UnsureGround, next_pictures, write_next
-from uavmap.photos.scratch_file import Spool
+from uavmap.photos.next_pictures import asked, write_next
+from uavmap.photos.scratch_file import Said, Spool
 from uavmap.photos.sources.inventory import PICTURES_FILE, Gathered, PictureRow, write_pictures
 from uavmap.photos.sources.picture_record import Placed, above_ground, credible
 from uavmap.photos.workers import Crew, Threads, threads_of
@@ -90,15 +90,11 @@ class Looked:
     def written(self, journal: Journal, folder: Path) -> dict[str, Any]:
         """Write journal, map and figures of the replay; return the summary."""
         scene = Scene.of(self.footings(), self.setting)
-        mission = self.setting.mission
-        votes = Votes(mission.votes.frames, mission.votes.positive)
-        evidence = Evidence() if mission.by_evidence else None
+        votes, evidence = self._counters()
         log = FlightLog()
         unsure = Unsure()
         journal.append_all(log.noting(self._events(votes, evidence, unsure)))
-        share = mission.detector.share
-        table, undecided = votes.counted() if evidence is None else weighed(evidence, share)
-        table = table.doubted(unsure.are(table.cells))
+        table, undecided = self._decided(votes, evidence, unsure)
         mapped = Replayed(
             table,
             undecided,
@@ -128,26 +124,31 @@ class Looked:
             _LOG.info(line)
         write_pictures(self._rows(), folder / PICTURES_FILE)
         if any(self.spool.get(n).unlike is not None for n in self.numbers[:1]):
-            write_next(self.asked(unsure), folder)
+            write_next(asked(self.judged(), unsure, self.setting.grid.cell_m**2), folder)
         self._log()
         return summary
 
-    def asked(self, unsure: Unsure) -> list[Next]:
-        """Return the pictures whose painting would settle most of the unsure ground."""
-        cell_m2, found = self.setting.grid.cell_m**2, []
-        told = [(number, self.spool.get(number)) for number in self.numbers]
-        shown = CellSums(1)
-        for _, said in told:
-            shown.add(said.cells[said.unsure], np.ones((int(said.unsure.sum()), 1), np.int64))
-        cells, counts = shown.table()
-        parts = np.where(unsure.are(cells), 1.0 / counts[:, 0], 0.0)
-        part_of = dict(zip(map(tuple, cells.tolist()), parts.tolist(), strict=True))
-        for number, said in told:
-            if said.unlike is not None:
-                here = sum(part_of[cell] for cell in map(tuple, said.cells[said.unsure].tolist()))
-                name = self.shots[number].placed.picture.name
-                found.append(UnsureGround(name, said.unlike, cell_m2 * here))
-        return next_pictures(found)
+    def counted(self, unsure: Unsure) -> Decided:
+        """Return the map's cells without a journal; fill `unsure`."""
+        votes, evidence = self._counters()
+        for _ in self._events(votes, evidence, unsure):
+            pass
+        return self._decided(votes, evidence, unsure)
+
+    def _counters(self) -> tuple[Votes, Evidence | None]:
+        mission = self.setting.mission
+        votes = Votes(mission.votes.frames, mission.votes.positive)
+        return votes, Evidence() if mission.by_evidence else None
+
+    def _decided(self, votes: Votes, evidence: Evidence | None, unsure: Unsure) -> Decided:
+        share = self.setting.mission.detector.share
+        table, undecided = votes.counted() if evidence is None else weighed(evidence, share)
+        return table.doubted(unsure.are(table.cells)), undecided
+
+    def judged(self) -> Iterator[tuple[str, Said]]:
+        """Yield the name and the judgement of each used picture."""
+        for number in self.numbers:
+            yield self.shots[number].placed.picture.name, self.spool.get(number)
 
     @property
     def numbers(self) -> list[int]:
@@ -314,21 +315,6 @@ def look_at_all(
     judge = replace(judge, search=UprightSearch(setting.grid, search.pitch_m))
     # marks and pictures that were judged elsewhere are laid on the ground here
     return Looked(setting, gathered, refused, shots, spool, judge, threads_of(crew))
-
-
-def pictures_to_paint(gathered: Gathered, setting: Setting) -> list[Next]:
-    """Return the pictures whose painting would settle most ground, by the poses of their tags.
-
-    Raises `ImageError` if no tags allow to use a picture.
-    """
-    with Spool() as spool:
-        looked = look_at_all(gathered, setting, spool)
-        looked.refuse_empty()
-        unsure = Unsure()
-        for number in looked.numbers:
-            said = spool.get(number)
-            unsure.add(said.cells, said.unsure)
-        return looked.asked(unsure)
 
 
 def _turn(judge: Judge, shots: Sequence[Shot], spool: Spool) -> None:

@@ -25,6 +25,7 @@ from missions.errors import ImageError, OutputError
 from uavmap.base.atomic_write import write_bytes
 from uavmap.base.image_files import read_image
 from uavmap.photos.tune.examples import file_bytes, list_pictures, read_picture, refuse_same_folder
+from uavmap.photos.tune.study import Study
 
 HOST: Final = "127.0.0.1"
 MOST_BYTES: Final = 16_000_000
@@ -36,10 +37,16 @@ _POLICY: Final = (
 
 
 class Easel:
-    """The pictures that are painted, and where their masks go; `ImageError` without pictures."""
+    """The pictures that are painted, and where their masks go; `ImageError` without pictures.
 
-    def __init__(self, images: Path, masks: Path, width_px: int) -> None:
+    `study` learns from the masks; None where the page is to paint on only.
+    """
+
+    def __init__(
+        self, images: Path, masks: Path, width_px: int, study: Study | None = None
+    ) -> None:
         refuse_same_folder(images, masks)
+        self.study: Final = study
         self.pictures: Final = list_pictures(images)
         self.masks: Final = masks
         self.width_px: Final = width_px
@@ -103,6 +110,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._say(HTTPStatus.UNPROCESSABLE_ENTITY, str(error))
 
     def _told(self, what: str | None, index: int | None) -> None:
+        study = self._easel.study
         if what == "":
             page = (resources.files("uavmap.photos.tune") / _PAGE).read_bytes()
             self._answer(HTTPStatus.OK, page, "text/html; charset=utf-8")
@@ -111,6 +119,16 @@ class _Handler(BaseHTTPRequestHandler):
         elif what == "picture" and index is not None:
             self._answer(HTTPStatus.OK, self._easel.picture(index), "image/jpeg")
         elif what == "mask" and index is not None and (data := self._easel.mask(index)):
+            self._answer(HTTPStatus.OK, data, "image/png")
+        elif what == "round":
+            told = None if study is None else study.round.as_json()
+            self._answer(HTTPStatus.OK, json.dumps(told).encode(), "application/json")
+        elif (study is not None and what == "map" and (data := study.map())) or (
+            study is not None
+            and what == "doubtful"
+            and index is not None
+            and (data := study.doubtful(self._easel.pictures[index]))
+        ):
             self._answer(HTTPStatus.OK, data, "image/png")
         else:
             self._say(HTTPStatus.NOT_FOUND, "not found")
@@ -132,9 +150,12 @@ class _Handler(BaseHTTPRequestHandler):
                 self._say(HTTPStatus.INSUFFICIENT_STORAGE, f"not saved: {error.strerror}")
 
     def do_POST(self) -> None:
-        """End the painting."""
+        """Learn from what is painted, or end the painting."""
         what, _ = self._asked()
-        if what == "done":
+        if what == "learn" and self._easel.study is not None:
+            began = self._easel.study.learn()
+            self._say(HTTPStatus.OK, "learning" if began else "a round is under way")
+        elif what == "done":
             self._say(HTTPStatus.OK, "done")
             self._easel.done.set()
         else:
@@ -151,7 +172,7 @@ class _Handler(BaseHTTPRequestHandler):
             return None, None
         if not token or not secrets.compare_digest(token[0].encode(), self._token.encode()):
             return None, None
-        what, _, number = "/".join(self.path.split("/")[2:]).partition("/")
+        what, _, number = "/".join(self.path.partition("?")[0].split("/")[2:]).partition("/")
         known = number.isascii() and number.isdigit() and len(number) < 9
         index = int(number) if known else -1
         return what, index if 0 <= index < len(self._easel.pictures) else None
@@ -189,12 +210,18 @@ def served(easel: Easel) -> Iterator[str]:
         thread.join()
 
 
-def paint(images: Path, masks: Path, width_px: int, say: Callable[[str], None]) -> None:
+def paint(
+    images: Path,
+    masks: Path,
+    width_px: int,
+    say: Callable[[str], None],
+    study: Study | None = None,
+) -> None:
     """Serve the page until the painter is done (or Ctrl-C, which raises `KeyboardInterrupt`).
 
     Raises `ImageError` for a folder without pictures, `OutputError` if masks cannot be kept.
     """
-    easel = Easel(images, masks, width_px)
+    easel = Easel(images, masks, width_px, study)
     try:
         masks.mkdir(parents=True, exist_ok=True)
     except OSError as error:

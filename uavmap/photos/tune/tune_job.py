@@ -16,16 +16,10 @@ import tomlkit
 from numpy.typing import NDArray
 
 from missions.errors import ImageError, OutputError
-from missions.flight.setting_of import setting_of
 from uavmap.base.atomic_write import umask, write_bytes, write_text
-from uavmap.base.messages import muted
-from uavmap.load.detector_source import detector_text
-from uavmap.load.mission_source import mission_of_text
 from uavmap.output.summary import encode
-from uavmap.photos.mission_from_photos import derived
-from uavmap.photos.next_pictures import NEXT, Next, write_next
-from uavmap.photos.picture_replay import pictures_to_paint
-from uavmap.photos.sources.inventory import gather, open_source
+from uavmap.photos.draft_map import MAP, Drafts
+from uavmap.photos.next_pictures import NEXT, write_next
 from uavmap.photos.tune.examples import Example, list_pictures, load_examples, read_picture
 from uavmap.photos.tune.familiar_ground import (
     Sure,
@@ -52,7 +46,7 @@ MODEL: Final = "model.json"
 DETECTOR: Final = "detector.toml"
 REPORT: Final = "report.json"
 OVERLAYS: Final = "overlays"
-FILES: Final = (MODEL, REPORT, OVERLAYS, NEXT, DETECTOR)
+FILES: Final = (MODEL, REPORT, OVERLAYS, MAP, NEXT, DETECTOR)
 _OTHERS: Final = 24  # pictures without examples that the features are normalised by
 _SHOWN: Final = 12  # of those, so many are drawn
 _LEAST_SPREAD: Final = 1e-3
@@ -73,8 +67,15 @@ class Wishes:
     sets: tuple[str, ...] = tuple(SETS)
 
 
-def tune(images: Path, where: Path, out: Path, wishes: Wishes, say: Say) -> dict[str, Any]:
-    """Learn a detector; return the report.
+def tune(
+    images: Path,
+    where: Path,
+    out: Path,
+    wishes: Wishes,
+    say: Say,
+    drafts: Drafts | None = None,
+) -> dict[str, Any]:
+    """Learn a detector, draw a map of the pictures with it; return the report.
 
     `out` is made once all its content is: an interruption, or a full disk, leaves nothing. Raises
     `ImageError` for faults of pictures or examples, `UavmapError` without scikit-learn,
@@ -92,22 +93,19 @@ def tune(images: Path, where: Path, out: Path, wishes: Wishes, say: Say) -> dict
             write_text(folder / DETECTOR, _detector_toml(choice, report))
             write_text(folder / REPORT, encode(report) + "\n")
             _draw(folder / OVERLAYS, examples, others[:_SHOWN], choice, found.model)
-            write_next(_asked(images, folder, say), folder)
+            _draft(drafts or Drafts(images), folder, say)
     except OSError as error:
         raise OutputError(f"--out {out} cannot be written: {error.strerror}") from None
     return report
 
 
-def _asked(images: Path, detector: Path, say: Say) -> list[Next]:
-    """Return the pictures to paint next; without tags of their poses none, which is reported."""
+def _draft(drafts: Drafts, folder: Path, say: Say) -> None:
+    """Draw a map, and name the pictures to paint next; say why where no picture has a place."""
     try:
-        with muted():
-            gathered = gather(open_source(images))
-            text = derived(gathered, None, detector=detector_text(detector))
-            return pictures_to_paint(gathered, setting_of(mission_of_text(text, str(images))))
+        drafts.draw(folder, folder)
     except ImageError as error:
-        say(f"{NEXT} names no picture, since their tags do not place them: {error}; a replay does")
-        return []
+        say(f"no map, and no picture is asked for: {error}")
+    write_next(drafts.asked, folder)
 
 
 @contextmanager
@@ -122,7 +120,8 @@ def _whole(out: Path) -> Iterator[Path]:
             folder.rename(out)
             return
         for name in FILES:  # among what lies there already; what names the model comes last
-            (folder / name).rename(out / name)
+            if (folder / name).exists():
+                _replace(folder / name, out / name)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -134,6 +133,12 @@ class Learned(NamedTuple):
     choice: Choice
     pictures: Sequence[Picture]
     sure: Sequence[Sure]
+
+
+def _replace(new: Path, old: Path) -> None:
+    if old.is_dir():
+        shutil.rmtree(old)
+    new.rename(old)
 
 
 def learned(

@@ -16,6 +16,8 @@ from uavmap.journal.results_folder import refuse_unwritable
 from uavmap.photos.next_pictures import NEXT
 from uavmap.photos.tune.paint_page import paint
 from uavmap.photos.tune.selection import KINDS, SETS
+from uavmap.photos.tune.study import Study
+from uavmap.photos.tune.training import need_learner
 from uavmap.photos.tune.tune_job import FILES, Wishes, tune
 from uavmap.ui.cli.common import number_type, overwrite_nothing
 from uavmap.ui.cli.option_table import add_options
@@ -79,12 +81,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Tune."""
-    if options.paint:
-        paint(Path(options.images), Path(options.examples), options.width, Terminal().show)
-        if options.out is None:
-            return 0
+    images, examples = Path(options.images), Path(options.examples)
     if options.out is None:
-        raise OutputError("--out is missing; name a folder for the detector")
+        if not options.paint:
+            raise OutputError("--out is missing; name a folder for the detector")
+        paint(images, examples, options.width, Terminal().show)
+        return 0
     out = Path(options.out)
     overwrite_nothing(out, FILES)
     refuse_unwritable(out)
@@ -95,7 +97,12 @@ def run(options: argparse.Namespace) -> int:
         (options.model,) if options.model else KINDS,
         (options.features,) if options.features else tuple(SETS),
     )
-    report = tune(Path(options.images), Path(options.examples), out, wishes, Terminal().show)
+    if options.paint:
+        need_learner()
+        study = Study(images, examples, out, wishes)
+        paint(images, examples, options.width, Terminal().show, study)
+        study.finish()
+    report = tune(images, examples, out, wishes, Terminal().show)
     if options.json:
         print(json.dumps(report, indent=2))
         return 0
