@@ -47,7 +47,8 @@ def plan_once(
     """
 
     def plan() -> Plan:
-        moves = tuning if COMPILED else Tuning(tuning.penalty_s, moves=UNCOMPILED_MOVES)
+        few = UNCOMPILED_MOVES
+        moves = tuning if COMPILED else Tuning(tuning.penalty_s, moves=few, tour_moves=few)
         planner = Planner(moves)
         worth = valued(planner, known, frames, majority)
         next_s = [max(flyer.kinematics.frame_s, flyer.blind_s) for flyer in team]

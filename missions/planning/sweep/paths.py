@@ -154,6 +154,8 @@ class Tuning:
     """How many cells beyond the work are considered."""
     least_chance: float = 0.08
     moves: int = 700
+    tour_moves: int = 5000
+    """From the waypoints of tours, which come every few seconds and are a rough beginning."""
     hot_s: float = 0.6
     cold_s: float = 0.03
     keep_s: float = 0.5

@@ -174,12 +174,12 @@ class Planner:
         for k, flyer in enumerate(team):
             self._warm(flyer, search, k, begin_s)
         kept_s = self._cost_of_kept(team, search, begin_s)
-        cost_s = self._improve(search, valued, seed)
+        cost_s = self._improve(search, valued, seed, tuning.moves)
         if tours:
             other = _Search.of(rows, chart, valued)
             for k, (flyer, tour) in enumerate(zip(team, tours, strict=True)):
                 self._warm(flyer, other, k, begin_s, tour)
-            other_s = self._improve(other, valued, seed)
+            other_s = self._improve(other, valued, seed, tuning.tour_moves)
             if other_s < cost_s:
                 search, cost_s = other, other_s
         if cost_s > kept_s - tuning.keep_s:
@@ -190,11 +190,11 @@ class Planner:
             tuple(path for path, _ in flown), tuple(route for _, route in flown), valued[3], cost_s
         )
 
-    def _improve(self, search: _Search, valued: Valued, seed: int) -> float:
+    def _improve(self, search: _Search, valued: Valued, seed: int, moves: int) -> float:
         tuning = self.tuning
         random = np.array([seed % 2147483646 + 1], np.int64)
         return kernels.improve(
-            search.team, search.ways, search.cells, valued[2], tuning.moves, tuning.hot_s,
+            search.team, search.ways, search.cells, valued[2], moves, tuning.hot_s,
             tuning.cold_s, self._urgent, tuning.last_share, random,
         )  # fmt: skip
 
