@@ -130,11 +130,19 @@ class EveryPatch(Covering):
         return share_by_time(setting.lanes, setting.pads)
 
     def asked_for(self, setting: Setting, state: State) -> list[Cell]:
-        """Cells of the box that no frame has shown, and those that a frame took for region."""
-        shown, tallies = state.shown, state.belief.open_tallies.as_dict()
+        """Cells of the box that no frame has shown, and those that a frame took for region.
+
+        And those beside what is region from on high: some frame may have taken one for ground
+        before it is known from below that a patch reaches it.
+        """
+        shown, belief = state.shown, state.belief
+        tallies = belief.open_tallies.as_dict()
         unseen = [cell for cell in setting.box_cells if cell not in tallies and cell not in shown]
-        region = [cell for cell, (positive, _) in tallies.items() if positive]
-        return unseen + state.belief.undecided(region)
+        asked = {cell for cell, (positive, _) in tallies.items() if positive}
+        for cell in state.overview.roi:
+            if belief.verdict(cell) is not False:
+                asked.update(near for near in cell.neighbours() if near in tallies)
+        return unseen + belief.undecided(asked)
 
     def open_cells(self, setting: Setting, state: State) -> frozenset[Cell]:
         """Those, and the cells beside a patch."""

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from missions.flight.dispatch import assign
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
+from missions.flight.strategy.every_patch import ALL
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.overview import with_plain
 from missions.orders import TakeOff
@@ -76,3 +77,21 @@ def test_who_has_no_lane_takes_off_as_soon_as_there_is_an_outline_to_map() -> No
         belief = belief.with_frame(None, FrameId(1, float(k)), dict.fromkeys(region, True))
     order = assign(setting, replace(state, belief=belief)).vehicles[5].order
     assert order == TakeOff(mission.altitude_m(4))
+
+
+def test_cell_beside_what_is_region_from_on_high_is_asked_for_until_it_is_decided() -> None:
+    setting = setting_of(load("bay"))
+    state = State.initial(setting)
+    region, beside, far = Cell(10, 20), Cell(11, 20), Cell(30, 20)
+    overview, belief = state.overview, state.belief
+    for k in range(3):
+        overview = overview.with_frame(None, FrameId(1, float(k)), {region: True})
+    belief = belief.with_frame(None, FrameId(2, 5.0), {beside: False, far: False})
+    state = replace(state, belief=belief, overview=overview)
+    asked = ALL.asked_for(setting, state)
+    assert beside in asked
+    assert far not in asked  # a frame took it for ground, and no region is near
+    seen = state.belief
+    for k in range(3):
+        seen = seen.with_frame(None, FrameId(2, 6.0 + k), {region: False})
+    assert beside not in ALL.asked_for(setting, replace(state, belief=seen))
