@@ -6,7 +6,7 @@
 
 The vehicles stand in a row on the pier, 15 m apart, by turns of the lower and of the higher layer.
 With `--comms` each has a service and a layer of its own; more than five have no room for that below
-the 40 m of `bay`, and map from higher. A line of JSON is printed for each team;
+the 42 m of `bay`, and map from higher. A line of JSON is printed for each team;
 `--picture` draws such lines, read from standard input.
 """
 
@@ -30,7 +30,7 @@ from uavmap.runner.flight import fly
 from uavmap.runner.simulated_fleet import fly_fleet
 
 GAP_M = 15.0
-HIGHEST_M, LOWEST_M, LAYERS_M = 40.0, 28.0, 3.0
+HIGHEST_M, LOWEST_M, LAYERS_M = 42.0, 30.0, 3.0
 """Where five of a fleet map from, each in its own layer."""
 TEAMS = (1, 2, 5, 10, 20)
 FIGURES = (
@@ -62,7 +62,7 @@ def text_for(vehicles: int, *, apart: bool = False) -> str:
         return text
     # (the file gives the lower of its two layers)
     raised_m = max(HIGHEST_M, LOWEST_M + LAYERS_M * (vehicles - 1)) - LAYERS_M
-    return re.sub(r"(?m)^altitude_m = 37\.0.*$", f"altitude_m = {raised_m:.1f}", text, count=1)
+    return re.sub(r"(?m)^altitude_m = 39\.0.*$", f"altitude_m = {raised_m:.1f}", text, count=1)
 
 
 def flown(vehicles: int, comms: str | None, seed: int) -> dict[str, Any]:

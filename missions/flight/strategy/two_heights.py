@@ -122,11 +122,12 @@ class TwoHeights(OneHeight):
         return (ROUND * setting.lane_rows * setting.grid.cell_m, *LANE_CUTS_M)
 
     def shortened(self, setting: Setting, vehicle: VehicleState, lane: Lane) -> Lane:
-        """The last column is in the picture for all of its frames at full speed, and one more."""
+        """The last column is in the picture for a verdict at full speed, and one frame more; the
+        turn that follows adds the others."""
         mission, height_m = setting.mission, vehicle.cruise_height_m
         halves_m = seen_whole_m(mission, height_m, east_ahead=setting.east_ahead)
         ahead_m = halves_m[0] if setting.east_ahead else halves_m[1]
-        seen_s = (mission.votes.frames + 1) * mission.camera.interval_s
+        seen_s = (mission.votes.positive + 1) * mission.camera.interval_s
         short_m = ahead_m - seen_s * path_speed_m_s(mission, height_m)
         length_m = lane[0].distance_to(lane[1])
         short_m = min(max(short_m, 0.0), MOST_OFF * length_m)

@@ -135,7 +135,7 @@ def test_the_film_in_the_bay_is_wide_and_in_three_pieces() -> None:
     pads = [grid.fixed(place) for place in homes(mission)]
     assert min(a.distance_to(b) for a, b in combinations(pads, 2)) >= 20.0
     heights = [(mission.altitude_m(k), mission.search_altitude_m(k)) for k in range(len(pads))]
-    assert heights == [(37.0, 100.0)] * 2 + [(40.0, 100.0)] * 3
+    assert heights == [(39.0, 100.0)] * 2 + [(42.0, 100.0)] * 3
 
 
 def test_in_a_fleet_vehicles_share_no_layer() -> None:
@@ -143,8 +143,8 @@ def test_in_a_fleet_vehicles_share_no_layer() -> None:
     check_fleet(mission, "bay.toml")
     check(mission, "bay.toml")
     heights = [(mission.altitude_m(k), mission.search_altitude_m(k)) for k in range(5)]
-    assert heights == [(28.0 + 3.0 * k, 88.0 + 3.0 * k) for k in range(5)]
+    assert heights == [(30.0 + 3.0 * k, 88.0 + 3.0 * k) for k in range(5)]
     assert with_own_air(mission) == mission
     many = shipped("bay").model_copy(update={"vehicles": shipped("bay").vehicles[:1] * 15})
-    with pytest.raises(MissionFileError, match=r"the lowest is at -5 m.*fly fewer vehicles"):
+    with pytest.raises(MissionFileError, match=r"the lowest is at -3 m.*fly fewer vehicles"):
         check_fleet(with_own_air(many), "bay.toml")
