@@ -1,8 +1,7 @@
 """From a picture to verdicts: which cells it shows, and how much of each is ROI.
 
 The detector works on the raw picture, as in the paper. The camera's homography resamples its marks
-onto the grid, which takes out yaw, meridian convergence, tilt and height in one step. Then the
-pixels of each cell are counted.
+onto the grid, which takes out yaw, meridian convergence, tilt and height in one step.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 
 import { Board, Raster } from "flight_board";
 
+const GROUND_MS = 2000; // between two loads of the ground
 const EASE_S = 0.35; // a marker glides to where its vehicle was heard last
 
 export class FlightMap {
@@ -37,14 +38,26 @@ export class FlightMap {
     this.view = null;
     this.stale = true;
     this.background = null;
-    if (scene.background) {
-      const image = new Image();
-      image.onload = () => {
-        this.background = image;
-        this.stale = true;
-      };
-      image.src = scene.background.url;
-    }
+    this.ground = null; // the picture of which it was loaded last
+    this.loadGround();
+  }
+
+  // the ground beneath the cells; one that grows is loaded again after new pictures
+  loadGround() {
+    const { background } = this.scene;
+    const picture = this.board.fields.picture ? this.board.fields.picture.id : "";
+    if (!background || this.loading || this.ground === picture) return;
+    if (this.ground !== null && !background.grows) return;
+    this.loading = true;
+    this.ground = picture;
+    const image = new Image();
+    image.onload = () => {
+      this.background = image;
+      this.stale = true;
+      setTimeout(() => (this.loading = false), GROUND_MS);
+    };
+    image.onerror = () => (this.loading = false);
+    image.src = `${background.url}?${picture}`;
   }
 
   take(delta) {
@@ -54,6 +67,7 @@ export class FlightMap {
     );
     if (delta.since === 0) this.shown = {};
     this.stale = true;
+    this.loadGround();
     return good;
   }
 

@@ -10,8 +10,10 @@ from typing import Any, Final
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from uavmap.ui.page.board import Board, Delta
+from uavmap.ui.page.mosaic import Mosaic
 from uavmap.ui.page.page_pipe import Words
 
 MOST_PICTURES: Final = 24
@@ -75,7 +77,8 @@ class Hub:
         self.ended = ""
         """Why nothing more will come; empty while it may."""
         self.timeline = Timeline() if config.get("timeline") else None
-        self.background = b""
+        self._background = b""
+        self._mosaic: Mosaic | None = None
         self.answers: dict[str, asyncio.Future[str]] = {}
         self._frames = Path(config["frames"]) if config.get("frames") else None
         self._pictures: dict[str, bytes] = {}
@@ -107,17 +110,20 @@ class Hub:
         match words.get("kind"):
             case "scene":
                 self.scene = words["scene"]
+                ground = words["scene"].get("background")
+                if ground is not None and ground["grows"]:
+                    self._mosaic = Mosaic(ground, self._background)
             case "delta":
                 self.board.apply(words["delta"])
                 if self.timeline is not None:
                     self.timeline.add(self.board.field("t_s") or 0.0, words["delta"])
             case "picture":
-                shown = await asyncio.to_thread(_shown, data, words.get("shape"))
+                shown = await asyncio.to_thread(self._take_picture, words, data)
                 self._pictures[str(words["id"])] = shown
                 while len(self._pictures) > MOST_PICTURES:
                     del self._pictures[next(iter(self._pictures))]
             case "background":
-                self.background = data
+                self._background = data
             case "answer":
                 answer = self.answers.pop(str(words.get("id")), None)
                 if answer is not None and not answer.done():
@@ -125,6 +131,22 @@ class Hub:
             case "ended":
                 self.ended = str(words["text"])
         self.wake()
+
+    async def background(self) -> bytes:
+        """What lies under the map, as JPEG; nothing where nothing does."""
+        if self._mosaic is None:
+            return self._background
+        return await asyncio.to_thread(self._mosaic.jpeg)
+
+    def _take_picture(self, words: Words, data: bytes) -> bytes:
+        """Lay a picture on the ground; return it for the page."""
+        image = _decoded(data, words.get("shape"))
+        if image is None:
+            return b""
+        if self._mosaic is not None and "ground" in words:
+            wide = image.shape[1] / words["width_px"]
+            self._mosaic.add(image, np.diag([wide, wide, 1.0]) @ np.array(words["ground"]))
+        return _small(image)
 
     async def picture(self, name: str) -> bytes:
         """A picture as JPEG; nothing where it is not there any more."""
@@ -137,20 +159,28 @@ class Hub:
         return await asyncio.to_thread(lambda: _shown(path.read_bytes() if path.is_file() else b""))
 
 
-def _shown(data: bytes, shape: Sequence[int] | None = None) -> bytes:
+def _shown(data: bytes) -> bytes:
     """A picture small enough for a page, as JPEG; nothing for what cannot be decoded."""
+    image = _decoded(data, None)
+    return b"" if image is None else _small(image)
+
+
+def _decoded(data: bytes, shape: Sequence[int] | None) -> NDArray[np.uint8] | None:
+    """A picture, (rows, columns, 3); None of what cannot be decoded."""
     pixels: Any = np.frombuffer(data, np.uint8)
     if not data:
-        return b""
+        return None
     try:
         image = cv2.imdecode(pixels, cv2.IMREAD_COLOR) if shape is None else pixels.reshape(shape)
-        if image is None:
-            return b""
-        height, width = image.shape[:2]
-        if width > PICTURE_PX:
-            size = (PICTURE_PX, max(round(height * PICTURE_PX / width), 1))
-            image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-        good, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     except (cv2.error, ValueError):
-        return b""
-    return encoded.tobytes() if good else b""
+        return None
+    return None if image is None else np.asarray(image, np.uint8)
+
+
+def _small(image: NDArray[np.uint8]) -> bytes:
+    """A picture as JPEG, no wider than a page shows it."""
+    height, width = image.shape[:2]
+    if width > PICTURE_PX:
+        size = (PICTURE_PX, max(round(height * PICTURE_PX / width), 1))
+        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1].tobytes()

@@ -23,7 +23,7 @@ from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.runner.service import Service
 from uavmap.ui.page.feed import Feed
 from uavmap.ui.page.page_pipe import Words
-from uavmap.ui.page.page_scene import Background, marks_of, scene_of
+from uavmap.ui.page.page_scene import Background, growing, laid_on_ground, marks_of, scene_of
 from uavmap.ui.page.watching import Watcher
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")
@@ -118,7 +118,8 @@ class FlightPage(Onlooker):
             now_s=self._now_s,
         )
         self._watcher.board.set_field("hands_off", self._hands_off)
-        tell_scene(self._feed, scene_of(setting, self._background), self._background)
+        background = growing(setting, self._background)
+        tell_scene(self._feed, scene_of(setting, background), background)
         for text in self._said:
             self._watcher.say(text)
 
@@ -193,11 +194,14 @@ class FlightPage(Onlooker):
             return
         self._picture_due_s = now_s + PICTURE_S
         self._shown += 1
+        setting = self._watcher.setting
         words: Words = {"kind": "picture", "id": str(self._shown)}
+        if not setting.grid.drift_speed_m_s:
+            words |= laid_on_ground(setting, frame)
         if not isinstance(picture, bytes):
             words, picture = {**words, "shape": picture.shape}, picture.tobytes()
         if self._feed.put(words, picture):
-            marks = marks_of(self._watcher.setting, frame, event.votes)
+            marks = marks_of(setting, frame, event.votes)
             self._watcher.board.set_field("picture", {"id": words["id"], **marks})
 
     @contextlib.contextmanager
@@ -218,7 +222,7 @@ class FlightPage(Onlooker):
 
 def tell_scene(feed: Feed, scene: Words, background: Background | None) -> None:
     """Tell a page what does not change, what lies under the map first."""
-    if background is not None:
+    if background is not None and background.jpeg:
         feed.put({"kind": "background"}, background.jpeg)
     feed.put({"kind": "scene", "scene": scene})
 

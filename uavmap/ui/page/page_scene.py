@@ -6,7 +6,7 @@ import math
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -55,13 +55,17 @@ Colours = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class Background:
-    """A picture of the ground: its bytes, and the rectangle that it covers in the fixed frame."""
+    """A picture of the ground: its bytes, and the rectangle that it covers in the fixed frame.
+
+    One that `grows` is laid together of the pictures of a flight, over these bytes.
+    """
 
     jpeg: bytes
     west_m: float
     north_m: float
     width_m: float
     height_m: float
+    grows: bool = False
 
     @property
     def place(self) -> dict[str, Any]:
@@ -72,6 +76,7 @@ class Background:
             "north": self.north_m,
             "width_m": self.width_m,
             "height_m": self.height_m,
+            "grows": self.grows,
         }
 
 
@@ -96,6 +101,20 @@ def of_tiles(path: Path, setting: Setting) -> Background:
     return Background(
         _jpeg(image), west_m, north_m, round(east_m - west_m, 3), round(north_m - south_m, 3)
     )
+
+
+def growing(setting: Setting, beneath: Background | None) -> Background | None:
+    """Return a background that grows while a mission is flown.
+
+    Where the region drifts only what is given: the ground of another time would lie beneath it.
+    """
+    if setting.grid.drift_speed_m_s:
+        return beneath
+    if beneath is not None:
+        return replace(beneath, grows=True)
+    west_m, south_m, east_m, north_m = _bounds(setting)
+    size = (round(east_m - west_m, 3), round(north_m - south_m, 3))
+    return Background(b"", west_m, north_m, *size, grows=True)
 
 
 def of_mosaic(path: Path, setting: Setting) -> Background | None:
@@ -264,14 +283,26 @@ def scene_of(
     }
 
 
+def camera_of(setting: Setting, frame: KeptFrame) -> Camera:
+    """Return the camera of a picture, at the size at which it is judged."""
+    optics = setting.mission.camera.optics
+    return Camera(math.radians(frame.hfov_deg), optics.width_px, optics.height_px)
+
+
+def laid_on_ground(setting: Setting, frame: KeptFrame) -> dict[str, Any]:
+    """Return where a picture lies on the ground, for JSON."""
+    camera = camera_of(setting, frame)
+    matrix = camera.homography(frame.pose, setting.grid, frame.t_s)
+    return {"ground": matrix.tolist(), "width_px": camera.width_px}
+
+
 def marks_of(setting: Setting, frame: KeptFrame, votes: Sequence[Vote]) -> dict[str, Any]:
     """Return the verdicts of a picture, for JSON.
 
     `cells` holds, for each cell before the camera, its corners as eight shares of the picture's
     width and height, then 1 for region, else 0, and the share of it that looks so.
     """
-    optics = setting.mission.camera.optics
-    camera = Camera(math.radians(frame.hfov_deg), optics.width_px, optics.height_px)
+    optics, camera = setting.mission.camera.optics, camera_of(setting, frame)
     laid = Projection(camera, frame.pose, frame.t_s, setting.grid, setting.ground)
     corners = np.array(
         [setting.grid.corners_of(vote.cell) for vote in votes], dtype=np.float64

@@ -70,7 +70,8 @@ def serving(hub: Hub, config: Words, send: Send) -> Server:
 
     @app.get("/background")
     async def background() -> Response:
-        return Response(hub.background, 200 if hub.background else 404, None, "image/jpeg")
+        data = await hub.background()
+        return Response(data, 200 if data else 404, None, "image/jpeg")
 
     @ui.page("/")
     def page(client: Client) -> None:
