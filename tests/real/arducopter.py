@@ -67,7 +67,7 @@ class ArduCopter(Autopilot):
             "--serial1", f"udpclient:127.0.0.1:{self.relay_port}",
         )  # fmt: skip
         self.pilot.follow.append(self._see)
-        await self.pilot.awake()
+        await self._awake()
         for message_id, rate_hz in ((0, 5), (1, 2), (30, TRUTH_HZ), (33, 20), (108, TRUTH_HZ)):
             await self.pilot.stream(message_id, rate_hz)
 
@@ -95,6 +95,14 @@ class ArduCopter(Autopilot):
         self.pilot.sticks = lambda: mav.MAVLink_rc_channels_override_message(
             self.system, 1, at, at, at, at, 0, 0, 0, 0
         )
+
+    async def fail(self, what: str) -> None:
+        """Let something fail: while channels are overridden no radio control is lost."""
+        if what in ("radio", "radio back"):
+            self.pilot.sticks = None
+        await super().fail(what)
+        if what == "radio back":
+            self.hold_sticks(centred=True)
 
     async def take_off(self, height_m: float) -> None:
         """Take off in GUIDED."""

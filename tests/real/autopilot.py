@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Final
 
@@ -21,6 +22,9 @@ Values = Mapping[str, float]
 
 TRUTH_HZ: Final = 40.0
 _GONE_S: Final = 5.0
+_WAKES_S: Final = 180.0
+_LAST_WORDS: Final = 500
+"""Characters of a program's log that a failed start quotes."""
 
 
 class NotSimulatedError(Exception):
@@ -32,10 +36,13 @@ class Truth:
     """Where an aircraft really is, by its simulation, and how it moves (north, east, down)."""
 
     t_s: float
+    """Of the vehicle's own clock."""
     position: LatLon
     amsl_m: float
     attitude_rad: tuple[float, float, float]
     velocity_m_s: tuple[float, float, float]
+    arrived_s: float = field(default_factory=time.monotonic)
+    """Of the computer's clock, which all vehicles share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,12 +80,16 @@ class Autopilot(ABC):
 
     @classmethod
     def free_instance(cls, vehicles: int) -> int:
-        """The first of so many instances in a row whose ports are free."""
+        """The first of so many instances in a row that are free."""
         for first in range(0, cls.most - vehicles + 1):
-            wanted = range(first, first + vehicles)
-            if all(is_free(port + cls.step * i) for port in cls.ports for i in wanted):
+            if all(cls.is_free(instance) for instance in range(first, first + vehicles)):
                 return first
         raise AssertionError(f"too many of {cls.name} run on this computer")
+
+    @classmethod
+    def is_free(cls, instance: int) -> bool:
+        """Whether the ports of an instance are free."""
+        return all(is_free(port + cls.step * instance) for port in cls.ports)
 
     def __init__(self, program: Path, pad: Pad, extra: Values) -> None:
         self.program, self.pad = program, pad
@@ -149,8 +160,27 @@ class Autopilot(ABC):
             self._process.kill()
             await self._process.wait()
 
+    async def _awake(self, *, ready: bool = False) -> None:
+        """Wait until the autopilot says its first, or until it would arm."""
+        assert self._process is not None
+        end_s, pilot = time.monotonic() + _WAKES_S, self.pilot
+        while "HEARTBEAT" not in pilot.latest or (ready and not pilot.ready):
+            code = self._process.returncode
+            assert code is None, f"{self.name} ended with {code}: {self._last_words}"
+            assert time.monotonic() < end_s, f"{self.name} does not wake up: {self._last_words}"
+            await asyncio.sleep(0.1)
+
+    @property
+    def _last_words(self) -> str:
+        text = self._log.read_text("utf-8", errors="replace")
+        return " / ".join(text[-_LAST_WORDS:].split("\n")).strip(" /")
+
+    @property
+    def _log(self) -> Path:
+        return self.pad.folder / "autopilot.log"
+
     async def _run(self, *words: object, env: Mapping[str, str] | None = None) -> None:
-        with (self.pad.folder / "autopilot.log").open("wb") as log:
+        with self._log.open("wb") as log:
             self._process = await asyncio.create_subprocess_exec(
                 *map(str, words), cwd=self.pad.folder, env={**os.environ, **(env or {})},
                 stdin=asyncio.subprocess.DEVNULL, stdout=log, stderr=log,

@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import math
 import struct
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
@@ -22,7 +21,6 @@ SYSTEM: Final = 255
 _TRIES: Final = 6
 _ANSWER_S: Final = 2.0
 _LIST_S: Final = 90.0
-_WAKES_S: Final = 180.0
 _STICKS_S: Final = 0.1
 FENCE: Final = mav.MAV_MISSION_TYPE_FENCE
 RALLY: Final = mav.MAV_MISSION_TYPE_RALLY
@@ -143,13 +141,6 @@ class Pilot:
         """Over ground, as the autopilot believes."""
         place = self.latest.get("GLOBAL_POSITION_INT")
         return 0.0 if place is None else math.hypot(place.vx, place.vy) / 100.0
-
-    async def awake(self, *, ready: bool = False) -> None:
-        """Wait until the autopilot says its first, or until it would arm."""
-        end_s = time.monotonic() + _WAKES_S
-        while "HEARTBEAT" not in self.latest or (ready and not self.ready):
-            assert time.monotonic() < end_s, "the autopilot does not wake up"
-            await asyncio.sleep(0.1)
 
     # --- asking ----------------------------------------------------------------------------------
     async def answer(self, ask: Message, kind: str, **fields: object) -> Message:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -38,6 +39,21 @@ class Px4(Autopilot):
         "SIM_BAT_DRAIN": 720.0, "SIM_BAT_MIN_PCT": 0.0, "SDLOG_MODE": -1.0, "COM_LOW_BAT_ACT": 3.0,
     }  # fmt: skip
 
+    lock: ClassVar[str] = "/tmp/px4_lock-{}"
+    """The file that the program of an instance keeps locked."""
+
+    @classmethod
+    def is_free(cls, instance: int) -> bool:
+        """Whether its ports are free and no process has its lock."""
+        try:
+            with Path(cls.lock.format(instance)).open("r+b") as file:
+                fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except FileNotFoundError:
+            pass
+        except OSError:  # locked, or another user's file, which PX4 cannot lock
+            return False
+        return super().is_free(instance)
+
     def __init__(self, program: Path, pad: Pad, extra: Values) -> None:
         super().__init__(program, pad, extra)
         self.relay_port = 14540 + pad.instance
@@ -65,7 +81,7 @@ class Px4(Autopilot):
         """Start it anew: it knows one speed only."""
         await self._end()
         await self._begin(speed)
-        await self.pilot.awake(ready=True)  # until it has booted it answers for no parameter
+        await self._awake(ready=True)  # until it has booted it answers for no parameter
         # its scripts change this by the speed of time, which passes for it all the same
         await self.pilot.set_parameter("COM_OF_LOSS_T", 1.0)
 
@@ -86,7 +102,7 @@ class Px4(Autopilot):
             self.program, "-d", "-i", pad.instance, "-w", pad.folder, "-s",
             "etc/init.d-posix/rcS", etc, env=environment,
         )  # fmt: skip
-        await self.pilot.awake()
+        await self._awake()
         await self.pilot.stream(0, 5)
 
     def _see(self, data: bytes, address: Address) -> None:

@@ -80,7 +80,7 @@ class Referee:
         for a, b in itertools.combinations(flying, 2):
             assert a.truth is not None
             assert b.truth is not None
-            if abs(a.truth.t_s - b.truth.t_s) < _SAME_TIME_S:
+            if abs(a.truth.arrived_s - b.truth.arrived_s) < _SAME_TIME_S:
                 apart_m = math.hypot(math.dist(a.place, b.place), a.up_m - b.up_m)
                 self.least_m = min(self.least_m, apart_m)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import os
 import sys
 from collections.abc import AsyncIterator
@@ -86,6 +87,7 @@ async def test_burn_is_complete_with_swaps(rig: Rig) -> None:
 @scenario("spill, three aircraft", "spill")
 async def test_spill_is_complete_with_three(rig: Rig) -> None:
     await complete(rig)
+    assert math.isfinite(rig.referee.least_m), "no two vehicles were compared in the air"
     assert rig.referee.least_m > rig.mission.team.separation_m
 
 
