@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import sys
 from pathlib import Path
+from typing import NoReturn
 
 INTERRUPTED = 130
 
@@ -20,8 +22,21 @@ def main() -> int:
         with contextlib.suppress(OSError):
             print("uavmap: interrupted", file=sys.stderr)
         return INTERRUPTED
+
+
+def run() -> NoReturn:
+    """Run the command and end this process with its exit code.
+
+    The interpreter's end may take seconds, and resets signals that are handled, but not those that
+    are ignored: a late Ctrl-C would replace the exit code.
+    """
+    try:
+        code = main()
     finally:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
         _let_go_of_output()
+    sys.exit(code)
 
 
 def _let_go_of_output() -> None:
@@ -47,4 +62,4 @@ def _drop_working_folder() -> None:
 
 if __name__ == "__main__":
     _drop_working_folder()
-    sys.exit(main())
+    run()

@@ -120,6 +120,6 @@ def _run(
     os.environ.clear()
     os.environ.update(environment)
     sys.argv = arguments
-    from uavmap.__main__ import main  # noqa: PLC0415 - loaded by now
+    from uavmap.__main__ import run  # noqa: PLC0415 - loaded by now
 
-    sys.exit(main())
+    run()

@@ -5,15 +5,17 @@ from __future__ import annotations
 import argparse
 import errno
 import os
+import signal
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from missions.planning.stepwise import EXPLORERS
-from tests.e2e.rig import command, environment
+from tests.e2e.rig import ROOT, command, environment
 from tests.support.said import Gone
 from uavmap import __main__ as door
 from uavmap.mavlink.vehicle_view import SIMULATOR_IDENTITY
@@ -147,6 +149,34 @@ def test_other_shells_are_told_the_missions_too(
 def test_the_exit_code_is_that_of_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cli, "main", lambda: 3)
     assert door.main() == 3
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(("arguments", "code"), [(["--help"], 0), (["flyy"], 2)])
+def test_console_script_signal_after_its_last_line_keeps_its_exit_code(
+    arguments: list[str], code: int, number: signal.Signals
+) -> None:
+    """One signal comes before the interpreter resets those that are handled, one after that."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    module, function = project["scripts"]["uavmap"].split(":")
+    program = f"""
+import atexit, os, sys
+press = lambda kill=os.kill, pid=os.getpid(): kill(pid, {int(number)})
+class Late:
+    def __del__(self, press=press):
+        press()
+atexit.register(press)
+late = Late()
+sys.argv = ["uavmap", *{arguments}]
+from {module} import {function}
+sys.exit({function}())
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=environment(), capture_output=True, text=True,
+        timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == code
+    assert "KeyboardInterrupt" not in done.stderr
 
 
 def test_ctrl_c_while_it_loads_is_a_line(
