@@ -209,8 +209,18 @@ def finding(setting: Setting, state: State) -> str:
     gaps = [f"{len(cells)} cells {what}" for cells, what in reasons if cells]
     if not state.exploration_finished:
         gaps.append("it is not explored to its end")
-    found = f"a region of {len(state.belief.roi)} cells in {frames} judged frames"
-    return f"{found}; {', '.join(gaps)}" if gaps else f"{found}, explored to its end"
+    others = [p for p in patches(state.belief.roi) if p.isdisjoint(state.tree.vertices)]
+    elsewhere = sum(len(patch) for patch in others)
+    count = len(state.belief.roi) - elsewhere
+    found = f"a patch of the region, {count} cells," if others else f"a region of {count} cells"
+    found += f" in {frames} judged frames"
+    text = f"{found}; {', '.join(gaps)}" if gaps else f"{found}, explored to its end"
+    if not others:
+        return text
+    text += f"; {elsewhere} more cell{'s lie' if elsewhere > 1 else ' lies'} in"
+    if len(others) == 1:
+        return f"{text} another patch, which is not explored"
+    return f"{text} {len(others)} other patches, which are not explored"
 
 
 def _patches_found(state: State, frames: int, left_m: float) -> str:

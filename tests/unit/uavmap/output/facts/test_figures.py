@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import pytest
 
 from missions.events import (
@@ -17,11 +20,14 @@ from missions.events import (
 )
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
+from missions.flight.state import State
 from missions.flight.strategy import sweep_passes as passes
+from missions.mapping.belief import FrameId
+from missions.mapping.tree import Tree
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import fleet
 from tests.support.small_missions import mission, random_scenario, square
-from uavmap.output.facts.figures import Figures, figures, summary
+from uavmap.output.facts.figures import Figures, figures, finding, summary
 
 HOME = GridPoint(0.0, 0.0)
 
@@ -123,6 +129,31 @@ def test_a_search_that_finds_the_region_has_a_bound() -> None:
     assert values["distance_m"] == found.distance_m
     assert values["iou_cells"] is None
     assert values["cells_roi"] == len(state.belief.roi)
+
+
+@pytest.mark.parametrize(
+    ("others", "what", "rest"),
+    [
+        ((), "a region of 2 cells", ""),
+        (((3, 1),), "a patch of the region, 2 cells,",
+         "; 1 more cell lies in another patch, which is not explored"),
+        (((3, 2), (5, 3)), "a patch of the region, 2 cells,",
+         "; 5 more cells lie in 2 other patches, which are not explored"),
+    ],
+)  # fmt: skip
+def test_finding_other_patches_seen_counts_only_the_explored_one(
+    others: Sequence[tuple[int, int]], what: str, rest: str
+) -> None:
+    """The tree knows one patch: two cells. The other patches are columns of cells in the east."""
+    made, explored = setting(), [Cell(0, 4), Cell(0, 5)]
+    state = State.initial(made)
+    roi = [*explored, *(Cell(east, 4 + k) for east, high in others for k in range(high))]
+    belief = state.belief
+    for t_s in (1.0, 2.0, 3.0):
+        belief = belief.with_frame(None, FrameId(1, t_s), dict.fromkeys(roi, True))
+    tree = Tree.rooted(explored[0]).looked(explored[0], explored[1:]).looked(explored[1], ())
+    state = replace(state, belief=belief, tree=tree)
+    assert finding(made, state) == f"{what} in 3 judged frames, explored to its end{rest}"
 
 
 def test_nothing_has_happened() -> None:
