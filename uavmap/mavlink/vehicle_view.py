@@ -348,7 +348,10 @@ class VehicleView:
         if self.failsafe:
             names = {**names, **self.kind.failsafe_names}
         name = names.get(self.mode, f"mode {self.mode}")
-        return f"{name} by a failsafe" if self.failsafe else name
+        if not self.failsafe:
+            return name
+        # no failsafe selects the mode of a stream: one has begun, and has not yet changed the mode
+        return f"{name} {'with' if self.mode == self.kind.stream_mode else 'by'} a failsafe"
 
     def remaining_wh(self, capacity_wh: float) -> float | None:
         """What is left in the battery, the lower of what two messages say; None if unknown."""

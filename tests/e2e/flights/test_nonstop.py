@@ -220,7 +220,7 @@ def test_a_px4_returns_when_its_stream_ends_and_flies_again(
         before = bodies(folder)
         done = uavmap("resume", folder, "--json")
         if done.code == 3:
-            assert "has landed, not by us" in done.err
+            assert "has landed, not under our control" in done.err
             done = uavmap("resume", folder, "--json")
     assert done.code == 0, done.err
     assert done.summary["completed"] is True

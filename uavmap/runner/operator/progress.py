@@ -221,9 +221,9 @@ def _may_be_explained(event: Overridden) -> bool:
 def _of_other_hands(event: Overridden | Landed, vehicle: VehicleState, state: State) -> str:
     """That somebody else keeps a vehicle on the ground, and how it goes on."""
     if isinstance(event, Landed):
-        text = f"vehicle {event.vehicle} has landed, not by us"
+        text = f"vehicle {event.vehicle} has landed, not under our control"
     else:
-        text = f"vehicle {event.vehicle} was put into {event.mode} on the ground, not by us"
+        text = f"vehicle {event.vehicle} is in {event.mode} on the ground, not under our control"
     if state.over:
         return f"{text}; nobody else flies: the flight ends"
     then = "takes off at once" if vehicle.cleared else "waits for its crew"
@@ -238,10 +238,12 @@ def remarkable(event: Event, state: State) -> str:
             return _of_other_hands(event, vehicle, state)
     match event:
         case Overridden(vehicle=number, mode="GUIDED" | "HOLD" as mode):
-            return f"vehicle {number} was put into {mode}, not by us: it is the pilot's now"
+            by = "its pilot or its autopilot selected it"
+            return f"vehicle {number} is in {mode}, not under our control: {by}"
         case Overridden(vehicle=number, mode=mode, cause=cause):
             by = f" ({cause})" if cause else ""
-            return f"vehicle {number} is in {mode}, not by us{by}: hands off until it is in {_OURS}"
+            text = f"vehicle {number} is in {mode}, not under our control{by}"
+            return f"{text}: hands off until it is in {_OURS}"
         case Told(vehicle=number, cause=str(cause)):
             return f"vehicle {number} flies by itself: {cause}"
         case CellSkipped(vehicle=number, cell=cell):

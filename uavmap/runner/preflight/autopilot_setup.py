@@ -364,7 +364,9 @@ class AutopilotSetup:
         silent_s = asyncio.get_running_loop().time() - self._view.heard_s
         if silent_s > max(HEARD_S, 2.0 * self._session.ack_wait_s):
             return "it is silent"
-        return "" if self._view.on_ground else "it is not on the ground with its motors off"
+        if self._view.armed:
+            return "its motors are armed"
+        return "" if self._view.on_ground else "it has not reported that it is on the ground"
 
     def _say_left(self, reason: str) -> None:
         self._tell(

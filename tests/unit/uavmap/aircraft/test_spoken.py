@@ -308,6 +308,8 @@ async def test_current_mode_leaves_to_the_heartbeat_what_it_cannot_show() -> Non
     peer.session.feed(peer.frame(px4(HOLD, failsafe=True)))
     peer.session.feed(peer.frame(CurrentModeMessage(HOLD, HOLD, 0)))
     assert view.mode_name == "HOLD by a failsafe"
+    peer.session.feed(peer.frame(px4(OFFBOARD, failsafe=True)))
+    assert view.mode_name == "OFFBOARD with a failsafe"  # it waits before it leaves the mode
     peer.session.feed(peer.frame(px4(HOLD)))
     peer.session.feed(peer.frame(CurrentModeMessage(HOLD, HOLD, 0)))
     assert view.mode_name == "HOLD"

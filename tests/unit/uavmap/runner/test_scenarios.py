@@ -56,7 +56,7 @@ def test_the_vehicle_hears_nobody_for_30_seconds(autopilot):
     deaf = once(flying, lambda v: v.fail.link(silent=True, way="up", after_s=3.0, for_s=30.0))
     flight = scenario(autopilot, deaf, parameters=own)
     assert flight.code == 3
-    assert f"is in {BY_FAILSAFE[autopilot]}, not by us (" in flight.said
+    assert f"is in {BY_FAILSAFE[autopilot]}, not under our control (" in flight.said
     assert "): hands off until" in flight.said
     assert flight.columns >= {"home"}
     assert gone_on_with(flight.said)
@@ -78,8 +78,8 @@ def test_a_pilot_who_lands_is_told_how_to_go_on(autopilot):
     lands = once(after(3.0), lambda v: into(v, LAND[autopilot]))
     flight = scenario(autopilot, once(flying, lambda v: None), lands)
     assert flight.code in (3, 4)  # 4: it landed away from its pad, which is said
-    assert "is in LAND, not by us: hands off" in flight.said
-    assert "has landed, not by us" in flight.said
+    assert "is in LAND, not under our control: hands off" in flight.said
+    assert "has landed, not under our control" in flight.said
     assert gone_on_with(flight.said)
 
 
@@ -103,7 +103,7 @@ def test_a_battery_failsafe_has_the_vehicle(autopilot):
         autopilot, once(flying, lambda v: v.fail.battery_sag(9.0, after_s=3.0)), parameters=own
     )
     assert flight.code in (3, 4)
-    assert f"is in {BY_FAILSAFE[autopilot]}, not by us" in flight.said
+    assert f"is in {BY_FAILSAFE[autopilot]}, not under our control" in flight.said
     assert "landed without an order" not in flight.said
     assert gone_on_with(flight.said)
 
@@ -150,7 +150,7 @@ def test_an_altitude_fence_below_the_layer(autopilot):
     }[autopilot]  # fmt: skip
     flight = scenario(autopilot, parameters=own)
     assert flight.code == 3
-    assert f"is in {BY_FAILSAFE[autopilot]}, not by us" in flight.said
+    assert f"is in {BY_FAILSAFE[autopilot]}, not under our control" in flight.said
     assert flight.columns >= {"home"}
     assert gone_on_with(flight.said)
 
@@ -172,7 +172,7 @@ def test_a_radio_control_that_is_lost(autopilot):
         autopilot, once(flying, lambda v: v.fail.rc(after_s=3.0)), parameters=FS_RADIO[autopilot]
     )
     assert flight.code == 3
-    assert f"is in {BY_FAILSAFE[autopilot]}, not by us" in flight.said
+    assert f"is in {BY_FAILSAFE[autopilot]}, not under our control" in flight.said
 
 
 FS_RADIO = {"ardupilot": {"FS_THR_ENABLE": 1}, "px4": {"NAV_RCL_ACT": 2}}

@@ -205,9 +205,24 @@ async def test_nothing_is_put_back_under_a_vehicle_that_is_armed(
     await session.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1)
     await session.until(lambda: session.view.armed, 5.0)
     await setup.restore()
-    assert "stays set (it is not on the ground" in field.told[-1]
+    assert "stays set (its motors are armed)" in field.told[-1]
     assert field.count(0, FENCE) == 4
     assert (tmp_path / FILE).exists()
+
+
+@by(on_field, lambda: mission_of("ardupilot"))
+async def test_restore_motors_off_and_no_landing_reported_leaves_the_settings(
+    field: Field, /, tmp_path: Path
+) -> None:
+    """So it is after a disarm by force in the air."""
+    setup = field.setup(1, tmp_path)
+    assert could_fly(await setup.apply())
+    view = field.links[0].session.view
+    assert not view.armed
+    view.landed_state = mav.MAV_LANDED_STATE_IN_AIR
+    assert not await setup.restore()
+    assert "stays set (it has not reported that it is on the ground)" in field.told[-1]
+    assert field.count(0, FENCE) == 4
 
 
 @by(on_field, lambda: mission_of("ardupilot"))

@@ -54,7 +54,7 @@ def told(made: Service, event: Overridden | Landed | Released) -> str:
 def test_who_is_kept_on_the_ground_does_not_end_the_flight_of_the_others() -> None:
     made = service(2)
     line = told(made, Overridden(1, 3.0, "LOITER"))
-    assert "vehicle 1 was put into LOITER on the ground" in line
+    assert "vehicle 1 is in LOITER on the ground, not under our control" in line
     assert "it takes off at once" in line
     assert not made.state.over
     assert made.order(1) == StandDown()
@@ -91,7 +91,7 @@ def test_so_it_does_after_a_pilots_landing() -> None:
     assert "hands off until" in told(made, Overridden(1, 3.0, "LOITER"))
     assert not made.state.over
     line = told(made, Landed(1, 30.0, 40.0, position=HOME))
-    assert "vehicle 1 has landed, not by us; nobody else flies: the flight ends" in line
+    assert "vehicle 1 has landed, not under our control; nobody else flies: the flight ends" in line
     assert made.state.over
 
 
@@ -108,10 +108,10 @@ def test_nobody_waits_for_a_battery_and_for_a_pilot_who_keeps_the_other(landed: 
     ("after", "line"),
     [
         (Told(1, 3.3, 2, "Battery Failsafe", cause="battery failsafe"),
-         "vehicle 1 is in RTL, not by us (battery failsafe): hands off"),
-        (Told(1, 3.9, 6, "Mission: 1 WP"), "vehicle 1 is in RTL, not by us: hands off"),
-        (Released(1, 3.2, HOME, 12.0), "vehicle 1 is in RTL, not by us: hands off"),
-        (None, "vehicle 1 is in RTL, not by us: hands off"),
+         "vehicle 1 is in RTL, not under our control (battery failsafe): hands off"),
+        (Told(1, 3.9, 6, "Mission: 1 WP"), "vehicle 1 is in RTL, not under our control: hands off"),
+        (Released(1, 3.2, HOME, 12.0), "vehicle 1 is in RTL, not under our control: hands off"),
+        (None, "vehicle 1 is in RTL, not under our control: hands off"),
     ],
 )  # fmt: skip
 def test_change_of_mode_is_shown_once_with_the_cause_that_follows(
@@ -124,12 +124,20 @@ def test_change_of_mode_is_shown_once_with_the_cause_that_follows(
     out = io.StringIO()
     table = ProgressTable(Terminal(out))
     for event in (Overridden(1, 3.0, "RTL"), *([after] if after else [])):
-        assert "not by us" not in out.getvalue()
+        assert "not under our control" not in out.getvalue()
         made.post(event)
         table.update(event, made.state, 0)
     table.end()
-    assert out.getvalue().count("not by us") == 1
+    assert out.getvalue().count("not under our control") == 1
     assert line in out.getvalue()
+
+
+def test_mode_that_we_command_selected_by_others_is_not_under_our_control() -> None:
+    made = service(2)
+    here = replace(made.state.vehicles[1], phase=Phase.AIRBORNE, landed=False, height_m=12.0)
+    made.state = made.state.with_vehicle(here)
+    line = told(made, Overridden(1, 3.0, "GUIDED"))
+    assert "vehicle 1 is in GUIDED, not under our control: its pilot or its autopilot" in line
 
 
 # --- an aircraft that is down, and a map that is whole ----------------------------------------
