@@ -57,8 +57,9 @@ def flown_flight(
     what the simulator watched.
     """
     state, found = figures(setting, events)
-    rim = rim_cells(events, state.belief, rim_share(setting.mission))
-    state = replace(state, belief=state.belief.with_region(rim))
+    if setting.member is None:  # members of a fleet share votes, and all have the same map
+        rim = rim_cells(events, state.belief, rim_share(setting.mission))
+        state = replace(state, belief=state.belief.with_region(rim))
     truth = None
     if plan.simulated and setting.mission.sim.roi:
         truth = true_roi(setting.mission, setting.grid)

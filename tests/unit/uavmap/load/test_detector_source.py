@@ -337,7 +337,7 @@ def test_an_interrupted_tuning_leaves_nothing(
 
     monkeypatch.setattr(tuning, "load_examples", lambda *_: [])
     monkeypatch.setattr(tuning, "need_learner", lambda: None)
-    monkeypatch.setattr(tuning, "learned", lambda *_: (MODEL, None, []))
+    monkeypatch.setattr(tuning, "learned", lambda *_: tuning.Learned(MODEL, None, [], []))
     monkeypatch.setattr(tuning, "_report", lambda *_: {"pixels": {}, "cells": {}})
     monkeypatch.setattr(tuning, "_detector_toml", lambda *_: "")
     monkeypatch.setattr(tuning, "_draw", fails)  # the last that is written
