@@ -26,8 +26,8 @@ _PARTS: Final = 4
 """Gaussians of each kind of ground."""
 _SMOOTH: Final = 0.02
 """Added to each variance of the standardised features: few pictures vary too little."""
-_A_VERSION: Final = 3000
-_MOST: Final = 8000
+_A_PICTURE: Final = 6000
+_MOST: Final = 12_000
 _FEW: Final = 50
 _FLAT: Final = (0.0,) * len(QUANTILES)
 
@@ -137,14 +137,15 @@ def wrong_at_most(sure: Sequence[Sure]) -> float:
 
 
 def _samples(picture: Picture, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return features, (samples, `NAMES`), of places that are region, and surround."""
-    found: tuple[list[Array], list[Array]] = ([], [])
-    for one in picture:
-        for number, which in enumerate(clear(one)):
-            places = np.flatnonzero(which)
-            chosen = np.sort(rng.choice(places, min(len(places), _A_VERSION), replace=False))
-            found[number].append(one.values[_ROWS][:, chosen].T)
-    return np.concatenate(found[0]), np.concatenate(found[1])
+    """Return features, (samples, `NAMES`), of places that are region, and surround.
+
+    Of the picture as it is: among its variants, other ground would look familiar too.
+    """
+    plain = picture[0]
+    chosen = [np.flatnonzero(which) for which in clear(plain)]
+    chosen = [rng.choice(some, min(len(some), _A_PICTURE), replace=False) for some in chosen]
+    region, surround = (plain.values[_ROWS][:, np.sort(some)].T for some in chosen)
+    return region, surround
 
 
 def _mixture(values: Array, rng: np.random.Generator, seed: int) -> tuple[Gaussian, ...]:

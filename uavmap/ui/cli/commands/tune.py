@@ -119,12 +119,11 @@ def _show(report: dict[str, Any]) -> None:
     table = Table(title=title, title_justify="left")
     table.add_column("picture")
     for column in ("region", "pixels: precision", "recall", "IoU", "cells: precision", "recall",
-                   "IoU", "sure", "wrong when sure"):  # fmt: skip
+                   "IoU", "sure"):  # fmt: skip
         table.add_column(column, justify="right")
     for row in report["pictures"]:
-        sure = [f"{100 * row[key]:.1f} %" for key in ("sure", "wrong_when_sure")]
-        share = f"{100 * row['region_share']:.0f} %"
-        table.add_row(escape(row["picture"]), share, *_numbers(row), *sure)
+        share, sure = (f"{100 * row[key]:.0f} %" for key in ("region_share", "sure"))
+        table.add_row(escape(row["picture"]), share, *_numbers(row), sure)
     table.add_section()
     table.add_row("all", "", *_numbers(report))
     PipeConsole().print(table)
