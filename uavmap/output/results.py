@@ -1,6 +1,4 @@
-"""The results of a flight or a replay in its folder: maps, picture, summary, documents.
-
-They are read back from the journal, also of an interrupted flight."""
+"""The results of a flight or a replay in its folder, read back from the journal."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def test_the_picture_is_asked_for_that_settles_most_and_the_summary_counts(
     summary = json.loads((folder / "map" / "summary.json").read_text("utf-8"))
     unsure = int(sites.judged_cells(folder / "map", place)[1].sum())
     assert 0.9 < unsure / summary["cells_unsure"] <= 1  # a map reaches over the rim of the site
-    assert summary["completed"] is False
+    assert (summary["completed"], summary["flown_to_the_end"]) == (False, True)
     assert f"{summary['cells_unsure']} cells" in summary["finding"]
     lines = (folder / "map" / "next.txt").read_text("utf-8").splitlines()
     areas_m2 = [float(line.split("\t")[1]) for line in lines]

@@ -128,7 +128,7 @@ def doubted(values: Mapping[str, Any], cells: CellTable, setting: Setting) -> di
     area_m2 = round(count * setting.grid.cell_m**2, 1)
     found = {**values, "cells_unsure": count, "cells_unsure_m2": area_m2}
     if count:
-        found["completed"] = False
+        found["completed"], found["flown_to_the_end"] = False, values["completed"]
         found["finding"] = (
             f"{values['finding']}; {count} cells ({area_m2:,.0f} sq m) are unsure: they look like "
             "nothing that the detector was shown"

@@ -290,7 +290,8 @@ class Flown:
     def ending(self) -> str:
         """How it ended, in words."""
         if self.recorded:
-            return "Pictures" if self.completed else "Too few pictures"
+            few = not (self.completed or self.values.get("flown_to_the_end"))
+            return "Too few pictures" if few else "Pictures"
         if self.values.get("no_verdict"):
             return "No verdict"
         return "Complete" if self.completed else "Not complete"

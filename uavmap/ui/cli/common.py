@@ -163,6 +163,8 @@ def report(
         complain(line)
     if reason := summary.get("no_verdict"):
         complain(f"no verdict: {reason}; {REMEDY}")
+    elif summary.get("flown_to_the_end"):
+        complain("to settle what is unsure: paint pictures of it, and tune the detector again")
     elif goes_on and not summary["completed"] and "aircraft_down" in summary:
         # a simulated world ends with its flight: the aircraft begin again at home
         how = "" if summary.get("seed") is None else " --from-home"
@@ -174,6 +176,7 @@ def report(
     return 0 if summary["completed"] else INCOMPLETE
 
 
+NEXT: Final = "next.txt"
 OUTLINES: Final = ("boundary.geojson", "map.geojson")
 """Files with the outline of the region, the finest first."""
 PICTURES: Final = ("map.png", JUDGED, "report.html", "ortho.tif")
@@ -275,6 +278,8 @@ def rows(summary: Mapping[str, Any], folder: Path) -> Iterator[tuple[str, str]]:
         if summary.get(key):
             yield _FIGURES[key], f"{summary[key]:,}"
     yield from _files("pictures", folder, PICTURES)
+    if summary.get("cells_unsure"):
+        yield from _files("paint next", folder, (NEXT,))
 
 
 def _has(folder: Path, name: str) -> bool:

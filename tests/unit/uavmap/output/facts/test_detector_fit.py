@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,13 +20,16 @@ from missions.units import Cell
 from tests.golden.recording import STOPS
 from tests.support.small_missions import mission, square
 from uavmap.base.terminal import Terminal
+from uavmap.load.mission_source import load
 from uavmap.output.facts.detector_fit import (
     FIRST_FRAMES,
     LEAST_FRAMES,
     DetectorFit,
+    doubted,
     is_untouched,
     no_verdict,
 )
+from uavmap.output.facts.map_model import CellRow, CellTable
 from uavmap.runner.operator.progress import ProgressTable
 from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, NO_VERDICT
 from uavmap.ui.cli.common import report, rows
@@ -165,3 +169,25 @@ def test_report_no_verdict_has_an_exit_code_of_its_own(
     assert ("to go on: uavmap resume" in capsys.readouterr().err) == (verdict is None)
     ended = "no" if verdict is None else "no verdict"
     assert dict(rows(summary, tmp_path))["mission completed"] == ended
+
+
+def test_flight_with_unsure_cells_is_not_complete_and_asks_for_pictures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    setting = setting_of(load("runway"))
+    rows = [CellRow(Cell(0, 0), "unsure", 0, 3), CellRow(Cell(1, 0), "explored", 3, 3)]
+    flown = {
+        "mission": "runway", "strategy": "swath", "completed": True, "finding": "a patch",
+        "aircraft_down": [], "seed": None,
+    }  # fmt: skip
+    summary = doubted(flown, CellTable.of(rows), setting)
+    assert (summary["completed"], summary["flown_to_the_end"]) == (False, True)
+    assert (summary["cells_unsure"], summary["cells_unsure_m2"]) == (1, 16.0)
+    assert summary["finding"].startswith("a patch; 1 cells (16 sq m) are unsure")
+    (tmp_path / "next.txt").write_text("1.jpg\t16\n")
+    assert report(summary, tmp_path, as_json=False) == 3
+    shown = capsys.readouterr()
+    assert "next.txt" in shown.out
+    assert "paint pictures of it" in shown.err
+    assert "uavmap resume" not in shown.err
+    assert doubted(flown, CellTable.of(rows[1:]), setting)["completed"] is True
