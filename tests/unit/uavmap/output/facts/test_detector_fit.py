@@ -175,12 +175,12 @@ def test_flight_with_unsure_cells_is_not_complete_and_asks_for_pictures(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     setting = setting_of(load("runway"))
-    rows = [CellRow(Cell(0, 0), "unsure", 0, 3), CellRow(Cell(1, 0), "explored", 3, 3)]
+    cells = [CellRow(Cell(0, 0), "unsure", 0, 3), CellRow(Cell(1, 0), "explored", 3, 3)]
     flown = {
         "mission": "runway", "strategy": "swath", "completed": True, "finding": "a patch",
         "aircraft_down": [], "seed": None,
     }  # fmt: skip
-    summary = doubted(flown, CellTable.of(rows), setting)
+    summary = doubted(flown, CellTable.of(cells), setting)
     assert (summary["completed"], summary["flown_to_the_end"]) == (False, True)
     assert (summary["cells_unsure"], summary["cells_unsure_m2"]) == (1, 16.0)
     assert summary["finding"].startswith("a patch; 1 cells (16 sq m) are unsure")
@@ -190,4 +190,4 @@ def test_flight_with_unsure_cells_is_not_complete_and_asks_for_pictures(
     assert dict(rows(summary, tmp_path))["paint next"].endswith("next.txt")
     assert "paint pictures of it" in shown.err
     assert "uavmap resume" not in shown.err
-    assert doubted(flown, CellTable.of(rows[1:]), setting)["completed"] is True
+    assert doubted(flown, CellTable.of(cells[1:]), setting)["completed"] is True
