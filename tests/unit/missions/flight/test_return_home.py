@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from missions.events import Arrived
-from missions.flight.return_home import fly_home, turn_back
+from missions.flight.return_home import APPROACH_M, fly_home, turn_back
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
@@ -81,3 +81,33 @@ def test_path_that_ends_elsewhere_when_all_is_mapped_is_interrupted() -> None:
     state = on_path(setting, GridPoint(0.0, 300.0), GridPoint(50.0, 20.0), 400.0)
     found = turn_back(setting, state, state.vehicles[5]).vehicles[5]
     assert (found.order, found.return_reason) == (None, ReturnReason.DONE)
+
+
+def test_vehicle_that_is_nearly_home_on_its_path_descends_to_the_height_of_its_approach() -> None:
+    setting = setting_of(load("bay"))
+    state = on_path(setting, GridPoint(0.0, 300.0), setting.pad_of(5), 400.0)
+    order = state.vehicles[5].order
+    assert isinstance(order, FlyPath)
+    end_s = order.trajectory.end_s
+    down_s = (42.0 - APPROACH_M) / 3.0
+    heights = []
+    for t_s in (400.0, end_s - down_s - 1.0, end_s - down_s + 0.5):
+        state = replace(state, t_s=t_s)
+        state = turn_back(setting, state, state.vehicles[5])
+        flown = state.vehicles[5].order
+        assert isinstance(flown, FlyPath)
+        assert flown.trajectory == order.trajectory
+        heights.append(flown.height_m)
+    assert heights == [42.0, 42.0, APPROACH_M]
+    # another that lands beside its path keeps it in its layer
+    below = replace(
+        state.vehicles[4], phase=Phase.AIRBORNE, landed=False, order=Land(), height_m=20.0,
+        home=GridPoint(0.0, 20.0), position=GridPoint(0.0, 20.0), cruise_altitude_m=30.0,
+    )  # fmt: skip
+    near = on_path(setting, GridPoint(0.0, 40.0), setting.pad_of(5), 400.0)
+    near = turn_back(setting, near, near.vehicles[5])
+    crossed = turn_back(setting, near.with_vehicle(below), near.vehicles[5]).vehicles[5].order
+    free = turn_back(setting, near, near.vehicles[5]).vehicles[5].order
+    assert isinstance(crossed, FlyPath)
+    assert isinstance(free, FlyPath)
+    assert (crossed.height_m, free.height_m) == (42.0, APPROACH_M)
