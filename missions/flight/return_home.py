@@ -8,11 +8,11 @@ from missions.flight.airspace.airspace import Airspace
 from missions.flight.airspace.needs import OFF_LAYER_M, RTL_HEIGHT_M
 from missions.flight.lane_progress import set_free
 from missions.flight.setting import Setting
-from missions.flight.state import BRAKING_S, Phase, ReturnReason, State, VehicleState
+from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.geo.braking import braked
 from missions.geo.fence import route_length_m
 from missions.mission.energy import EnergyModel
-from missions.orders import FlyPath, Hold, Land, Order, TakeOff
+from missions.orders import Hold, Land, Order, TakeOff
 from missions.planning.search.lanes import point_on
 from missions.units import GridPoint
 
@@ -26,9 +26,6 @@ HEARD_S = 1.0
 """So long a vehicle flies on along its path before it hears that it has to come home."""
 REST_S = 2.0
 """Until it is seen to be at rest, and has turned round."""
-APPROACH_M = 15.0
-"""Height above its pad to which a vehicle descends on the last metres of its path home: above that
-from which autopilots land slowly, 10 m."""
 OVER_HOME_M = 1.0
 """A vehicle that is nearer to its pad may land."""
 BESIDE_M = 20.0
@@ -41,14 +38,10 @@ def turn_back(setting: Setting, state: State, vehicle: VehicleState) -> State:
     called = state.recalled or vehicle.called_home
     if isinstance(vehicle.order, TakeOff) and (called or state.exploration_finished):
         return _call_off(state, vehicle)
-    if vehicle.return_reason is ReturnReason.DONE and isinstance(vehicle.order, FlyPath):
-        return _come_down(setting, state, vehicle, vehicle.order)
     if not vehicle.works:
         return state
     if called:
         return send_home(setting, state, vehicle, ReturnReason.RECALLED)
-    if state.exploration_finished and _path_leads_home(setting, state, vehicle):
-        return state.with_vehicle(replace(vehicle, return_reason=ReturnReason.DONE))
     if state.exploration_finished:
         return send_home(setting, state, vehicle, ReturnReason.DONE)
     if not setting.fence.contains(vehicle.position):
@@ -60,36 +53,6 @@ def turn_back(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if not _can_still_turn(setting, vehicle, state.t_s):
         return send_home(setting, state, vehicle, ReturnReason.BATTERY)
     return state
-
-
-def _path_leads_home(setting: Setting, state: State, vehicle: VehicleState) -> bool:
-    """Whether a vehicle is sooner over its pad if it flies its path on than if it stops.
-
-    The end of a path drifts with the region, so it may lie a little beside the pad.
-    """
-    path = vehicle.path
-    if path is None or path.place_at(path.end_s).distance_to(vehicle.pad) > BESIDE_M:
-        return False
-    straight_s = vehicle.position.distance_to(vehicle.pad) / setting.energy.speed_m_s
-    return path.end_s - state.t_s <= BRAKING_S + straight_s
-
-
-def _come_down(setting: Setting, state: State, vehicle: VehicleState, order: FlyPath) -> State:
-    """Have a vehicle that is nearly home descend on the rest of its path, in air that is clear.
-
-    Where the mission does not say how fast that is, it descends over its pad.
-    """
-    descent_m_s = setting.mission.flight.descent_m_s
-    layer_m = vehicle.home_level_m + APPROACH_M
-    if descent_m_s is None or not setting.team.climbs_on_path or setting.ground is not None:
-        return state
-    if vehicle.cruise_altitude_m <= layer_m:
-        return state
-    if (vehicle.level_m - layer_m) / descent_m_s < order.trajectory.end_s - state.t_s:
-        return state
-    low = replace(vehicle, cruise_altitude_m=layer_m)
-    lower = replace(order, height_m=low.cruise_height_m)
-    return Airspace(setting, state).reserve(low, lower) or state
 
 
 def _can_still_turn(setting: Setting, vehicle: VehicleState, t_s: float) -> bool:

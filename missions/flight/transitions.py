@@ -245,8 +245,8 @@ def _(event: Arrived, vehicle: VehicleState, setting: Setting) -> VehicleState:
         arrived = replace(arrived, height_m=leg.height_m)  # which may be told later
     if vehicle.return_reason is not None:
         # the way home may have been reserved by another, and a part of it flown
-        whole = leg is not None and leg.route[-1].distance_to(vehicle.pad) <= BESIDE_PAD_M
-        return replace(arrived, over_home=whole)
+        part = leg is not None and leg.route[-1].distance_to(vehicle.pad) > BESIDE_PAD_M
+        return replace(arrived, over_home=not part)
     if on_path and not vehicle.on_lane:
         return arrived
     near_m = setting.grid.cell_m  # else it got out of somebody's way, and has yet to go there

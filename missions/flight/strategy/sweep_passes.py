@@ -149,10 +149,7 @@ def explore_passes(strategy: Strategy, setting: Setting, state: State) -> State:
             return _homeward(setting, state, waiting)
     if plan.work == 0:
         state = replace(state, memory=replace(memory, waiting=waiting))
-        if lanes_left:
-            return state
-        state, _, _ = _fly(setting, state, team, plan, memory)  # home, without a stop
-        return give_up_rest(setting, state)
+        return state if lanes_left else give_up_rest(setting, state)
     state, memory, blocked = _fly(setting, state, team, plan, memory)
     idle = frozenset(n for n in ours if state.vehicles[n].idle)
     others_can = any(
