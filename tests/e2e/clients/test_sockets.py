@@ -97,7 +97,7 @@ def test_a_pilot_takes_over_and_gives_back(speck, tmp_path):
     assert [event["mode"] for event in events(folder, "overridden")] == ["BRAKE"]
     after = bodies(folder).index(json.dumps(events(folder, "released")[0], separators=(",", ":")))
     looks = [e for e in events(folder)[after:] if e["kind"] == "frame_seen"]
-    assert len(looks) > 5  # it has taken up its work
+    assert len(looks) > 2  # it has taken up its work
     assert maps_alike(folder, speck.folder)
 
 
