@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,6 +40,10 @@ class Unsure:
         """Return the cells that half of their frames or more leave unsure, sorted."""
         cells, counts = self._counts.table()
         return cells[(counts[:, 0] > 0) & (2 * counts[:, 0] >= counts[:, 1])]
+
+    def beyond(self, region: Collection[Cell]) -> bool:
+        """Return whether a cell that is no region is one of them."""
+        return any(Cell(*cell) not in region for cell in self.cells().tolist())
 
     def is_unsure(self, cell: Cell) -> bool:
         """Return whether a cell is one of them."""

@@ -384,7 +384,7 @@ def _replayed(
     if evidence is not None:
         table, undecided = weighed(evidence, mission.detector.share)
     log = FlightLog.of(events)
-    table = table.doubted(unsure.are(table.cells))
+    table = table.with_unsure(unsure.are(table.cells))
     replayed = Replayed(table, undecided, taken, len(log.troubles), 0)
     known = _kept_summary(folder)
     return flown_replay(folder, plan, setting, replayed, log, calendar, known)

@@ -45,7 +45,12 @@ class Drafts:
         self.asked: Sequence[Next] = ()
 
     def draw(self, detector: Path, folder: Path) -> None:
-        """Draw `map.png` in a folder. Raises `ImageError` where no picture can be placed."""
+        """Draw `map.png` in a folder.
+
+        Raises `ImageError` where no picture can be placed, `MissionFileError` where no mission
+        covers them.
+        """
+        self.asked = ()
         with muted():
             gathered = self._gathered or _placed(self._images)
             self._gathered = gathered

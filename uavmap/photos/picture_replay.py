@@ -143,7 +143,7 @@ class Looked:
     def _decided(self, votes: Votes, evidence: Evidence | None, unsure: Unsure) -> Decided:
         share = self.setting.mission.detector.share
         table, undecided = votes.counted() if evidence is None else weighed(evidence, share)
-        return table.doubted(unsure.are(table.cells)), undecided
+        return table.with_unsure(unsure.are(table.cells)), undecided
 
     def judged(self) -> Iterator[tuple[str, Said]]:
         """Yield the name and the judgement of each used picture."""

@@ -12,10 +12,12 @@ from scipy.stats import multivariate_normal
 
 from missions.geo.grid import Grid
 from missions.units import GridPoint, LatLon
+from tests.support.models import all_familiar
 from tests.unit.vision.scene import nadir_pose
 from vision.camera import Camera
 from vision.detectors.familiarity import NAMES, QUANTILES, Comparison, Familiar, Gaussian, Kind
 from vision.detectors.interface import Judgement
+from vision.detectors.learned_model import LearnedDetector, Logistic, Model
 from vision.projection import Frame, look
 
 SIDE = len(NAMES)
@@ -79,3 +81,18 @@ def test_cell_of_unfamiliar_pixels_is_unsure_and_no_region() -> None:
     assert {v.unsure for v in verdicts if v.cell.east > 0} == {True}
     assert {v.positive for v in verdicts if v.cell.east < 0} == {True}
     assert {v.positive for v in verdicts if v.cell.east > 0} == {False}
+
+
+@pytest.mark.parametrize(("densities", "marked"), [(-1e9, 1.0), (1e9, 0.0)])
+def test_mask_holds_what_counts_as_region(densities: float, marked: float) -> None:
+    fields = all_familiar()
+    rising = tuple(densities + number for number in range(len(QUANTILES)))
+    kind = fields["familiarity"].region.model_copy(update={"densities": rising})
+    fields["familiarity"] = fields["familiarity"].model_copy(
+        update={"region": kind, "surround": kind}
+    )
+    sure = Logistic(mean=(0.0,), scale=(1.0,), weights=(0.0,), bias=5.0)
+    detector = LearnedDetector(Model(features=("light",), parts=(sure,), **fields))
+    picture = np.full((64, 96, 3), 90, np.uint8)
+    assert (detector.mask(picture) > 0).mean() == marked
+    assert detector.probability(picture).min() > 0.9

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 FILE: Final = "judged.jpg"
 """Name in the results: the first picture with region in it, or else the first one at all."""
 MOST_WIDE_PX: Final = 1000
-_OUTLINE: Final = (0, 0, 255)  # red, as OpenCV has it
+RED: Final = (0, 0, 255)  # blue, green, red
 _QUALITY: Final = 85
 
 
@@ -27,7 +27,14 @@ def outlined(image: NDArray[np.uint8], region: NDArray[Any]) -> bytes:
     small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA)
     whole = (np.asarray(region) > 0).astype(np.uint8)
     marked = cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_NEAREST)
-    lines, _ = cv2.findContours(marked, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-    cv2.drawContours(small, lines, -1, _OUTLINE, max(2, columns // 400))
+    outline(small, marked, RED, max(2, columns // 400))
     _, data = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     return bytes(data)
+
+
+def outline(
+    drawn: NDArray[Any], marked: NDArray[Any], colour: tuple[int, ...], wide_px: int = 2
+) -> None:
+    """Draw the outline of what is marked, (rows, columns), into a picture of that size."""
+    lines, _ = cv2.findContours(marked.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(drawn, lines, -1, colour, wide_px)

@@ -157,7 +157,7 @@ class CellTable:
         """How many cells."""
         return len(self.cells)
 
-    def doubted(self, unsure: NDArray[np.bool_]) -> CellTable:
+    def with_unsure(self, unsure: NDArray[np.bool_]) -> CellTable:
         """Return the table with some cells unsure that are no region."""
         codes = np.where(unsure & ~self.roi, _CODES["unsure"], self.codes)
         return replace(self, codes=codes)

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from missions.errors import UavmapError
+from uavmap.output.drawing.judged import outline
 from uavmap.photos.draft_map import MAP, Drafts
 from uavmap.photos.next_pictures import Next
 from uavmap.photos.tune.examples import read_picture
@@ -20,7 +21,6 @@ from uavmap.photos.tune.tune_job import MODEL, Wishes, tune
 from vision.detectors.learned_model import LearnedDetector
 
 _DOUBTFUL: Final = (0, 200, 255, 255)  # blue, green, red, opaque
-_LINE_PX: Final = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +92,9 @@ class Study:
         except UavmapError as error:
             self._show(str(error), busy=False)
             return
+        except Exception as error:
+            self._show(f"the round has failed: {type(error).__name__}: {error}", busy=False)
+            raise
         asked = self._drafts.asked
         number = self._round.number + 1
         text = f"cells IoU {report['cells']['iou']:.2f} on pictures that it was not learned from"
@@ -114,6 +117,5 @@ class Study:
         unfamiliar = detector.judged(image).unfamiliar
         drawn = np.zeros((*image.shape[:2], 4), np.uint8)
         if unfamiliar is not None:
-            found, _ = cv2.findContours(unfamiliar, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-            cv2.drawContours(drawn, found, -1, _DOUBTFUL, _LINE_PX)
+            outline(drawn, unfamiliar, _DOUBTFUL)
         return cv2.imencode(".png", drawn)[1].tobytes()

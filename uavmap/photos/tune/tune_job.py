@@ -15,8 +15,9 @@ import numpy as np
 import tomlkit
 from numpy.typing import NDArray
 
-from missions.errors import ImageError, OutputError
+from missions.errors import ImageError, MissionFileError, OutputError
 from uavmap.base.atomic_write import umask, write_bytes, write_text
+from uavmap.output.drawing.judged import RED, outline
 from uavmap.output.summary import encode
 from uavmap.photos.draft_map import MAP, Drafts
 from uavmap.photos.next_pictures import NEXT, write_next
@@ -50,7 +51,6 @@ FILES: Final = (MODEL, REPORT, OVERLAYS, MAP, NEXT, DETECTOR)
 _OTHERS: Final = 24  # pictures without examples that the features are normalised by
 _SHOWN: Final = 12  # of those, so many are drawn
 _LEAST_SPREAD: Final = 1e-3
-_RED: Final = (0, 0, 255)
 _GREEN: Final = (0, 255, 0)
 
 Say = Callable[[str], None]
@@ -101,9 +101,10 @@ def tune(
 
 def _draft(drafts: Drafts, folder: Path, say: Say) -> None:
     """Draw a map, and name the pictures to paint next; say why where no picture has a place."""
+    say("mapping all pictures with it")
     try:
         drafts.draw(folder, folder)
-    except ImageError as error:
+    except (ImageError, MissionFileError) as error:
         say(f"no map, and no picture is asked for: {error}")
     write_next(drafts.asked, folder)
 
@@ -120,8 +121,7 @@ def _whole(out: Path) -> Iterator[Path]:
             folder.rename(out)
             return
         for name in FILES:  # among what lies there already; what names the model comes last
-            if (folder / name).exists():
-                _replace(folder / name, out / name)
+            _replace(folder / name, out / name)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -136,9 +136,13 @@ class Learned(NamedTuple):
 
 
 def _replace(new: Path, old: Path) -> None:
+    """Put a file or folder in the place of an old one, which goes where there is no new one."""
     if old.is_dir():
         shutil.rmtree(old)
-    new.rename(old)
+    else:
+        old.unlink(missing_ok=True)
+    if new.exists():
+        new.rename(old)
 
 
 def learned(
@@ -289,21 +293,14 @@ def _draw(
         small = share.reshape(described_shape(rows, columns))
         whole = cv2.resize(small, (columns, rows), interpolation=cv2.INTER_LINEAR)
         drawn = example.picture.copy()
-        _outline(drawn, example.region & example.known, _GREEN)
-        _outline(drawn, np.asarray(whole >= choice.threshold), _RED)
+        outline(drawn, example.region & example.known, _GREEN)
+        outline(drawn, np.asarray(whole >= choice.threshold), RED)
         _write_jpeg(folder / f"{example.name}.jpg", drawn)
     detector = LearnedDetector(model)
     for name, picture in others:
         drawn = picture.copy()
-        _outline(drawn, detector.mask(picture) > 0, _RED)
+        outline(drawn, detector.mask(picture) > 0, RED)
         _write_jpeg(folder / f"{name}.jpg", drawn)
-
-
-def _outline(
-    drawn: NDArray[np.uint8], mask: NDArray[np.bool_], color: tuple[int, int, int]
-) -> None:
-    found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-    cv2.drawContours(drawn, found, -1, color, 2)
 
 
 def _write_jpeg(path: Path, image: NDArray[np.uint8]) -> None:

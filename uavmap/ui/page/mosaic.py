@@ -72,8 +72,12 @@ class Mosaic:
 
     def jpeg(self) -> bytes:
         """Return the mosaic so far."""
-        quality = [cv2.IMWRITE_JPEG_QUALITY, _QUALITY]
-        return cv2.imencode(".jpg", self._image, quality)[1].tobytes()
+        return jpeg(self._image)
+
+
+def jpeg(image: NDArray[Any]) -> bytes:
+    """Return a picture of the ground as a page gets it."""
+    return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1].tobytes()
 
 
 def _steepness(rows: int, columns: int) -> NDArray[np.float32]:

@@ -35,18 +35,15 @@ from uavmap.output.drawing.palette import STATES as COLOURS
 from uavmap.output.drawing.scene import bounds_of
 from uavmap.output.facts.map_model import State
 from uavmap.photos.ground.rasters import there
+from uavmap.ui.page.mosaic import PAPER, SIDE_PX, jpeg
 from vision.camera import Camera
 from vision.projection import Projection
 
-SIDE_PX: Final = 1600
-"""The longer side of the picture."""
 MOST_TILES: Final = 120
 """So many tiles are laid together at most; of a larger area a coarser zoom is taken."""
 _MARGIN: Final = 0.25
 _NODES: Final = 33
 """The projection is computed on so many points a side, and between them linearly."""
-_PAPER: Final = (243, 247, 247)
-_QUALITY: Final = 80
 _MERCATOR_M: Final = 2.0 * math.pi * 6378137.0
 _TILE_BYTES: Final = 8 << 20
 
@@ -97,9 +94,9 @@ def of_tiles(path: Path, setting: Setting) -> Background:
         raise OutputError(f"--tiles {path}: cannot be read as MBTiles: {error}") from None
     canvas, pixels = laid
     maps = [cv2.resize(pixels[..., i].astype(np.float32), size) for i in (0, 1)]
-    image = cv2.remap(canvas, maps[0], maps[1], cv2.INTER_LINEAR, borderValue=_PAPER)
+    image = cv2.remap(canvas, maps[0], maps[1], cv2.INTER_LINEAR, borderValue=PAPER)
     return Background(
-        _jpeg(image), west_m, north_m, round(east_m - west_m, 3), round(north_m - south_m, 3)
+        jpeg(image), west_m, north_m, round(east_m - west_m, 3), round(north_m - south_m, 3)
     )
 
 
@@ -139,9 +136,9 @@ def of_mosaic(path: Path, setting: Setting) -> Background | None:
     except OSError:  # rasterio's own are such, too
         return None
     image = np.ascontiguousarray(bands.transpose(1, 2, 0)[..., ::-1])
-    image[seen == 0] = _PAPER
+    image[seen == 0] = PAPER
     return Background(
-        _jpeg(image),
+        jpeg(image),
         (bounds.left - grid.origin.east_m) / grid.scale,
         (bounds.top - grid.origin.north_m) / grid.scale,
         (bounds.right - bounds.left) / grid.scale,
@@ -197,7 +194,7 @@ def _laid(
         if tiles:
             side = next(iter(tiles.values())).shape[0]
             shape = ((bottom - top + 1) * side, (right - left + 1) * side, 3)
-            canvas: Colours = np.full(shape, _PAPER, np.uint8)
+            canvas: Colours = np.full(shape, PAPER, np.uint8)
             for (x, y), tile in tiles.items():
                 if tile.shape == (side, side, 3):
                     at = ((y - top) * side, (x - left) * side)
@@ -224,11 +221,6 @@ def _tiles(
             image = cv2.imdecode(np.frombuffer(found[0], np.uint8), cv2.IMREAD_COLOR)
             if image is not None and image.shape[0] <= 1024:
                 yield (x, y), image.astype(np.uint8)
-
-
-def _jpeg(image: NDArray[Any]) -> bytes:
-    _, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    return encoded.tobytes()
 
 
 STATES: Final[tuple[State, ...]] = tuple(COLOURS)

@@ -207,9 +207,8 @@ class Watcher:
         if self._evidence is None:
             state = cell_state(cell, self.state, self._unsure, recorded=self._recorded)
         else:
-            state = weighed_state(
-                cell, self._evidence, self._unsure, self.setting.mission.detector.share
-            )
+            share = self.setting.mission.detector.share
+            state = weighed_state(cell, self._evidence, self._unsure, share)
         place, code = (cell.east, cell.north), _CODES[state]
         changed = self.board.cell(place) != code
         self.board.set_cell(place, code)
@@ -240,7 +239,8 @@ class Watcher:
         board.set_field("t_s", round(state.t_s, 1))
         words = "replay of pictures" if self._recorded else phase(state)
         if state.over and not self._recorded:
-            done = "complete" if state.completed else "not complete"
+            sure = not self._unsure.beyond(state.belief.roi)
+            done = "complete" if state.completed and sure else "not complete"
             words = f"over, {'no verdict' if self._why_none(state, self._fit) else done}"
         board.set_field("phase", words)
         board.set_field("roi", len(state.belief.roi))

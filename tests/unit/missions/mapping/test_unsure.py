@@ -44,6 +44,13 @@ def test_frame_from_the_height_of_a_search_leaves_no_cell_unsure() -> None:
     assert not len(unsure.cells())
 
 
+def test_unsure_cell_that_other_frames_take_for_region_is_not_beyond_the_region() -> None:
+    unsure = Unsure()
+    unsure.note(frame({Cell(0, 0): True, Cell(0, 1): False}))
+    assert unsure.beyond(frozenset())
+    assert not unsure.beyond({Cell(0, 0)})
+
+
 def test_unsure_cells_survive_the_journal_and_a_sure_frame_writes_none() -> None:
     doubtful, sure = frame({Cell(0, 0): True, Cell(0, 1): False}), frame({Cell(0, 0): False})
     assert from_json(to_json(doubtful)) == doubtful
