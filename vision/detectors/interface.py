@@ -69,7 +69,7 @@ class Detector(Protocol):
     def probability(self, image: NDArray[Any]) -> NDArray[np.float32]:
         """Return how much each pixel looks like the ROI: (rows, columns), float32, 0 to 1.
 
-        `mask` marks a pixel where this is at least the detector's threshold, if it is familiar.
+        `mask` marks a pixel where this is at least the detector's threshold.
         """
 
     def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:

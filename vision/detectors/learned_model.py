@@ -258,7 +258,7 @@ class LearnedDetector:
 
     def mask(self, image: NDArray[Any]) -> NDArray[np.uint8]:
         """See `Detector.mask`."""
-        return marked(np.asarray(self.judged(image).marks, np.float32), self._least)
+        return marked(self.probability(image), self._least)
 
     def _described(self, image: NDArray[Any]) -> tuple[Array, Array]:
         """Return the probabilities of the described places, and their features `NAMES` first."""

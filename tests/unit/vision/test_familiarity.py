@@ -84,7 +84,9 @@ def test_cell_of_unfamiliar_pixels_is_unsure_and_no_region() -> None:
 
 
 @pytest.mark.parametrize(("densities", "marked"), [(-1e9, 1.0), (1e9, 0.0)])
-def test_mask_holds_what_counts_as_region(densities: float, marked: float) -> None:
+def test_unfamiliar_pixels_have_a_probability_and_do_not_count_as_region(
+    densities: float, marked: float
+) -> None:
     fields = all_familiar()
     rising = tuple(densities + number for number in range(len(QUANTILES)))
     kind = fields["familiarity"].region.model_copy(update={"densities": rising})
@@ -94,5 +96,5 @@ def test_mask_holds_what_counts_as_region(densities: float, marked: float) -> No
     sure = Logistic(mean=(0.0,), scale=(1.0,), weights=(0.0,), bias=5.0)
     detector = LearnedDetector(Model(features=("light",), parts=(sure,), **fields))
     picture = np.full((64, 96, 3), 90, np.uint8)
-    assert (detector.mask(picture) > 0).mean() == marked
+    assert (np.asarray(detector.judged(picture).marks) > 0).mean() == marked
     assert detector.probability(picture).min() > 0.9
