@@ -73,7 +73,7 @@ anything = st.one_of([st.builds(kind, **field_values(kind)) for kind in KINDS])
 
 @FAST
 @given(anything)
-def test_an_event_is_the_same_after_its_text_a_line_that_names_its_kind(event: Event) -> None:
+def test_an_event_is_the_same_after_its_text_a_line_that_names_its_kind(event):
     text = to_json(event)
     again = from_json(text)
     assert again == event
@@ -85,17 +85,17 @@ def test_an_event_is_the_same_after_its_text_a_line_that_names_its_kind(event: E
     assert values["t_s"] == event.t_s
 
 
-def test_what_comes_from_a_vehicle_says_which_and_when() -> None:
+def test_what_comes_from_a_vehicle_says_which_and_when():
     for kind in typing.get_args(events.VehicleEvent):
         assert [field.name for field in dataclasses.fields(kind)][:2] == ["vehicle", "t_s"]
 
 
-def test_events_cannot_be_changed() -> None:
+def test_events_cannot_be_changed():
     for kind in KINDS:
-        assert kind.__dataclass_params__.frozen  # type: ignore[attr-defined]
+        assert kind.__dataclass_params__.frozen
 
 
-def test_the_text_of_a_frame_is_as_journals_have_it() -> None:
+def test_the_text_of_a_frame_is_as_journals_have_it():
     """Journals of earlier versions hold this text and must stay readable."""
     text = (
         '{"vehicle":2,"t_s":31.25,"vantage":[3,-4],'
@@ -108,7 +108,7 @@ def test_the_text_of_a_frame_is_as_journals_have_it() -> None:
     assert to_json(event) == text
 
 
-def test_a_frame_from_anywhere_says_that_it_has_no_vantage() -> None:
+def test_a_frame_from_anywhere_says_that_it_has_no_vantage():
     text = '{"vehicle":2,"t_s":31.25,"vantage":null,"votes":[],"kind":"frame_seen"}'
     assert from_json(text) == FrameSeen(2, 31.25, None, ())
     assert to_json(FrameSeen(2, 31.25, None, ())) == text
@@ -116,7 +116,7 @@ def test_a_frame_from_anywhere_says_that_it_has_no_vantage() -> None:
         from_json(text.replace('"vantage":null,', ""))
 
 
-def test_cells_and_points_come_back_as_what_they_were() -> None:
+def test_cells_and_points_come_back_as_what_they_were():
     seen = from_json(to_json(FrameSeen(1, 0.0, Cell(1, 2), (Vote(Cell(1, 2), True, 1.0),))))
     assert isinstance(seen, FrameSeen)
     assert isinstance(seen.vantage, Cell)
@@ -128,13 +128,13 @@ def test_cells_and_points_come_back_as_what_they_were() -> None:
 
 
 @given(anything, wild)
-def test_a_time_that_is_none_is_refused(event: Event, value: float) -> None:
+def test_a_time_that_is_none_is_refused(event, value):
     with pytest.raises(EventError, match=f"{event.kind}: t_s = "):
         to_json(dataclasses.replace(event, t_s=value))
 
 
 @given(wild)
-def test_a_number_deep_inside_is_refused(value: float) -> None:
+def test_a_number_deep_inside_is_refused(value):
     place = GridPoint(0.0, value)
     vote = Vote(Cell(0, 0), True, value)
     for event in (
@@ -145,7 +145,7 @@ def test_a_number_deep_inside_is_refused(value: float) -> None:
             to_json(event)
 
 
-def test_a_text_that_is_no_unicode_is_refused() -> None:
+def test_a_text_that_is_no_unicode_is_refused():
     with pytest.raises(EventError, match="frame_lost"):
         to_json(FrameLost(1, 0.0, "\ud800"))
     assert issubclass(EventError, ValueError)
@@ -172,17 +172,17 @@ def test_a_text_that_is_no_unicode_is_refused() -> None:
         '{"vehicle":1,"t_s":2.5,"vantage":[1],"votes":[],"kind":"frame_seen"}',
     ],
 )
-def test_what_is_no_event_is_an_error_and_not_a_guess(text: str) -> None:
+def test_what_is_no_event_is_an_error_and_not_a_guess(text):
     with pytest.raises(ValueError):  # noqa: PT011 - pydantic's, whose words are its own
         from_json(text)
 
 
-def test_an_event_cut_short_anywhere_is_an_error() -> None:
+def test_an_event_cut_short_anywhere_is_an_error():
     text = to_json(FrameSeen(1, 3.0, Cell(0, 0), (Vote(Cell(0, 0), True, 0.5),)))
     for end in range(len(text)):
         with pytest.raises(ValueError):  # noqa: PT011
             from_json(text[:end])
 
 
-def test_the_shortest_event() -> None:
+def test_the_shortest_event():
     assert to_json(Airborne(1, 2.5)) == '{"vehicle":1,"t_s":2.5,"kind":"airborne"}'

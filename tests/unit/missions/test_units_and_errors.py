@@ -17,7 +17,7 @@ FAST = settings(max_examples=150, deadline=None)
 angles = st.floats(-math.pi, math.pi)
 
 
-def test_neighbours_go_round_with_the_clock_from_north() -> None:
+def test_neighbours_go_round_with_the_clock_from_north():
     assert Cell(3, -2).neighbours() == (Cell(3, -1), Cell(4, -2), Cell(3, -3), Cell(2, -2))
 
 
@@ -34,9 +34,7 @@ def turned(axis: int, angle: float) -> np.ndarray:
 
 @FAST
 @given(angles, angles, angles)
-def test_angles_are_applied_yaw_first_then_pitch_then_roll(
-    roll: float, pitch: float, yaw: float
-) -> None:
+def test_angles_are_applied_yaw_first_then_pitch_then_roll(roll, pitch, yaw):
     expected = turned(2, yaw) @ turned(1, pitch) @ turned(0, roll)
     assert rotation(Quaternion.from_euler(roll, pitch, yaw)) == pytest.approx(expected, abs=1e-12)
 
@@ -49,11 +47,11 @@ ALL = [
 ]
 
 
-def test_every_error_of_a_user_is_of_one_tree() -> None:
+def test_every_error_of_a_user_is_of_one_tree():
     assert len(ALL) >= 11
     assert all(issubclass(kind, errors.UavmapError) for kind in ALL)
 
 
-def test_leaves_keep_what_is_no_exception_of_ours() -> None:
+def test_leaves_keep_what_is_no_exception_of_ours():
     interrupt = KeyboardInterrupt()
     assert errors.leaves(BaseExceptionGroup("", [interrupt])) == [interrupt]

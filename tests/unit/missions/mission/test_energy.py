@@ -66,14 +66,14 @@ def home(model: EnergyModel) -> tuple[float, ...]:
 @pytest.mark.parametrize("what", GROWING)
 @FAST
 @given(models, st.data())
-def test_more_never_takes_less(what: str, model: EnergyModel, data: st.DataObject) -> None:
+def test_more_never_takes_less(what, model, data):
     values, costs = GROWING[what]
     low, high = sorted((data.draw(values), data.draw(values)))
     assert all(a <= b for a, b in zip(costs(model, low), costs(model, high), strict=True))
 
 
 # --- the mission's model ---------------------------------------------------------------------
-def test_the_model_is_made_of_the_mission_s_battery_wind_and_speeds() -> None:
+def test_the_model_is_made_of_the_mission_s_battery_wind_and_speeds():
     made = mission(square(0, 0, 40, 30), square(-30, -30, 120, 100), capacity_wh=44.0)
     made = made.model_copy(
         update={
@@ -91,9 +91,7 @@ def test_the_model_is_made_of_the_mission_s_battery_wind_and_speeds() -> None:
 # --- power -----------------------------------------------------------------------------------
 @FAST
 @given(models, powers)
-def test_power_is_above_what_was_drawn_and_what_hovering_takes(
-    model: EnergyModel, drawn_w: float
-) -> None:
+def test_power_is_above_what_was_drawn_and_what_hovering_takes(model, drawn_w):
     assert model.power_w(drawn_w) >= drawn_w
     assert model.power_w(drawn_w) > model.hover_power_w
 
@@ -117,9 +115,7 @@ def flown_s(distance_m: float, speed_m_s: float, accel_m_s2: float, step_s: floa
 
 @pytest.mark.parametrize("distance_m", [0.5, 4.0, 12.5, 40.0, 150.0])
 @pytest.mark.parametrize(("speed_m_s", "accel_m_s2"), [(1.0, 2.0), (5.0, 2.0), (10.0, 1.0)])
-def test_a_leg_takes_at_least_as_long_as_flown(
-    distance_m: float, speed_m_s: float, accel_m_s2: float
-) -> None:
+def test_a_leg_takes_at_least_as_long_as_flown(distance_m, speed_m_s, accel_m_s2):
     model = replace(MODEL, speed_m_s=speed_m_s, accel_m_s2=accel_m_s2)
     flown = flown_s(distance_m, speed_m_s, accel_m_s2)
     assert model.leg_s(distance_m) >= flown - 0.05
@@ -127,7 +123,7 @@ def test_a_leg_takes_at_least_as_long_as_flown(
         assert model.leg_s(distance_m) == pytest.approx(flown, abs=0.05)
 
 
-def test_a_leg_of_no_length_is_not_free() -> None:
+def test_a_leg_of_no_length_is_not_free():
     """Turning round costs a ramp; a planner must not hop about for nothing."""
     assert MODEL.leg_s(0.0) == pytest.approx(5.0 / 2.0)
 
@@ -141,9 +137,7 @@ def test_a_leg_of_no_length_is_not_free() -> None:
         *((beyond_m_s, LEAST_HEADWAY_M_S) for beyond_m_s in (11.6, 12.0, 40.0)),
     ],
 )  # fmt: skip
-def test_against_wind_a_leg_takes_what_is_left_of_the_airspeed(
-    wind_m_s: float, made_good_m_s: float
-) -> None:
+def test_against_wind_a_leg_takes_what_is_left_of_the_airspeed(wind_m_s, made_good_m_s):
     windy = replace(MODEL, wind_m_s=wind_m_s)
     assert windy.leg_s(0.0) == MODEL.leg_s(0.0)
     assert windy.leg_s(1000.0) - windy.leg_s(0.0) == pytest.approx(1000.0 / made_good_m_s)
@@ -153,9 +147,7 @@ def test_against_wind_a_leg_takes_what_is_left_of_the_airspeed(
 # --- hovering, climbing, landing -------------------------------------------------------------
 @FAST
 @given(models, distances, heights, powers)
-def test_the_reserve_is_left_at_touch_down(
-    model: EnergyModel, distance_m: float, height_m: float, drawn_w: float
-) -> None:
+def test_the_reserve_is_left_at_touch_down(model, distance_m, height_m, drawn_w):
     """Whoever turns back with exactly this much has the reserve when it stands."""
     start_wh = model.home_wh(distance_m, height_m, drawn_w)
     flown_wh = model.leg_wh(distance_m, drawn_w)
@@ -165,7 +157,7 @@ def test_the_reserve_is_left_at_touch_down(
 
 
 # --- whole sorties ---------------------------------------------------------------------------
-def test_a_sortie_of_the_runway_by_hand() -> None:
+def test_a_sortie_of_the_runway_by_hand():
     """12 m up, 100 m out and home at 5 m/s, five seconds over a cell: 13 s, 22.5 s twice, 5 s and
     36 s at 345 W, and 9 Wh of reserve."""
     seconds = 13.0 + 22.5 + 5.0 + 22.5 + 36.0
@@ -173,7 +165,7 @@ def test_a_sortie_of_the_runway_by_hand() -> None:
     assert MODEL.sortie_wh(100.0, 100.0, 12.0, 5.0) == pytest.approx(expected)
 
 
-def test_what_the_rule_keeps_brings_a_vehicle_home_in_a_simple_flight() -> None:
+def test_what_the_rule_keeps_brings_a_vehicle_home_in_a_simple_flight():
     """Fly out a metre at a time while the rule allows it, then home against the wind, at the power
     that the rule reckons with: the reserve is there at touch-down, and not much more."""
     model = replace(MODEL, wind_m_s=9.0)

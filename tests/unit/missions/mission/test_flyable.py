@@ -41,7 +41,7 @@ def area_of(mission: Mission) -> flyable.SearchArea:
 
 
 @pytest.mark.parametrize(("height_m", "faulty"), [(8.0, False), (11.0, True)])
-def test_flyable_home_just_below_its_layer_is_refused(height_m: float, faulty: bool) -> None:
+def test_flyable_home_just_below_its_layer_is_refused(height_m, faulty):
     made = at_heights(metres(square(-10, 16, 40, 30), square(-60, -60, 160, 160)), [height_m])
     fault = (
         "vehicles[0].home_height_m = 11: its layer, 12 m above the start, is less than 3 m above "
@@ -106,9 +106,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("changes", "said", "mended"), REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_flown_is_refused(
-    changes: dict[str, str], said: list[str], mended: dict[str, str] | None
-) -> None:
+def test_what_cannot_be_flown_is_refused(changes, said, mended):
     line = fault(**changes)
     assert all(part in line for part in said)
     if mended is not None:
@@ -122,7 +120,7 @@ def test_what_cannot_be_flown_is_refused(
         ("battery__reserve", "0.99", "battery.reserve = 0.99 there are 0.6 Wh", "lower"),
     ],
 )
-def test_the_remedy_of_a_battery_suffices(key: str, value: str, said: str, remedy: str) -> None:
+def test_the_remedy_of_a_battery_suffices(key, value, said, remedy):
     line = fault(**{key: value})
     assert said in line
     found = re.search(remedy + " " + re.escape(key.replace("__", ".")) + r" to ([\d.]+)", line)
@@ -134,7 +132,7 @@ def test_the_remedy_of_a_battery_suffices(key: str, value: str, said: str, remed
 
 # --- wind ------------------------------------------------------------------------------------
 @pytest.mark.parametrize(("wind", "refused"), [("11.5", False), ("11.6", True), ("12.0", True)])
-def test_some_headway_must_be_left(wind: str, refused: bool) -> None:
+def test_some_headway_must_be_left(wind, refused):
     changes = {"wind__speed_m_s": wind, "camera__mounting": "'gimbal'"}
     if refused:
         assert fault(**changes).startswith("wind.speed_m_s")
@@ -142,19 +140,19 @@ def test_some_headway_must_be_left(wind: str, refused: bool) -> None:
         parsed(**changes)
 
 
-def test_the_limit_of_the_file_is_that_of_the_energy_model() -> None:
+def test_the_limit_of_the_file_is_that_of_the_energy_model():
     assert Flight().max_airspeed_m_s == AIRSPEED_LIMIT_M_S
     assert setting_of(parsed()).energy.max_airspeed_m_s == AIRSPEED_LIMIT_M_S
 
 
 # --- camera ----------------------------------------------------------------------------------
-def test_the_share_of_a_cell_is_that_of_the_eyes() -> None:
+def test_the_share_of_a_cell_is_that_of_the_eyes():
     assert flyable.SEEN_SHARE == SEEN_SHARE
 
 
 @pytest.mark.parametrize("key", ["flight.altitude_m", "hfov_deg", "grid.cell_m"])
 @pytest.mark.parametrize("wind", ["0.0", "3.6", "8.0"])
-def test_the_remedies_of_a_narrow_camera_suffice(key: str, wind: str) -> None:
+def test_the_remedies_of_a_narrow_camera_suffice(key, wind):
     narrow = {"camera__hfov_deg": "60.0", "wind__speed_m_s": wind}
     line = fault(**narrow)
     found = re.search(re.escape(key) + r" to ([\d.]+)|of " + key + r" ([\d.]+)", line)
@@ -164,7 +162,7 @@ def test_the_remedies_of_a_narrow_camera_suffice(key: str, wind: str) -> None:
     parsed(**(narrow | {full_key: value}))
 
 
-def test_the_lean_is_that_of_the_simulator_s_airframe() -> None:
+def test_the_lean_is_that_of_the_simulator_s_airframe():
     """Flown: 4 degrees at 3.6 m/s."""
     lean_deg = math.degrees(flyable.lean_rad(parsed(wind__speed_m_s="3.6")))
     assert lean_deg == pytest.approx(4.0, abs=0.05)
@@ -173,9 +171,7 @@ def test_the_lean_is_that_of_the_simulator_s_airframe() -> None:
 
 @FAST
 @given(yaw_deg=st.floats(0, 360), off_deg=st.floats(0, 360), half_m=st.floats(5.6, 8.0))
-def test_a_footprint_that_reaches_far_enough_shows_nine_tenths_at_any_yaw(
-    yaw_deg: float, off_deg: float, half_m: float
-) -> None:
+def test_a_footprint_that_reaches_far_enough_shows_nine_tenths_at_any_yaw(yaw_deg, off_deg, half_m):
     """Why yaw costs nothing: a square footprint of the least reach, turned, over a cell's cross."""
     reach_m = half_m + flyable.POSITION_ERROR_M
     off = (
@@ -196,8 +192,8 @@ def test_a_footprint_that_reaches_far_enough_shows_nine_tenths_at_any_yaw(
     wind_m_s=st.floats(0, 11),
 )  # fmt: skip
 def test_what_is_accepted_can_take_off_in_the_reducer_s_own_reckoning(
-    capacity_wh: float, reserve: float, away_m: float, wind_m_s: float
-) -> None:
+    capacity_wh, reserve, away_m, wind_m_s
+):
     mission = parsed(
         search__box=rectangle(away_m, 0, away_m + 40, 40),
         fence__polygon=rectangle(-30, -30, 500, 110),
@@ -216,7 +212,7 @@ def test_what_is_accepted_can_take_off_in_the_reducer_s_own_reckoning(
         assert refused == (need_wh > capacity_wh)
 
 
-def test_a_corner_that_no_battery_reaches_is_a_warning() -> None:
+def test_a_corner_that_no_battery_reaches_is_a_warning():
     far = parsed(
         search__box=rectangle(0, 0, 1500, 40),
         fence__polygon=rectangle(-30, -30, 1600, 110),
@@ -227,7 +223,7 @@ def test_a_corner_that_no_battery_reaches_is_a_warning() -> None:
     assert "1501 m" in line
 
 
-def test_the_way_to_the_farthest_corner_goes_round_the_holes() -> None:
+def test_the_way_to_the_farthest_corner_goes_round_the_holes():
     fence = square(-60, -60, 160, 160)
     wall = square(20, -58, 4, 100)
     made = metres(square(30, 0, 20, 20), fence, [wall])
@@ -239,13 +235,13 @@ def test_the_way_to_the_farthest_corner_goes_round_the_holes() -> None:
 
 
 # --- ground to search ------------------------------------------------------------------------
-def test_a_box_covered_by_holes_is_refused() -> None:
+def test_a_box_covered_by_holes_is_refused():
     holes = f"[{rectangle(40, 30, 60, 51)}, {rectangle(40, 50, 60, 70)}]"
     lines = faults(search__box=rectangle(45, 40, 55, 60), fence__holes=holes)
     assert any("leave no part of it" in line for line in lines)
 
 
-def test_a_box_that_no_way_leads_to_is_refused() -> None:
+def test_a_box_that_no_way_leads_to_is_refused():
     """A hole from edge to edge parts the fence: the box lies on one side, home on the other."""
     wall = f"[{rectangle(40, -31, 44, 111)}]"
     assert "leave no part of it" in fault(search__box=rectangle(60, 0, 100, 80), fence__holes=wall)
@@ -253,7 +249,7 @@ def test_a_box_that_no_way_leads_to_is_refused() -> None:
     assert all(max(a.east_m, b.east_m) < 40 for a, b in area_of(both).lanes)
 
 
-def test_a_second_vehicle_on_the_other_side_searches_there() -> None:
+def test_a_second_vehicle_on_the_other_side_searches_there():
     fence, wall = square(-60, -60, 160, 160), square(40, -61, 4, 162)
     alone = metres(square(0, 0, 80, 40), fence, [wall])
     two = metres(square(0, 0, 80, 40), fence, [wall], vehicles=2, homes=[(0, 0), (60, 0)])
@@ -261,7 +257,7 @@ def test_a_second_vehicle_on_the_other_side_searches_there() -> None:
     assert area_of(two).cut_off_m2 < 8 * 40
 
 
-def test_a_box_well_inside_is_searched_whole() -> None:
+def test_a_box_well_inside_is_searched_whole():
     area = area_of(parsed())
     assert area.box_m2 == pytest.approx(8000, rel=0.001)
     assert area.cut_off_m2 == 0.0
@@ -269,7 +265,7 @@ def test_a_box_well_inside_is_searched_whole() -> None:
 
 
 @pytest.mark.parametrize("depth_m", [20.0, 40.0])
-def test_what_holes_cut_off_is_a_warning_with_its_size(depth_m: float) -> None:
+def test_what_holes_cut_off_is_a_warning_with_its_size(depth_m):
     """From the rim of the hole the frames still show a cell and a half beyond the margin."""
     holed = parsed(fence__holes=f"[{rectangle(30, 20, 70, 20 + depth_m)}]", fence__margin_m="10.0")
     cut_m2 = area_of(holed).cut_off_m2
@@ -279,7 +275,7 @@ def test_what_holes_cut_off_is_a_warning_with_its_size(depth_m: float) -> None:
     assert line.startswith(f"search.box: {cut_m2:.0f} m2 of its 8000 m2 cannot be searched")
 
 
-def test_a_wide_margin_cuts_off_a_rim() -> None:
+def test_a_wide_margin_cuts_off_a_rim():
     """The box fills the fence; a frame shows six metres beyond a lane."""
     whole = {"search__box": rectangle(-30, -30, 130, 110)}
     narrow, wide = (area_of(parsed(**whole, fence__margin_m=m)) for m in ("2.0", "16.0"))
@@ -288,7 +284,7 @@ def test_a_wide_margin_cuts_off_a_rim() -> None:
     assert wide.cut_off_m2 == pytest.approx(rim_m2, rel=0.35)
 
 
-def test_a_simulation_without_noise_is_told_what_becomes_of_its_pictures() -> None:
+def test_a_simulation_without_noise_is_told_what_becomes_of_its_pictures():
     (line,) = warned(parsed(sim__sensor_noise="0.0"))
     assert line.startswith("sim.sensor_noise = 0: ")
     assert warned(parsed(sim__sensor_noise="0.0", camera__noiseless="true")) == []

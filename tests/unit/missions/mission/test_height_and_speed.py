@@ -34,7 +34,7 @@ def flown_by(vehicles: int, made: Mission) -> Mission:
     return made.model_copy(update={"vehicles": (VehicleSection(),) * vehicles})
 
 
-def test_frames_count_for_the_map_from_where_a_cell_has_its_pixels() -> None:
+def test_frames_count_for_the_map_from_where_a_cell_has_its_pixels():
     """Searched from 76 m, mapped from 12: at 38 m a cell of 4 m has 40 of its 80 pixels."""
     given = {"flight__altitude_m": "12.0", "strategy": "'swath'"}
     assert parsed(**given).overview_above_m is None
@@ -47,7 +47,7 @@ def test_frames_count_for_the_map_from_where_a_cell_has_its_pixels() -> None:
     assert coarse.overview_above_m == 13.5  # never within what a vehicle strays from its layer
 
 
-def test_by_hand() -> None:
+def test_by_hand():
     """80 degrees over 640 px are 381.4 px of focal length: 4 m have 80 px from 19.07 m."""
     mission = parsed()
     assert mission.camera.pixels_per_cell == 80.0
@@ -57,14 +57,14 @@ def test_by_hand() -> None:
     assert parsed(grid__cell_m="8.0").altitude_m(0) == 38.1
 
 
-def test_the_ceiling_holds_it_down() -> None:
+def test_the_ceiling_holds_it_down():
     mission = parsed(fence__ceiling_m="18.37")
     assert mission.altitude_m(0) == 18.3
     assert altitude_reason(mission) == "fence.ceiling_m"
     assert parsed(grid__cell_m="8.0", camera__pixels_per_cell="20").altitude_m(0) == 120.0
 
 
-def test_the_layers_of_a_team_lie_below_the_highest() -> None:
+def test_the_layers_of_a_team_lie_below_the_highest():
     three = flown_by(3, parsed(camera__pixels_per_cell="60"))
     assert [three.altitude_m(i) for i in range(3)] == [13.4, 19.4, 25.4]
     state = State.initial(setting_of(three))
@@ -77,9 +77,8 @@ def test_the_layers_of_a_team_lie_below_the_highest() -> None:
     st.floats(5.0, 200.0), st.integers(1, 4), st.floats(5.0, 12.0),
 )  # fmt: skip
 def test_every_layer_is_as_fine_as_asked_for_and_below_the_ceiling(
-    hfov_deg: float, width_px: int, cell_m: float, pixels: float, ceiling_m: float, size: int,
-    layer_m: float,
-) -> None:  # fmt: skip
+    hfov_deg, width_px, cell_m, pixels, ceiling_m, size, layer_m
+):
     """And a tenth of a metre more would not be."""
     mission = parse_fields(
         text(
@@ -107,7 +106,7 @@ def test_every_layer_is_as_fine_as_asked_for_and_below_the_ceiling(
 
 
 # --- faults ----------------------------------------------------------------------------------
-def test_a_layer_above_the_ceiling_is_refused() -> None:
+def test_a_layer_above_the_ceiling_is_refused():
     line = fault(flight__altitude_m="121.0")
     assert line == (
         "flight.altitude_m = 121: the highest layer is at 121 m, above fence.ceiling_m = 120; "
@@ -116,14 +115,14 @@ def test_a_layer_above_the_ceiling_is_refused() -> None:
     parse_mission(text(flight__altitude_m="121.0", fence__ceiling_m="121.0"), "m.toml")
 
 
-def test_the_highest_layer_counts() -> None:
+def test_the_highest_layer_counts():
     mission = parse_mission(text(flight__altitude_m="110.0"), "m.toml")
     check(flown_by(2, mission), "m.toml")
     with pytest.raises(MissionFileError, match=r"2 layers of 6 m above it, is at 122 m"):
         check(flown_by(3, mission), "m.toml")
 
 
-def test_a_team_too_large_for_the_room_below_is_refused() -> None:
+def test_a_team_too_large_for_the_room_below_is_refused():
     with pytest.raises(MissionFileError) as caught:
         check(flown_by(5, parsed(camera__pixels_per_cell="60")), "m.toml")
     (line,) = str(caught.value).splitlines()
@@ -134,7 +133,7 @@ def test_a_team_too_large_for_the_room_below_is_refused() -> None:
     )
 
 
-def test_where_the_lowest_layer_shows_too_little_the_remedy_helps() -> None:
+def test_where_the_lowest_layer_shows_too_little_the_remedy_helps():
     """Pixels that allow 9 m: a frame shows less than three cells."""
     line = fault(flight__altitude_m="'auto'", camera__pixels_per_cell="160")
     assert line.startswith("camera.hfov_deg = 80: from 9.5 m")
@@ -147,7 +146,7 @@ def test_where_the_lowest_layer_shows_too_little_the_remedy_helps() -> None:
 
 
 # --- what follows ----------------------------------------------------------------------------
-def test_a_cell_with_too_few_pixels_is_warned_of() -> None:
+def test_a_cell_with_too_few_pixels_is_warned_of():
     coarse = parse_mission(text(flight__altitude_m="40.0"), "m.toml")
     grid = Grid.at(coarse.home, coarse.grid.cell_m)
     (line,) = [w for w in flyable.warnings(coarse, grid) if "pixels" in w]
@@ -157,7 +156,7 @@ def test_a_cell_with_too_few_pixels_is_warned_of() -> None:
     assert not [w for w in flyable.warnings(fine, grid) if "pixels" in w]
 
 
-def test_the_figures_of_the_layers() -> None:
+def test_the_figures_of_the_layers():
     low, high = layers(flown_by(2, parsed(camera__pixels_per_cell="60")))
     assert (low.altitude_m, high.altitude_m) == (19.4, 25.4)
     assert high.gsd_m == pytest.approx(25.4 * math.tan(math.radians(40.0)) / 320.0)
@@ -176,7 +175,7 @@ def changed(made: Mission, **sections: dict[str, Any]) -> Mission:
     return made.model_copy(update=update)
 
 
-def test_by_hand_from_12_m() -> None:
+def test_by_hand_from_12_m():
     """80 degrees over 640 px: 381.4 px of focal length, 3.147 cm a pixel, 20.14 m x 15.10 m."""
     limits = speed_limits(PLAIN, 12.0)
     gsd_m = 12.0 * math.tan(math.radians(40.0)) / 320.0
@@ -191,7 +190,7 @@ def test_by_hand_from_12_m() -> None:
     assert limits.reason == "votes.frames"
 
 
-def test_twice_as_high_a_picture_may_be_taken_at_twice_the_speed() -> None:
+def test_twice_as_high_a_picture_may_be_taken_at_twice_the_speed():
     low, high = speed_limits(PLAIN, 12.0), speed_limits(PLAIN, 24.0)
     assert high.blur_m_s == pytest.approx(2.0 * low.blur_m_s)
     assert high.frames_m_s == pytest.approx(2.0 * low.frames_m_s + 5.0)  # the cell stays 4 m
@@ -206,7 +205,7 @@ def test_twice_as_high_a_picture_may_be_taken_at_twice_the_speed() -> None:
         ({}, "votes.frames"),
     ],
 )
-def test_the_reason_is_the_key_that_limits(sections: dict[str, Any], reason: str) -> None:
+def test_the_reason_is_the_key_that_limits(sections, reason):
     made = changed(PLAIN, **sections)
     limits = speed_limits(made, 12.0)
     assert limits.reason == reason
@@ -215,12 +214,12 @@ def test_the_reason_is_the_key_that_limits(sections: dict[str, Any], reason: str
     )
 
 
-def test_at_the_limit_of_blur_a_picture_is_blurred_by_what_is_allowed() -> None:
+def test_at_the_limit_of_blur_a_picture_is_blurred_by_what_is_allowed():
     made = changed(PLAIN, camera={"exposure_s": 0.01, "max_blur_px": 2.0})
     assert blur_px(made, 12.0, speed_limits(made, 12.0).blur_m_s) == pytest.approx(2.0)
 
 
-def test_a_region_that_drifts_takes_its_speed_from_the_limits() -> None:
+def test_a_region_that_drifts_takes_its_speed_from_the_limits():
     still, drifting = (
         speed_limits(changed(PLAIN, drift={"speed_m_s": m_s}), 12.0) for m_s in (0.0, 0.4)
     )
@@ -228,7 +227,7 @@ def test_a_region_that_drifts_takes_its_speed_from_the_limits() -> None:
     assert drifting.blur_m_s == pytest.approx(still.blur_m_s - 0.4)
 
 
-def test_where_no_cell_is_ever_whole_no_speed_is_slow_enough() -> None:
+def test_where_no_cell_is_ever_whole_no_speed_is_slow_enough():
     assert speed_limits(changed(PLAIN, camera={"pose_error_m": 6.0}), 12.0).least_m_s == 0.0
     assert speed_limits(PLAIN, 3.0).least_m_s == 0.0
 
@@ -239,9 +238,8 @@ def test_where_no_cell_is_ever_whole_no_speed_is_slow_enough() -> None:
     st.floats(-1.9, 1.9), st.floats(0.0, 1.0), st.sampled_from([0.0, 90.0, 180.0]),
 )  # fmt: skip
 def test_at_the_limit_every_cell_that_is_flown_over_has_its_frames(
-    frames: int, interval_s: float, height_m: float, pose_m: float, off_m: float, phase: float,
-    heading_deg: float,
-) -> None:  # fmt: skip
+    frames, interval_s, height_m, pose_m, off_m, phase, heading_deg
+):
     """Frame by frame over a line of cells, wherever the first one happens to be taken."""
     made = changed(
         PLAIN,
@@ -265,7 +263,7 @@ def test_at_the_limit_every_cell_that_is_flown_over_has_its_frames(
         assert min(seen[north] for north in range(-20, 21)) <= frames + 1
 
 
-def test_a_search_at_a_speed_that_blurs_is_warned_of() -> None:
+def test_a_search_at_a_speed_that_blurs_is_warned_of():
     grid = Grid.at(PLAIN.home, 4.0)
     blurred = changed(PLAIN, flight={"speed_m_s": 12.0}, camera={"exposure_s": 0.01})
     (line,) = [w for w in flyable.warnings(blurred, grid) if "blurred" in w]

@@ -141,9 +141,7 @@ FAULTS = {
 
 @pytest.mark.parametrize(("changes", "begin", "more"), [(c, b, m) for c, b, *m in FAULTS.values()],
                          ids=list(FAULTS))  # fmt: skip
-def test_a_fault_is_one_line_that_names_the_key(
-    changes: dict[str, str], begin: str, more: list[str]
-) -> None:
+def test_a_fault_is_one_line_that_names_the_key(changes, begin, more):
     line = fault(**changes)
     assert line.startswith(begin)
     assert all(part in line for part in more)
@@ -159,11 +157,11 @@ def test_a_fault_is_one_line_that_names_the_key(
         {"fence__holes": HOLE},  # a hole in the box
     ],
 )
-def test_a_good_mission_is_good(changes: dict[str, str]) -> None:
+def test_a_good_mission_is_good(changes):
     assert parse_mission(text(**changes), "m.toml").strategy == "rdfs"
 
 
-def test_names_can_be_handed_in() -> None:
+def test_names_can_be_handed_in():
     mission = parse_mission(
         text(strategy="'greedy'", detector__name="'nn'"),
         "m.toml",
@@ -174,7 +172,7 @@ def test_names_can_be_handed_in() -> None:
 
 
 # --- places ----------------------------------------------------------------------------------
-def test_a_swapped_start_is_reported_against_the_others() -> None:
+def test_a_swapped_start_is_reported_against_the_others():
     assert len(faults(start__position="[11.0, 48.0]")) == 2
 
 
@@ -196,7 +194,7 @@ LINE = ring((0, 0), (10, 0), (20, 0))
         ),
     ],
 )
-def test_polygons_neither_cross_themselves_nor_are_flat(key: str, changes: dict[str, str]) -> None:
+def test_polygons_neither_cross_themselves_nor_are_flat(key, changes):
     def one(shape: str) -> str:
         return fault(**{name: form.format(shape) for name, form in changes.items()})
 
@@ -204,20 +202,20 @@ def test_polygons_neither_cross_themselves_nor_are_flat(key: str, changes: dict[
     assert one(LINE).startswith(f"{key}: has no area")
 
 
-def test_a_crossing_is_shown_in_degrees() -> None:
+def test_a_crossing_is_shown_in_degrees():
     found = re.search(r"near \[([\d.]+), ([\d.]+)\]", fault(search__box=BOW_TIE))
     assert found
     east_m, north_m = PLANE.to_plane(LatLon(float(found[1]), float(found[2])))
     assert math.hypot(east_m - 40, north_m - 40) < 0.5
 
 
-def test_all_faults_come_at_once() -> None:
+def test_all_faults_come_at_once():
     assert len(faults(strategy="'x'", drift__speed_m_s="2", search__box=LINE)) == 3
 
 
 # --- homes -----------------------------------------------------------------------------------
 @pytest.mark.parametrize(("separation_m", "gap_m"), [("3.0", 8.0), ("5.0", 10.0)])
-def test_vehicles_stand_in_a_row_towards_grid_east(separation_m: str, gap_m: float) -> None:
+def test_vehicles_stand_in_a_row_towards_grid_east(separation_m, gap_m):
     changes = {"team__separation_m": separation_m, "vehicles": "[{}, {}, {}]"}
     places = homes(parse_mission(text(**changes), "m.toml"))
     grid = Grid.at(START, 4.0)
@@ -226,7 +224,7 @@ def test_vehicles_stand_in_a_row_towards_grid_east(separation_m: str, gap_m: flo
         assert grid.fixed(place) == pytest.approx((i * gap_m, 0.0), abs=1e-6)
 
 
-def test_a_given_home_is_kept() -> None:
+def test_a_given_home_is_kept():
     place = PLANE.to_wgs84(0, 30)
     vehicles = f"[{{}}, {{home = [{place.lat_deg!r}, {place.lon_deg!r}]}}, {{}}]"
     found = homes(parse_mission(text(vehicles=vehicles), "m.toml"))

@@ -24,7 +24,7 @@ def faults(text: str) -> list[str]:
     return [line.removeprefix("m.toml: ") for line in lines]
 
 
-def test_defaults_are_those_of_the_field_test() -> None:
+def test_defaults_are_those_of_the_field_test():
     mission = parse_fields(HEAD, "m.toml")
     assert mission.grid.cell_m == 4.0
     assert mission.flight.altitude_m == 12.0
@@ -35,12 +35,12 @@ def test_defaults_are_those_of_the_field_test() -> None:
     assert mission.home == LatLon(48.0, 11.0)
 
 
-def test_endurance_is_what_hovering_leaves() -> None:
+def test_endurance_is_what_hovering_leaves():
     mission = parse_fields(HEAD + "battery = {capacity_wh = 50, hover_power_w = 250}", "m.toml")
     assert mission.battery.endurance_s == 720.0
 
 
-def test_missing_sections_are_named_one_a_line() -> None:
+def test_missing_sections_are_named_one_a_line():
     assert [line.split(":")[0] for line in faults("")] == ["start", "search", "fence"]
 
 
@@ -70,7 +70,7 @@ def test_missing_sections_are_named_one_a_line() -> None:
         ("camera.mounting = 'x'", "camera.mounting = 'x': input should be 'fixed' or 'gimbal'"),
     ],
 )
-def test_faults_name_key_value_and_what_is_expected(line: str, expected: str) -> None:
+def test_faults_name_key_value_and_what_is_expected(line, expected):
     assert faults(HEAD + line) == [expected]
 
 
@@ -89,13 +89,13 @@ def test_faults_name_key_value_and_what_is_expected(line: str, expected: str) ->
         ("[48.0, 11.001]", "['x', 11.001]", "search.box[1][0] = 'x': ", ""),
     ],
 )  # fmt: skip
-def test_a_faulty_position_is_one_line(old: str, new: str, begin: str, end: str) -> None:
+def test_a_faulty_position_is_one_line(old, new, begin, end):
     (line,) = faults(HEAD.replace(old, new, 1))
     assert line.startswith(begin)
     assert line.endswith(end)
 
 
-def test_all_faults_come_at_once() -> None:
+def test_all_faults_come_at_once():
     assert len(faults(HEAD + "grid.cell_m = -1\nflight.speed_m_s = 0\nwind.speed = 2")) == 3
 
 
@@ -129,14 +129,14 @@ def mission(text: str = "") -> Mission:
         ("sim.roi_intensity", "0", "-1"),
     ],
 )
-def test_values_at_a_limit_are_good_and_beyond_it_a_fault(key: str, good: str, bad: str) -> None:
+def test_values_at_a_limit_are_good_and_beyond_it_a_fault(key, good, bad):
     parse_fields(HEAD + f"{key} = {good}\n", "m.toml")
     (line,) = faults(HEAD + f"{key} = {bad}\n")
     assert line.startswith(f"{key} = ")
     assert "input should be" in line
 
 
-def test_a_fleet_has_a_limit() -> None:
+def test_a_fleet_has_a_limit():
     assert len(mission("vehicles = [" + "{}, " * MAX_VEHICLES + "]").vehicles) == MAX_VEHICLES
     (line,) = faults(HEAD + "vehicles = [" + "{}, " * (MAX_VEHICLES + 1) + "]")
     assert line.startswith("vehicles")
@@ -168,14 +168,14 @@ def sim_fault(kind: str, more: str = "") -> str:
 
 
 @pytest.mark.parametrize("kind", sorted(GOOD))
-def test_every_kind_of_fault_can_be_asked_for(kind: str) -> None:
+def test_every_kind_of_fault_can_be_asked_for(kind):
     (fault,) = parse_fields(sim_fault(kind, GOOD[kind]), "m.toml").sim.faults
     assert fault.kind == kind
     key, _, value = GOOD[kind].partition(" = ")
     assert fault.values == ({key: float(value)} if key else {})
 
 
-def test_no_kind_of_fault_is_forgotten_here() -> None:
+def test_no_kind_of_fault_is_forgotten_here():
     kinds = SimFault.model_json_schema()["properties"]["kind"]["enum"]
     assert sorted(kinds) == sorted(GOOD)
 
@@ -191,13 +191,13 @@ def test_no_kind_of_fault_is_forgotten_here() -> None:
         ("meteor", "", "sim.faults[0].kind = 'meteor': ", "'camera_black'"),
     ],
 )  # fmt: skip
-def test_a_fault_with_wrong_values_is_refused(kind: str, more: str, begin: str, part: str) -> None:
+def test_a_fault_with_wrong_values_is_refused(kind, more, begin, part):
     (line,) = faults(sim_fault(kind, more))
     assert line.startswith(begin)
     assert part in line
 
 
 @pytest.mark.parametrize("text", ["a = ", "[a", "a = 1\na = 2", "\x00", 'a = "\\q"'])
-def test_what_is_not_toml_is_named_with_its_file(text: str) -> None:
+def test_what_is_not_toml_is_named_with_its_file(text):
     with pytest.raises(MissionFileError, match=r"^field\.toml: not a TOML file: "):
         parse_toml(text, "field.toml")

@@ -36,12 +36,12 @@ def regions(mission: Mission) -> list[Polygon]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_each_passes_its_checks_and_stops_where_it_repeats_a_paper(name: str) -> None:
+def test_each_passes_its_checks_and_stops_where_it_repeats_a_paper(name):
     assert shipped(name).name == name
     assert shipped(name).strategy == ("swath" if name in NONSTOP else "rdfs")
 
 
-def test_nothing_else_is_shipped() -> None:
+def test_nothing_else_is_shipped():
     files = (resources.files("missions") / "shipped").iterdir()
     assert sorted(f.name for f in files if f.name.endswith(".toml")) == sorted(
         f"{name}.toml" for name in NAMES
@@ -49,7 +49,7 @@ def test_nothing_else_is_shipped() -> None:
 
 
 @pytest.mark.parametrize("name", ["runway", "runway-field"])
-def test_the_runway_is_92_by_21_metres_and_turned(name: str) -> None:
+def test_the_runway_is_92_by_21_metres_and_turned(name):
     mission = shipped(name)
     (runway,) = regions(mission)
     corners = list(runway.exterior.coords)
@@ -62,7 +62,7 @@ def test_the_runway_is_92_by_21_metres_and_turned(name: str) -> None:
     assert len(mission.vehicles) == 1
 
 
-def test_the_two_runways_differ_in_settings_only() -> None:
+def test_the_two_runways_differ_in_settings_only():
     best, field = (shipped(name).model_dump(warnings=False) for name in ("runway", "runway-field"))
     assert {key for key in best if best[key] != field[key]} == {
         "name",
@@ -79,7 +79,7 @@ def test_the_two_runways_differ_in_settings_only() -> None:
     assert field["camera"]["interval_s"] == 1.0
 
 
-def test_the_burn_is_compact_and_a_sixth_of_its_box() -> None:
+def test_the_burn_is_compact_and_a_sixth_of_its_box():
     mission = shipped("burn")
     (burn,) = regions(mission)
     grid = Grid.at(mission.home, mission.grid.cell_m)
@@ -91,7 +91,7 @@ def test_the_burn_is_compact_and_a_sixth_of_its_box() -> None:
     assert burn.area / burn.convex_hull.area > 0.9
 
 
-def test_the_spill_is_fat_and_has_a_hole_that_cells_can_show() -> None:
+def test_the_spill_is_fat_and_has_a_hole_that_cells_can_show():
     mission = shipped("spill")
     (spill,) = regions(mission)
     cell_m = mission.grid.cell_m
@@ -104,7 +104,7 @@ def test_the_spill_is_fat_and_has_a_hole_that_cells_can_show() -> None:
     assert len(mission.vehicles) == 3
 
 
-def test_the_spill_stays_in_the_fence_for_twenty_minutes() -> None:
+def test_the_spill_stays_in_the_fence_for_twenty_minutes():
     mission = shipped("spill")
     grid = Grid.at(
         mission.home, mission.grid.cell_m, mission.drift.speed_m_s, mission.drift.toward_deg
@@ -119,7 +119,7 @@ def test_the_spill_stays_in_the_fence_for_twenty_minutes() -> None:
         assert fence.buffer(-25).contains(Polygon(moved))
 
 
-def test_the_film_in_the_bay_is_wide_and_in_three_pieces() -> None:
+def test_the_film_in_the_bay_is_wide_and_in_three_pieces():
     mission = shipped("bay")
     grid = Grid.at(mission.home, mission.grid.cell_m)
     pieces = regions(mission)
@@ -138,7 +138,7 @@ def test_the_film_in_the_bay_is_wide_and_in_three_pieces() -> None:
     assert heights == [(39.0, 100.0)] * 2 + [(42.0, 100.0)] * 3
 
 
-def test_in_a_fleet_vehicles_share_no_layer() -> None:
+def test_in_a_fleet_vehicles_share_no_layer():
     mission = with_own_air(shipped("bay"))
     check_fleet(mission, "bay.toml")
     check(mission, "bay.toml")

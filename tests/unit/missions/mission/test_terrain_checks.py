@@ -1,7 +1,5 @@
 """What is refused, told and reckoned of ground that is not flat."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

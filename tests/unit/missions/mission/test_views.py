@@ -94,8 +94,8 @@ def rows_shown(setting: Setting, pose: Pose) -> set[int]:
 @pytest.mark.parametrize("from_deg", [0.0, 70.0, 90.0, 180.0, 250.0, 270.0])
 @pytest.mark.parametrize("wind_m_s", [0.0, 3.6, 5.0])
 def test_the_rows_of_a_lane_are_in_the_picture_in_calm_air_and_in_the_wind(
-    wind_m_s: float, from_deg: float, *, east_ahead: bool
-) -> None:
+    wind_m_s, from_deg, *, east_ahead
+):
     setting = windy(wind_m_s, from_deg, east_ahead=east_ahead)
     grid, made, rows = setting.grid, setting.mission, setting.lane_rows
     assert rows >= 3
@@ -106,7 +106,7 @@ def test_the_rows_of_a_lane_are_in_the_picture_in_calm_air_and_in_the_wind(
         assert rows_shown(setting, leaning(setting, over, wind)) >= set(range(10, 10 + rows))
 
 
-def test_the_side_to_which_the_camera_does_not_look_comes_nearer() -> None:
+def test_the_side_to_which_the_camera_does_not_look_comes_nearer():
     west = windy(5.0, 270.0, east_ahead=False)  # it blows to the east, the vehicle leans west
     low_m, high_m = reaches_m(west.mission, west.grid, 12.0, east_ahead=False)
     assert low_m < high_m
@@ -120,9 +120,7 @@ def test_the_side_to_which_the_camera_does_not_look_comes_nearer() -> None:
     ("pose_error_m", "cell_m", "expected"),
     [(0.0, 4.0, 0.3), (0.5, 4.0, 0.175), (0.5, 10.0, 0.25), (5.0, 4.0, 0.15)],
 )
-def test_rim_share_allows_for_the_error_of_the_pose_and_keeps_half(
-    pose_error_m: float, cell_m: float, expected: float
-) -> None:
+def test_rim_share_allows_for_the_error_of_the_pose_and_keeps_half(pose_error_m, cell_m, expected):
     made = mission(square(0, 0, 40, 30), square(-30, -30, 120, 100))
     camera = made.camera.model_copy(update={"pose_error_m": pose_error_m})
     grid = made.grid.model_copy(update={"cell_m": cell_m})

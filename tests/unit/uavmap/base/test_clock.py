@@ -5,12 +5,11 @@ import os
 import signal
 import socket
 import time
-from collections.abc import Callable
 
 import pytest
 
 from tests.support.running import by, on_virtual_time
-from uavmap.base.clock import Clock, ClockRate, ScaledClock, VirtualClock, run
+from uavmap.base.clock import ClockRate, ScaledClock, VirtualClock, run
 
 
 async def at_s(delay_s: float) -> float:
@@ -19,7 +18,7 @@ async def at_s(delay_s: float) -> float:
 
 
 @by(on_virtual_time)
-async def test_virtual_time_runs_in_the_order_of_the_timers() -> None:
+async def test_virtual_time_runs_in_the_order_of_the_timers():
     seen: list[tuple[str, float]] = []
 
     async def one(name: str, delays_s: list[float]) -> None:
@@ -32,7 +31,7 @@ async def test_virtual_time_runs_in_the_order_of_the_timers() -> None:
     assert seen == [("b", 0.25), ("b", 0.5), ("a", 1.0), ("a", 3.0), ("a", 3.5), ("b", 3.75)]
 
 
-def test_small_steps_do_not_drift() -> None:
+def test_small_steps_do_not_drift():
     async def main() -> float:
         loop = asyncio.get_running_loop()
         for step in range(20_000):
@@ -42,7 +41,7 @@ def test_small_steps_do_not_drift() -> None:
     assert run(main(), VirtualClock()) == pytest.approx(1000.0, abs=1e-6)
 
 
-def test_virtual_time_stands_still_while_somebody_works() -> None:
+def test_virtual_time_stands_still_while_somebody_works():
     async def main() -> tuple[float, float]:
         loop = asyncio.get_running_loop()
         before = loop.time()
@@ -53,7 +52,7 @@ def test_virtual_time_stands_still_while_somebody_works() -> None:
     assert run(main(), VirtualClock()) == (0.0, 0.0)
 
 
-def test_a_time_out_is_virtual() -> None:
+def test_a_time_out_is_virtual():
     async def main() -> float:
         with pytest.raises(TimeoutError):
             async with asyncio.timeout(600.0):
@@ -65,7 +64,7 @@ def test_a_time_out_is_virtual() -> None:
     assert time.monotonic() - begin_s < 1.0
 
 
-def test_pace_holds_virtual_time_back() -> None:
+def test_pace_holds_virtual_time_back():
     async def main() -> float:
         return await at_s(20.0)
 
@@ -74,7 +73,7 @@ def test_pace_holds_virtual_time_back() -> None:
     assert 0.09 < time.monotonic() - begin_s < 2.0
 
 
-def test_a_scaled_clock_is_faster_than_real_time() -> None:
+def test_a_scaled_clock_is_faster_than_real_time():
     async def main() -> float:
         return await at_s(20.0)
 
@@ -86,7 +85,7 @@ def test_a_scaled_clock_is_faster_than_real_time() -> None:
 @pytest.mark.parametrize(
     "make", [VirtualClock, lambda: VirtualClock(pace=5.0), lambda: ScaledClock(5.0)]
 )
-def test_a_socket_is_served_before_time_moves_on(make: Callable[[], Clock]) -> None:
+def test_a_socket_is_served_before_time_moves_on(make):
     async def main() -> tuple[bytes, float]:
         here, there = socket.socketpair()
         here.setblocking(False)
@@ -102,7 +101,7 @@ def test_a_socket_is_served_before_time_moves_on(make: Callable[[], Clock]) -> N
 
 
 @pytest.mark.parametrize("make", [lambda: VirtualClock(pace=1.0), ScaledClock])
-def test_a_signal_is_handled_at_once(make: Callable[[], Clock]) -> None:
+def test_a_signal_is_handled_at_once(make):
     async def main() -> None:
         loop = asyncio.get_running_loop()
         heard = asyncio.Event()
@@ -119,7 +118,7 @@ def test_a_signal_is_handled_at_once(make: Callable[[], Clock]) -> None:
     assert time.monotonic() - begin_s < 5.0
 
 
-def test_a_signal_between_virtual_instants() -> None:
+def test_a_signal_between_virtual_instants():
     async def main() -> float:
         loop = asyncio.get_running_loop()
         heard = asyncio.Event()
@@ -140,7 +139,7 @@ def test_a_signal_between_virtual_instants() -> None:
 
 
 @pytest.mark.filterwarnings("error")
-def test_what_a_run_leaves_behind_is_cancelled_and_errors_come_out() -> None:
+def test_what_a_run_leaves_behind_is_cancelled_and_errors_come_out():
     seen: list[str] = []
 
     async def straggler() -> None:
@@ -169,21 +168,19 @@ def said(rate: float, speedup: float = 1.0, seconds: int = 60) -> list[str]:
 
 
 @pytest.mark.parametrize("rate", [0.7, 0.8, 1.0, 1.3])
-def test_a_busy_machine_is_not_a_wrong_speedup(rate: float) -> None:
+def test_a_busy_machine_is_not_a_wrong_speedup(rate):
     assert said(rate) == []
 
 
 @pytest.mark.parametrize(
     ("speedup", "rate", "meant"), [(1.0, 10.0, "10"), (10.0, 0.3, "3"), (10.0, 0.1, "1")]
 )
-def test_a_wrong_speedup_is_said_once_with_the_right_one(
-    speedup: float, rate: float, meant: str
-) -> None:
+def test_a_wrong_speedup_is_said_once_with_the_right_one(speedup, rate, meant):
     (text,) = said(rate, speedup)
     assert f"--speedup {meant} meant" in text
 
 
-def test_a_restart_is_no_pace() -> None:
+def test_a_restart_is_no_pace():
     clock = ClockRate(10.0, 1.0)
     times = [*range(20), *range(3), *range(3, 40)]
     assert not any(clock.take(float(t), float(boot)) for t, boot in enumerate(times))

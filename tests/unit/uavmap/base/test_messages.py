@@ -12,7 +12,7 @@ from uavmap.base.messages import bound, muted, prefixed, shown_on
 LOG = logging.getLogger("uavmap.flight")
 
 
-def test_lines_are_shown_as_they_are_while_a_display_is_there() -> None:
+def test_lines_are_shown_as_they_are_while_a_display_is_there():
     one, page = Said(), Said()
     LOG.info("before")
     with shown_on(one):
@@ -25,7 +25,7 @@ def test_lines_are_shown_as_they_are_while_a_display_is_there() -> None:
     assert not LOG.isEnabledFor(logging.INFO)
 
 
-def test_flights_in_threads_at_the_same_time_keep_their_lines_apart() -> None:
+def test_flights_in_threads_at_the_same_time_keep_their_lines_apart():
     both, shown = threading.Barrier(3), {name: Said() for name in ("one", "other")}
 
     def fly(name: str) -> None:
@@ -49,7 +49,7 @@ def test_flights_in_threads_at_the_same_time_keep_their_lines_apart() -> None:
     assert shown == {"one": ["one"], "other": ["other"]}
 
 
-def test_members_in_tasks_begin_their_lines_with_their_number() -> None:
+def test_members_in_tasks_begin_their_lines_with_their_number():
     said, made = Said(), {}
 
     async def member(number: int) -> None:
@@ -73,7 +73,7 @@ def test_members_in_tasks_begin_their_lines_with_their_number() -> None:
     ]  # fmt: skip
 
 
-def test_a_thread_without_a_context_is_shown_by_all() -> None:
+def test_a_thread_without_a_context_is_shown_by_all():
     said = Said()
     with shown_on(said):
         thread = threading.Thread(target=LOG.info, args=("from a driver's thread",))

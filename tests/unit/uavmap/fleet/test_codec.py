@@ -93,15 +93,13 @@ messages = st.builds(
 
 @CHECKED
 @given(messages)
-def test_what_is_said_is_heard(message: Message) -> None:
+def test_what_is_said_is_heard(message):
     assert decode(encode(message)) == message
 
 
 @CHECKED
 @given(messages, st.data())
-def test_damaged_bytes_are_refused_or_say_something_else(
-    message: Message, data: st.DataObject
-) -> None:
+def test_damaged_bytes_are_refused_or_say_something_else(message, data):
     said = bytearray(encode(message))
     for _ in range(data.draw(st.integers(1, 4))):
         said[data.draw(st.integers(0, len(said) - 1))] = data.draw(st.integers(0, 255))
@@ -112,12 +110,12 @@ def test_damaged_bytes_are_refused_or_say_something_else(
 
 
 @given(st.binary(max_size=200))
-def test_noise_is_refused(noise: bytes) -> None:
+def test_noise_is_refused(noise):
     with contextlib.suppress(BytesError):
         decode(noise)
 
 
-def test_bytes_that_unpack_to_more_than_anybody_says_are_refused() -> None:
+def test_bytes_that_unpack_to_more_than_anybody_says_are_refused():
     import zlib  # noqa: PLC0415
 
     packer = zlib.compressobj(9, zlib.DEFLATED, -15)
@@ -126,7 +124,7 @@ def test_bytes_that_unpack_to_more_than_anybody_says_are_refused() -> None:
         inflated(bomb, 1 << 16)
 
 
-def test_a_picture_of_too_many_cells_is_refused() -> None:
+def test_a_picture_of_too_many_cells_is_refused():
     out = Writer()
     for value in (0, 2 * 100_000, 100_000, 0, 0):
         out.count(value)
@@ -138,7 +136,7 @@ def test_a_picture_of_too_many_cells_is_refused() -> None:
         decode(said.data)
 
 
-def test_bits_are_told_as_runs_or_one_by_one() -> None:
+def test_bits_are_told_as_runs_or_one_by_one():
     same, mixed = [True] * 200, [k % 2 == 0 for k in range(200)]
     lengths = []
     for bits in (same, mixed):
@@ -150,7 +148,7 @@ def test_bits_are_told_as_runs_or_one_by_one() -> None:
     assert lengths[1] == 26
 
 
-def test_a_minute_of_frames_fits_in_a_narrow_radio() -> None:
+def test_a_minute_of_frames_fits_in_a_narrow_radio():
     """Five frames a second at 6 m/s over cells of 4 m: each column of cells in three frames."""
     told = []
     for k in range(300):

@@ -14,7 +14,6 @@ from missions.events import Continued, Event, Paused, Recalled, VehicleRecalled
 from missions.fleet_events import Fact
 from missions.flight.state import State
 from missions.units import Cell, GridPoint, PadHeight
-from tests.support.said import Said
 from tests.unit.missions.flight.test_facts import small_setting
 from tests.unit.uavmap.fleet.test_members_in_air import made
 from uavmap.base.clock import VirtualClock, run
@@ -83,7 +82,7 @@ def in_a_row(spacing_m: float, range_m: float, count: int = 3) -> list[Station]:
     return [Station(k, air, GridPoint(spacing_m * k, 0.0)) for k in range(count + 1)]
 
 
-def test_a_word_from_the_ground_is_passed_on_to_who_cannot_hear_it() -> None:
+def test_a_word_from_the_ground_is_passed_on_to_who_cannot_hear_it():
     async def recall_all(stations: list[Station]) -> None:
         await asyncio.sleep(20.0)
         stations[0].member.order(Word(7, 0, "recall"))
@@ -94,7 +93,7 @@ def test_a_word_from_the_ground_is_passed_on_to_who_cannot_hear_it() -> None:
         assert station.told(Recalled) == [Recalled], station.number
 
 
-def test_the_newest_word_holds_and_each_is_told_once() -> None:
+def test_the_newest_word_holds_and_each_is_told_once():
     async def words(stations: list[Station]) -> None:
         await asyncio.sleep(15.0)
         ground = stations[0].member
@@ -113,7 +112,7 @@ def test_the_newest_word_holds_and_each_is_told_once() -> None:
         assert [o for o in orders if o is VehicleRecalled] == mine
 
 
-def test_members_take_the_clock_of_the_lowest_number_and_later_that_of_the_fleet() -> None:
+def test_members_take_the_clock_of_the_lowest_number_and_later_that_of_the_fleet():
     found: dict[int, float] = {}
 
     async def agree(station: Station) -> None:
@@ -140,7 +139,7 @@ def test_members_take_the_clock_of_the_lowest_number_and_later_that_of_the_fleet
     assert len(found) == 4
 
 
-def test_a_talk_that_fails_is_told_once_and_goes_on(said: Said) -> None:
+def test_a_talk_that_fails_is_told_once_and_goes_on(said):
     async def listen(stations: list[Station]) -> None:
         stations[1].late_s = float("nan")  # a clock that says nothing
         await asyncio.sleep(20.0)
@@ -155,7 +154,7 @@ def test_a_talk_that_fails_is_told_once_and_goes_on(said: Said) -> None:
     assert stations[1].told(Recalled) == [Recalled]
 
 
-def test_a_ground_station_whose_clock_went_back_is_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_ground_station_whose_clock_went_back_is_heard(monkeypatch):
     """A station 5 minutes ahead has all hold; another with the right time calls them home."""
 
     async def two_stations(stations: list[Station]) -> None:
@@ -171,7 +170,7 @@ def test_a_ground_station_whose_clock_went_back_is_heard(monkeypatch: pytest.Mon
         assert station.told(Paused, Recalled) == [Paused, Recalled], station.number
 
 
-def test_a_member_that_is_resumed_is_not_called_home_by_the_word_that_it_has_obeyed() -> None:
+def test_a_member_that_is_resumed_is_not_called_home_by_the_word_that_it_has_obeyed():
     """The others repeat the recall while they wait; "resume" is a later word than that."""
     again: list[Station] = []
 
@@ -193,7 +192,7 @@ def test_a_member_that_is_resumed_is_not_called_home_by_the_word_that_it_has_obe
     assert [one.told(Recalled) for one in again] == [[], [Recalled]]
 
 
-def test_members_know_the_heights_of_all_pads_before_they_fly() -> None:
+def test_members_know_the_heights_of_all_pads_before_they_fly():
     pads = {number: PadHeight(500.0 + number, 1.5) for number in (1, 2, 3)}
     known: dict[int, dict[int, PadHeight]] = {}
 
@@ -231,7 +230,7 @@ def size(batches: tuple[Batch, ...]) -> int:
     return len(encode(Message(0.0, batches=batches))) - len(encode(Message(0.0)))
 
 
-def test_what_is_on_its_way_is_not_told_again_and_what_was_lost_is() -> None:
+def test_what_is_on_its_way_is_not_told_again_and_what_was_lost_is():
     peer, known = Peer(0.0), Knowledge()
     telling = Telling(1, {2: peer})
     known.take(1, 0, facts(0, 6))
@@ -244,7 +243,7 @@ def test_what_is_on_its_way_is_not_told_again_and_what_was_lost_is() -> None:
     assert told(again) == [(1, 1), (1, 2), (1, 4), (1, 6), (1, 7)]
 
 
-def test_what_was_lost_takes_half_of_the_room_while_there_is_news() -> None:
+def test_what_was_lost_takes_half_of_the_room_while_there_is_news():
     """Somebody who hears nothing of us would else have it all."""
     peer, known = Peer(0.0), Knowledge()
     telling = Telling(1, {2: peer})
@@ -260,7 +259,7 @@ def test_what_was_lost_takes_half_of_the_room_while_there_is_news() -> None:
     assert telling.batches(known, 6.0, 0) == ()
 
 
-def test_others_facts_are_told_to_who_has_heard_nothing_of_them_for_long() -> None:
+def test_others_facts_are_told_to_who_has_heard_nothing_of_them_for_long():
     peer, known = Peer(0.0), Knowledge()
     telling = Telling(1, {2: peer})
     known.take(3, 0, facts(0, 4))
@@ -271,7 +270,7 @@ def test_others_facts_are_told_to_who_has_heard_nothing_of_them_for_long() -> No
     assert not telling.batches(known, 60.0, ROOM)
 
 
-def test_who_starts_anew_tells_only_what_somebody_lacks() -> None:
+def test_who_starts_anew_tells_only_what_somebody_lacks():
     peer, known = Peer(0.0), Knowledge()
     peer.have, peer.have_s = {1: Holding(5)}, 3.0
     known.take(1, 0, facts(0, 7))
@@ -297,7 +296,7 @@ class Talk:
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.2])
-def test_news_is_told_soon_and_once_and_what_was_lost_again(loss: float) -> None:
+def test_news_is_told_soon_and_once_and_what_was_lost_again(loss):
     async def talk() -> tuple[Talk, int, dict[int, int]]:
         air = Air(LinkModel(loss=loss, delay_s=0.1), seed=3)
         loop = asyncio.get_running_loop()
@@ -312,12 +311,12 @@ def test_news_is_told_soon_and_once_and_what_was_lost_again(loss: float) -> None
         for member in members:
             tell = member._telling.batches
 
-            def counted(known, now_s, room, tell=tell):  # type: ignore[no-untyped-def]
+            def counted(known, now_s, room, tell=tell):
                 batches = tell(known, now_s, room)
                 said.update(told(batches))
                 return batches
 
-            member._telling.batches = counted  # type: ignore[method-assign]
+            member._telling.batches = counted
         tasks = [asyncio.create_task(member.run()) for member in members]
         found = Talk(members)
         for k in range(FACTS + int(SLOWEST_S)):

@@ -184,7 +184,7 @@ async def history(seed: int) -> tuple[list[str], int, list[Mind]]:
     return wrong, sum(mind.changes for mind in minds), minds
 
 
-def test_air_that_a_member_holds_is_nobody_elses_and_facts_reach_all() -> None:
+def test_air_that_a_member_holds_is_nobody_elses_and_facts_reach_all():
     changes = 0
     for seed in range(SEEDS):
         wrong, changed, minds = run(history(seed), VirtualClock())
@@ -196,7 +196,7 @@ def test_air_that_a_member_holds_is_nobody_elses_and_facts_reach_all() -> None:
     assert changes > 5 * SEEDS
 
 
-def test_who_has_just_started_has_promised_nothing() -> None:
+def test_who_has_just_started_has_promised_nothing():
     """Its vehicle may be in that air: it does not know yet what it does."""
 
     async def asked(says: bool) -> float:
@@ -220,7 +220,7 @@ def test_who_has_just_started_has_promised_nothing() -> None:
     assert run(asked(False), VirtualClock()) == -math.inf
 
 
-def test_a_message_that_was_overtaken_opens_no_air() -> None:
+def test_a_message_that_was_overtaken_opens_no_air():
     """Its sender had not asked yet when it was sent; and its clock is an hour ahead of ours."""
 
     async def told() -> list[Asked]:

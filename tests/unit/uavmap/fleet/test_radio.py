@@ -20,7 +20,6 @@ from missions.lab.arena.arena_run import Comms
 from missions.lab.arena.radio import Links
 from tests.support.ports import free_port
 from tests.support.running import by, in_real_time
-from tests.support.said import Said
 from uavmap.fleet.radio import MulticastRadio, Radios, parse_endpoint
 from uavmap.fleet.simulated_radio import LinkModel, link_model
 from uavmap.fleet.zenoh_radio import ZenohLinks, ZenohRadio
@@ -72,7 +71,7 @@ async def over_zenoh(**where: str) -> AsyncIterator[ZenohRadio]:
 
 @pytest.mark.parametrize("kind", ["tcp", "udp"])
 @by(in_real_time)
-async def test_who_was_gone_and_comes_again_is_heard_again(kind: str, said: Said) -> None:
+async def test_who_was_gone_and_comes_again_is_heard_again(kind, said):
     pytest.importorskip("zenoh", reason="the extra fleet is not installed")
     type_ = socket.SOCK_STREAM if kind == "tcp" else socket.SOCK_DGRAM
     endpoint = f"{kind}/127.0.0.1:{free_port(type_)}"
@@ -88,7 +87,7 @@ async def test_who_was_gone_and_comes_again_is_heard_again(kind: str, said: Said
 
 
 @by(in_real_time)
-async def test_a_port_that_is_taken_is_told_and_tried_again(said: Said) -> None:
+async def test_a_port_that_is_taken_is_told_and_tried_again(said):
     pytest.importorskip("zenoh", reason="the extra fleet is not installed")
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -109,7 +108,7 @@ def group(interface: str) -> MulticastRadio:
 
 
 @by(in_real_time)
-async def test_all_of_a_group_hear_what_one_says() -> None:
+async def test_all_of_a_group_hear_what_one_says():
     one = group("lo")
     others = [MulticastRadio(one._endpoint) for _ in range(2)]
     ears = [Ear(radio) for radio in (one, *others)]
@@ -128,7 +127,7 @@ async def test_all_of_a_group_hear_what_one_says() -> None:
 
 
 @by(in_real_time)
-async def test_an_interface_that_is_not_there_is_told_once_and_waited_for(said: Said) -> None:
+async def test_an_interface_that_is_not_there_is_told_once_and_waited_for(said):
     endpoint = parse_endpoint("--listen", "udp/224.0.0.224:7447#iface=none0")
     radio = MulticastRadio(endpoint)
     radio.open()
@@ -140,7 +139,7 @@ async def test_an_interface_that_is_not_there_is_told_once_and_waited_for(said: 
 
 
 @by(in_real_time)
-async def test_two_speak_by_a_router() -> None:
+async def test_two_speak_by_a_router():
     zenoh = pytest.importorskip("zenoh", reason="the extra fleet is not installed")
     endpoint = f"tcp/127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     config = zenoh.Config()
@@ -162,7 +161,7 @@ async def test_two_speak_by_a_router() -> None:
         ("udp/224.0.0.224:7447#iface=wlan0", "udp/224.0.0.224:7447#iface=wlan0"),
     ],
 )
-def test_an_endpoint_comes_back_as_it_was_written(text: str, url: str) -> None:
+def test_an_endpoint_comes_back_as_it_was_written(text, url):
     assert parse_endpoint("--listen", text).url == url
 
 
@@ -179,7 +178,7 @@ def test_an_endpoint_comes_back_as_it_was_written(text: str, url: str) -> None:
         ("--listen", "tcp/224.0.0.224:7447#iface=wlan0", "udp/224.0.0.224"),
     ],
 )
-def test_what_is_none_is_refused_with_a_remedy(option: str, text: str, remedy: str) -> None:
+def test_what_is_none_is_refused_with_a_remedy(option, text, remedy):
     with pytest.raises(LinkError) as refused:
         parse_endpoint(option, text)
     assert str(refused.value).startswith(f"{option} {text}: ")
@@ -204,7 +203,7 @@ def on_the_grid(text: str) -> Comms | Links:
         ),
     ],
 )
-def test_in_flight(text: str, model: LinkModel) -> None:
+def test_in_flight(text, model):
     assert link_model(text) == model
 
 
@@ -230,7 +229,7 @@ def test_in_flight(text: str, model: LinkModel) -> None:
         ),
     ],
 )
-def test_on_the_grid(text: str, links: Comms | Links) -> None:
+def test_on_the_grid(text, links):
     assert on_the_grid(text) == links
 
 
@@ -253,7 +252,7 @@ def test_on_the_grid(text: str, links: Comms | Links) -> None:
         ("free,loss:0.1,loss:0.2", "loss stands there twice"),
     ],
 )
-def test_what_is_no_radio_is_said(read: Callable[[str], object], text: str, said: str) -> None:
+def test_what_is_no_radio_is_said(read, text, said):
     with pytest.raises(ValueError, match=re.escape(said)):
         read(text)
 
@@ -274,7 +273,7 @@ def test_what_is_no_radio_is_said(read: Callable[[str], object], text: str, said
         ("free,apart:1-2:1+2/2", "robot 2 stands there twice"),
     ],
 )
-def test_what_is_no_radio_on_the_grid_is_said(text: str, said: str) -> None:
+def test_what_is_no_radio_on_the_grid_is_said(text, said):
     with pytest.raises(ValueError, match=re.escape(said)):
         on_the_grid(text)
 
@@ -283,7 +282,7 @@ def test_what_is_no_radio_on_the_grid_is_said(text: str, said: str) -> None:
     st.sampled_from(["", "range:5,", "free,apart:"]),
     st.text("rangefloosdtyp:,.+-/0123456789 einfx", max_size=30),
 )
-def test_any_text_is_a_radio_or_a_value_error(start: str, text: str) -> None:
+def test_any_text_is_a_radio_or_a_value_error(start, text):
     for read in (in_flight, on_the_grid):
         with contextlib.suppress(ValueError):
             read(start + text)

@@ -7,7 +7,6 @@ from typing import cast
 
 import pytest
 
-from tests.support.said import Said
 from uavmap.fleet.fleet_radio import talking
 from uavmap.fleet.member import Member
 
@@ -39,12 +38,12 @@ async def interrupted(*, may_leave: bool) -> str:
     return await task
 
 
-def test_an_operator_ends_the_wait_and_gets_the_results(said: Said) -> None:
+def test_an_operator_ends_the_wait_and_gets_the_results(said):
     assert asyncio.run(interrupted(may_leave=True)) == "results"
     assert "Ctrl-C ends it" in said[0]
     assert "uavmap merge" in said[1]
 
 
-def test_without_an_operator_it_ends_as_any_task() -> None:
+def test_without_an_operator_it_ends_as_any_task():
     with pytest.raises(asyncio.CancelledError):
         asyncio.run(interrupted(may_leave=False))

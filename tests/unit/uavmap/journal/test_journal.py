@@ -33,13 +33,13 @@ def program(text: str, *arguments: object) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def written(tmp_path_factory):
     """A journal of 80 events, closed."""
     return write(tmp_path_factory.mktemp("journal") / "journal.jsonl", some_events(40))
 
 
 @pytest.fixture
-def path(tmp_path: Path, written: Path) -> Path:
+def path(tmp_path, written):
     """A copy of it."""
     return Path(shutil.copy(written, tmp_path / "journal.jsonl"))
 
@@ -54,7 +54,7 @@ def assert_refused_untouched(path: Path, words: str) -> None:
     assert contents(path.parent) == before
 
 
-def test_what_was_appended_is_read_in_order(path: Path) -> None:
+def test_what_was_appended_is_read_in_order(path):
     with Journal.open(path) as journal:
         assert list(journal.events()) == some_events(40)
         assert journal.meta == META
@@ -66,7 +66,7 @@ def test_what_was_appended_is_read_in_order(path: Path) -> None:
         assert journal.meta == {**META, "truth": {"crashes": 0}}
 
 
-def test_lines_are_json_with_number_event_and_checksum(path: Path) -> None:
+def test_lines_are_json_with_number_event_and_checksum(path):
     lines = path.read_text("utf-8").splitlines()
     opening, *rest = map(json.loads, lines)
     assert opening["journal"] == {
@@ -78,14 +78,12 @@ def test_lines_are_json_with_number_event_and_checksum(path: Path) -> None:
     assert rest[-1]["crc"] == f"{zlib.crc32(heads.encode()):08x}"
 
 
-def test_flight_plan_does_not_change(path: Path) -> None:
+def test_flight_plan_does_not_change(path):
     with Journal.open(path) as journal, pytest.raises(ValueError, match="does not change"):
         journal.put_meta("plan", {"seed": 8})
 
 
-def test_each_line_is_synced_before_append_returns(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_each_line_is_synced_before_append_returns(tmp_path, monkeypatch):
     path, synced = tmp_path / "out" / "journal.jsonl", list[tuple[bool, int]]()
 
     def seen(file: int) -> None:
@@ -101,7 +99,7 @@ def test_each_line_is_synced_before_append_returns(
 
 
 @pytest.mark.parametrize("what", ["journal", "text", "empty"])
-def test_nothing_is_ever_overwritten(path: Path, what: str) -> None:
+def test_nothing_is_ever_overwritten(path, what):
     if what != "journal":
         path.write_text("notes" * (what == "text"))
     before = contents(path.parent)
@@ -110,19 +108,19 @@ def test_nothing_is_ever_overwritten(path: Path, what: str) -> None:
     assert contents(path.parent) == before
 
 
-def test_there_is_no_journal(tmp_path: Path) -> None:
+def test_there_is_no_journal(tmp_path):
     for place in (tmp_path / "journal.jsonl", tmp_path, tmp_path / "no" / "journal.jsonl"):
         with pytest.raises(JournalError, match="no journal here"):
             Journal.open(place)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_another_format(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_format(path, monkeypatch):
     monkeypatch.setattr(event_log, "FORMAT", 2)
     assert_refused_untouched(path, "has journal format 1, this program knows 2")
 
 
-def test_second_writer_is_refused_and_reader_is_not(path: Path) -> None:
+def test_second_writer_is_refused_and_reader_is_not(path):
     with Journal.open(path) as journal:
         with pytest.raises(JournalError, match="in use"):
             Journal.open(path)
@@ -134,21 +132,19 @@ def test_second_writer_is_refused_and_reader_is_not(path: Path) -> None:
         assert os.listdir(path.parent) == [path.name]
 
 
-def test_whole_journal_that_cannot_be_written_is_said(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_whole_journal_that_cannot_be_written_is_said(path, monkeypatch):
     opened = os.open
 
     def read_only(name: object, flags: int, *more: int) -> int:
         if flags & os.O_RDWR:
             raise PermissionError(13, "Permission denied")
-        return opened(name, flags, *more)  # type: ignore[arg-type]
+        return opened(name, flags, *more)
 
     monkeypatch.setattr(os, "open", read_only)
     assert_refused_untouched(path, "is whole, but cannot be opened for writing: Permission denied")
 
 
-def test_journal_with_events_is_not_discarded(path: Path) -> None:
+def test_journal_with_events_is_not_discarded(path):
     with Journal.open(path) as journal, pytest.raises(JournalError, match="holds events"):
         journal.discard()
     empty = path.with_name("empty.jsonl")
@@ -156,7 +152,7 @@ def test_journal_with_events_is_not_discarded(path: Path) -> None:
     assert not empty.exists()
 
 
-def test_events_that_come_again_are_checked_not_written(path: Path) -> None:
+def test_events_that_come_again_are_checked_not_written(path):
     events = some_events(40)
     with Journal.open(path) as journal:
         journal.start_verification()
@@ -175,7 +171,7 @@ def test_events_that_come_again_are_checked_not_written(path: Path) -> None:
         assert len(journal.bodies()) == 81
 
 
-def test_event_that_json_cannot_hold_is_refused_and_the_journal_goes_on(tmp_path: Path) -> None:
+def test_event_that_json_cannot_hold_is_refused_and_the_journal_goes_on(tmp_path):
     path = tmp_path / "journal.jsonl"
     with Journal.create(path, META) as journal:
         journal.append(Airborne(1, 1.0))
@@ -203,7 +199,7 @@ PROGRAM = """
 """
 
 
-def test_killed_process_loses_nothing_that_it_acknowledged(tmp_path: Path) -> None:
+def test_killed_process_loses_nothing_that_it_acknowledged(tmp_path):
     path = tmp_path / "journal.jsonl"
     acknowledged = -1
     for after in (1, 40, 7, 150):
@@ -258,7 +254,7 @@ KILLED_AT_EACH_LINE = """
 """
 
 
-def test_killed_at_each_line_of_its_creation(tmp_path: Path) -> None:
+def test_killed_at_each_line_of_its_creation(tmp_path):
     command = program(KILLED_AT_EACH_LINE, tmp_path)
     done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -280,7 +276,7 @@ def test_killed_at_each_line_of_its_creation(tmp_path: Path) -> None:
     assert 20 < whole < len(lines) - 20, (whole, len(lines))
 
 
-def test_folder_in_which_another_process_writes_is_left_alone(tmp_path: Path) -> None:
+def test_folder_in_which_another_process_writes_is_left_alone(tmp_path):
     path = tmp_path / "journal.jsonl"
     unfinished = tmp_path / ".journal.jsonl.abc"
     with Journal.create(tmp_path / "other.jsonl", META):
@@ -292,9 +288,7 @@ def test_folder_in_which_another_process_writes_is_left_alone(tmp_path: Path) ->
 
 # --- a full disk -----------------------------------------------------------------------------
 @pytest.mark.parametrize("cuttable", [True, False])
-def test_full_disk_keeps_what_was_confirmed_and_goes_on_with_room(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cuttable: bool
-) -> None:
+def test_full_disk_keeps_what_was_confirmed_and_goes_on_with_room(tmp_path, monkeypatch, cuttable):
     """A write is cut in the middle of a line; the rest of it may stay where it is for a while."""
     events, path = some_events(50), tmp_path / "journal.jsonl"
     pwrite = os.pwrite
@@ -354,7 +348,7 @@ Fill = Callable[[Path, int], list[str]]
 
 
 @pytest.fixture(scope="module")
-def fill() -> Iterator[Fill]:
+def fill():
     """Has a process of its own write a journal while no file may grow beyond so many bytes."""
     command, pipe = program(LIMITED), subprocess.PIPE
     with subprocess.Popen(command, env=ENVIRONMENT, stdin=pipe, stdout=pipe, text=True) as process:
@@ -381,7 +375,7 @@ def _until_ended(told: IO[str]) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("kilobytes", [1, 13, 33, 101])
-def test_file_system_that_takes_no_more(tmp_path: Path, kilobytes: int, fill: Fill) -> None:
+def test_file_system_that_takes_no_more(tmp_path, kilobytes, fill):
     """No file may grow beyond so much; the second process finds it so, the third has room."""
     path, confirmed = tmp_path / "out" / "journal.jsonl", 0
     for _ in range(2):

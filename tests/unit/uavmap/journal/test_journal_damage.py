@@ -28,7 +28,7 @@ LONG = FrameSeen(1, 70.0, Cell(0, 0), tuple(Vote(Cell(n, 7), True, 0.5) for n in
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(tmp_path_factory):
     """A journal, closed."""
     return write(tmp_path_factory.mktemp("whole") / "journal.jsonl", [*EVENTS, LONG])
 
@@ -89,7 +89,7 @@ def judge(path: Path, events: list[Event]) -> str:
     return "recovered"
 
 
-def test_truncation_at_each_byte_heals_to_the_last_whole_line(tmp_path: Path) -> None:
+def test_truncation_at_each_byte_heals_to_the_last_whole_line(tmp_path):
     events, path = some_events(2), tmp_path / "journal.jsonl"
     with Journal.create(path, {}) as journal:
         journal.append_all(events)
@@ -108,9 +108,7 @@ def test_truncation_at_each_byte_heals_to_the_last_whole_line(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("tail", [b"\0" * 700, b"half a line", b"a whole line\n", b"\xff\n"])
-def test_what_a_power_cut_left_at_the_end_is_cut_off(
-    whole: Path, tmp_path: Path, tail: bytes
-) -> None:
+def test_what_a_power_cut_left_at_the_end_is_cut_off(whole, tmp_path, tail):
     path = copied(whole, tmp_path / "torn")
     good = path.read_bytes()
     path.write_bytes(good + tail)
@@ -123,7 +121,7 @@ def test_what_a_power_cut_left_at_the_end_is_cut_off(
     assert recover(path) is None
 
 
-def test_hundred_flipped_bits(whole: Path, tmp_path: Path) -> None:
+def test_hundred_flipped_bits(whole, tmp_path):
     rng, size, seen = np.random.default_rng(3), whole.stat().st_size, Counter[str]()
     last = len(lines_of(whole)[-1])
     for bit in rng.integers(0, 8 * (size - last), 100):
@@ -136,7 +134,7 @@ def test_hundred_flipped_bits(whole: Path, tmp_path: Path) -> None:
     assert seen["recovered"] > 40, seen
 
 
-def test_flipped_bit_of_the_last_line_costs_that_line(whole: Path, tmp_path: Path) -> None:
+def test_flipped_bit_of_the_last_line_costs_that_line(whole, tmp_path):
     path = copied(whole, tmp_path / "flipped")
     data = bytearray(path.read_bytes())
     for at in (-1, -5, -200):
@@ -148,9 +146,7 @@ def test_flipped_bit_of_the_last_line_costs_that_line(whole: Path, tmp_path: Pat
 
 @given(number=st.integers(1, len(EVENTS)), data=st.data())
 @settings(max_examples=30, deadline=None)
-def test_digit_that_changes_is_noticed(
-    whole: Path, tmp_path_factory: pytest.TempPathFactory, number: int, data: st.DataObject
-) -> None:
+def test_digit_that_changes_is_noticed(whole, tmp_path_factory, number, data):
     path = copied(whole, tmp_path_factory.mktemp("digit") / "copy")
     lines = [line.decode() for line in lines_of(path)]
     line = lines[number]
@@ -168,9 +164,7 @@ def test_digit_that_changes_is_noticed(
 
 
 @pytest.mark.parametrize("change", ["lost", "doubled", "reordered", "of another journal"])
-def test_lines_that_do_not_belong_here_are_noticed(
-    whole: Path, tmp_path: Path, change: str
-) -> None:
+def test_lines_that_do_not_belong_here_are_noticed(whole, tmp_path, change):
     path = copied(whole, tmp_path / "changed")
     lines = lines_of(path)
     other = lines_of(write(tmp_path / "other" / "journal.jsonl", [Airborne(1, 0.0), *EVENTS[1:]]))
@@ -183,9 +177,7 @@ def test_lines_that_do_not_belong_here_are_noticed(
     assert judge(path, [*EVENTS, LONG]) == "recovered"
 
 
-def test_event_that_this_program_cannot_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_event_that_this_program_cannot_read(tmp_path, monkeypatch):
     """Its checksum is right: another version wrote it. It is no torn line, also at the end."""
     with monkeypatch.context() as patch:
         patch.setattr(event_log, "to_json", lambda event: '{"kind":"from the future"}')
@@ -196,9 +188,7 @@ def test_event_that_this_program_cannot_read(
     assert (done.kept, done.lost) == (0, 1)
 
 
-def test_plan_that_cannot_be_read_stops_the_recovery(
-    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_plan_that_cannot_be_read_stops_the_recovery(whole, tmp_path, capsys):
     path = copied(whole, tmp_path / "changed")
     path.write_bytes(path.read_bytes().replace(b'"seed":7', b'"seed":8'))
     before = contents(path.parent)
@@ -208,7 +198,7 @@ def test_plan_that_cannot_be_read_stops_the_recovery(
     assert contents(path.parent) == before
 
 
-def test_second_damage_finds_another_name(whole: Path, tmp_path: Path) -> None:
+def test_second_damage_finds_another_name(whole, tmp_path):
     path = copied(whole, tmp_path / "twice")
     for number in (1, 2):
         lines = lines_of(path)
@@ -221,9 +211,7 @@ def test_second_damage_finds_another_name(whole: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("steps", range(2))
-def test_interrupted_recovery_is_begun_anew(
-    whole: Path, tmp_path: Path, steps: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_interrupted_recovery_is_begun_anew(whole, tmp_path, steps, monkeypatch):
     """Two files take their names one after the other; before each the process may die."""
     path = copied(whole, tmp_path / "interrupted")
     lines = lines_of(path)
@@ -252,9 +240,7 @@ def test_interrupted_recovery_is_begun_anew(
 @example(b"")
 @example(b"SQLite format 3\0" + bytes(99))
 @settings(max_examples=100, deadline=None)
-def test_arbitrary_bytes_are_no_journal(
-    tmp_path_factory: pytest.TempPathFactory, data: bytes
-) -> None:
+def test_arbitrary_bytes_are_no_journal(tmp_path_factory, data):
     path = tmp_path_factory.mktemp("any") / "journal.jsonl"
     path.write_bytes(data)
     assert "not a journal" in refused(path)
@@ -262,9 +248,7 @@ def test_arbitrary_bytes_are_no_journal(
 
 @given(st.lists(st.tuples(st.integers(0, 2**17 - 1), st.integers(0, 255)), max_size=30))
 @settings(max_examples=60, deadline=None)
-def test_scattered_bytes_never_become_other_events(
-    whole: Path, tmp_path_factory: pytest.TempPathFactory, changes: list[tuple[int, int]]
-) -> None:
+def test_scattered_bytes_never_become_other_events(whole, tmp_path_factory, changes):
     path = copied(whole, tmp_path_factory.mktemp("scattered") / "copy")
     data = bytearray(path.read_bytes())
     for at, value in changes:

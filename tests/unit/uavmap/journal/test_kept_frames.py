@@ -24,7 +24,7 @@ class Usage(NamedTuple):
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="a device that is always full")
-def test_no_half_of_a_picture_is_left_where_its_pose_cannot_be_written(tmp_path: Path) -> None:
+def test_no_half_of_a_picture_is_left_where_its_pose_cannot_be_written(tmp_path):
     said: list[str] = []
     (tmp_path / FRAMES).mkdir()
     (tmp_path / FRAMES / POSES).symlink_to(FULL)
@@ -35,9 +35,7 @@ def test_no_half_of_a_picture_is_left_where_its_pose_cannot_be_written(tmp_path:
     assert [path.name for path in (tmp_path / FRAMES).iterdir()] == [POSES]
 
 
-def test_a_picture_that_cannot_be_written_leaves_the_others_whole(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_picture_that_cannot_be_written_leaves_the_others_whole(tmp_path, monkeypatch):
     said: list[str] = []
     keeper = FrameKeeper(tmp_path, said.append)
     keeper.keep(frame(1.0), PICTURE)
@@ -62,7 +60,7 @@ def test_a_picture_that_cannot_be_written_leaves_the_others_whole(
     assert len(said) == 1
 
 
-def test_a_list_of_poses_that_is_damaged_stops_no_resume(tmp_path: Path) -> None:
+def test_a_list_of_poses_that_is_damaged_stops_no_resume(tmp_path):
     said: list[str] = []
     (tmp_path / FRAMES).mkdir()
     (tmp_path / FRAMES / POSES).write_bytes(b"\xff\xfe\x00garbage")
@@ -72,9 +70,7 @@ def test_a_list_of_poses_that_is_damaged_stops_no_resume(tmp_path: Path) -> None
     assert len(list((tmp_path / FRAMES).iterdir())) == 1
 
 
-def test_the_last_room_on_the_disk_is_the_journals(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_last_room_on_the_disk_is_the_journals(tmp_path, monkeypatch):
     """The mission goes on without keeping pictures: with a full journal it would end."""
     left = iter(range(ROOM_MIB * 2**20 + 100_000, 0, -20_000))  # each of them takes some
     monkeypatch.setattr(shutil, "disk_usage", lambda path: Usage(next(left)))

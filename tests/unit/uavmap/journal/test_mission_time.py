@@ -4,7 +4,6 @@ backwards nor jumps by days without a word."""
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -39,7 +38,7 @@ def later(seconds: float, **other: object) -> Clocks:
     now = Clocks(
         THEN.wall_utc_s + seconds, THEN.boot_id, THEN.since_boot_s + seconds, 7000.0 + seconds
     )
-    return replace(now, **other)  # type: ignore[arg-type]
+    return replace(now, **other)
 
 
 def wall(seconds: float, **other: object) -> Clocks:
@@ -109,7 +108,7 @@ CASES: dict[str, Case] = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_mission_time_by_clocks_follows_the_best_of_them(case: str) -> None:
+def test_mission_time_by_clocks_follows_the_best_of_them(case):
     now, more, start_s, basis, yes_s, words = CASES[case]
     mark = more.get("mark", MARK)
     options = {key: value for key, value in more.items() if key != "mark"}
@@ -137,9 +136,7 @@ clocks = st.builds(
     st.floats(0.0, 4e9),
     st.floats(0.01, 100.0),
 )
-def test_it_never_runs_backwards_and_never_jumps_silently(
-    last_s: float, mark: Mark | None, now: Clocks, epoch_s: float, speedup: float
-) -> None:
+def test_it_never_runs_backwards_and_never_jumps_silently(last_s, mark, now, epoch_s, speedup):
     found = mission_time(last_s, mark, now, epoch_utc_s=epoch_s, speedup=speedup)
     assert found.start_s >= last_s
     if found.question:
@@ -152,9 +149,7 @@ def test_it_never_runs_backwards_and_never_jumps_silently(
 
 
 # --- in a journal ----------------------------------------------------------------------------
-def test_marks_are_kept_in_the_journal_now_and_then(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_marks_are_kept_in_the_journal_now_and_then(tmp_path, monkeypatch):
     now_s = [100.0]
     monkeypatch.setattr(module.time, "monotonic", lambda: now_s[0])
     with Journal.create(tmp_path / "journal.jsonl", {}) as journal:
@@ -166,9 +161,7 @@ def test_marks_are_kept_in_the_journal_now_and_then(
             assert last_mark(journal.meta) == Mark(1.0 if mission_s < 3.0 else 3.0, THEN)
 
 
-def test_a_mark_that_cannot_be_written_stops_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_mark_that_cannot_be_written_stops_nothing(tmp_path, monkeypatch):
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
@@ -179,12 +172,12 @@ def test_a_mark_that_cannot_be_written_stops_nothing(
 
 
 @pytest.mark.parametrize("mark", [None, 5, [], {}, {"mission_s": "x"}, {"mission_s": 1.0}])
-def test_what_is_no_mark(mark: object) -> None:
+def test_what_is_no_mark(mark):
     assert last_mark({CLOCK: mark}) is None
 
 
 @pytest.mark.parametrize("answer", [True, False, None])
-def test_what_is_doubtful_is_asked_where_somebody_is(answer: bool | None) -> None:
+def test_what_is_doubtful_is_asked_where_somebody_is(answer):
     found = mission_time(LAST_EVENT_S, MARK, later(3 * DAY_S, **OTHER_BOOT), epoch_utc_s=EPOCH_S)
     said: list[str] = []
     asked: list[str] = []
@@ -199,7 +192,7 @@ def test_what_is_doubtful_is_asked_where_somebody_is(answer: bool | None) -> Non
     assert len(said) == 1
 
 
-def test_the_clocks_of_this_computer_go_forward() -> None:
+def test_the_clocks_of_this_computer_go_forward():
     one, other = read_clocks(), read_clocks()
     assert other.since_boot_s >= one.since_boot_s
     assert other.boot_id == one.boot_id

@@ -1,7 +1,5 @@
 """A GeoTIFF becomes the lattice of a mission; what cannot be ground is refused with its place."""
 
-from __future__ import annotations
-
 import math
 import sys
 

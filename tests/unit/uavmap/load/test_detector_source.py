@@ -51,14 +51,14 @@ def fault(text: str) -> str:
     return str(caught.value)
 
 
-def test_a_detector_has_a_table_with_its_own_defaults() -> None:
+def test_a_detector_has_a_table_with_its_own_defaults():
     made = section('[detector]\nname = "paved"\n[detector.paved]\ngreenness = 0.1')
     assert str(detector_of_section(made)) == (
         "PavedDetector(greenness=0.1, intensity=90, dilations=1)"
     )
 
 
-def test_a_mission_without_tables_means_what_it_meant() -> None:
+def test_a_mission_without_tables_means_what_it_meant():
     made = section('[detector]\nname = "paved"\ngreenness = 0.1')
     assert str(detector_of_section(made)) == (
         "PavedDetector(greenness=0.1, intensity=150, dilations=7)"
@@ -88,7 +88,7 @@ def test_a_mission_without_tables_means_what_it_meant() -> None:
         ('[detector]\nname = "adaptive"\n[detector.adaptive]\nwindow = 9', "detector.window is 9"),
     ],
 )  # fmt: skip
-def test_what_a_detector_refuses_the_check_refuses(text: str, message: str) -> None:
+def test_what_a_detector_refuses_the_check_refuses(text, message):
     found = fault(text)
     assert found.startswith("m.toml: ")
     assert message in found
@@ -101,9 +101,7 @@ def test_what_a_detector_refuses_the_check_refuses(text: str, message: str) -> N
         (r"a\u0000b", r"detector.model = 'a\x00b': no path of a file"),
     ],
 )
-def test_a_model_that_cannot_be_read_is_named(
-    model: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_model_that_cannot_be_read_is_named(model, message, tmp_path, capsys):
     path = tmp_path / "field.toml"
     path.write_text(f'{HEAD}\n[detector]\nname = "learned"\nmodel = "{model}"\n')
     assert main(["check", str(path)]) == 2
@@ -121,9 +119,7 @@ def test_a_model_that_cannot_be_read_is_named(
         ('[detector]\nname = "learned"\nmodel = "a\\u0000b"', "no path of a file"),
     ],
 )
-def test_a_folder_without_a_detector_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str | None, message: str
-) -> None:
+def test_a_folder_without_a_detector_is_refused(tmp_path, capsys, text, message):
     if text is not None:
         (tmp_path / "detector.toml").write_text(text)
     arguments = ["--detector", str(tmp_path), "--out", str(tmp_path / "out")]
@@ -154,7 +150,7 @@ def nothing() -> object:
 
 
 @pytest.fixture
-def plugins(monkeypatch: pytest.MonkeyPatch) -> None:
+def plugins(monkeypatch):
     here = __name__
     points = [
         EntryPoint("everything", f"{here}:Everything", detector_source.GROUP),
@@ -176,7 +172,7 @@ def _load(point: EntryPoint) -> object:
 
 
 @pytest.mark.usefixtures("plugins")
-def test_a_plug_in_is_a_detector_like_ours() -> None:
+def test_a_plug_in_is_a_detector_like_ours():
     assert "everything" in known_detectors()
     made = section('[detector]\nname = "everything"\n[detector.everything]\nlevel = 5')
     detector = detector_of_section(made)
@@ -192,7 +188,7 @@ def test_a_plug_in_is_a_detector_like_ours() -> None:
 @pytest.mark.parametrize(
     ("name", "message"), [("nothing", "makes no detector"), ("gone", "cannot be loaded")]
 )
-def test_a_plug_in_that_does_not_work_is_named(name: str, message: str) -> None:
+def test_a_plug_in_that_does_not_work_is_named(name, message):
     with pytest.raises(MissionFileError, match=message):
         check_detector(DetectorSection(name=name))
 
@@ -208,7 +204,7 @@ def onnx(folder: Path, toml: str, model: bytes = MEAN) -> DetectorSection:
     return DetectorSection(name="onnx", model=str(folder / "net.onnx"))
 
 
-def test_a_segmentation_model_judges_tile_by_tile(tmp_path: Path) -> None:
+def test_a_segmentation_model_judges_tile_by_tile(tmp_path):
     pytest.importorskip("onnxruntime")
     toml = 'tile_px = 32\noutput = "probability"'
     detector = detector_of_section(onnx(tmp_path, toml))
@@ -227,22 +223,20 @@ def test_a_segmentation_model_judges_tile_by_tile(tmp_path: Path) -> None:
         ("tile_px = ", MEAN, "not a TOML file"),
     ],
 )
-def test_what_is_wrong_with_a_segmentation_model_is_said(
-    tmp_path: Path, toml: str, model: bytes, message: str
-) -> None:
+def test_what_is_wrong_with_a_segmentation_model_is_said(tmp_path, toml, model, message):
     pytest.importorskip("onnxruntime")
     with pytest.raises(MissionFileError, match=message):
         detector_of_section(onnx(tmp_path, toml, model))
 
 
-def test_an_answer_of_another_shape_is_said(tmp_path: Path) -> None:
+def test_an_answer_of_another_shape_is_said(tmp_path):
     pytest.importorskip("onnxruntime")
     detector = detector_of_section(onnx(tmp_path, "tile_px = 32\nchannel = 2"))
     with pytest.raises(ImageError, match="is the TOML file beside it right"):
         detector.mask(np.zeros((40, 40, 3), np.uint8))
 
 
-def test_sections_read_back_from_json_as_they_were() -> None:
+def test_sections_read_back_from_json_as_they_were():
     for more in ("", '[detector]\nname = "paved"\n[detector.paved]\ngreenness = 0.1'):
         given = section(more)
         kept = given.model_dump_json(exclude_unset=True)
@@ -267,7 +261,7 @@ def eyes(folder: Path) -> Path:
     return folder
 
 
-def test_a_replay_outlives_the_detector_that_it_was_made_with(good: Path, tmp_path: Path) -> None:
+def test_a_replay_outlives_the_detector_that_it_was_made_with(good, tmp_path):
     model = eyes(tmp_path / "eyes")
     line = ["replay", str(good), "--refine", "off"]
     one, two = tmp_path / "one", tmp_path / "two"
@@ -284,7 +278,7 @@ def test_a_replay_outlives_the_detector_that_it_was_made_with(good: Path, tmp_pa
     assert section.model_sha256 is not None
 
 
-def test_a_flight_goes_on_without_the_file_that_its_model_came_from(tmp_path: Path) -> None:
+def test_a_flight_goes_on_without_the_file_that_its_model_came_from(tmp_path):
     model = eyes(tmp_path / "eyes")
     mission = load("runway", str(model))
     section = mission.detector
@@ -300,9 +294,7 @@ def test_a_flight_goes_on_without_the_file_that_its_model_came_from(tmp_path: Pa
     assert FlightPlan.read(JournalReader(folder / JOURNAL)).mission.detector == section
 
 
-def test_masks_overlays_and_results_below_the_photographs_are_left_out(
-    good: Path, tmp_path: Path
-) -> None:
+def test_masks_overlays_and_results_below_the_photographs_are_left_out(good, tmp_path):
     photos = tmp_path / "photos"
     shutil.copytree(good, photos)
     alone = gather(Folder(photos)).pictures
@@ -327,9 +319,7 @@ def test_masks_overlays_and_results_below_the_photographs_are_left_out(
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
-def test_an_interrupted_tuning_leaves_nothing(
-    error: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_tuning_leaves_nothing(error, tmp_path, monkeypatch):
     shot(tmp_path / "0.jpg")
 
     def fails(*_: object) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -59,9 +58,7 @@ def from_python() -> None:
         from_python,
     ],
 )
-def test_a_mission_is_parsed_once(
-    work: Callable[[], object], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_mission_is_parsed_once(work, monkeypatch, tmp_path):
     parsed: list[str] = []
     parse = tomllib.loads
 
@@ -90,27 +87,27 @@ def test_a_mission_is_parsed_once(
         ("fence: no", 11),
     ],
 )
-def test_a_fault_has_the_line_of_its_key(fault: str, line: int) -> None:
+def test_a_fault_has_the_line_of_its_key(fault, line):
     assert with_lines(f"f.toml: {fault}", "f.toml", TEXT) == f"f.toml:{line}: {fault}"
 
 
 @pytest.mark.parametrize("fault", ["f.toml: start: missing; add it", "--detector x: no"])
-def test_a_fault_without_a_key_in_the_file_has_no_line(fault: str) -> None:
+def test_a_fault_without_a_key_in_the_file_has_no_line(fault):
     assert with_lines(fault, "f.toml", TEXT) == fault
 
 
-def test_a_long_line_of_dots_is_no_work() -> None:
+def test_a_long_line_of_dots_is_no_work():
     text = "a." * 500_000 + "\n[grid]\ncell_m = 0"
     assert with_lines("f: grid.cell_m = 0: no", "f", text) == "f:3: grid.cell_m = 0: no"
 
 
 @pytest.mark.parametrize("name", shipped_missions())
-def test_a_journal_gives_the_plan_back_as_it_was(name: str, tmp_path: Path) -> None:
+def test_a_journal_gives_the_plan_back_as_it_was(name, tmp_path):
     plan = plan_of(name, named_text(name).text, vehicles=2, seed=5)
     assert again(plan, tmp_path) == plan
 
 
-def test_prior_ground_and_detector_come_back_from_a_journal(tmp_path: Path) -> None:
+def test_prior_ground_and_detector_come_back_from_a_journal(tmp_path):
     mission = over(mission_of_text(named_text("runway").text, "runway"), slope(5.0, 0.0))
     point = PriorPlace(position=mission.start.position, spread_m=3.0)
     area = PriorPlace(polygon=mission.search.box, weight=2.0)
@@ -163,7 +160,7 @@ POINT = feature("Point", [11.0005, 48.0004, 530.0], weight=2, spread_m=15.5)
 AREA = feature("Polygon", [RING, HOLE])
 
 
-def test_points_and_polygons_become_places_of_the_mission(tmp_path: Path) -> None:
+def test_points_and_polygons_become_places_of_the_mission(tmp_path):
     point, area = loaded(tmp_path, collection(POINT, AREA))
     assert point == PriorPlace(position=(48.0004, 11.0005), weight=2.0, spread_m=15.5)
     assert area.polygon == ((48.0002, 11.0002), (48.0002, 11.0008), (48.0008, 11.0008))
@@ -171,7 +168,7 @@ def test_points_and_polygons_become_places_of_the_mission(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("prior", ["'prior' = 'where.geojson'", 'prior = """where.geojson"""'])
-def test_a_path_is_read_however_it_is_written(tmp_path: Path, prior: str) -> None:
+def test_a_path_is_read_however_it_is_written(tmp_path, prior):
     text = MISSION.replace('prior = "where.geojson"', prior)
     assert len(loaded(tmp_path, collection(POINT), text)) == 1
 
@@ -201,7 +198,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_fault_names_file_key_value_and_remedy(tmp_path: Path, name: str) -> None:
+def test_a_fault_names_file_key_value_and_remedy(tmp_path, name):
     content, said = BAD[name]
     with pytest.raises(MissionFileError) as caught:
         loaded(tmp_path, content)
@@ -211,7 +208,7 @@ def test_a_fault_names_file_key_value_and_remedy(tmp_path: Path, name: str) -> N
     assert "\n" not in line
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_a_file_that_is_not_there_is_named(tmp_path):
     (tmp_path / "field.toml").write_text(MISSION)
     with pytest.raises(MissionFileError, match=r"'where.geojson': cannot be read \(No such file"):
         load(str(tmp_path / "field.toml"))

@@ -24,14 +24,7 @@ TINY = Path(__file__).parents[3] / "data" / "tiny.toml"
     ("strategy", "compiled", "told"),
     [("horizon", False, 1), ("horizon", True, 0), ("swath", False, 1), ("rdfs", False, 0)],
 )
-def test_fly_and_resume_tell_it_once(
-    strategy: str,
-    compiled: bool,
-    told: int,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_fly_and_resume_tell_it_once(strategy, compiled, told, tmp_path, monkeypatch, capsys):
     def flown(self: flight.Flight) -> dict[str, Any]:
         return {"completed": False}
 
@@ -49,14 +42,8 @@ def test_fly_and_resume_tell_it_once(
 )
 @pytest.mark.parametrize(("strategy", "code"), [("swath", 2), ("rdfs", 3)])
 def test_resume_another_planner_is_refused_with_the_remedy(
-    strategy: str,
-    code: int,
-    before: str,
-    remedy: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    strategy, code, before, remedy, tmp_path, monkeypatch, capsys
+):
     """Only where the paths come out otherwise, and not with --from-home."""
     here = {"compiled": "plain", "plain": "compiled"}[before]
     monkeypatch.setattr(flight.Flight, "run", lambda self: {"completed": False})
@@ -72,12 +59,7 @@ def test_resume_another_planner_is_refused_with_the_remedy(
 
 
 @pytest.mark.parametrize(("strategies", "told"), [("rdfs,horizon", 1), ("rdfs", 0)])
-def test_simulate_tells_it(
-    strategies: str,
-    told: int,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_simulate_tells_it(strategies, told, monkeypatch, capsys):
     monkeypatch.setattr(jit, "COMPILED", False)
     command = ["simulate", "--roi", "rectangle:6:1", "--strategy", strategies, "--robots", "2"]
     assert main(command) == 0
@@ -88,9 +70,7 @@ def test_simulate_tells_it(
     ("strategy", "kept", "told"),
     [("swath", (), 1), ("survey", (), 1), ("swath", ("swath.improve-1.nbi",), 0), ("rdfs", (), 0)],
 )
-def test_that_the_planner_is_compiled_now_is_told(
-    strategy: str, kept: tuple[str, ...], told: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_that_the_planner_is_compiled_now_is_told(strategy, kept, told, tmp_path, monkeypatch):
     for name in kept:
         (tmp_path / name).touch()
     made: list[str] = []
@@ -104,7 +84,7 @@ def test_that_the_planner_is_compiled_now_is_told(
 
 
 @pytest.mark.skipif(not jit.COMPILED, reason="numba is not installed")
-def test_nothing_is_compiled_after_the_planner_was_got_ready(tmp_path: Path) -> None:
+def test_nothing_is_compiled_after_the_planner_was_got_ready(tmp_path):
     """A flight in a process of its own: of each kernel there are as many forms as before it."""
     code = """if True:
         import sys

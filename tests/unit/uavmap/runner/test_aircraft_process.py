@@ -12,7 +12,6 @@ import threading
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
-from typing import Literal
 
 import pytest
 
@@ -94,8 +93,8 @@ def found(folder: Path) -> Iterator[tuple[AircraftProcess, socket.socket, socket
 @pytest.mark.parametrize("reset", [False, True])
 @by(in_real_time)
 async def test_aircraft_that_cannot_be_started_again_end_the_mission(
-    *, reset: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    *, reset, tmp_path, monkeypatch
+):
     starts = []
 
     def start(self: AircraftProcess) -> Attachment:
@@ -123,8 +122,8 @@ async def test_aircraft_that_cannot_be_started_again_end_the_mission(
 
 @by(in_real_time)
 async def test_a_process_that_nobody_waits_for_is_ended_while_it_is_connected_to(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    tmp_path, monkeypatch
+):
     connecting, ended = asyncio.Event(), asyncio.Event()
 
     async def hangs(**_: object) -> None:
@@ -144,9 +143,7 @@ async def test_a_process_that_nobody_waits_for_is_ended_while_it_is_connected_to
 
 
 @by(in_real_time)
-async def test_a_third_control_c_does_not_hide_what_became_of_the_aircraft(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_third_control_c_does_not_hide_what_became_of_the_aircraft(tmp_path, monkeypatch):
     waiting, over = asyncio.Event(), threading.Event()
     loop = asyncio.get_running_loop()
 
@@ -172,9 +169,7 @@ async def test_a_third_control_c_does_not_hide_what_became_of_the_aircraft(
 
 @pytest.mark.parametrize("state", ["returning", "refused"])
 @by(in_real_time)
-async def test_aircraft_that_another_process_brings_home_are_not_said_to_be_left(
-    state: Literal["returning", "refused"], tmp_path: Path
-) -> None:
+async def test_aircraft_that_another_process_brings_home_are_not_said_to_be_left(state, tmp_path):
     with found(tmp_path) as (process, other, server):
         port = Mission().port
         port.receive(say.Beat(fates={1: "left to its autopilot in GUIDED at here"}))
@@ -188,9 +183,7 @@ async def test_aircraft_that_another_process_brings_home_are_not_said_to_be_left
 
 
 @by(in_real_time)
-async def test_aircraft_that_send_no_message_end_the_mission_which_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_aircraft_that_send_no_message_end_the_mission_which_says_so(tmp_path, monkeypatch):
     """The mission connected again, and again, without a word."""
     monkeypatch.setattr(AircraftProcess, "_end_process", lambda self: None)
     with found(tmp_path) as (process, other, _):
@@ -202,7 +195,7 @@ async def test_aircraft_that_send_no_message_end_the_mission_which_says_so(
 
 
 @by(in_real_time)
-async def test_the_last_message_is_sent_to_the_next_process_as_well() -> None:
+async def test_the_last_message_is_sent_to_the_next_process_as_well():
     mission = Mission()
     mission.port.receive(say.Ready(None))
     mission.port.fly(0.0)
@@ -217,7 +210,7 @@ async def test_the_last_message_is_sent_to_the_next_process_as_well() -> None:
 
 
 @by(in_real_time)
-async def test_an_end_that_the_mission_has_not_asked_for_ends_it() -> None:
+async def test_an_end_that_the_mission_has_not_asked_for_ends_it():
     port = Mission().port
     port.receive(say.Ended({}))
     with pytest.raises(LinkError, match="asked to end, before the mission has"):
@@ -226,7 +219,7 @@ async def test_an_end_that_the_mission_has_not_asked_for_ends_it() -> None:
 
 
 @by(in_real_time)
-async def test_what_is_in_the_journal_is_known_to_the_aircraft() -> None:
+async def test_what_is_in_the_journal_is_known_to_the_aircraft():
     mission = Mission()
     mission.port.receive(say.Happened(FIRST, 1))
     await asyncio.sleep(0.01)
@@ -259,7 +252,7 @@ class Falling:
 
 
 @by(in_real_time)
-async def test_after_a_defect_the_guardians_have_the_vehicles() -> None:
+async def test_after_a_defect_the_guardians_have_the_vehicles():
     host = Host(lambda message: None)
     host.receive(BEGIN)
     host.receive(say.Fly(0.0))
@@ -286,7 +279,7 @@ async def connected(child: AircraftChild, token: str) -> AsyncIterator[asyncio.S
 
 
 @by(in_real_time)
-async def test_what_a_dead_mission_has_not_kept_is_written_down(tmp_path: Path) -> None:
+async def test_what_a_dead_mission_has_not_kept_is_written_down(tmp_path):
     child = AircraftChild(plan(), tmp_path, 0.0, append=False)
     async with connected(child, child._token) as writer:
         child._send(say.Happened(FIRST, 1))
@@ -300,8 +293,8 @@ async def test_what_a_dead_mission_has_not_kept_is_written_down(tmp_path: Path) 
 @pytest.mark.parametrize("kept", [False, True])
 @by(in_real_time)
 async def test_what_a_mission_that_dies_after_the_end_has_not_kept_is_written_down(
-    *, kept: bool, tmp_path: Path
-) -> None:
+    *, kept, tmp_path
+):
     child = AircraftChild(plan(), tmp_path, 0.0, append=False)
     async with connected(child, child._token) as writer:
         child._send(say.Happened(FIRST, 1))
@@ -323,9 +316,7 @@ class Flying(Falling):
 
 
 @by(in_real_time)
-async def test_aircraft_that_are_asked_to_end_have_the_mission_call_all_home(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_aircraft_that_are_asked_to_end_have_the_mission_call_all_home(tmp_path, monkeypatch):
     made = plan()
     child = AircraftChild(made, tmp_path, 0.0, append=False)
     mission = Mission()
@@ -346,9 +337,7 @@ async def test_aircraft_that_are_asked_to_end_have_the_mission_call_all_home(
 
 
 @by(in_real_time)
-async def test_the_aircraft_send_signs_of_life_before_their_links_are_open(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_the_aircraft_send_signs_of_life_before_their_links_are_open(tmp_path, monkeypatch):
     child = AircraftChild(plan(), tmp_path, 0.0, append=False)
     sent: list[say.Message] = []
     async with connected(child, child._token):
@@ -359,7 +348,7 @@ async def test_the_aircraft_send_signs_of_life_before_their_links_are_open(
     assert sent == [say.Beat()]
 
 
-def test_a_record_goes_into_the_journal_once(tmp_path: Path) -> None:
+def test_a_record_goes_into_the_journal_once(tmp_path):
     with Journal.create(tmp_path / JOURNAL, {"plan": plan().as_json()}) as journal:
         journal.append(FIRST)
         record = say.encode(say.Happened(FIRST, 1)) + say.encode(say.Happened(SECOND, 2))
@@ -369,9 +358,7 @@ def test_a_record_goes_into_the_journal_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("lives", [False, True])
-def test_a_silent_process_is_not_joined_by_a_second(
-    *, lives: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_silent_process_is_not_joined_by_a_second(*, lives, tmp_path, monkeypatch):
     """A port of before may be anybody's now; a process that stands still has the vehicles yet."""
     monkeypatch.setattr(aircraft_takeover, "ATTACH_WALL_S", 0.2)
     with (

@@ -21,20 +21,20 @@ from uavmap.aircraft.guardian.last_watch import Guardians, watched_over
 UP_M = 12.0
 
 
-def test_with_a_fifth_of_everything_lost_the_mission_is_complete() -> None:
+def test_with_a_fifth_of_everything_lost_the_mission_is_complete():
     flight = fly(("loss=0.2", 2), "speck")
     assert flight.code == 0, flight.line()
     assert not flight.columns & FORBIDDEN
 
 
-def test_with_most_of_everything_lost_nobody_is_left_in_the_air() -> None:
+def test_with_most_of_everything_lost_nobody_is_left_in_the_air():
     flight = fly(("loss=0.6", 4), "speck")
     assert flight.kinds["lifted_off"] >= 1, flight.line()
     assert flight.truth.aircraft[1].landed, flight.line()
     assert flight.code in (0, 3)
 
 
-def test_who_cannot_connect_says_why() -> None:
+def test_who_cannot_connect_says_why():
     flight = fly(("loss=0.8", 1), "speck")
     assert flight.code == 2, flight.line()
     assert "the link loses too much" in flight.said
@@ -45,7 +45,7 @@ def commands(flight: Flight, number: int) -> list[Any]:
 
 
 @by(on_virtual_time)
-async def test_a_stream_that_does_not_come_is_asked_for_again() -> None:
+async def test_a_stream_that_does_not_come_is_asked_for_again():
     """Its acknowledgement may have been another's: they do not say what they are for."""
     wanted = mav.MAVLINK_MSG_ID_SYS_STATUS
 
@@ -57,9 +57,9 @@ async def test_a_stream_that_does_not_come_is_asked_for_again() -> None:
     flight = Flight(small_mission())
     # the vehicle never hears of it, and yet it is acknowledged
     real = flight.session.send
-    flight.session.send = lambda m: _doubled(flight, m) if dropped(m) else real(m)  # type: ignore[method-assign]
+    flight.session.send = lambda m: _doubled(flight, m) if dropped(m) else real(m)
     async with under_way(flight):
-        flight.session.send = real  # type: ignore[method-assign]
+        flight.session.send = real
         heard_s = flight.session.heard_s.get(wanted, 0.0)
         assert not flight.session.view.prearm_ok
         await flight.until(lambda: flight.session.view.prearm_ok, within_s=40.0)
@@ -74,7 +74,7 @@ def _doubled(flight: Flight, message: Any) -> None:
 
 
 @by(flight_of)
-async def test_after_a_gap_nothing_is_asked_for_that_still_comes(flight: Flight, /) -> None:
+async def test_after_a_gap_nothing_is_asked_for_that_still_comes(flight, /):
     await flight.after(TakeOff(UP_M), Airborne)
     asked = len(commands(flight, mav.MAV_CMD_SET_MESSAGE_INTERVAL))
     flight.to_driver = lambda message: False
@@ -87,9 +87,7 @@ async def test_after_a_gap_nothing_is_asked_for_that_still_comes(flight: Flight,
 
 
 @by(flight_of)
-async def test_a_hold_whose_acknowledgement_was_an_older_one_is_asked_for_again(
-    flight: Flight, /
-) -> None:
+async def test_a_hold_whose_acknowledgement_was_an_older_one_is_asked_for_again(flight, /):
     await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(FlyTo((GridPoint(45.0, 30.0),), None, stop=False, height_m=UP_M))
     await asyncio.sleep(6.0)
@@ -113,9 +111,7 @@ async def test_a_hold_whose_acknowledgement_was_an_older_one_is_asked_for_again(
 
 
 @by(flight_of)
-async def test_frames_that_are_late_by_seconds_are_no_vehicle_that_is_blown_away(
-    flight: Flight, /
-) -> None:
+async def test_frames_that_are_late_by_seconds_are_no_vehicle_that_is_blown_away(flight, /):
     flight.vehicle.fail.link(jitter_s=2.0)
     await flight.after(TakeOff(UP_M), Airborne, within_s=200.0)
     for goal in (GridPoint(45.0, 30.0), GridPoint(0.0, 10.0), GridPoint(45.0, 0.0)):
@@ -128,7 +124,7 @@ async def test_frames_that_are_late_by_seconds_are_no_vehicle_that_is_blown_away
 
 
 @by(on_virtual_time)
-async def test_who_was_left_in_the_air_is_brought_home_though_the_connection_fails() -> None:
+async def test_who_was_left_in_the_air_is_brought_home_though_the_connection_fails():
     """As after `uavmap resume` with a second vehicle that does not answer."""
     flight = Flight(small_mission())
     async with under_way(flight):

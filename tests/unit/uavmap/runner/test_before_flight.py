@@ -52,7 +52,7 @@ def told(field: Field, what: str) -> str:
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
-def test_a_vehicle_that_was_just_switched_on_is_waited_for(autopilot: str, tmp_path: Path) -> None:
+def test_a_vehicle_that_was_just_switched_on_is_waited_for(autopilot, tmp_path):
     async def body(field: Field) -> None:
         flight = before(field, tmp_path)
         assert field.links[0].session.view.ekf_flags & EKF_ABSOLUTE == 0
@@ -66,9 +66,7 @@ def test_a_vehicle_that_was_just_switched_on_is_waited_for(autopilot: str, tmp_p
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(on_field, mission_of)
-async def test_a_simulator_is_shown_set_up_and_not_asked_about(
-    field: Field, /, autopilot: str, tmp_path: Path
-) -> None:
+async def test_a_simulator_is_shown_set_up_and_not_asked_about(field, /, autopilot, tmp_path):
     flight = before(field, tmp_path)
     await flight.go()
     assert "a box of about" in field.told[0]
@@ -86,9 +84,7 @@ async def test_a_simulator_is_shown_set_up_and_not_asked_about(
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_nobody_to_ask_is_no_yes(
-    field: Field, /, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_nobody_to_ask_is_no_yes(field, /, tmp_path, monkeypatch):
     real(monkeypatch)
     with pytest.raises(PreflightError, match="give --yes"):
         await before(field, tmp_path).go()
@@ -98,7 +94,7 @@ async def test_nobody_to_ask_is_no_yes(
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_who_is_in_the_air_already_is_told_of(field: Field, /, tmp_path: Path) -> None:
+async def test_who_is_in_the_air_already_is_told_of(field, /, tmp_path):
     for command, *params in ((176, 1, 4), (400, 1), (22, 0, 0, 0, 0, 0, 0, 25)):
         filled = (*params, *([0.0] * (7 - len(params))))
         field.ask(0, mav.MAVLink_command_long_message(1, 1, command, 0, *filled))
@@ -110,9 +106,7 @@ async def test_who_is_in_the_air_already_is_told_of(field: Field, /, tmp_path: P
 
 @pytest.mark.parametrize("vehicles", [1, 3])
 @by(on_field, lambda vehicles: mission_of("ardupilot", vehicles))
-async def test_a_dry_run_sets_all_and_arms_nothing(
-    field: Field, /, vehicles: int, tmp_path: Path
-) -> None:
+async def test_a_dry_run_sets_all_and_arms_nothing(field, /, vehicles, tmp_path):
     flight = before(field, tmp_path, dry=True)
     with pytest.raises(NotFlownError) as over:
         await flight.go()
@@ -128,8 +122,8 @@ async def test_a_dry_run_sets_all_and_arms_nothing(
     lambda autopilot: at_heights(with_receivers(mission_of(autopilot, 2), 0.0), (0.0, -6.0)),
 )
 async def test_return_heights_of_a_team_are_apart_whatever_the_heights_of_its_homes(
-    field: Field, /, autopilot: str, tmp_path: Path
-) -> None:
+    field, /, autopilot, tmp_path
+):
     """Layers above each own home put two of them, 6 m apart in height, into the same air."""
     views = [link.session.view for link in field.links]
     assert views[0].home_amsl_m - views[1].home_amsl_m == pytest.approx(6.0, abs=0.1)
@@ -143,9 +137,7 @@ async def test_return_heights_of_a_team_are_apart_whatever_the_heights_of_its_ho
     assert field.parameter(1, ceiling) >= 24.0 + 10.0
 
 
-def test_an_empty_battery_cannot_be_passed_over(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_empty_battery_cannot_be_passed_over(tmp_path, monkeypatch):
     real(monkeypatch)
     weak = Battery(capacity_wh=4000.0, hover_power_w=300.0, reserve=0.98)
 
@@ -162,9 +154,7 @@ def test_an_empty_battery_cannot_be_passed_over(
     ("kind", "why"), [("camera_stall", "none came"), ("camera_corrupt", "picture")]
 )
 @by(on_field, lambda kind: mission_of("ardupilot", faults=(fault_of(kind),)))
-async def test_a_camera_that_gives_nothing_cannot_be_passed_over(
-    field: Field, /, kind: str, why: str, tmp_path: Path
-) -> None:
+async def test_a_camera_that_gives_nothing_cannot_be_passed_over(field, /, kind, why, tmp_path):
     with pytest.raises(PreflightError, match="not flown:\nbad   1 camera: ") as error:
         await before(field, tmp_path, yes=True).go()
     assert why in str(error.value)
@@ -176,7 +166,7 @@ async def test_a_camera_that_gives_nothing_cannot_be_passed_over(
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_a_kept_fence_that_the_mission_leaves(field: Field, /, tmp_path: Path) -> None:
+async def test_a_kept_fence_that_the_mission_leaves(field, /, tmp_path):
     field.put(0, "FENCE_ENABLE", 1)
     await before(field, tmp_path, keep=True).go()
     assert "kept: 0 items" in told(field, "fence")
@@ -187,7 +177,7 @@ async def test_a_kept_fence_that_the_mission_leaves(field: Field, /, tmp_path: P
 
 
 @by(on_field, lambda: mission_of("ardupilot", faults=(fault_of("gps"),)))
-async def test_without_a_fix_it_is_said_what_is_missing(field: Field, /, tmp_path: Path) -> None:
+async def test_without_a_fix_it_is_said_what_is_missing(field, /, tmp_path):
     with pytest.raises(NotFlownError) as over:
         await before(field, tmp_path, dry=True).go()
     assert not over.value.could_fly
@@ -196,9 +186,7 @@ async def test_without_a_fix_it_is_said_what_is_missing(field: Field, /, tmp_pat
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_a_flight_that_is_gone_on_with_asks_nothing(
-    field: Field, /, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_flight_that_is_gone_on_with_asks_nothing(field, /, tmp_path, monkeypatch):
     real(monkeypatch)
     goes_on = BeforeFlight(None, field.setting, tmp_path, field.links, Operator().ask)
     await goes_on.go()
@@ -215,7 +203,7 @@ async def test_a_flight_that_is_gone_on_with_asks_nothing(
 @pytest.mark.parametrize(
     ("typed", "answer"), [("y\n", True), ("YES\n", True), ("n\n", False), ("\n", False)]
 )
-def test_only_a_yes_is_a_yes(typed: str, answer: bool) -> None:
+def test_only_a_yes_is_a_yes(typed, answer):
     ours, theirs = pty.openpty()
     with os.fdopen(theirs, "r") as stream:
 
@@ -251,20 +239,18 @@ def line_of(mission: Mission, given_m: float, folder: Path) -> str:
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @pytest.mark.parametrize(("given_m", "level"), [(8.0, "ok"), (6.5, "warn"), (0.0, "bad")])
-def test_pad_heights_receivers_contradict_the_mission(
-    autopilot: str, given_m: float, level: str, tmp_path: Path
-) -> None:
+def test_pad_heights_receivers_contradict_the_mission(autopilot, given_m, level, tmp_path):
     assert line_of(simulated(autopilot, 8.0, 0.0), given_m, tmp_path).startswith(f"{level:<5} 2 ")
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
 def test_pad_heights_receivers_that_err_by_metres_are_believed_within_their_errors(
-    autopilot: str, tmp_path: Path
-) -> None:
+    autopilot, tmp_path
+):
     assert line_of(simulated(autopilot, 0.0, 3.0), 0.0, tmp_path).startswith("ok    2 ")
 
 
-def test_pad_heights_contradicted_keep_the_team_on_the_ground(tmp_path: Path) -> None:
+def test_pad_heights_contradicted_keep_the_team_on_the_ground(tmp_path):
     mission = simulated("ardupilot", 8.0, 0.0)
 
     async def body(field: Field) -> None:
@@ -275,7 +261,7 @@ def test_pad_heights_contradicted_keep_the_team_on_the_ground(tmp_path: Path) ->
     on_field(body, mission)
 
 
-def test_findings_are_values_and_the_word_to_go() -> None:
+def test_findings_are_values_and_the_word_to_go():
     found = [warn("a", "1", "2", "do")]
     assert could_fly(found)
     found.append(bad("b", "1", "2", "do", binding=True))

@@ -37,7 +37,7 @@ def raises(failure: Exception) -> Callable[[Situation], Decision]:
     return failing
 
 
-def test_a_strategy_that_says_what_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_strategy_that_says_what_is_wrong(monkeypatch):
     flight = flight_with(monkeypatch, raises(StrategyError("rdfs: the stack is empty")))
     assert flight.code == 2
     assert flight.raised == ""
@@ -50,7 +50,7 @@ def test_a_strategy_that_says_what_is_wrong(monkeypatch: pytest.MonkeyPatch) -> 
     assert "to go on: uavmap resume" in flight.said
 
 
-def test_a_strategy_with_a_defect(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_strategy_with_a_defect(monkeypatch):
     """It keeps its traceback, which is for whoever wrote it."""
     flight = flight_with(monkeypatch, raises(ZeroDivisionError("division by zero")))
     assert flight.code is None
@@ -58,7 +58,7 @@ def test_a_strategy_with_a_defect(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "the mission failed (division by zero); it is told to return" in flight.said
 
 
-def test_a_strategy_that_moves_where_nobody_can(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_strategy_that_moves_where_nobody_can(monkeypatch):
     flight = flight_with(monkeypatch, lambda s: Decision(dict.fromkeys(s.robots, FAR)))
     assert flight.code == 2
     assert flight.said.splitlines()[-1].startswith("uavmap: rdfs: robot 1 moves from (")
@@ -66,9 +66,7 @@ def test_a_strategy_that_moves_where_nobody_can(monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.mark.parametrize("says", [True, False], ids=["wait", "nothing"])
-def test_a_strategy_that_leaves_everybody_waiting(
-    monkeypatch: pytest.MonkeyPatch, says: bool
-) -> None:
+def test_a_strategy_that_leaves_everybody_waiting(monkeypatch, says):
     """Nobody hovers on, battery after battery."""
     flight = flight_with(monkeypatch, lambda s: Decision(dict.fromkeys(s.robots) if says else {}))
     assert flight.code == 3

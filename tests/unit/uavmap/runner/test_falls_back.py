@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.flight.strategy import fallback
@@ -26,7 +24,7 @@ def plan(folder: Path) -> FlightPlan:
     return plan_of(source.source, source.text, "swath", 1, 3, (), None, SIM_EPOCH_UTC_S)
 
 
-def test_it_ends_with_the_whole_region(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_ends_with_the_whole_region(tmp_path, monkeypatch):
     fallen: list[float] = []
 
     def told(state: State) -> State:
@@ -43,9 +41,7 @@ def test_it_ends_with_the_whole_region(tmp_path: Path, monkeypatch: pytest.Monke
     assert summary["bound_held"]
 
 
-def test_it_is_never_needed_where_frames_decide(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_is_never_needed_where_frames_decide(tmp_path, monkeypatch):
     def never(state: State) -> State:
         raise AssertionError(f"at {state.t_s} s")
 
@@ -55,7 +51,7 @@ def test_it_is_never_needed_where_frames_decide(
     assert summary["exploration_s"] < 0.5 * summary["bound_makespan_s"]
 
 
-def test_the_patience_grows_with_what_is_known() -> None:
+def test_the_patience_grows_with_what_is_known():
     setting = setting_of(load(MISSION))
     state = State.initial(setting)
     assert fallback.patience_s(setting, state) == fallback.LEAST_PATIENCE_S

@@ -9,7 +9,6 @@ from missions.geo.grid import Grid
 from missions.units import GridPoint
 from sitl.mavlink.telemetry import Telemetry
 from tests.support.plans import plan_of
-from tests.support.said import Said
 from tests.support.small_missions import START, mission_text, square
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.runner.flight import fly
@@ -29,7 +28,7 @@ def plan(autopilot: str = "ardupilot") -> FlightPlan:
     return plan_of("field.toml", text, None, None, 1, (), None, 0.0)
 
 
-def test_an_autopilot_tells_its_ground_and_the_plan_keeps_it(said: Said) -> None:
+def test_an_autopilot_tells_its_ground_and_the_plan_keeps_it(said):
     surveyed = with_ground(plan())
     assert surveyed.mission.terrain is not None
     assert surveyed.mission.terrain.source is None
@@ -42,14 +41,14 @@ def test_an_autopilot_tells_its_ground_and_the_plan_keeps_it(said: Said) -> None
     assert with_ground(surveyed) is surveyed
 
 
-def test_without_its_answer_nothing_is_flown(tmp_path) -> None:
+def test_without_its_answer_nothing_is_flown(tmp_path):
     with pytest.raises(LinkError, match=r"a PX4 tells nobody of its terrain; give terrain.dem"):
         _alone(lambda: with_ground(plan("px4")))
     with pytest.raises(MissionFileError, match=r"terrain.source"):
         fly(plan(), tmp_path)
 
 
-def test_ground_that_never_comes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ground_that_never_comes_is_refused(monkeypatch):
     tell = Telemetry.terrain_report
     monkeypatch.setattr(Telemetry, "terrain_report", lambda self, lat, lon, *, loaded: tell(
         self, lat, lon, loaded=False))  # fmt: skip
@@ -68,7 +67,7 @@ def _alone(call) -> None:
         raise alone
 
 
-def test_a_fence_too_large_to_ask_for_is_refused() -> None:
+def test_a_fence_too_large_to_ask_for_is_refused():
     text = mission_text(square(-4, 10, 24, 16), square(-40, -40, 4000, 4000), altitude_m=14.0)
     text = text.replace("[flight]", '[flight]\nheight_above = "ground"')
     large = plan_of("large.toml", text + '\n[terrain]\nsource = "autopilot"\n')

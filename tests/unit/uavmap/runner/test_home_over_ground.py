@@ -10,7 +10,7 @@ from missions.events import Airborne, Arrived
 from missions.mission.schema import Mission
 from missions.orders import FlyTo, TakeOff
 from missions.units import GridPoint
-from tests.support.flights import Flight, fly
+from tests.support.flights import fly
 from tests.support.hills import over, slope
 from tests.support.running import by
 from tests.support.small_missions import mission, square
@@ -31,9 +31,7 @@ def steep() -> Mission:
 
 
 @by(fly, steep)
-async def test_a_long_leg_down_a_steep_slope_is_no_reason_to_fly_straight_over_a_hole(
-    flight: Flight, /
-) -> None:
+async def test_a_long_leg_down_a_steep_slope_is_no_reason_to_fly_straight_over_a_hole(flight, /):
     """Up and down it takes several times as long as on level ground: the guardian allows for it."""
     nearest_m: list[float] = []
     hole = Polygon([tuple(corner) for corner in HOUSE])

@@ -41,9 +41,7 @@ def numbers(value: object) -> list[float]:
     [(214.7, 8.5), (-200.0, 8.5), (START.lat_deg, 200.0), (-33.0, 151.0), (0.0, 0.0)],
 )
 @by(fly, small_mission)
-async def test_a_garbage_position_in_flight_is_not_believed(
-    flight: Flight, /, lat: float, lon: float
-) -> None:
+async def test_a_garbage_position_in_flight_is_not_believed(flight, /, lat, lon):
     """One of the first, for a moment, made the journal unreadable and ended the program."""
     await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(FlyTo((GridPoint(30.0, 12.0),), None, True, UP_M))
@@ -77,9 +75,7 @@ async def test_a_garbage_position_in_flight_is_not_believed(
     ],
 )
 @by(fly, small_mission)
-async def test_a_rogue_camera_costs_pictures_and_nothing_more(
-    flight: Flight, /, how: dict[str, Any], usable: bool
-) -> None:
+async def test_a_rogue_camera_costs_pictures_and_nothing_more(flight, /, how, usable):
     def poison(message: Any) -> bool:
         if message.get_type() != "CAMERA_IMAGE_CAPTURED":
             return True
@@ -97,7 +93,7 @@ async def test_a_rogue_camera_costs_pictures_and_nothing_more(
 
 
 @pytest.mark.parametrize("kind", forging.KINDS)
-def test_two_thousand_forged_frames_in_a_flight(kind: str) -> None:
+def test_two_thousand_forged_frames_in_a_flight(kind):
     flight, reached = forging.fly(kind, 1, 2000)
     assert not flight.columns & FORBIDDEN, flight.line()
     assert reached == ()
@@ -105,7 +101,7 @@ def test_two_thousand_forged_frames_in_a_flight(kind: str) -> None:
         assert flight.code == 0
 
 
-def test_a_forger_feeds_what_he_is_asked_to() -> None:
+def test_a_forger_feeds_what_he_is_asked_to():
     """The flights above would show nothing if nothing were fed."""
     one, other = forging.Forger("poisoned", 1), forging.Forger("poisoned", 1)
     frames = [one.frame() for _ in range(200)]
@@ -114,7 +110,7 @@ def test_a_forger_feeds_what_he_is_asked_to() -> None:
     assert {frame[5] for frame in frames if frame[0] == 0xFD} == {1}  # the vehicle's own system
 
 
-def test_one_wrong_charge_does_not_land_it_in_the_field() -> None:
+def test_one_wrong_charge_does_not_land_it_in_the_field():
     corners = ((-50, -50), (50, -50), (50, 50), (-50, 50))
     fence = Fence.of([GridPoint(*corner) for corner in corners], [], 2.0)
     limits = Limits(fence, EnergyModel(300.0, 60.0, 0.15, 5.0, 2.0))

@@ -32,7 +32,7 @@ URL = "udpin://127.0.0.1:14550"
 
 
 @pytest.fixture
-def field(monkeypatch: pytest.MonkeyPatch) -> Field:
+def field(monkeypatch):
     """A simulated vehicle that answers at the URL of a flight, on virtual time."""
     made = Field(mission_of("ardupilot"))
 
@@ -77,8 +77,8 @@ def dry_run(field: Field, folder: Path) -> int:
 
 
 def test_dry_run_whose_settings_stay_is_no_success_and_resume_puts_them_back(
-    field: Field, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+    field, tmp_path, capsys
+):
     """A real PX4 kept the mission's fence after two of six dry runs; the remedy did not exist."""
     folder = tmp_path / "flight"
     field.put(0, "FENCE_ALT_MAX", 77.0)
@@ -106,7 +106,7 @@ def test_dry_run_whose_settings_stay_is_no_success_and_resume_puts_them_back(
     assert not (folder / JOURNAL).exists()
 
 
-def test_dry_run_that_put_all_back_leaves_no_folder(field: Field, tmp_path: Path) -> None:
+def test_dry_run_that_put_all_back_leaves_no_folder(field, tmp_path):
     folder = tmp_path / "flight"
     before = field.parameter(0, "FENCE_ALT_MAX")
     assert dry_run(field, folder) == 0
@@ -114,9 +114,7 @@ def test_dry_run_that_put_all_back_leaves_no_folder(field: Field, tmp_path: Path
     assert [path.name for path in folder.iterdir()] == ["test-picture-1.png"]
 
 
-def test_resume_that_hears_nothing_names_where_the_aircraft_was_last(
-    field: Field, tmp_path: Path
-) -> None:
+def test_resume_that_hears_nothing_names_where_the_aircraft_was_last(field, tmp_path):
     """A real one hovered where a killed process left it, and nothing was said of the place."""
     home = GridPoint(0.0, 0.0)
     plan = FlightPlan.make(

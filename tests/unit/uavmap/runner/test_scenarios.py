@@ -304,9 +304,7 @@ def cut_at_take_off(vehicle: SimVehicle) -> bool:
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
-def test_link_is_lost_at_take_off_the_flight_ends_when_its_battery_must_be_empty(
-    autopilot: str,
-) -> None:
+def test_link_is_lost_at_take_off_the_flight_ends_when_its_battery_must_be_empty(autopilot):
     """It was given up after 120 s, "on the ground", while it hovered in its layer."""
     flight = scenario(autopilot, cut_at_take_off)
     assert flight.code == 4, flight.line()

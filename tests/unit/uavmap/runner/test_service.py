@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,6 @@ from missions.orders import Order, StandDown, TakeOff
 from missions.units import GridPoint
 from tests.support.flights import small_mission
 from tests.support.running import by, on_virtual_time
-from tests.support.said import Said
 from uavmap.aircraft.imaging.classifier import Blind, PictureJudge
 from uavmap.aircraft.process import messages as say
 from uavmap.aircraft.process.port import Port
@@ -54,7 +53,7 @@ class Played:
 
 
 @pytest.fixture
-def journal(tmp_path: Path) -> Iterator[Journal]:
+def journal(tmp_path):
     with Journal.create(tmp_path / "journal.jsonl", {}) as journal:
         yield journal
 
@@ -81,7 +80,7 @@ def serve(journal: Journal, vehicle: Played, act: Callable[[Service], None]) -> 
     return state
 
 
-def test_events_are_committed_in_order_and_orders_handed_out(journal: Journal) -> None:
+def test_events_are_committed_in_order_and_orders_handed_out(journal):
     vehicle = Played((1.0, CONNECTED), (2.0, LinkLost(1, 2.0)), (12.0, CONNECTED))
     state = serve(journal, vehicle, Service.recall)
     assert [type(o) for o in vehicle.orders] == [TakeOff, StandDown, StandDown]
@@ -89,13 +88,13 @@ def test_events_are_committed_in_order_and_orders_handed_out(journal: Journal) -
     assert state.over
 
 
-def test_a_flight_is_over_when_nobody_has_anything_to_do(journal: Journal) -> None:
+def test_a_flight_is_over_when_nobody_has_anything_to_do(journal):
     vehicle = Played((1.0, CONNECTED), (2.0, Overridden(1, 2.0, "LOITER")))
     state = serve(journal, vehicle, lambda service: pytest.fail("it should be over by now"))
     assert state.over
 
 
-def test_an_order_comes_after_the_commit(journal: Journal) -> None:
+def test_an_order_comes_after_the_commit(journal):
     committed: list[str] = []
 
     class Watched(Played):
@@ -108,7 +107,7 @@ def test_an_order_comes_after_the_commit(journal: Journal) -> None:
     assert committed == ["connected", "link_lost", "connected"]
 
 
-def test_a_recall_is_posted_once(journal: Journal) -> None:
+def test_a_recall_is_posted_once(journal):
     def twice(service: Service) -> None:
         service.recall()
         service.recall()
@@ -118,12 +117,12 @@ def test_a_recall_is_posted_once(journal: Journal) -> None:
     assert sum(isinstance(e, Recalled) for e in journal.events()) == 1
 
 
-def test_stop_ends_the_flight_as_it_is(journal: Journal) -> None:
+def test_stop_ends_the_flight_as_it_is(journal):
     state = serve(journal, Played((1.0, CONNECTED)), Service.stop)
     assert not state.over
 
 
-def test_what_is_reported_while_an_order_is_given_is_taken_in_afterwards(journal: Journal) -> None:
+def test_what_is_reported_while_an_order_is_given_is_taken_in_afterwards(journal):
     """Nobody is called back in the middle of a report."""
     depth: list[int] = []
 
@@ -147,9 +146,7 @@ def test_what_is_reported_while_an_order_is_given_is_taken_in_afterwards(journal
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_journal_that_cannot_be_written_ends_the_mission(
-    journal: Journal, monkeypatch: pytest.MonkeyPatch, said: Said
-) -> None:
+def test_a_journal_that_cannot_be_written_ends_the_mission(journal, monkeypatch, said):
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
@@ -177,9 +174,7 @@ def test_a_journal_that_cannot_be_written_ends_the_mission(
     assert "is not in the journal" in said[0]
 
 
-def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(
-    journal: Journal, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(journal, monkeypatch):
     """The guardians bring everybody down: whoever resumes must know how that ended."""
     flying = Connected(1, 1.0, HOME, HOME, 12.0, True, True, 25.0)
     vehicle = Played((1.0, flying), (5.0, Tracked(1, 5.0, HOME, 12.0, 25.0)))
@@ -214,7 +209,7 @@ def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(
 
 
 @by(on_virtual_time)
-async def test_what_is_kept_after_the_end_is_known_to_the_aircraft(journal: Journal) -> None:
+async def test_what_is_kept_after_the_end_is_known_to_the_aircraft(journal):
     service = service_of(journal, Played())
 
     async def nobody(_: object) -> None:
@@ -235,9 +230,7 @@ async def test_what_is_kept_after_the_end_is_known_to_the_aircraft(journal: Jour
 
 
 @by(on_virtual_time)
-async def test_a_report_that_no_journal_can_hold_is_refused_and_told(
-    journal: Journal, said: Said
-) -> None:
+async def test_a_report_that_no_journal_can_hold_is_refused_and_told(journal, said):
     nowhere = GridPoint(float("inf"), 0.0)
     vehicle = Played((1.0, CONNECTED), (2.0, Tracked(1, 2.0, nowhere, 0.0, 25.0)))
     service = service_of(journal, vehicle)
@@ -257,9 +250,7 @@ def judge(model: Path, *, recall: bool) -> PictureJudge:
 
 
 @pytest.mark.parametrize("there", [False, True])
-def test_without_its_model_a_flight_can_be_called_home_and_no_more(
-    tmp_path: Path, there: bool, said: Said
-) -> None:
+def test_without_its_model_a_flight_can_be_called_home_and_no_more(tmp_path, there, said):
     model = tmp_path / "model.json"
     if there:
         model.write_text("another one")
@@ -271,7 +262,7 @@ def test_without_its_model_a_flight_can_be_called_home_and_no_more(
     assert line.endswith("the aircraft are brought home without it")
 
 
-def test_who_has_no_detector_says_nothing_of_a_picture() -> None:
+def test_who_has_no_detector_says_nothing_of_a_picture():
     picture = np.zeros((4, 4, 3), np.uint8)
     for judge in (Blind().mask, Blind().probability):
         with pytest.raises(ImageError, match="only brought home"):

@@ -58,8 +58,8 @@ def serve(body: Body, folder: Path) -> None:
                 flight.setting, journal, OneVehicle(flight.driver), State.initial(flight.setting),
                 lambda event, state: None,
             )  # fmt: skip
-            flight.report = service.post  # type: ignore[method-assign]
-            flight.taken_in = service._reports.join  # type: ignore[method-assign]
+            flight.report = service.post
+            flight.taken_in = service._reports.join
             async with asyncio.TaskGroup() as tasks:
                 world = tasks.create_task(flight.fly_world())
                 await flight.driver.connect()
@@ -78,9 +78,7 @@ def serve(body: Body, folder: Path) -> None:
 
 @pytest.mark.parametrize("fetch_s", [0.0, 1.5, 2.5])
 @by(fly)
-async def test_pictures_that_are_fetched_slowly_are_judged_or_said_to_be_lost(
-    flight: Flight, /, fetch_s: float
-) -> None:
+async def test_pictures_that_are_fetched_slowly_are_judged_or_said_to_be_lost(flight, /, fetch_s):
     """None of them is dropped at the end of a lane without a word."""
     announced: set[int] = set()
 
@@ -108,8 +106,8 @@ async def test_pictures_that_are_fetched_slowly_are_judged_or_said_to_be_lost(
 
 @by(serve, lambda tmp_path: tmp_path)
 async def test_a_link_that_drops_during_a_landing_for_a_battery_costs_nothing(
-    flight: Flight, service: Service, /, tmp_path: Path
-) -> None:
+    flight, service, /, tmp_path
+):
     def vehicle() -> Any:
         return service.state.vehicles[1]
 
@@ -134,8 +132,8 @@ async def test_a_link_that_drops_during_a_landing_for_a_battery_costs_nothing(
 @pytest.mark.parametrize("arms", [True, False])
 @by(serve, lambda tmp_path: tmp_path)
 async def test_a_pilot_who_turns_the_switch_on_the_ground_has_the_last_word(
-    flight: Flight, service: Service, /, mode: Mode, arms: bool, tmp_path: Path
-) -> None:
+    flight, service, /, mode, arms, tmp_path
+):
     """Before the first take-off, also back to the mode in which it stood, while it is armed."""
     if not arms:
         flight.vehicle.fail.reject(command=mav.MAV_CMD_COMPONENT_ARM_DISARM)
@@ -168,7 +166,7 @@ def forbidden(flight: Flown) -> frozenset[str]:
     ],
     ids=lambda value: value["kind"] if isinstance(value, dict) else "",
 )
-def test_it_ends_honestly(fault: dict[str, Any], code: int, home: bool, said: str) -> None:
+def test_it_ends_honestly(fault, code, home, said):
     flight = flown(fault["kind"], mission_text("speck", [{**fault, "at_s": 18.0}]), 1)
     assert not forbidden(flight), flight.line()
     assert flight.code == code, flight.line()
@@ -176,7 +174,7 @@ def test_it_ends_honestly(fault: dict[str, Any], code: int, home: bool, said: st
     assert said in flight.said
 
 
-def test_what_a_leaning_camera_shows_beside_its_lane_is_no_search_of_it() -> None:
+def test_what_a_leaning_camera_shows_beside_its_lane_is_no_search_of_it():
     """A gust blows it 2 m off its lane, and a fixed camera leans: a row of cells is not seen.
 
     The region that lies there was missed, the lane called searched, and the mission complete.
@@ -191,8 +189,8 @@ def test_what_a_leaning_camera_shows_beside_its_lane_is_no_search_of_it() -> Non
 
 @by(serve, lambda tmp_path: tmp_path)
 async def test_answers_of_the_camera_that_are_lost_for_6_seconds_cost_no_vehicle(
-    flight: Flight, service: Service, /, tmp_path: Path
-) -> None:
+    flight, service, /, tmp_path
+):
     def heard(message: Any) -> bool:
         camera = getattr(message, "command", None) == mav.MAV_CMD_IMAGE_START_CAPTURE
         return not (message.get_type() == "COMMAND_ACK" and camera)
@@ -210,7 +208,7 @@ async def test_answers_of_the_camera_that_are_lost_for_6_seconds_cost_no_vehicle
 
 
 @by(fly)
-async def test_two_links_that_hear_one_aircraft_are_refused(flight: Flight, /) -> None:
+async def test_two_links_that_hear_one_aircraft_are_refused(flight, /):
     """As behind a router that forwards everything."""
     second = Session(lambda frame: None, lambda frame: None)
 
@@ -230,7 +228,7 @@ async def test_two_links_that_hear_one_aircraft_are_refused(flight: Flight, /) -
 
 
 @by(fly)
-async def test_a_vehicle_tells_how_high_its_home_is(flight: Flight, /) -> None:
+async def test_a_vehicle_tells_how_high_its_home_is(flight, /):
     """Layers are level by it where homes are not."""
     await flight.sees(Connected)
     (connected,) = flight.seen(Connected)

@@ -5,8 +5,6 @@ that puts its own back. A real PX4 corrects the height of its home in flight, an
 it tells above it leap.
 """
 
-from __future__ import annotations
-
 import asyncio
 import itertools
 import math
@@ -18,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.events import Airborne, Arrived, Overridden, Released
 from missions.orders import TakeOff
 from sitl.px4.modes import Px4Mode
-from tests.support.flights import UP_M, Flight, fly, small_mission, to
+from tests.support.flights import UP_M, fly, small_mission, to
 from tests.support.running import by
 
 BOTH = ("ardupilot", "px4")
@@ -46,9 +44,7 @@ async def speed_of(flight, order):
 @pytest.mark.parametrize("autopilot", BOTH)
 @pytest.mark.parametrize("speed_m_s", [1.0, 3.0, 6.0, 10.0])
 @by(fly, lambda autopilot, speed_m_s: on(autopilot, speed_m_s=speed_m_s))
-async def test_the_speed_of_the_mission_is_flown_within_5_percent(
-    flight: Flight, /, autopilot, speed_m_s
-) -> None:
+async def test_the_speed_of_the_mission_is_flown_within_5_percent(flight, /, autopilot, speed_m_s):
     await flight.after(TakeOff(UP_M), Airborne)
     await flight.after(to(WEST), Arrived)
     leg = to(EAST if speed_m_s > 3.0 else 0.0)
@@ -57,9 +53,7 @@ async def test_the_speed_of_the_mission_is_flown_within_5_percent(
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(fly, lambda autopilot: on(autopilot, speed_m_s=3.0))
-async def test_after_a_pilot_gave_it_back_the_speed_is_told_again(
-    flight: Flight, /, autopilot
-) -> None:
+async def test_after_a_pilot_gave_it_back_the_speed_is_told_again(flight, /, autopilot):
     await flight.after(TakeOff(UP_M), Airborne)
     await flight.after(to(WEST), Arrived)
     modes = {"ardupilot": ((1, LOITER), (1, GUIDED)), "px4": ((1, 4, 5), (1, 4, 3))}
@@ -70,7 +64,7 @@ async def test_after_a_pilot_gave_it_back_the_speed_is_told_again(
 
 
 @by(fly, lambda: on("px4"))
-async def test_a_px4_flies_at_its_height_although_its_home_moves(flight: Flight, /) -> None:
+async def test_a_px4_flies_at_its_height_although_its_home_moves(flight, /):
     told_m, homes_m, true_m = [], [], []
 
     def listen(message):
@@ -91,7 +85,7 @@ async def test_a_px4_flies_at_its_height_although_its_home_moves(flight: Flight,
 
 
 @by(fly, lambda: on("px4"))
-async def test_a_picture_of_a_px4_is_where_its_height_by_the_sea_says(flight: Flight, /) -> None:
+async def test_a_picture_of_a_px4_is_where_its_height_by_the_sea_says(flight, /):
     """The camera tells both heights; the one above a home that moves would bend the map."""
     shot = {}
 

@@ -22,9 +22,7 @@ UP_M = 12.0
 
 
 @by(fly)
-async def test_the_reasons_of_the_checks_before_arming_are_told_as_they_come(
-    flight: Flight, /
-) -> None:
+async def test_the_reasons_of_the_checks_before_arming_are_told_as_they_come(flight, /):
     message = mav.MAVLink_param_set_message(1, 1, b"BATT_ARM_VOLT", 99.0, 9)
     flight.vehicle.receive(message.pack(mav.MAVLink(None, 255, 190)))
     await flight.after(TakeOff(UP_M), OrderFailed, within_s=150.0)
@@ -34,7 +32,7 @@ async def test_the_reasons_of_the_checks_before_arming_are_told_as_they_come(
 
 
 @by(on_virtual_time)
-async def test_a_position_that_does_not_come_is_waited_for_aloud() -> None:
+async def test_a_position_that_does_not_come_is_waited_for_aloud():
     flight = Flight(small_mission())
     flight.to_driver = lambda message: message.get_type() != "GLOBAL_POSITION_INT"
     async with asyncio.TaskGroup() as tasks:
@@ -47,7 +45,7 @@ async def test_a_position_that_does_not_come_is_waited_for_aloud() -> None:
 
 
 @by(fly)
-async def test_what_the_checks_before_arming_wait_for_is_told(flight: Flight, /) -> None:
+async def test_what_the_checks_before_arming_wait_for_is_told(flight, /):
     flight.vehicle.fail.gps(for_s=40.0)
     await asyncio.sleep(10.0)
     assert not flight.session.view.ready_to_arm
@@ -58,9 +56,7 @@ async def test_what_the_checks_before_arming_wait_for_is_told(flight: Flight, /)
 
 
 @by(fly)
-async def test_a_word_without_a_new_battery_is_answered(
-    flight: Flight, /, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_word_without_a_new_battery_is_answered(flight, /, monkeypatch):
     monkeypatch.setattr(VehicleView, "is_simulator", False)
     flight.session.view.battery_percent = 41
     flight.to_driver = lambda m: m.get_type() not in ("BATTERY_STATUS", "SYS_STATUS")
@@ -81,9 +77,7 @@ def long_mission() -> Mission:
 
 
 @by(fly, long_mission)
-async def test_a_speed_that_somebody_changed_on_the_way_is_put_back_and_told(
-    flight: Flight, /
-) -> None:
+async def test_a_speed_that_somebody_changed_on_the_way_is_put_back_and_told(flight, /):
     await flight.after(TakeOff(UP_M), Airborne)
     view = flight.session.view
     flight.driver.give(FlyTo((GridPoint(180.0, 0.0),), None, stop=True, height_m=UP_M))
@@ -96,7 +90,7 @@ async def test_a_speed_that_somebody_changed_on_the_way_is_put_back_and_told(
 
 
 @by(fly, long_mission)
-async def test_the_speed_that_was_ordered_is_not_spoken_of(flight: Flight, /) -> None:
+async def test_the_speed_that_was_ordered_is_not_spoken_of(flight, /):
     await flight.after(TakeOff(UP_M), Airborne)
     there = FlyTo((GridPoint(180.0, 0.0),), None, stop=True, height_m=UP_M)
     await flight.after(there, Arrived)
@@ -104,12 +98,12 @@ async def test_the_speed_that_was_ordered_is_not_spoken_of(flight: Flight, /) ->
 
 
 @by(fly)
-async def test_a_clock_that_runs_fast_is_said(flight: Flight, /) -> None:
+async def test_a_clock_that_runs_fast_is_said(flight, /):
     flight.driver._clock_rate = ClockRate(10.0, 0.2)
     await asyncio.sleep(30.0)
     assert not [line for line in flight.told if "speedup" in line]
     vehicle, step = flight.vehicle, flight.vehicle.step
-    flight.vehicle = _Faster(vehicle, step)  # type: ignore[assignment]
+    flight.vehicle = _Faster(vehicle, step)
     await asyncio.sleep(30.0)
     assert [line for line in flight.told if "vehicle 1: its clock runs 3.0 times" in line]
 
@@ -121,7 +115,7 @@ class _Faster:
         self._vehicle, self._step = vehicle, step
 
     def step(self, dt_s: float) -> bytes:
-        return b"".join(self._step(dt_s) for _ in range(3))  # type: ignore[operator]
+        return b"".join(self._step(dt_s) for _ in range(3))
 
     def __getattr__(self, name: str) -> object:
         return getattr(self._vehicle, name)

@@ -15,7 +15,6 @@ from missions.flight.setting import Setting
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.support.plans import plan_of
-from tests.support.said import Said
 from tests.support.small_missions import EXACT_ATTITUDE
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
@@ -55,7 +54,7 @@ class Flown:
 
 
 @pytest.fixture
-def flown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: Said):
+def flown(tmp_path, monkeypatch, said):
     """Fly the small box with more in its file."""
 
     def flying(navigation: str, faults: str, sim: str = "") -> Flown:
@@ -144,9 +143,7 @@ def test_a_leap_of_satellites_does_not_lead_it_astray(flown):
     assert flight.summary["fence_breaches"] == 0
 
 
-def test_a_camera_that_repeats_its_picture_does_not_accuse_satellites(
-    flown, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_camera_that_repeats_its_picture_does_not_accuse_satellites(flown, monkeypatch):
     image = SimVehicle.image
     kept: list[bytes] = []
 

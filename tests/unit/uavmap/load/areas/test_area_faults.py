@@ -233,7 +233,7 @@ FAULTS: dict[str, tuple[Maker, str]] = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_what_is_wrong_is_told_in_a_line(fault: str, tmp_path: Path) -> None:
+def test_what_is_wrong_is_told_in_a_line(fault, tmp_path):
     assert_refused(*FAULTS[fault], tmp_path)
 
 
@@ -252,7 +252,7 @@ def assert_refused(make: Maker, expected: str, folder: Path) -> None:
 @pytest.mark.parametrize(
     "fault", [name for name in FAULTS if "billions" in name or "bomb" in name or "2 GB" in name]
 )
-def test_no_memory_is_taken(fault: str, tmp_path: Path) -> None:
+def test_no_memory_is_taken(fault, tmp_path):
     path = FAULTS[fault][0](tmp_path)
     tracemalloc.start()
     try:
@@ -264,9 +264,9 @@ def test_no_memory_is_taken(fault: str, tmp_path: Path) -> None:
 
 
 def laid_out(folder: Path, *features: object, **wishes: object) -> str:
-    path = saved(folder, "a.geojson", collection(*features))  # type: ignore[arg-type]
+    path = saved(folder, "a.geojson", collection(*features))
     with pytest.raises(AreaError) as error:
-        lay_out(read_area_file(str(path)), Wishes(**wishes))  # type: ignore[arg-type]
+        lay_out(read_area_file(str(path)), Wishes(**wishes))
     return str(error.value)
 
 
@@ -299,12 +299,12 @@ BAD_LAYOUTS: dict[str, tuple[list[object], dict[str, object], str]] = {
 
 
 @pytest.mark.parametrize("case", BAD_LAYOUTS)
-def test_area_that_makes_no_mission_is_refused(case: str, tmp_path: Path) -> None:
+def test_area_that_makes_no_mission_is_refused(case, tmp_path):
     features, wishes, expected = BAD_LAYOUTS[case]
     assert expected in laid_out(tmp_path, *features, **wishes)
 
 
-def test_several_areas_are_asked_about(tmp_path: Path) -> None:
+def test_several_areas_are_asked_about(tmp_path):
     two = feature(name="North"), feature(moved(0.003), name="South")
     said = laid_out(tmp_path, *two)
     assert "'North', 'South'; choose one with --area NAME, or give --together" in said
@@ -312,7 +312,7 @@ def test_several_areas_are_asked_about(tmp_path: Path) -> None:
     assert "several areas of this name" in laid_out(tmp_path, two[0], two[0], area="north")
 
 
-def test_one_of_several_areas_is_chosen_and_all_are_enclosed(tmp_path: Path) -> None:
+def test_one_of_several_areas_is_chosen_and_all_are_enclosed(tmp_path):
     two = feature(name="North"), feature(moved(0.003), name="South")
     path = saved(tmp_path, "a.geojson", collection(*two))
     drawing = read_area_file(str(path))
@@ -324,7 +324,7 @@ def test_one_of_several_areas_is_chosen_and_all_are_enclosed(tmp_path: Path) -> 
     assert max(place.lon_deg for place in both.box) == pytest.approx(13.3075)
 
 
-def test_what_is_kept_out_of_is_cut_to_the_fence(tmp_path: Path) -> None:
+def test_what_is_kept_out_of_is_cut_to_the_fence(tmp_path):
     """A hole across the edge of the fence would be none."""
     road = [(x + 0.001, y) for x, y in files.POND[:2]] + [(13.31, 52.4566), (13.31, 52.4563)]
     shapes = feature(name="field"), feature(road, name="keep-out road")
@@ -336,14 +336,14 @@ def test_what_is_kept_out_of_is_cut_to_the_fence(tmp_path: Path) -> None:
     assert fence.contains(Polygon([(lon, lat) for lat, lon in hole]))
 
 
-def test_an_area_over_the_antimeridian(tmp_path: Path) -> None:
+def test_an_area_over_the_antimeridian(tmp_path):
     ring = [(179.9995, -17.0), (-179.9995, -17.0), (-179.9995, -16.999), (179.9995, -16.999)]
     path = saved(tmp_path, "fiji.geojson", collection(feature(ring)))
     layout = lay_out(read_area_file(str(path)), Wishes())
     assert abs(layout.home.lon_deg) > 179.99
 
 
-def test_a_coast_line_is_simplified(tmp_path: Path) -> None:
+def test_a_coast_line_is_simplified(tmp_path):
     x0, y0 = FIELD[0]
     coast = [(x0 + i * 1e-6, y0 + 1e-6 * (i % 3)) for i in range(1500)]
     path = saved(tmp_path, "coast.geojson", collection(feature([*coast, *FIELD[2:]])))
@@ -352,13 +352,13 @@ def test_a_coast_line_is_simplified(tmp_path: Path) -> None:
     assert any("corners of the area" in notice for notice in layout.notices)
 
 
-def test_swapped_coordinates_are_turned_round(tmp_path: Path) -> None:
+def test_swapped_coordinates_are_turned_round(tmp_path):
     path = saved(tmp_path, "a.geojson", collection(feature([(y, x) for x, y in FIELD])))
     turned = read_area_file(str(path), swap=True).areas[0].ring
     assert [(p.lon_deg, p.lat_deg) for p in turned] == list(FIELD)
 
 
-def test_the_system_of_a_file_that_names_none(tmp_path: Path) -> None:
+def test_the_system_of_a_file_that_names_none(tmp_path):
     path = files.beside(tmp_path, "a", in_metres())
     ring = read_area_file(str(path), epsg=32633).areas[0].ring
     assert ring[0].lat_deg == pytest.approx(52.456, abs=0.002)
@@ -366,16 +366,14 @@ def test_the_system_of_a_file_that_names_none(tmp_path: Path) -> None:
         read_area_file(str(files.KINDS["qgis_shapefile"](tmp_path)), epsg=25833)
 
 
-def test_a_geopackage_that_is_open_elsewhere(tmp_path: Path) -> None:
+def test_a_geopackage_that_is_open_elsewhere(tmp_path):
     path = files.KINDS["qgis_geopackage"](tmp_path)
     saved(tmp_path, "qgis_geopackage.gpkg-wal", b"x")
     with pytest.raises(AreaError, match="is open in another program"):
         read_area_file(str(path))
 
 
-def test_a_shapefile_whose_rings_turn_the_wrong_way(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_shapefile_whose_rings_turn_the_wrong_way(tmp_path, capfd, caplog):
     """Old tools write them so; the reader's warnings are not for users."""
     buffer = {suffix: io.BytesIO() for suffix in ("shp", "shx", "dbf")}
     with shapefile.Writer(**buffer, shapeType=5) as writer:
@@ -388,7 +386,7 @@ def test_a_shapefile_whose_rings_turn_the_wrong_way(
     assert caplog.records == []
 
 
-def test_no_byte_of_a_shapefile_is_trusted() -> None:
+def test_no_byte_of_a_shapefile_is_trusted():
     """Whatever byte is wrong, there are shapes or a line, and nothing else."""
     parts = files.shapefile("shapefile_with_hole")
     for suffix in ("shp", "dbf"):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -59,7 +58,7 @@ def metres(ring: Positions | tuple[tuple[float, float], ...]) -> Polygon:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_it_becomes_the_field_and_a_mission(kind: str, tmp_path: Path) -> None:
+def test_it_becomes_the_field_and_a_mission(kind, tmp_path):
     drawing = read_area_file(str(KINDS[kind](tmp_path)))
     (area,) = drawing.areas
     # to half a metre: a datum other than WGS84 is known no better
@@ -85,7 +84,7 @@ def test_it_becomes_the_field_and_a_mission(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("drone", DRONES)
-def test_every_drone_of_the_table_can_fly_a_field(drone: str, tmp_path: Path) -> None:
+def test_every_drone_of_the_table_can_fly_a_field(drone, tmp_path):
     layout = lay_out(read_area_file(str(KINDS["geojson_io"](tmp_path))), Wishes(vehicles=2))
     values = asdict(DRONES[drone])
     figures = Figures(**{**asdict(CAMERAS[values.pop("camera")]), **values})

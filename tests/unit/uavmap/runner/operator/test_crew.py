@@ -6,14 +6,13 @@ import asyncio
 import io
 import os
 from collections.abc import Callable, Coroutine
-from typing import Any, TextIO
+from typing import Any
 
 import pytest
 
-from missions.events import Airborne, BatterySwapped, Connected, Crashed, Event
+from missions.events import Airborne, BatterySwapped, Connected, Crashed
 from missions.units import GridPoint
 from tests.support.running import by
-from tests.support.said import Said
 from uavmap.runner.operator.ground_crew import Crew, last_flights
 
 SOON_S = 0.15
@@ -40,7 +39,7 @@ async def drop(*tasks: asyncio.Task[None]) -> None:
 
 
 @by(on_loop)
-async def test_simulated_crews_need_no_word(said: Said) -> None:
+async def test_simulated_crews_need_no_word(said):
     crew = Crew(automatic=True, stream=io.StringIO())
     await crew.swap(1)
     assert not crew.absent
@@ -49,9 +48,7 @@ async def test_simulated_crews_need_no_word(said: Said) -> None:
 
 
 @by(on_loop)
-async def test_automatic_crew_is_asked_about_a_vehicle_that_was_down(
-    terminal: tuple[int, TextIO], said: Said
-) -> None:
+async def test_automatic_crew_is_asked_about_a_vehicle_that_was_down(terminal, said):
     """A real PX4 took off 39 m from its pad, with --auto-swap and without a terminal."""
     alone = Crew(automatic=True, stream=io.StringIO())
     alone.doubt({1: "was down"})
@@ -75,7 +72,7 @@ async def test_automatic_crew_is_asked_about_a_vehicle_that_was_down(
 
 
 @by(on_loop)
-async def test_the_word_is_enter(terminal: tuple[int, TextIO], said: Said) -> None:
+async def test_the_word_is_enter(terminal, said):
     operator, stream = terminal
     crew = Crew(automatic=False, stream=stream)
     assert not crew.absent
@@ -92,7 +89,7 @@ async def test_the_word_is_enter(terminal: tuple[int, TextIO], said: Said) -> No
 
 
 @by(on_loop)
-async def test_enter_pressed_before_the_question_is_no_word(terminal: tuple[int, TextIO]) -> None:
+async def test_enter_pressed_before_the_question_is_no_word(terminal):
     operator, stream = terminal
     os.write(operator, b"\n\n\n")
     await asyncio.sleep(SOON_S)
@@ -104,9 +101,7 @@ async def test_enter_pressed_before_the_question_is_no_word(terminal: tuple[int,
 
 @pytest.mark.parametrize("how", ["end of file", "hang-up"])
 @by(on_loop)
-async def test_a_terminal_that_is_gone_gives_no_word(
-    terminal: tuple[int, TextIO], how: str
-) -> None:
+async def test_a_terminal_that_is_gone_gives_no_word(terminal, how):
     operator, stream = terminal
     crew = Crew(automatic=False, stream=stream)
     task = asyncio.create_task(crew.swap(1))
@@ -121,7 +116,7 @@ async def test_a_terminal_that_is_gone_gives_no_word(
 
 
 @by(on_loop)
-async def test_one_question_at_a_time(terminal: tuple[int, TextIO], said: Said) -> None:
+async def test_one_question_at_a_time(terminal, said):
     operator, stream = terminal
     crew = Crew(automatic=False, stream=stream)
     first = asyncio.create_task(crew.swap(1))
@@ -138,9 +133,7 @@ async def test_one_question_at_a_time(terminal: tuple[int, TextIO], said: Said) 
 
 @pytest.mark.parametrize("stream", [io.StringIO("\n\n"), None], ids=["a pipe", "none"])
 @by(on_loop)
-async def test_without_a_terminal_nobody_can_give_it(
-    stream: TextIO | None, monkeypatch: pytest.MonkeyPatch, said: Said
-) -> None:
+async def test_without_a_terminal_nobody_can_give_it(stream, monkeypatch, said):
     if stream is None:
         monkeypatch.setattr("sys.stdin", None)
     crew = Crew(automatic=False, stream=stream)
@@ -176,12 +169,10 @@ def connected(place: GridPoint, *, airborne: bool) -> Connected:
         ([connected(FIELD, airborne=False)], None),
     ],
 )  # fmt: skip
-def test_last_flight_of_a_vehicle_tells_whether_to_ask_about_it(
-    events: list[Event], doubt: str | None
-) -> None:
+def test_last_flight_of_a_vehicle_tells_whether_to_ask_about_it(events, doubt):
     flights = last_flights(events)
     assert doubt == (flights[1].doubt(FIELD) if 1 in flights else None)
 
 
-def test_vehicle_on_its_pad_is_not_asked_about() -> None:
+def test_vehicle_on_its_pad_is_not_asked_about():
     assert not last_flights([Airborne(1, 10.0, home=PAD)])[1].doubt(GridPoint(3.0, 0.0))

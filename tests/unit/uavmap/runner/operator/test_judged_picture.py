@@ -45,7 +45,7 @@ def red(path: Path) -> np.ndarray:
     return (pixels[..., 0] > 150) & (pixels[..., 1] < 90) & (pixels[..., 2] < 90)
 
 
-def test_judged_picture_is_the_first_with_region_and_has_its_outline(tmp_path: Path) -> None:
+def test_judged_picture_is_the_first_with_region_and_has_its_outline(tmp_path):
     keeper = JudgedPicture(tmp_path, SETTING)
     shown(keeper, 1.0, picture(0, 180), region=False)
     good, data = cv2.imencode(".png", picture(100))
@@ -60,7 +60,7 @@ def test_judged_picture_is_the_first_with_region_and_has_its_outline(tmp_path: P
     assert (rows.min(), rows.max()) == pytest.approx((67, 172), abs=3)
 
 
-def test_judged_picture_without_region_is_the_first_one(tmp_path: Path) -> None:
+def test_judged_picture_without_region_is_the_first_one(tmp_path):
     keeper = JudgedPicture(tmp_path, SETTING)
     shown(keeper, 1.0, picture(0, 180), region=False)
     shown(keeper, 2.0, picture(0, 240), region=False)
@@ -70,7 +70,7 @@ def test_judged_picture_without_region_is_the_first_one(tmp_path: Path) -> None:
         assert np.asarray(found).mean() == pytest.approx(180, abs=2)
 
 
-def test_judged_picture_of_before_stays_after_a_resume(tmp_path: Path) -> None:
+def test_judged_picture_of_before_stays_after_a_resume(tmp_path):
     (tmp_path / FILE).write_bytes(b"of before")
     keeper = JudgedPicture(tmp_path, SETTING)
     shown(keeper, 1.0, picture(100), region=True)
@@ -78,9 +78,7 @@ def test_judged_picture_of_before_stays_after_a_resume(tmp_path: Path) -> None:
     assert (tmp_path / FILE).read_bytes() == b"of before"
 
 
-def test_judged_picture_that_cannot_be_read_is_left_out_with_a_line(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_judged_picture_that_cannot_be_read_is_left_out_with_a_line(tmp_path, caplog):
     keeper = JudgedPicture(tmp_path, SETTING)
     shown(keeper, 1.0, b"no picture", region=True)
     with caplog.at_level("INFO", "uavmap.flight"):
@@ -89,7 +87,7 @@ def test_judged_picture_that_cannot_be_read_is_left_out_with_a_line(
     assert not (tmp_path / FILE).exists()
 
 
-def test_outlined_picture_is_small() -> None:
+def test_outlined_picture_is_small():
     image = np.full((3000, 4000, 3), 128, np.uint8)
     with Image.open(io.BytesIO(outlined(image, np.zeros((30, 40))))) as found:
         assert found.size == (MOST_WIDE_PX, 750)

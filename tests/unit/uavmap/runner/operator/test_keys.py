@@ -5,13 +5,12 @@ from __future__ import annotations
 import asyncio
 import os
 import termios
-from typing import Any, TextIO
+from typing import Any
 from unittest.mock import Mock, call
 
 import pytest
 
 from tests.support.running import by, in_real_time
-from tests.support.said import Said
 from uavmap.runner.operator.ground_crew import Crew, EnterKey
 from uavmap.runner.operator.keyboard import FORGOTTEN_S, Keys, keyboard
 from uavmap.runner.service import Service
@@ -50,22 +49,22 @@ def pressed_in(keys: str, service: Mock) -> list[Any]:
         ("?x9", []),
     ],
 )
-def test_keys(pressed: str, asked: list[Any], said: Said) -> None:
+def test_keys(pressed, asked, said):
     assert pressed_in(pressed, steered()) == asked
     assert said
 
 
-def test_a_single_vehicle_needs_no_number() -> None:
+def test_a_single_vehicle_needs_no_number():
     asked = pressed_in("rkqq", steered(vehicles=1))
     assert asked == [call.recall(), call.skip_cell(1), call.land_here(1)]
 
 
-def test_a_number_of_two_digits_ends_with_the_second_or_enter() -> None:
+def test_a_number_of_two_digits_ends_with_the_second_or_enter():
     asked = pressed_in("r12r1\nr7", steered(vehicles=12))
     assert asked == [call.recall_vehicle(n) for n in (12, 1, 7)]
 
 
-def test_a_key_that_waits_is_forgotten() -> None:
+def test_a_key_that_waits_is_forgotten():
     service, now_s = steered(), [0.0]
     keys = Keys(service, lambda: now_s[0])
     keys.press("q")
@@ -76,7 +75,7 @@ def test_a_key_that_waits_is_forgotten() -> None:
 
 
 @pytest.mark.parametrize("question", ["r", "q", "k"])
-def test_enter_answers_the_question_that_was_asked_last(question: str) -> None:
+def test_enter_answers_the_question_that_was_asked_last(question):
     """Who is asked for a number and presses Enter has not said that anybody may take off."""
     keys = Keys(steered())
     assert not keys.press("\n")
@@ -92,9 +91,7 @@ async def _until(condition: Any) -> None:
 
 
 @by(in_real_time)
-async def test_a_key_is_heard_as_it_is_pressed_and_the_terminal_put_back(
-    terminal: tuple[int, TextIO], said: Said
-) -> None:
+async def test_a_key_is_heard_as_it_is_pressed_and_the_terminal_put_back(terminal, said):
     operator, stream = terminal
     before = termios.tcgetattr(stream.fileno())
     service, enter = steered(), EnterKey()
@@ -118,9 +115,7 @@ async def test_a_key_is_heard_as_it_is_pressed_and_the_terminal_put_back(
 
 @pytest.mark.parametrize("end", [RuntimeError, KeyboardInterrupt, asyncio.CancelledError])
 @by(in_real_time)
-async def test_the_terminal_is_put_back_however_it_ends(
-    terminal: tuple[int, TextIO], end: type[BaseException]
-) -> None:
+async def test_the_terminal_is_put_back_however_it_ends(terminal, end):
     _, stream = terminal
     before = termios.tcgetattr(stream.fileno())
     with pytest.raises(end), keyboard(Keys(steered()), EnterKey(), stream):
@@ -129,7 +124,7 @@ async def test_the_terminal_is_put_back_however_it_ends(
 
 
 @by(in_real_time)
-async def test_a_terminal_that_is_gone_is_nobodys_word(terminal: tuple[int, TextIO]) -> None:
+async def test_a_terminal_that_is_gone_is_nobodys_word(terminal):
     (operator, stream), enter = terminal, EnterKey()
     crew = Crew(automatic=False, enter=enter, stream=stream)
     with keyboard(Keys(steered()), enter, stream):
@@ -142,7 +137,7 @@ async def test_a_terminal_that_is_gone_is_nobodys_word(terminal: tuple[int, Text
         await asyncio.wait([swapped])
 
 
-def test_a_pipe_is_not_read(said: Said) -> None:
+def test_a_pipe_is_not_read(said):
     read, write = os.pipe()
     os.write(write, b"q")
     with os.fdopen(read) as stream:

@@ -29,7 +29,7 @@ def course(recording: Recording, every: int = 10) -> list[tuple[State, Left]]:
     return told
 
 
-def test_all_of_it_is_said_only_at_home_and_the_search_never_goes_back() -> None:
+def test_all_of_it_is_said_only_at_home_and_the_search_never_goes_back():
     told = course(STOPS)
     *before, (last, end) = told
     assert last.over
@@ -47,7 +47,7 @@ def test_all_of_it_is_said_only_at_home_and_the_search_never_goes_back() -> None
     assert all("of the known region done" in left.told for left in exploring)
 
 
-def test_nothing_is_said_where_nobody_knows() -> None:
+def test_nothing_is_said_where_nobody_knows():
     setting = STOPS.setting()
     state = State.initial(setting)
     assert time_left(setting, replace(state, recalled=True)) == Left()
@@ -58,7 +58,7 @@ def test_nothing_is_said_where_nobody_knows() -> None:
 
 
 @pytest.mark.parametrize("live", [False, True])
-def test_a_terminal_and_a_pipe_show_it(live: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_terminal_and_a_pipe_show_it(live, monkeypatch):
     class Stream(io.StringIO):
         def isatty(self) -> bool:
             return live

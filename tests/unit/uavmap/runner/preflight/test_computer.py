@@ -43,9 +43,7 @@ def setting(strategy: str = "swath") -> Setting:
         (ComputerSpeed(0.01, 0.02), 1, ["ok", "ok"]),
     ],
 )
-def test_slow_computer_is_a_finding_with_figures_and_a_remedy(
-    speed: ComputerSpeed, vehicles: int, levels: list[str]
-) -> None:
+def test_slow_computer_is_a_finding_with_figures_and_a_remedy(speed, vehicles, levels):
     made = setting()
     found = list(computer_findings(speed, made, vehicles))
     assert [finding.level.value for finding in found] == levels
@@ -54,12 +52,12 @@ def test_slow_computer_is_a_finding_with_figures_and_a_remedy(
     assert not any(finding.binding for finding in found)
 
 
-def test_without_a_mission_only_the_loop_is_looked_at() -> None:
+def test_without_a_mission_only_the_loop_is_looked_at():
     (found,) = computer_findings(ComputerSpeed(0.01), None, 1)
     assert found.line().startswith("ok    event loop: 10 ms late at worst; at most 150 ms: set-")
 
 
-def test_stall_of_the_event_loop_is_measured() -> None:
+def test_stall_of_the_event_loop_is_measured():
     async def stalled() -> float:
         asyncio.get_running_loop().call_later(0.1, time.sleep, 0.3)
         return await longest_stall_s(0.5)
@@ -76,7 +74,7 @@ def slowed(call: Callable[..., Any], by_s: float, when: Callable[..., bool]) -> 
     return slow
 
 
-def test_time_of_a_frame_holds_all_that_is_done_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_time_of_a_frame_holds_all_that_is_done_with_it(monkeypatch):
     made = setting()
     assert frame_s(made) < 0.1
     slow = slowed(computer_check.decoded, 0.1, lambda *given: True)
@@ -84,7 +82,7 @@ def test_time_of_a_frame_holds_all_that_is_done_with_it(monkeypatch: pytest.Monk
     assert 0.1 <= frame_s(made) < 0.3
 
 
-def test_pictures_for_it_are_evidence_to_the_mission(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_for_it_are_evidence_to_the_mission(monkeypatch):
     """A picture that is refused at once would cost no time."""
     one = computer_check._picture((160, 120), 1)
     monkeypatch.setattr(computer_check, "_picture", lambda size_px, seed: one)
@@ -92,7 +90,7 @@ def test_pictures_for_it_are_evidence_to_the_mission(monkeypatch: pytest.MonkeyP
         frame_s(setting())
 
 
-def test_slowest_plan_is_that_of_an_exploration(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slowest_plan_is_that_of_an_exploration(monkeypatch):
     def explores(made: Setting, state: State, event: Event) -> bool:
         return state.tree is not None and isinstance(event, FrameSeen)
 
@@ -102,5 +100,5 @@ def test_slowest_plan_is_that_of_an_exploration(monkeypatch: pytest.MonkeyPatch)
     assert slow >= 0.3
 
 
-def test_strategy_that_stops_has_no_plans_to_wait_for() -> None:
+def test_strategy_that_stops_has_no_plans_to_wait_for():
     assert longest_plan_s(setting("rdfs")) is None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -17,7 +16,7 @@ from missions.orders import FlyTo, Hold, TakeOff
 from missions.units import GridPoint, LatLon
 from tests.support.field import BOTH, Field, mission_of, on_field
 from tests.support.fleet_rig import field_text
-from tests.support.flights import Flight, fly
+from tests.support.flights import fly
 from tests.support.running import by
 from uavmap.aircraft.path_stream import StreamTimeout
 from uavmap.mavlink.mission_transfer import Item, Kind, MissionTransfer, same_items
@@ -44,8 +43,8 @@ def texts(found: list[Finding], level: Level = Level.BAD) -> list[str]:
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(on_field, mission_of)
 async def test_the_fence_is_set_around_the_mission_and_all_is_put_back(
-    field: Field, /, autopilot: str, tmp_path: Path
-) -> None:
+    field, /, autopilot, tmp_path
+):
     transfer = MissionTransfer(field.links[0].session)
     await transfer.upload(Kind.FENCE, OLD)
     await transfer.upload(Kind.RALLY, OLD_RALLY)
@@ -83,9 +82,7 @@ def plan_m(found: list[Finding]) -> float:
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(on_field, lambda autopilot: mission_of(autopilot, 3))
-async def test_in_a_team_each_returns_in_its_own_layer(
-    field: Field, /, autopilot: str, tmp_path: Path
-) -> None:
+async def test_in_a_team_each_returns_in_its_own_layer(field, /, autopilot, tmp_path):
     name, scale = HEIGHT[autopilot]
     found_m = field.parameter(0, name) / scale
     setups = [field.setup(number, tmp_path) for number in (1, 2, 3)]
@@ -101,8 +98,8 @@ async def test_in_a_team_each_returns_in_its_own_layer(
 
 @by(on_field, lambda: parse_mission(field_text(), "field"))
 async def test_a_member_of_a_fleet_is_told_whose_air_its_autopilot_does_not_know(
-    field: Field, /, tmp_path: Path
-) -> None:
+    field, /, tmp_path
+):
     field.setting = setting_of(field.setting.mission, 2)
     (line,) = texts(await field.setup(2, tmp_path).apply(), Level.WARN)
     assert "fence: the air over the pads of vehicles 1, 3 is narrower than 32 m" in line
@@ -111,8 +108,8 @@ async def test_a_member_of_a_fleet_is_told_whose_air_its_autopilot_does_not_know
 
 @by(on_field, lambda: mission_of("ardupilot"))
 async def test_a_computer_that_died_in_between_does_not_take_ours_for_the_pilots(
-    field: Field, /, tmp_path: Path
-) -> None:
+    field, /, tmp_path
+):
     field.put(0, "FENCE_ALT_MAX", 77.0)
     assert could_fly(await field.setup(1, tmp_path).apply())
     assert field.parameter(0, "FENCE_ALT_MAX") == 25.0
@@ -124,9 +121,7 @@ async def test_a_computer_that_died_in_between_does_not_take_ours_for_the_pilots
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_guid_timeout_of_a_killed_flight_is_put_back_by_resume(
-    field: Field, /, tmp_path: Path
-) -> None:
+async def test_guid_timeout_of_a_killed_flight_is_put_back_by_resume(field, /, tmp_path):
     """A real ArduCopter kept 1 s for good after a kill, also when the flight was resumed."""
     assert could_fly(await field.setup(1, tmp_path).apply())
     session = field.links[0].session
@@ -139,9 +134,7 @@ async def test_guid_timeout_of_a_killed_flight_is_put_back_by_resume(
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_guid_timeout_is_put_back_where_the_fence_is_kept(
-    field: Field, /, tmp_path: Path
-) -> None:
+async def test_guid_timeout_is_put_back_where_the_fence_is_kept(field, /, tmp_path):
     """Its owner's fence is saved later, when the flight goes on without --keep-fence."""
     await MissionTransfer(field.links[0].session).upload(Kind.FENCE, OLD)
     setup = field.setup(1, tmp_path)
@@ -162,7 +155,7 @@ def has_uid(field: Field, number: int) -> None:
     field.links[0].session.feed(version.pack(codec))
 
 
-def test_another_aircraft_keeps_its_own_settings(tmp_path: Path) -> None:
+def test_another_aircraft_keeps_its_own_settings(tmp_path):
     """One crashes and keeps the mission's fence; a spare flies on in its place."""
     mission, names = mission_of("ardupilot"), ("FENCE_ENABLE", "RTL_ALT", "FENCE_ALT_MAX")
 
@@ -195,9 +188,7 @@ def test_another_aircraft_keeps_its_own_settings(tmp_path: Path) -> None:
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_nothing_is_put_back_under_a_vehicle_that_is_armed(
-    field: Field, /, tmp_path: Path
-) -> None:
+async def test_nothing_is_put_back_under_a_vehicle_that_is_armed(field, /, tmp_path):
     setup = field.setup(1, tmp_path)
     assert could_fly(await setup.apply())
     session = field.links[0].session
@@ -211,9 +202,7 @@ async def test_nothing_is_put_back_under_a_vehicle_that_is_armed(
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_restore_motors_off_and_no_landing_reported_leaves_the_settings(
-    field: Field, /, tmp_path: Path
-) -> None:
+async def test_restore_motors_off_and_no_landing_reported_leaves_the_settings(field, /, tmp_path):
     """So it is after a disarm by force in the air."""
     setup = field.setup(1, tmp_path)
     assert could_fly(await setup.apply())
@@ -226,9 +215,7 @@ async def test_restore_motors_off_and_no_landing_reported_leaves_the_settings(
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_an_autopilot_that_keeps_its_own_ceiling_is_told_of(
-    field: Field, /, tmp_path: Path
-) -> None:
+async def test_an_autopilot_that_keeps_its_own_ceiling_is_told_of(field, /, tmp_path):
     parameters = field.vehicles[0]._ap.parameters
     row = parameters.by_name["FENCE_ALT_MAX"]
     parameters.by_name["FENCE_ALT_MAX"] = type(row)(row.name, row.default, row.type, True)
@@ -240,9 +227,7 @@ async def test_an_autopilot_that_keeps_its_own_ceiling_is_told_of(
 
 # --- kept ------------------------------------------------------------------------------------
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_a_kept_circle_that_is_too_small_keeps_the_mission_on_the_ground(
-    field: Field, /, tmp_path: Path
-) -> None:
+async def test_a_kept_circle_that_is_too_small_keeps_the_mission_on_the_ground(field, /, tmp_path):
     setup = field.setup(1, tmp_path)
     assert could_fly(await setup.keep_fence())  # it is off
     field.put(0, "FENCE_ENABLE", 1)
@@ -259,7 +244,7 @@ async def test_a_kept_circle_that_is_too_small_keeps_the_mission_on_the_ground(
 
 
 @by(on_field, lambda: mission_of("px4"))
-async def test_a_kept_polygon_with_a_hole_in_the_way(field: Field, /, tmp_path: Path) -> None:
+async def test_a_kept_polygon_with_a_hole_in_the_way(field, /, tmp_path):
     def corners(command: int, ring: list[tuple[float, float]], field: Field) -> list[Item]:
         grid = field.setting.grid
         return [Item(command, grid.position(GridPoint(*xy)), len(ring)) for xy in ring]
@@ -278,9 +263,7 @@ async def test_a_kept_polygon_with_a_hole_in_the_way(field: Field, /, tmp_path: 
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_the_fence_is_farther_out_the_faster_the_mission_flies(
-    field: Field, /, tmp_path: Path
-) -> None:
+async def test_the_fence_is_farther_out_the_faster_the_mission_flies(field, /, tmp_path):
     setup = field.setup(1, tmp_path)
     before, _ = await setup.look()
     plan = setup.fence_of(before).plan()
@@ -296,8 +279,8 @@ UP_M = 12.0
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(fly, mission_of)
 async def test_a_storm_ends_on_the_ground_as_near_as_without_a_fence(
-    flight: Flight, /, autopilot: str, tmp_path: Path
-) -> None:
+    flight, /, autopilot, tmp_path
+):
     """With targets refused outside of its fence an ArduCopter came down 175 m outside."""
     outside_m: list[float] = []
     setup = AutopilotSetup(1, flight.session, flight.setting, tmp_path)
@@ -318,8 +301,8 @@ async def test_a_storm_ends_on_the_ground_as_near_as_without_a_fence(
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(fly, mission_of)
 async def test_a_flight_along_the_margin_never_touches_the_autopilots_fence(
-    flight: Flight, /, autopilot: str, tmp_path: Path
-) -> None:
+    flight, /, autopilot, tmp_path
+):
     setup = AutopilotSetup(1, flight.session, flight.setting, tmp_path)
     await asyncio.sleep(8.0)
     assert could_fly(await setup.apply())

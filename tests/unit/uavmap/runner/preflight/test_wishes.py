@@ -54,9 +54,7 @@ def not_ok(findings: list[Finding]) -> list[str]:
 
 
 @pytest.mark.parametrize(("kind", "good"), [(ARDUPILOT, GOOD_ARDUPILOT), (PX4, GOOD_PX4)])
-def test_an_autopilot_that_is_set_well_has_nothing_against_it(
-    kind: Autopilot, good: dict[str, float]
-) -> None:
+def test_an_autopilot_that_is_set_well_has_nothing_against_it(kind, good):
     assert set(good) == set(names_of(kind))
     assert not_ok(found(kind, good)) == []
     rows = PX4_WISHES if kind is PX4 else ARDUPILOT_WISHES
@@ -86,9 +84,7 @@ def test_an_autopilot_that_is_set_well_has_nothing_against_it(
         (PX4, "RTL_RETURN_ALT", 60),
     ],
 )
-def test_what_is_set_otherwise_is_told_with_a_reason(
-    kind: Autopilot, name: str, value: float
-) -> None:
+def test_what_is_set_otherwise_is_told_with_a_reason(kind, name, value):
     good = GOOD_PX4 if kind is PX4 else GOOD_ARDUPILOT
     findings = found(kind, good | {name: value})
     assert not_ok(findings) == [name]
@@ -97,14 +93,14 @@ def test_what_is_set_otherwise_is_told_with_a_reason(
     assert finding.remedy
 
 
-def test_what_the_autopilot_does_not_tell_is_told() -> None:
+def test_what_the_autopilot_does_not_tell_is_told():
     values = {name: value for name, value in GOOD_ARDUPILOT.items() if name != "BATT_LOW_MAH"}
     findings = found(ARDUPILOT, values)
     assert not_ok(findings) == ["BATT_LOW_MAH"]  # a voltage that does needs no second limit
     assert [f.level for f in found(ARDUPILOT, {})] == [Level.BAD]
 
 
-def test_a_team_returns_in_its_layers_whatever_is_set() -> None:
+def test_a_team_returns_in_its_layers_whatever_is_set():
     assert not_ok(found(ARDUPILOT, GOOD_ARDUPILOT | {"RTL_ALT": 5000}, vehicles=2)) == []
 
 
@@ -128,7 +124,7 @@ class Numbered:
     ("numbers", "missing"),
     [([1, 2, 3], 0), ([254, 255, 0, 1], 0), ([1, 4], 2), ([1, 3, 2, 4], 0), ([250, 3], 8)],
 )
-def test_missing_frames_are_counted_by_their_numbers(numbers: list[int], missing: int) -> None:
+def test_missing_frames_are_counted_by_their_numbers(numbers, missing):
     losses = Losses()
     for number in numbers:
         losses.take(Numbered(number))
@@ -136,7 +132,7 @@ def test_missing_frames_are_counted_by_their_numbers(numbers: list[int], missing
 
 
 @pytest.mark.skipif(not RECORDED.exists(), reason="a recorded flight of a real ArduCopter")
-def test_a_real_arducopter_has_every_parameter_that_is_looked_at() -> None:
+def test_a_real_arducopter_has_every_parameter_that_is_looked_at():
     log = mavutil.mavlink_connection(str(RECORDED))
     told: dict[str, Parameter] = {}
     while (message := log.recv_match(type="PARAM_VALUE")) is not None:
@@ -150,7 +146,7 @@ def test_a_real_arducopter_has_every_parameter_that_is_looked_at() -> None:
 
 
 @pytest.mark.parametrize("kind", [ARDUPILOT, PX4])
-def test_who_goes_on_without_satellites_needs_flow(kind: Autopilot) -> None:
+def test_who_goes_on_without_satellites_needs_flow(kind):
     mission = mission_of("ardupilot", 1)
     on = setting_of(mission.model_copy(update={"navigation": NavigationSection(gnss_loss="map")}))
     more = set(names_of(kind, on)) - set(names_of(kind))
@@ -172,9 +168,7 @@ def test_who_goes_on_without_satellites_needs_flow(kind: Autopilot) -> None:
         (PX4, GOOD_PX4, "MPC_Z_V_AUTO_DN", 3),
     ],
 )
-def test_an_autopilot_climbs_as_fast_as_the_mission_says(
-    kind: Autopilot, good: dict[str, float], name: str, value: float
-) -> None:
+def test_an_autopilot_climbs_as_fast_as_the_mission_says(kind, good, name, value):
     mission = mission_of("ardupilot", 1)
     flight = mission.flight.model_copy(update={"climb_m_s": 5.0, "descent_m_s": 3.0})
     setting = setting_of(mission.model_copy(update={"flight": flight}))
