@@ -1,11 +1,10 @@
-"""The process of the aircraft: links, streams, guardians and the poses of pictures.
+"""The aircraft process of a flight: links, streams, guardians and the poses of pictures.
 
     python -m uavmap.runner.aircraft_child
 
-Its first line of input says what it flies (JSON: plan, folder, append, start_s). It listens on
-a socket of this computer and obeys the mission that sends the word of its file. When that is
-gone without a last message, each vehicle holds its position for `guardian.orphan_hold_s`, and then
-comes home and lands; what happens meanwhile is written into the folder of the flight.
+Its first line of input is its task in JSON (plan, folder, append, start_s). It listens on a socket
+of this computer, and obeys the mission process that sends its token. When that one disappears
+without a last message, each vehicle holds for `guardian.orphan_hold_s`, then returns and lands.
 """
 
 from __future__ import annotations
@@ -151,7 +150,8 @@ class AircraftChild:
                     elif writer is self._writer:
                         self._heard_s = time.monotonic()
                         if isinstance(message, say.Beat):
-                            self._forget(message.kept)
+                            while self._unkept and self._unkept[0].serial <= message.kept:
+                                self._unkept.popleft()
                         elif self._side is None:
                             self._waiting.append(message)
                         else:
@@ -210,11 +210,6 @@ class AircraftChild:
         elif not self._over and isinstance(message, say.Happened | say.Line):
             self._record(say.encode(message))
 
-    def _forget(self, serial: int) -> None:
-        """The mission has everything up to this number in its journal."""
-        while self._unkept and self._unkept[0].serial <= serial:
-            self._unkept.popleft()
-
     def _record(self, data: bytes) -> None:
         """Write a message down, whole or not at all."""
         with contextlib.suppress(OSError):  # a full disk must not keep an aircraft in the air
@@ -243,7 +238,6 @@ class AircraftChild:
                 side.host.receive(say.Finish(GONE))
 
     def _hold(self) -> None:
-        """The mission is gone: hold."""
         self._heard_s = time.monotonic() - SILENT_WALL_S
         if self._side is not None and self._side.host.state == "flying":
             self.show(
@@ -253,10 +247,7 @@ class AircraftChild:
             self._side.host.hold()
 
     def _stopped(self) -> None:
-        """This process is asked to end: the mission, or else the guardians, bring all home first.
-
-        Asked twice it is their guardians who do.
-        """
+        """Have the mission, or at the second call the guardians, bring all home."""
         asked_before, self._asked_to_end = self._asked_to_end, True
         if self._side is None:
             if self._running is not None:

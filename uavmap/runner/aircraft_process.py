@@ -200,9 +200,7 @@ class AircraftProcess:
         raise failure
 
     async def _pass_on(self, port: Port, line: _Line) -> None:
-        """Pass messages on until the process is silent, or gone. Raises `LinkError` where they are
-        none: another connection would bring the same.
-        """
+        """Pass messages on until the process is silent, or gone. Raises `LinkError` for others."""
         decoder = say.Decoder()
         beating = asyncio.create_task(self._beat(port, line))
         try:
@@ -236,13 +234,11 @@ class AircraftProcess:
             self._child = None
 
     def _unwanted(self, begun: Future[Attachment]) -> None:
-        """End a process that nobody has waited for."""
         if not begun.cancelled() and begun.exception() is None:
             begun.result().socket.close()
         self._end_process()
 
     def _ended(self) -> None:
-        """Wait for the process to end by itself."""
         if self._child is None:
             return
         with contextlib.suppress(Exception):

@@ -133,11 +133,11 @@ class AircraftSide:
         before_flight: BeforeFlight | None,
     ) -> say.Finish | say.Leave:
         """Prepare the vehicles, and carry out orders until the mission's last message."""
-        if await self._unless_ended(self._prepared(vehicles, begin, before_flight)):
-            ready = self.ready()
-            if fly := await self._unless_ended(self.host.fly(vehicles, ready)):
-                self._clock.start_s = fly.start_s
-                return await self.host.carry_out()
+        if await self._unless_ended(self._prepared(vehicles, begin, before_flight)) and (
+            fly := await self._unless_ended(self.host.fly(vehicles, self.ready()))
+        ):
+            self._clock.start_s = fly.start_s
+            return await self.host.carry_out()
         return self.host.end.result()
 
     async def _prepared(

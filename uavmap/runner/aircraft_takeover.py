@@ -132,7 +132,8 @@ def _answer(folder: Path, address: Address) -> tuple[say.Attached, Attachment] |
     try:
         return attach(address)
     except TimeoutError:
-        if _lives(address.process):
+        with contextlib.suppress(OSError):  # there is none, or it is another user's
+            os.kill(address.process, 0)
             raise LinkError(
                 f"{folder}: process {address.process}, which has the aircraft, does not "
                 f"answer; try again, or end it (kill -9 {address.process})"
@@ -146,14 +147,6 @@ def _say_fates(folder: Path, attached: say.Attached) -> None:
     if fates:
         brought = f"interrupted; {attached.reason} without this command, see {folder / RECORD}"
         raise AircraftError("\n".join([brought, *fates])) from None
-
-
-def _lives(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except OSError:  # there is none, or it is another user's
-        return False
-    return True
 
 
 def _keep_record(folder: Path, journal: Journal) -> None:

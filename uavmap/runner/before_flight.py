@@ -1,8 +1,4 @@
-"""Between the first answer of the vehicles and the first take-off: look, show, ask, set.
-
-Only where real links are flown over; a flight simulated in this process begins at once. At the end
-of the flight what was set on the autopilots is put back.
-"""
+"""Preflight over real links: examine, show, ask, set; and put back at the end of the flight."""
 
 from __future__ import annotations
 
@@ -28,7 +24,7 @@ from uavmap.runner.preflight.vehicle_check import pad_heights
 
 _LOG: Final = logging.getLogger("uavmap.runner.preflight")
 IDENTITY_S: Final = 2.0
-"""So long a vehicle is waited for to say what it is: only the bundled simulator is recognised."""
+"""Time to wait for the identity of a vehicle, which may be the bundled simulator, s."""
 KEEP_FENCE: Final = "keep_fence"
 """In the journal's meta: whether the flight keeps the fences that are set."""
 Ask = Callable[[str], Awaitable[bool | None]]
@@ -36,7 +32,7 @@ Ask = Callable[[str], Awaitable[bool | None]]
 
 
 class BeforeFlight:
-    """One flight's part of it. `wanted` None: it is gone on with, and nobody is asked."""
+    """The preflight of one flight. `wanted` is None for a resumed one, which asks nothing."""
 
     def __init__(
         self,

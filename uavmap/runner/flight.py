@@ -1,8 +1,4 @@
-"""One flight from the command to the results: vehicles, service, journal, telemetry log.
-
-A flight lives in a folder. Its journal holds all that is needed to go on: the mission as it is
-flown, the options, and every event.
-"""
+"""One flight from the command to the results, in a folder whose journal holds all to go on."""
 
 from __future__ import annotations
 
@@ -76,7 +72,6 @@ def planned(options: FlightOptions) -> FlightPlan:
 
 
 def _urls(options: FlightOptions, mission: Mission) -> tuple[str, ...]:
-    """The URLs of the vehicles that this service flies: those given, else the mission's."""
     if options.simulated or options.member == 0:
         return ()
     urls, source = options.urls, options.mission_source
@@ -106,10 +101,7 @@ def fly(
     *,
     keep_frames: bool = False,
 ) -> dict[str, Any]:
-    """Fly a new mission into a folder; returns the summary.
-
-    `company` are the people beside it, and what looks on; `keep_frames` keeps the pictures in the
-    folder.
+    """Fly a new mission into a folder; returns the summary. `keep_frames` keeps the pictures there.
 
     Raises `MissionFileError`, `JournalError`, `LinkError`, `PreflightError`; `KeyboardInterrupt`
     when the operator leaves before the end.
@@ -166,18 +158,14 @@ def resume(
     network: Callable[[FleetNetwork | None], FleetNetwork] | None = None,
     from_home: bool = False,
 ) -> dict[str, Any]:
-    """Go on with the mission of a folder; returns the summary.
+    """Resume the mission of a folder; returns the summary.
 
-    A simulated world died with its process: it is made again by flying the recorded flight once
-    more, and every event must come out as recorded, byte for byte. With `from_home` the aircraft
-    stand at home with full batteries instead, as after a failsafe brought them back, and only
-    the journal tells what is known; that is also how real aircraft are taken up. `driver` speaks
+    A simulated world died with its process: the recorded flight is flown once more to make it
+    again, and every event must come out as recorded, byte for byte. With `from_home` the aircraft
+    stand at home with full batteries instead, as after a failsafe; so do real ones. `driver` speaks
     with them instead of the one before; `network` makes the network of now of that before. With a
-    `recall` vehicles in the air come home and land, and nothing takes off. Onlookers see what was
-    before, too.
-
-    Where nothing has begun, as after a dry run, or all is done, nothing is flown: what was left set
-    on the autopilots is put back.
+    `recall` vehicles in the air come home and land, and nothing takes off. Where nothing has begun,
+    or all is done, nothing is flown: what was left set on the autopilots is put back.
 
     Raises as `fly` does, `NotFlownError` where nothing had begun, and `JournalError` for a recall
     of aircraft that are simulated here.

@@ -207,9 +207,9 @@ def mount_of(camera: CameraSection) -> Mount:
 def cameras_of(
     given: Sequence[str], mission: Mission, member: int | None = None
 ) -> list[CameraSpec]:
-    """The camera of each vehicle: of the command line, else of the mission file.
+    """Return each vehicle's, or a member's, camera: as given, else by the mission file.
 
-    Of a member of a fleet that of its own vehicle only. Raises `LinkError` for what is no camera.
+    Raises `LinkError` for what is no camera.
     """
     ours = mission.vehicles if member is None else mission.vehicles[member - 1 : member]
     written = given or [v.camera or "mavlink" for v in ours]

@@ -114,11 +114,11 @@ async def _lattice(session: Session, name: str, mission: Mission) -> dict[str, A
 
 _LOG: Final = logging.getLogger("uavmap.runner.preflight")
 AT_ONCE: Final = 8
-"""So many places are asked for before answers are waited for: a slow radio holds no more."""
+"""Number of places that are asked for at a time: a slow radio holds no more."""
 WAIT_S: Final = 1.0
-"""Then those that did not come are asked for again."""
+"""Time until places without an answer are asked for again, s."""
 PATIENCE_S: Final = 30.0
-"""So long nothing new may come: an autopilot reads from its card, or from a ground station."""
+"""Longest time without a new answer, s: an autopilot reads from its card or a ground station."""
 _INSTEAD: Final = 'give terrain.dem = "FILE.tif" instead'
 
 Place = tuple[int, int]
@@ -151,15 +151,12 @@ class AutopilotTerrain:
             before, asked = len(self._known), missing[:AT_ONCE]
             for lat_e7, lon_e7 in asked:
                 self._session.send(mav.MAVLink_terrain_check_message(lat_e7, lon_e7))
-            await self._session.until(lambda a=asked: self._all_known(a), WAIT_S)  # type: ignore[misc]
+            await self._session.until(lambda a=asked: set(a) <= self._known.keys(), WAIT_S)  # type: ignore[misc]
             if len(self._known) > before:
                 came_s = loop.time()
             elif loop.time() - came_s > PATIENCE_S:
                 raise LinkError(self._refusal(len(missing), len(wanted)))
         return [self._known[place] for place in wanted]
-
-    def _all_known(self, places: Sequence[Place]) -> bool:
-        return all(place in self._known for place in places)
 
     def _take(self, message: Message) -> None:
         if message.get_type() != "TERRAIN_REPORT":

@@ -202,10 +202,7 @@ class Flight:
 
     # --- service ----------------------------------------------------------------------------
     async def _serve(self, connection: Connection | None, radio: SealedRadio | None = None) -> None:
-        """Fly the mission, and look after the aircraft however that ends.
-
-        `connection` connects a port to the aircraft; None: no aircraft is flown.
-        """
+        """Fly with the aircraft that `connection` connects a port to, or with none."""
         real, company = not self._plan.simulated, self._company
         # keys need the main thread's signals
         enter = EnterKey() if real and company.caller is None else None
@@ -298,7 +295,6 @@ class Flight:
                     self._service.keep_last_words()
 
     def _begin(self, *, waits_on_ground: bool) -> Begin:
-        """What the aircraft have to know of the journal and the operator before they answer."""
         company, before = self._company, {}
         begun = self._resumed or (self._service is not None and self._service.begun)
         for number in numbers_of(self.setting):
@@ -346,10 +342,7 @@ class Flight:
 
     # --- time -------------------------------------------------------------------------------
     async def _settle_time(self, clocks: Clocks) -> None:
-        """Mission time of a flight that is resumed: by the clocks, the vehicle's among them.
-
-        The loop goes on while the operator thinks.
-        """
+        """Set the mission time of a resumed flight; the loop goes on while the operator thinks."""
         found = mission_time(
             self._state.t_s,
             last_mark(self._journal.meta),

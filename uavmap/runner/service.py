@@ -1,11 +1,11 @@
-"""The service: the straight path from what happens to what everybody does.
+"""The service: from what happens to what every vehicle does.
 
     frame -> look(frame, grid, detector) -> votes
     step(state, event) -> (state, orders)
     orders -> aircraft.give(vehicle, order) -> MAVLink
 
-Reports wait in a queue and are taken in one at a time: whoever reports is never called back in
-the middle of it. An event is committed to the journal before it is acted on.
+Reports wait in a queue and are taken in one at a time. An event is in the journal before it has an
+effect.
 """
 
 from __future__ import annotations
@@ -43,11 +43,7 @@ class Aircraft(Protocol):
 
 
 class Service:
-    """One mission under way.
-
-    `reports` are the events that wait to be taken in; another queue than an own one is given where
-    others report before there is a service.
-    """
+    """One mission under way; `reports` is given where others report before there is a service."""
 
     def __init__(
         self,
@@ -77,11 +73,7 @@ class Service:
         self._reports.put_nowait(event)
 
     async def _take_in(self) -> None:
-        """Take in what was posted, in order.
-
-        What goes wrong here ends the mission: an event must never be lost without a word. The
-        aircraft are then their guardians' (`uavmap.aircraft.guardian.guardian`).
-        """
+        """Take in reports, in order; a failure ends the mission, for no event may be lost."""
         while True:
             event = await self._reports.get()
             try:
@@ -112,11 +104,10 @@ class Service:
             self._over.set()
 
     def keep_last_words(self) -> None:
-        """Commit what was reported after the service had ended; nobody acts on it any more.
+        """Commit what was reported after the end, for a resume; nothing acts on it any more.
 
-        Guardians go on until everybody is down, and how that ended is for whoever resumes. It is
-        what the journal could not take as well: a disk may have room again. Never raises: what
-        cannot be kept is said.
+        Guardians go on until all vehicles are down. A report that the journal refused before is
+        tried again: a disk may have room. Never raises: it logs what cannot be kept.
         """
         while self._unkept is not None or not self._reports.empty():
             self._unkept = self._unkept or self._reports.get_nowait()
@@ -186,10 +177,10 @@ class Service:
         return True
 
     def skip_cell(self, number: int) -> bool:
-        """Have nobody look from the cell that a vehicle is at, or on its way to.
+        """Skip the observation point that a vehicle is at, or on its way to.
 
-        It is told as skipped in the summary and on the map. False where there is no such cell: in
-        lanes, on paths without a stop, on the ground. Raises `KeyError` as `recall_vehicle`.
+        False where there is none: in lanes, on paths without a stop, on the ground. Raises
+        `KeyError` as `recall_vehicle`.
         """
         cell = to_skip(self.setting, self.state, self.state.vehicles[number])
         if not self.flying or cell is None:
@@ -198,9 +189,9 @@ class Service:
         return True
 
     def land_here(self, number: int) -> bool:
-        """Have one vehicle land where it is, by its autopilot; False where it is not ours.
+        """Have a vehicle land where it is, by its autopilot; False without control of it.
 
-        Somebody has to fetch it. Raises `KeyError` as `recall_vehicle`.
+        Raises `KeyError` as `recall_vehicle`.
         """
         vehicle = self.state.vehicles[number]
         if not self.flying or vehicle.landed or vehicle.phase in (Phase.YIELDED, Phase.LOST):

@@ -1,7 +1,6 @@
-"""A fleet in simulation: a service for each vehicle, in one process, over a simulated air.
+"""A fleet in simulation: a service for each vehicle, in one process, over a simulated radio.
 
-Every member has a journal, a guardian and a radio of its own, and knows of the others only what
-comes over the air. The results in the fleet's folder are made of all journals afterwards.
+Each member has its own journal, guardian and radio. The fleet's results are made of all journals.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """The only door to `sitl`: a mission's world and aircraft, in this process or on sockets.
 
-In this process a vehicle and the service exchange the same MAVLink bytes as over a socket; only
-the socket is missing. What is really the case is recorded beside it, for the score.
+In this process a vehicle and the service exchange the same MAVLink bytes as over a socket.
 """
 
 from __future__ import annotations
@@ -139,9 +138,7 @@ def relief_of(mission: Mission, grid: Grid) -> Relief | None:
 
 
 def _return_height(mission: Mission, autopilot: str) -> dict[str, float]:
-    """What `uavmap.runner.preflight` sets on real aircraft: over hills they return above all of
-    them.
-    """
+    """As preflight sets it on real aircraft: over hills they return above all of them."""
     if mission.ground is None:
         return {}
     height_m = mission.highest_ground_m + mission.top_altitude_m(len(mission.vehicles) - 1)
@@ -185,10 +182,7 @@ def make_vehicles(
 
 
 def _schedule(faults: Faults, fault: SimFault, start_s: float) -> None:
-    """A fault of the scenario, for vehicles whose time begins at mission time `start_s`.
-
-    What is over by then is left out; of what is still on, the rest.
-    """
+    """Plan what is left of a fault for vehicles whose time begins at mission time `start_s`."""
     begin_s = fault.at_s - start_s
     end_s = math.inf if fault.for_s is None else begin_s + fault.for_s
     happens_once = fault.kind in ("battery_cell", "motor", "companion_reboot")
@@ -270,10 +264,7 @@ class Simulation:
         return [f"sim://{vehicle.spec.system_id}" for vehicle in self._vehicles]
 
     def open_session(self, index: int, record: Callable[[bytes], None]) -> Session:
-        """A session with a vehicle (from 0): what it sends arrives a moment later.
-
-        It replaces the one before, from which nothing is heard any more.
-        """
+        """Open a session with a vehicle (from 0) in the place of the one before."""
         vehicle = self._vehicles[index]
         loop = asyncio.get_running_loop()
         turn = self._turns[index] = self._turns.get(index, 0) + 1

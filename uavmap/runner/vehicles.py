@@ -34,8 +34,8 @@ BATTERY_STALE_WALL_S: Final = 5.0
 SLACK_WALL_S: Final = 2.0
 """On a clock that runs fast, a busy machine must not look like an aircraft in trouble."""
 STREAMED_SPEEDUP: Final = 3.0
-"""On a faster clock a stream's timeout, a second of the vehicle's time, is so short that any busy
-machine misses it: places ahead are told instead, at which a vehicle stops."""
+"""Largest speed-up with streamed set-points, whose timeout is a second of the vehicle's time: on a
+faster clock vehicles fly to places ahead, and stop there."""
 
 
 def numbers_of(setting: Setting) -> Sequence[int]:
@@ -50,8 +50,7 @@ def judge_of(
 ) -> PictureJudge:
     """What judges the pictures of a mission's vehicles.
 
-    For a `recall` nobody needs a detector: one whose model is gone keeps no aircraft in the air.
-    Otherwise raises `MissionFileError` for such a model.
+    A `recall` needs no detector. Otherwise raises `MissionFileError` for a model that is gone.
     """
     detector, mission = _blind_without(setting) if recall else None, setting.mission
     classifiers = {
@@ -126,10 +125,7 @@ def _blind_without(setting: Setting) -> Detector | None:
 
 
 def each_its_own(vehicles: Mapping[int, MavlinkVehicle]) -> None:
-    """Raise `LinkError` where two links lead to one aircraft: it would be told two things at once.
-
-    Seen after both have answered; a router that forwards several vehicles may do that.
-    """
+    """Raise `LinkError` where two links lead to one aircraft, as a router may have them."""
     for (_, one), (_, other) in itertools.combinations(vehicles.items(), 2):
         if same_aircraft(one.view, other.view):
             raise LinkError(
