@@ -1,7 +1,5 @@
-"""The errors of the project, one tree: what a user can cause or mend, a line each, exit code 2.
-
-A defect of the program is never one of these: it keeps its traceback.
-"""
+"""The errors of the project, one tree: what a user can cause or mend, a line each, exit code 2. A
+defect of the program is none of these: it keeps its traceback."""
 
 from __future__ import annotations
 

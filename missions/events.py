@@ -1,8 +1,7 @@
 """Everything that happens, as values: the journal is a list of these.
 
 Positions are in the grid's fixed frame, rounded to a centimetre, times in mission seconds to a
-millisecond, so that the text of an event says exactly what the service acted on. Field order is
-the order in the journal's JSON.
+millisecond: the journal has exactly what the service acted on, in the order of the fields.
 """
 
 from __future__ import annotations
@@ -150,10 +149,8 @@ class Guarded(OfVehicle):
 
 @dataclass(frozen=True, slots=True)
 class Navigated(OfVehicle):
-    """What a vehicle has to go by, when that changes, and from time to time without satellites.
-
-    It changes nothing that anybody acts on: positions of other events are corrected already.
-    """
+    """What a vehicle navigates by, when that changes, and from time to time without satellites.
+    Nothing acts on it: positions of other events are corrected already."""
 
     gnss: Literal["good", "lost", "wrong"]
     sigma_m: float | None = None
@@ -207,10 +204,8 @@ class GivenUp(OfVehicle):
 
 @dataclass(frozen=True, slots=True)
 class OrderFailed(OfVehicle):
-    """An order could not be carried out; the vehicle comes home and takes no further part.
-
-    Who is only `behind` its path may go on from where it is.
-    """
+    """An order failed; the vehicle comes home and takes no further part. One that is only `behind`
+    its path may go on from where it is."""
 
     order: str
     reason: str

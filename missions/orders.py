@@ -1,7 +1,5 @@
-"""What the mission tells a vehicle to do: one order at a time, a new one replaces the last.
-
-Points are in the grid's fixed frame, unless an order names a cell: that drifts with the ROI.
-"""
+"""What the mission commands a vehicle to do: one order at a time, a new one replaces the last.
+Points are in the grid's fixed frame; a cell drifts with the ROI."""
 
 from __future__ import annotations
 
@@ -34,10 +32,8 @@ class Sweep:
 
 @dataclass(frozen=True, slots=True)
 class FlyTo:
-    """Fly the points of a route, then to the cell if one is named. Ends with `Arrived`.
-
-    With `stop` the vehicle comes to rest; without, it may pass by.
-    """
+    """Fly the points of a route, then to the cell if one is named, to rest there with `stop`. Ends
+    with `Arrived`."""
 
     route: tuple[GridPoint, ...]
     cell: Cell | None
@@ -50,9 +46,8 @@ class FlyTo:
 class FlyPath:
     """Fly a path without stopping, a frame every so often all along. Ends with `Arrived`, at rest.
 
-    The path says where the vehicle is at each moment of the mission. One that replaces another
-    begins in the future, at a state of the older one, which is flown until then: the vehicle does
-    not halt, and the camera goes on.
+    The path holds the vehicle's place at each moment of the mission. One that replaces another
+    begins in the future, at a state of the older one, without a halt.
     """
 
     trajectory: Trajectory

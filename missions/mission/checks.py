@@ -1,10 +1,8 @@
 """What must hold between the values of a mission file, and a reader that checks it all.
 
-`missions.mission.schema` looks at one value at a time; here they are held against each
-other: names against what there is, a vehicle against the others, places against each other and the
-fence (`missions.mission.places`), wind, camera and battery against what is to be flown
-(`missions.mission.flyable`). Every fault is a line that names the file, the key, the value
-and the remedy, and all faults are reported at once.
+Names, vehicles and speeds are checked here, places and the fence in `missions.mission.places`,
+wind, camera and battery in `missions.mission.flyable`. Every fault is a line with key, value and
+remedy; all are reported at once.
 """
 
 from __future__ import annotations
@@ -66,8 +64,8 @@ def check(
 ) -> None:
     """Raise `MissionFileError`, with a line for each fault, for a mission that cannot be flown.
 
-    Places come first: while one of them is not a place near the start, or a polygon is not a
-    polygon, lengths and areas mean nothing, and the geometry is not looked at.
+    While a place is not near the start, or a polygon is none, lengths and areas mean nothing, and
+    the geometry is not checked.
     """
     where = list(places.positions_near(mission))
     # how high the ground is depends on where the fence is

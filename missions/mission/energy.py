@@ -1,8 +1,5 @@
-"""The energy of legs and landings.
-
-The rule of the whole service: an airborne vehicle always holds the energy for the return path
-against the worst wind known, for the landing, and for the reserve.
-"""
+"""The energy of legs and landings: an airborne vehicle always holds what the return path takes
+against the worst wind known, the landing, and the reserve."""
 
 from __future__ import annotations
 
@@ -59,11 +56,8 @@ class EnergyModel:
         return max(NOMINAL_MARGIN * self.hover_power_w, MEASURED_MARGIN * drawn_w)
 
     def leg_s(self, distance_m: float) -> float:
-        """Time for a leg from rest to rest.
-
-        A multicopter holds its ground speed against a head wind by tilting, at a higher power, up
-        to its greatest airspeed.
-        """
+        """Return the time for a leg from rest to rest. A multicopter holds its ground speed against
+        a head wind by tilting, at a higher power, up to its greatest airspeed."""
         against_wind = max(self.max_airspeed_m_s - self.wind_m_s, LEAST_HEADWAY_M_S)
         speed = min(self.speed_m_s, against_wind)
         # speeding up and braking are reckoned for still air, so that wind never shortens a leg
@@ -82,9 +76,8 @@ class EnergyModel:
         return self.hover_wh(height_m / self.climb_m_s + CLIMB_OVERHEAD_S)
 
     def relief_wh(self, ups_and_downs_m: float, drawn_w: float = 0.0) -> float:
-        """What ups and downs cost besides the length of a way: as if climbed apart from it, for on
-        steep ground a vehicle flies slower.
-        """
+        """Return what ups and downs cost besides the length of a path, as if climbed apart from it:
+        on steep ground a vehicle flies slower."""
         return self.hover_wh(ups_and_downs_m / self.climb_m_s, drawn_w)
 
     def sortie_wh(self, out_m: float, home_m: float, height_m: float, hover_s: float) -> float:

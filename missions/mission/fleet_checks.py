@@ -132,7 +132,7 @@ def with_vehicles(mission: Mission, count: int) -> Mission:
 
 
 def with_own_air(mission: Mission) -> Mission:
-    """A mission as a fleet flies it: with pads apart, and a layer of its own for every member.
+    """Return the mission as a fleet flies it: pads apart, and a layer of its own for every member.
 
     One service keeps vehicles that share a layer (`vehicles.layer`, `search.layer_m`) apart in it;
     members out of contact cannot. Their layers lie below the highest one of the mission.

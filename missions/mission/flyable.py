@@ -1,8 +1,5 @@
 """Whether what a mission asks for can be flown: wind, camera, battery, and ground to search.
-
-`values` and `search` give the faults for which a mission is refused, `warnings` what its crew
-should know before it flies.
-"""
+`values` and `search` yield faults for which it is refused, `warnings` is for its crew."""
 
 from __future__ import annotations
 
@@ -69,11 +66,9 @@ def _wind(mission: Mission) -> Iterator[str]:
 
 
 def lean_rad(mission: Mission) -> float:
-    """The lean of the camera while the vehicle hovers in the wind of the mission.
-
-    While it brakes a vehicle leans more, but only for a second or two, and a look takes frames
-    until every cell has its votes.
-    """
+    """Return the lean of the camera while the vehicle hovers in the wind of the mission. It leans
+    more only while it brakes, for a second or two, and a look takes frames until all cells have
+    votes."""
     if mission.camera.mounting == "gimbal":
         return 0.0
     wind_m_s = mission.wind.speed_m_s
@@ -82,7 +77,8 @@ def lean_rad(mission: Mission) -> float:
 
 
 def _camera(mission: Mission) -> Iterator[str]:
-    """A frame votes on a cell and its four neighbours, so it must show enough of each.
+    """Yield a fault where a frame shows too little of a cell and its four neighbours to vote on
+    them.
 
     The nearest edge of the picture decides. Yaw costs nothing more: of a turned picture the corners
     of a neighbour are missing first, which it may lack.

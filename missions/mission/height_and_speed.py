@@ -4,9 +4,8 @@ Height: the detector needs `camera.pixels_per_cell`, the law sets `fence.ceiling
 the highest layer.
 
 Speed: while the shutter is open the picture moves over the sensor (`camera.max_blur_px`); and a
-cell is wholly in the picture only while the vehicle flies as far as the picture is longer than the
-cell, in which it needs `votes.frames` frames, `camera.interval_s` apart. Both limits are of the
-speed against the judged ground: a region that drifts towards the vehicle lowers them.
+cell needs `votes.frames` frames, `camera.interval_s` apart, while it is wholly in the picture. A
+region that drifts towards the vehicle lowers both limits.
 
 Ground: whether it can be followed, and what the crew should know of it.
 """
@@ -114,10 +113,8 @@ def _over_hills(mission: Mission) -> str:
 
 
 def footprint_over(mission: Mission, height_m: float) -> Footprint:
-    """What a level picture shows for certain from `height_m` above the ground.
-
-    It is shortened for the steepest slope in the fence: uphill a picture shows less.
-    """
+    """Return what a level picture shows for certain from `height_m` above the ground: less uphill,
+    by the steepest slope in the fence."""
     across_m, along_m = mission.camera.optics.footprint(height_m)
     if mission.ground is None or mission.relief is None:
         return Footprint(across_m, along_m)
@@ -164,10 +161,10 @@ class SpeedLimits:
 
 
 def speed_limits(mission: Mission, height_m: float) -> SpeedLimits:
-    """The limits of a vehicle that takes pictures from `height_m` above the ground.
+    """Return the limits of a vehicle that takes pictures from `height_m` above the ground.
 
-    Frames are counted along the shorter side of the picture, for any moment of the first frame: a
-    way of k intervals holds at least k frames.
+    Frames are counted along the shorter side of the picture: a distance of k intervals holds at
+    least k of them, whenever the first is taken.
     """
     camera, drift_m_s = mission.camera, mission.drift.speed_m_s
     relief = None if mission.ground is None else mission.relief
@@ -340,11 +337,8 @@ def _layers_apart(mission: Mission, relief: Relief) -> Iterator[str]:
 
 
 def off_if_flat_m(mission: Mission, relief: Relief) -> float:
-    """The error of cells at the edge of what frames judge, were the ground taken as flat.
-
-    A point at the distance d is taken for one at d times height above ground over height above
-    home.
-    """
+    """Return the error of cells at the edge of what frames judge, were the ground taken as flat: a
+    point at distance d is taken for one at d times height above ground over height above home."""
     layer_m, cell_m = mission.altitude_m(0), mission.grid.cell_m
     footprint = mission.camera.optics.footprint(layer_m)
     half_m = math.hypot(*footprint) / 2.0

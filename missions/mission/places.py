@@ -23,10 +23,10 @@ SMALLEST_GAP_M = 8.0
 
 
 def homes(mission: Mission) -> tuple[LatLon, ...]:
-    """The place of every vehicle, in the order of `mission.vehicles`.
+    """Return the place of every vehicle, in the order of `mission.vehicles`.
 
-    A vehicle without a `home` stands in a row from the start towards grid east, at the place of
-    its number, `max(2 * separation_m, 8)` metres apart. Raises `GeodesyError` outside 80 S to 84 N.
+    A vehicle without a `home` stands in a row from the start towards grid east, at the place of its
+    number, `max(2 * separation_m, 8)` metres apart. Raises `GeodesyError` outside 80 S to 84 N.
     """
     grid = Grid.at(mission.home, mission.grid.cell_m)
     gap_m = max(2 * mission.team.separation_m, SMALLEST_GAP_M)
@@ -40,11 +40,8 @@ def homes(mission: Mission) -> tuple[LatLon, ...]:
 
 
 def home_heights_m(mission: Mission) -> tuple[float, ...]:
-    """Return the height of every vehicle's home above the start, m, in their order.
-
-    It comes from the mission or its elevation model, never from a receiver: the heights of two
-    receivers on level ground differ by metres.
-    """
+    """Return the height of every vehicle's home above the start, m, by the mission or its elevation
+    model. Receivers on level ground differ by metres."""
     grid, surveyed = Grid.at(mission.home, mission.grid.cell_m), mission.surveyed
     return tuple(
         vehicle.home_height_m

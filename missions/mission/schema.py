@@ -1,13 +1,9 @@
-"""The mission file: TOML in, a checked `Mission` out.
+"""The mission file: TOML in, a `Mission` out.
 
-Pydantic guards the edge where people write: unknown keys are errors, and every message names
-the file, the key, the value and what was expected (`missions.mission.messages`). Checks
-that need geometry (a box outside the fence, a polygon that crosses itself, a camera that sees
-too little) are in `missions.mission.checks`; `parse_mission` runs both. Defaults are the
-field values of Sung and Tokekar, section 7: 4 m cells, 12 m altitude, intensity 150, 7
-dilations, 5 frames, 3 votes.
-
-Positions are written `[latitude, longitude]` in degrees, as in a QGroundControl plan.
+Unknown keys are errors, and every message names the file, the key, the value and what was expected.
+Checks that need geometry are in `missions.mission.checks`; `parse_mission` runs both. Defaults are
+the field values of Sung and Tokekar, section 7: 4 m cells, 12 m altitude, intensity 150, 7
+dilations, 5 frames, 3 votes. Positions are `[latitude, longitude]` in degrees.
 """
 
 from __future__ import annotations
@@ -200,10 +196,7 @@ class VehicleSection(Section):
 
 
 class Mission(Section):
-    """A whole mission file.
-
-    Examples of keys and defaults are in the shipped missions (`missions/shipped`).
-    """
+    """A whole mission file. The shipped missions (`missions/shipped`) are examples."""
 
     name: FileName = "mission"
     strategy: str = "rdfs"
@@ -259,8 +252,8 @@ class Mission(Section):
     def highest_ground_m(self) -> float:
         """The highest ground in the fence above the start, at least 0; 0 where it is not followed.
 
-        Ceilings and return heights are above home, so they need so much more than a layer. An
-        autopilot returns straight, also over what lies between two arms of the fence.
+        Ceilings and return heights, which are above home, are higher by it. An autopilot returns
+        straight, also over what lies between two arms of the fence.
         """
         crossed = self._crossed
         return 0.0 if crossed is None else max(crossed.highest_m, 0.0)
@@ -284,10 +277,8 @@ class Mission(Section):
         return LatLon(*self.start.position)
 
     def search_altitude_m(self, vehicle: int) -> float | None:
-        """The layer from which a vehicle (from 0, the lowest) searches; None: from that of the map.
-
-        "auto" as in `altitude_m`, with the pixels of a suspicion.
-        """
+        """Return the layer from which a vehicle (from 0, the lowest) searches; None: from that of
+        the map. "auto" as in `altitude_m`, with the pixels of a suspicion."""
         if self.search.altitude_m is None:
             return None
         apart_m = self.team.layer_m if self.search.layer_m is None else self.search.layer_m
@@ -308,11 +299,11 @@ class Mission(Section):
         return min(max(fine_m, top_m + WANDERS_M), (top_m + low_m) / 2.0)
 
     def altitude_m(self, vehicle: int) -> float:
-        """The layer of a vehicle (from 0) above home, or above the ground.
+        """Return the layer of a vehicle (from 0) above home, or above the ground.
 
         With `flight.altitude_m = "auto"` the highest layer is at the greatest height, in tenths of
         a metre, from which a cell still has its pixels, or at the ceiling if that is lower; the
-        others lie below it. A checked mission has room for all of them.
+        others lie below it.
         """
         apart_m = self.team.layer_m
         return self._layer_m(self.flight.altitude_m, self.camera.pixels_per_cell, vehicle, apart_m)

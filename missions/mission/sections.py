@@ -180,10 +180,8 @@ MOST_POINTS = 250_000
 
 
 class Lattice(Section):
-    """The heights of the ground, as they are kept with a mission; `uavmap.load.dem` writes them.
-
-    In metres along the grid's axes around the start (`missions.geo.terrain`).
-    """
+    """The heights of the ground as kept with a mission (by `uavmap.load.dem`), in metres along the
+    grid's axes around the start (`missions.geo.terrain`)."""
 
     west_m: Number
     south_m: Number

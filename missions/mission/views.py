@@ -26,10 +26,8 @@ LEAST_PART: Final = 0.5
 
 
 def path_speed_m_s(mission: Mission, height_m: float, wind_m_s: float = 0.0) -> float:
-    """The speed of paths at a height, in the frame of the region, m/s.
-
-    `wind_m_s` is the measured wind; that of the mission file counts where it is stronger.
-    """
+    """Return the speed of paths at a height, in the frame of the region, m/s. `wind_m_s` is the
+    measured wind; that of the mission file counts where it is stronger."""
     held = mission.camera.mounting == "gimbal"
     most_m_s = min(MOST_LEVEL_M_S if held else MOST_M_S, headway_m_s(mission, wind_m_s))
     return max(LEAST_M_S, min(most_m_s, speed_limits(mission, height_m).least_m_s))
@@ -51,7 +49,7 @@ def rim_share(mission: Mission) -> float:
 
 
 def seen_whole_m(mission: Mission, height_m: float, *, east_ahead: bool) -> tuple[float, float]:
-    """How far east and north of the middle of a level picture the centre of a cell may lie.
+    """Return how far east and north of the middle of a level picture a cell's centre may lie, m.
 
     The wide side of the picture is across the lanes: north of lanes along east (`east_ahead`).
     `camera.yaw_deg` turns it.
@@ -79,11 +77,11 @@ def wind_toward(mission: Mission, grid: Grid) -> tuple[float, float]:
 def reaches_m(
     mission: Mission, grid: Grid, height_m: float, *, east_ahead: bool
 ) -> tuple[float, float]:
-    """How far west and east of a lane along north, or south and north of one along east, the centre
-    of a cell may lie to be shown whole, in calm air and in the wind of the mission.
+    """Return how far to either side (west, east or south, north) of a lane a cell's centre may lie,
+    m.
 
-    A camera that tilts with the airframe looks aside as the vehicle leans against the wind: the
-    windward edge of the picture comes nearer.
+    The cell is shown whole in calm air and in the wind of the mission: a camera that tilts with the
+    airframe looks downwind, so the windward edge of the picture comes nearer.
     """
     halves = seen_whole_m(mission, height_m, east_ahead=east_ahead)
     level_m = halves[1] if east_ahead else halves[0]
@@ -104,10 +102,8 @@ def rows_across(mission: Mission, grid: Grid, vehicle: int = 0, *, east_ahead: b
 
 
 def beside_rows_m(mission: Mission, grid: Grid, height_m: float, *, east_ahead: bool) -> float:
-    """How far east or north of the middle of its rows, to windward, a lane is flown.
-
-    So the rows are in the picture whether the wind of the mission blows or not.
-    """
+    """Return how far east or north of the middle of its rows, to windward, a lane is flown, so that
+    the rows are in the picture whether the wind of the mission blows or not."""
     low_m, high_m = reaches_m(mission, grid, height_m, east_ahead=east_ahead)
     most_m = max(low_m, high_m, 0.0)
     return min(max((low_m - high_m) / 2.0, -most_m), most_m)

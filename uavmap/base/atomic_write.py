@@ -10,10 +10,8 @@ from pathlib import Path
 
 
 def write_bytes(path: Path, data: bytes, *, private: bool = False) -> None:
-    """Write a file; a reader, or a crash, meets its old content or the new. Raises `OSError`.
-
-    `private`: only its owner can read it.
-    """
+    """Write a file, to be read by its owner only if `private`; a reader, or a crash, meets its old
+    content or the new. Raises `OSError`."""
     write_parts(path, (data,), private=private)
 
 

@@ -16,10 +16,8 @@ _REMEMBERED: Final = 4096
 
 
 class Child:
-    """A module of this program in a process of its own, fed through `stdin`.
-
-    A thread reads its standard error. `pass_fds` are open files that it inherits.
-    """
+    """A module of this program in a process of its own, fed through `stdin`; a thread reads its
+    standard error. `pass_fds` are open files that it inherits."""
 
     def __init__(self, module: str, name: str, pass_fds: Collection[int] = ()) -> None:
         here = str(Path(__file__).parents[2])  # the child has to find this very program

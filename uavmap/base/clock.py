@@ -1,8 +1,8 @@
 """Time as the event loop reports it: real, faster than real, or virtual.
 
-Nothing in the service knows which. A loop asks its selector to wait until the next timer. The
-virtual clock does not wait but moves on to that instant, so a mission of 73 minutes runs as fast
-as it can be computed, always in the same order. A scaled clock waits a fraction of the time.
+A loop asks its selector to wait until the next timer. The virtual clock does not wait but moves on
+to that instant, so a mission of 73 minutes runs as fast as it can be computed, always in the same
+order. A scaled clock waits a fraction of the time.
 """
 
 from __future__ import annotations
@@ -40,10 +40,8 @@ _Select = Callable[[float | None], _Ready]
 
 
 class ScaledClock:
-    """Real time, `speedup` times as fast. Speed-up 1 is the ordinary clock.
-
-    `start_s` is when it is zero, on the monotonic clock, which all processes of a computer share.
-    """
+    """Real time, `speedup` times as fast. `start_s` is when it is zero, on the monotonic clock,
+    which all processes of a computer share."""
 
     def __init__(self, speedup: float = 1.0, start_s: float | None = None) -> None:
         self._speedup = speedup

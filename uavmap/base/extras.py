@@ -1,7 +1,4 @@
-"""Packages that are extras: how one is installed where this uavmap runs, and the client of Dask.
-
-No package index has uavmap itself.
-"""
+"""Packages that are extras: the command that installs one, and the client of Dask."""
 
 from __future__ import annotations
 
@@ -38,10 +35,8 @@ def install_command(extra: str) -> str:
 def dask_client(
     address: str, answer_s: float | None = None, load: Callable[[str], Any] = import_module
 ) -> Any:
-    """Return a client of the scheduler at `tcp://HOST:PORT`.
-
-    Raises `StudyError` without Dask, for no address, and without an answer within `answer_s`.
-    """
+    """Return a client of the scheduler at `tcp://HOST:PORT`. Raises `StudyError` without Dask, for
+    no address, and without an answer within `answer_s`."""
     try:
         distributed: Any = load("distributed")
     except ImportError:

@@ -25,18 +25,11 @@ _FORMATS = ("JPEG", "PNG")  # JPEG takes in MPO: with a preview behind it, as ca
 
 
 def read_image(data: bytes, name: str, size_px: tuple[int, int] | None = None) -> NDArray[np.uint8]:
-    """Decode a whole picture to (rows, columns, 3) uint8, blue-green-red; EXIF orientation is
-    ignored.
+    """Decode a whole picture to (rows, columns, 3) uint8, blue-green-red, without EXIF orientation.
 
-    Pillow decodes: OpenCV silently fills the missing part of a truncated JPEG with gray.
-
-    Args:
-        data: A JPEG or PNG file.
-        name: Its name in an error.
-        size_px: The columns and rows that it must have; another size is not decoded.
-
-    Raises:
-        ImageError: No picture, corrupt, cut short, too large, or of another size.
+    Pillow decodes: OpenCV silently fills the missing part of a truncated JPEG with gray. `name` is
+    that in errors. Raises `ImageError` for no picture, one that is corrupt, cut short or too large,
+    and, before it is decoded, one of other columns and rows than `size_px`.
     """
     if len(data) > MAX_PICTURE_BYTES:
         raise ImageError(

@@ -1,7 +1,5 @@
-"""Text from outside, made safe to show: no control characters, one line, of bounded length.
-
-A status text, a URL or a reason phrase may hold escape sequences for a terminal, and bidi marks.
-"""
+"""Text from outside (a status text, a URL), made safe to show: no escape sequences for a terminal,
+control characters or bidi marks, one line, of bounded length."""
 
 from __future__ import annotations
 

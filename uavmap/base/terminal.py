@@ -26,10 +26,8 @@ class PipeConsole(Console):
 
 
 class Terminal:
-    """Standard error, or another stream, as a `Display`.
-
-    It writes no more once its terminal is gone: no flight depends on being read.
-    """
+    """Standard error, or another stream, as a `Display`. It writes no more once its terminal is
+    gone: no flight depends on being read."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
         file = stream or sys.stderr

@@ -15,10 +15,8 @@ def read_text(path: Path, most_bytes: int) -> str:
 
 def read_bytes(path: Path, most_bytes: int) -> bytes:
     """Return the bytes of an ordinary file; a device or a pipe, which may be endless, is not
-    opened.
-
-    Raises `OSError` with a readable `strerror` for another kind of file, or one too large.
-    """
+    opened. Raises `OSError` with a readable `strerror` for another kind of file, or one too
+    large."""
     try:
         found = path.stat()
     except ValueError as error:  # a mission file can name one with a null byte

@@ -24,10 +24,8 @@ MOST_ASK_S: Final = 600.0
 
 
 class AirspaceLeases:
-    """What one member asks for, and what it has promised the others, which are in `peers`.
-
-    `hurry` sends the next message soon.
-    """
+    """What one member asks for, and what it has promised the others, which are in `peers`. `hurry`
+    sends the next message soon."""
 
     def __init__(
         self,
@@ -87,7 +85,8 @@ class AirspaceLeases:
         self._hurry()
 
     def promises(self, state: State | None) -> dict[int, int]:
-        """Return whose airspace we keep out of: of those who ask, and do not meet our own wish.
+        """Return the questions that we promise airspace to, by vehicle: those that meet no wish of
+        ours.
 
         The reducer closed it when the question came; the promise follows once we are out of it. If
         two want the same airspace, the lower number has it first, unless the other has it already.
@@ -107,10 +106,8 @@ class AirspaceLeases:
         return found
 
     def hear_promise(self, sender: int, question: int) -> None:
-        """Note that another promised this question of ours, -1 for none.
-
-        Our service gets the reservation once all that could be in that airspace have promised.
-        """
+        """Note that another promised this question of ours, -1 for none. Our service gets the
+        reservation once all that could be in that airspace have promised."""
         self._peers[sender].promised = question
         column = self._column
         if column is None or self._leased == self._question:

@@ -1,8 +1,8 @@
-"""What members of a fleet say to each other, as bytes: who is where, who knows what, and facts.
+"""What members of a fleet send to each other, as bytes: who is where, who knows what, and facts.
 
-A message is one datagram. A fact is told as the rectangle in which its cells lie, which of them
-they are, and what is decided of each; a batch of facts is deflated. Times are whole milliseconds of
-mission time, places half metres, and those of who maps what 4 m.
+A message is one datagram. A fact is the rectangle in which its cells lie, which of them they are,
+and what is decided of each; a batch of facts is deflated. Times are whole milliseconds of mission
+time, places half metres, and those of who maps what 4 m.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""How a member that flies a real vehicle joins its fleet: its radio, its seal, and its talk.
-
-It talks while its flight lasts, and after it until the others know all of it.
-"""
+"""How a member with a real vehicle joins its fleet: its radio, its seal, and its talk."""
 
 from __future__ import annotations
 
@@ -45,10 +42,8 @@ START: Final = "fleet_start"
 async def joined_fleet(
     plan: FlightPlan, mission: Mission, journal: Journal
 ) -> AsyncIterator[SealedRadio | None]:
-    """Yield the radio of a member and its seal; None without a fleet, or without reach.
-
-    Raises `LinkError`, `JournalError`.
-    """
+    """Yield the radio of a member and its seal; None without a fleet, or without reach. Raises
+    `LinkError`, `JournalError`."""
     network = plan.network
     if plan.member is None or network is None or network.alone:
         if plan.member is not None:
@@ -91,11 +86,8 @@ def member_seal(
     journal: Journal,
     now_utc_s: Callable[[], float] = time.time,
 ) -> Seal:
-    """Return the seal of a member at a new start, which is higher than any before.
-
-    The journal holds it before it is used, and a clock that was set back counts on from there.
-    Raises `LinkError` for the key, `JournalError`.
-    """
+    """Return the seal of a member at a new start, higher than any before, also by a clock set back.
+    The journal holds it before it is used. Raises `LinkError` for the key, `JournalError`."""
     start = max(int(journal.meta.get(START, 0)) + 1, int(now_utc_s()))
     journal.put_meta(START, start)
     key = fleet_key(read_key(Path(network.key_file or "")), mission)
@@ -156,10 +148,8 @@ LINGER_APART_S: Final = 120.0
 
 @contextlib.asynccontextmanager
 async def talking(member: Member | None, *, may_leave: bool = False) -> AsyncIterator[None]:
-    """Let a member talk in the context, and after it until the others know all of it.
-
-    `may_leave`: an operator may end that wait; its cancellation is no failure then.
-    """
+    """Let a member talk in the context, and after it until the others know all of it. With
+    `may_leave` an operator may end that wait; its cancellation is no failure."""
     if member is None:
         yield
         return
@@ -187,10 +177,8 @@ async def talking(member: Member | None, *, may_leave: bool = False) -> AsyncIte
 
 
 async def _settle(member: Member) -> None:
-    """Wait, within bounds, until all in contact are done and know what is known here.
-
-    A member out of contact that was not done comes home, where it hears us.
-    """
+    """Wait, within bounds, until all in contact are done and know what is known here. A member out
+    of contact that was not done comes home, where it hears us."""
     waited_s = 0.0
     while waited_s < LINGER_S:
         least_s = 2.0 * BEAT_S if member.all_done else LINGER_APART_S

@@ -1,9 +1,8 @@
-"""What a member knows of the facts of all: by whose frames have made them, numbered from 0.
+"""What a member knows of the facts of all: by whose frames made them, numbered from 0.
 
-Facts only grow, and each counts by itself, so that telling one twice, late or in any order comes to
-the same. What a member holds of another is told in a few numbers: all below a number, and the first
-runs beyond it. Two members that compare these know what one lacks, to the fact: what a lost
-datagram held is told again, and nothing else.
+Facts only grow, and each counts by itself: one that comes twice, late or out of order changes
+nothing. What a member holds of another is a few numbers: all below one, and the first runs beyond
+it. By these, two members know to the fact what one lacks.
 """
 
 from __future__ import annotations

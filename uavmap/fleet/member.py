@@ -2,9 +2,7 @@
 
 About every `BEAT_S` it sends its number, place, reservations, and how many facts of each member it
 knows; then facts not sent yet, then those that others lack, within its budget of bytes. What it
-receives becomes events for its service (`Shared`, `Heard`, `Apart`): the service sees a member as
-a vehicle, and the journal holds what others have seen, with its origin. `peers` is shared by all
-parts.
+receives becomes events for its service (`Shared`, `Heard`, `Apart`), and so is in its journal.
 """
 
 from __future__ import annotations
@@ -146,11 +144,8 @@ class Member:
     async def agree(self, wait_s: float, pad: PadHeight | None) -> float:
         """Listen until all are heard, at most `wait_s`; return by how much our clock moves on, s.
 
-        Facts of others on cells count once `clock_moved` was called.
-
-        Args:
-            wait_s: Longest time to listen.
-            pad: What our vehicle's receiver reports; None of one in the air.
+        Facts of others on cells count once `clock_moved` was called. `pad` is what our vehicle's
+        receiver reports; None of one in the air.
         """
         self._pad = pad
         self.beat_soon()

@@ -2,8 +2,8 @@
 
 Members count the same seconds, whatever their computers say. Facts are sent in this order: those of
 a lost datagram, new ones of ours, those that others lack. A fact is sent again only to a member
-that has reported since, without it, what it holds. Facts of a third member are relayed where
-nothing of that one has got through for a while.
+that has reported since, without it, what it holds. Facts of a third member are relayed after a
+while without news of it.
 """
 
 from __future__ import annotations
@@ -140,11 +140,9 @@ class FleetClock:
         """Whether our clock is that of the fleet."""
 
     async def agree(self, wait_s: float) -> float:
-        """Listen until all that stand have told the height of their pads, at most `wait_s`; return
-        by how much our clock moves on, s.
-
-        It follows the clock of a member that has taken off, else that of the lowest number.
-        """
+        """Listen until all on the ground reported their pads' heights, at most `wait_s`; return by
+        how much our clock moves on, s: to that of a member that took off, else of the lowest
+        number."""
         everybody = set(range(1, len(self._setting.mission.vehicles) + 1)) - {self._number}
         waited_s = 0.0
         while waited_s < wait_s:
@@ -211,11 +209,8 @@ class Telling:
                 told_s[number] += by_s
 
     def batches(self, knowledge: Knowledge, now_s: float, room: int) -> tuple[Batch, ...]:
-        """Return facts to send, in at most so many bytes.
-
-        Lost ones come first, in half of the room: to a member that hears nothing they are lost for
-        ever.
-        """
+        """Return facts to send, in at most so many bytes: lost ones first, but in half of the room,
+        for to a member that receives nothing they are always lost."""
         new = self._new(knowledge, now_s)
         found: list[Batch] = []
         lost = self._lost(knowledge, now_s)

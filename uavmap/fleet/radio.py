@@ -1,7 +1,7 @@
 """What carries datagrams between members: its endpoints, and the radio of a multicast group.
 
-Members reach each other at `tcp/HOST:PORT`, `udp/HOST:PORT` or a multicast group. The notation is
-Zenoh's. A group names its interface, so nothing is sent by another one.
+Members reach each other at `tcp/HOST:PORT`, `udp/HOST:PORT` (Zenoh's notation) or a multicast
+group, which names its interface, so nothing is sent by another one.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Datagrams that only holders of the mission's key can make, each accepted once.
 
 A datagram carries its sender's number, the number of its start, a counter, and a code of all of
-that under the key (keyed BLAKE2s, RFC 7693). A higher start replaces a lower one. Each counter of
-a start is accepted once, in a window for datagrams that overtake each other. Clocks have no part.
+that under the key (keyed BLAKE2s, RFC 7693). A higher start replaces a lower one. Each counter of a
+start is accepted once, in a window for datagrams that overtake each other. Clocks have no part.
 
-An attacker could replay an earlier flight with the same key to a member that has heard nobody yet.
-So an unknown start is believed only after it answers a fresh random number.
+An unknown start is believed only after it answers a fresh random number: it may be a replay of an
+earlier flight with the same key.
 """
 
 from __future__ import annotations
@@ -170,9 +170,9 @@ _MEANING: Final = (
 def fleet_key(key: bytes, mission: Mission) -> bytes:
     """Derive the 32 bytes that seal a fleet's datagrams from a file of `uavmap keys new`.
 
-    The file may be the one that signs MAVLink: the derived key reveals nothing of it. Members whose
-    missions differ in what facts mean (grid, box, votes) or whose airspace is whose (pads, heights,
-    layers) get different keys, and refuse each other's datagrams.
+    The key, which may also sign MAVLink, cannot be derived from them. Members whose missions differ
+    in what facts mean (grid, box, votes) or in airspace (pads, heights, layers) get different ones,
+    and refuse each other's datagrams.
     """
     return blake2s(LABEL + meaning_of(mission), key=key).digest()
 

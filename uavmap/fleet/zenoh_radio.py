@@ -2,7 +2,7 @@
 
 Nothing goes to a host that was not named: no scouting, no gossip. A datagram is sent once to each
 neighbour, and dropped where a link is stuck. Zenoh's threads hand what comes in to the event loop.
-An own thread opens the session, and anew where Zenoh gave it up or all were silent for long.
+A thread opens the session, and reopens it where Zenoh gave it up or all were silent for long.
 """
 
 from __future__ import annotations

@@ -65,10 +65,8 @@ class Position:
 
 
 class JournalReader:
-    """Read a journal, also while another process writes it; neither locks nor changes it.
-
-    Raises `JournalError` where there is no journal, or none of this format.
-    """
+    """Read a journal, also while another process writes it; neither lock nor change it. Raises
+    `JournalError` where there is no journal, or none of this format."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -96,10 +94,8 @@ class JournalReader:
         """Whether the last line is cut short; the next one that is written takes its place."""
 
     def new_events(self) -> list[Event]:
-        """Return the events after those read before, in order.
-
-        Raises `JournalError` at damage, after the events before it were returned.
-        """
+        """Return the events after those read before, in order. Raises `JournalError` at damage,
+        after the events before it were returned."""
         return [event for _, event in self._new()]
 
     def events(self) -> Iterator[Event]:
@@ -182,10 +178,8 @@ class Journal(JournalReader, AbstractContextManager["Journal"]):
 
     @classmethod
     def create(cls, path: Path, meta: Mapping[str, Any]) -> Journal:
-        """Make a new journal, and its folder. Raises `JournalError` when there is one already.
-
-        A process that is killed in here leaves no journal, or a whole one.
-        """
+        """Make a new journal, and its folder. Raises `JournalError` when there is one already. A
+        process that is killed in here leaves no journal, or a whole one."""
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except (OSError, ValueError) as error:
@@ -274,11 +268,8 @@ class Journal(JournalReader, AbstractContextManager["Journal"]):
         self.torn, self.position = False, end
 
     def start_verification(self) -> None:
-        """From now on `append` compares events with those in the file, until all came again.
-
-        A simulated flight is resumed so: its world died with the process and is made again from
-        the seed, so every event must come out as it was recorded.
-        """
+        """Have `append` compare events with those in the file, until all came again. So a simulated
+        flight is resumed, whose world is made again from the seed."""
         self._expected = deque(self.bodies())
 
     @property
@@ -325,10 +316,8 @@ def _begin(path: Path, line: bytes) -> None:
 
 
 def install(path: Path, data: bytes) -> None:
-    """Put a file in its place, whole and on the disk, or not at all. The caller holds the lock.
-
-    Raises `OSError`.
-    """
+    """Install a file whole and on the disk, or not at all, under the caller's lock. Raises
+    `OSError`."""
     for left in path.parent.glob(f".{path.name}.*"):  # a process was killed in here
         left.unlink()
     write_bytes(path, data)

@@ -144,16 +144,8 @@ SIM_EPOCH_UTC_S: Final = 1577836800.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightPlan(FlightOptions):
-    """The options of a flight, and the mission that they make of its file.
-
-    The journal keeps it, so a flight goes on without the files that its mission named.
-
-    Attributes:
-        mission: Checked, with the options applied.
-        epoch_utc_s: Wall clock at mission time 0.
-        version: Of the program that began the flight.
-        rehomed: Whether the simulated aircraft were put at home once: the flight cannot repeat.
-    """
+    """The options of a flight, and the mission that they make of its file, checked; kept in the
+    journal, so a flight goes on without the files that its mission named."""
 
     mission: Mission
     epoch_utc_s: float

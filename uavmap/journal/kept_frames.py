@@ -54,13 +54,11 @@ class Keeper(Protocol):
 
 
 class FrameKeeper(contextlib.AbstractContextManager["FrameKeeper"]):
-    """Writes pictures and their poses; the first refusal of the disk is reported and ends the
-    keeping.
+    """Writes pictures and their poses until the disk refuses, or has less than `ROOM_MIB` free.
 
-    So does a disk with less than `ROOM_MIB` free, and a list of poses that cannot be read. A flight
-    that is repeated or resumed keeps each picture once. `aside` writes in a thread of its own, so
-    that a slow disk never delays steering; pictures that it cannot keep up with are left out, and
-    counted at the end. As a context, its end waits for what is still to be written.
+    The end of the keeping is reported, as are poses that cannot be read. A flight that is repeated
+    or resumed keeps each picture once. `aside` writes in a thread, so that a slow disk never delays
+    steering; pictures that it cannot keep up with are counted at the end, which waits for the rest.
     """
 
     def __init__(self, folder: Path, say: Callable[[str], None], *, aside: bool = False) -> None:
@@ -156,10 +154,8 @@ class FrameKeeper(contextlib.AbstractContextManager["FrameKeeper"]):
 
 
 def read_kept(folder: Path) -> Iterator[KeptFrame | str]:
-    """Return the frames of a flight's folder; a damaged line becomes a text that says so.
-
-    Raises `OSError` and `UnicodeDecodeError` where the file cannot be read.
-    """
+    """Return the frames of a flight's folder; a damaged line becomes a text that says so. Raises
+    `OSError` and `UnicodeDecodeError` where the file cannot be read."""
     with (folder / FRAMES / POSES).open(encoding="utf-8", newline="") as file:
         for number, row in enumerate(csv.DictReader(file), start=2):
             try:

@@ -1,10 +1,9 @@
 """Mission time of a flight that is resumed.
 
-While a flight lasts, mission time is the event loop's. For a new process it comes from the
-computer's time since its start (in the same boot), else from the vehicle's time since boot (in its
-same boot), and only else from the wall clock, which people and time servers set, and which some
-computers lack. Marks of all three are kept in the journal. With a drifting region a wrong mission
-time puts every cell elsewhere.
+It is the event loop's during a flight. For a new process it comes from the computer's time since
+its start (in the same boot), else from the vehicle's time since boot, and only else from the wall
+clock, which people and time servers set. Marks of all three are in the journal. With a drifting
+region a wrong mission time displaces every cell.
 """
 
 from __future__ import annotations
@@ -84,13 +83,9 @@ def mission_time(
 ) -> MissionTime:
     """Decide on the mission time with which a mission goes on. It never runs backwards.
 
-    Args:
-        last_event_s: Mission time of the last event in the journal.
-        mark: The last that was kept; None in a journal of a very short flight.
-        now: The clocks' present values.
-        epoch_utc_s: Wall clock at mission time 0.
-        speedup: Mission seconds in a second of this computer.
-        drift_m_s: Speed of a drifting region.
+    `last_event_s` is in mission time, `mark` None in a journal of a very short flight;
+    `epoch_utc_s` is the wall clock at mission time 0, `speedup` mission seconds in a second of this
+    computer, `drift_m_s` the speed of a drifting region.
     """
     if mark is None:
         wall_s = (now.wall_utc_s - epoch_utc_s) * speedup
@@ -227,11 +222,8 @@ def last_mark(meta: Mapping[str, object]) -> Mark | None:
 def taken_up_at(
     found: MissionTime, say: Callable[[str], None], ask: Callable[[str], bool] | None
 ) -> float:
-    """Return the mission time with which a flight with real clocks goes on.
-
-    It reports what is remarkable, and asks at a terminal about what is doubtful; without a terminal
-    it takes the safe assumption.
-    """
+    """Return the mission time with which a flight with real clocks goes on. Reports what is
+    remarkable, and asks about what is doubtful; without a terminal the safe assumption holds."""
     if found.question and ask is not None and ask(found.question):
         say(f"mission time goes on at {found.if_yes_s:.0f} s, by the wall clock")
         return found.if_yes_s

@@ -39,11 +39,10 @@ class Recovery:
 
 
 def recover(path: Path) -> Recovery | None:
-    """Put the good beginning of a damaged journal in its place, and a copy of the damaged one
-    beside it. Returns None where there is nothing to recover.
+    """Replace a damaged journal by its good beginning, beside a copy of it; None without damage.
 
     A process that is killed in here leaves the damaged journal in its place, or the recovered one.
-    Raises `JournalError` where the flight plan cannot be read; everything is left as it is then.
+    Raises `JournalError`, and changes nothing, where the flight plan cannot be read.
     """
     reader = JournalReader(path)
     held = lock(path)

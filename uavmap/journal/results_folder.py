@@ -13,10 +13,8 @@ RESULTS: Final = "results"
 
 
 def results_folder(out: str | None, name: str) -> Path:
-    """Return the folder for a run: the one asked for, or a new one under `results`.
-
-    Raises `JournalError` when it holds a mission already: nothing is ever overwritten.
-    """
+    """Return the folder for a run: the one asked for, or a new one under `results`. Raises
+    `JournalError` when it holds a mission already: nothing is ever overwritten."""
     if out is not None:
         if not out:
             raise JournalError("--out is empty; name a folder")

@@ -1,7 +1,7 @@
 """The ground from the GeoTIFF that `terrain.dem` names, as a lattice that a mission holds.
 
-A model may have any coordinate system and any sea level; a flight needs heights relative to its
-start. So heights are sampled on a lattice along the mission's grid, and kept with the mission.
+A model has any coordinate system and sea level. So its heights are sampled along the mission's
+grid, relative to the start, and kept with the mission.
 """
 
 from __future__ import annotations
@@ -298,8 +298,8 @@ def heights_at(
 ) -> Floats:
     """Return the model's heights at places in a system, east and north; NaN where it has none.
 
-    Bilinear between pixels, or, with a `step` above 1, between means of `step` x `step` pixels: a
-    model of centimetres holds stones, and more pixels than memory.
+    They are bilinear between means of `step` x `step` pixels: a model of centimetres holds stones,
+    and more pixels than memory.
     """
     system = pyproj.CRS.from_epsg(epsg)
     to_model = pyproj.Transformer.from_crs(system, _crs(model), always_xy=True)

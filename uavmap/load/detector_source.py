@@ -1,8 +1,7 @@
 """Detectors as missions name them: their parameters, their files, and those of plug-ins.
 
 A mission holds path and checksum of its model, so a resumed flight is judged by the same model.
-Results are moved to other computers, and models are tidied away. So the results hold a copy of
-the model, as a folder that `--detector` takes, checked by the checksum in the mission.
+Results hold a copy of it, as a folder that `--detector` takes.
 """
 
 from __future__ import annotations
@@ -94,8 +93,8 @@ def detector_of_section(section: DetectorSection, height_ratio: float = 1.0) -> 
     """Return the detector of a mission. Raises `MissionFileError` for a model unreadable or
     changed.
 
-    Dilations are counted in pixels at the lowest layer. From `height_ratio` times that height a
-    pixel shows so much more ground, and fewer dilations bridge the same gap.
+    Dilations are counted in pixels at the lowest layer; from `height_ratio` times that height fewer
+    bridge the same gap.
     """
     parameters = section.parameters
     if "dilations" in parameters:
@@ -139,10 +138,8 @@ def region_in_words(section: DetectorSection) -> str:
 
 
 def region_lines(section: DetectorSection, folder: Path = Path()) -> Iterator[str]:
-    """Say what the detector of a mission takes for region, and which pictures show it, if any.
-
-    `folder`: from which the mission names its model.
-    """
+    """Report what a mission's detector takes for region, and which pictures show it, if any.
+    `folder` is that from which the mission names its model."""
     yield f"region = {region_in_words(section)}"
     overlays = None if section.model is None else (folder / section.model).parent / OVERLAYS
     if overlays is not None and overlays.is_dir():
@@ -152,10 +149,11 @@ def region_lines(section: DetectorSection, folder: Path = Path()) -> Iterator[st
 def resolved_section(
     section: Mapping[str, Any] | None, folder: Path, detector: Path | None
 ) -> dict[str, Any] | None:
-    """Return the table `[detector]` with its model by whole path and checksum.
+    """Return the table `[detector]` with its model by whole path and checksum. Raises
+    `MissionFileError`.
 
     A `detector` (a name, or a folder of `uavmap tune`) replaces the table, except for `view` and
-    `share` where it does not set them. Raises `MissionFileError`.
+    `share` where it does not set them.
     """
     found = None if section is None else dict(section)
     if detector is not None:
@@ -169,10 +167,8 @@ def resolved_section(
 
 
 def detector_text(detector: Path) -> str:
-    """Return the table `[detector]` of a name or a folder (`--detector`), for recorded pictures.
-
-    Its model is read once, so that a fault is reported first. Raises `MissionFileError`.
-    """
+    """Return the table `[detector]` of a name or folder (`--detector`), for recorded pictures. Its
+    model is read once, to report a fault first. Raises `MissionFileError`."""
     what = f"--detector {detector}"
     try:
         recorded = {"view": "all", "share": 0.5}
@@ -288,10 +284,8 @@ _BESIDE: Final = ".toml"  # settings of a segmentation model, under its name
 
 
 def keep_detector(section: DetectorSection, folder: Path) -> None:
-    """Copy the model of a mission, if it has one, into the folder of its results.
-
-    Raises `OutputError`, and leaves nothing, where the disk refuses, or the model has changed.
-    """
+    """Copy the model of a mission, if any, into the folder of its results. Raises `OutputError`,
+    and leaves nothing, where the disk refuses, or the model has changed."""
     if section.model is None:
         return
     model, kept = Path(section.model), folder / KEPT

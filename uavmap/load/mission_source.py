@@ -37,11 +37,11 @@ def shipped_missions() -> list[str]:
 
 
 def load(name: str, detector: str | None = None) -> Mission:
-    """Load a mission by its path, or by the name of a shipped one. Raises `MissionFileError`.
+    """Load a mission by its path, or by the name of a shipped one.
 
     What the file names becomes a part of the mission: the places of `search.prior` (GeoJSON), the
     ground of `terrain.dem` (GeoTIFF), the checksum of `detector.model`. A `detector` (a folder of
-    `uavmap tune`) replaces its own. A message has file, line, key, value and remedy.
+    `uavmap tune`) replaces its own. Raises `MissionFileError` with file, line, key, value, remedy.
     """
     text, folder = _read(name)
     try:
@@ -187,10 +187,8 @@ _NUMBERS = ("weight", "spread_m")
 
 
 def prior_places(path: Path, where: str) -> list[dict[str, Any]]:
-    """Read the places of a file, as `search.prior` holds them.
-
-    Raises `MissionFileError`, which begins with `where`: mission file, key and value.
-    """
+    """Read the places of a file, as `search.prior` holds them. Raises `MissionFileError`, which
+    begins with `where`: mission file, key and value."""
     try:
         content = read_text(path, LARGEST_BYTES)
     except OSError as error:

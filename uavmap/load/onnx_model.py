@@ -22,10 +22,8 @@ LARGEST_TOML: Final = 100_000
 
 
 def onnx_detector(path: Path, data: bytes, parameters: Mapping[str, Any]) -> Detector:
-    """Return the detector of an ONNX file and the TOML of the same name beside it.
-
-    Raises `MissionFileError` without the extra, and for faults of the files.
-    """
+    """Return the detector of an ONNX file and the TOML of the same name beside it. Raises
+    `MissionFileError` without the extra, and for faults of the files."""
     settings = _settings(path.with_suffix(".toml"))
     run: Run = _Session(data)
     return build_detector("onnx", OnnxDetector, {"run": run, "settings": settings, **parameters})

@@ -1,9 +1,4 @@
-"""The process of the aircraft as the mission sees it: started, connected to, started again.
-
-    python -m uavmap.runner.aircraft_child     the other end
-
-The two speak over a socket of this computer (`uavmap.runner.aircraft_takeover`).
-"""
+"""The aircraft process as the mission process sees it: started, connected to, started again."""
 
 from __future__ import annotations
 
@@ -50,10 +45,8 @@ _LOG: Final = logging.getLogger("uavmap.flight")
 
 
 class AircraftProcess:
-    """The process of the aircraft of one flight, started unless one is `found`.
-
-    `append`: whether the telemetry log of the folder goes on.
-    """
+    """The aircraft process of one flight, started unless one is `found`; `append` continues its
+    telemetry log."""
 
     def __init__(
         self, plan: FlightPlan, folder: Path, found: Attachment | None, *, append: bool

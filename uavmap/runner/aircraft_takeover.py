@@ -1,7 +1,6 @@
-"""How a mission finds the process of the aircraft: a new one, or one whose mission has died.
+"""How a mission process finds the aircraft process: a new one, or one whose mission process died.
 
-Where the process listens, and the word that it expects, is in `aircraft.json` in the flight's
-folder. What the aircraft did while no mission was there is in `aircraft.log`.
+`aircraft.json` in the flight's folder holds its port and token, `aircraft.log` what it did alone.
 """
 
 from __future__ import annotations
@@ -91,10 +90,11 @@ def attach(address: Address) -> tuple[say.Attached, Attachment] | None:
 
 
 def taken_over(folder: Path, journal: Journal) -> Attachment | None:
-    """Take over the aircraft of a mission process that has died; None where none is flown.
+    """Take over the aircraft of a mission process that died, once they are home; None where none
+    fly.
 
-    Waits while they are brought home. What happened meanwhile goes into the journal. Raises
-    `LinkError` where another mission has them, `AircraftError` where Ctrl-C ends the waiting.
+    What happened meanwhile goes into the journal. Raises `LinkError` where another mission has
+    them, `AircraftError` where Ctrl-C ends the wait.
     """
     found = _attached(folder)
     _keep_record(folder, journal)

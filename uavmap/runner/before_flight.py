@@ -60,11 +60,8 @@ class BeforeFlight:
         }
 
     async def go(self) -> None:
-        """Returns when the mission may begin.
-
-        Raises `PreflightError` with what keeps it on the ground, `NotFlownError` after a dry run,
-        `LinkError`, `OutputError`.
-        """
+        """Return when the mission may begin. Raises `PreflightError` with what prevents it,
+        `NotFlownError` after a dry run, `LinkError`, `OutputError`."""
         if self._wanted is None:
             try:
                 self._show(await self._set_up())

@@ -51,10 +51,8 @@ _LOG: Final = logging.getLogger("uavmap.flight")
 
 
 def planned(options: FlightOptions) -> FlightPlan:
-    """Load the mission and make the plan; nothing is written, and no vehicle is connected.
-
-    Raises `MissionFileError`, and `LinkError` where there is no vehicle, or one too many.
-    """
+    """Load the mission and make the plan; write nothing, connect nothing. Raises
+    `MissionFileError`, and `LinkError` for no vehicle, or one too many."""
     mission = load(options.mission_source, options.detector)
     options = replace(options, urls=_urls(options, mission))
     epoch_utc_s = SIM_EPOCH_UTC_S if options.simulated else time.time()

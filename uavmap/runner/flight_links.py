@@ -89,11 +89,11 @@ async def opened_links(
     section: CameraSection,
     record: Callable[[bytes], None],
 ) -> AsyncIterator[list[Link]]:
-    """Open a link to every URL of the options, in their order, until the end of the context.
+    """Open a signed link to every URL of the options, in order, and the ground stations of
+    `forward`.
 
-    With the signing of a key, and with the ground stations of `forward` beside them. `cameras`
-    are one a link, `section` what the mission file says of all of them. `record` is given every
-    frame. Raises `LinkError` where a link or a camera cannot be opened.
+    `cameras` are one a link, `section` is of all of them. `record` receives every frame. Raises
+    `LinkError` where a link or a camera cannot be opened.
     """
     urls, speedup = options.urls, options.speedup or 1.0
     log = messages.bound("uavmap.mavlink").line
@@ -151,10 +151,8 @@ def check_urls(urls: Sequence[str]) -> None:
 
 
 async def refuse_rivals(links: Sequence[Link], listen_s: float) -> None:
-    """Raise `LinkError` where another process of ours speaks to one of the vehicles.
-
-    `listen_s`: for how long heartbeats are listened for since each vehicle first spoke.
-    """
+    """Raise `LinkError` if another uavmap is heard on a link within `listen_s` of the first
+    frame."""
     loop = asyncio.get_running_loop()
     for link in links:
         session = link.session
@@ -207,10 +205,8 @@ def mount_of(camera: CameraSection) -> Mount:
 def cameras_of(
     given: Sequence[str], mission: Mission, member: int | None = None
 ) -> list[CameraSpec]:
-    """Return each vehicle's, or a member's, camera: as given, else by the mission file.
-
-    Raises `LinkError` for what is no camera.
-    """
+    """Return each vehicle's, or a member's, camera: as given, else by the mission file. Raises
+    `LinkError` for what is no camera."""
     ours = mission.vehicles if member is None else mission.vehicles[member - 1 : member]
     written = given or [v.camera or "mavlink" for v in ours]
     return [parse_camera(text) for text in written]

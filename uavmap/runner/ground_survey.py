@@ -1,7 +1,6 @@
-"""Before a flight: the ground is asked of the autopilot, where the mission file says so.
+"""Ask the autopilot for the ground before a flight, where the mission file requires it.
 
-What it answers becomes the lattice of the mission, as if a GeoTIFF had been named: the journal
-keeps it, and everything that follows knows no difference.
+The answer becomes the lattice of the mission, as if a GeoTIFF had been named.
 """
 
 from __future__ import annotations
@@ -41,9 +40,9 @@ AROUND_M: Final = 40.0
 
 
 def with_ground(plan: FlightPlan) -> FlightPlan:
-    """The plan with the ground that its first vehicle's autopilot knows, if it asks for that.
+    """Return the plan with the ground from its first vehicle's autopilot, if it asks for that.
 
-    Raises `LinkError` where the autopilot does not answer or has no ground there, and
+    Raises `LinkError` where the autopilot does not answer or has no ground there,
     `MissionFileError` where that ground cannot be flown over.
     """
     mission = plan.mission
@@ -136,10 +135,8 @@ class AutopilotTerrain:
         self._heard = False
 
     async def heights(self, places: Sequence[LatLon]) -> list[float]:
-        """The heights above the sea at places, in metres.
-
-        Raises `LinkError` where the autopilot has none, or does not answer.
-        """
+        """Return the heights above the sea at places, m. Raises `LinkError` where the autopilot has
+        none."""
         if self._session.view.kind is PX4:
             raise LinkError(f"{self._name}: a PX4 tells nobody of its terrain; {_INSTEAD}")
         self._session.listen(self._take)

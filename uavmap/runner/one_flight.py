@@ -72,15 +72,8 @@ KEEP_FRAMES: Final = "keep_frames"
 class Flight:
     """A flight under way: opens links, runs the service, writes results.
 
-    Args:
-        plan: The launch configuration.
-        setting: The mission.
-        folder: Of the results.
-        journal: Open, and closed by whoever opened it.
-        state: Before the first event to come.
-        company: The people beside it, and what looks on.
-        again: Whether a recorded simulated flight is repeated first.
-        found: The process that has the aircraft, of a mission process that has died.
+    Its `journal` is open; `state` is that before the first event to come. `again` repeats a
+    recorded simulated flight first; `found` is the aircraft process of a mission process that died.
     """
 
     def __init__(

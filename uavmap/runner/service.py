@@ -168,9 +168,7 @@ class Service:
 
     def recall_vehicle(self, number: int) -> bool:
         """Call one vehicle home, to stay there until a resume; False where it is called already.
-
-        Raises `KeyError` for a number that no vehicle has.
-        """
+        Raises `KeyError` for a number that no vehicle has."""
         if not self.flying or self.state.vehicles[number].called_home:
             return False
         self.post(VehicleRecalled(number, self.state.t_s))
@@ -189,10 +187,8 @@ class Service:
         return True
 
     def land_here(self, number: int) -> bool:
-        """Have a vehicle land where it is, by its autopilot; False without control of it.
-
-        Raises `KeyError` as `recall_vehicle`.
-        """
+        """Have a vehicle land where it is, by its autopilot; False without control of it. Raises
+        `KeyError` as `recall_vehicle`."""
         vehicle = self.state.vehicles[number]
         if not self.flying or vehicle.landed or vehicle.phase in (Phase.YIELDED, Phase.LOST):
             return False

@@ -34,10 +34,8 @@ MEMBER_FOLDER: Final = "vehicle-{number}"
 
 
 def fly_fleet(plan: FlightPlan, folder: Path) -> dict[str, Any]:
-    """Fly a simulated fleet into a folder; returns the summary of the map of all.
-
-    Raises `MissionFileError`, `JournalError`, `LinkError` as a flight does.
-    """
+    """Fly a simulated fleet into a folder; return the summary of the map of all. Raises
+    `MissionFileError`, `JournalError`, `LinkError` as a flight does."""
     try:
         model = link_model(plan.comms or "free")
     except ValueError as error:

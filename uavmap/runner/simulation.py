@@ -48,10 +48,8 @@ _SAME: Final = {
 def setup_of(
     mission: Mission, seed: int, *, autopilot: str | None = None, start_s: float = 0.0
 ) -> Setup:
-    """The simulation of a mission, its world as it is at mission time `start_s`.
-
-    `autopilot` instead of the mission's, if given.
-    """
+    """Return the simulation of a mission, its world as at mission time `start_s`. `autopilot`
+    replaces the mission's, if given."""
     sim, grid = mission.sim, setting_of(mission).grid
     places, relief = homes(mission), relief_of(mission, grid)
     raised = relief is None and any(vehicle.home_height_m for vehicle in mission.vehicles)
@@ -169,10 +167,8 @@ def make_vehicles(
     start_s: float = 0.0,
     image_url_prefix: str = "sim://",
 ) -> list[SimVehicle]:
-    """The simulated aircraft of a mission, with the faults that it plans for them.
-
-    `autopilot` instead of the mission's, if given.
-    """
+    """Return the simulated aircraft of a mission, with the faults that it plans for them.
+    `autopilot` replaces the mission's, if given."""
     setup = setup_of(mission, seed, autopilot=autopilot, start_s=start_s)
     vehicles = setup.build(image_url_prefix)
     for fault in mission.sim.faults:

@@ -48,10 +48,8 @@ def numbers_of(setting: Setting) -> Sequence[int]:
 def judge_of(
     setting: Setting, keepers: Sequence[Keeper] = (), *, recall: bool = False
 ) -> PictureJudge:
-    """What judges the pictures of a mission's vehicles.
-
-    A `recall` needs no detector. Otherwise raises `MissionFileError` for a model that is gone.
-    """
+    """Return what judges the pictures of a mission's vehicles. A `recall` needs no detector; else
+    raises `MissionFileError` for a model that is gone."""
     detector, mission = _blind_without(setting) if recall else None, setting.mission
     classifiers = {
         number: Classifier.of(mission, setting.grid, mission.altitude_m(number - 1), detector)
@@ -69,10 +67,8 @@ def vehicles_of(
     *,
     waits_on_ground: bool = False,
 ) -> dict[int, MavlinkVehicle]:
-    """The vehicle at the end of each link, by its number in the mission, from 1.
-
-    `waits_on_ground`: a crew stands beside silent vehicles on the ground, for as long as it takes.
-    """
+    """Return the vehicle at the end of each link, by its number in the mission, from 1. With
+    `waits_on_ground` a crew stands beside silent vehicles on the ground, without a time limit."""
     speedup = max(plan.speedup or 1.0, 1.0)
     # on a clock that runs fast, a busy machine must not look like a lost link
     link_lost_s, stale_s, slack_s = LINK_LOST_S, BATTERY_STALE_S, 0.0

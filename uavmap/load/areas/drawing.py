@@ -1,7 +1,4 @@
-"""What readers of areas hand on: shapes as the file has them, and a whole drawing in WGS84.
-
-Coordinates are turned from the coordinate reference system that a file names.
-"""
+"""What readers of areas hand on: shapes as the file has them, and a whole drawing in WGS84."""
 
 from __future__ import annotations
 
@@ -188,10 +185,11 @@ def shapes_of(
     lines: Sequence[Sequence[Point]] = (),
     points: Iterable[Point] = (),
 ) -> Iterator[Shape]:
-    """Make shapes of what a file draws under one name. Raises `AreaError` for a bad polygon.
+    """Make numbered shapes of what a file draws under one name. Raises `AreaError` for a bad
+    polygon.
 
-    Several polygons are numbered. A line that ends where it begins is a polygon; a point is a home
-    if its name says so; `notices` gets a line if open lines are left out.
+    A line that ends where it begins is a polygon; a point is a home if its name says so; `notices`
+    gets a line if open lines are left out.
     """
     closed = [[line] for line in lines if len(line) > 3 and line[0] == line[-1]]
     if len(closed) < len(lines):
@@ -279,10 +277,8 @@ def crs_of_wkt(text: str, where: str) -> pyproj.CRS:
 
 
 def in_wgs84(layers: list[Layer], source: str, *, given: int | None, swap: bool) -> Drawing:
-    """Return the drawing of a file in WGS84. Raises `AreaError`.
-
-    `given` is the EPSG number for a file that names none; `swap` turns latitude, longitude round.
-    """
+    """Return the drawing of a file in WGS84. Raises `AreaError`. `given` is the EPSG number for a
+    file that names none; `swap` exchanges latitude and longitude."""
     found: dict[Role, list[Area]] = {role: [] for role in Role}
     notices: list[str] = []
     for layer in layers:

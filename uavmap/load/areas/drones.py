@@ -1,7 +1,7 @@
 """Common multicopters that speak MAVLink, and cameras for them: the makers' published figures.
 
 Sources are in docs/new.md; none was measured here. Hover power is the battery's energy over the
-hovering time that the maker states, to empty.
+maker's hovering time, to empty.
 """
 
 from __future__ import annotations

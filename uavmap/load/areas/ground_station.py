@@ -51,10 +51,8 @@ _CIRCLES: Final = {
 
 # --- QGroundControl ---------------------------------------------------------------------------
 def read_plan(text: str, source: str) -> Layer:
-    """Surveys, fence, home and rally points of a plan. Raises `AreaError`.
-
-    Without a survey the area is what the waypoints span, and without those the inside of the fence.
-    """
+    """Read surveys, fence, home and rally points of a plan. Raises `AreaError`. Without a survey
+    the area is what the waypoints span, and without those the inside of the fence."""
     try:
         root = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -247,8 +245,8 @@ def is_pairs(text: str) -> bool:
 def read_polygon(text: str, source: str, *, fence: bool | None) -> Layer:
     """Read a polygon of Mission Planner or MAVProxy: latitude and longitude a line (.poly, .fen).
 
-    A fence (.fen) begins with its return point, taken for the home. With None the file is a fence
-    if its second point comes again at the end. Raises `AreaError`.
+    A fence begins with its return point, taken for the home. With None the file is a fence if its
+    second point comes again at the end. Raises `AreaError`.
     """
     points: list[Point] = []
     for i, line in enumerate(text.splitlines()):

@@ -1,7 +1,4 @@
-"""A mission's places over an area: box, fence, what to keep out of, home, in ground metres.
-
-The drawing may say nothing of where the first vehicle stands.
-"""
+"""A mission's places over an area: box, fence, what to keep out of, home, in ground metres."""
 
 from __future__ import annotations
 
@@ -323,10 +320,8 @@ def home_of(
     grid: Grid,
     notices: list[str],
 ) -> GridPoint:
-    """Return where the first vehicle stands: as given, as drawn, or beside the area.
-
-    Raises `AreaError` for a home far away or outside of the fence, or without room for one.
-    """
+    """Return where the first vehicle stands: as given, as drawn, or beside the area. Raises
+    `AreaError` for a home far away or outside of the fence, or without room for one."""
     place = given or drawing.home
     if place is not None:
         key = f"{drawing.source}: its home" if given is None else "--home"

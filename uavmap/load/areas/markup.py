@@ -1,7 +1,7 @@
 """KML, KMZ (KML in a zip archive) and GPX, as of Google Earth, QGIS, ArcGIS and others.
 
-Their XML is of unknown origin: it is parsed without document types, entities or anything from
-outside. A GPX track or route that comes back to where it began is the outline of a field.
+Their XML is parsed without document types, entities or anything from outside. A GPX track or route
+that returns to its beginning is the outline of a field.
 """
 
 from __future__ import annotations
@@ -100,11 +100,8 @@ def read_kml(root: Element, source: str) -> Layer:
 
 
 def read_kmz(data: bytes, source: str) -> Iterator[Layer]:
-    """Read the first KML file of a KMZ, as Google Earth does, and those in it that it links to.
-
-    GDAL writes a file a layer, and one that links to them. Nothing outside of the archive is read.
-    Raises `AreaError`.
-    """
+    """Read the first KML file of a KMZ, and those in it that it links to, as GDAL writes them.
+    Nothing outside of the archive is read. Raises `AreaError`."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         names = [name for name in archive.namelist() if name.lower().endswith(".kml")]
         if not names:
@@ -283,10 +280,8 @@ def _comes_back(points: list[Point]) -> bool:
 
 
 def _without_loops(points: list[Point], name: str, notices: list[str]) -> list[Point]:
-    """Return the outline without small loops, as walkers make them, mostly at the end.
-
-    One that crosses itself in earnest, as a figure of eight, stays; it is refused later.
-    """
+    """Return the outline without small loops, as walkers make them, mostly at the end. A large one,
+    as a figure of eight, stays, and is refused later."""
     ring = LinearRing(points).simplify(_FINE_DEG)
     if ring.is_simple or _crossings(ring) > _MOST_CROSSINGS:
         return points

@@ -1,7 +1,4 @@
-"""Every key of a mission file as a page, from the schema: type, unit, limits, default, meaning.
-
-`python -m uavmap.load.areas.mission_reference` prints the page of the documentation.
-"""
+"""Every key of a mission file as a page: `python -m uavmap.load.areas.mission_reference`."""
 
 from __future__ import annotations
 

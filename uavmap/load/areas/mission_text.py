@@ -1,7 +1,5 @@
-"""From places, a drone and the user's wishes to the text of a mission, with a comment on each key.
-
-The keys come from the schema. A test requires a comment for every one.
-"""
+"""The text of a mission from places, a drone and the user's settings, with a comment on each
+key."""
 
 from __future__ import annotations
 
@@ -142,10 +140,8 @@ def _seeing_enough(mission: Mission) -> dict[str, Any]:
 
 
 def largest_cell_m(figures: Figures, flying: Flying) -> float:
-    """Return the largest cell of which a picture shows 3 x 3, from at most `HIGHEST_M`, m.
-
-    A fixed camera looks aside while the vehicle leans into the wind.
-    """
+    """Return the largest cell of which a picture shows 3 x 3, from at most `HIGHEST_M`, m. A fixed
+    camera leans with the vehicle into the wind."""
     height_m = flying.altitude_m or min(HIGHEST_M, flying.ceiling_m or HIGHEST_M)
     shape = min(figures.height_px / figures.width_px, 1.0)
     half_rad = math.atan(math.tan(math.radians(figures.hfov_deg) / 2.0) * shape)
@@ -185,10 +181,8 @@ _UNSAID: Final = frozenset({"start.amsl_m"})
 
 
 def mission_text(values: Values, header: Sequence[str], vehicles: int = 1) -> str:
-    """Return the text of a mission file: a header, and every key with its value and a comment.
-
-    Keys that are not in `values` have their defaults; keys without one are comments.
-    """
+    """Return the text of a mission file: a header, and every key with its value and a comment. Keys
+    that are not in `values` have their defaults; keys without one are comments."""
     lines = [f"# {line}".rstrip() for line in header]
     lines += [
         "#",

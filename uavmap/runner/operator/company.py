@@ -33,13 +33,10 @@ class Preflight:
 class Company:
     """The people beside a flight, and what looks on.
 
-    Attributes:
-        onlookers: See the flight, and pass on orders to real aircraft.
-        preflight: What is examined, asked and set before real aircraft take off; None for a flight
-            that is simulated or resumed.
-        caller: Interrupts a flight that does not run in the program's main thread.
-        ask: Puts a question to the operator, where there is one.
-        recall: Whether vehicles in the air are only brought home.
+    `onlookers` see the flight, and pass on orders to real aircraft. `preflight` is None for a
+    flight that is simulated or resumed. `caller` interrupts a flight outside of the main thread.
+    `ask` asks the operator, where there is one. With `recall` vehicles in the air are only brought
+    home.
     """
 
     onlookers: Sequence[Onlooker] = ()

@@ -1,8 +1,7 @@
 """The people on the ground: they swap batteries, stand clear, and allow take-off.
 
-At a terminal the service asks and waits for Enter. Elsewhere waiting vehicles stay on the ground,
-until `uavmap resume` gives the word. The journal of a flight that is resumed shows which vehicles
-people have to examine before they take off again.
+At a terminal the service asks and waits for Enter. Elsewhere waiting vehicles stay on the ground
+until `uavmap resume`, whose journal shows which vehicles have to be examined first.
 """
 
 from __future__ import annotations
@@ -107,11 +106,8 @@ class Crew:
         return bool(self.waiting) and self._operator.absent
 
     def doubt(self, vehicles: Mapping[int, str]) -> None:
-        """Ask about vehicles before they take off, also where swaps are automatic.
-
-        Args:
-            vehicles: Why, by number.
-        """
+        """Ask about vehicles, by the reason of each, before they take off, also where swaps are
+        automatic."""
         self._doubts |= vehicles
 
     async def swap(self, vehicle: int) -> None:

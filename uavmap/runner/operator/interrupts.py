@@ -1,7 +1,7 @@
-"""Interrupts of the operator: first all come home, then the autopilots see to that.
+"""Interrupts of the operator: the first recalls all vehicles, the second leaves that to autopilots.
 
-Only a program's main thread receives signals: a flight in another thread is interrupted by
-`Caller.press`. What is known by then becomes a map, before the process ends.
+Only a program's main thread receives signals; `Caller.press` interrupts a flight in another one.
+What is known becomes a map before the process ends.
 """
 
 from __future__ import annotations
@@ -38,10 +38,8 @@ class Caller:
         """How often the caller has interrupted."""
 
     def press(self) -> None:
-        """Do as Ctrl-C: a first time recall, a second time leave at once.
-
-        Before the flight it is kept for it; after its end it does nothing.
-        """
+        """Act as Ctrl-C: recall, then leave at once. It is kept for a flight to come, and has no
+        effect after its end."""
         with self._lock:
             self.presses += 1
             if not self._listening:
@@ -82,12 +80,11 @@ class Caller:
 
 @contextlib.contextmanager
 def interrupts(service: Service, caller: Caller | None = None) -> Iterator[None]:
-    """Recall real aircraft at the first Ctrl-C, SIGTERM or SIGHUP, and cancel at the second.
+    """Recall real aircraft at the first Ctrl-C, SIGTERM or SIGHUP, or press of the `caller`; then
+    cancel.
 
-    SIGUSR1 pauses the mission, SIGUSR2 continues it. A flight in a thread of its own hears its
-    `caller`: signals are the main thread's. Before the service has begun, or after it has failed,
-    the first counts as the second. Cancels the task that entered the context, which raises
-    `KeyboardInterrupt` then.
+    SIGUSR1 pauses the mission, SIGUSR2 continues it. Before the service has begun, or after it
+    failed, the first counts as the second. Cancels the task in the context: `KeyboardInterrupt`.
     """
     loop = asyncio.get_running_loop()
     task = asyncio.current_task()
@@ -181,9 +178,9 @@ def _signals(
 
 # --- the map of a flight that was left before its end ---------------------------------------
 def leave_map(write: Callable[[], object], failure: BaseException, folder: Path) -> None:
-    """Write the map of what is known; call it `patiently`, when nothing depends on this process.
+    """Write the map of what is known, unless the journal was the `failure`; call it `patiently`.
 
-    `failure` ended the flight. Raises nothing: where there is no map, a line has its command.
+    Raises nothing: where there is no map, a line has its command.
     """
     found = leaves(failure) if isinstance(failure, BaseExceptionGroup) else [failure]
     if any(isinstance(error, JournalError) for error in found):
@@ -201,10 +198,8 @@ def leave_map(write: Callable[[], object], failure: BaseException, folder: Path)
 
 @contextlib.contextmanager
 def patiently() -> Iterator[None]:
-    """Answer the first signal that would end the process; the second ends what it does.
-
-    Enter it before any line that asks the operator: a reader may press again at once.
-    """
+    """Answer the first signal that would end the process; the second ends what it does. Enter it
+    before any line that asks the operator, who may press again at once."""
     if threading.current_thread() is not threading.main_thread():
         yield  # signals are the main thread's, who waits for this one
         return

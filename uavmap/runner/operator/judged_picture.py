@@ -25,11 +25,8 @@ Taken = tuple[KeptFrame, bytes | NDArray[np.uint8]]
 
 
 class JudgedPicture(Onlooker):
-    """Writes the first picture with region in it, or else the first one, at the end of a flight.
-
-    Nothing is decoded or drawn before: aircraft are steered then. A flight that is resumed keeps
-    the picture of before.
-    """
+    """Writes the first picture with region, else the first one, at the end of a flight. Nothing is
+    decoded or drawn before: aircraft fly then. A resumed flight keeps the old picture."""
 
     def __init__(self, folder: Path, setting: Setting) -> None:
         self._path = folder / FILE

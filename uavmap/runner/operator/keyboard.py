@@ -1,9 +1,8 @@
 """The operator's keys in flight, read from the terminal as they are pressed, and not shown.
 
-Keys pause, continue, call home, skip and land. A key for one vehicle is followed by its number:
-`r2`, or `r`, then `2`. Enter goes to the crew (`uavmap.runner.operator.ground_crew`); Ctrl-C stays
-a signal. The terminal's settings are restored however the flight ends. It is touched only while the
-program is in its foreground: a background program is stopped for that, with aircraft in the air.
+The number of a vehicle follows its key: `r2`, or `r`, then `2`. Enter goes to the crew; Ctrl-C
+stays a signal. The terminal's settings are restored however the flight ends. The terminal is used
+only in the foreground: a background program would be stopped, with aircraft in the air.
 """
 
 from __future__ import annotations

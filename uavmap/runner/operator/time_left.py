@@ -1,7 +1,7 @@
 """How much of a mission is done and left, as far as is known.
 
-The region's size is unknown before it is explored. So the share is of what is known, it may sink
-when more of the region is found, and it is 100 % only when all are at home.
+The region's size is unknown before it is explored. So the share may fall when more of it is found,
+and it is 100 % only when all vehicles are at home.
 """
 
 from __future__ import annotations

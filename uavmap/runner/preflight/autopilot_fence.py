@@ -1,8 +1,7 @@
 """The fence of the autopilot that fits a mission: its polygon, its heights, its parameters.
 
-It lies outside of the mission's own, by as far as our own vehicle can get before the guardian has
-stopped it: the mission and its guardian come first, the autopilot is what is left when this
-computer does not act.
+It lies outside of the mission's own, by as far as a vehicle gets before the guardian stops it: the
+autopilot is what is left when this computer does not act.
 """
 
 from __future__ import annotations
@@ -136,11 +135,8 @@ class VehicleFence:
         return ("RTL_RETURN_ALT", 1.0) if self.kind is PX4 else ("RTL_ALT", 100.0)
 
     def return_height_m(self) -> float | None:
-        """How high the vehicle will return by itself, above home; None: not known.
-
-        In a team in its own layer, which is counted from the start; over ground that is not flat,
-        so high above the highest.
-        """
+        """Return how high the vehicle returns by itself, above home; None if unknown. In a team
+        that is its own layer, and over ground that is not flat so high above the highest."""
         if self._sets_return:
             layer_m = self.setting.mission.altitude_m(self.number - 1) - self._level_m
             return max(layer_m, LEAST_HEIGHT_M) + self._highest_m
@@ -165,11 +161,8 @@ class VehicleFence:
 
     # --- a fence that is kept --------------------------------------------------------------------
     def faults(self, items: Sequence[Item]) -> list[str]:
-        """In which ways the mission leaves the fence that is set; empty: it does not.
-
-        All that may be flown over has to lie inside: `fence.polygon` less its margin, which holds
-        the lanes, and the homes.
-        """
+        """Return how the mission leaves the fence that is set; empty if it does not. Inside must be
+        what may be flown over, `fence.polygon` less its margin, and the homes."""
         setting, faults = self.setting, self._return_faults()
         if not self.found.get("GF_ACTION" if self.kind is PX4 else "FENCE_ENABLE", 0.0):
             return faults

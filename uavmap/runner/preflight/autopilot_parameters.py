@@ -1,8 +1,5 @@
-"""What the parameters of an autopilot should be for a mission: failsafes, battery, speeds.
-
-A row for each; what is looked at, what is wanted, and why. The fence is apart: `uavmap fly` sets it
-(`uavmap.runner.preflight.autopilot_fence`).
-"""
+"""What the parameters of an autopilot should be for a mission: failsafes, battery, speeds. The
+fence, which `uavmap fly` sets, is in `uavmap.runner.preflight.autopilot_fence`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Set the autopilot of one vehicle up for a mission, and leave it as it was found.
+"""Set the autopilot of one vehicle up for a mission, and restore it.
 
-What was there is on disk before anything is changed, until it is put back: `uavmap resume` finds it
-there if this computer dies in the flight. Everything that is set is read back.
+What was set before is on disk until it is restored, for `uavmap resume` if this computer dies.
+Everything that is set is read back.
 """
 
 from __future__ import annotations
@@ -56,10 +56,8 @@ class Before:
 
 
 class Kept:
-    """The file in a results folder, by the identity of the aircraft.
-
-    Another aircraft in the place of one that crashed has an entry of its own.
-    """
+    """The file in a results folder, by the identity of the aircraft: one in the place of another
+    that crashed has its own entry."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / FILE
@@ -70,10 +68,8 @@ class Kept:
         return not self.path.exists()
 
     def of(self, aircraft: str) -> Before | None:
-        """What the autopilot of an aircraft had; None where nothing is to be put back.
-
-        Raises `OutputError` where the file is not one of ours.
-        """
+        """Return what an aircraft's autopilot had, None if all is restored. Raises
+        `OutputError`."""
         values = self._read().get(aircraft)
         if values is None:
             return None
@@ -87,10 +83,7 @@ class Kept:
             raise self._unreadable() from None
 
     def keep(self, aircraft: str, number: int, before: Before) -> None:
-        """Note it of the aircraft that flies as vehicle `number`, before anything is changed.
-
-        Raises `OutputError`.
-        """
+        """Save what the aircraft of vehicle `number` had before a change. Raises `OutputError`."""
         values = self._read()
         values[aircraft] = {
             "vehicle": number,
@@ -107,10 +100,8 @@ class Kept:
             self._write(values)
 
     def in_place_of(self, number: int) -> list[str]:
-        """The aircraft that flew as vehicle `number`, and are not yet as found.
-
-        Raises `OutputError`.
-        """
+        """Return the aircraft of vehicle `number` that are not restored yet. Raises
+        `OutputError`."""
         return [key for key, value in self._read().items() if value.get("vehicle") == number]
 
     def _read(self) -> dict[str, Any]:
@@ -225,11 +216,8 @@ class AutopilotSetup:
 
     # --- set ----------------------------------------------------------------------------------
     async def apply(self) -> list[Finding]:
-        """Set fence, rally point and return height, and read them back.
-
-        What does not work is a finding. Raises `OutputError` where what was there cannot be noted:
-        then nothing is changed.
-        """
+        """Set fence, rally point and return height, and read them back; what fails is a finding.
+        Raises `OutputError`, and changes nothing, where the old values cannot be saved."""
         try:
             before, found = await self.look()
             plan = self.fence_of(before).plan()
@@ -251,10 +239,8 @@ class AutopilotSetup:
         return [*found, ok("fence", text)]
 
     async def save_timeout(self) -> None:
-        """Save what a stream of setpoints changes in the flight, where nothing else is set.
-
-        Raises `OutputError`.
-        """
+        """Save what set-points change in the flight, where nothing else is set. Raises
+        `OutputError`."""
         aircraft = await self._aircraft()
         if self._kept.of(aircraft) is None and (
             found := await self._parameters.read_many(self._timeout)
@@ -262,11 +248,8 @@ class AutopilotSetup:
             self._kept.keep(aircraft, self._number, Before(found))
 
     async def _aircraft(self) -> str:
-        """Which aircraft it is: its hardware's number, and its number in the mission without one.
-
-        With its system id, for simulators that run side by side share the first. One that did not
-        answer in time keeps its number in the mission.
-        """
+        """Return the hardware's number and system id (simulators side by side share the first), or
+        the number in the mission for one that does not answer in time."""
         view, session = self._view, self._session
         for _ in range(IDENTITY_TRIES):
             if view.identity is not None or self._unnamed:
@@ -321,10 +304,8 @@ class AutopilotSetup:
 
     # --- and back -----------------------------------------------------------------------------
     async def restore(self) -> bool:
-        """Put back what was there, if the vehicle is on the ground; else say what is left as set.
-
-        Never raises: it comes last, whatever happened before. Returns whether nothing is left.
-        """
+        """Restore what was set before, on the ground; else log what stays set. Never raises.
+        Whether nothing is left to restore."""
         try:
             if self._kept.empty:
                 return True

@@ -56,10 +56,8 @@ async def spoken_with(
 
 
 async def connect(session: Session, name: str) -> None:
-    """Wait for an autopilot that is flown by this version, and ask for its telemetry.
-
-    Raises `LinkError` where nobody answers; what telemetry is missing shows in the findings.
-    """
+    """Wait for an autopilot, and request its telemetry; what does not come is a finding. Raises
+    `LinkError` where none answers."""
     view = session.view
     await answered(session, name)
     try:

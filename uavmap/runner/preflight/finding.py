@@ -1,8 +1,4 @@
-"""A finding: what was looked at before a flight, what was found, what is wanted, what to do.
-
-The list on the screen, the JSON of `uavmap doctor` and the word whether to fly come from the same
-findings.
-"""
+"""A finding: what was examined before a flight, what was found, what is wanted, what to do."""
 
 from __future__ import annotations
 

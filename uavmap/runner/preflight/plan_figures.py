@@ -22,13 +22,12 @@ from missions.units import GridPoint
 
 
 def estimate(setting: Setting) -> dict[str, Any]:
-    """What a mission would fly at most: a search of the whole box, and nothing found.
+    """Return what a mission flies at most: a search of the whole box, and nothing found.
 
-    Exploration comes on top; nobody knows how large the ROI is, so it is given per cell, of
-    strategies that look from every cell. What a cell takes in passing depends on those around it.
-    `sortie_wh` is what a full battery leaves for flying about, without the climb, the landing and
-    the reserve; `farthest_corner_wh` what of it goes into the way to the farthest corner of the box
-    and back, and a look there.
+    Exploration is given per cell, of strategies that observe every cell: the ROI's size is unknown.
+    `sortie_wh` is what a full battery leaves without climb, landing and reserve;
+    `farthest_corner_wh` what of it the farthest corner of the box takes, there and back, with a
+    look.
     """
     mission, energy = setting.mission, setting.energy
     blocks = setting.shares

@@ -54,11 +54,10 @@ class Measurement:
         return trips_s[len(trips_s) // 2] if trips_s else None
 
     async def measure(self, seconds: float = MEASURE_S) -> None:
-        """Listen for a while, and ask for what does not come by itself.
+        """Listen for a while, and request what does not come by itself.
 
-        What the findings judge is waited for a little longer: telemetry that begins late, over a
-        slow link or from a busy machine, is no fault of the vehicle, nor is an estimator that was
-        switched on a moment ago.
+        What the findings judge is waited for a little longer: late telemetry, or an estimator that
+        was just switched on, is no fault of the vehicle.
         """
         session, view = self._session, self._session.view
         loop = asyncio.get_running_loop()
@@ -299,13 +298,8 @@ SIGMAS = 3.0
 def pad_heights(setting: Setting, pads: Mapping[int, PadHeight]) -> dict[int, Finding]:
     """Compare the height of each home with the mission's, relative to that of the first vehicle.
 
-    Args:
-        setting: The mission's.
-        pads: What the receivers of vehicles that stand on the ground report, by number.
-
-    Returns:
-        A finding for every vehicle but the first: bad and binding where the receivers contradict
-        the mission by more than their stated errors and the room between two layers.
+    `pads` are what the receivers of vehicles on the ground report, by number. A finding is bad and
+    binding where they contradict the mission by more than their errors and the room between layers.
     """
     if len(pads) < 2:
         return {}
