@@ -120,7 +120,6 @@ def _camera(mission: Mission) -> Iterator[str]:
 
 
 def _pose_error(mission: Mission, short_m: float) -> Iterator[str]:
-    """With a margin for the error of the pose, a picture must still hold a cell."""
     error_m, cell_m = mission.camera.pose_error_m, mission.grid.cell_m
     if short_m - 2 * error_m < cell_m:
         yield (
@@ -131,7 +130,6 @@ def _pose_error(mission: Mission, short_m: float) -> Iterator[str]:
 
 
 def _higher(mission: Mission, lowest_m: float) -> str:
-    """How the lowest layer comes to be so high."""
     if mission.flight.altitude_m != AUTO:
         return f"raise flight.altitude_m to {_up(lowest_m)}"
     top_m = lowest_m + mission.altitude_m(len(mission.vehicles) - 1) - mission.altitude_m(0)
@@ -142,7 +140,6 @@ def _higher(mission: Mission, lowest_m: float) -> str:
 
 
 def _up(value: float) -> str:
-    """Rounded up to a tenth, so that the remedy suffices."""
     return f"{math.ceil(value * 10 - 1e-9) / 10:g}"
 
 
@@ -210,7 +207,6 @@ def search(mission: Mission, grid: Grid) -> Iterator[str]:
 
 
 def _battery(mission: Mission, grid: Grid) -> Iterator[str]:
-    """The battery must do for a look at the nearest point of the box."""
     battery, energy = mission.battery, energy_model(mission)
     box = drawn(mission.search.box, grid)
     worst_wh, worst = 0.0, ""

@@ -150,7 +150,6 @@ class SpeedLimits:
 
     @property
     def _by_key(self) -> dict[str, float]:
-        """Of equal ones the first is named."""
         return {
             "flight.speed_m_s": self.flight_m_s,
             "flight.max_airspeed_m_s, less wind.speed_m_s": self.headway_m_s,
@@ -310,7 +309,6 @@ def _beyond(mission: Mission, grid: Grid) -> Iterator[str]:
 
 
 def _into_the_ground(mission: Mission, relief: Relief) -> Iterator[str]:
-    """Level flight from home that would come too near to higher ground."""
     layer_m = mission.altitude_m(0)
     if relief.highest_m > layer_m - LEAST_HEIGHT_M:
         yield (

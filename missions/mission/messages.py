@@ -41,7 +41,6 @@ def _causes(faults: list[ErrorDetails]) -> list[ErrorDetails]:
 
 
 def _describe(fault: ErrorDetails, model: type[BaseModel]) -> str:
-    """One fault in the words of someone who writes mission files."""
     key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"])
     key = key.removeprefix(".")
     if fault["type"] == "missing" and isinstance(fault["loc"][-1], int):
@@ -79,7 +78,6 @@ def _lower(message: str) -> str:
 
 
 def _keys_beside(loc: tuple[int | str, ...], model: type[BaseModel]) -> list[str]:
-    """The keys that are known where an unknown one was found."""
     for part in loc[:-1]:
         if isinstance(part, int):
             continue

@@ -135,7 +135,6 @@ def polygons(mission: Mission, grid: Grid) -> Iterator[str]:
 
 
 def _where(polygon: Polygon, grid: Grid) -> str:
-    """The place of the crossing in degrees, when GEOS names one."""
     _, bracket, coordinates = explain_validity(polygon).partition("[")
     if not bracket:
         return ""
@@ -189,7 +188,6 @@ def _standing(
     holes: list[Polygon],
     margin_m: float,
 ) -> Iterator[str]:
-    """A home must lie inside, and as far inside as legs are planned."""
     shown = f"{key} = {_show((place.lat_deg, place.lon_deg))}"
     if not polygon.contains(point):
         yield f"{shown}: outside fence.polygon; move it or widen the fence"

@@ -54,7 +54,6 @@ _RESERVED: Final = frozenset('<>:"/\\|?*')
 
 
 def _file_name(name: str) -> str:
-    """A name that can be the name of a folder, on every system that people copy results to."""
     fault = ""
     if not name or not name.strip("."):
         fault = "must not be empty or only dots"
@@ -135,7 +134,6 @@ class DetectorSection(Section):
     @model_validator(mode="before")
     @classmethod
     def _tables(cls, value: object) -> object:
-        """A table in this section is one of a detector."""
         if not isinstance(value, Mapping):
             return value
         tables = {key: inner for key, inner in value.items() if isinstance(inner, Mapping)}

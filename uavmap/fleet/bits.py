@@ -150,6 +150,5 @@ def inflated(data: bytes, most: int) -> bytes:
 
 
 def _runs(bits: Sequence[bool]) -> list[int]:
-    """How many are off, then on, then off, ..."""
     runs = [len(list(same)) for _, same in groupby(bits)]
     return runs if bits and not bits[0] else [0, *runs]

@@ -322,7 +322,6 @@ def _put_places(
 def _places(
     inp: Reader, number: int, step_m: float, at: tuple[int, int] = (0, 0)
 ) -> tuple[tuple[GridPoint, ...], tuple[int, int]]:
-    """The inverse of `_put_places`."""
     places = []
     for _ in range(_few(number)):
         at = at[0] + inp.signed(), at[1] + inp.signed()

@@ -57,7 +57,6 @@ async def joined_fleet(
 
 
 def _log_refused(seal: Seal) -> None:
-    """Log how many datagrams were refused, by reason."""
     for reason, count in sorted(seal.refused.items()):
         if reason in TOLD_AT_END:
             _LOG.info(f"{count} datagrams were refused: {reason}{TOLD_AT_END[reason]}")

@@ -66,7 +66,6 @@ _OF_ALL: Final[Mapping[Order, type[Recalled | Paused | Continued]]] = {
 
 
 def _carried_out(event: Event) -> Word | None:
-    """The operator's word to the fleet that an event of the journal has carried out."""
     if isinstance(event, VehicleRecalled) and event.stamp is not None:
         return Word(event.stamp, event.vehicle, "recall")
     for order, kind in _OF_ALL.items():
@@ -258,7 +257,6 @@ class Member:
         )
 
     def _parts(self, now_s: float) -> tuple[Part, ...]:
-        """Who is to map what, if our service has laid that out anew."""
         found = None if self._state is None else self._state.allotment
         if found is None or found.by != self._number or found.made_s == self._parts_s[0]:
             return ()
@@ -311,7 +309,6 @@ class Member:
                 self._post(Allotted(sender, round(now_s, 3), message.parts))
 
     def _hear_state(self, sender: int, peer: Peer, message: Message, now_s: float) -> None:
-        """What another is, knows, asks for and has promised now."""
         before = peer.have
         peer.pad = message.pad or peer.pad
         if message.have:

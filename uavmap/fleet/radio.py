@@ -192,7 +192,6 @@ class MulticastRadio:
             self._socket = None
 
     def _lost(self, error: OSError) -> None:
-        """Say so once, and join anew in a while."""
         self._leave()
         reason = error.strerror or str(error)
         if reason != self._told:

@@ -35,13 +35,11 @@ ANSWERS: Final = 2
 
 
 class _RefusedError(Exception):
-    """Why a datagram is not believed."""
+    """Why a datagram is refused."""
 
 
 @dataclass(slots=True)
 class _Heard:
-    """What was taken of one start of one sender."""
-
     start: int
     last: int = -1
     window: int = 0

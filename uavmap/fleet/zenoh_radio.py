@@ -186,7 +186,6 @@ class ZenohRadio:
         return session
 
     def _live(self, session: Any, silent_s: float) -> None:
-        """Use a session until it is no use any more."""
         self._broken.clear()
         subscriber = self._subscribed(session)
         self._publisher = session.declare_publisher(

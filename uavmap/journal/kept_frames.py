@@ -111,7 +111,6 @@ class FrameKeeper(contextlib.AbstractContextManager["FrameKeeper"]):
             self._say(f"pictures are kept no longer: {self._error}")
 
     def _write(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
-        """Into the folder, unless something has gone wrong before."""
         if self._error:
             return
         if isinstance(picture, bytes):

@@ -138,7 +138,6 @@ def _table(path: Path, mission: Mission, where: str) -> dict[str, Any]:
 
 # --- what cannot be ground ----------------------------------------------------------------------
 def _refuse_gaps(ground: Floats, lattice: _Lattice, where: str) -> None:
-    """Raise where a height is missing in the fence, or is not one of this Earth."""
     east, north = lattice.points
     # an autopilot that returns crosses what lies between two arms of the fence
     near = lattice.fence.convex_hull.buffer(lattice.step_m)
@@ -287,7 +286,6 @@ def spacing_m(model: Any, start: LatLon) -> float:
 
 
 def _pixels_and_places(model: Any) -> tuple[Floats, Floats]:
-    """The (2, 3) matrices from places in the model's system to pixels, and back."""
     a, b, c, d, e, f = tuple(model.transform)[:6]
     places = np.array([[a, b, c], [d, e, f], [0.0, 0.0, 1.0]])
     return np.linalg.inv(places)[:2], places[:2]

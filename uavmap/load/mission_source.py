@@ -106,7 +106,6 @@ def _path_at(tables: Mapping[str, Any], section: str, key: str) -> str | None:
 
 
 def _read(name: str) -> tuple[str, Path]:
-    """The text of a mission, and the folder from which it names files."""
     path = Path(name)
     if not path.suffix and name in shipped_missions() and not path.exists():
         text = (resources.files("missions") / "shipped" / f"{name}.toml").read_text("utf-8")
@@ -123,7 +122,6 @@ def _read(name: str) -> tuple[str, Path]:
 
 
 def _guess(path: Path) -> str:
-    """What was perhaps meant: a mission file of the same folder, or a shipped mission."""
     known = {} if path.parent != Path() else {name: name for name in shipped_missions()}
     with contextlib.suppress(OSError):
         files = itertools.islice(path.parent.glob("*.toml"), _MOST_LOOKED_AT)
@@ -202,7 +200,6 @@ def prior_places(path: Path, where: str) -> list[dict[str, Any]]:
 
 
 def _places(content: str, where: str) -> Iterator[dict[str, Any]]:
-    """The features of a collection, as the tables that a mission file may hold."""
     try:
         root = json.loads(content)
     except (ValueError, RecursionError) as error:
@@ -250,7 +247,6 @@ def _place(feature: object, where: str) -> dict[str, Any]:
 
 
 def _ring(ring: object, where: str) -> list[list[float]]:
-    """A ring without its last vertex, which repeats the first in GeoJSON."""
     vertices = [_vertex(v, where) for v in ring] if isinstance(ring, list) else []
     if len(vertices) < 4 or vertices[0] != vertices[-1]:
         raise MissionFileError(

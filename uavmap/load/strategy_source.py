@@ -36,7 +36,6 @@ def load_strategies() -> None:
 
 
 def _registered(strategy: object) -> str:
-    """Register a strategy; what is wrong with it, empty for nothing."""
     # half a second, which no command needs where there is no plug-in
     from missions.flight.strategies import register  # noqa: PLC0415
     from missions.flight.strategy.interface import Strategy  # noqa: PLC0415

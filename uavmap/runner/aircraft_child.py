@@ -198,7 +198,6 @@ class AircraftChild:
         return True
 
     def _send(self, message: say.Message) -> None:
-        """Send a message, or write it down for the next mission."""
         self._over = self._over or isinstance(message, say.Ended)
         if self._writer is not None:
             if isinstance(message, say.Happened):
@@ -224,7 +223,6 @@ class AircraftChild:
 
     # --- without a mission ----------------------------------------------------------------------
     async def _watch(self) -> None:
-        """Hold when the mission is silent; bring the vehicles home when it stays so."""
         while True:
             await asyncio.sleep(BEAT_WALL_S * self._speedup)
             silent_s = time.monotonic() - self._heard_s

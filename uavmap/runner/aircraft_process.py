@@ -99,7 +99,6 @@ class AircraftProcess:
         return _Line(reader, writer)
 
     def _begun(self) -> Attachment:
-        """Start the process and connect to it. Raises `LinkError`."""
         child = self._child = Child(MODULE, "aircraft")
         wanted = {
             "plan": self._plan.as_json(), "folder": str(self._folder), "append": self._append,
@@ -120,7 +119,6 @@ class AircraftProcess:
         return answer[1]
 
     def _not_begun(self, what: str) -> str:
-        """End a process that has not begun; the reason, in words."""
         child = self._child
         assert child is not None
         self._end_process()
@@ -148,7 +146,6 @@ class AircraftProcess:
             port.receive(ended_by(error, {}, str(error) if isinstance(error, LinkError) else text))
 
     async def _again(self, port: Port, begin: say.Begin) -> _Line:
-        """Connect again: to the process that lives, or to a new one. Raises `LinkError`."""
         answer = None
         if self._address is not None:
             with contextlib.suppress(TimeoutError):
@@ -180,7 +177,6 @@ class AircraftProcess:
         return line
 
     async def _started_again(self) -> _Line:
-        """Start the process anew, some times. Raises the last `LinkError`."""
         failure = LinkError()
         for _ in range(STARTS):
             await asyncio.to_thread(self._end_process)
@@ -207,7 +203,6 @@ class AircraftProcess:
             beating.cancel()
 
     async def _beat(self, port: Port, line: _Line) -> None:
-        """Send signs of life; end the connection to a process that sends none."""
         while True:
             line.send(say.Beat(kept=port.kept))
             if time.monotonic() - self._heard_s > 2.0 * SILENT_WALL_S:

@@ -132,7 +132,6 @@ class AircraftSide:
         begin: say.Begin,
         before_flight: BeforeFlight | None,
     ) -> say.Finish | say.Leave:
-        """Prepare the vehicles, and carry out orders until the mission's last message."""
         if await self._unless_ended(self._prepared(vehicles, begin, before_flight)) and (
             fly := await self._unless_ended(self.host.fly(vehicles, self.ready()))
         ):
@@ -172,7 +171,6 @@ class AircraftSide:
         return None
 
     async def _looked_after(self, guardians: Guardians, end: say.Finish | say.Leave) -> None:
-        """Bring the vehicles home, or leave them to their autopilots if the operator leaves."""
         if isinstance(end, say.Finish):
             home = asyncio.create_task(guardians.bring_home(end.reason))
             left = self.host.left
@@ -187,7 +185,6 @@ class AircraftSide:
 
 
 def _first(failure: Exception | None) -> BaseException | None:
-    """The error that a failure is reported as."""
     if isinstance(failure, BaseExceptionGroup) and not is_defect(failure):
         return leaves(failure)[0]
     return failure

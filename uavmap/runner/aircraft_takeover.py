@@ -150,7 +150,6 @@ def _say_fates(folder: Path, attached: say.Attached) -> None:
 
 
 def _keep_record(folder: Path, journal: Journal) -> None:
-    """Take what the aircraft did alone into the journal."""
     events: list[Event] = []
     # the last that the mission had is written down as well: it may not have kept it
     kept = set(journal.bodies())

@@ -116,7 +116,6 @@ class BeforeFlight:
 
     # --- ask ----------------------------------------------------------------------------------
     async def _ask(self, wanted: Asked, found: Sequence[Finding]) -> None:
-        """Returns when the answer is yes."""
         if wanted.dry_run:
             return
         self._refuse(found)
@@ -140,7 +139,6 @@ class BeforeFlight:
             raise PreflightError("not flown:\n" + "\n".join(lines))
 
     def _not_refused(self, found: Sequence[Finding]) -> Sequence[Finding]:
-        """The findings that do not end it: a dry run shows all of them."""
         if self._wanted is not None and self._wanted.dry_run:
             return found
         refused = list(binding(found))

@@ -217,7 +217,6 @@ def resume(
 
 
 def _put_back_alone(plan: FlightPlan, setting: Setting, journal: Journal) -> None:
-    """Put back what a flight that never began left set. Raises `NotFlownError`."""
     done = put_back(plan, setting, journal.path.parent)
     if done:
         _discard(journal)
@@ -238,7 +237,6 @@ def _state_of(journal: Journal, setting: Setting, onlookers: Sequence[Onlooker])
 
 
 def _refuse_network(plan: FlightPlan, folder: Path) -> None:
-    """Raise `LinkError` for a network that cannot be opened, or that no member is to have."""
     if plan.member is None and plan.network is not None:
         raise LinkError(
             f"{folder}: --listen, --peer, --router and --fleet-key go with a flight that "

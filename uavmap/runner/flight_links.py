@@ -175,7 +175,6 @@ def _by_port(lines: Sequence[_Line]) -> Mapping[Endpoint, list[_Line]]:
 async def _open(
     stack: contextlib.AsyncExitStack, shared: Sequence[_Line], log: Callable[[str], None]
 ) -> None:
-    """Open what one vehicle has alone, or several have together."""
     first = shared[0]
     if len(shared) == 1:
         alone = open_transport(first.endpoint, first.session.feed, log)
@@ -189,7 +188,6 @@ async def _open(
 
 
 def _log_refused(lines: Sequence[_Line], log: Callable[[str], None]) -> None:
-    """Log how many frames were refused for their signatures."""
     for number, line in enumerate(lines, start=1):
         for (kind, reason), count in sorted(line.session.view.gate.refused.items()):
             if kind == "frames":

@@ -84,7 +84,6 @@ async def _connected(plan: FlightPlan, mission: Mission) -> dict[str, Any]:
 
 
 async def _lattice(session: Session, name: str, mission: Mission) -> dict[str, Any]:
-    """The ground in and around the fence, as the table that a mission file holds."""
     await answered(session, name)
     grid = Grid.at(mission.home, mission.grid.cell_m)
     fence = Polygon([grid.fixed(LatLon(*vertex)) for vertex in mission.fence.polygon])

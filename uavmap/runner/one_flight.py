@@ -170,7 +170,6 @@ class Flight:
             await self._serve(self._here(links), radio)
 
     def _here(self, links: Sequence[Link]) -> Connection:
-        """The simulated aircraft, in this process."""
         return lambda port, begin: in_this_process(
             port, self._plan, self.setting, self.folder, links
         )
@@ -258,7 +257,6 @@ class Flight:
     def _hands(
         self, service: Service, enter: EnterKey | None, keeper: FrameKeeper | None
     ) -> Iterator[None]:
-        """Hear the operator, and keep pictures, in the context."""
         with contextlib.ExitStack() as hand:
             if keeper is not None:
                 hand.enter_context(keeper)
@@ -364,7 +362,6 @@ class Flight:
 
 
 def _simulated(world: Simulation, index: int, log: TlogWriter) -> Link:
-    """The link to a vehicle of the simulator."""
     session = world.open_session(index, log.record)
     return mavlink_link(world.names()[index], session, world.fetch)
 

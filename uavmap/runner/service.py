@@ -87,7 +87,6 @@ class Service:
                     self._reports.task_done()
 
     def _post(self, event: Event) -> None:
-        """Commit an event, take it in, hand out the orders that follow."""
         try:
             self._journal.append(event)
         except EventError as refused:  # a report that makes no sense changes nothing

@@ -102,7 +102,6 @@ def setup_of(
 
 
 def _tag_m(mission: Mission) -> float:
-    """The marker on each vehicle's top; 0 where there is none."""
     if mission.sim.tag_m is not None:
         return mission.sim.tag_m
     return mission.navigation.tag_m if mission.strategy == LEAPFROG.name else 0.0
@@ -146,7 +145,6 @@ def _return_height(mission: Mission, autopilot: str) -> dict[str, float]:
 
 
 def _climbs(mission: Mission, autopilot: str) -> dict[str, float]:
-    """Climb and descent as the mission's crew says that they are set."""
     up_m_s, down_m_s = mission.flight.climb_m_s, mission.flight.descent_m_s
     found: dict[str, float] = {}
     if up_m_s is not None:

@@ -62,7 +62,6 @@ def _parsed(text: str, source: str) -> Any:
 
 
 def _system(value: object, source: str) -> pyproj.CRS:
-    """The system of the member `crs`; without one it is WGS84."""
     if value is None:
         return WGS84
     properties = value.get("properties") if isinstance(value, Mapping) else None

@@ -122,7 +122,6 @@ def _shapes(rows: list[tuple[object, object]], stem: str, source: str) -> Iterat
 
 
 def _geometry(blob: object, where: str) -> BaseGeometry:
-    """The geometry of a blob: a header, an envelope, well-known binary."""
     fault = AreaError(f"{where}: its geometry cannot be read; export it anew")
     if not isinstance(blob, bytes) or len(blob) < 8 or blob[:2] != b"GP":
         raise fault

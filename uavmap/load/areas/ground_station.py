@@ -176,7 +176,6 @@ def _listed(table: object, key: str, where: str) -> list[Any]:
 
 
 def _lat_lon(value: object, where: str) -> Point:
-    """Longitude and latitude from [latitude, longitude, ...]."""
     if not isinstance(value, list) or len(value) < 2:
         raise AreaError(f"{where}: {printable(repr(value), 40)} is not [latitude, longitude]")
     return number(value[1], where), number(value[0], where)
@@ -216,7 +215,6 @@ def read_waypoints(text: str, source: str) -> Layer:
 
 
 def _row(line: str, where: str) -> tuple[int, float, Point]:
-    """The command of a row, its first parameter, and where it is."""
     words = line.split()
     try:
         command = int(float(words[3]))

@@ -132,7 +132,6 @@ def _chosen(drawing: Drawing, wishes: Wishes) -> tuple[Area, ...]:
 
 
 def _grid(drawing: Drawing, areas: Iterable[Area]) -> Grid:
-    """Ground metres around the middle of the areas."""
     places = [place for area in areas for place in area.ring]
     first = places[0].lon_deg
     # near the first one: an area over the antimeridian would seem to go around the globe
@@ -210,7 +209,6 @@ def _polygon_of(shape: BaseGeometry, otherwise: Polygon) -> Polygon:
 
 # --- fence and what to keep out of ------------------------------------------------------------
 def _drawn_fence(drawing: Drawing, box: Polygon, grid: Grid) -> Polygon | None:
-    """The fence of the drawing in which the box lies, or most of it."""
     if not drawing.fences:
         return None
     fences = [_on_ground(fence, grid, drawing.source) for fence in drawing.fences]
@@ -225,7 +223,6 @@ def _drawn_fence(drawing: Drawing, box: Polygon, grid: Grid) -> Polygon | None:
 
 
 def _inside(box: Polygon, fence: Polygon, source: str, notices: list[str]) -> Polygon:
-    """The box as far as it lies in the fence's margin."""
     inner = fence.buffer(-MARGIN_M - 0.1, join_style="mitre")
     if inner.contains(box):
         return box
@@ -253,7 +250,6 @@ def _keep_out(
 
 
 def _cut_to(keep_out: Iterable[Polygon], fence: Polygon) -> list[Polygon]:
-    """The parts in the fence, a little off its edge: a hole lies inside of its polygon."""
     inside = fence.buffer(-_OFF_THE_EDGE_M, join_style="mitre")
     parts = [shapely.get_parts(hole.intersection(inside)) for hole in keep_out]
     return [
@@ -265,7 +261,6 @@ def _cut_to(keep_out: Iterable[Polygon], fence: Polygon) -> list[Polygon]:
 
 
 def _fence_around(box: Polygon, pads: Sequence[GridPoint], room_m: float) -> Polygon:
-    """Some metres around the box, the pads, and the ways from them to the box."""
     parts: list[BaseGeometry] = [box.buffer(room_m, join_style="mitre", mitre_limit=2.0)]
     for pad in pads:
         near, _ = nearest_points(box, Point(pad))

@@ -191,7 +191,6 @@ def _rings(part: Element, where: str) -> Iterator[list[Point]]:
 
 
 def _points(part: Element, where: str) -> list[Point]:
-    """The coordinates of an element: longitude, latitude and perhaps a height, commas between."""
     text = next((e.text or "" for e in part.iter() if local(e) == "coordinates"), "")
     found: list[Point] = []
     for word in _AROUND_COMMA.sub(",", text).split():
@@ -246,7 +245,6 @@ def _gpx_shapes(root: Element, source: str, notices: list[str]) -> Iterator[Shap
 
 
 def _ways(root: Element, source: str) -> Iterator[tuple[str, list[Point]]]:
-    """Name and points of each segment of a track, and of each route."""
     count = 0
     for way in root:
         if local(way) not in ("trk", "rte"):

@@ -165,7 +165,6 @@ def _unit(key: str) -> str:
 
 
 def _linked(text: str) -> str:
-    """Link to a page of the documentation that is named."""
     return re.sub(r"\(docs/([\w-]+\.md)\)", r"([more](\1))", text)
 
 
@@ -175,7 +174,6 @@ def _full(name: str, key: str) -> str:
 
 # --- the schema in words -------------------------------------------------------------------------
 def _options(value: Schema) -> list[Schema]:
-    """What a key may be, without the null of one that may be left out."""
     return [one for one in value.get("anyOf", [value]) if one.get("type") != "null"]
 
 

@@ -260,7 +260,6 @@ def _line(key: str, full: str, field: FieldInfo, values: Values) -> Iterator[str
 
 
 def _rings(key: str, value: Any) -> Iterator[str]:
-    """A position, a ring or several, a line a corner."""
     if isinstance(value[0], float):
         yield f"{key} = {_place(value)}"
         return
@@ -276,7 +275,6 @@ def _place(value: Sequence[float]) -> str:
 
 
 def _limits(key: str, field: FieldInfo) -> str:
-    """The unit by the name of the key, and what is allowed by the schema."""
     unit = next((unit for suffix, unit in UNITS if key.endswith(suffix)), "")
     words = (("ge", "from"), ("gt", "above"), ("le", "up to"), ("lt", "below"))
     limits = [

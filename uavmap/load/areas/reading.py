@@ -64,7 +64,6 @@ def read_area_file(name: str, *, epsg: int | None = None, swap: bool = False) ->
 
 
 def _guess(path: Path) -> str:
-    """A name that was perhaps meant."""
     try:
         names = [one.name for one in path.parent.iterdir()] if path.parent.is_dir() else []
     except OSError:
@@ -135,7 +134,6 @@ def _unknown(name: str) -> AreaError:
 
 
 def _beside(path: Path, name: str) -> dict[str, bytes]:
-    """The files of a Shapefile beside its .shp, whatever the case of their suffixes."""
     found: dict[str, bytes] = {}
     for suffix in _BESIDE:
         for one in (path.with_suffix(f".{suffix}"), path.with_suffix(f".{suffix.upper()}")):

@@ -117,7 +117,6 @@ def _xy(point: Any) -> Point:
 
 
 def _titles(parts: Mapping[str, bytes]) -> list[object]:
-    """The names of the records, by the field that looks like one."""
     if "dbf" not in parts:
         return []
     encoding = parts.get("cpg", b"").decode("ascii", errors="ignore").strip() or "utf-8"

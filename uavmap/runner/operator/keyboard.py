@@ -176,8 +176,6 @@ def keyboard(keys: Keys, enter: EnterKey, stream: TextIO | None = None) -> Itera
 
 
 class _Terminal:
-    """One terminal, in the foreground or not."""
-
     def __init__(self, file: int, keys: Keys, enter: EnterKey) -> None:
         self._file = file
         self._keys = keys
@@ -205,14 +203,12 @@ class _Terminal:
 
     # --- the terminal's settings -----------------------------------------------------------------
     def _in_front(self) -> bool:
-        """Whether the terminal is ours to read: no other program is in its foreground."""
         try:
             return os.tcgetpgrp(self._file) == os.getpgrp()
         except OSError:  # not the terminal that this program was started from, or gone
             return not self._gone
 
     def _listen(self) -> None:
-        """Hear every key from now on, as soon as the terminal is ours."""
         if self._gone:
             return
         if not self._in_front():
@@ -273,7 +269,6 @@ class _Terminal:
 
 
 def _set(file: int, settings: list[Any]) -> None:
-    """Change a terminal's settings, also if it has just been taken from us: no signal stops us."""
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTOU})
     try:
         termios.tcsetattr(file, termios.TCSANOW, settings)

@@ -214,12 +214,10 @@ def cells_known(state: State) -> str:
 
 
 def _may_be_explained(event: Overridden) -> bool:
-    """Whether a text of the autopilot may still say why it changed its mode."""
     return event.cause in (None, UNTOLD) and may_be_a_failsafe(event.mode)
 
 
 def _of_other_hands(event: Overridden | Landed, vehicle: VehicleState, state: State) -> str:
-    """That somebody else keeps a vehicle on the ground, and how it goes on."""
     if isinstance(event, Landed):
         text = f"vehicle {event.vehicle} has landed, not under our control"
     else:

@@ -124,7 +124,6 @@ def _lanes_left_m(state: State) -> float:
 
 
 def _of_the_search(setting: Setting, state: State, team: int) -> Left | None:
-    """Lanes are flown until the region is seen: at the latest to their end."""
     if state.tree is not None:
         return None
     left_m = _lanes_left_m(state)
@@ -144,7 +143,6 @@ def _of_the_search(setting: Setting, state: State, team: int) -> Left | None:
 
 
 def _of_the_region(setting: Setting, state: State, team: int) -> Left:
-    """Known cells from which nobody has looked yet."""
     assert state.tree is not None
     vertices = state.tree.vertices
     left = sum(
@@ -158,7 +156,6 @@ def _of_the_region(setting: Setting, state: State, team: int) -> Left:
 
 
 def _of_a_survey(setting: Setting, state: State, team: int) -> Left:
-    """All cells of the box, wherever the region is."""
     cells = setting.box_cells
     left = sum(state.belief.verdict(cell) is None for cell in cells)
     about_s = strategy_of(setting).rest_s(setting, state, _lanes_left_m(state), left, team)

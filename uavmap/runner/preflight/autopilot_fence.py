@@ -126,12 +126,10 @@ class VehicleFence:
 
     @property
     def _sets_return(self) -> bool:
-        """Whether a mission sets the return height: in a team, and over ground that is not flat."""
         return len(self.setting.mission.vehicles) > 1 or self.setting.ground is not None
 
     @property
     def _return_name(self) -> tuple[str, float]:
-        """The parameter of the return height, and its units in a metre."""
         return ("RTL_RETURN_ALT", 1.0) if self.kind is PX4 else ("RTL_ALT", 100.0)
 
     def return_height_m(self) -> float | None:
@@ -186,7 +184,6 @@ class VehicleFence:
 
     @property
     def _types(self) -> int:
-        """The bits of FENCE_TYPE; a PX4 has all that are set."""
         if self.kind is PX4:
             return TYPE_POLYGON | TYPE_CIRCLE | TYPE_ALT_MAX
         return int(self.found.get("FENCE_TYPE", 0.0))
@@ -208,7 +205,6 @@ class VehicleFence:
         return shapely.intersection_all([around, *inside]).difference(shapely.union_all(outside))
 
     def _height_faults(self) -> list[str]:
-        """The layer of the vehicle against the ceiling and the floor of its autopilot."""
         mission, highest_m, types = self.setting.mission, self._highest_m, self._types
         layer_m = mission.top_altitude_m(self.number - 1) + highest_m
         name = "GF_MAX_VER_DIST" if self.kind is PX4 else "FENCE_ALT_MAX"
@@ -250,7 +246,6 @@ def _parts(shape: BaseGeometry) -> list[Polygon]:
 
 
 def _ring(polygon: BaseGeometry) -> list[GridPoint]:
-    """The corners of the outside of a polygon, not closed."""
     (part,) = _parts(polygon)
     return [GridPoint(float(x), float(y)) for x, y in list(part.exterior.coords)[:-1]]
 

@@ -210,7 +210,6 @@ def _judged(wish: Wish, values: Values, needs: Needs) -> Finding:
 
 
 def _capacity(name: str, values: Values, setting: Setting | None, volts: float | None) -> Finding:
-    """The battery that the autopilot counts by, beside the mission's."""
     mah = values.get(name)
     if mah is None or mah <= 0.0:
         return warn(name, "not set", "the capacity of the pack, mAh", "the charge is by voltage")

@@ -277,7 +277,6 @@ class AutopilotSetup:
         self._kept.keep(aircraft, self._number, Before(changed, before.fence, before.rally))
 
     def _write_plan(self, before: Before, fence: Items, rally: Items) -> None:
-        """Write the lists that were there where a ground station opens them."""
         path = _unused(self._folder / f"fence-before-{self._number}.plan")
         firmware = Firmware.PX4 if self._view.kind is PX4 else Firmware.ARDUPILOT
         try:
@@ -290,7 +289,6 @@ class AutopilotSetup:
         )
 
     async def _put(self, kind: Kind, items: Items) -> None:
-        """Upload a list unless it is there, and read it back. Raises `LinkError`."""
         await self._transfer.upload(kind, items)
         if not same_items(items, await self._transfer.download(kind)):
             raise LinkError(f"{kind.words} came back otherwise than sent")
@@ -330,7 +328,6 @@ class AutopilotSetup:
         return not others
 
     async def _put_back(self, before: Before) -> None:
-        """Raises `LinkError`."""
         for name, parameter in before.parameters.items():
             if not await self._parameters.write(name, parameter):
                 raise LinkError(f"{name} could not be set back to {parameter.value:g}")
@@ -367,7 +364,6 @@ def _unused(path: Path) -> Path:
 
 
 def _left_out(plan: FencePlan) -> list[Finding]:
-    """What the mission keeps out of, and the autopilot does not know."""
     found, narrow = [], f"narrower than {2 * plan.outside_m:.0f} m: the autopilot does not know"
     if plan.holes_left_out:
         said = f"{plan.holes_left_out} are {narrow} them"

@@ -112,7 +112,6 @@ def _disk(folder: Path) -> Finding:
 
 
 def _formats() -> Iterator[Finding]:
-    """A picture in each format that is read or written, there and back."""
     picture = np.full((16, 16, 3), 90, np.uint8)
     broken = []
     for suffix in (".jpg", ".png"):
@@ -197,7 +196,6 @@ def frame_s(setting: Setting) -> float:
 
 
 def _picture(size_px: tuple[int, int], seed: int) -> bytes:
-    """A JPEG of ground with some structure."""
     width, height = size_px
     noise = np.random.default_rng(seed).integers(40, 200, (height, width, 3), np.uint8)
     _, data = cv2.imencode(".jpg", cv2.GaussianBlur(noise, (0, 0), 2.0))
@@ -282,7 +280,6 @@ class _InThought:
 
 
 def _region(box: Polygon, lanes: Sequence[tuple[GridPoint, GridPoint]]) -> Polygon:
-    """A disc where the search begins: it is soon found."""
     middle = Point(lanes[0][0]) if lanes else box.centroid
     return middle.buffer(math.sqrt(REGION_SHARE * box.area / math.pi))
 

@@ -122,7 +122,6 @@ class Examination:
 
 
 async def _picture(source: FrameSource, interval_s: float, patience_s: float) -> Announcement:
-    """Have one picture taken. Raises `LinkError`."""
     first: asyncio.Future[Announcement] = asyncio.get_running_loop().create_future()
     source.listen(lambda picture: None if first.done() else first.set_result(picture))
     source.uncertain()
@@ -137,7 +136,6 @@ async def _picture(source: FrameSource, interval_s: float, patience_s: float) ->
 
 
 def _drawn_over(image: NDArray[np.uint8], mask: NDArray[np.uint8]) -> bytes:
-    """The picture with what the detector marks in red, as PNG."""
     drawn = image.copy()
     marked = mask > 0
     drawn[marked] = (drawn[marked] // 2 + _MARK // 2).astype(np.uint8)

@@ -85,7 +85,6 @@ class Measurement:
             self._session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
 
     def _all_told(self) -> bool:
-        """Fix, estimator, place and battery: without them a vehicle counts as not able to fly."""
         view = self._session.view
         return (
             _fixed(self.fix)
@@ -266,7 +265,6 @@ def nearest_sortie_wh(setting: Setting, number: int) -> float:
 
 
 def _pad(setting: Setting, number: int) -> GridPoint:
-    """Where a vehicle stands by the mission file."""
     return setting.grid.fixed(homes(setting.mission)[number - 1])
 
 
