@@ -23,9 +23,9 @@ class Limits:
     fence: Fence
     energy: EnergyModel
     slack_s: float = 0.0
-    """What everything may take longer, where a simulator runs faster than a busy machine hears."""
+    """What every limit is longer, where a simulator runs faster than a busy machine reads, s."""
     relief_m: float = 0.0
-    """From the lowest to the highest ground: so much more an autopilot may climb to return."""
+    """From the lowest to the highest ground, m: so much more an autopilot may climb to return."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What telemetry says at an instant. Heights are above the vehicle's home."""
+    """What telemetry reports at an instant. Heights are above the vehicle's home."""
 
     t_s: float
     position: GridPoint
@@ -86,10 +86,8 @@ class Verdict:
     rung: Literal["report", "rtl", "land", "crashed"]
     reason: str
     hurry: bool = False
-    """It is carried away: descend as fast as it flies to `QUICK_M`, and land only from there.
-
-    A landing takes twenty seconds for the last ten metres, in which a storm carries it 200 m.
-    """
+    """Descend as fast as it flies to `QUICK_M`, and land only from there: a landing takes 20 s for
+    the last 10 m, in which a storm carries it 200 m."""
     behind: bool = False
     """It is on its path, and only later than planned: it may go on from where it is."""
 

@@ -72,11 +72,8 @@ def planned(task: Task, seen: Seen) -> GridPoint | None:
 
 
 def is_behind(guard: Guard, seen: Seen) -> bool:
-    """Whether a vehicle is where its path had it a while ago, and inside of the fence.
-
-    So it is late: in a wind against which it cannot fly as fast as was planned, or because for some
-    seconds nobody told it to go on.
-    """
+    """Whether a vehicle is where its path had it a while ago, inside of the fence: it flies slower
+    than planned against the wind, or was not commanded for some seconds."""
     course = guard.task.course
     if course is None or guard.outside_m > 0.0:
         return False
@@ -91,7 +88,7 @@ def is_behind(guard: Guard, seen: Seen) -> bool:
 
 
 def off_plan_m(seen: Seen) -> float:
-    """So far a vehicle may be from where its plan has it."""
+    """Maximum distance from where its plan has it, m."""
     return OFF_PLAN_M + OFF_PLAN_WIND_S * (seen.wind_m_s or 0.0)
 
 
@@ -172,7 +169,7 @@ def _away_m_s(guard: Guard, seen: Seen, before_m: float | None, gap_m: float) ->
 
 
 def _speed_m_s(guard: Guard, seen: Seen) -> float:
-    """How fast it has moved over ground since the last look; 0 at the first."""
+    """Its speed over ground since the last look; 0 at the first."""
     if guard.last_position is None:
         return 0.0
     moved_m = guard.last_position.distance_to(seen.position)
@@ -197,7 +194,6 @@ def lasted(limits: Limits, since_s: float | None, t_s: float, limit_s: float) ->
 
 @lru_cache(maxsize=_REMEMBERED)
 def _line(path: tuple[GridPoint, ...]) -> LineString | None:
-    """A path as a line; None where it is a single point."""
     return LineString(path) if len(set(path)) > 1 else None
 
 

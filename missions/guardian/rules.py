@@ -85,11 +85,8 @@ def low(seen: Seen) -> bool:
 
 
 def watch(limits: Limits, guard: Guard, seen: Seen) -> tuple[Guard, Verdict | None]:
-    """What the guard remembers after a look at the vehicle, and what must happen.
-
-    Call it once or twice a second. A verdict of `rtl` or `land` is in force at once: the guard that
-    is returned has it as its action.
-    """
+    """The guard after a look at the vehicle, and what must happen; call it once or twice a second.
+    A verdict of `rtl` or `land` is in force at once, as the guard's action."""
     guard = falling(guard, seen)
     is_down = (guard.fell and low(seen)) or seen.struck_m_s > HARD_M_S
     if seen.mode == "other" and seen.armed and not is_down:
@@ -140,7 +137,6 @@ def _is_spent(limits: Limits, seen: Seen) -> bool:
 
 
 def _last_reserve(limits: Limits, guard: Guard, seen: Seen) -> Verdict | None:
-    """Land while the energy for it is there."""
     spent = lasted(limits, guard.spent_since_s, seen.t_s, SPENT_S)
     landing = guard.action == "land" or seen.mode == "land"
     if seen.remaining_wh is None or landing or not spent:
@@ -215,7 +211,6 @@ def _blown_away(limits: Limits, guard: Guard, seen: Seen) -> str | None:
 
 
 def _wrong(limits: Limits, guard: Guard, seen: Seen) -> str | None:
-    """What is wrong, in words; None while all is well."""
     t_s, task = seen.t_s, guard.task
     if lasted(limits, guard.outside_since_s, t_s, OUTSIDE_S) and not _coming_back(
         limits, guard, seen
@@ -243,7 +238,6 @@ def _coming_back(limits: Limits, guard: Guard, seen: Seen) -> bool:
 
 
 def _too_long(limits: Limits, guard: Guard, seen: Seen) -> str | None:
-    """No progress, or a leg that takes a multiple of its estimate."""
     task, t_s = guard.task, seen.t_s
     if guard.action == "rtl":
         returns_m = max(30.0, task.height_m) + limits.relief_m

@@ -76,16 +76,16 @@ def may_be_a_failsafe(mode_name: str) -> bool:
 
 
 REPEAT_S: Final = 60.0
-"""The same words are told again only after so long, with how often they were said."""
+"""Interval after which the same text is shown again, with how often it came, s."""
 BURST: Final = 10
-"""So many texts at once are told of each class (grave, other), and then one in..."""
+"""Texts of each class (grave, other) that are shown at once, and then one in..."""
 EVERY_S: Final = 2.0
 GRAVE: Final = 3
 """MAV_SEVERITY_ERROR: up to here a text is grave, and does not wait behind others."""
 LEAST: Final = 6
-"""MAV_SEVERITY_INFO: what is for debugging is not told."""
+"""MAV_SEVERITY_INFO: texts for debugging are not shown."""
 MOST_TOLD: Final = 5000
-"""So many texts of a vehicle are kept in the journal of one run."""
+"""Maximum number of a vehicle's texts in the journal of one run."""
 MOST_KNOWN: Final = 200
 EXPLAINS_S: Final = 5.0
 """Words explain a mode that changed within this time, before or after."""
@@ -96,11 +96,11 @@ _SEVERITIES: Final = (
 
 @dataclass(slots=True)
 class _Known:
-    """Words that were said before."""
+    """Words that came before."""
 
     told_s: float
     times: int = 0
-    """How often since they were told."""
+    """How often since they were shown."""
 
 
 @dataclass(slots=True)
@@ -111,7 +111,7 @@ class _Allowance:
     at_s: float = 0.0
 
     def take(self, now_s: float) -> bool:
-        """Whether one more may be told."""
+        """Whether one more may be shown."""
         self.left = min(self.left + max(now_s - self.at_s, 0.0) / EVERY_S, float(BURST))
         self.at_s = now_s
         if self.left < 1.0:
@@ -121,7 +121,7 @@ class _Allowance:
 
 
 class Spoken:
-    """The words of one vehicle. `tell` takes a line for the operator."""
+    """The texts of one vehicle; `tell` takes a line for the operator."""
 
     def __init__(self, reporter: Reporter, view: VehicleView, tell: Callable[[str], None]) -> None:
         self._reporter = reporter
@@ -136,10 +136,8 @@ class Spoken:
         view.hear = self.hear
 
     def why(self, mode_name: str) -> str | None:
-        """Why the vehicle is in a mode that it was not told to enter, by its own words of now.
-
-        What it says within `EXPLAINS_S` from now on still explains it.
-        """
+        """Why the vehicle is in a mode that nobody commanded, by its texts of now; one within
+        `EXPLAINS_S` from now still explains it."""
         self._open_s = float("-inf")
         if not may_be_a_failsafe(mode_name):
             return None

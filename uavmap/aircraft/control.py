@@ -35,7 +35,7 @@ LIFT_S: Final = 12.0
 """Maximum time from an accepted take-off to leaving the ground, s."""
 
 FlownMode = Literal["follow", "rtl", "land", "other"]
-"""The guardian's word for a mode: by our targets, by the autopilot, or by somebody else."""
+"""The guardian's word for a mode: by our targets, by the autopilot, or by another."""
 
 
 class Holder(Enum):
@@ -75,7 +75,7 @@ class Request:
     mode: int
     since_s: float
     before: int | None = None
-    """The mode at the request; ours until the mode asked for is reported."""
+    """The mode at the request; under our control until the mode asked for is reported."""
     late: tuple[int, ...] = ()
     """Modes of earlier requests that may still be carried out until `LATE_S` after this one."""
     confirmed: bool = False
@@ -154,7 +154,7 @@ class Control:
     mode: int | None = None
     armed: bool = False
     failsafe: bool = False
-    """Whether the heartbeat says that a failsafe flies."""
+    """Whether the heartbeat reports that a failsafe flies."""
     heard_s: float = float("-inf")
     """When the mode was last reported."""
     mode_changes: int = 0
@@ -232,20 +232,16 @@ class Control:
         return now if pending else replace(now, request=None)
 
     def _waits_for_heartbeat(self, kind: Autopilot, beat: Beat) -> bool:
-        """Whether a mode can be judged only together with what a heartbeat reports.
-
-        A PX4 goes into Hold when it disarms after a landing, and in a failsafe that waits.
-        """
+        """Whether a mode can be judged only with a heartbeat: a PX4 goes into Hold when it disarms
+        after a landing, and in a failsafe that waits."""
         if beat.landed_state is None or beat.mode != kind.follows or beat.mode == self.mode:
             return False
         lands = self.mode in (kind.rtl, kind.land)
         return not self.is_ours or (lands and beat.landed_state not in OFF_GROUND)
 
     def connected(self, kind: Autopilot, *, resumed: bool) -> Control:
-        """The control when a link was opened, or is back, by the mode just reported.
-
-        `resumed`: it was returning or landing by our order when an earlier process ended.
-        """
+        """The control by the mode reported when a link was opened, or is back. `resumed`: it was
+        returning or landing by our command when an earlier process ended."""
         if not self.in_air:
             # in whatever mode it stands, the pilot has not taken it yet
             return replace(self, holder=Holder.OURS, request=None, taken_on_ground=False)

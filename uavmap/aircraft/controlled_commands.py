@@ -24,7 +24,7 @@ from uavmap.mavlink.session import Message, Permit, Session
 
 
 class NotOursError(CommandRefusedError):
-    """The vehicle is not ours: nothing is sent."""
+    """The vehicle is not under our control: nothing is sent."""
 
 
 def _never() -> bool:
@@ -50,12 +50,12 @@ class ControlledCommands:
 
     @property
     def may_send(self) -> bool:
-        """Whether the vehicle is ours."""
+        """Whether the vehicle is under our control."""
         holder = self._monitor.control.holder
         return holder is Holder.OURS or (self._guardian and holder is Holder.GUARDIAN)
 
     def send(self, message: Message) -> bool:
-        """Send a message; False if the vehicle is not ours."""
+        """Send a message; False if the vehicle is not under our control."""
         if self.may_send:
             self._session.send(message)
         return self.may_send
@@ -127,7 +127,6 @@ class ControlledCommands:
 
     @contextlib.asynccontextmanager
     async def _while_ours(self) -> AsyncIterator[None]:
-        """Send while the vehicle is ours, and no longer."""
         self._check()
         try:
             async with asyncio.timeout(None) as scope:
@@ -141,10 +140,8 @@ class ControlledCommands:
     async def _into(
         self, mode: int | Callable[[], None], ask: Callable[[Permit], Awaitable[None]]
     ) -> None:
-        """Ask for a mode, which is noted before each copy, or by a function.
-
-        Raises `LinkError` where the present mode is not reported.
-        """
+        """Command a mode, which `mode` notes before each copy. Raises `LinkError` where the present
+        mode is not reported."""
         copy = mode if callable(mode) else partial(self._monitor.asks, mode)
         async with self._while_ours():
             try:
@@ -156,10 +153,8 @@ class ControlledCommands:
 
 @dataclass(frozen=True, slots=True)
 class _KnownMode:
-    """Permits a copy of a command while the vehicle is ours by a mode that was reported just now.
-
-    `copy` is called before each.
-    """
+    """Permits a copy of a command while the vehicle is under our control by a mode that was just
+    reported; calls `copy` before each."""
 
     commands: ControlledCommands
     session: Session

@@ -105,7 +105,6 @@ class TasksOf:
         )
 
     def _flown_in_s(self, path: tuple[GridPoint, ...]) -> float:
-        """About how long a path takes, from rest to rest at every point."""
         energy = self._setting.energy
         level_s = sum(energy.leg_s(a.distance_to(b)) for a, b in itertools.pairwise(path))
         return level_s + self._setting.ups_and_downs_m(path) / CLIMB_SPEED_M_S

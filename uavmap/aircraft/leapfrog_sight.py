@@ -32,27 +32,27 @@ from vision.own_map.ground_patch import Patch, patch
 from vision.projection import Frame
 
 HOVERS_M_S: Final = 0.4
-"""Who tells to be slower hovers."""
+"""Reported speed below which a vehicle hovers, m/s."""
 STRAYS_M: Final = 1.5
-"""Who is farther from where it stopped hovers elsewhere."""
+"""Distance from where it stopped beyond which a vehicle hovers elsewhere, m."""
 SEARCH_M: Final = 1.0
-"""So far off a hovering vehicle's told place may be since it stopped."""
+"""Maximum error of a hovering vehicle's reported place since it stopped, m."""
 HELD_RAD: Final = math.radians(0.1)
 """By how much the attitude's error changes while a vehicle hovers."""
 ERRORS: Final = SightingErrors(tilt_rad=math.radians(0.2), heading_rad=math.radians(0.1))
 """Of the camera from one picture to the next; errors that stay are unknowns of their own."""
 TOLD_TILT_RAD: Final = math.radians(1.5)
-"""How well the mapper's telemetry tells its tilt at the exposure."""
+"""Standard deviation of the mapper's reported tilt at the exposure, rad."""
 TIMING_S: Final = 0.03
 """How well exposure and telemetry of both agree in time: what moves is seen that far off."""
 LOOK_S: Final = 0.9
 """Between two looks for the marker: sightings soon after each other err alike."""
 GAP_S: Final = 0.5
-"""Telemetry that is farther from the exposure does not say where the mapper was."""
+"""Maximum gap between telemetry and exposure by which the mapper's place is known, s."""
 APART_TIMES: Final = 5
-"""So many sightings in a row have to contradict satellites."""
+"""Number of sightings in a row that must contradict satellites."""
 BY_SATELLITES_M: Final = 1.0
-"""Two places told by satellites may differ by so much beside what a sighting errs by."""
+"""Difference of two places by satellites beside a sighting's error, m."""
 
 
 @dataclass(slots=True)
@@ -69,12 +69,12 @@ class Member:
     ground: Patch | None = None
     """As it saw it when it stopped..."""
     stopped_at: GridPoint | None = None
-    """... and where it then told to be."""
+    """... and where it then reported to be."""
     framed_s: float = float("-inf")
 
     @property
     def off(self) -> GridPoint:
-        """By how much its told place is off."""
+        """The error of its reported place."""
         return GridPoint(*self.leapfrog.offsets.off(self.role))
 
     @property
@@ -83,7 +83,7 @@ class Member:
         return self.leapfrog.offsets.sigma_m(self.role)
 
     def moved(self, told: GridPoint, now_s: float, *, good: bool) -> None:
-        """It tells its place; `good`: by satellites."""
+        """Note its reported place; `good`: by satellites."""
         before, before_s = self.told, self.told_s
         self.told, self.told_s = told, now_s
         if good or self.good or before is None:
@@ -98,7 +98,7 @@ class Member:
             self._leave()
 
     def take(self, frame: Frame) -> None:
-        """It took a picture, with the pose as told."""
+        """Use its picture, with the pose as reported."""
         if frame.t_s <= self.framed_s:  # one that comes late says nothing of now
             return
         self.framed_s = frame.t_s
@@ -107,7 +107,6 @@ class Member:
             self._hold_against_ground(frame)
 
     def _leave(self) -> None:
-        """It does not hover any more."""
         self.ground = self.stopped_at = None
 
     def _hold_against_ground(self, frame: Frame) -> None:
@@ -129,7 +128,7 @@ class Member:
 
 
 class Leapfrog:
-    """What both vehicles measure of each other. `say` tells the operator a line."""
+    """What both vehicles measure of each other; `say` logs a line."""
 
     def __init__(self, wanted: NavigationSection, say: Callable[[str], None]) -> None:
         self._wanted, self._say = wanted, say
@@ -209,10 +208,8 @@ class Leapfrog:
 
 
 def _tilts_m(frame: Frame, below_m: float, up_rad: float) -> NDArray[np.float64]:
-    """How far what lies so much lower seems to move, along the grid's axes, by a radian of tilt.
-
-    Columns: to the right and downwards in the picture.
-    """
+    """How far ground that lies so much lower seems to move, along the grid's axes, by a radian of
+    tilt; columns: to the right and downwards in the picture."""
     north_east = rotation(frame.pose.attitude)[:2, 1:]
     cos, sin = math.cos(up_rad), math.sin(up_rad)
     to_grid = np.array([[-sin, cos], [cos, sin]])  # from north and east to east and north

@@ -17,8 +17,8 @@ from missions.units import GridPoint
 from uavmap.mavlink.vehicle_view import VehicleView
 
 HEIGHT_M: Final = 1.0
-"""A vehicle that is to stop over ground has arrived within so much of its height: it may still
-descend when it is over the place."""
+"""Error of its height within which a vehicle has arrived over ground, m: above its place it may
+still descend."""
 OTHER_LAYER_M: Final = 1.5
 """An order whose height is farther from the vehicle's changes its layer."""
 FULL_SPEED_S: Final = 5.0
@@ -28,16 +28,14 @@ FAR_SHARE: Final = 0.3
 FAR_M_S: Final = 1.0
 """A speed is far from the order if it is off by more than both."""
 MOST_RESENT: Final = 2
-"""So often in a leg it is sent again: a wind that cannot be flown against stays."""
+"""Number of times in a leg that the speed is sent again: a wind that is too strong stays."""
 
 
 def aim_over_ground(
     view: VehicleView, here: GridPoint, target: GridPoint, height_m: float
 ) -> tuple[GridPoint, float]:
-    """What to be told on a leg to `target` at `height_m` above ground: a point, a height there.
-
-    Over flat ground that is the target.
-    """
+    """The target to send on a leg to `target` at `height_m` above ground, and its height; over flat
+    ground `target` itself."""
     if view.ground is None:
         return target, height_m
     return view.ground.terrain.told(here, view.height_m, target, height_m)
@@ -55,10 +53,8 @@ def leg_over_ground_s(
 
 
 def at_height(view: VehicleView, height_m: float, *, always: bool = False) -> bool:
-    """Whether a vehicle is as high as it should be.
-
-    Over flat ground its layer is its height, but where it changes its layer (`always`).
-    """
+    """Whether a vehicle is as high as it should be; over flat ground its layer is its height, but
+    where it changes its layer (`always`)."""
     flat = view.ground is None and not always
     return flat or abs(view.height_m - height_m) <= HEIGHT_M
 
@@ -74,11 +70,8 @@ class SpeedWatch:
         self._sent = 0
 
     def wrong(self, now_s: float, left_m: float) -> str:
-        """What is wrong, in words for the operator; empty while nothing is, or nobody can tell.
-
-        To be called now and then; `left_m` is what is left of the leg: at its end the vehicle
-        brakes.
-        """
+        """What is wrong, for the operator; empty while nothing is, or nothing can be known. Called
+        now and then; `left_m` is left of the leg, at whose end the vehicle brakes."""
         braking_m = self._speed_m_s**2 / (2.0 * ACCEL_M_S2)
         soon_m = braking_m + self._speed_m_s * FULL_SPEED_S
         if now_s - self._begin_s < FULL_SPEED_S or left_m < soon_m or self._sent >= MOST_RESENT:

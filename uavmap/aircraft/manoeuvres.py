@@ -44,7 +44,7 @@ from uavmap.mavlink.session import Session
 FIND_WAY_S: Final = 0.5
 """Between two pictures on a leg, where a vehicle may have to find its way by them."""
 LIE_M_S: Final = 1.0
-"""So fast satellites may lie, and be followed by a map."""
+"""Speed of a satellites' error that a map follows, m/s."""
 SINK_S: Final = 12.0
 """To come down to that height takes no longer, or it lands from where it is."""
 LOW_M: Final = 4.0
@@ -133,7 +133,7 @@ class Manoeuvres:
         self._arrived()
 
     async def _find_way(self) -> None:
-        """Take pictures to find the way by, until cancelled; nobody's map depends on them."""
+        """Take pictures to find the way by, until cancelled; no map depends on them."""
         with contextlib.suppress(LinkError):
             async with self._camera.to_navigate(FIND_WAY_S) as frames:
                 async for _ in frames.judged(None):
@@ -152,7 +152,6 @@ class Manoeuvres:
         self._reporter.happened(Arrived, self._reporter.position())
 
     def _follow(self, cell: Cell) -> Callable[[], GridPoint]:
-        """Where a drifting cell is, whenever asked."""
         centre = self._grid.centre_of(cell)
         return lambda: self._grid.to_fixed(centre, self._reporter.now_s())
 
@@ -192,15 +191,12 @@ class Manoeuvres:
 
     @property
     def _goes_by_map(self) -> bool:
-        """Whether its autopilot's place is wrong by what its pictures tell, ever anew."""
+        """Whether its pictures correct the autopilot's place again and again."""
         return self.navigation is not None and self.navigation.by_map
 
     async def _aim(self, point: GridPoint, height_m: float) -> None:
-        """A target: acknowledged, and refused unless the vehicle follows us.
-
-        The speed comes after it: the first target after a change of mode puts an ArduCopter's own
-        speed back.
-        """
+        """Command a target, and behind it the speed: the first target after a change of mode puts
+        an ArduCopter's own speed back."""
         aim, aim_m = aim_over_ground(self._view, self._reporter.position(), point, height_m)
         await self._commands.fly_to(self._grid.position(aim), aim_m)
         if not self._aimed and self._order is not None:
@@ -232,15 +228,12 @@ class Manoeuvres:
         self._on_path = False
 
     async def _leave_path(self) -> None:
-        """Come to rest after a path: what follows begins there."""
         if await self._stream.leave():
             self._paced_in = None  # the next target is of another kind, and puts a speed back
 
     async def _fly_path(self, order: FlyPath) -> None:
-        """Stream setpoints, and take pictures beside it; the stream does not wait for the camera.
-
-        At the end the pictures are waited for; a path that comes meanwhile is flown, too.
-        """
+        """Stream setpoints, and take pictures beside it; at the end wait for the pictures, and fly
+        a path that comes meanwhile."""
         self._stream.begin(order)
         self._on_path = True
         end = order.trajectory.at(order.trajectory.end_s).place
@@ -263,7 +256,6 @@ class Manoeuvres:
         self._arrived()
 
     async def _photograph_path(self, frames: Frames) -> None:
-        """Until at rest at the end of the last path, and all its pictures are judged."""
         stream, session = self._stream, self._session
         while True:
             await session.until(lambda: self._at_end() or stream.order.every_s != frames.interval_s)
@@ -343,7 +335,7 @@ class Manoeuvres:
                 monitor.landed()
 
     async def _sink_by_map(self) -> None:
-        """Down to where a landing takes a few seconds: it would follow the satellites' lie."""
+        """Descend to where a landing takes a few seconds: it would follow the satellites' error."""
         if self._view.height_m <= LOW_M + OTHER_LAYER_M:
             return
         here = self._reporter.position()

@@ -40,36 +40,32 @@ if TYPE_CHECKING:
 Gnss = Literal["good", "lost", "wrong"]
 
 SAME_SCALE: Final = 1.5
-"""What is seen from so many times the height of the map, or lower, is held against the map."""
+"""Heights of the map up to which a picture is matched with it."""
 LOST_S: Final = 1.5
-"""A filter that has told for so long that it has no position on Earth has lost it."""
+"""Time for which a filter reports no position on Earth before it counts as lost, s."""
 LEAP_S: Final = 2.0
-"""A navigation filter takes so long to show a leap of its satellites."""
+"""Time that a navigation filter takes to show a leap of its satellites, s."""
 BACK_S: Final = 5.0
-"""Satellites that are back for so long are gone by again."""
+"""Time after which satellites that are back are used again, s."""
 COMPARE_S: Final = 0.5
 """Between two looks at whether satellites and pictures agree."""
 AGREE_S: Final = 30.0
-"""Those that were wrong have to agree with the pictures for so long."""
+"""Time for which satellites that were wrong must agree with the pictures, s."""
 AGREE_M: Final = 1.0
 TELL_S: Final = 5.0
 """Between two events while satellites are not gone by."""
 UNSURE_S: Final = 10.0
-"""So long a vehicle may not know where it is before it is sent home."""
+"""Time for which a vehicle may not know where it is before it is sent home, s."""
 UNSEEN_S: Final = 1.0
-"""Without a picture for so long, what is known becomes less sure by the way that it tells."""
+"""Time without a picture after which the position becomes less sure with the distance, s."""
 AID_EVERY_S: Final = 2.0
 AID_M: Final = 0.3
-"""The autopilot is told where it is if it is off by more."""
+"""Error from which on the autopilot is sent its place, m."""
 
 
 class Navigation:
-    """What one vehicle goes by.
-
-    `act` has its guardian return or land; `fail` tells the mission that it cannot go on; `aid`
-    tells the autopilot where it is, with a standard deviation. `watches`: whether pictures are
-    looked at.
-    """
+    """What one vehicle goes by. `act` has its guardian return or land, `fail` reports that it
+    cannot go on, `aid` sends the autopilot its place with a standard deviation."""
 
     def __init__(
         self,
@@ -99,7 +95,7 @@ class Navigation:
         self.aid: Callable[[LatLon, float], None] = lambda place, sigma_m: None
         self._off = GridPoint(0.0, 0.0)
         self._since_s: float | None = None
-        """Since when the filter says otherwise than `gnss`."""
+        """Since when the filter reports otherwise than `gnss`."""
         self._agrees_s: float | None = None
         self._pictured_s = float("-inf")
         self._flown_m = 0.0
@@ -137,7 +133,7 @@ class Navigation:
 
     # --- what its filter says ------------------------------------------------------------------
     def look(self, *, airborne: bool) -> None:
-        """Look at what the vehicle tells; call it with every position."""
+        """Look at the telemetry; call it with every position."""
         if self._view.position is None:
             return
         now_s = self._reporter.now_s()
@@ -157,7 +153,7 @@ class Navigation:
             self._look_how_sure(now_s)
 
     def _hear_partner(self, now_s: float) -> None:
-        """Tell the partner of this position, and go by what both have measured."""
+        """Share this position with the partner, and use what both have measured."""
         if self.partner is None or self._view.told is None:
             return
         told = self._reporter.grid.fixed(self._view.told)
@@ -169,14 +165,12 @@ class Navigation:
 
     @property
     def _goes_on_without_fix(self) -> bool:
-        """Whether the receiver has no fix, and that is reason enough to go by pictures.
-
-        It is none to return or to land: the filter may have another receiver.
-        """
+        """Whether the receiver has no fix, which is reason enough for pictures, but not to return
+        or to land: the filter may have another receiver."""
         return self._view.has_no_fix and self._wanted.gnss_loss in ("map", "leapfrog")
 
     def leapt(self, how: str) -> bool:
-        """The told position has leapt; False where no pictures tell where the vehicle is now."""
+        """Note that the reported position leapt; False where no pictures show the true one."""
         if self._own is None:
             return False
         if self.gnss == "good":
@@ -187,7 +181,7 @@ class Navigation:
         return True
 
     def _grounded(self, now_s: float) -> None:
-        """Where it stands its home is; satellites that have lied are not flown with again."""
+        """Take its home for its place; satellites that were wrong are not flown with again."""
         self._last, self._since_s, self._unsure_s = None, None, None
         if self.gnss == "lost" and not self._view.by_dead_reckoning:
             self._changed("good", now_s)
@@ -239,10 +233,8 @@ class Navigation:
 
     # --- what its pictures say -----------------------------------------------------------------
     def placed(self, frame: Frame) -> Frame:
-        """A frame whose pose is as told, with the pose as the vehicle's pictures tell it.
-
-        Raises `ImageError` where nobody knows it well enough to decide on a cell.
-        """
+        """A frame with the pose as the vehicle's pictures show it. Raises `ImageError` where it is
+        not known well enough to decide on a cell."""
         if self.partner is not None:
             self.partner.take(frame)
         if self._own is None and not self._by_partner:
@@ -270,7 +262,6 @@ class Navigation:
         return replace(frame, pose=replace(frame.pose, position=position))
 
     def _learn(self, known: Estimate, now_s: float) -> None:
-        """What a picture says of the told position."""
         if self.gnss != "good":
             self._take(known)
             self._look_whether_right(now_s)
@@ -292,7 +283,7 @@ class Navigation:
             self._aid()
 
     def _correct(self, off: GridPoint) -> None:
-        """From now on the told place is off by so much, along the grid's axes."""
+        """Correct the reported place by so much, along the grid's axes, from now on."""
         self._off = off
         grid, told = self._reporter.grid, self._view.told
         if told is None:
@@ -304,7 +295,7 @@ class Navigation:
         self._last = None
 
     def _look_whether_right(self, now_s: float) -> None:
-        """Satellites that were wrong are gone by again once they have long agreed."""
+        """Use satellites that were wrong again once they have long agreed."""
         if self.gnss != "wrong":
             return
         agrees = math.hypot(*self._off) + self.sigma_m < AGREE_M
@@ -316,7 +307,7 @@ class Navigation:
             self._changed("good", now_s)
 
     def _look_how_sure(self, now_s: float) -> None:
-        """Without pictures a vehicle knows less and less; who knows too little comes home."""
+        """Reckon how sure it is without pictures; a vehicle that knows too little comes home."""
         if self._own is not None and now_s - self._pictured_s > UNSEEN_S:
             known_m = self._own.track.estimate().sigma_m if self._own.keyframes else math.inf
             self.sigma_m = math.hypot(known_m, self._own.errors.reckoned_share * self._flown_m)
@@ -334,7 +325,7 @@ class Navigation:
             self.fail(f"{what} tells where it is to ±{self.sigma_m:.0f} m only")
 
     def _aid(self) -> None:
-        """Tell the autopilot where it is, where it has lost its satellites and knows less."""
+        """Send the autopilot its place, where it has lost its satellites and knows less."""
         now_s = self._reporter.now_s()
         off_m = math.hypot(*self._off)
         if now_s - self._aided_s < AID_EVERY_S or off_m < max(AID_M, self.sigma_m):

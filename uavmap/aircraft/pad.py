@@ -23,13 +23,13 @@ from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.session import Session
 
 REMIND_S: Final = 10.0
-"""What takes longer is told."""
+"""Wait after which the operator is informed, s."""
 REMIND_AGAIN_S: Final = 30.0
 LOOK_S: Final = 1.0
 
 
 class Waiting:
-    """One wait for one vehicle. `tell` takes a line for the operator: for what, and how long."""
+    """One wait for one vehicle; `tell` takes a line for the operator: for what, and how long."""
 
     def __init__(self, name: str, session: Session, tell: Callable[[str], None]) -> None:
         self._name = name
@@ -41,7 +41,7 @@ class Waiting:
     async def until(
         self, condition: Callable[[], bool], timeout_s: float, what: Callable[[], str]
     ) -> bool:
-        """`Session.until`; tells what is waited for."""
+        """`Session.until`; logs what is waited for."""
         loop = asyncio.get_running_loop()
         end_s = loop.time() + timeout_s
         while (left_s := end_s - loop.time()) > 0.0:
@@ -69,9 +69,9 @@ ARM_TRIES: Final = 10
 ARM_PAUSE_S: Final = 3.0
 CLIMB_TOLERANCE_M: Final = 0.4
 PAUSE_S: Final = 0.1
-"""Before a command is asked for again that nobody acknowledged, or that could not be sent."""
+"""Pause before a command without an acknowledgement, or unsent, is sent again, s."""
 MODE_S: Final = 2.5
-"""A new mode is told within this time."""
+"""Maximum time until a new mode is reported, s."""
 HOME_S: Final = 5.0
 """A position above the home that arming has set comes within this time."""
 FULL: Final = 0.9

@@ -34,7 +34,7 @@ from uavmap.mavlink.session import Message, Session
 INTERVAL_S: Final = 0.1
 """4 Hz were enough for a real one: some may get lost."""
 SMOOTH_S: Final = 0.5
-"""A vehicle cannot change its acceleration at once: over so long the course is averaged."""
+"""Time over which the course is averaged, s: no vehicle changes its acceleration at once."""
 SAMPLES: Final = 10
 FIRST_S: Final = 0.6
 """PX4 wants to see a stream for half a second before it changes to OFFBOARD."""
@@ -45,7 +45,7 @@ BRAKE_S: Final = 6.0
 """A real one comes to rest from 10 m/s in 4.2 s."""
 SLOW_M_S: Final = 0.5
 PLACES_INTERVAL_S: Final = 0.5
-"""Between two places that are told one after another, instead of a stream."""
+"""Interval between two places that are sent instead of a stream, s."""
 PLACES_SPEED_M_S: Final = 9.0
 """That it may fly to catch up with a place."""
 
@@ -105,7 +105,7 @@ class PathStream:
         self._session = session
         self._commands = commands
         self._by_places = by_places
-        """Whether places ahead are told instead of a stream: nothing runs away when they stop."""
+        """Whether places ahead are sent instead of a stream: it stops there without the next."""
         self._view = session.view
         self._reporter = reporter
         self._monitor = monitor
@@ -129,7 +129,7 @@ class PathStream:
         return self._orders[-1]
 
     def begin(self, order: FlyPath) -> None:
-        """A path from rest, or from wherever it says."""
+        """Begin a path from rest, or from wherever it begins."""
         self._course, self._orders = Course((order.trajectory,)), (order,)
         # heights are above where home is now, should it be told otherwise in flight
         self._home_amsl_m = self._view.home_amsl_m
@@ -146,10 +146,8 @@ class PathStream:
 
     # --- sending ----------------------------------------------------------------------------
     async def run(self) -> None:
-        """Send setpoints until cancelled; where they need a mode of their own, ask for it.
-
-        Raises `LinkError` when the vehicle does not take it.
-        """
+        """Send setpoints until cancelled, in a mode of their own where they need one. Raises
+        `LinkError` when the vehicle does not take it."""
         if self._by_places:
             await self._tell_places()
             return
@@ -171,7 +169,7 @@ class PathStream:
             await asyncio.sleep(due_s - loop.time())
 
     async def _tell_places(self) -> None:
-        """Tell where it will be in a while, until cancelled: it stops there if nothing follows."""
+        """Send where it will be in a while, until cancelled: it stops there without the next."""
         view, told = self._view, 0
         while self._commands.may_send:
             if told % 10 == 0:  # either autopilot may have forgotten its speed
@@ -198,7 +196,7 @@ class PathStream:
         )  # fmt: skip
 
     def _highest_to(self, point: Setpoint) -> float:
-        """The highest ground, above home, on the way to a place that is told ahead of its time."""
+        """The highest ground, above home, on the way to a place that is sent ahead of its time."""
         view, here = self._view, self.course.at(self._reporter.now_s())
         if view.ground is None:
             return 0.0
@@ -221,10 +219,8 @@ class PathStream:
         return begun[-1] if begun else self._orders[0]
 
     def _message(self, point: Setpoint, order: FlyPath, height_m: float) -> Message:
-        """SET_POSITION_TARGET_GLOBAL_INT of a setpoint at a height above home.
-
-        Raises `LinkError` if it is no number.
-        """
+        """SET_POSITION_TARGET_GLOBAL_INT of a setpoint at a height above home. Raises `LinkError`
+        if a number is not finite."""
         if not all(map(math.isfinite, point)):
             raise LinkError(f"no place to send a vehicle to: {point}")
         view, grid = self._view, self._grid
@@ -256,7 +252,7 @@ class PathStream:
 
     # --- modes ------------------------------------------------------------------------------
     async def _into(self, mode: int, ask: Callable[[], Awaitable[None]]) -> None:
-        """Ask for a mode until a heartbeat shows it: the answer of a PX4 says nothing."""
+        """Command a mode until a heartbeat shows it: a PX4's acknowledgement means nothing."""
         view, monitor = self._view, self._monitor
         refusal: LinkError | None = None
         for _ in range(MODE_TRIES):
@@ -273,10 +269,10 @@ class PathStream:
         raise refusal or LinkError(f"the vehicle does not change to {name}{view.recent_texts()}")
 
     async def leave(self) -> bool:
-        """Come to rest, so that another kind of order can follow; whether there was a stream.
+        """Come to rest before another kind of order; return whether there was a stream.
 
-        An ArduPilot is told a velocity of zero until it is slow: that is the shortest way, while a
-        place here would be overshot and returned to. A PX4 brakes by itself in Hold.
+        An ArduPilot is sent a velocity of zero until it is slow: the shortest way, for it would
+        overshoot a place. A PX4 brakes by itself in Hold.
         """
         if self._left:
             return False
@@ -325,11 +321,8 @@ LEAST_S: Final = 0.5
 
 
 class StreamTimeout:
-    """How long one vehicle flies on when its stream of setpoints ends.
-
-    What it was is saved before the flight, and put back with all else
-    (`uavmap.runner.preflight.autopilot_setup`). `tell` takes a line for the operator.
-    """
+    """Sets how long a vehicle flies on when its stream ends; its own value is saved before the
+    flight and put back after it (`uavmap.runner.preflight.autopilot_setup`)."""
 
     def __init__(self, name: str, session: Session, tell: Callable[[str], None]) -> None:
         self._name = name
@@ -340,7 +333,7 @@ class StreamTimeout:
         self._told = False
 
     async def shorten(self) -> None:
-        """Set it to `TIMEOUT_S`, once in a flight; what cannot be set is told once."""
+        """Set it to `TIMEOUT_S`, once in a flight; log once what cannot be set."""
         parameter = self._view.kind.stream_timeout
         if parameter is None or self._settled:
             return

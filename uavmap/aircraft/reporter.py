@@ -19,11 +19,8 @@ BATTERY_STALE_S: Final = 10.0
 
 
 class Reporter:
-    """Events of one vehicle: its number, mission time, places in the fixed frame, its charge.
-
-    `report` takes an event to the mission; until a service runs, nobody listens. `battery_stale_s`
-    is in seconds of the loop's clock.
-    """
+    """Events of one vehicle: its number, mission time, places in the fixed frame, its charge, which
+    is unknown after `battery_stale_s` on the loop's clock. `report` takes them to the mission."""
 
     def __init__(
         self,
@@ -57,13 +54,13 @@ class Reporter:
         self.report(kind(self.number, self.t_s(), *values, **named))
 
     def position(self) -> GridPoint:
-        """Where the vehicle is, in the fixed frame. Raises `LinkError` if it has not said."""
+        """Where the vehicle is, in the fixed frame. Raises `LinkError` if it is not reported."""
         if self._view.position is None:
             raise LinkError(f"{self.name}: the vehicle has not said where it is")
         return self.place(self._view.position)
 
     def home(self) -> GridPoint:
-        """Where its home is, in the fixed frame. Raises `LinkError` if it has not said."""
+        """Where its home is, in the fixed frame. Raises `LinkError` if it is not reported."""
         if self._view.home is None:
             raise LinkError(f"{self.name}: the vehicle has not said where its home is")
         return self.place(self._view.home)
@@ -88,7 +85,6 @@ class Reporter:
         return self._view.remaining_wh(self._capacity_wh)
 
     def remaining(self) -> float:
-        """The charge for an event, Wh. What is unknown, and what the autopilot calls low, counts as
-        empty: the vehicle comes home, and does not take off.
-        """
+        """The charge for an event, Wh; 0 where it is unknown or the autopilot reports it as low:
+        the vehicle comes home, and does not take off."""
         return 0.0 if self._view.grounded_by else round(self.remaining_wh() or 0.0, 3)

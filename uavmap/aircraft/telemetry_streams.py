@@ -12,11 +12,11 @@ from missions.errors import CommandRefusedError, LinkError
 from uavmap.mavlink.session import Session
 
 SILENT_S: Final = 5.0
-"""A stream that is silent for longer, while the vehicle speaks, is asked for again so often."""
+"""Silence of a stream after which it is asked for, and interval to ask again, s."""
 TRIES: Final = 10
-"""... and so many times: an autopilot may not have it."""
+"""... and number of requests: an autopilot may not have it."""
 ASK_S: Final = 120.0
-"""So long all streams may take to be acknowledged."""
+"""Maximum time for all streams to be acknowledged, s."""
 
 
 class Streams:
@@ -35,11 +35,8 @@ class Streams:
         """Streams that the autopilot does not have, or sends as it likes."""
 
     async def ask(self, hears: Callable[[], bool]) -> None:
-        """Ask for every stream until it is acknowledged, for as long as the vehicle is heard.
-
-        A stream that is refused may come all the same; what is missing is said in the end. Raises
-        `LinkError`.
-        """
+        """Ask for every stream until it is acknowledged, while the vehicle is heard; one that is
+        refused may come all the same. Raises `LinkError`."""
         begin_s = asyncio.get_running_loop().time()
         self._reboots = self._view.gate.clock.reboots
         for message_id, rate_hz in self._rates.items():
@@ -65,10 +62,8 @@ class Streams:
 
     @property
     def go_on(self) -> bool:
-        """Whether a vehicle that speaks again sends all that it was asked for before.
-
-        Over a link that loses much, asking for everything anew would take a minute.
-        """
+        """Whether a vehicle that is heard again sends all that it was asked for before: asking anew
+        takes a minute over a link that loses much."""
         return self._view.gate.clock.reboots == self._reboots and all(
             self._silent_s(message_id) < SILENT_S
             for message_id in self._rates.keys() - self._refused
@@ -77,8 +72,8 @@ class Streams:
     def keep(self) -> None:
         """Ask again for what does not come, without waiting; call it about once a second.
 
-        An acknowledgement does not say which stream it is for: on a link that delays or doubles
-        frames one may have been taken for another's.
+        An acknowledgement names no stream: on a link that delays or doubles frames one may have
+        been taken for another's.
         """
         loop_s = asyncio.get_running_loop().time()
         if loop_s - self._asked_s < SILENT_S:
@@ -92,6 +87,5 @@ class Streams:
                 self._session.request_interval(message_id, rate_hz)
 
     def _silent_s(self, message_id: int) -> float:
-        """How long a kind of message has not been heard."""
         heard_s = self._session.heard_s.get(message_id, float("-inf"))
         return asyncio.get_running_loop().time() - heard_s

@@ -46,16 +46,16 @@ LINK_LOST_S: Final = 5.0
 HEARD_ANEW_S: Final = 2.5
 """Maximum wait for a heartbeat and a position of a vehicle that is heard again, s."""
 AFTER_ENDURANCE_S: Final = 60.0
-"""A silent vehicle that flew is given up so long after its battery must be empty."""
+"""Wait after its battery must be empty before a silent vehicle is given up, s."""
 ON_GROUND_S: Final = 120.0
-"""A silent vehicle on the ground is waited for so long, where nobody stands beside it."""
+"""Maximum wait for a silent vehicle on the ground without a crew beside it, s."""
 
 
 class MavlinkVehicle:
     """One vehicle of the mission, at the other end of a session.
 
-    `link_lost_s` is how long it may be silent, in seconds of the loop's clock. `ground_patience_s`
-    is how long a silent one on the ground is waited for; None: for as long as it takes a crew.
+    `link_lost_s`: maximum silence, s of the loop's clock. `ground_patience_s`: maximum wait for a
+    silent vehicle on the ground, s; None: as long as a crew takes.
     """
 
     def __init__(
@@ -132,7 +132,7 @@ class MavlinkVehicle:
 
     @property
     def view(self) -> VehicleView:
-        """The latest of what the vehicle has said."""
+        """The latest of what the vehicle has reported."""
         return self._view
 
     def leapfrog(self, both: Leapfrog, role: Role) -> None:
@@ -140,14 +140,12 @@ class MavlinkVehicle:
         self._navigation.partner = both.join(role, self._reporter, self._view)
 
     def was_flying(self) -> None:
-        """It was in the air by our order when an earlier process ended: it is ours.
-
-        To be told before `connect`: should that fail, its guardian brings it home all the same.
-        """
+        """Note, before `connect`, that it flew by our order when an earlier process ended: should
+        that fail, its guardian brings it home."""
         self.guardian.entrusted = True
 
     def was_returning(self) -> None:
-        """It was landing or returning by our order when an earlier process ended: it is ours."""
+        """Note that it was landing or returning by our command when an earlier process ended."""
         self._monitor.resumed = True
 
     async def connect(self) -> None:
@@ -182,11 +180,8 @@ class MavlinkVehicle:
                 self._tasks = None
 
     def give(self, order: Order) -> None:
-        """Carry out an order instead of the present one.
-
-        While its guardian has the vehicle nothing is begun. A path after a path is flown without a
-        halt: nothing is called off.
-        """
+        """Carry out an order instead of the present one; nothing is begun while its guardian has
+        the vehicle. A path after a path is flown without a halt."""
         if self._tasks is None:
             raise RuntimeError("a vehicle takes orders only while it runs")
         self._monitor.on_path = isinstance(order, FlyPath)
@@ -206,14 +201,14 @@ class MavlinkVehicle:
         self._task = self._tasks.create_task(self._carry_out(order))
 
     def land_here(self, reason: str) -> bool:
-        """Have its guardian land it where it is; False where it is not in the air and ours."""
+        """Land it where it is; False where it is not in the air under our control."""
         if not self.guardian.responsible:
             return False
         self.guardian.take_over("land", reason)
         return True
 
     def report_again(self) -> None:
-        """Report where it is, for a mission that has been away; a silent one when it speaks."""
+        """Report where it is to a mission that is back; a silent vehicle when it is heard."""
         if self._monitor.connected:
             self._monitor.report_connected()
             self.guardian.heard_again()
@@ -221,12 +216,10 @@ class MavlinkVehicle:
             self._reporter.happened(LinkLost)
 
     def _flies_path(self, order: FlyPath) -> bool:
-        """Whether it flies a path, and goes on with this one."""
         busy = self._task is not None and not self._task.done()
         return busy and not self.guardian.acting and self._manoeuvres.goes_on(order)
 
     def _stand_aside(self) -> None:
-        """End what is being carried out."""
         self._manoeuvres.called_off()
         if self._task is not None:
             self._task.cancel()
@@ -242,7 +235,7 @@ class MavlinkVehicle:
                 self._order_failed("; ".join(str(error) for error in errors))
 
     def _aid(self, place: LatLon, sigma_m: float) -> None:
-        """Tell its autopilot where it is; one that does not take that is not asked again."""
+        """Send its autopilot its place; one that does not take it gets no more."""
         busy = self._aiding is not None and not self._aiding.done()
         ours = self._monitor.control.is_ours
         if self._tasks is not None and self._aids and ours and not busy:
@@ -261,7 +254,7 @@ class MavlinkVehicle:
 
     # --- the link ----------------------------------------------------------------------------
     async def _watch_link(self) -> None:
-        """Say when the vehicle falls silent, and take it up again whenever it speaks."""
+        """Report when the vehicle falls silent, and reconnect it when it is heard again."""
         monitor = self._monitor
         given_up = False
         give_up_after_s: float | None = None
@@ -295,7 +288,7 @@ class MavlinkVehicle:
                 self._reporter.happened(GivenUp, self._silence())
 
     def _watch_clock(self) -> None:
-        """Say it when the vehicle's time passes faster or slower than ours."""
+        """Log it when the vehicle's time passes faster or slower than ours."""
         boot_s = self._view.gate.clock.boot_s
         if self._clock_rate is None or boot_s is None:
             return
@@ -303,9 +296,8 @@ class MavlinkVehicle:
             self._tell(f"vehicle {self.number}: {wrong}")
 
     async def _heard_anew(self) -> None:
-        """Wait for the next position and heartbeat: what is ordered now begins where it is, and
-        only if it is ours still. Raises `LinkError`.
-        """
+        """Wait for the next position and heartbeat: orders begin where it is, and only under our
+        control. Raises `LinkError`."""
         begin_s, view = asyncio.get_running_loop().time(), self._view
         if not await self._session.until(
             lambda: min(view.position_s, view.heard_s) >= begin_s, HEARD_ANEW_S
@@ -313,7 +305,7 @@ class MavlinkVehicle:
             raise LinkError(f"{self.name}: it does not report its place and its mode")
 
     def _waited_for_s(self) -> float | None:
-        """How long a vehicle is waited for that has fallen silent."""
+        """Maximum wait for a vehicle that has fallen silent, s."""
         if not self._monitor.control.air.may_be_up:
             return self._ground_patience_s
         charge_wh = self._view.remaining_wh(self._setting.mission.battery.capacity_wh)
@@ -323,7 +315,6 @@ class MavlinkVehicle:
         return endurance_s + AFTER_ENDURANCE_S
 
     def _silence(self) -> str:
-        """What is known of a vehicle that is given up."""
         place = self._setting.grid.position(self._reporter.position())
         where = f"{place.lat_deg:.6f}, {place.lon_deg:.6f}"
         if not self._monitor.control.air.may_be_up:
@@ -337,12 +328,12 @@ class MavlinkVehicle:
         return self._view.silent_s(asyncio.get_running_loop().time())
 
     def _hears(self) -> bool:
-        """Whether it speaks, and what it says is of now; its position may be missing."""
+        """Whether it is heard, and of now; its position may be missing."""
         heard_s = asyncio.get_running_loop().time() - self._view.heard_s
         return heard_s < self._link_lost_s and not self._view.gate.clock.late
 
     def _missing(self, since_s: float) -> str:
-        """What the vehicle has yet to tell; a position from before does not count."""
+        """What the vehicle has yet to report; a position from before does not count."""
         view = self._view
         return " and ".join(
             what

@@ -103,11 +103,8 @@ _STREAMS: Final = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Autopilot:
-    """One autopilot, as its driver has to know it.
-
-    It obeys targets in the mode `follows`, and takes off in `takes_off_in`; `by_itself` are the
-    modes that it leaves for `follows` without the pilot.
-    """
+    """One autopilot, as its driver has to know it: it obeys targets in the mode `follows`, and
+    leaves the modes `by_itself` for it without the pilot."""
 
     name: str
     follows: int
@@ -128,9 +125,9 @@ class Autopilot:
     """Whether system_status CRITICAL means that a failsafe flies, in whatever mode."""
     place_lead_s: float
     velocity_lead_s: float
-    """So far ahead of its time each part of a setpoint is told, for the vehicle to be in time."""
+    """How far ahead of its time each part of a setpoint is sent, for the vehicle to be in time."""
     places_lead_s: float
-    """The same of places that are told instead of a stream: a vehicle flies towards a place as fast
+    """The same of places that are sent instead of a stream: a vehicle flies towards a place as fast
     as it can stop there."""
     stream_mode: int
     """The mode in which a stream of setpoints is followed."""
@@ -139,17 +136,17 @@ class Autopilot:
     failsafe_names: Mapping[int, str] = field(default_factory=dict)
     """Names of modes that mean something else while a failsafe flies."""
     heard_as: int = mav.MAV_TYPE_ONBOARD_CONTROLLER
-    """What our heartbeat says that we are: a PX4 tells its texts to ground stations only."""
+    """Our type in our heartbeat: a PX4 sends its texts to ground stations only."""
     fence_by_command: bool = False
     """Whether MAV_CMD_DO_FENCE_ENABLE switches its fence off, in flight, too."""
     integers_bytewise: bool = False
     """Whether the bytes of an integer parameter lie in the float field of its message."""
     rests_constant: bool = False
-    """Whether its estimator tells of every vehicle at rest that its position is held constant."""
+    """Whether its estimator reports a constant position of every vehicle at rest."""
     target_taken: tuple[int, ...] = (mav.MAV_RESULT_ACCEPTED,)
     """Answers to a target (MAV_CMD_DO_REPOSITION) that is flown to."""
     stream_timeout: str | None = None
-    """The parameter that says how long it flies on when a stream ends; None: left as it is."""
+    """The parameter of how long it flies on when a stream ends; None: left as it is."""
 
     @property
     def streams_apart(self) -> bool:

@@ -23,7 +23,7 @@ from uavmap.mavlink.session import Permit, Session
 _STAMP_WRAPS_S: Final = 250.0
 """Before a time of transmission loses its milliseconds in a float, it begins anew."""
 _LEAPS_WITHIN_S: Final = 1.0
-"""Time after a place was taken in which the told position leaps to it, s."""
+"""Time after a place was taken in which the reported position leaps to it, s."""
 _PLACE_ALONE: Final = 0b1101_1111_1000
 """The type mask of a target without velocity, acceleration, yaw and turn rate."""
 
@@ -64,11 +64,8 @@ class MavlinkCommands:
         await self._session.command(mav.MAV_CMD_NAV_TAKEOFF, *params, done=done, permit=permit)
 
     async def fly_to(self, place: LatLon, height_m: float) -> None:
-        """MAV_CMD_DO_REPOSITION, without the flag that changes the mode.
-
-        The height (m) is above home, or above the ground there if the view has one. It is refused
-        in any mode but that of `follow`.
-        """
+        """MAV_CMD_DO_REPOSITION, without the flag that changes the mode, refused in any but that of
+        `follow`. `height_m` is above home, or above the ground there if the view has one."""
         kind = self._view.kind
         above_home_m = height_m + self._view.ground_m(place)
         place = self._view.as_told(place)
@@ -84,10 +81,8 @@ class MavlinkCommands:
         )
 
     def point_to(self, place: LatLon, height_m: float) -> None:
-        """SET_POSITION_TARGET_GLOBAL_INT, of a place alone, for a vehicle that refuses `fly_to`.
-
-        Nobody acknowledges it, and it is ignored in any mode but that of streams.
-        """
+        """SET_POSITION_TARGET_GLOBAL_INT of a place, for a vehicle that refuses `fly_to`: not
+        acknowledged, and ignored in any mode but that of streams."""
         view = self._view
         height_m += view.ground_m(place)
         place = view.as_told(place)
@@ -114,10 +109,8 @@ class MavlinkCommands:
         await self._session.command(mav.MAV_CMD_DO_CHANGE_SPEED, 3, speed_m_s, -1)
 
     async def you_are_at(self, place: LatLon, sigma_m: float) -> None:
-        """MAV_CMD_EXTERNAL_POSITION_ESTIMATE: taken by either autopilot while it has no satellites.
-
-        `sigma_m` is how sure the place is. A PX4 whose optical flow works does not take it.
-        """
+        """MAV_CMD_EXTERNAL_POSITION_ESTIMATE, good to `sigma_m`: taken by either autopilot while it
+        has no satellites, but not by a PX4 with optical flow."""
         boot_s = self._view.since_boot_s or 0.0
         self._view.aided_until_s = math.inf
         try:

@@ -16,15 +16,15 @@ from missions.units import LatLon
 REBOOT_CONFIRMED_S: Final = 1.0
 JUMP_CONFIRMED_S: Final = 3.0
 STANDSTILL_S: Final = 2.0
-"""A clock that has told the same time for longer stands still: old messages are repeated."""
+"""Time with the same stamp after which a clock stands still, s: old messages are repeated."""
 LATE_S: Final = 5.0
 """Age of messages from which a link that hands them over late counts as lost, s."""
 MOST_AHEAD_S: Final = 10.0
 FASTEST_CLOCK: Final = 30.0
-"""How far a clock may be ahead of ours: a simulator may run many times as fast as it was said."""
+"""Ratio by which a clock may be faster than ours, as a simulator's is."""
 
 OLDER: Final = "older than the one before"
-"""The reason for what a link brings that changes the order of frames; it is not told."""
+"""The reason for what a link brings in another order; it is not logged."""
 
 FASTEST_M_S: Final = 50.0
 """No multicopter that flies missions is faster, with the wind behind it."""
@@ -32,7 +32,7 @@ SLACK_M: Final = 25.0
 """What a position estimate may correct itself by at once."""
 
 OFFSET_WINDOW_S: Final = 120.0
-"""Time for which the fastest messages tell a clock's offset, s: a backlog is no change of it."""
+"""Time whose fastest messages give a clock's offset, s: a backlog does not change it."""
 _OFFSET_STEP_S: Final = 2.0
 _LEAST_SPAN_S: Final = 30.0
 """Time over which a clock's drift is measured at least, s."""
@@ -150,7 +150,7 @@ class BootClock:
         return self._offset.value
 
     def take(self, boot_s: float, now_s: float) -> str | None:
-        """Take in a time that was told; what is wrong with it."""
+        """Take in a reported time; return what is wrong with it."""
         if self.boot_s is None:
             self._adopt(boot_s, now_s)
         elif boot_s == self.boot_s:
@@ -202,17 +202,16 @@ class BootClock:
 
 
 def _goes_on(boot_s: float, heard_s: float, next_boot_s: float, now_s: float) -> bool:
-    """Whether a clock that told one time may tell the other now."""
+    """Whether a clock that showed one time may show the other now."""
     most_s = MOST_AHEAD_S + FASTEST_CLOCK * (now_s - heard_s)
     return 0.0 < next_boot_s - boot_s <= most_s
 
 
 @dataclass(slots=True)
 class CameraClock:
-    """A camera's own time since boot, against the autopilot's.
+    """A camera's own time since boot, against the autopilot's, which most cameras take.
 
-    Most cameras take the autopilot's time; one that does not is ahead or behind by a constant,
-    which the announcement that travelled fastest tells best.
+    One that does not is ahead or behind by a constant, which the fastest announcement shows best.
     """
 
     _suspect_s: float | None = None
@@ -243,7 +242,7 @@ class CameraClock:
 
 @dataclass(frozen=True, slots=True)
 class Fix:
-    """Where a vehicle said to be, and when (our loop, its own clock)."""
+    """A reported place, and its times (our loop, its own clock)."""
 
     position: LatLon
     amsl_m: float
@@ -275,7 +274,7 @@ class Track:
     _latest: Fix | None = None
 
     def take(self, fix: Fix) -> str | None:
-        """Take in where it says to be; what is wrong with that."""
+        """Take in a reported place; return what is wrong with it."""
         fault = None if self.last is None else fix.fault_after(self.last)
         if fault is not None and self.last is not None:
             if self._first is None or self._latest is None or fix.fault_after(self._latest):

@@ -28,7 +28,6 @@ async def answered(session: Session, name: str) -> None:
 
 
 def _why_silent(view: VehicleView) -> str:
-    """What may be the cause that no vehicle was heard, and what helps."""
     refused = [(n, why) for (kind, why), n in view.gate.refused.items() if kind == "frames"]
     if not refused:
         return "is it switched on, and is this the URL that it speaks to?"
@@ -46,9 +45,8 @@ SAME_BOOT_S: Final = 0.2
 def same_aircraft(view_a: VehicleView, view_b: VehicleView) -> bool:
     """Whether two views, on one loop's clock, are of the same aircraft.
 
-    It answers to the same system and component id over both. Beyond that its hardware's number
-    decides, where both told one; else that it stands in the same place and started at the same
-    time.
+    Both have its system and component id; beyond that its hardware's number decides, where both
+    report one, else the same place and time of start.
     """
     addresses = [(view.system_id, view.autopilot_component) for view in (view_a, view_b)]
     if addresses[0] != addresses[1] or view_a.system_id == 0:

@@ -27,7 +27,7 @@ Message = Any  # pymavlink carries no types
 
 
 class Sender(Enum):
-    """Which component of a vehicle may say it."""
+    """Which component of a vehicle may send it."""
 
     AUTOPILOT = "the autopilot"
     CAMERA = "the camera"
@@ -51,7 +51,7 @@ class Limit:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """What a kind of message has to keep to; `check` tells what is wrong with the whole of it."""
+    """What a kind of message has to keep to; `check` returns what is wrong with the whole of it."""
 
     sender: Sender
     limits: tuple[Limit, ...] = ()
@@ -67,7 +67,7 @@ class Rule:
 
 UNIT_TOLERANCE: Final = 0.02
 NO_FIX: Final = "no position yet"
-"""The reason for zeros, which an ArduPilot sends before its first fix; it is not told."""
+"""The reason for zeros, which an ArduPilot sends before its first fix; it is not logged."""
 
 _LOWEST_M, _HIGHEST_M = -500.0, 10_000.0
 _TURN = 2.0 * math.pi + 0.01
@@ -232,7 +232,7 @@ _EXPECTED: Final = (NO_FIX, OLDER, OVERTAKEN)
 
 @dataclass(slots=True)
 class Gate:
-    """Refuses what cannot be; `say` is told of it."""
+    """Refuses what cannot be, and logs it by `say`."""
 
     say: Callable[[str], None] = lambda text: None
     refused: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -247,7 +247,7 @@ class Gate:
     """Number of the latest frame, and when it was heard, by component and kind."""
 
     def admits(self, message: Message, sender: frozenset[Sender], now_s: float) -> bool:
-        """Whether a message of our vehicle, said by such a component, may be believed."""
+        """Whether a message of our vehicle, sent by such a component, may be believed."""
         kind = message.get_type()
         rule = RULES.get(kind)
         if rule is None:
@@ -265,7 +265,7 @@ class Gate:
         return False
 
     def refuse(self, kind: str, reason: str, now_s: float) -> None:
-        """Count what was not believed, and tell it. `reason` holds no value of the message."""
+        """Count and log what was not believed. `reason` holds no value of the message."""
         self.refused[kind, reason] += 1
         told_s = self._told_s.get(kind, float("-inf"))
         if reason in _EXPECTED or now_s - told_s < TELL_EVERY_S:
@@ -275,7 +275,7 @@ class Gate:
         self.say(f"{kind} refused: {reason}" + (f" ({count} times by now)" if count > 1 else ""))
 
     def refuse_once(self, kind: str, reason: str) -> None:
-        """Count what was not believed, and tell it the first time only."""
+        """Count what was not believed, and log it the first time only."""
         self.refused[kind, reason] += 1
         if self.refused[kind, reason] == 1:
             self.say(f"{kind} refused: {reason}; further ones are counted, and not told")
@@ -313,7 +313,7 @@ class Gate:
         return fault
 
     def _is_overtaken(self, message: Message, now_s: float) -> bool:
-        """Whether a later one of its kind has come before: what it says was before that."""
+        """Whether a later one of its kind has come before."""
         key, number = (message.get_srcComponent(), message.get_type()), message.get_seq()
         last, heard_s = self._numbers.get(key, (number, now_s))
         if now_s - heard_s < OVERTAKEN_S and (number - last) % 256 >= 128:

@@ -24,7 +24,7 @@ from missions.units import LatLon
 from uavmap.mavlink.session import GROUND_SYSTEM_ID, Message, Session
 
 TRIES: Final = 8
-"""How often something is sent that nobody answers."""
+"""How often something is sent that is not answered."""
 WAIT_S: Final = 1.5
 WHOLE_TRIES: Final = 3
 """How often an upload is begun anew that the vehicle gave up or that went wrong on the way."""
@@ -33,7 +33,7 @@ LONGEST_TRIP_S: Final = 4.0
 TRIP_MARGIN: Final = 1.2
 """Maximum of a link's time there and back, as a multiple of the shortest."""
 PLACE_E7: Final = 2
-"""So many 1e-7 degrees a place may come back different: a vehicle may keep it as a float."""
+"""Tolerance of a place, 1e-7 degrees: a vehicle may keep it as a float."""
 HEIGHT_M: Final = 1.0
 """Tolerance of a rally point's height, m: an ArduPilot keeps whole metres."""
 
@@ -126,10 +126,8 @@ class MissionTransfer:
 
     # --- upload -------------------------------------------------------------------------------
     async def upload(self, kind: Kind, items: Sequence[Item]) -> None:
-        """Put a list in the place of the vehicle's own; an empty one clears it.
-
-        Raises `CommandRefusedError` with the vehicle's reason, `LinkError` when it falls silent.
-        """
+        """Replace the vehicle's own list; an empty one clears it. Raises `CommandRefusedError` with
+        the vehicle's reason, `LinkError` when it falls silent."""
         for attempt in range(WHOLE_TRIES):
             result = await self._replaced(kind, items)
             if result == mav.MAV_MISSION_ACCEPTED:
@@ -155,9 +153,8 @@ class MissionTransfer:
     async def _acknowledged(self, opening: Message) -> int:
         """The MAV_MISSION_RESULT that ends a transfer; items are sent as they are asked for.
 
-        The opening is repeated until the vehicle answers: from then on it asks by itself. When the
-        last item has gone and all is silent, its acknowledgement was lost: the item, sent once
-        more, is acknowledged once more.
+        The opening is repeated until the vehicle asks by itself. Silence after the last item means
+        a lost acknowledgement: the item, sent once more, is acknowledged once more.
         """
         asked = -1
         spoilt: int | None = None
@@ -183,10 +180,8 @@ class MissionTransfer:
 
     # --- download -----------------------------------------------------------------------------
     async def download(self, kind: Kind) -> tuple[Item, ...]:
-        """The vehicle's list.
-
-        Raises `CommandRefusedError` where it has no such list, `LinkError` when it is silent.
-        """
+        """The vehicle's list. Raises `CommandRefusedError` where it has no such list, `LinkError`
+        when it is silent."""
         view = self._session.view
         address = view.system_id, view.autopilot_component
         self._begin(kind, None)
@@ -227,7 +222,6 @@ class MissionTransfer:
         self._kind = self._sending = None
 
     async def _next(self) -> Message | None:
-        """The next message of the protocol; None when there is none within the wait."""
         wait_s = max(WAIT_S, self._session.ack_wait_s, 1.5 * self._trip_s)
         if not await self._session.until(lambda: bool(self._heard), wait_s):
             return None

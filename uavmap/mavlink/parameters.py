@@ -20,7 +20,7 @@ from uavmap.mavlink.session import Message, Session
 TRIES: Final = 4
 WAIT_S: Final = 1.0
 AT_ONCE: Final = 10
-"""So many are asked for in one go: an ArduPilot loses what comes faster."""
+"""Number of requests in one go: an ArduPilot loses what comes faster."""
 
 _INT, _UINT, _FLOAT = struct.Struct("<i"), struct.Struct("<I"), struct.Struct("<f")
 _UNSIGNED: Final = (mav.MAV_PARAM_TYPE_UINT8, mav.MAV_PARAM_TYPE_UINT16, mav.MAV_PARAM_TYPE_UINT32)
@@ -29,7 +29,7 @@ _FLOATS: Final = (mav.MAV_PARAM_TYPE_REAL32, mav.MAV_PARAM_TYPE_REAL64)
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A value as the vehicle told it, with its MAV_PARAM_TYPE; integers, too, are numbers."""
+    """A value as the vehicle reported it, with its MAV_PARAM_TYPE; integers are numbers, too."""
 
     value: float
     type: int
@@ -64,7 +64,7 @@ def from_wire(value: float, kind: int, *, bytewise: bool) -> float:
 
 
 class Parameters:
-    """The parameters that were asked for; what else a vehicle tells is passed over."""
+    """The parameters that were asked for; what else a vehicle reports is passed over."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -76,14 +76,12 @@ class Parameters:
         session.listen(self._on_message)
 
     async def read(self, name: str) -> Parameter | None:
-        """What a parameter is; None if the vehicle does not tell: it has none of this name."""
+        """A parameter; None if the vehicle does not report one of this name."""
         return (await self.read_many([name])).get(name)
 
     async def read_many(self, names: Sequence[str]) -> dict[str, Parameter]:
-        """What parameters are; those that the vehicle does not tell are left out.
-
-        Silence is all that a wrong name gets, so a missing one is asked for up to `TRIES` times.
-        """
+        """What parameters are, without those that the vehicle does not report: a wrong name gets
+        silence alone, so a missing one is asked for up to `TRIES` times."""
         found: dict[str, Parameter] = {}
         async with self._one_at_a_time:
             for first in range(0, len(names), AT_ONCE):
@@ -98,10 +96,10 @@ class Parameters:
         )
 
     async def write(self, name: str, wanted: Parameter) -> bool:
-        """Set a parameter and read it back; whether the vehicle has this value then.
+        """Set a parameter and read it back; return whether the vehicle has this value then.
 
         Another value is no answer: a PX4 sends each change once more, up to 50 ms later
-        (`mavlink_parameters.cpp`), so the copy of an earlier one may come first.
+        (`mavlink_parameters.cpp`).
         """
         view = self._session.view
         request = mav.MAVLink_param_set_message(
@@ -120,7 +118,6 @@ class Parameters:
     async def _answered(
         self, requests: dict[str, Message], wanted: Parameter | None = None
     ) -> dict[str, Parameter]:
-        """The answers to requests, each sent up to `TRIES` times."""
         self._wanted = wanted
         self._answers, self._asked = {}, set(requests)
         wait_s = max(WAIT_S, self._session.ack_wait_s)

@@ -22,7 +22,7 @@ _M_PER_DEG: Final = 111_195.0
 
 
 class Fix(NamedTuple):
-    """Where the vehicle said to be at a time of its clock."""
+    """Where the vehicle reported to be at a time of its clock."""
 
     boot_s: float
     position: LatLon
@@ -77,11 +77,8 @@ class Whereabouts:
             fixes.popleft()
 
     def at(self, boot_s: float) -> Place | None:
-        """Where it was at a time of its clock; None before the first fix was heard.
-
-        Between two fixes on the straight line; before the first and after the last with the
-        velocity of that one.
-        """
+        """Where it was at a time of its clock: between two fixes on the straight line, outside of
+        all with the velocity of the nearest. None before the first fix."""
         fixes = self._fixes
         if not fixes:
             return None
@@ -109,7 +106,7 @@ class Whereabouts:
 
 # --- how it was turned -----------------------------------------------------------------------
 MOST_GAP_S: Final = 0.5
-"""So far from the nearest attitude in time nobody knows how it was turned."""
+"""Maximum time to the nearest attitude by which another is known, s."""
 _NEARLY_SAME: Final = 0.9995
 
 
@@ -146,10 +143,8 @@ class Attitudes:
             kept.popleft()
 
     def at(self, boot_s: float) -> Quaternion | None:
-        """How it was turned at a time of its clock: between two on the shortest turn.
-
-        None where the nearest that was told is more than `MOST_GAP_S` away.
-        """
+        """Its attitude at a time of its clock, between two on the shortest turn; None where the
+        nearest is more than `MOST_GAP_S` away."""
         before = after = None
         for sample in reversed(self._kept):
             if sample[0] <= boot_s:

@@ -64,10 +64,8 @@ def result_name(result: int) -> str:
 
 
 class Session:
-    """One vehicle at the other end of a link.
-
-    `send` takes frames to the link, `record` sees every frame of both directions. A command is
-    repeated when it is not acknowledged within `ack_wait_s`.
+    """One vehicle at the other end of a link. `send` takes frames to the link, `record` sees every
+    frame of both directions; a command is repeated after `ack_wait_s` without an acknowledgement.
     """
 
     def __init__(
@@ -86,7 +84,7 @@ class Session:
         self._commanding: defaultdict[int, asyncio.Lock] = defaultdict(asyncio.Lock)
         """One command at a time for each component: no landing waits for a camera's answer."""
         self.heard_s: dict[int, float] = {}
-        """When the vehicle's autopilot last said a kind of message, by its id, on our clock."""
+        """When the autopilot last sent a kind of message, by its id, on our clock."""
         self.view = VehicleView()
         self.losses = Losses()
         self.signing: Signing | None = None
@@ -94,8 +92,8 @@ class Session:
         self.tap: Callable[[bytes], None] = lambda data: None
         """Takes what the link has heard, as it was, since the vehicle first spoke."""
         self.process_number = 0
-        """A number of this process, told in our heartbeat: so others of us are known from an echo.
-        0: not told, and nobody is looked for."""
+        """A number of this process in our heartbeat, by which others of us are known from an echo;
+        0: none, and others are not looked for."""
         self.rival_s: float | None = None
         """When another process of ours was last heard on this link."""
         self.bound_s: float | None = None
@@ -121,7 +119,6 @@ class Session:
         return ours
 
     def _take(self, message: Message, now_s: float) -> bool:
-        """Take in one message; whether it is of our vehicle."""
         if not update(self.view, message, now_s):
             return False
         self.bound_s = now_s if self.bound_s is None else self.bound_s
@@ -136,21 +133,19 @@ class Session:
         return True
 
     def _hear_event(self, message: Message) -> None:
-        """Report an event of a PX4 in flight: the cause of a failsafe is in nothing else.
-
-        A ground station is sent texts of all else; on board events are all that comes.
-        """
+        """Report an event of a PX4 in flight: it alone holds the cause of a failsafe, and on board
+        events are all that comes."""
         if not (self.onboard or self.view.armed):
             return
         if (text := event_text(message, numbered=self.onboard)) is not None:
             self.view.hear_text(text, asyncio.get_running_loop().time())
 
     def has_rival(self) -> bool:
-        """Whether another process of ours was heard to speak to this vehicle."""
+        """Whether another process of ours was heard on this link."""
         return self.rival_s is not None
 
     def _look_for_rival(self, message: Message, now_s: float) -> None:
-        """A vehicle or a router may pass on what another service like this one sends."""
+        """Note another service like this one, which a vehicle or a router passes on."""
         beats = message.get_type() == "HEARTBEAT" and self.process_number
         if not beats or message.custom_mode == self.process_number:
             return
@@ -159,7 +154,7 @@ class Session:
         self.rival_s = now_s
 
     def _signed(self, message: Message) -> bool:
-        """Whether a message is signed as it has to be; if not it is counted, and said once."""
+        """Whether a message is signed as it has to be; if not it is counted, and logged once."""
         if self.signing is None or message.get_msgId() == mav.MAVLINK_MSG_ID_RADIO_STATUS:
             return self.signing is None  # a radio beside us has no key, and nobody needs its word
         fault = self.signing.fault(bytes(message.get_msgbuf()))
@@ -201,7 +196,6 @@ class Session:
             raise LinkError(f"{message.get_type()} cannot be sent: {error}") from None
 
     def _emit(self, frame: bytes) -> None:
-        """A frame goes to the link, signed where there is a key."""
         if self.signing is not None:
             frame = self.signing.sign(frame)
         self._record(frame)
@@ -366,11 +360,8 @@ class Session:
 
     # --- what a client sends of itself -----------------------------------------------------
     def heartbeat(self) -> None:
-        """HEARTBEAT: as a ground station to a PX4, which says its texts to nobody else.
-
-        Otherwise, and with `onboard`, as an onboard controller, which stands in for no ground
-        station.
-        """
+        """HEARTBEAT: as a ground station to a PX4, which sends its texts to no other; else, and
+        with `onboard`, as an onboard controller, which is no ground station."""
         onboard = mav.MAV_TYPE_ONBOARD_CONTROLLER
         self.send(
             mav.MAVLink_heartbeat_message(

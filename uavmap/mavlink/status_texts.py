@@ -22,9 +22,9 @@ from uavmap.mavlink.autopilots import PX4
 CHUNK_BYTES: Final = 50
 MOST_CHUNKS: Final = 16
 MOST_OPEN: Final = 4
-"""So many texts of a vehicle may be half told at a time."""
+"""Number of a vehicle's texts that may be incomplete at a time."""
 LATE_S: Final = 2.0
-"""A text whose other chunks do not come within this time is told as far as it was heard."""
+"""Maximum wait for the other chunks of a text, s; then it is passed on as far as it came."""
 TEXT_LENGTH: Final = 400
 _GAP: Final = "[...]"
 

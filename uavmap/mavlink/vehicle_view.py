@@ -77,9 +77,9 @@ EKF_CONSTANT: Final = 0x80
 TEXT_HORIZON_S: Final = 5.0
 STAMP_SLACK_S: Final = 0.5
 LEAP_M: Final = 0.5
-"""Least leap of a told place that is none of its flight, m."""
+"""Least leap of a reported place that is none of its flight, m."""
 LEAP_GAP_S: Final = 0.5
-"""Longest time between two positions over which a leap can be told from flight, s."""
+"""Longest time between two positions over which a leap can be known from flight, s."""
 HEIGHT_ERROR_M: Final = 3.0
 """Standard deviation of a receiver's height where it states none, m."""
 WORST_ERROR_M: Final = 10.0
@@ -93,21 +93,21 @@ OFF_GROUND: Final = (
 )
 """A take-off that is called off goes from the first of these to the last."""
 SIMULATOR_IDENTITY: Final = (0x5541, 0x534D)
-"""vendor_id and product_id of the bundled simulator: nobody stands beside its aircraft."""
+"""vendor_id and product_id of the bundled simulator, whose aircraft have no crew."""
 
 
 @dataclass(slots=True)
 class VehicleView:
-    """What is known of the vehicle from its messages; None where it has not said yet."""
+    """What is known of the vehicle from its messages; None where it is not reported yet."""
 
     system_id: int = 0
     wanted_system: int | None = None
-    """The only system that is listened to; None: the first that speaks."""
+    """The only system that is listened to; None: the first that is heard."""
     autopilot: int | None = None
     autopilot_component: int = 0
     """Bound with `system_id` by the first heartbeat of an autopilot."""
     camera_component: int = mav.MAV_COMP_ID_CAMERA
-    """The first that sent a camera's heartbeat, for as long as it speaks."""
+    """The first that sent a camera's heartbeat, while it is heard."""
     camera_heard_s: float = float("-inf")
     gate: Gate = field(default_factory=Gate)
     heard_s: float = float("-inf")
@@ -116,17 +116,17 @@ class VehicleView:
     failsafe: bool = False
     """The autopilot flies by itself, whatever the mode."""
     critical: bool = False
-    """What it says of its state; with an ArduPilot a failsafe lasts, whoever flies."""
+    """Its reported state; with an ArduPilot a failsafe lasts, whatever flies it."""
     position: LatLon | None = None
-    """Where it is: as it tells, less what that is found to be off by."""
+    """Where it is: as reported, less the error that was found."""
     told: LatLon | None = None
-    """Where it tells to be."""
+    """Where it reports to be."""
     off_deg: tuple[float, float] = (0.0, 0.0)
     """By how much the position that its autopilot tells is off, degrees of latitude and longitude:
     what `uavmap.aircraft.map_navigation` has found out by its pictures. Targets are told with it,
     for the autopilot is to be where it believes that to be."""
     aided_until_s: float = float("-inf")
-    """Until when the place that it tells may leap because it was told where it is."""
+    """Until when its reported place may leap because it was sent its place."""
     position_s: float = float("-inf")
     height_m: float = 0.0
     """Above home; where there is a `ground`, above the ground below."""
@@ -143,20 +143,20 @@ class VehicleView:
     ground_home: LatLon | None = None
     """The home that `home_amsl_m` is of: the same, but for one that is moved in the air."""
     keeps_home: bool = False
-    """Whether it was told to take off to a height above home as it is: a PX4 moves its home before
-    it reports that it has left the ground."""
+    """Whether its take-off is to a height above home as it is: a PX4 moves its home before it
+    reports that it has left the ground."""
     landed_state: int = 0
     prearm_ok: bool = False
     ekf_flags: int = 0
     gps_fix: int | None = None
-    """GPS_FIX_TYPE; None where nobody has asked for it."""
+    """GPS_FIX_TYPE; None where it was not asked for."""
     height_error_m: float = HEIGHT_ERROR_M
     """Standard deviation of the receiver's height, as it states it."""
     battery_s: float = float("-inf")
-    """When the battery's charge was last told, on the loop's clock."""
+    """When the battery's charge was last reported, on the loop's clock."""
     battery_percent: int | None = None
     battery_percent_from: str = ""
-    """The kind of message that told the percentage."""
+    """The kind of message that held the percentage."""
     battery_status_s: float = float("-inf")
     """When BATTERY_STATUS held a percentage last, on the loop's clock, s."""
     battery_low: str = ""
@@ -167,7 +167,7 @@ class VehicleView:
     identity: tuple[int, int] | None = None
     """vendor_id and product_id."""
     uid: str = ""
-    """The hardware's own number, hexadecimal; empty where it has none or did not tell."""
+    """The hardware's own number, hexadecimal; empty where it has none or did not report it."""
     texts: deque[tuple[float, str]] = field(default_factory=lambda: deque(maxlen=20))
     texts_heard: int = 0
     landed_state_s: float = float("-inf")
@@ -186,7 +186,7 @@ class VehicleView:
         self.hear(text)
 
     def corrected(self, told: LatLon) -> LatLon:
-        """The place that the vehicle means where it tells one of its own."""
+        """The true place of one that the vehicle reports."""
         if self.off_deg == (0.0, 0.0):
             return told
         return LatLon(told.lat_deg - self.off_deg[0], told.lon_deg - self.off_deg[1])
@@ -204,10 +204,8 @@ class VehicleView:
         return LatLon(place.lat_deg + self.off_deg[0], place.lon_deg + self.off_deg[1])
 
     def follow_leap(self, told: LatLon, boot_s: float, now_s: float) -> None:
-        """What its told place leaps by, once it was told where it is, it is no longer off by.
-
-        Until the next picture places and targets would else be off by as much.
-        """
+        """Take off the error what its reported place leaps by after it was sent its place, before
+        the next picture shows it."""
         before = self.whereabouts.at(boot_s)
         if now_s > self.aided_until_s or before is None or before.gap_s > LEAP_GAP_S:
             return
@@ -219,17 +217,18 @@ class VehicleView:
 
     @property
     def by_satellites(self) -> bool:
-        """Whether its filter has a position on Earth, as far as it has said anything of that."""
+        """Whether its filter has a position on Earth, as far as it has reported that."""
         return not self.ekf_flags or bool(self.ekf_flags & EKF_ABSOLUTE)
 
     @property
     def has_no_fix(self) -> bool:
-        """Whether its receiver says that it has none: its filter may hold out for a while."""
+        """Whether its receiver reports no fix: its filter may hold out for a while."""
         return self.gps_fix is not None and self.gps_fix < mav.GPS_FIX_TYPE_3D_FIX
 
     @property
     def by_dead_reckoning(self) -> bool:
-        """Whether its filter goes on without satellites: by optical flow, or by what it is told."""
+        """Whether its filter goes on without satellites: by optical flow, or by its place as
+        sent."""
         known = self.ekf_flags & EKF_RELATIVE and not self.ekf_flags & EKF_CONSTANT
         return bool(known) and not self.by_satellites
 
@@ -239,11 +238,8 @@ class VehicleView:
         return self.gate.clock.offset_s
 
     def age_s(self, now_s: float) -> float:
-        """How old the latest position is at a time of the loop's clock, s.
-
-        By the vehicle's own clock: a busy computer and a slow link hand over seconds at once, and
-        each message of them seems to be of now.
-        """
+        """Age of the latest position at a time of the loop's clock, s, by the vehicle's own clock:
+        a busy computer and a slow link hand over seconds at once."""
         clock = self.gate.clock
         valid_s = self.position_s
         if clock.boot_s is not None and clock.offset_s is not None:
@@ -251,29 +247,23 @@ class VehicleView:
         return max(now_s - valid_s, 0.0)
 
     def silent_s(self, now_s: float) -> float:
-        """Time since which a heartbeat or a position is missing, s.
-
-        Heartbeats alone are not enough: an autopilot that restarted has forgotten its streams.
-        What a link has kept and hands over late is of the time when it was sent.
-        """
+        """Time since which a heartbeat or a position is missing, s: an autopilot that restarted has
+        forgotten its streams. What a link hands over late is of when it was sent."""
         known_s = now_s - min(self.heard_s, self.position_s)
         return max(known_s, self.age_s(now_s)) if self.gate.clock.late else known_s
 
     def captured_s(self, boot_ms: int, now_s: float, since_s: float = float("-inf")) -> float:
-        """When, on the loop's clock, a camera took the picture of an announcement.
-
-        Never later than now, nor much before `since_s`, when the pictures were ordered: a
-        camera's clock may be wrong, this is not.
-        """
+        """When, on the loop's clock, a camera took an announced picture: not later than now, nor
+        much before `since_s`, the order, for a camera's clock may be wrong."""
         offset_s = (self.boot_offset_s or 0.0) + self.gate.camera_clock.lead_s
         return min(max(boot_ms / 1000.0 + offset_s, since_s - STAMP_SLACK_S), now_s)
 
     def place_at(self, loop_s: float) -> Place | None:
-        """Where the vehicle said to be at a time of the loop's clock; None if it has not."""
+        """The reported place at a time of the loop's clock; None without one."""
         return self.whereabouts.at(loop_s - (self.boot_offset_s or 0.0))
 
     def attitude_at(self, loop_s: float) -> Quaternion | None:
-        """How the vehicle was turned at a time of the loop's clock; None if it has not said."""
+        """The reported attitude at a time of the loop's clock; None without one."""
         return self.attitudes.at(loop_s - (self.boot_offset_s or 0.0))
 
     @property
@@ -289,7 +279,7 @@ class VehicleView:
 
     @property
     def since_boot_s(self) -> float | None:
-        """The autopilot's own time since it was started, None while it has not said."""
+        """The autopilot's own time since it was started, None while it is not reported."""
         if self.boot_offset_s is None:
             return None
         return asyncio.get_running_loop().time() - self.boot_offset_s
@@ -301,7 +291,7 @@ class VehicleView:
 
     @property
     def off_ground(self) -> bool:
-        """Armed, and not on the ground by the autopilot's own word; without one, once it rose."""
+        """Armed, and reported off the ground; without a landed state, once it rose."""
         unsaid = self.landed_state == mav.MAV_LANDED_STATE_UNDEFINED
         return self.armed and (self.rose if unsaid else self.landed_state in OFF_GROUND)
 
@@ -316,9 +306,7 @@ class VehicleView:
         return PadHeight(self.home_amsl_m, self.height_error_m)
 
     def height_of(self, message: Message) -> float:
-        """The height that a message of this vehicle tells, metres above `home_amsl_m`, or above
-        the `ground` at the place of the message.
-        """
+        """The height in a message, m above `home_amsl_m`, or above the `ground` at its place."""
         ground_m = self.ground_m(LatLon(message.lat / 1e7, message.lon / 1e7))
         if self.kind.amsl and message.alt:
             return float(message.alt / 1000.0 - self.home_amsl_m) - ground_m
@@ -354,7 +342,7 @@ class VehicleView:
         return f"{name} {'with' if self.mode == self.kind.stream_mode else 'by'} a failsafe"
 
     def remaining_wh(self, capacity_wh: float) -> float | None:
-        """What is left in the battery, the lower of what two messages say; None if unknown."""
+        """What is left in the battery, the lower of what two messages report; None if unknown."""
         found = []
         if self.battery_percent is not None and self.battery_percent >= 0:
             found.append(capacity_wh * min(self.battery_percent + 1, 100) / 100.0)
@@ -364,23 +352,18 @@ class VehicleView:
 
     @property
     def grounded_by(self) -> str:
-        """What its autopilot reports with which no mission is flown, in words; empty if nothing.
-
-        The state CRITICAL alone is none of these: a lost radio has it, too, and no fresh battery
-        would end it.
-        """
+        """What its autopilot reports that forbids a mission, in words, else empty. The state
+        CRITICAL alone does not: a lost radio has it, too, and no fresh battery ends it."""
         low = self.battery_low
         return low and f"its autopilot reports its battery as {low}"
 
     def words_since(self, since_s: float) -> list[str]:
-        """What the vehicle has said since a time of the loop's clock, oldest first."""
+        """The vehicle's texts since a time of the loop's clock, oldest first."""
         return [text for at_s, text in self.texts if at_s >= since_s]
 
     def recent_texts(self, now_s: float | None = None, since_s: float = float("inf")) -> str:
-        """What the vehicle said in the seconds before now (the loop's), for an error message.
-
-        And since `since_s`, when it was asked, if that is longer ago.
-        """
+        """The vehicle's texts of the seconds before now (the loop's), or since `since_s`, when it
+        was asked, if that is longer ago; for an error message."""
         if now_s is None:
             now_s = asyncio.get_running_loop().time()
         texts = self.words_since(min(now_s - TEXT_HORIZON_S, since_s))

@@ -20,7 +20,7 @@ from uavmap.mavlink.vehicle_view import HEIGHT_ERROR_M, OFF_GROUND_M, WORST_ERRO
 Message = Any
 
 _NO_AUTOPILOT: Final = (mav.MAV_AUTOPILOT_INVALID, mav.MAV_AUTOPILOT_GENERIC)
-"""What gimbals, cameras and companion computers say in their heartbeats."""
+"""What gimbals, cameras and companion computers send in their heartbeats."""
 _OTHER: Final = frozenset({Sender.ANY})
 _AUTOPILOT: Final = _OTHER | {Sender.AUTOPILOT}
 _CAMERA: Final = _OTHER | {Sender.CAMERA}
@@ -30,7 +30,7 @@ LANDED_STATE_S: Final = 5.0
 CLOCKS_APART_S: Final = 2.0
 """An attitude whose time differs by more from that of the position is by another clock, s."""
 CAMERA_SILENT_S: Final = 10.0
-"""After so long another camera of the vehicle may take the place of the one that was heard."""
+"""Silence after which another camera of the vehicle may replace the one that was heard, s."""
 
 BATTERY_SILENT_S: Final = 5.0
 """Time without a percentage in BATTERY_STATUS after which that of SYS_STATUS counts, s."""
@@ -72,7 +72,7 @@ def is_autopilot(heartbeat: Message) -> bool:
 
 
 def _bind(view: VehicleView, message: Message, system: int, component: int) -> None:
-    """The first heartbeat of an autopilot says which vehicle is at the other end."""
+    """Bind the view to the vehicle of the first heartbeat of an autopilot."""
     if view.wanted_system not in (None, system):
         return
     if is_autopilot(message):
@@ -80,7 +80,6 @@ def _bind(view: VehicleView, message: Message, system: int, component: int) -> N
 
 
 def _senders(view: VehicleView, component: int) -> frozenset[Sender]:
-    """Who a component of our system may speak as."""
     if component == view.autopilot_component:
         both = component == view.camera_component
         return _AUTOPILOT | _CAMERA if both else _AUTOPILOT
@@ -106,10 +105,8 @@ def _heartbeat(view: VehicleView, message: Message, now_s: float, component: int
 
 
 def _current_mode(view: VehicleView, message: Message, now_s: float, component: int) -> None:
-    """The mode between heartbeats. An armed PX4 in another than was asked for is in a failsafe.
-
-    So is one whose heartbeat says so, until the next: it may wait in Hold, which was asked for.
-    """
+    """The mode between heartbeats. An armed PX4 in another than was asked for is in a failsafe; so
+    is one whose heartbeat reports it, until the next: it may wait in Hold."""
     view.mode, intended = message.custom_mode, message.intended_custom_mode
     if view.kind.tells_failsafe and intended:
         view.failsafe = view.armed and (view.critical or intended != view.mode)
@@ -189,11 +186,8 @@ def _battery(view: VehicleView, message: Message, now_s: float, component: int) 
 
 
 def _percent(view: VehicleView, message: Message, now_s: float) -> None:
-    """Take the percentage from one of the two messages that hold it: a PX4 rounds it differently in
-    each, so both in turn would rise and fall.
-
-    BATTERY_STATUS counts; SYS_STATUS only where the other has held none for `BATTERY_SILENT_S`.
-    """
+    """Note the percentage of BATTERY_STATUS, or of SYS_STATUS where the other held none for
+    `BATTERY_SILENT_S`: a PX4 rounds it differently in each, and it would rise and fall."""
     kind, percent = message.get_type(), message.battery_remaining
     counts = kind == "BATTERY_STATUS" or now_s - view.battery_status_s > BATTERY_SILENT_S
     if percent >= 0 and kind == "BATTERY_STATUS":

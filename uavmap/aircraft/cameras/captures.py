@@ -157,10 +157,8 @@ def next_jpeg(buffer: bytearray) -> bytes | None:
 
 
 def libcamera_command(number: str, size_px: tuple[int, int], interval_s: float) -> list[str]:
-    """What has a camera of a Raspberry Pi write JPEGs to its standard output.
-
-    Some more of them than are wanted, so that each is fresh when it is due.
-    """
+    """A command that writes JPEGs of a Raspberry Pi's camera to its standard output, more than are
+    ordered: each is fresh when it is due."""
     program = "rpicam-vid" if shutil.which("rpicam-vid") else "libcamera-vid"
     width, height = size_px
     return [

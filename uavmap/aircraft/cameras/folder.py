@@ -21,7 +21,7 @@ SUFFIXES: Final = frozenset({".jpg", ".jpeg", ".png"})
 POLL_S: Final = 0.04
 """Between two looks into the folder: the appearance of a file is known within this."""
 STABLE_S: Final = 1.0
-"""A file that has not changed for so long is whole, even if it does not look so."""
+"""Time without a change after which a file is whole, even if it does not look so, s."""
 _ENDS: Final = (b"\xff\xd9", b"\x00\x00\x00\x00IEND\xaeB\x60\x82")
 _TAIL_BYTES: Final = 64
 """Some cameras write a little behind the end of a JPEG."""
@@ -29,10 +29,7 @@ _TAIL_BYTES: Final = 64
 
 @dataclass(slots=True)
 class NewFile:
-    """A picture that grows, or is whole.
-
-    `appeared_s` is good to +-`unsure_s`, on the looker's clock.
-    """
+    """A picture that grows, or is whole; `appeared_s` is good to +-`unsure_s`, on our clock."""
 
     path: Path
     size: int
@@ -56,10 +53,8 @@ class FolderWatch:
     _looked_s: float | None = None
 
     def look(self, now_s: float) -> list[NewFile]:
-        """The pictures that have become whole since the last look, in their order.
-
-        Raises `LinkError` where the folder cannot be read; what was known stays known.
-        """
+        """The pictures that became whole since the last look, in their order. Raises `LinkError`
+        where the folder cannot be read; what was known stays known."""
         sizes = self._sizes()
         before_s, self._looked_s = self._looked_s, now_s
         if before_s is None:
@@ -108,7 +103,6 @@ class FolderWatch:
 
 
 def _ends(path: Path) -> bool:
-    """Whether a file ends as a picture does."""
     try:
         with path.open("rb") as file:
             size = file.seek(0, os.SEEK_END)
@@ -130,10 +124,8 @@ def read_file(path: Path) -> bytes:
 
 
 def exif_time_s(path: Path) -> float | None:
-    """The time of EXIF DateTimeOriginal with SubsecTimeOriginal, in seconds of the camera's clock.
-
-    None where a tag is missing: whole seconds are too coarse to tell where a copter was.
-    """
+    """EXIF DateTimeOriginal with SubsecTimeOriginal, in seconds of the camera's clock; None where a
+    tag is missing: whole seconds are too coarse for a place."""
     try:
         with opened(path, str(path)) as picture:
             detail = picture.getexif().get_ifd(ExifTags.IFD.Exif)
@@ -165,7 +157,7 @@ class CardClock:
     """The least time from an exposure to its word, in both clocks, s."""
 
     def taken_s(self, told_s: float, heard_s: float) -> float:
-        """When, on our clock, a picture was taken, later by the least time that its word takes."""
+        """When, on our clock, a picture was taken: later by the least delay of its file."""
         lead_s, least_s = heard_s - told_s, self.lead.value
         if least_s is not None and abs(lead_s - least_s) > self.same_s:
             self.lead.clear()
@@ -174,7 +166,7 @@ class CardClock:
 
 
 MOST_UNSURE_S: Final = 0.25
-"""A picture whose time is known no better than +- this tells nobody where it was taken."""
+"""Maximum uncertainty of a picture's time, +- s; beyond it its place is unknown."""
 _TELL_EVERY_S: Final = 10.0
 
 T = TypeVar("T")

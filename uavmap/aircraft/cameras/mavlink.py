@@ -123,7 +123,7 @@ class MavlinkFtp:
         return bytes(data)
 
     async def _take_burst(self, number: int, sent: int, data: bytearray, known: list[bool]) -> bool:
-        """Take in what comes until the burst ends, or falls silent; whether anything came."""
+        """Receive until the burst ends, or falls silent; return whether anything came."""
         came = False
         while True:
             try:
@@ -147,7 +147,6 @@ class MavlinkFtp:
                 return came
 
     async def _asked_for(self, opcode: int, data: bytes) -> _Reply:
-        """The answer to a command, which is repeated until it comes."""
         for _ in range(FTP_TRIES):
             sent = self._send(opcode, 0, data=data)
             try:
@@ -166,7 +165,7 @@ class MavlinkFtp:
     def _send(
         self, opcode: int, number: int, *, offset: int = 0, size: int = 0, data: bytes = b""
     ) -> int:
-        """Send a packet; its number."""
+        """Send a packet; return its number."""
         sequence, self._sequence = self._sequence, (self._sequence + 2) & 0xFFFF
         head = _HEAD.pack(sequence, number, opcode, len(data) or size, 0, 0, offset)
         payload = (head + data).ljust(_PAYLOAD_BYTES, b"\0")
@@ -194,11 +193,8 @@ START_TRIES: Final = 3
 
 
 class CommandedSource(FrameSource):
-    """A camera that is commanded by messages of a session.
-
-    IMAGE_START_CAPTURE and IMAGE_STOP_CAPTURE may be lost, repeated and rejected. `component` says
-    whose they are, at the time of sending: the camera's, or the autopilot's.
-    """
+    """A camera that is commanded by messages of a session, which may be lost, repeated and
+    rejected. `component` names at each sending whose they are: the camera's, or the autopilot's."""
 
     def __init__(self, session: Session, component: Callable[[], int]) -> None:
         super().__init__()
@@ -298,7 +294,7 @@ class MavlinkSource(CommandedSource):
 
 
 def told_pose(message: Message, view: VehicleView) -> ToldPose:
-    """What a CAMERA_IMAGE_CAPTURED tells; zeros and NaN are what cameras say that do not know."""
+    """The pose in a CAMERA_IMAGE_CAPTURED; zeros and NaN stand for what a camera does not know."""
     position = None
     if not message.lat == message.lon == 0:
         position = LatLon(message.lat / 1e7, message.lon / 1e7)

@@ -31,7 +31,7 @@ AGAIN_S: Final = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What a mission file (`camera`), or a command line, says of a camera."""
+    """The camera of a mission file (`camera`), or of a command line."""
 
     size_px: tuple[int, int]
     interval_s: float
@@ -48,10 +48,9 @@ async def opened_camera(
     say: Say,
     slowly: Slowly[Any] = asyncio.to_thread,
 ) -> AsyncIterator[FrameSource]:
-    """The source that a specification names, open until the end of the context.
+    """Open the source that a specification names; `say` logs what happens to it.
 
-    `say` is told what happens to it meanwhile. Raises `LinkError` where it cannot be opened, or
-    does not give what `settings` say.
+    Raises `LinkError` where it cannot be opened, or does not give what `settings` demand.
     """
     if spec.kind == "mavlink":
         yield MavlinkSource(session, fetch)
@@ -76,7 +75,7 @@ async def opened_camera(
 
 
 async def _kept_running(spec: CameraSpec, run: Callable[[], Any], say: Say) -> None:
-    """A camera never ends a mission: whatever it stumbles over is told, and it is begun again."""
+    """Run a camera again after any error, which is logged: it never ends a mission."""
     while True:
         try:
             await run()

@@ -78,19 +78,16 @@ def product(a: Quaternion, b: Quaternion) -> Quaternion:
 APART_M: Final = 15.0
 """How far the camera's own idea of the place may be from where the autopilot then was."""
 SURE_S: Final = 1.0
-"""So far from the nearest position in time the vehicle is where its speed has taken it."""
+"""Time from the nearest position within which the vehicle's speed gives its place, s."""
 RATE_HZ: Final = 10.0
-"""Of the attitude, for a camera that does not tell its own."""
+"""Rate of the attitude, for a camera that does not report its own, Hz."""
 AFTER_S: Final = 0.6
-"""So long telemetry of after an exposure is waited for."""
+"""Maximum wait for telemetry of after an exposure, s."""
 _LOWEST_M, _HIGHEST_M = -500.0, 10_000.0
 
 
 class Poses:
-    """The poses of one camera's pictures.
-
-    `grid` None: on a computer that knows no mission.
-    """
+    """The poses of one camera's pictures; `grid` None: on a computer that knows no mission."""
 
     def __init__(self, session: Session, mount: Mount, grid: Grid | None) -> None:
         self._session = session
@@ -102,7 +99,7 @@ class Poses:
         """Rates, Hz, by message id, that it needs of the autopilot beside a mission's."""
 
     def need_telemetry(self) -> None:
-        """Have the autopilot tell its attitude often: the camera does not tell its own."""
+        """Request the autopilot's attitude often: the camera does not report its own."""
         if self.streams:
             return
         self.streams[mav.MAVLINK_MSG_ID_ATTITUDE] = RATE_HZ
@@ -110,10 +107,8 @@ class Poses:
             self._session.request_interval(mav.MAVLINK_MSG_ID_ATTITUDE, RATE_HZ)
 
     async def of(self, picture: Announcement) -> Pose:
-        """The pose of a picture. Raises `ImageError` with what is wrong, which is counted.
-
-        Waits until the vehicle has told where it was after the exposure, if the camera does not.
-        """
+        """The pose of a picture; without one of the camera's the telemetry after the exposure is
+        waited for. Raises `ImageError` with what is wrong, which is counted."""
         told = picture.told
         if told.position is None or told.attitude is None:
             self._tell(picture)
@@ -129,7 +124,7 @@ class Poses:
         return pose
 
     def _tell(self, picture: Announcement) -> None:
-        """Say once that a camera that could tell its pose does not."""
+        """Log once that a camera does not report its pose."""
         if self._told or picture.kind != "CAMERA_IMAGE_CAPTURED":
             return
         self._told = True
@@ -140,7 +135,6 @@ class Poses:
         )
 
     def _knows(self, taken_s: float) -> bool:
-        """Whether the telemetry reaches beyond a time of the loop."""
         boot_s = taken_s - (self._view.boot_offset_s or 0.0)
         place = self._view.place_at(taken_s)
         told_s = self._view.gate.clock.boot_s
@@ -169,10 +163,8 @@ class Poses:
 
 
 def pose_fault(pose: Pose, view: VehicleView, grid: Grid | None, taken_s: float) -> str | None:
-    """What is wrong with the pose of a picture taken at a time of the loop; None if nothing is.
-
-    It is held against where the vehicle was when the picture was taken, and not where it is by now.
-    """
+    """What is wrong with a pose, against where the vehicle was when the picture was taken (loop's
+    time); None if nothing is."""
     position, height_m = pose.position, pose.height_m
     if abs(position.lat_deg) > 90.0 or abs(position.lon_deg) > 180.0:
         return "the position is not on Earth"

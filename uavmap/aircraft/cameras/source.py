@@ -35,7 +35,7 @@ def never() -> bool:
 
 @dataclass(frozen=True, slots=True)
 class ToldPose:
-    """What a camera itself tells of the pose of a picture; None for what it does not tell."""
+    """The pose of a picture as the camera reports it; None for what it does not report."""
 
     position: LatLon | None = None
     height_m: float = 0.0
@@ -64,17 +64,14 @@ class Announcement:
 
 
 class FrameSource(ABC):
-    """A camera.
-
-    `start` may be called while pictures are taken: then it begins anew. Between `stop` and the
-    next `start` nothing is announced that was taken in between.
-    """
+    """A camera. A `start` while pictures are taken begins anew; nothing is announced that was taken
+    between `stop` and the next `start`."""
 
     def __init__(self) -> None:
         self._heard: Callable[[Announcement], None] = lambda announcement: None
 
     def listen(self, heard: Callable[[Announcement], None]) -> None:
-        """Call `heard`, and nobody else, with each picture, from the loop, in their order."""
+        """Call `heard`, and nothing else, with each picture, from the loop, in their order."""
         self._heard = heard
 
     @abstractmethod
@@ -142,7 +139,8 @@ class Cadence:
         self._first = True
 
     def start(self, now_s: float, interval_s: float, count: int) -> None:
-        """Begin anew: none older than now; so far apart, and so many, or 0 until stopped."""
+        """Begin anew: none older than now, `interval_s` apart, `count` of them, or 0 until
+        stopped."""
         self._interval_s = interval_s
         self._left = count if count > 0 else None
         self._due_s, self._early_s, self._first = now_s, SLACK_S, True
@@ -172,9 +170,7 @@ class Cadence:
 
 class LocalSource(FrameSource):
     """A camera that is no MAVLink component: what it takes anyway is taken when it is ordered.
-
-    `latency_s` is from an exposure until its picture is there.
-    """
+    `latency_s` passes from an exposure until its picture is there."""
 
     def __init__(self, latency_s: float) -> None:
         super().__init__()

@@ -20,11 +20,11 @@ from uavmap.aircraft.cameras.source import Announcement, Loaded, LocalSource, de
 
 SHORTEST_STALL_S: Final = 0.3
 STALL_SPACINGS: Final = 4.0
-"""A stall is so many usual spacings, and at least that long."""
+"""A stall in usual spacings; it is at least `SHORTEST_STALL_S` long."""
 BURST_SHARE: Final = 0.5
 """Frames that follow each other faster than at this share of the usual spacing have piled up."""
 LONGEST_S: Final = 3.0
-"""After so long a backlog is over, whatever the spacing."""
+"""Maximum duration of a backlog, whatever the spacing, s."""
 _SHARE: Final = 0.1
 
 
@@ -68,13 +68,13 @@ class Freshness:
 
 
 REOPEN_S: Final = 1.0
-"""After so long a stream that ended is opened again."""
+"""Wait before a stream that ended is opened again, s."""
 SILENT_S: Final = 8.0
 """A reader that is silent for longer hangs: it is left alone, and another one is begun."""
 FIRST_S: Final = 20.0
-"""So long the first picture may take."""
+"""Maximum wait for the first picture, s."""
 JOIN_S: Final = 2.0
-"""So long a thread may take to end."""
+"""Maximum wait for a thread to end, s."""
 MOST_HELD: Final = 6
 """Pictures that wait to be judged; of more the oldest are let go."""
 _TELL_EVERY_S: Final = 10.0
@@ -93,10 +93,8 @@ class Grabbed:
 
 
 class ThreadReader:
-    """Reads a capture in a thread of its own: it grabs every frame and decodes those wanted.
-
-    Of frames that nobody takes in time the newest are kept.
-    """
+    """Reads a capture in a thread of its own: grabs every frame, decodes those wanted, and keeps
+    the newest."""
 
     def __init__(self, open_capture: Open) -> None:
         self._open_capture = open_capture
@@ -109,10 +107,8 @@ class ThreadReader:
         self._heard_s = 0.0
 
     async def open(self, wants: Wants) -> None:
-        """Open it, in its thread; `wants` says of a time whether a frame is worth decoding.
-
-        Raises `LinkError`.
-        """
+        """Open it, in its thread; `wants` decides by its time whether a frame is decoded. Raises
+        `LinkError`."""
         loop = asyncio.get_running_loop()
         opened: asyncio.Future[None] = loop.create_future()
         over = self._over = threading.Event()
@@ -220,7 +216,7 @@ class StreamSource(LocalSource):
         self._told_s = float("-inf")
 
     async def begin(self) -> None:
-        """Open it and look at a picture. Raises `LinkError` where that is not what was said."""
+        """Open it and check a picture. Raises `LinkError` where it is not as configured."""
         self._first = True
         await self._reader.open(self._wants)
         try:

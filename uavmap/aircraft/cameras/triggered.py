@@ -27,7 +27,7 @@ from uavmap.mavlink.continuity import RecentLeast
 from uavmap.mavlink.session import Message, Session
 
 PATIENCE_S: Final = 5.0
-"""So long the one waits for the other, a picture for its feedback or a feedback for its picture."""
+"""Maximum wait of a picture for its feedback, and of a feedback for its picture, s."""
 MOST_APART: Final = 0.5
 """Further apart than this share of the interval they are not partners."""
 _SHORTEST_S: Final = 0.4
@@ -38,7 +38,7 @@ _LOOK_S: Final = 0.2
 
 @dataclass(frozen=True, slots=True)
 class _Shot:
-    """An exposure that the autopilot has told of."""
+    """An exposure that the autopilot has reported."""
 
     index: int
     taken_s: float
@@ -108,7 +108,7 @@ class TriggeredSource(CommandedSource):
         self._bring_together()
 
     def _taken_s(self, time_usec: int) -> float:
-        """When, on the loop's clock: the feedback that came fastest tells the difference best."""
+        """When, on the loop's clock: the feedback that came fastest shows the difference best."""
         now_s = asyncio.get_running_loop().time()
         if time_usec == 0:  # it does not know the time yet
             return now_s
@@ -132,11 +132,8 @@ class TriggeredSource(CommandedSource):
         self._bring_together()
 
     def _bring_together(self) -> None:
-        """Announce each picture with the exposure nearest to its time, if that is near.
-
-        Nearer than half of the interval: where a feedback is lost, the next nearest exposure is the
-        neighbour's, and so would be that of every picture after it.
-        """
+        """Announce each picture with the exposure nearest in time, if nearer than half of the
+        interval: where a feedback is lost, the next one is the neighbour's."""
         most_s = MOST_APART * self._interval_s
         for picture in list(self._pictures):
             near = min(
@@ -153,7 +150,6 @@ class TriggeredSource(CommandedSource):
         self._heard(Announcement(name, shot.taken_s, load, told=shot.told, kind="CAMERA_FEEDBACK"))
 
     def _give_up(self) -> None:
-        """Let go of what has waited too long for its partner."""
         now_s = asyncio.get_running_loop().time()
         refuse = self._session.view.gate.refuse
         for picture in [p for p in self._pictures if now_s - p.taken_s > PATIENCE_S]:

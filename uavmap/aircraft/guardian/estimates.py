@@ -26,15 +26,15 @@ DRAG_LINEAR_1_S: Final = 0.10
 DRAG_QUADRATIC_1_M: Final = 0.025
 BLOCK_S: Final = 2.0
 BLOCKS: Final = 4
-"""A mean over less says nothing: a single braking tilts as much as a gale."""
+"""Blocks of a mean: over less a single braking tilts as much as a gale."""
 LEARNED_FROM_M_S: Final = 1.5
-"""Two means whose velocities differ by less say nothing about the airframe."""
+"""Least difference of two mean velocities by which the airframe's drag is learned, m/s."""
 DRAG_PRIOR: Final = 1.5
 """How much the quadcopter counts against what was learned: less than one leg at 6 m/s."""
 MOST_LEARNED: Final = 60
-"""So many of the last legs are remembered."""
+"""Number of last legs that are remembered."""
 FAR_OFF: Final = 2.0
-"""A leg that says so many times more or less than the others says nothing."""
+"""Maximum ratio of a leg's drag to the median of the others: beyond it, it is left out."""
 LEAST_FACTOR: Final = 0.5
 MOST_FACTOR: Final = 8.0
 
@@ -98,10 +98,10 @@ class WindEstimate:
 
     @property
     def factor(self) -> float:
-        """The drag of this airframe, in that of the quadcopter.
+        """The drag of this airframe, in that of the quadcopter: the mean over its legs.
 
-        The mean of what its legs say, but for those that say something far from their median: a
-        gust between two means is taken for the airframe's own doing.
+        Without those far from their median: a gust between two means looks like the airframe's own
+        doing.
         """
         middle = _median(self._learned)
         near = [(f, w) for f, w in self._learned if middle / FAR_OFF <= f <= middle * FAR_OFF]
@@ -157,13 +157,12 @@ class WindEstimate:
 
     @property
     def speed_m_s(self) -> float | None:
-        """The mean wind, to a decimetre a second; None while nothing can be said."""
+        """The mean wind, to a decimetre a second; None while it is not known."""
         wind = self._wind
         return None if wind is None else round(math.hypot(*wind), 1)
 
     @property
     def _wind(self) -> tuple[float, float] | None:
-        """The mean wind towards north and east, None while nothing can be said."""
         if len(self._blocks) < BLOCKS:
             return None
         winds = [block.wind(self.factor) for block in self._blocks]
@@ -187,7 +186,7 @@ def _median(said: Collection[tuple[float, float]]) -> float:
 
 LEAP_WINDOW_S: Final = 1.0
 LEAP_GAP_S: Final = 1.5
-"""Over a longer gap nothing can be said: nobody knows how it flew meanwhile."""
+"""Maximum gap over which a leap can be seen, s: how it flew in a longer one is unknown."""
 LEAP_ACCEL_M_S2: Final = 20.0
 """More than a gale at once, with full tilt, does to a small multicopter."""
 LEAP_NOISE_M: Final = 5.0
@@ -195,18 +194,17 @@ LEAP_NOISE_M_S: Final = 2.0
 
 
 class Leaps:
-    """A position or a speed that leaps: what no aircraft can do, satellite navigation has done.
+    """A position or a speed that leaps: satellite navigation errs, for no aircraft can do it.
 
-    The gate refuses what no aircraft can do at all (`uavmap.mavlink.continuity`), and believes it
-    once it stays. Here a smaller leap is noticed, too, and one that a navigation filter has
-    smoothed, which shows in the speed: a map whose places cannot be trusted is no map. A slow drift
-    cannot be noticed so; it looks like wind. Times are of the vehicle's own clock.
+    The gate (`uavmap.mavlink.continuity`) refuses larger leaps until they stay. This one notices
+    smaller leaps, and by the speed those that a filter has smoothed. A slow drift looks like wind,
+    and is not noticed. Times are of the vehicle's own clock.
     """
 
     def __init__(self) -> None:
         self._fixes: deque[tuple[float, LatLon, tuple[float, float]]] = deque()
         self.leapt = ""
-        """What leapt last, in words; whoever takes note of it empties it."""
+        """What leapt last, in words; its reader empties it."""
 
     def forget(self) -> None:
         """Begin anew: it stands on the ground, where it may be carried about."""
@@ -244,14 +242,14 @@ class Leaps:
 REST_M_S: Final = 0.3
 """A vehicle that sinks more slowly does not sink."""
 DESCENT_END_S: Final = 0.6
-"""The end of a descent. Who comes to rest in the air was not fast so shortly before."""
+"""The end of a descent, s: a vehicle that comes to rest in the air was slow so shortly before."""
 IMPACT_KEPT_S: Final = 5.0
-"""So long an impact is remembered: until the motors are off and that is told, and over a bounce."""
+"""Time for which an impact is remembered, s: until motors off is reported, and over a bounce."""
 LEAST_FALL: Final = 0.3
 MOST_FALL: Final = 1.5
-"""Shares of gravity with which a free fall gains speed, as its messages tell it."""
+"""Shares of gravity with which a free fall gains speed by its messages."""
 FALLS_S: Final = 2.0
-"""So long a vehicle that has landed by its own word may fall still: from 20 m."""
+"""Time for which a vehicle that reports its landing may still fall, s: from 20 m."""
 
 
 class Impact:

@@ -39,27 +39,24 @@ from uavmap.mavlink.session import Session
 
 HEARTBEAT_S: Final = 1.0
 SLEW_S: Final = 4.0
-"""So long a navigation filter takes to follow a leap."""
+"""Time that a navigation filter takes to follow a leap, s."""
 STALE_S: Final = 3.0
-"""Telemetry that is older says nothing of now."""
+"""Maximum age of telemetry, s; older is not of now."""
 JUDGED_S: Final = 1.0
 """Maximum age of a position by which a vehicle is judged, s, by the vehicle's own clock."""
 PATIENCE_S: Final = 60.0
-"""Beyond what its battery can have lasted, a silent vehicle is waited for so long."""
+"""Wait for a silent vehicle beyond what its battery can have lasted, s."""
 CORNER_S: Final = 5.0
 """To get going towards one, and to come to rest there."""
 LEAVE_S: Final = 15.0
-"""An operator who leaves at once still waits so long to see that the autopilot returns."""
+"""Wait, for an operator who leaves at once, to see that the autopilot returns, s."""
 
 _WORDS: Final = {"rtl": "return by its autopilot", "land": "land where it is"}
 
 
 class Guardian:
-    """Keeps one aircraft from being left alone.
-
-    `stand_aside` is called when the guardian takes the vehicle: whatever the mission had it do
-    ends, and nothing more is begun. `tell` takes a line for the operator.
-    """
+    """Keeps one aircraft from being left alone; calls `stand_aside` when it takes the vehicle, to
+    end the mission's order, and `tell` with lines for the operator."""
 
     def __init__(
         self,
@@ -92,7 +89,7 @@ class Guardian:
         self.order_failed: Callable[[str, bool], None] = lambda reason, behind: None
 
     def _tell(self, text: str) -> None:
-        """A line for the operator; a terminal that is gone must not keep an aircraft in the air."""
+        """Log a line; a terminal that is gone must not keep an aircraft in the air."""
         with contextlib.suppress(Exception):
             self._operator(text)
 
@@ -109,10 +106,8 @@ class Guardian:
         self._guard = self._guard.told(task)
 
     def take_over(self, action: Action, reason: str, *, hurry: bool = False) -> None:
-        """Have the autopilot return or land by itself, and see to it; not where a pilot has it.
-
-        `hurry`: it descends as fast as it flies before it lands.
-        """
+        """Have the autopilot return or land by itself, and ensure it; not where a pilot has
+        control. `hurry`: it first descends as fast as it flies."""
         if not self._monitor.control.is_ours:
             return
         self._guard = self._guard.acting(action, self._reporter.now_s(), hurry=hurry)
@@ -127,14 +122,13 @@ class Guardian:
         self._begin(self._pursue(action, hurry=hurry))
 
     def _begin(self, pursuit: Coroutine[Any, Any, None]) -> None:
-        """Do this instead of what was under way."""
         if self._pursuit is not None:
             self._pursuit.cancel()
         begin = self._tasks.create_task if self._tasks is not None else asyncio.ensure_future
         self._pursuit = begin(pursuit)
 
     def heard_again(self) -> None:
-        """The link is back: what it had the vehicle do before, it sees to again, and says so."""
+        """Resume, and log, what it had the vehicle do before the link was lost."""
         action = self._guard.action
         if action is not None and self._view.armed:
             self.take_over(action, self._reason)
@@ -157,7 +151,7 @@ class Guardian:
             await asyncio.sleep(HEARTBEAT_S)
 
     async def _watch(self) -> None:
-        """Look at every new position, but not too often: of an old one it seems to stand still."""
+        """Look at every new position, but not too often: by an old one it seems to stand still."""
         looked_s = seen_s = float("-inf")
         while True:
             await asyncio.sleep(LOOK_S)
@@ -167,7 +161,6 @@ class Guardian:
                 self._look()
 
     def _look(self) -> None:
-        """One look at the vehicle."""
         seen = self._seen()
         if seen is None:
             return
@@ -192,7 +185,7 @@ class Guardian:
             self.take_over(action, verdict.reason, hurry=verdict.hurry)
 
     def _look_for_leaps(self, seen: Seen) -> None:
-        """A position that leapt ends the mission of this vehicle: its places mean nothing."""
+        """End the mission of a vehicle whose position leapt: its places mean nothing."""
         track, leaps = self._view.gate.track, self._monitor.leaps
         leapt, leaps.leapt = leaps.leapt, ""
         if track.jumps != self._jumps:  # too far to be believed at once, and it stayed
@@ -208,7 +201,7 @@ class Guardian:
             self.order_failed(f"{leapt}: satellite navigation is not to be trusted", False)
 
     def _seen(self) -> Seen | None:
-        """What telemetry says, None where it says nothing of now."""
+        """The telemetry, None where it is not of now."""
         view, reporter = self._view, self._reporter
         if not self._monitor.connected or view.position is None or view.home is None:
             return None
@@ -232,7 +225,7 @@ class Guardian:
         )
 
     def _crashed(self, seen: Seen, reason: str) -> None:
-        """It is down: say where, and have a vehicle whose motors still run stop them."""
+        """Report the place of a crash, and have motors stopped that still run."""
         reporter = self._reporter
         place = reporter.grid.position(seen.position)
         self._tell(
@@ -246,7 +239,7 @@ class Guardian:
         self._begin(self._flight.stop_motors(self._tell, struck=struck))
 
     def _let_go(self) -> None:
-        """A pilot has it, or it stands on the ground."""
+        """End its action: a pilot has control, or it stands on the ground."""
         self._monitor.control = self._monitor.control.acting(guardian=False)
         self._guard = self._guard.released()
         if self._pursuit is not None:
@@ -254,7 +247,7 @@ class Guardian:
             self._pursuit = None
 
     async def _pursue(self, action: Action, *, hurry: bool = False) -> None:
-        """Ask until the autopilot is seen to do it; what it refuses, it lands instead."""
+        """Ask until the autopilot does it; what it refuses, it lands instead."""
         if action == "rtl" and await self._flight.fly_home_by_map():
             self.take_over("land", "it is over its home, as its own map tells")
             return
@@ -271,7 +264,7 @@ class Guardian:
     # --- the end of a flight ----------------------------------------------------------------
     @property
     def responsible(self) -> bool:
-        """Whether the vehicle is in the air, as far as anybody knows, and ours to bring home."""
+        """Whether the vehicle is in the air, as far as is known, and under our control."""
         control = self._monitor.control
         known = self._monitor.met or self.entrusted
         return known and control.air.may_be_up and control.is_ours
@@ -290,10 +283,8 @@ class Guardian:
         self._tasks.create_task(around())
 
     async def bring_home(self, reason: str) -> None:
-        """Return a vehicle that is in the air, and wait until it is down or a pilot has it.
-
-        Gives up on a silent one when its battery cannot have lasted any longer.
-        """
+        """Return a vehicle in the air, and wait until it is down, a pilot has it, or it is silent
+        for longer than its battery can have lasted."""
         await self._turn_corners(reason)
         while self.responsible and (left_s := self._endurance_left_s()) > 0.0:
             self._take_up()
@@ -305,7 +296,7 @@ class Guardian:
             await self._session.until(lambda: not self._view.armed, STOP_MOTORS_S)
 
     def _take_up(self) -> None:
-        """A vehicle that was silent when the mission ended, and speaks again."""
+        """Reconnect a vehicle that was silent when the mission ended, and is heard again."""
         monitor, view = self._monitor, self._view
         heard = view.silent_s(self._reporter.loop_s()) <= STALE_S
         if monitor.met and not monitor.connected and heard:
@@ -313,10 +304,8 @@ class Guardian:
             self.heard_again()
 
     async def _turn_corners(self, reason: str) -> None:
-        """Fly it around what the fence forbids until home lies straight ahead.
-
-        Watched by the same rules as ever: what goes wrong ends in its autopilot's return.
-        """
+        """Fly it around what the fence forbids until home lies straight ahead, watched by the same
+        rules: what goes wrong ends in its autopilot's return."""
         reporter, height_m, energy = self._reporter, self._view.height_m, self._limits.energy
         if not self._corners():
             return
@@ -336,7 +325,7 @@ class Guardian:
                 return
 
     def _corners(self) -> tuple[GridPoint, ...]:
-        """Where to turn until home lies straight ahead, if it flies to where it is told."""
+        """Where to turn until home lies straight ahead, if it obeys targets."""
         if self.acting or not self._flies_for_us():
             return ()
         return corners_home(self._limits.fence, self._reporter.position(), self._reporter.home())
@@ -344,7 +333,6 @@ class Guardian:
     def _towards(
         self, here: GridPoint, corner: GridPoint, height_m: float, estimate_s: float
     ) -> Task:
-        """The task of flying to a corner on the way home."""
         return Task(
             "leg", self._reporter.now_s(), (here, corner), homeward=True, height_m=height_m,
             estimate_s=estimate_s, name="way home",
@@ -355,13 +343,11 @@ class Guardian:
         return self.acting or not self._flies_for_us() or self._endurance_left_s() <= 0.0
 
     def _flies_for_us(self) -> bool:
-        """Whether it is in the air, heard, and in a mode that follows targets."""
         late_s = self._reporter.loop_s() - self._view.position_s
         heard = self._monitor.met and late_s <= STALE_S and not self._view.gate.clock.late
         return self.responsible and heard and self._monitor.mode == "follow"
 
     def _endurance_left_s(self) -> float:
-        """How long a vehicle that is silent since then can still be in the air."""
         endurance_s = self._last_wh * 3600.0 / self._limits.energy.hover_power_w + PATIENCE_S
         return max(self._view.heard_s, 0.0) + endurance_s - self._reporter.loop_s()
 
@@ -377,10 +363,8 @@ class Guardian:
         )
 
     def fate(self) -> str | None:
-        """What is known of the vehicle at the very end, in words.
-
-        Empty if it is at home, None if it never came so far that it could have been told anything.
-        """
+        """Where the vehicle is at the very end, in words; empty at home, None if it never reported
+        so much that it could have been commanded."""
         view, reporter = self._view, self._reporter
         if view.position is None or view.home is None:
             return None

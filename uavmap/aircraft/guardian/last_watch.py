@@ -52,10 +52,8 @@ class Guardians:
         await asyncio.gather(*(guardian.run() for guardian in self._guardians.values()))
 
     async def bring_home(self, reason: str) -> None:
-        """Return, and wait until all are down, each whatever becomes of the others.
-
-        Raises an `ExceptionGroup` of the guardians' failures.
-        """
+        """Return, and wait until all are down, each whatever becomes of the others. Raises an
+        `ExceptionGroup` of the guardians' failures."""
 
         async def bring_home(guardian: Guardian) -> None:
             try:
@@ -86,13 +84,11 @@ class Guardians:
 async def watched_over(keeper: Keeper, mission: Awaitable[T], *, leave: bool) -> T:
     """Run a mission with the keeper of its aircraft around it.
 
-    `leave`: whether real aircraft have to be left when the operator interrupts; simulated ones end
-    with the process.
-
-    Raises what the mission raises; `AircraftError`, naming every aircraft that is not at home, when
-    one was left in the air or is down elsewhere after a mission that failed. A defect of the
-    program stays what it is, with these lines as its notes. Where one guardian fails, its aircraft
-    is left to its autopilot, the others go on, and both failures are raised in a group.
+    `leave`: an operator's interrupt leaves real aircraft to their autopilots; simulated ones end
+    with the process. Raises what the mission raises; `AircraftError`, with each aircraft that is
+    not at home, after a mission that failed; a defect of the program keeps its type, with these
+    lines as notes. Where one guardian fails, the others go on, and both failures are raised in a
+    group.
     """
     keeping = asyncio.create_task(keeper.run())
     try:
@@ -139,8 +135,7 @@ async def unless_failed(mission: Awaitable[T], keeping: asyncio.Task[None]) -> T
 
 
 async def _left(keeper: Keeper, reason: str) -> None:
-    """Leave the aircraft to their autopilots; an operator in such a hurry that this is not seen
-    either is still shown where they are."""
+    """Leave the aircraft to their autopilots; who interrupts that, too, still gets their places."""
     with contextlib.suppress(asyncio.CancelledError):
         await keeper.leave(reason)
 
@@ -152,12 +147,10 @@ def is_defect(failure: Exception) -> bool:
 
 
 def _not_home(keeper: Keeper) -> list[str]:
-    """A line for each aircraft that is not at home."""
     return [f"vehicle {n}: {fate}" for n, fate in sorted(keeper.fates().items()) if fate]
 
 
 def _say_fates(keeper: Keeper, cause: str) -> None:
-    """Raise `AircraftError` when an aircraft is not at home."""
     if fates := _not_home(keeper):
         raise AircraftError("\n".join([cause, *fates]))
 

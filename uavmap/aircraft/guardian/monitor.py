@@ -31,13 +31,11 @@ from uavmap.mavlink.vehicle_view import OFF_GROUND_M, VehicleView
 
 TRACK_S: Final = 1.0
 PATH_TRACK_S: Final = 0.4
-"""On a path that is flown without stopping: plans follow one another so fast."""
+"""Interval on a path that is flown without stopping, s: plans follow one another so fast."""
 
 
 class PlaceFinder(Protocol):
-    """Finds out where the vehicle is when satellites do not say it
-    (`uavmap.aircraft.map_navigation`).
-    """
+    """Finds the position where satellites do not (`uavmap.aircraft.map_navigation`)."""
 
     @property
     def by_map(self) -> bool:
@@ -45,11 +43,11 @@ class PlaceFinder(Protocol):
         ...
 
     def leapt(self, how: str) -> bool:
-        """The told position has leapt; False where nobody can tell where the vehicle is now."""
+        """Note that the reported position leapt; False where the true one cannot be known."""
         ...
 
     def look(self, *, airborne: bool) -> None:
-        """Look at what the vehicle tells; called with every position."""
+        """Look at the telemetry; called with every position."""
         ...
 
 
@@ -61,7 +59,7 @@ class Monitor:
         """Who controls it and whether it flies, by the latest report."""
         self.connected = False
         self.on_path = False
-        """Whether it was told to fly a path without stopping."""
+        """Whether its order is a path without stopping."""
         self.met = False
         """Whether it was ever connected."""
         self.resumed = False
@@ -70,16 +68,16 @@ class Monitor:
         self.leaps = Leaps()
         self.impact = Impact()
         self.why: Callable[[str], str | None] = lambda mode: None
-        """Why the vehicle is in a mode that nobody asked for, by its own words."""
+        """Why the vehicle is in a mode that was not commanded, by its own texts."""
         self.navigation: PlaceFinder | None = None
         self.struck_m_s = 0.0
-        """How fast it struck the ground; whoever takes note of it sets it to 0."""
+        """How fast it struck the ground; its reader sets it to 0."""
         self._reporter = reporter
         self._view = view
         self._scopes: set[asyncio.Timeout] = set()
         self._tracked_s = float("-inf")
         self._down_s: float | None = None
-        """Since when it stands on the ground by its own word, while that is not reported yet."""
+        """Since when it reports itself on the ground, while that is not passed on yet."""
 
     def on_message(self, message: Message) -> None:
         """Look at the vehicle after a message of it."""
@@ -107,7 +105,7 @@ class Monitor:
 
     @property
     def mode(self) -> FlownMode:
-        """How it is flown: by us (in what way), or by somebody else."""
+        """How it is flown: by us (in what way), or by another."""
         return self.control.flown(self._view.kind)
 
     @property
@@ -130,7 +128,7 @@ class Monitor:
 
     @contextlib.contextmanager
     def ends_with_control(self, scope: asyncio.Timeout) -> Iterator[None]:
-        """End a scope of asyncio as soon as the vehicle is not ours any more."""
+        """End a scope of asyncio as soon as the vehicle is not under our control."""
         self._scopes.add(scope)
         try:
             yield
@@ -139,11 +137,8 @@ class Monitor:
 
     # --- control -----------------------------------------------------------------------------
     def _watch_mode(self, landed_state: int | None) -> None:
-        """The pilot has the last word: a mode that we did not ask for ends our say.
-
-        On the ground, too: who turns the switch away while we wait to take off means it.
-        `landed_state`: None where a heartbeat reports the mode.
-        """
+        """End our control at a mode that we did not command, on the ground, too: it is the pilot's.
+        `landed_state`: None where a heartbeat reports the mode."""
         view, before = self._view, self.control
         if view.mode is None:
             return
@@ -172,10 +167,10 @@ class Monitor:
             reporter.happened(Released, reporter.position(), height_m)
 
     def _hear_acknowledgement(self, ack: Message) -> None:
-        """The autopilot's word on the mode that was asked for: it has come, or is not taken.
+        """Note whether the autopilot takes the mode that was commanded.
 
-        A PX4 acknowledges DO_SET_MODE twice: unseen, and when its commander has decided. Either
-        may be lost, so the first acceptance counts until a refusal follows.
+        A PX4 acknowledges DO_SET_MODE on receipt and when its commander has decided. Either may be
+        lost: the first acceptance counts until a refusal follows.
         """
         kind, request = self._view.kind, self.control.request
         if request is None:
@@ -194,9 +189,8 @@ class Monitor:
 
     # --- flight ------------------------------------------------------------------------------
     def _watch_ground(self) -> None:
-        """Whether it is on the ground: so is one whose motors were stopped in the air, by its own
-        word. That one falls still, or has struck the ground. Of a crash its guardian tells.
-        """
+        """Note whether it is on the ground. One whose motors stopped in the air reports so, too: it
+        still falls, or has struck the ground, which its guardian reports as a crash."""
         view, now_s = self._view, self._reporter.loop_s()
         height_m = view.height_m if view.position is not None else None
         ground = Ground(view.armed, view.landed_state, height_m)
@@ -209,7 +203,6 @@ class Monitor:
         self.control = self.control.stood(ground, view.kind, now_s)
 
     def _report_flight(self, before: Control) -> None:
-        """Report lifting off, and that it stands on the ground with its motors off."""
         control = self.control
         if control.air.is_flying and not before.air.is_flying:
             self._reporter.happened(LiftedOff)

@@ -26,13 +26,13 @@ LOOK_S: Final = 0.5
 RETRY_S: Final = 2.0
 """Interval between two commands for the same thing, s."""
 DESCENT_M_S: Final = 1.0
-"""A multicopter that is told to sink does so at least this fast, in GUIDED or Hold."""
+"""Least descent speed of a multicopter with a target below, in GUIDED or Hold, m/s."""
 CORNER_M: Final = 2.0
 """A corner of the way around a fence is turned so near to it."""
 OVER_HOME_M: Final = 1.0
-"""Who is nearer than this to the place above its home lands there."""
+"""Distance from the place above its home within which a vehicle lands there, m."""
 BRISK_M_S: Final = 1.0
-"""Who is slower than this turns on the spot."""
+"""Speed below which a vehicle turns on the spot, m/s."""
 LYING_S: Final = 5.0
 """Time that a vehicle which is down has to stop its motors by itself, s."""
 STOP_MOTORS_S: Final = 60.0
@@ -40,7 +40,7 @@ STOP_MOTORS_S: Final = 60.0
 FORCED: Final = 21196.0
 """Parameter of MAV_CMD_COMPONENT_ARM_DISARM that disarms whatever the autopilot thinks."""
 PAUSE_S: Final = 0.1
-"""Before a command is asked for again that nobody acknowledged, or that could not be sent."""
+"""Pause before a command without an acknowledgement, or unsent, is sent again, s."""
 
 
 class RecoveryFlight:
@@ -136,10 +136,8 @@ class RecoveryFlight:
         return False
 
     async def ask_autopilot(self, action: Action) -> str:
-        """Ask until the autopilot is seen to return or land by itself.
-
-        Returns why it refuses to return, empty if it does not; a refused landing is asked again.
-        """
+        """Command a return or landing until the autopilot does it, a refused landing again; return
+        why it refuses to return, else an empty text."""
         view, commands = self._view, self._commands
         wanted = view.kind.rtl if action == "rtl" else view.kind.land
         ask = commands.return_to_launch if action == "rtl" else commands.land
@@ -157,11 +155,8 @@ class RecoveryFlight:
         return ""
 
     async def stop_motors(self, tell: Callable[[str], None], *, struck: bool) -> None:
-        """Have a vehicle that is down land, which may disarm it, and disarm one that struck.
-
-        By force, for an autopilot whose vehicle lies on the ground may not notice that it has
-        landed; but only where it is low, and ours.
-        """
+        """Land a vehicle that is down, which may disarm it, and disarm by force one that struck, is
+        low and under our control: its autopilot may not notice that it has landed."""
         view, session, vehicle = self._view, self._session, f"vehicle {self._reporter.number}"
 
         def is_armed() -> bool:

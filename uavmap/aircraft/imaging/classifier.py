@@ -58,10 +58,7 @@ class Suspecting:
 @dataclass(slots=True)
 class Classifier:
     """How one vehicle's pictures are judged: camera, detector, the share that makes a cell ROI.
-
-    It remembers the vehicle's last picture, to know a stalled camera by; so every vehicle has a
-    classifier of its own.
-    """
+    Remembers the vehicle's last picture, by which it knows a stalled camera."""
 
     mission: Mission
     grid: Grid
@@ -79,10 +76,9 @@ class Classifier:
         height_m: float | None = None,
         detector: Detector | None = None,
     ) -> Classifier:
-        """The classifier that a mission file describes, for a vehicle that flies at a height.
-
-        `detector` takes the place of the mission's. Raises `MissionFileError` for a model that
-        cannot be read, or is another one.
+        """The classifier that a mission file describes, for a vehicle at a height; `detector`
+        replaces the mission's. Raises `MissionFileError` for a model that cannot be read, or is
+        another one.
         """
         camera = camera_of(mission)
         lowest_m, search_m = mission.altitude_m(0), mission.search_altitude_m(0)
@@ -99,20 +95,14 @@ class Classifier:
         return above_m is not None and frame.pose.height_m > above_m
 
     def votes(self, frame: Frame, vantage: Cell | None) -> tuple[Cell, Verdicts]:
-        """The vantage of a frame, by default the cell below, and what the frame says.
-
-        Raises `ImageError` for a picture that is no evidence (`vision.plausible`), or not of the
-        camera's size.
-        """
+        """The vantage of a frame, by default the cell below, and what the frame shows. Raises
+        `ImageError` for a picture that is no evidence (`vision.plausible`), or of another size."""
         here = vantage or self.grid.cell_at(frame.pose.position, frame.t_s)
         return here, self._judged(frame, self.mission.detector.view, here)
 
     def votes_anywhere(self, frame: Frame) -> Verdicts:
-        """What a frame says of every cell that it shows whole, wherever it was taken.
-
-        Whatever `detector.view` says; `camera.pose_error_m` from the rim of the picture. Raises
-        `ImageError` as `votes` does.
-        """
+        """What a frame shows of every whole cell, `camera.pose_error_m` from its rim, whatever
+        `detector.view` is. Raises `ImageError` as `votes`."""
         return self._judged(frame, "all", None)
 
     def doubt(self, frame: Frame) -> str | None:
@@ -162,18 +152,13 @@ def camera_of(mission: Mission) -> Camera:
 
 
 def detector_of(mission: Mission, height_ratio: float = 1.0) -> Detector:
-    """The detector that a mission file names, with its parameters
-    (`uavmap.load.detector_source`).
-    """
+    """The detector that a mission file names (`uavmap.load.detector_source`)."""
     return detector_of_section(mission.detector, height_ratio)
 
 
 class Taken(NamedTuple):
-    """A picture, and where it was taken.
-
-    `vantage` is the cell that it was ordered for, by default the cell below; `anywhere`: it is
-    evidence of all that it shows, and of no vantage.
-    """
+    """A picture, where it was taken, and the cell that it was ordered for (`vantage`, by default
+    the cell below); `anywhere`: it is evidence of all that it shows."""
 
     vehicle: int
     t_s: float
@@ -195,7 +180,7 @@ class PictureJudge:
         self._keepers = keepers
 
     def verdict(self, taken: Taken) -> FrameSeen | FrameLost:
-        """What a picture says of the cells around its vantage, or of all that it shows whole."""
+        """What a picture shows of the cells around its vantage, or of all that it shows whole."""
         classifier = self._classifiers[taken.vehicle]
         camera = classifier.camera
         try:

@@ -16,11 +16,11 @@ PICTURE_WAIT_S: Final = 3.0
 """A picture that is late by twice this is given up."""
 
 MOST_WAITING: Final = 4
-"""So many pictures of a stream may wait to be judged, before older ones are left out."""
+"""Pictures of a stream that may wait to be judged, before older ones are left out."""
 
 FIRST_ASK_S: Final = 1.5
 ASK_AGAIN_S: Final = 1.0
-"""An announcement that is so late is asked for, and so often again: a bad link loses those, too."""
+"""Age at which an announcement is asked for, and interval to ask again: a bad link loses it."""
 
 MOST_MISSING: Final = 20
 """How many announcements are asked for again at once: a camera's count may jump."""
@@ -44,11 +44,8 @@ def suppressed_silence() -> Iterator[None]:
 
 
 class Frames:
-    """The pictures of one order, as they are announced by a source.
-
-    `most` None: a stream, until it is stopped; else bursts of `burst_size`, of so many in all.
-    `anywhere`: judged by all that they show.
-    """
+    """The announced pictures of one order. `most` None: a stream, until it is stopped; else bursts
+    of `burst_size`, so many in all. `anywhere`: judged by all that they show."""
 
     def __init__(
         self,
@@ -74,7 +71,7 @@ class Frames:
         self._pending = 0
         self._progress = asyncio.Event()
         self._left_out = False
-        """Whether it was told that some pictures are left out."""
+        """Whether it was logged that pictures are left out."""
         self._whole = True
         """Whether all pictures of the present burst were announced so far."""
         self.heard = 0
@@ -90,7 +87,6 @@ class Frames:
         self._announced.put_nowait(picture)
 
     def _new(self, index: int) -> bool:
-        """Whether a picture of this number was not announced before."""
         if index in self._seen:
             return False
         if self._next_index is not None:
@@ -101,11 +97,8 @@ class Frames:
         return True
 
     async def finish(self) -> None:
-        """Take no more, and wait until those announced are judged.
-
-        The first picture is waited for; then for each that is announced, as long as one after the
-        other is judged: a slow link takes its time, a dead one ends the wait.
-        """
+        """Stop taking, and wait for the first picture, then as long as one after the other is
+        judged: a slow link takes its time, a dead one ends the wait."""
         if self.heard == 0:
             await self._moved_on()
         self._source.stop()
@@ -124,15 +117,13 @@ class Frames:
         await self.start()
 
     async def start(self) -> None:
-        """Have pictures taken until they are stopped; a silent camera is told by missing ones."""
+        """Have pictures taken until stopped; a silent camera shows by missing ones."""
         with suppressed_silence():
             await self._start(0)
 
     async def _start(self, count: int) -> None:
-        """Have pictures taken; a count of 0 goes on until stopped.
-
-        Raises `LinkError` where nothing answers and none comes, or the camera refuses.
-        """
+        """Have pictures taken; a count of 0 goes on until stopped. Raises `LinkError` where nothing
+        answers and none comes, or the camera refuses."""
         self.capturing, before = True, self.heard
         await self._source.start(self._interval_s, count, lambda: self.heard > before)
 
@@ -147,16 +138,14 @@ class Frames:
         return True
 
     def left_over(self) -> list[FrameLost]:
-        """The pictures that were announced and never judged: they are lost, and that is said."""
+        """The pictures that were announced and never judged, as lost."""
         pending, self._pending = self._pending, 0
         late = "it came too late: the pictures are fetched slower than they are taken"
         return [self._lost(late, None) for _ in range(pending)]
 
     async def judged(self, vantage: Cell | None) -> AsyncIterator[FrameLost | None]:
-        """Have every picture judged, in the order of their coming; yield each that is lost.
-
-        None is yielded for one that was judged: the mission has it.
-        """
+        """Have every picture judged, in the order of their coming; yield each that is lost, and
+        None for each that the mission has."""
         if self._most is None:
             while True:
                 yield await self._streamed(vantage)
@@ -177,10 +166,8 @@ class Frames:
                 yield await self._next(vantage, left)
 
     async def _streamed(self, vantage: Cell | None) -> FrameLost | None:
-        """The next picture of a stream; when none comes for long, one is lost, and it is restarted.
-
-        A camera that restarted, or never heard the start, is silent for ever otherwise.
-        """
+        """The next picture of a stream. When none comes for long, one is lost, and the camera is
+        started again: it may have restarted, or missed the start."""
         try:
             async with asyncio.timeout(2.0 * self._interval_s + PICTURE_WAIT_S):
                 picture = await self._announced.get()
@@ -201,7 +188,6 @@ class Frames:
         return await self._looked_at(picture, vantage)
 
     async def _looked_at(self, picture: Announcement, vantage: Cell | None) -> FrameLost | None:
-        """Have a picture judged; return it if it is lost."""
         try:
             await self._look(picture, vantage)
         except (ImageError, LinkError) as error:
@@ -211,7 +197,7 @@ class Frames:
         return None
 
     def _newest(self) -> Announcement:
-        """Of those that wait the last: older ones are left out, or the backlog would only grow."""
+        """The last of those that wait; the older are left out, or the backlog would only grow."""
         self._judged()
         while self._announced.qsize() > 1:
             self._announced.get_nowait()
@@ -223,11 +209,8 @@ class Frames:
         self._progress.set()
 
     async def _next(self, vantage: Cell | None, left: int) -> FrameLost | None:
-        """The next picture of a burst of which so many are left.
-
-        Its announcement is asked for until it is given up; where none was heard at all, nobody
-        knows what to ask for, and the burst is begun once more.
-        """
+        """The next picture of a burst with `left` to come; ask for its announcement until it is
+        given up. Where none was heard at all, begin the burst once more."""
         clock = asyncio.get_running_loop()
         begin_s = clock.time()
         due_s = begin_s + 2.0 * (self._interval_s + PICTURE_WAIT_S)

@@ -58,7 +58,7 @@ class PictureFetcher:
         self._timeout_s = timeout_s
 
     async def __call__(self, url: str) -> bytes:
-        """The bytes under a URL."""
+        """Fetch the bytes under a URL."""
         shown = printable(url) or "a picture"
         try:
             address = _address(url)
@@ -84,7 +84,6 @@ class PictureFetcher:
 
 
 def _address(url: str) -> _Address:
-    """The parts of a picture's URL. Raises `LinkError`."""
     if not url.startswith(("http://", "https://")):
         raise LinkError("the camera names no http URL for its picture")
     if not url.isascii() or not url.isprintable() or " " in url:

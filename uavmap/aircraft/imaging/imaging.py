@@ -64,16 +64,13 @@ class CameraDriver:
         self._source.uncertain()
 
     def _announced(self, picture: Announcement) -> None:
-        """Take note of a picture that was taken."""
         if self._frames is not None:
             self._frames.announced(picture)
 
     @contextlib.asynccontextmanager
     async def every(self, interval_s: float, *, anywhere: bool = False) -> AsyncIterator[Frames]:
-        """Pictures at an interval for as long as the context lasts.
-
-        `anywhere`: they are evidence of all that they show, and of no vantage.
-        """
+        """Pictures at an interval while the context lasts. `anywhere`: evidence of all that they
+        show, and of no vantage."""
         look = partial(self.judged, anywhere=anywhere)
         async with self._heard_by(
             Frames(self._source, look, self.lost, interval_s, anywhere=anywhere)
@@ -97,7 +94,7 @@ class CameraDriver:
 
     @contextlib.asynccontextmanager
     async def burst(self, most: int) -> AsyncIterator[Frames]:
-        """Pictures in bursts of a look's number, at most so many."""
+        """Pictures in bursts of `votes.frames`, at most `most`."""
         look, interval_s = partial(self.judged, anywhere=False), self._mission.camera.interval_s
         size = self._mission.votes.frames
         async with self._heard_by(
@@ -118,10 +115,8 @@ class CameraDriver:
                 self._source.stop()
 
     async def judged(self, picture: Announcement, vantage: Cell | None, *, anywhere: bool) -> bool:
-        """Have a picture that was announced judged. Return whether it counts.
-
-        Raises `ImageError`, `LinkError` where it cannot be had.
-        """
+        """Have an announced picture judged; return whether it counts. Raises `ImageError`,
+        `LinkError` where it cannot be had."""
         return await self._judge(await self._taken(picture, vantage, anywhere=anywhere))
 
     async def _taken(self, picture: Announcement, vantage: Cell | None, *, anywhere: bool) -> Taken:
@@ -145,5 +140,4 @@ class CameraDriver:
         return FrameLost(self._number, t_s, printable(reason))
 
     def _exposed_s(self, picture: Announcement) -> float:
-        """The mission time of its exposure."""
         return round(self._now_s() + picture.taken_s - asyncio.get_running_loop().time(), 3)

@@ -50,7 +50,7 @@ class Host:
         self._pictures: dict[int, asyncio.Future[bool]] = {}
         self._swaps: dict[int, asyncio.Future[None]] = {}
         self.ready: say.Ready | None = None
-        """What was said when the vehicles were ready."""
+        """What was sent when the vehicles were ready."""
         self._answer: asyncio.Future[bool | None] | None = None
         self._begun: asyncio.Future[say.Begin] = asyncio.get_running_loop().create_future()
         self._flown: asyncio.Future[say.Fly] = asyncio.get_running_loop().create_future()
@@ -63,7 +63,7 @@ class Host:
 
     # --- from the mission -----------------------------------------------------------------------
     def receive(self, message: say.Message) -> None:
-        """Do what a message says."""
+        """Carry out a message."""
         match message:
             case say.Give():
                 if message.vehicle in self._vehicles:
@@ -131,7 +131,6 @@ class Host:
         return "flying" if self._flown.done() and self._vehicles else "returning"
 
     def _back(self) -> None:
-        """The mission is back: report where each vehicle is."""
         for vehicle in self._vehicles.values():
             vehicle.report_again()
 

@@ -25,20 +25,20 @@ from missions.orders import Order
 from missions.units import Cell, LatLon, PadHeight, Pose
 
 VERSION: Final = 2
-"""Number of this set of messages; two processes with different numbers do not speak."""
+"""Number of this set of messages; two processes with different numbers do not connect."""
 _LENGTHS: Final = struct.Struct(">II")
 MOST_TEXT_BYTES: Final = 32 << 20
 """Maximum length of the JSON of a message, bytes: a verdict on 400,000 cells."""
 MOST_PICTURE_BYTES: Final = 96 << 20
 """Maximum length of a picture, bytes: the pixels of an 8K frame; files are smaller."""
 FIRST_BYTES: Final = 1024
-"""Maximum length of what a connection sends before its word is known, bytes."""
+"""Maximum length of what a connection sends before its token is known, bytes."""
 
 
 # --- from the mission ---------------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class Attach:
-    """The first message of a connection to a process of aircraft: the word from its file."""
+    """The first message of a connection to a process of aircraft: the token of its file."""
 
     version: int
     token: str
@@ -70,10 +70,10 @@ class Begin:
     """Speak with the vehicles, and prepare them."""
 
     t_s: float
-    """Mission time at which the clock of the loop was zero, until `Fly` says otherwise."""
+    """Mission time at which the clock of the loop was zero, until `Fly` sets another."""
     before: dict[int, Before]
     preflight: Asked | None
-    """None: a flight that is resumed, where nobody is asked."""
+    """None: a flight that is resumed, without questions."""
     keep_fence: bool
     waits_on_ground: bool
     """Whether a crew stands beside silent vehicles on the ground."""
@@ -82,10 +82,8 @@ class Begin:
 
 @dataclass(frozen=True, slots=True)
 class Fly:
-    """Report, and carry out orders from now on; the mission's time begins at `start_s`.
-
-    `start_s` is the mission time at which the clock of the loop was zero.
-    """
+    """Report, and carry out orders from now on; the loop's clock was zero at mission time
+    `start_s`."""
 
     start_s: float
     kind: Literal["fly"] = "fly"
@@ -115,7 +113,7 @@ class Judged:
 
     serial: int
     seen: bool
-    """Whether it says something of the ground; it is lost otherwise."""
+    """Whether it shows something of the ground; it is lost otherwise."""
     kind: Literal["judged"] = "judged"
 
 
@@ -167,11 +165,8 @@ class Beat:
 # --- from the aircraft --------------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class Attached:
-    """The answer to `Attach`.
-
-    A mission is refused while another has the aircraft, by another version, and while they are
-    brought home.
-    """
+    """The answer to `Attach`; refused while another mission has the aircraft, to another version,
+    and while they are brought home."""
 
     state: Literal["new", "flying", "returning", "refused"]
     reason: str = ""

@@ -105,7 +105,7 @@ class Port:
         self.send(self._fly)
 
     def lost(self) -> None:
-        """The process of the aircraft has died: no vehicle is heard until another speaks."""
+        """Report every link as lost: the process of the aircraft has died."""
         for vehicle in self._vehicles:
             self._post(LinkLost(vehicle, round(self._now_s(), 3)))
         for task in self._swaps.values():
@@ -122,7 +122,7 @@ class Port:
 
     @property
     def since_boot_s(self) -> float | None:
-        """Time since the first vehicle was switched on, None where it has not said."""
+        """Time since the first vehicle was switched on, None where it is not reported."""
         if self._boot is None:
             return None
         boot_s, at_s = self._boot
@@ -179,7 +179,6 @@ class Port:
         return task
 
     async def _keep(self) -> None:
-        """Note which events are in the journal, until all that were received are."""
         while self.kept < self._received:
             received = self._received
             await self.taken_in()

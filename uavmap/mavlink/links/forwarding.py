@@ -42,7 +42,7 @@ class Forwarding:
         self._stations: list[Transport] = []
 
     def add(self, way: Way) -> Callable[[bytes], None]:
-        """A vehicle; what is returned takes what it says, as it comes."""
+        """Add a vehicle; return a function that takes its bytes as they come."""
         self._ways.append(way)
         splitter = Splitter()
 

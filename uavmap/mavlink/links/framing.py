@@ -53,7 +53,7 @@ _SIGNATURE_BYTES: Final = 13
 
 
 def length_of(data: bytes | bytearray, at: int = 0) -> int:
-    """How long the frame is that begins there; 0 where that cannot be said yet."""
+    """The length of the frame that begins there; 0 where it is not known yet."""
     if len(data) - at < 3:
         return 0
     if data[at] == _V1:
@@ -137,7 +137,7 @@ def _target_offset(message_id: int) -> int | None:
 
 
 def _checks(frame: bytes) -> bool:
-    """Whether the checksum of a frame is right; of an unknown kind nobody can say."""
+    """Whether the checksum of a frame is right; False for an unknown kind."""
     kind = mav.mavlink_map.get(message_id_of(frame))
     if kind is None:
         return False

@@ -34,14 +34,12 @@ class SerialPort:
 
     @property
     def way(self) -> Hashable:
-        """Itself: nobody else leads there."""
+        """Itself: no other link leads there."""
         return id(self)
 
     def send(self, data: bytes) -> None:
-        """Write, now or as soon as the port takes it; nobody waits for that.
-
-        Full, or unplugged: the session will miss the heartbeats.
-        """
+        """Write, now or as soon as the port takes it; full or unplugged it drops the data, and the
+        session misses the heartbeats."""
         if self._port is None or len(self._unsent) + len(data) > MOST_UNSENT:
             return
         waits = bool(self._unsent)
@@ -103,7 +101,6 @@ class SerialPort:
             self._reopening = self._loop.create_task(self._reopen())
 
     async def _reopen(self) -> None:
-        """Try until it is plugged in again, under the same name."""
         while self._port is None:
             await asyncio.sleep(REOPEN_S)
             with contextlib.suppress(serial.SerialException, OSError, ValueError):

@@ -47,15 +47,13 @@ Stream = tuple[int, int, int]
 
 
 def ticks_now() -> int:
-    """The time as signatures tell it."""
+    """The time in the ticks of signatures."""
     return int((time.time() - EPOCH_UTC_S) * TICKS_PER_S)
 
 
 class Signing:
-    """A key and what was signed with it, for all links of a process.
-
-    `now` is the wall clock in ticks; it may jump, the timestamps do not follow it back.
-    """
+    """A key and what was signed with it, for all links of a process. The wall clock `now`, in
+    ticks, may jump; timestamps do not follow it back."""
 
     def __init__(
         self, key: bytes, timestamps: KeptTimestamps, now: Callable[[], int] = ticks_now
@@ -77,7 +75,7 @@ class Signing:
         return tick
 
     def sign(self, frame: bytes) -> bytes:
-        """The signed frame of an unsigned MAVLink 2 frame of ours."""
+        """The signed frame of an unsigned MAVLink 2 frame."""
         flagged = bytearray(frame[:-2])
         flagged[2] |= _SIGNED
         extra = mav.mavlink_map[int.from_bytes(frame[7:10], "little")].crc_extra
@@ -88,10 +86,8 @@ class Signing:
         return bytes(flagged) + self._digest(flagged)
 
     def fault(self, frame: bytes) -> str | None:
-        """Why a whole frame with a right checksum is not believed; None if it is.
-
-        What is believed raises the timestamp of its stream.
-        """
+        """Why a whole frame with a right checksum is not believed; None if it is, which raises the
+        timestamp of its stream."""
         if (
             frame[0] != mav.PROTOCOL_MARKER_V2
             or not frame[2] & _SIGNED
@@ -121,9 +117,8 @@ class Signing:
 
     @staticmethod
     def removal(system: int, component: int) -> mav.MAVLink_setup_signing_message:
-        """The message that ends signing: an ArduPilot takes a key of zeros with any other time than
-        0 for a key (GCS_Signing.cpp, `load_signing_key`), which everybody knows then.
-        """
+        """The message that ends signing. With another time than 0 an ArduPilot takes zeros for a
+        key, which everybody knows (GCS_Signing.cpp, `load_signing_key`)."""
         return mav.MAVLink_setup_signing_message(system, component, [0] * KEY_BYTES, 0)
 
     def _digest(self, signed_part: bytes | bytearray) -> bytes:
@@ -135,7 +130,7 @@ BESIDE: Final = ".timestamps"
 SAVE_S: Final = 2.0
 """Real seconds between two times that timestamps are written."""
 _AHEAD: Final = int(2 * SAVE_S * TICKS_PER_S)
-"""What is written is so far ahead of what was used: whatever a killed process used is less."""
+"""How far what is written is ahead of what was used: a killed process used less."""
 _MOST_CHARACTERS: Final = 4096
 
 
@@ -155,10 +150,8 @@ def new_key(path: Path) -> None:
 
 
 def read_key(path: Path) -> bytes:
-    """The key in a file. Raises `LinkError`, which never holds what is in it.
-
-    Refused is a file that somebody else may read or write, or that is somebody else's.
-    """
+    """The key in a file that its owner alone may read and write. Raises `LinkError`, which never
+    holds what is in it."""
     try:
         with path.open("rb") as file:
             found = os.fstat(file.fileno())
@@ -186,10 +179,8 @@ def read_key(path: Path) -> bytes:
 
 
 class KeptTimestamps:
-    """Timestamps in a file beside the key. Raises `LinkError` where they cannot be kept.
-
-    A process that is killed has used none that is higher than what the file says.
-    """
+    """Timestamps in a file beside the key; what a killed process used is lower than the file's.
+    Raises `LinkError` where they cannot be kept."""
 
     def __init__(self, key: Path) -> None:
         self._path = key.with_name(key.name + BESIDE)

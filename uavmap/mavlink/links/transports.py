@@ -24,7 +24,7 @@ from uavmap.mavlink.links.urls import Endpoint
 PEER_SILENT_S: Final = 10.0
 """Real seconds of silence after which our vehicle may be heard from another address."""
 MOST_STRANGERS: Final = 16
-"""How many strangers a link names; of more it says nothing."""
+"""Number of strangers that a link logs."""
 MOST_AT_ONCE: Final = 1000
 """Datagrams that are read in one turn of the loop: a flood must not stop everything else."""
 _DATAGRAM_BYTES: Final = 65_535
@@ -36,7 +36,7 @@ Address = tuple[str, int]
 
 
 class Strangers:
-    """Who spoke to a link without being its vehicle; each is told of once."""
+    """Senders on a link that are not its vehicle; each is logged once."""
 
     def __init__(self, endpoint: Endpoint, say: Say) -> None:
         self._url = endpoint.url
@@ -44,7 +44,7 @@ class Strangers:
         self._known: set[Any] = set()
 
     def tell(self, address: Any, what: str) -> None:
-        """Say what somebody did, the first time."""
+        """Log what a stranger did, the first time."""
         if address in self._known or len(self._known) >= MOST_STRANGERS:
             return
         self._known.add(address)
@@ -76,11 +76,8 @@ async def bound_socket(host: str, port: int, family: int = 0) -> socket.socket:
 
 
 class UdpSocket:
-    """A UDP socket that is read until it is empty.
-
-    asyncio takes one datagram a turn of its loop: after a long turn, or several, telemetry of
-    seconds ago would be read as if it were of now.
-    """
+    """A UDP socket that is read until it is empty: asyncio takes one datagram a turn, so that after
+    long turns telemetry of seconds ago would be read as of now."""
 
     def __init__(self, made: socket.socket) -> None:
         self._socket = made
@@ -129,7 +126,7 @@ class UdpLink:
 
     @property
     def peer_host(self) -> str | None:
-        """The address of the host at the other end; None for nobody yet."""
+        """The address of the host at the other end; None without one."""
         return None if self._peer is None else self._peer[0]
 
     @property
@@ -175,14 +172,14 @@ class TcpLink:
 
     @property
     def peer_host(self) -> str | None:
-        """The address of the host at the other end; None for nobody yet."""
+        """The address of the host at the other end; None without one."""
         if self._transport is None:
             return None
         return str(self._transport.get_extra_info("peername")[0])
 
     @property
     def way(self) -> Hashable:
-        """Itself: nobody else leads there."""
+        """Itself: no other link leads there."""
         return id(self)
 
     def made(self, transport: asyncio.Transport) -> bool:
@@ -206,7 +203,7 @@ class TcpLink:
             self.gone.set()
 
     def send(self, data: bytes) -> None:
-        """Send, or drop where nobody is connected."""
+        """Send, or drop where none is connected."""
         transport = self._transport
         if transport is None or transport.is_closing():
             return
@@ -220,7 +217,7 @@ class TcpLink:
 
 
 def _keep_alive(connection: socket.socket) -> None:
-    """Have the system find out within some 15 s that the other end is gone without a word."""
+    """Have the system notice within some 15 s that the other end is gone without a word."""
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for name, value in (("TCP_KEEPIDLE", _KEEPALIVE_S), ("TCP_KEEPINTVL", 3), ("TCP_KEEPCNT", 3)):
         if (option := getattr(socket, name, None)) is not None:  # macOS lacks one of them
@@ -253,7 +250,7 @@ class _TcpConnection(asyncio.Protocol):
 
 
 Transport = UdpLink | TcpLink | SerialPort
-"""One open link; what it cannot send, as nobody listens, is dropped."""
+"""One open link; what it cannot send is dropped."""
 _Opened = tuple[Transport, Callable[[], None]]
 
 
@@ -261,11 +258,8 @@ _Opened = tuple[Transport, Callable[[], None]]
 async def open_transport(
     endpoint: Endpoint, on_bytes: OnBytes, say: Say = lambda text: None
 ) -> AsyncIterator[Transport]:
-    """Open the transport that an endpoint names, and close it at the end.
-
-    `say` is told when somebody else than the vehicle speaks to it. Raises `LinkError` where it
-    cannot be opened.
-    """
+    """Open the transport that an endpoint names, and close it at the end; `say` logs who else
+    speaks to it. Raises `LinkError` where it cannot be opened."""
     opener = {
         "udpin": _open_udp,
         "udpout": _open_udp,

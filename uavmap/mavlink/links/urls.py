@@ -44,7 +44,7 @@ class Endpoint:
     host: str
     port: int
     system: int | None = None
-    """The system id of the vehicle that is meant; None: the first that speaks."""
+    """The system id of the vehicle; None: the first that is heard."""
 
     @property
     def url(self) -> str:
@@ -55,7 +55,7 @@ class Endpoint:
 
     @property
     def port_of_all(self) -> Endpoint:
-        """The same for whoever is there: what several vehicles may share."""
+        """The same for any system: what several vehicles may share."""
         return replace(self, system=None)
 
 

@@ -32,10 +32,10 @@ from mavsdk.system import System
 from uavmap.mavlink.mavsdk.driver_pipe import FRAMES, Pieces, frames, words
 
 AT_ONCE: Final = 8
-"""So many commands may wait for their answers."""
+"""Number of commands that may wait for their answers."""
 _READ_BYTES: Final = 1 << 16
 ORPHAN_S: Final = 1.0
-"""So often it is looked whether the service still lives."""
+"""Interval to check that the service still lives, s."""
 
 
 class _Out:
@@ -72,7 +72,7 @@ class _Child:
         out.write(words({"ready": self._mavsdk.version()}))
 
     def _found(self, vehicle: System | None) -> None:
-        """On a thread of MAVSDK, in which nothing may be asked of it."""
+        """Called on a thread of MAVSDK, in which nothing may be asked of it."""
         if vehicle is not None:
             self._workers.submit(self._met, vehicle)
 

@@ -16,7 +16,7 @@ WORDS: Final = b"W"
 """A JSON object."""
 _HEAD: Final = struct.Struct("<cI")
 MOST_BYTES: Final = 1 << 20
-"""A longer piece is none: whoever writes it is broken."""
+"""Maximum length of a piece: a longer one is an error of its writer."""
 
 
 def frames(data: bytes) -> bytes:

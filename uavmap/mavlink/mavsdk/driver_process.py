@@ -20,13 +20,13 @@ from uavmap.mavlink.mavsdk.driver_pipe import FRAMES, Pieces, frames, words
 START_S: Final = 20.0
 """Real seconds in which the library must be loaded."""
 AGAIN_S: Final = 1.0
-"""It is started again so long after it has ended, real seconds."""
+"""Wait before it is started again, real seconds."""
 ANSWER_S: Final = 20.0
-"""A process that has not answered after so many real seconds hangs: the library gives up at 2."""
+"""Maximum wait for an answer, real seconds; then it hangs: the library gives up at 2."""
 SILENT_S: Final = 5.0
-"""One that hears its vehicle for so many real seconds and passes nothing on hangs, too."""
+"""Maximum silence while its vehicle is heard, real seconds; then it hangs, too."""
 MOST_UNREAD: Final = 1 << 20
-"""So many bytes may wait for it to read them."""
+"""Number of bytes that may wait to be read."""
 _READ_BYTES: Final = 1 << 16
 _END_S: Final = 2.0
 
@@ -34,11 +34,8 @@ Words = dict[str, Any]
 
 
 class MavsdkProcess:
-    """The process of one vehicle.
-
-    `take_frames` gets what MAVSDK wants to be sent, `take_message` each message that it has read,
-    `say` a line for the operator. `speedup` is that of the loop's clock: the library's is real.
-    """
+    """The process of one vehicle. `take_frames` gets what MAVSDK sends, `take_message` what it has
+    read; the library's clock is real, the loop's runs `speedup` times as fast."""
 
     def __init__(
         self,
@@ -62,7 +59,7 @@ class MavsdkProcess:
         self._answers: dict[int, asyncio.Future[Words]] = {}
         self._ready: asyncio.Future[None] | None = None
         self._fed_s: float | None = None
-        """Since when it hears its vehicle and has passed nothing on."""
+        """Since when its vehicle is heard and it has passed nothing on."""
         self._knows = False
         """Whether MAVSDK has found the vehicle."""
         self.version = ""
@@ -101,7 +98,7 @@ class MavsdkProcess:
                 await living
 
     async def _live(self) -> None:
-        """Start it as often as it ends; but if it never was ready, that is how it stays."""
+        """Start it whenever it ends; but not if it never was ready."""
         while True:
             why = await self._run_once()
             if self._ready is not None and not self._ready.done():
@@ -116,7 +113,7 @@ class MavsdkProcess:
             await asyncio.sleep(AGAIN_S * self._speedup)
 
     async def _run_once(self) -> str:
-        """From its start to its end; why it has ended."""
+        """Run it from its start to its end; return why it has ended."""
         try:
             process = await asyncio.create_subprocess_exec(
                 *self._command,
@@ -144,7 +141,6 @@ class MavsdkProcess:
             await self._end(process)
 
     async def _read(self, process: asyncio.subprocess.Process) -> str:
-        """Take what it writes until it ends, or is seen to be broken."""
         pieces, loop = Pieces(), asyncio.get_running_loop()
         assert process.stdout is not None
         while True:
@@ -196,13 +192,13 @@ class MavsdkProcess:
             self._ready.set_result(None)
 
     def feed(self, data: bytes, *, ours: bool) -> None:
-        """Bytes from the link; `ours`: our vehicle speaks in them."""
+        """Pass on bytes from the link; `ours`: our vehicle sent some of them."""
         if ours and self._knows and self._fed_s is None:
             self._fed_s = asyncio.get_running_loop().time()
         self._write(frames(data))
 
     def tell(self, answered: Callable[[str], None], **what: Any) -> None:
-        """Have something done; `answered` hears MAVSDK's word for how that went."""
+        """Have something done; `answered` gets MAVSDK's result."""
 
         def heard(answer: asyncio.Future[Words]) -> None:
             if not answer.cancelled():
@@ -211,7 +207,7 @@ class MavsdkProcess:
         self._begin(what).add_done_callback(heard)
 
     async def ask(self, **what: Any) -> Words:
-        """Have something done, and wait for MAVSDK's word. Raises `LinkError` if it ends first."""
+        """Have something done, and return MAVSDK's answer. Raises `LinkError` if it ends first."""
         answer = self._begin(what)
         try:
             async with asyncio.timeout(ANSWER_S * self._speedup):
@@ -232,7 +228,7 @@ class MavsdkProcess:
         return answer
 
     def _write(self, piece: bytes) -> bool:
-        """Whether there is somebody to write to; one that does not read any more is ended."""
+        """Write, and return whether it runs; end one that does not read any more."""
         process = self._process
         if process is None or process.stdin is None or process.stdin.is_closing():
             return False
@@ -245,7 +241,7 @@ class MavsdkProcess:
 
 
 async def _last_line(errors: asyncio.StreamReader) -> str:
-    """The last that it complained of: of a traceback, what is wrong."""
+    """The last line that is no traceback's: what is wrong."""
     last = b""
     while data := await errors.read(_READ_BYTES):
         last = (last + data)[-_READ_BYTES:]

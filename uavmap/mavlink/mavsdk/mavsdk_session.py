@@ -188,14 +188,12 @@ class Outbox:
 
 COMPONENT: Final = int(mav.MAV_COMP_ID_ONBOARD_COMPUTER)
 _NOT_SENT: Final = ("", "NO_SYSTEM")
-"""What MAVSDK says of a message while it knows no vehicle: the link's silence tells the rest."""
+"""MAVSDK's results while it knows no vehicle: the link's silence shows the rest."""
 
 
 class MavsdkSession(Session):
-    """One vehicle at the other end of a link, spoken to by MAVSDK.
-
-    `process` is given by `opened_session`. Errors are those of a session.
-    """
+    """One vehicle at the other end of a link, by MAVSDK (`opened_session`). Errors are those of a
+    session."""
 
     def __init__(
         self,
@@ -216,10 +214,8 @@ class MavsdkSession(Session):
 
     # --- frames ---------------------------------------------------------------------------
     def _take(self, message: Message, now_s: float) -> bool:
-        """Hand a frame of the link to MAVSDK; whether our vehicle speaks in it.
-
-        Nothing in it is believed here: the view hears what MAVSDK makes of it.
-        """
+        """Hand a frame of the link to MAVSDK, from which the view hears it; return whether our
+        vehicle sent it."""
         ours = self._is_ours(message)
         self.process.feed(bytes(message.get_msgbuf()), ours=ours)
         return ours
@@ -231,7 +227,6 @@ class MavsdkSession(Session):
         return wanted and message.get_type() == "HEARTBEAT" and is_autopilot(message)
 
     def _hear(self, told: Words) -> None:
-        """A message that MAVSDK has read."""
         message = message_of(told["name"], told["system"], told["component"], told["fields"])
         if message is not None:
             super()._take(message, asyncio.get_running_loop().time())
@@ -259,9 +254,8 @@ class MavsdkSession(Session):
     async def asked(
         self, command: int, what: str, permit: Permit | None = None, **more: Any
     ) -> Words:
-        """Have MAVSDK do something that takes a command, which may go over the link meanwhile,
-        each copy by the permit.
-        """
+        """Have MAVSDK do something; meanwhile the command for it may go over the link, each copy by
+        the permit."""
         if permit is not None:
             await permit.granted()
         with self.outbox.asked(command, permit):
@@ -276,7 +270,7 @@ class MavsdkSession(Session):
         taken: Collection[int] = (mav.MAV_RESULT_ACCEPTED,),
         permit: Permit | None = None,
     ) -> None:
-        """MAVSDK repeats a command and waits; here its answer is read."""
+        """Read the answer: MAVSDK repeats a command and waits."""
         name = mav.enums["MAV_CMD"][command].name
         async with self._commanding[asked]:
             result: int | None = None
