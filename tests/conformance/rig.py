@@ -17,8 +17,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.mission.schema import Mission
 from tests.support.flights import Flight, running, small_mission, under_way
 from uavmap.base.clock import ScaledClock, VirtualClock, run
-from uavmap.mavlink.commands import MavlinkCommands
-from uavmap.mavlink.mavsdk.mavsdk_commands import MavsdkCommands
 from uavmap.mavlink.mavsdk.mavsdk_session import MavsdkSession
 from uavmap.mavlink.session import GROUND_SYSTEM_ID, Session
 from uavmap.runner.simulation import STEP_S
@@ -85,9 +83,8 @@ def _fly_mavsdk(body: Body, autopilot: str, speedup: float) -> Flight:
         told: list[str] = []
         slack_s = SLOW_MACHINE_S * speedup
 
-        def driver(send: Callable[[bytes], None]) -> tuple[Session, MavlinkCommands]:
-            session = MavsdkSession(send, lambda frame: None, say=told.append, speedup=speedup)
-            return session, MavsdkCommands(session)
+        def driver(send: Callable[[bytes], None]) -> Session:
+            return MavsdkSession(send, lambda frame: None, say=told.append, speedup=speedup)
 
         flight = Flight(
             over(autopilot), driver=driver, link_lost_s=slack_s, battery_stale_s=slack_s,

@@ -252,7 +252,9 @@ async def test_a_link_is_signed_in_both_directions(flight: Flight, autopilot: st
 async def test_no_number_that_does_not_fit_is_sent(flight: Flight, autopilot: str) -> None:
     for bad_m in (math.nan, math.inf, 1e300):
         with pytest.raises(LinkError, match=r"cannot be sent|no place"):
-            await flight.commands.fly_to(LatLon(47.0, 8.0), bad_m)
+            await flight.session.command_at(
+                mav.MAV_CMD_DO_REPOSITION, 3, (-1.0, 0.0, 0.0, math.nan), LatLon(47.0, 8.0), bad_m
+            )
     with pytest.raises(LinkError, match="cannot be sent"):
         flight.session.send(mav.MAVLink_command_ack_message(-1, 0))
     assert mav.MAV_CMD_DO_REPOSITION not in commands(flight)

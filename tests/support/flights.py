@@ -23,7 +23,6 @@ from uavmap.aircraft.imaging.classifier import Classifier, PictureJudge, Taken
 from uavmap.aircraft.imaging.imaging import CameraDriver
 from uavmap.aircraft.vehicle import MavlinkVehicle
 from uavmap.base.clock import VirtualClock, run
-from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.session import GROUND_SYSTEM_ID, Session
 from uavmap.runner.flight_links import mount_of
 from uavmap.runner.simulation import STEP_S, make_vehicles
@@ -61,9 +60,8 @@ def small_mission(
     return made.model_copy(update={"sim": sim, "camera": camera})
 
 
-def by_pymavlink(send: Callable[[bytes], None]) -> tuple[Session, MavlinkCommands]:
-    session = Session(send, lambda frame: None)
-    return session, MavlinkCommands(session)
+def by_pymavlink(send: Callable[[bytes], None]) -> Session:
+    return Session(send, lambda frame: None)
 
 
 class Flight:
@@ -77,7 +75,7 @@ class Flight:
         made: Mission,
         seed: int = 1,
         *,
-        driver: Callable[[Callable[[bytes], None]], tuple[Session, MavlinkCommands]] | None = None,
+        driver: Callable[[Callable[[bytes], None]], Session] = by_pymavlink,
         **patience: Any,
     ) -> None:
         self.setting = setting_of(made)
@@ -92,7 +90,7 @@ class Flight:
         self.change: Callable[[bytes], bytes] = lambda picture: picture
         self._ours, self._theirs = mav.MAVLink(None), mav.MAVLink(None)
         self._pilot = mav.MAVLink(None, srcSystem=PILOT_SYSTEM_ID, srcComponent=190)
-        self.session, self.commands = (driver or by_pymavlink)(self._send)
+        self.session = driver(self._send)
         grid = self.setting.grid
         self._judge = PictureJudge({1: Classifier.of(made, grid)})
         source = MavlinkSource(self.session, self._fetch)
@@ -101,7 +99,6 @@ class Flight:
             1,
             "sim",
             self.session,
-            self.commands,
             CameraDriver(1, source, poses, made, self.judge, self.now_s),
             self.setting,
             self.now_s,

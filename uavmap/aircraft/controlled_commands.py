@@ -1,26 +1,37 @@
-"""The commands of one vehicle, sent only while it is ours.
+"""The commands of one vehicle, sent only while it is under our control.
 
-    manoeuvres, guardian -> control is asked -> the driver's commands -> MAVLink
+    manoeuvres, guardian -> control is asked -> session -> MAVLink
 
 Each command ends as soon as a pilot or a failsafe has the vehicle, its repetitions included. Each
-copy of a command for a mode is sent only on a mode that was reported just now. The guardian has
-commands of its own: while it acts, those of the mission are refused.
+copy of a command for a mode is sent only on a mode that was reported just now; no other command
+changes the mode. The guardian has commands of its own: while it acts, those of the mission are
+refused.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Awaitable, Callable
+import math
+from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Final
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from missions.units import LatLon
 from uavmap.aircraft.control import HEARTBEAT_WAIT_S, Holder
 from uavmap.aircraft.guardian.monitor import Monitor
-from uavmap.mavlink.commands import MavlinkCommands
-from uavmap.mavlink.session import Message, Permit, Session
+from uavmap.mavlink.session import Session, position_target
+
+_STAMP_WRAPS_S: Final = 250.0
+"""Before a time of transmission loses its milliseconds in a float, it begins anew."""
+_LEAPS_WITHIN_S: Final = 1.0
+"""Time after a place was taken in which the reported position leaps to it, s."""
+_PLACE_ALONE: Final = 0b1101_1111_1000
+"""The type mask of a target without velocity, acceleration, yaw and turn rate."""
 
 
 class NotOursError(CommandRefusedError):
@@ -32,18 +43,14 @@ def _never() -> bool:
 
 
 class ControlledCommands:
-    """The verbs of `MavlinkCommands`, and messages. Each raises `NotOursError` besides."""
+    """Commands, each repeated until it is acknowledged, or `done`: the vehicle is seen to do it.
 
-    def __init__(
-        self,
-        session: Session,
-        commands: MavlinkCommands,
-        monitor: Monitor,
-        *,
-        guardian: bool = False,
-    ) -> None:
+    Each raises `NotOursError`, `CommandRefusedError` where the vehicle refuses, and `LinkError`
+    where it does not answer.
+    """
+
+    def __init__(self, session: Session, monitor: Monitor, *, guardian: bool = False) -> None:
         self._session = session
-        self._commands = commands
         self._monitor = monitor
         self._view = session.view
         self._guardian = guardian
@@ -54,98 +61,128 @@ class ControlledCommands:
         holder = self._monitor.control.holder
         return holder is Holder.OURS or (self._guardian and holder is Holder.GUARDIAN)
 
-    def send(self, message: Message) -> bool:
-        """Send a message; False if the vehicle is not under our control."""
-        if self.may_send:
-            self._session.send(message)
-        return self.may_send
-
     # --- modes -------------------------------------------------------------------------------
     async def follow(self) -> None:
         """Into the mode in which the vehicle flies to targets."""
-        await self._into(self._view.kind.follows, self._commands.follow)
+        kind = self._view.kind
+        await self._into(kind.follows, mav.MAV_CMD_DO_SET_MODE, *kind.follow_params)
 
     async def follow_stream(self) -> None:
         """Into the mode in which it follows a stream of setpoints."""
-        await self._into(self._view.kind.stream_mode, self._commands.follow_stream)
+        kind = self._view.kind
+        await self._into(kind.stream_mode, mav.MAV_CMD_DO_SET_MODE, *kind.stream_params)
 
     async def land(self, done: Callable[[], bool] = _never) -> None:
         """Land where it is."""
-        await self._into(self._view.kind.land, lambda permit: self._commands.land(done, permit))
+        await self._into(self._view.kind.land, mav.MAV_CMD_NAV_LAND, done=done)
 
     async def return_to_launch(self) -> None:
         """Return by its autopilot."""
-        await self._into(self._view.kind.rtl, self._commands.return_to_launch)
+        await self._into(self._view.kind.rtl, mav.MAV_CMD_NAV_RETURN_TO_LAUNCH)
 
     async def take_off(self, height_m: float, done: Callable[[], bool]) -> None:
-        """Take off; from the first copy on it counts as in the air."""
+        """Take off to a height (m) above home; from the first copy on it counts as in the air."""
+        kind = self._view.kind
+        _, wire_m = kind.altitude_on_wire(height_m, self._view.home_amsl_m)
+        unused = kind.unused_param
 
         def copy() -> None:
-            self._monitor.asks(self._view.kind.takes_off_in)
+            self._monitor.asks(kind.takes_off_in)
             self._monitor.takes_off()
 
-        await self._into(copy, lambda permit: self._commands.take_off(height_m, done, permit))
+        params = (0, 0, 0, unused, unused, unused, wire_m)
+        await self._into(copy, mav.MAV_CMD_NAV_TAKEOFF, *params, done=done)
 
     # --- what changes no mode ----------------------------------------------------------------
+    async def command(
+        self, command: int, *params: float, done: Callable[[], bool] = _never
+    ) -> None:
+        """Send a command that changes no mode."""
+        async with self._while_ours():
+            await self._session.command(command, *params, done=done)
+
     async def arm(self) -> None:
         """Motors on."""
-        async with self._while_ours():
-            await self._commands.arm()
-
-    async def command(self, command: int, *params: float) -> None:
-        """A command that changes no mode."""
-        async with self._while_ours():
-            await self._session.command(command, *params)
-
-    async def fly_to(self, place: LatLon, height_m: float) -> None:
-        """Fly to a place at a height (m) above home or above the ground."""
-        async with self._while_ours():
-            await self._commands.fly_to(place, height_m)
-
-    def point_to(self, place: LatLon, height_m: float) -> None:
-        """The same by a message that is not acknowledged."""
-        self._check()
-        self._commands.point_to(place, height_m)
+        await self.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1, done=lambda: self._view.armed)
 
     async def speed(self, speed_m_s: float) -> None:
-        """The speed over ground to targets (m/s)."""
-        async with self._while_ours():
-            await self._commands.speed(speed_m_s)
+        """The speed over ground to targets (m/s), until the mode changes."""
+        await self.command(mav.MAV_CMD_DO_CHANGE_SPEED, 1, speed_m_s, -1)
 
     async def descent_speed(self, speed_m_s: float) -> None:
-        """The speed down to targets (m/s)."""
+        """The speed down to targets (m/s), until the mode changes."""
+        await self.command(mav.MAV_CMD_DO_CHANGE_SPEED, 3, speed_m_s, -1)
+
+    async def fly_to(self, place: LatLon, height_m: float) -> None:
+        """MAV_CMD_DO_REPOSITION, without the flag that changes the mode, refused in any but that of
+        `follow`. `height_m` is above home, or above the ground there if the view has one."""
+        kind = self._view.kind
+        above_home_m = height_m + self._view.ground_m(place)
+        frame, wire_m = kind.altitude_on_wire(above_home_m, self._view.home_amsl_m)
         async with self._while_ours():
-            await self._commands.descent_speed(speed_m_s)
+            await self._session.command_at(
+                mav.MAV_CMD_DO_REPOSITION,
+                frame,
+                (-1.0, 0.0, 0.0, math.nan),
+                self._view.as_told(place),
+                wire_m,
+                kind.target_taken,
+            )
+
+    def point_to(self, place: LatLon, height_m: float) -> None:
+        """SET_POSITION_TARGET_GLOBAL_INT of a place, for a vehicle that refuses `fly_to`: not
+        acknowledged, and ignored in any mode but that of streams."""
+        if not self.may_send:
+            raise self._not_ours()
+        frame, up_m = mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, height_m + self._view.ground_m(place)
+        target = position_target(self._view, frame, _PLACE_ALONE, self._view.as_told(place), up_m)
+        self._session.send(target)
+
+    async def you_are_at(self, place: LatLon, sigma_m: float) -> None:
+        """MAV_CMD_EXTERNAL_POSITION_ESTIMATE, good to `sigma_m`: taken by either autopilot while it
+        has no satellites, but not by a PX4 with optical flow. It moves nothing: nothing is asked.
+        """
+        boot_s = self._view.since_boot_s or 0.0
+        self._view.aided_until_s = math.inf
+        stamp = (boot_s % _STAMP_WRAPS_S, 0.0, sigma_m, 0.0)
+        try:
+            await self._session.command_at(
+                mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE, mav.MAV_FRAME_GLOBAL, stamp, place, math.nan
+            )
+        finally:
+            self._view.aided_until_s = asyncio.get_running_loop().time() + _LEAPS_WITHIN_S
 
     # --- control -----------------------------------------------------------------------------
-    def _check(self) -> None:
-        if not self.may_send:
-            raise NotOursError(self._whose())
-
-    def _whose(self) -> str:
-        return f"the vehicle is {self._monitor.control.holder.value} now"
+    def _not_ours(self) -> NotOursError:
+        return NotOursError(f"the vehicle is {self._monitor.control.holder.value} now")
 
     @contextlib.asynccontextmanager
     async def _while_ours(self) -> AsyncIterator[None]:
-        self._check()
+        if not self.may_send:
+            raise self._not_ours()
         try:
             async with asyncio.timeout(None) as scope:
                 with self._monitor.ends_with_control(scope):
                     yield
         except TimeoutError:
             if scope.expired():
-                raise NotOursError(self._whose()) from None
+                raise self._not_ours() from None
             raise
 
     async def _into(
-        self, mode: int | Callable[[], None], ask: Callable[[Permit], Awaitable[None]]
+        self,
+        mode: int | Callable[[], None],
+        command: int,
+        *params: float,
+        done: Callable[[], bool] = _never,
     ) -> None:
         """Command a mode, which `mode` notes before each copy. Raises `LinkError` where the present
         mode is not reported."""
         copy = mode if callable(mode) else partial(self._monitor.asks, mode)
+        permit = _KnownMode(self, self._session, self._monitor, copy)
         async with self._while_ours():
             try:
-                await ask(_KnownMode(self, self._session, self._monitor, copy))
+                await self._session.command(command, *params, done=done, permit=permit)
             except CommandRefusedError:
                 self._monitor.refused()
                 raise

@@ -24,12 +24,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import LinkError
 from missions.geo.braking import Course
 from missions.orders import FlyPath
-from missions.units import GridPoint
+from missions.units import GridPoint, LatLon
 from uavmap.aircraft.controlled_commands import ControlledCommands, NotOursError
 from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.reporter import Reporter
 from uavmap.mavlink.parameters import Parameter, Parameters
-from uavmap.mavlink.session import Message, Session
+from uavmap.mavlink.session import Message, Session, position_target
 
 INTERVAL_S: Final = 0.1
 """4 Hz were enough for a real one: some may get lost."""
@@ -233,22 +233,14 @@ class PathStream:
         # the grid's axes are turned against true north
         cos, sin = math.cos(grid.convergence_rad), math.sin(grid.convergence_rad)
         mask = _NO_ACCELERATION | _NO_YAW_RATE | (_NO_YAW if order.yaw_deg is None else 0)
-        return mav.MAVLink_set_position_target_global_int_message(
-            0,
-            view.system_id,
-            view.autopilot_component,
-            _AS_INT.get(frame, frame),
-            mask,
-            round(position.lat_deg * 1e7),
-            round(position.lon_deg * 1e7),
-            wire_m,
+        velocity_ned_m_s = (
             point.v_north_m_s * cos - point.v_east_m_s * sin,
             point.v_east_m_s * cos + point.v_north_m_s * sin,
             -rises_m_s if rises_m_s else 0.0,
-            *(0.0, 0.0, 0.0),
-            math.remainder(math.radians(order.yaw_deg or 0.0), math.tau),
-            0.0,
         )
+        yaw_rad = math.remainder(math.radians(order.yaw_deg or 0.0), math.tau)
+        frame = _AS_INT.get(frame, frame)
+        return position_target(view, frame, mask, position, wire_m, velocity_ned_m_s, yaw_rad)
 
     # --- modes ------------------------------------------------------------------------------
     async def _into(self, mode: int, ask: Callable[[], Awaitable[None]]) -> None:
@@ -294,15 +286,9 @@ class PathStream:
     async def _brake(self) -> None:
         view, loop = self._view, asyncio.get_running_loop()
         until_s = loop.time() + BRAKE_S
-        stop = mav.MAVLink_set_position_target_global_int_message(
-            0,
-            view.system_id,
-            view.autopilot_component,
-            mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
-            _NO_PLACE | _NO_ACCELERATION | _NO_YAW | _NO_YAW_RATE,
-            *(0, 0, 0.0),
-            *([0.0] * 8),
-        )
+        mask = _NO_PLACE | _NO_ACCELERATION | _NO_YAW | _NO_YAW_RATE
+        frame, nowhere = mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, LatLon(0.0, 0.0)
+        stop = position_target(view, frame, mask, nowhere, 0.0)
         while (
             self._commands.may_send
             and view.mode == view.kind.follows

@@ -37,7 +37,6 @@ from uavmap.aircraft.pad import READY_S, Crew, Waiting
 from uavmap.aircraft.reporter import BATTERY_STALE_S, Report, Reporter
 from uavmap.aircraft.telemetry_streams import Streams
 from uavmap.base.clock import ClockRate
-from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.identity import answered
 from uavmap.mavlink.session import Session
 from uavmap.mavlink.vehicle_view import GroundBelow, VehicleView
@@ -63,7 +62,6 @@ class MavlinkVehicle:
         number: int,
         name: str,
         session: Session,
-        commands: MavlinkCommands,
         camera: CameraDriver,
         setting: Setting,
         mission_time_s: Callable[[], float],
@@ -80,7 +78,6 @@ class MavlinkVehicle:
         self.number = number
         self.name = name
         self._session = session
-        self._commands = commands
         self._view = session.view
         if setting.ground is not None:
             session.view.ground = GroundBelow(setting.ground, setting.grid)
@@ -103,12 +100,12 @@ class MavlinkVehicle:
         self._monitor = Monitor(self._reporter, session.view)
         self._monitor.why = Spoken(self._reporter, session.view, tell).why
         limits = Limits(setting.fence, setting.energy, slack_s, setting.relief_m)
-        self.guardian = Guardian(session, commands, self._reporter, self._monitor, limits, tell)
+        self.guardian = Guardian(session, self._reporter, self._monitor, limits, tell)
         self.guardian.stand_aside = self._stand_aside
         self.guardian.order_failed = self._order_failed
+        self._commands = ControlledCommands(session, self._monitor)
         self._manoeuvres = Manoeuvres(
-            session, ControlledCommands(session, commands, self._monitor), camera,
-            self._reporter, self._monitor, setting.mission, crew,
+            session, self._commands, camera, self._reporter, self._monitor, setting.mission, crew,
             by_places=by_places, tell=tell,
         )  # fmt: skip
         self._navigation = Navigation(self._reporter, session.view, setting.mission, tell)

@@ -16,6 +16,7 @@ from typing import Any, Final, Protocol
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
+from missions.units import LatLon
 from uavmap.mavlink.links.framing import Losses
 from uavmap.mavlink.links.signing import Signing
 from uavmap.mavlink.status_texts import event_text
@@ -61,6 +62,22 @@ def result_name(result: int) -> str:
     ('denied', '200')
     """
     return _RESULT_NAMES.get(result, str(result))
+
+
+def position_target(
+    view: VehicleView,
+    frame: int,
+    type_mask: int,
+    place: LatLon,
+    z: float,
+    velocity_ned_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    yaw_rad: float = 0.0,
+) -> Message:
+    """SET_POSITION_TARGET_GLOBAL_INT; `type_mask` names what of it does not count."""
+    return mav.MAVLink_set_position_target_global_int_message(
+        0, view.system_id, view.autopilot_component, frame, type_mask, round(place.lat_deg * 1e7),
+        round(place.lon_deg * 1e7), z, *velocity_ned_m_s, 0.0, 0.0, 0.0, yaw_rad, 0.0,
+    )  # fmt: skip
 
 
 class Session:
@@ -272,21 +289,22 @@ class Session:
         command: int,
         frame: int,
         params: tuple[float, float, float, float],
-        lat_deg: float,
-        lon_deg: float,
+        place: LatLon,
         z: float,
         taken: Collection[int] = (mav.MAV_RESULT_ACCEPTED,),
     ) -> None:
         """COMMAND_INT for a place; `taken` are results that mean yes. Errors as for `command`."""
         unused = command == mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE and math.isnan(z)
-        if not (math.isfinite(lat_deg) and math.isfinite(lon_deg) and (math.isfinite(z) or unused)):
-            raise LinkError(f"no place to send a vehicle to: {lat_deg}, {lon_deg}, {z} m")
-        place = (round(lat_deg * 1e7), round(lon_deg * 1e7), z)
+        if not (all(map(math.isfinite, place)) and (math.isfinite(z) or unused)):
+            raise LinkError(
+                f"no place to send a vehicle to: {place.lat_deg}, {place.lon_deg}, {z} m"
+            )
+        at = (round(place.lat_deg * 1e7), round(place.lon_deg * 1e7), z)
         asked = self._autopilot
 
         def message(_confirmation: int) -> Message:
             return mav.MAVLink_command_int_message(
-                self.view.system_id, asked, frame, command, 0, 0, *params, *place
+                self.view.system_id, asked, frame, command, 0, 0, *params, *at
             )
 
         await self._until_acknowledged(command, asked, message, taken=taken)

@@ -20,12 +20,10 @@ from uavmap.aircraft.cameras.spec import CameraSpec, parse_camera
 from uavmap.aircraft.imaging.http_pictures import PictureFetcher
 from uavmap.base import messages
 from uavmap.journal.flight_plan import MAVSDK, FlightOptions
-from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.links.forwarding import Forwarding
 from uavmap.mavlink.links.signing import signing_with
 from uavmap.mavlink.links.transports import Transport, open_shared, open_transport
 from uavmap.mavlink.links.urls import Endpoint, parse_url
-from uavmap.mavlink.mavsdk.mavsdk_commands import MavsdkCommands
 from uavmap.mavlink.mavsdk.mavsdk_session import opened_session
 from uavmap.mavlink.session import ACK_WAIT_S, Session
 
@@ -41,12 +39,11 @@ class Link:
     """What the operator calls it: its URL."""
     session: Session
     camera: FrameSource
-    commands: MavlinkCommands
 
 
 def mavlink_link(name: str, session: Session, fetch: Fetch) -> Link:
-    """Return a link whose commands and camera are MAVLink messages of its session."""
-    return Link(name, session, MavlinkSource(session, fetch), MavlinkCommands(session))
+    """Return a link whose camera is commanded by MAVLink messages of its session."""
+    return Link(name, session, MavlinkSource(session, fetch))
 
 
 class _Line:
@@ -56,7 +53,6 @@ class _Line:
         self.endpoint = endpoint
         self._opened: list[Transport] = []
         self.session = Session(self.send, record, wait_s)
-        self.commands = MavlinkCommands(self.session)
 
     def send(self, frame: bytes) -> None:
         """Send a frame, or nothing before it is open."""
@@ -106,10 +102,9 @@ async def opened_links(
         for url, line in zip(urls, lines, strict=True):
             if options.driver == MAVSDK:
                 speaks = partial(log_with, log, url)
-                session = await stack.enter_async_context(
+                line.session = await stack.enter_async_context(
                     opened_session(line.send, record, wait_s, speaks, speedup)
                 )
-                line.session, line.commands = session, MavsdkCommands(session)
             line.session.view.wanted_system = line.endpoint.system
             line.session.signing = signing
             line.session.onboard = options.onboard
@@ -127,7 +122,7 @@ async def opened_links(
             camera = await stack.enter_async_context(
                 opened_camera(spec, line.session, fetch, settings, log)
             )
-            links.append(Link(url, line.session, camera, line.commands))
+            links.append(Link(url, line.session, camera))
         yield links
         _log_refused(lines, log)
 

@@ -88,7 +88,6 @@ def vehicles_of(
             number,
             link.name,
             link.session,
-            link.commands,
             CameraDriver(number, link.camera, poses, setting.mission, host.judge, mission_time_s),
             setting,
             mission_time_s,

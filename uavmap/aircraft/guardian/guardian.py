@@ -34,7 +34,6 @@ from uavmap.aircraft.guardian.monitor import Monitor
 from uavmap.aircraft.guardian.recovery import BRISK_M_S, LOOK_S, STOP_MOTORS_S, RecoveryFlight
 from uavmap.aircraft.legs import leg_over_ground_s
 from uavmap.aircraft.reporter import Reporter
-from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.session import Session
 
 HEARTBEAT_S: Final = 1.0
@@ -61,15 +60,14 @@ class Guardian:
     def __init__(
         self,
         session: Session,
-        commands: MavlinkCommands,
         reporter: Reporter,
         monitor: Monitor,
         limits: Limits,
         tell: Callable[[str], None],
     ) -> None:
         self._session = session
-        self._commands = ControlledCommands(session, commands, monitor, guardian=True)
-        self._flight = RecoveryFlight(session, self._commands, reporter, monitor, limits)
+        commands = ControlledCommands(session, monitor, guardian=True)
+        self._flight = RecoveryFlight(session, commands, reporter, monitor, limits)
         self._view = session.view
         self._reporter = reporter
         self._monitor = monitor

@@ -24,6 +24,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
 from uavmap.base.printable import printable
+from uavmap.mavlink.autopilots import PX4
 from uavmap.mavlink.mavsdk.driver_process import MavsdkProcess, Words
 from uavmap.mavlink.session import (
     ACK_TRIES,
@@ -186,6 +187,16 @@ class Outbox:
         return any(permit is None or permit.grants() for permit in self._asked[kind[1]])
 
 
+MODE_S: Final = 2.5
+"""A mode that was taken shows in a heartbeat within this time."""
+_GROUND_SPEED: Final = 1
+_REFUSED: Final = frozenset(
+    {
+        "COMMAND_DENIED", "COMMAND_DENIED_LANDED_STATE_UNKNOWN", "COMMAND_DENIED_NOT_LANDED",
+        "PARAMETER_ERROR", "UNSUPPORTED", "FAILED", "INVALID_ARGUMENT",
+    }
+)  # fmt: skip
+"""MAVSDK's words for a no of the vehicle; all others mean that nothing was heard."""
 COMPONENT: Final = int(mav.MAV_COMP_ID_ONBOARD_COMPUTER)
 _NOT_SENT: Final = ("", "NO_SYSTEM")
 """MAVSDK's results while it knows no vehicle: the link's silence shows the rest."""
@@ -251,6 +262,46 @@ class MavsdkSession(Session):
         self.process.tell(answered, do="send", name=message.get_type(), fields=fields_of(message))
 
     # --- commands -------------------------------------------------------------------------
+    async def command(
+        self,
+        command: int,
+        *params: float,
+        component: int | None = None,
+        done: Callable[[], bool] = lambda: False,
+        permit: Permit | None = None,
+    ) -> None:
+        """Send a command by the plug-in `action` where that does what is meant, and no more.
+
+        All else goes by `mavlink_direct`, which MAVSDK repeats and waits for just so: decision 17.
+        """
+        kind, more = self.view.kind, {}
+        if command == mav.MAV_CMD_DO_SET_MODE and kind is PX4 and params == kind.follow_params:
+            action = "hold"
+        elif command == mav.MAV_CMD_COMPONENT_ARM_DISARM and params == (1,):
+            # in some modes it would change the mode first
+            await self.until(lambda: self.view.mode == kind.follows, MODE_S)
+            action = "arm"
+        elif command == mav.MAV_CMD_DO_CHANGE_SPEED and params[0] == _GROUND_SPEED:
+            action, more = "set_current_speed", {"speed_m_s": params[1]}
+        elif command == mav.MAV_CMD_NAV_LAND:
+            action = "land"
+        elif command == mav.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            command, action = mav.MAV_CMD_DO_SET_MODE, "return_to_launch"
+        else:
+            await super().command(command, *params, component=component, done=done, permit=permit)
+            return
+        told = await self.asked(command, action, permit, **more)
+        result = told["result"]
+        if result == "SUCCESS" or done():
+            return
+        if result in _REFUSED:
+            await self.hear_why()
+            words = result.lower().replace("_", " ")
+            raise CommandRefusedError(
+                f"{action} was refused: {words}, MAVSDK says" + self.view.recent_texts()
+            )
+        raise LinkError(f"{action} was not acknowledged, MAVSDK says: {result}")
+
     async def asked(
         self, command: int, what: str, permit: Permit | None = None, **more: Any
     ) -> Words:

@@ -32,7 +32,6 @@ from uavmap.aircraft.path_stream import (
 from uavmap.aircraft.reporter import Reporter
 from uavmap.base.clock import VirtualClock, run
 from uavmap.mavlink.autopilots import ARDUPILOT, PX4
-from uavmap.mavlink.commands import MavlinkCommands
 
 # far from the zone's meridian: grid north is 1.3 degrees off true north
 GRID = Grid.at(LatLon(47.4, 10.8), 4.0)
@@ -51,7 +50,7 @@ class Wire:
         self.monitor = Monitor(self.reporter, session.view)
         self.monitor.met = True
         session.listen(self.monitor.on_message)
-        commands = ControlledCommands(session, MavlinkCommands(session), self.monitor)
+        commands = ControlledCommands(session, self.monitor)
         self.stream = PathStream(
             session, commands, self.reporter, self.monitor, by_places=by_places
         )

@@ -11,6 +11,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.errors import CommandRefusedError, LinkError
+from missions.units import LatLon
 from tests.support.mavlink_peer import Message, Peer, ack, heartbeat, text
 from tests.support.running import by, on_virtual_time
 from uavmap.base.clock import VirtualClock, run
@@ -173,7 +174,7 @@ def test_an_autopilot_that_is_not_component_1_is_asked_at_its_own() -> None:
     async def body(peer: Peer) -> None:
         script(peer, [ack(ARM, OK)], [ack(LAND, OK)])
         await peer.session.command(ARM, 1)
-        await peer.session.command_at(LAND, 3, (0, 0, 0, 0), 47.0, 8.0, 0.0)
+        await peer.session.command_at(LAND, 3, (0, 0, 0, 0), LatLon(47.0, 8.0), 0.0)
         peer.session.request(mav.MAVLINK_MSG_ID_HOME_POSITION)
 
     peer = conversation(body, component=42)
@@ -187,7 +188,7 @@ async def test_a_number_that_does_not_fit_is_a_link_error_and_the_session_goes_o
     script(peer, [ack(ARM, OK)])
     for lat in (float("nan"), float("inf"), 1e300, 300.0):
         with pytest.raises(LinkError):
-            await peer.session.command_at(LAND, 3, (0, 0, 0, 0), lat, 8.0, 0.0)
+            await peer.session.command_at(LAND, 3, (0, 0, 0, 0), LatLon(lat, 8.0), 0.0)
     with pytest.raises(LinkError, match="COMMAND_LONG cannot be sent"):
         peer.session.request(2**300)
     await peer.session.command(ARM, 1)
@@ -256,9 +257,8 @@ async def test_a_command_that_is_called_off_is_not_repeated_and_blocks_nobody(
 async def test_a_place_goes_as_command_int(peer: Peer, /) -> None:
     script(peer, [ack(mav.MAV_CMD_DO_REPOSITION, OK)])
     nan = float("nan")
-    await peer.session.command_at(
-        mav.MAV_CMD_DO_REPOSITION, 3, (-1.0, 0.0, 0.0, nan), -33.8567844, 151.2152967, 12.5
-    )
+    place = LatLon(-33.8567844, 151.2152967)
+    await peer.session.command_at(mav.MAV_CMD_DO_REPOSITION, 3, (-1.0, 0.0, 0.0, nan), place, 12.5)
     ((_, message),) = peer.heard
     assert message.get_type() == "COMMAND_INT"
     assert (message.x, message.y, message.z) == (-338567844, 1512152967, 12.5)

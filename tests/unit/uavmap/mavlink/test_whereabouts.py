@@ -25,8 +25,10 @@ from tests.support.running import by, on_virtual_time
 from tests.support.small_missions import CELL_M, START, mission, square
 from uavmap.aircraft.cameras.mavlink import told_pose
 from uavmap.aircraft.cameras.pose import pose_fault
+from uavmap.aircraft.controlled_commands import ControlledCommands
+from uavmap.aircraft.guardian.monitor import Monitor
+from uavmap.aircraft.reporter import Reporter
 from uavmap.base.clock import VirtualClock, run
-from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.continuity import distance_m
 from uavmap.mavlink.position_history import KEPT_S, Fix, Whereabouts
 
@@ -256,7 +258,9 @@ async def test_place_of_vehicle_that_takes_an_estimate_does_not_leap() -> None:
     view.off_deg = (OFF, 0.0)
     flying = asyncio.create_task(fly())
     await asyncio.sleep(2.0)
-    await MavlinkCommands(peer.session).you_are_at(view.position or LatLon(0.0, 0.0), 1.0)
+    here = view.position or LatLon(LAT, LON)
+    reporter = Reporter(1, "sim", view, 60.0, Grid.at(here, 4.0), loop.time, loop.time)
+    await ControlledCommands(peer.session, Monitor(reporter, view)).you_are_at(here, 1.0)
     await flying
     assert max(places) < 0.2
     assert abs(view.off_deg[0] - 0.1 * OFF) < 0.1 * DEG

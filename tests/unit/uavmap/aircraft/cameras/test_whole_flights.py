@@ -27,7 +27,6 @@ from uavmap.aircraft.cameras.triggered import TriggeredSource
 from uavmap.base.messages import shown_on
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, SIM_EPOCH_UTC_S
-from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.session import Session
 from uavmap.runner.flight_links import Link
 from uavmap.runner.one_flight import Flight
@@ -98,7 +97,7 @@ class RiggedFlight(Flight):
         async with asyncio.TaskGroup() as tasks:
             world = tasks.create_task(simulation.run())
             async with self.rig(simulation, session, card, self.said) as source:
-                link = Link("sim", session, source, MavlinkCommands(session))
+                link = Link("sim", session, source)
                 await self._serve(self._here([link]))
             world.cancel()
         return simulation.truth

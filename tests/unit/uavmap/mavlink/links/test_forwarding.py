@@ -25,7 +25,6 @@ from tests.support.said import Said
 from uavmap.aircraft.cameras.spec import parse_camera
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.load.mission_source import load
-from uavmap.mavlink.commands import MavlinkCommands
 from uavmap.mavlink.links.forwarding import Forwarding
 from uavmap.mavlink.links.framing import Splitter, sender_of, target_of
 from uavmap.mavlink.links.serial_port import MOST_UNSENT, SerialPort
@@ -308,7 +307,7 @@ def ours_says(process: int) -> bytes:
 async def test_another_uavmap_on_the_vehicle_is_refused(heard: int | None, refused: bool) -> None:
     peer = Peer()
     peer.session.process_number = 7
-    link = Link("udpin://0.0.0.0:1", peer.session, _no_pictures, MavlinkCommands(peer.session))
+    link = Link("udpin://0.0.0.0:1", peer.session, _no_pictures)
     peer.say(heartbeat())
     await asyncio.sleep(0.1)
     if heard is not None:
