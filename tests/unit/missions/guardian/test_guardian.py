@@ -279,7 +279,7 @@ def test_who_struck_its_pad_has_crashed_whoever_flew(mode: str, armed: bool) -> 
     ("task", "seen", "seconds", "sinks_m_s"),
     [(leg(), replace(IN_AIR, mode="other", position=FAR), 8, -2.0), (LAND, LANDING, 24, -0.5)],
 )
-def test_a_landing_of_a_pilot_or_by_order_is_no_crash(
+def test_landing_of_pilot_or_by_order_is_no_crash(
     task: Task, seen: Seen, seconds: int, sinks_m_s: float
 ) -> None:
     watched = Watched(task, seen)

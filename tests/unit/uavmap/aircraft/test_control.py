@@ -32,7 +32,7 @@ def in_air(kind: Autopilot) -> Control:
     kind=st.sampled_from([ARDUPILOT, PX4]),
     steps=st.lists(st.tuples(st.booleans(), st.integers(0, 30), st.floats(0.1, 2.0)), max_size=12),
 )
-def test_control_mode_nobody_asked_for_is_never_ours(
+def test_control_mode_not_asked_for_is_never_ours(
     kind: Autopilot, steps: list[tuple[bool, int, float]]
 ) -> None:
     """Requests and reports in any order."""
@@ -63,9 +63,7 @@ def test_control_mode_nobody_asked_for_is_never_ours(
 
 
 @pytest.mark.parametrize(("after_s", "holder"), [(1.0, Holder.OURS), (4.0, Holder.PILOT)])
-def test_control_earlier_request_is_carried_out_late_is_ours_for_a_while(
-    after_s: float, holder: Holder
-) -> None:
+def test_control_late_request_is_ours_for_a_while(after_s: float, holder: Holder) -> None:
     control = FLYING.asking(RTL, 0.0).asking(LAND, 0.5)
     assert control.heard(ARDUPILOT, Beat(RTL, True, False, 0.5 + after_s)).holder is holder
     assert LATE_S == 3.0
@@ -86,9 +84,7 @@ def test_control_refused_request_leaves_the_mode_before_it() -> None:
         (LOITER, True, Holder.PILOT),
     ],
 )
-def test_control_found_in_the_air_is_ours_by_its_mode(
-    mode: int, resumed: bool, holder: Holder
-) -> None:
+def test_control_found_in_air_is_ours_by_mode(mode: int, resumed: bool, holder: Holder) -> None:
     found = Control(air=AirState.AIRBORNE).noted(Beat(mode, True, False, 1.0))
     assert found.connected(ARDUPILOT, resumed=resumed).holder is holder
 

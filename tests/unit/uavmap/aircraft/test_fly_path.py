@@ -96,9 +96,7 @@ def kinds(flight: Flight, kind: str) -> list[tuple[float, Message]]:
 
 @both
 @by(fly, small_mission)
-async def test_an_l_that_is_replaced_on_the_way_is_flown_without_a_halt(
-    flight: Flight, /, autopilot: str
-) -> None:
+async def test_path_replaced_on_the_way_is_flown_on(flight: Flight, /, autopilot: str) -> None:
     speeds: list[float] = []
     announced: set[int] = set()
 
@@ -151,9 +149,7 @@ def test_the_simulated_copter_is_within_what_was_measured_on_a_real_one() -> Non
 
 @both
 @by(fly, small_mission)
-async def test_a_link_that_loses_every_fifth_setpoint_does_little_harm(
-    flight: Flight, /, autopilot: str
-) -> None:
+async def test_path_link_loses_setpoints_stays_near(flight: Flight, /, autopilot: str) -> None:
     errors: list[float] = []
     dice = random.Random(7)
     flight.to_vehicle = lambda m: m.get_type() != SETPOINT or dice.random() > 0.2
@@ -177,9 +173,7 @@ async def test_the_timeout_is_short_while_paths_are_flown(flight: Flight, /) -> 
 
 @both
 @by(fly_up, lambda autopilot: small_mission(autopilot=autopilot))
-async def test_telemetry_that_is_read_late_calls_nobody_off_its_path(
-    flight: Flight, /, autopilot: str
-) -> None:
+async def test_path_telemetry_read_late_is_not_off(flight: Flight, /, autopilot: str) -> None:
     """A busy computer read a real vehicle's telemetry 3.4 s late for 12 s, and took it for now:
     "12 m off its path by now" ended the mission of a vehicle that was 2.6 m off.
     """
@@ -206,9 +200,7 @@ async def test_telemetry_that_is_read_late_calls_nobody_off_its_path(
 
 # --- what ends a stream --------------------------------------------------------------------------
 @by(fly)
-async def test_a_copter_that_loses_its_stream_stops_by_itself_and_the_mission_is_told(
-    flight: Flight, /
-) -> None:
+async def test_copter_stream_lost_stops_and_is_reported(flight: Flight, /) -> None:
     await on_the_way(flight, 5.0)
     assert speed_of(flight) > 5.0
     lost_s, lost_at = flight.now_s(), where(flight)
@@ -223,9 +215,7 @@ async def test_a_copter_that_loses_its_stream_stops_by_itself_and_the_mission_is
 
 
 @by(fly, lambda: small_mission(autopilot="px4", quirks=SimQuirks(stick=False)))
-async def test_a_px4_that_loses_its_stream_returns_by_itself_and_is_let_alone(
-    flight: Flight, /
-) -> None:
+async def test_px4_stream_lost_returns_and_is_left_alone(flight: Flight, /) -> None:
     await on_the_way(flight, 5.0)
     flight.to_vehicle = lambda m: m.get_type() != SETPOINT
     lost_s = flight.now_s()
@@ -306,9 +296,7 @@ async def test_hold_brakes_on_the_shortest_way_and_stays(flight: Flight, /, auto
 
 @both
 @by(fly, lambda autopilot: small_mission(autopilot=autopilot, speed_m_s=3.0))
-async def test_every_other_order_may_follow_in_the_middle_of_a_path(
-    flight: Flight, /, autopilot: str
-) -> None:
+async def test_path_any_order_may_follow_midway(flight: Flight, /, autopilot: str) -> None:
     await on_the_way(flight)
     await flight.after(FlyTo((GridPoint(10, 16),), None, stop=True, height_m=UP_M), Arrived)
     for following, ends in (
@@ -328,9 +316,7 @@ async def test_every_other_order_may_follow_in_the_middle_of_a_path(
 
 @both
 @by(fly, lambda autopilot: small_mission(autopilot=autopilot, speed_m_s=3.0))
-async def test_a_leg_after_a_path_is_flown_at_the_speed_of_the_mission(
-    flight: Flight, /, autopilot: str
-) -> None:
+async def test_leg_after_path_has_speed_of_mission(flight: Flight, /, autopilot: str) -> None:
     """A change of the kind of target puts an ArduCopter's own speed back, 10 m/s."""
     fastest: list[float] = []
     await on_the_way(flight)
@@ -347,9 +333,7 @@ async def test_a_leg_after_a_path_is_flown_at_the_speed_of_the_mission(
     ("autopilot", "after_end_s"),
     [("ardupilot", -0.5), ("px4", -0.5), ("px4", 0.3), ("ardupilot", 0.8), ("px4", 1.5)],
 )
-def test_a_path_that_comes_at_the_very_end_is_flown_and_no_picture_is_lost(
-    autopilot: str, after_end_s: float
-) -> None:
+def test_path_given_at_the_end_loses_no_picture(autopilot: str, after_end_s: float) -> None:
     """Whether the camera takes pictures still, is being stopped, or is done."""
 
     async def body(flight: Flight) -> None:
@@ -373,9 +357,7 @@ def test_a_path_that_comes_at_the_very_end_is_flown_and_no_picture_is_lost(
 
 
 @by(fly)
-async def test_a_path_with_another_interval_changes_the_pace_of_the_pictures(
-    flight: Flight, /
-) -> None:
+async def test_path_with_another_interval_changes_pace_of_pictures(flight: Flight, /) -> None:
     plan = await on_the_way(flight)
     second = turned_off(plan, flight.now_s() + NOTICE_S)
     flight.driver.give(order(second, every_s=0.5))
@@ -399,9 +381,7 @@ async def test_a_path_that_was_called_off_is_not_gone_on_with(flight: Flight, /)
 
 @both
 @by(fly_up, lambda autopilot: small_mission(autopilot=autopilot, drift_m_s=0.4, toward_deg=60.0))
-async def test_a_path_over_a_drifting_region_moves_with_it(
-    flight: Flight, /, autopilot: str
-) -> None:
+async def test_path_over_drifting_region_moves(flight: Flight, /, autopilot: str) -> None:
     grid = flight.setting.grid
     drift = (grid.drift_east_m_s, grid.drift_north_m_s)
     begin_s = flight.now_s() + NOTICE_S

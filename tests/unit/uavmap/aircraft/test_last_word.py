@@ -73,9 +73,7 @@ async def keeps(flight: Flight, mode: int, seconds: float = 6.0) -> None:
 # --- whoever of ours acts ------------------------------------------------------------------------
 @pytest.mark.parametrize("mode", [Mode.LAND, Mode.RTL, Mode.LOITER])
 @by(fly, lambda mode: behind_a_house())
-async def test_pilot_takes_it_on_the_way_around_after_a_failure_keeps_it(
-    flight: Flight, /, mode: Mode
-) -> None:
+async def test_pilot_takes_it_on_way_around_hole_keeps_it(flight: Flight, /, mode: Mode) -> None:
     await fly_behind_the_house(flight)
     flight.driving.cancel()
     home = asyncio.ensure_future(flight.driver.guardian.bring_home("the mission failed"))
@@ -85,9 +83,7 @@ async def test_pilot_takes_it_on_the_way_around_after_a_failure_keeps_it(
 
 
 @by(fly, behind_a_house)
-async def test_pilot_lands_it_on_the_way_around_by_an_order_it_never_flies_over_the_hole(
-    flight: Flight, /
-) -> None:
+async def test_pilot_lands_it_on_way_around_avoids_the_hole(flight: Flight, /) -> None:
     await fly_behind_the_house(flight)
     flight.driver.give(ReturnToLaunch())
     await asyncio.sleep(4.0)
@@ -101,9 +97,7 @@ async def test_pilot_lands_it_on_the_way_around_by_an_order_it_never_flies_over_
 
 
 @by(fly)
-async def test_pilot_lands_it_while_rtl_is_asked_for_over_a_bad_uplink_keeps_it(
-    flight: Flight, /
-) -> None:
+async def test_pilot_lands_it_while_rtl_is_commanded_keeps_it(flight: Flight, /) -> None:
     await fly_out(flight)
     flight.to_vehicle = lambda message: message.get_type() == "HEARTBEAT"
     flight.driver.guardian.take_over("rtl", "it has made no progress")
@@ -140,9 +134,7 @@ class ByMap:
 
 
 @by(fly)
-async def test_failsafe_lands_it_on_the_way_home_by_its_own_map_is_let_alone(
-    flight: Flight, /
-) -> None:
+async def test_failsafe_lands_it_on_way_home_by_map_is_left_alone(flight: Flight, /) -> None:
     """An ArduCopter shows no difference between its EKF failsafe's LAND and a pilot's."""
     await fly_out(flight, 20.0)
     flight.driver._monitor.navigation = ByMap()
@@ -152,9 +144,7 @@ async def test_failsafe_lands_it_on_the_way_home_by_its_own_map_is_let_alone(
 
 
 @by(fly)
-async def test_link_is_back_and_a_pilot_has_it_the_guardian_does_not_say_it_acts(
-    flight: Flight, /
-) -> None:
+async def test_link_back_and_pilot_has_it_guardian_reports_nothing(flight: Flight, /) -> None:
     await fly_out(flight)
     flight.driver.guardian.take_over("rtl", "it has made no progress")
     await asyncio.sleep(2.0)
@@ -185,9 +175,7 @@ async def on_path(flight: Flight, seconds: float = 6.0) -> None:
 
 @pytest.mark.parametrize("after_s", [0.25, 0.3, 0.5, 0.9])
 @by(fly, lambda after_s: on_px4())
-async def test_px4_pilot_turns_to_position_just_before_an_order_keeps_it(
-    flight: Flight, /, after_s: float
-) -> None:
+async def test_px4_pilot_position_before_order_keeps_it(flight: Flight, /, after_s: float) -> None:
     """A PX4 sends a heartbeat a second: Hold was asked for by one from before the pilot."""
     await on_path(flight)
     flight.vehicle._ap.fail_to(Px4Mode.POSITION)
@@ -200,7 +188,7 @@ async def test_px4_pilot_turns_to_position_just_before_an_order_keeps_it(
 
 @pytest.mark.parametrize("lost_ack", [None, 0, 1])
 @by(fly_up, lambda lost_ack: on_px4())
-async def test_px4_pilot_turns_to_hold_right_after_offboard_keeps_it(
+async def test_px4_pilot_hold_after_offboard_keeps_it(
     flight: Flight, /, lost_ack: int | None
 ) -> None:
     """Seen: OFFBOARD asked for at 58.81 s, the pilot's Hold at 59.0, ours again at 61.53."""
@@ -236,9 +224,7 @@ async def test_px4_pilot_turns_to_hold_right_after_offboard_keeps_it(
 
 
 @by(fly, on_px4)
-async def test_px4_goes_back_to_offboard_by_itself_after_a_failsafe_is_not_ours(
-    flight: Flight, /
-) -> None:
+async def test_px4_back_in_offboard_after_failsafe_is_not_ours(flight: Flight, /) -> None:
     """Seen: RTL by a failsafe for 1.0 s, then OFFBOARD by itself; the flight went on."""
     await on_path(flight)
     autopilot = flight.vehicle._ap
@@ -257,9 +243,7 @@ async def test_px4_goes_back_to_offboard_by_itself_after_a_failsafe_is_not_ours(
 
 
 @by(fly, on_px4)
-async def test_px4_in_a_failsafe_when_the_link_is_back_is_not_put_into_hold(
-    flight: Flight, /
-) -> None:
+async def test_px4_in_failsafe_when_link_is_back_is_not_put_into_hold(flight: Flight, /) -> None:
     """Seen: a new position came before a new heartbeat, and the mode of before was believed."""
     await on_path(flight)
     flight.to_driver = lambda message: False
@@ -279,9 +263,7 @@ async def test_px4_in_a_failsafe_when_the_link_is_back_is_not_put_into_hold(
 
 # --- in the air from the first NAV_TAKEOFF on ----------------------------------------------------
 @by(fly)
-async def test_link_is_lost_between_take_off_and_lifting_off_it_counts_as_in_the_air(
-    flight: Flight, /
-) -> None:
+async def test_link_lost_between_take_off_and_lift_off_is_in_air(flight: Flight, /) -> None:
     """An arming that browns a radio out: it was given up as "on the ground", 12 m up."""
     cut: list[float] = []
 
@@ -369,9 +351,7 @@ async def test_crash_leaves_motors_running_they_are_stopped_by_force(flight: Fli
 
 
 @by(fly)
-async def test_crash_in_a_pilots_hands_motors_running_is_said_and_nothing_sent(
-    flight: Flight, /
-) -> None:
+async def test_crash_under_pilot_with_motors_running_is_reported_only(flight: Flight, /) -> None:
     await fly_out(flight)
     flight.pilot_mode(Mode.LOITER)
     sent = len(flight.sent)

@@ -43,7 +43,7 @@ async def test_low_battery_in_flight_counts_as_empty_and_is_reported(flight: Fli
     assert "its battery is reported as low" in [told.text for told in flight.seen(Told)]
 
 
-def test_mission_with_low_battery_comes_home_and_takes_off_with_a_fresh_one(
+def test_mission_low_battery_swaps_and_flies_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     open_session = Simulation.open_session

@@ -50,9 +50,7 @@ def wire_heights_m(flight: Flight) -> list[float]:
     ("autopilot", "percent"), [("ardupilot", 20.0), ("px4", 20.0), ("px4", -20.0)]
 )
 @by(fly, lambda autopilot, percent: sloped(autopilot, percent, speed_m_s=5.0))
-async def test_a_leg_follows_the_ground_up_and_down_and_lands_away_from_home(
-    flight: Flight, /, autopilot, percent
-) -> None:
+async def test_leg_follows_the_ground_up_and_down(flight: Flight, /, autopilot, percent) -> None:
     heights: list[float] = []
     await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(FlyTo((FAR,), None, stop=True, height_m=UP_M))
@@ -74,9 +72,7 @@ async def test_a_leg_follows_the_ground_up_and_down_and_lands_away_from_home(
 
 @both
 @by(fly, lambda autopilot: sloped(autopilot, 20.0, speed_m_s=5.0))
-async def test_setpoints_of_a_path_carry_the_height_and_the_climb(
-    flight: Flight, /, autopilot
-) -> None:
+async def test_setpoints_carry_height_and_climb(flight: Flight, /, autopilot) -> None:
     heights: list[float] = []
     await flight.after(TakeOff(UP_M), Airborne)
     plan = rounded_path([GridPoint(0, 0), FAR], flight.now_s() + 1.0, speed_m_s=5.0)

@@ -392,9 +392,7 @@ async def test_the_timeout_is_shortened_once_for_the_flight(lossy: bool) -> None
 
 @pytest.mark.parametrize(("found", "flown_with"), [(0.5, 0.5), (0.8, 0.8), (0.1, 1.0), (0.0, 1.0)])
 @by(flown)
-async def test_a_timeout_that_is_short_enough_is_left_alone(
-    found: float, flown_with: float
-) -> None:
+async def test_timeout_short_enough_is_left_alone(found: float, flown_with: float) -> None:
     keeper = Keeper(found)
     await keeper.timeout.shorten()
     assert keeper.number == pytest.approx(flown_with)

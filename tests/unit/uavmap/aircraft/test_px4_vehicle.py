@@ -109,9 +109,7 @@ async def test_home_that_moves_on_arming_is_no_surprise(flight: Flight, /) -> No
 
 
 @by(fly, on_px4)
-async def test_home_that_moves_before_lift_off_is_reported_leaves_the_height_ordered(
-    flight: Flight, /
-) -> None:
+async def test_home_moves_before_lift_off_height_stays_as_ordered(flight: Flight, /) -> None:
     """A real PX4 moved its home by 1 m as its propellers turned: "did not climb to 12 m"."""
     flight.driver.give(TakeOff(UP_M))
     view = flight.session.view
@@ -150,7 +148,7 @@ async def test_px4_left_in_offboard_by_a_failsafe_takes_off_again(flight: Flight
 
 
 @by(found_in_offboard, on_px4)
-async def test_wait_for_the_checks_before_arming_names_the_mode(
+async def test_prearm_wait_names_the_mode(
     flight: Flight, /, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     await asyncio.sleep(3.0)
@@ -178,7 +176,7 @@ async def landing(flight: Flight) -> None:
     ids=lambda value: getattr(value, "__name__", None),
 )
 @by(fly, on_px4)
-async def test_a_pilot_takes_over_in_every_phase(
+async def test_pilot_takes_over_in_every_phase(
     flight: Flight, /, phase: Phase, turned: Px4Mode
 ) -> None:
     await phase(flight)
@@ -195,9 +193,7 @@ async def test_a_pilot_takes_over_in_every_phase(
 
 
 @by(fly, on_px4)
-async def test_a_mission_of_the_pilot_that_ends_in_hold_gives_nothing_back(
-    flight: Flight, /
-) -> None:
+async def test_pilots_mission_ending_in_hold_gives_nothing_back(flight: Flight, /) -> None:
     await flying(flight)
     pilot = mav.MAVLink(None, 255, 190)
     place = (round(48.0 * 1e7), round(11.0 * 1e7), 15.0, 0)
@@ -239,9 +235,7 @@ def silence(message: object) -> bool:
 
 @pytest.mark.parametrize("meanwhile", [None, Px4Mode.RTL])
 @by(fly, on_px4)
-async def test_a_link_that_is_lost_and_comes_back(
-    flight: Flight, /, meanwhile: Px4Mode | None
-) -> None:
+async def test_link_lost_and_back(flight: Flight, /, meanwhile: Px4Mode | None) -> None:
     await flying(flight)
     flight.to_driver = flight.to_vehicle = silence
     await flight.sees(LinkLost, within_s=6.0)
@@ -279,9 +273,7 @@ async def test_a_refused_arming_is_said_with_its_reason(flight: Flight, /) -> No
 
 
 @by(fly_up, on_px4)
-async def test_nothing_that_we_send_changes_the_mode_of_a_flying_vehicle_but_landing(
-    flight: Flight, /
-) -> None:
+async def test_mode_in_flight_is_changed_by_landing_only(flight: Flight, /) -> None:
     before = len(modes_of(flight))
     await flight.after(to(10.0, 10.0), Arrived)
     assert len(modes_of(flight)) == before
@@ -291,9 +283,7 @@ async def test_nothing_that_we_send_changes_the_mode_of_a_flying_vehicle_but_lan
 
 
 @by(fly_up, on_px4)
-async def test_who_stands_by_after_a_landing_away_from_home_has_not_crashed(
-    flight: Flight, /
-) -> None:
+async def test_stand_down_after_landing_away_is_no_crash(flight: Flight, /) -> None:
     """A spare pad: it is told to stand by while its motors still run, and it holds by itself."""
     await flight.after(to(-11.0, -11.0), Arrived)
     report = flight.driver._reporter.report
@@ -312,9 +302,7 @@ async def test_who_stands_by_after_a_landing_away_from_home_has_not_crashed(
 
 @pytest.mark.parametrize("after_s", [1.75, 4.5, 5.0, 6.0])
 @by(fly, on_px4)
-async def test_a_take_off_that_is_called_off_over_a_slow_link_is_no_pilots(
-    flight: Flight, /, after_s: float
-) -> None:
+async def test_take_off_called_off_on_slow_link_is_ours(flight: Flight, /, after_s: float) -> None:
     """Of its arming, its climb and its landing it is heard when other things were asked for."""
     flight.vehicle.fail.link(delay_s=0.6)
     flight.driver.give(TakeOff(UP_M))
@@ -328,9 +316,7 @@ async def test_a_take_off_that_is_called_off_over_a_slow_link_is_no_pilots(
 
 
 @by(fly, on_px4)
-async def test_who_is_taken_between_arming_and_take_off_and_disarmed_stands_on_the_ground(
-    flight: Flight, /
-) -> None:
+async def test_taken_before_take_off_and_disarmed_has_landed(flight: Flight, /) -> None:
     flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_TAKEOFF, for_s=20.0)
     flight.driver.give(TakeOff(UP_M))
     await flight.until(lambda: flight.session.view.armed)

@@ -166,7 +166,7 @@ async def test_the_cause_may_come_after_the_mode(flight: Flight, /) -> None:
 
 @pytest.mark.parametrize(("mode", "after_s"), [(5, 0.1), (6, 6.0)])
 @by(fly)
-async def test_a_pilot_and_old_words_are_no_cause(
+async def test_pilot_and_old_texts_are_no_cause(
     flight: Flight, /, mode: int, after_s: float
 ) -> None:
     said_by(flight, statustext(b"Battery 1 is low 9.90V", CRITICAL))
@@ -195,9 +195,7 @@ async def test_a_state_that_is_critical_says_that_much(flight: Flight, /) -> Non
     ],
 )
 @by(on_virtual_time)
-async def test_a_px4_takes_us_for_a_ground_station(
-    autopilot: int, onboard: bool, type_: int
-) -> None:
+async def test_px4_takes_us_for_a_ground_station(autopilot: int, onboard: bool, type_: int) -> None:
     peer = Peer()
     peer.session.onboard = onboard
     mode = 4 if autopilot == mav.MAV_AUTOPILOT_ARDUPILOTMEGA else 4 << 16 | 3 << 24
@@ -216,9 +214,7 @@ def event(name: str, arguments: bytes = b"", levels: int = 0x42) -> Any:
 
 @pytest.mark.parametrize(("onboard", "garbled"), [(True, False), (True, True), (False, False)])
 @by(on_virtual_time)
-async def test_an_event_is_told_by_its_number_where_no_text_comes(
-    onboard: bool, garbled: bool
-) -> None:
+async def test_event_without_text_is_shown_by_number(onboard: bool, garbled: bool) -> None:
     peer, heard = Peer(), list[Any]()
     peer.session.onboard = onboard
     peer.session.view.hear = heard.append

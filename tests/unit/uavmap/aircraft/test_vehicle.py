@@ -234,9 +234,7 @@ def silence(message: Message) -> bool:
 
 
 @by(fly)
-async def test_a_vehicle_that_stays_silent_is_given_up_and_taken_up_when_it_speaks(
-    flight: Flight, /
-) -> None:
+async def test_silent_vehicle_is_given_up_until_it_is_heard(flight: Flight, /) -> None:
     await flying(flight)
     flight.to_driver = flight.to_vehicle = silence
     await flight.sees(LinkLost)
@@ -310,9 +308,7 @@ async def test_streams_that_were_forgotten_are_asked_for_again(flight: Flight, /
 
 @pytest.mark.parametrize("caught_up", [False, True])
 @by(fly, lambda caught_up: small_mission())
-async def test_link_that_hands_over_what_it_kept_for_minutes_is_lost_until_it_is_of_now(
-    flight: Flight, /, caught_up: bool
-) -> None:
+async def test_link_with_backlog_stays_lost(flight: Flight, /, caught_up: bool) -> None:
     """A radio that buffers: a vehicle of a minute ago was taken for one that answers."""
     await flying(flight)
     deliver, held = flight._deliver, list[bytes]()
@@ -343,9 +339,7 @@ async def test_link_that_hands_over_what_it_kept_for_minutes_is_lost_until_it_is
 
 
 @by(fly)
-async def test_clock_that_stood_still_is_that_of_a_vehicle_which_answers_at_once(
-    flight: Flight, /
-) -> None:
+async def test_clock_stood_still_vehicle_that_answers_is_connected(flight: Flight, /) -> None:
     """A simulator that was stopped sends what a radio sends that has kept it."""
     await flying(flight)
     step = flight.vehicle.step
@@ -457,9 +451,7 @@ def test_a_report_that_fails_ends_the_driver() -> None:
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(on_field, mission_of)
-async def test_streams_vehicle_that_refuses_one_needs_no_new_request(
-    field: Field, /, autopilot: str
-) -> None:
+async def test_streams_refused_one_is_not_missed(field: Field, /, autopilot: str) -> None:
     """An older PX4 has no CURRENT_MODE: its link returns without all streams asked for anew."""
     session = field.links[0].session
     rates = {**session.view.kind.streams, 12_900: 5.0}  # an identifier that nobody sends

@@ -386,9 +386,7 @@ def test_clock_that_stood_still_is_followed_within_two_minutes() -> None:
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 1e6), st.floats(0.0, 100.0)), max_size=60))
-def test_no_frame_of_the_autopilots_clock_lies_in_the_future(
-    told: list[tuple[float, float]],
-) -> None:
+def test_clock_never_lies_in_the_future(told: list[tuple[float, float]]) -> None:
     clock, now_s = BootClock(), 0.0
     for boot_s, step_s in told:
         now_s += step_s
@@ -424,9 +422,7 @@ def test_a_cameras_clock_that_leaps_costs_at_most_one_stamp() -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 1e5), st.floats(0.0, 1e3))
-def test_a_stamp_is_never_in_the_future_nor_before_the_order(
-    boot_ms: int, now_s: float, ago_s: float
-) -> None:
+def test_stamp_lies_between_order_and_now(boot_ms: int, now_s: float, ago_s: float) -> None:
     view = VehicleView()
     since_s = now_s - ago_s
     assert since_s - 0.5 - 1e-6 <= view.captured_s(boot_ms, now_s, since_s) <= now_s
@@ -592,9 +588,7 @@ def test_a_stream_that_is_never_read_to_its_end_takes_no_memory() -> None:
     in_session(endless)
 
 
-def test_a_parser_that_raises_costs_its_bytes_and_nothing_else(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_parser_that_raises_costs_its_bytes_only(monkeypatch: pytest.MonkeyPatch) -> None:
     def hit(peer: Peer) -> None:
         parse = peer.session._codec.parse_char
 

@@ -117,9 +117,7 @@ async def test_temporarily_rejected_for_ever_is_an_error(peer: Peer, /) -> None:
     ],
 )
 @by(conversation)
-async def test_a_refusal_is_final_and_carries_the_text_that_follows(
-    peer: Peer, /, result: int, name: str
-) -> None:
+async def test_refusal_carries_the_text_that_follows(peer: Peer, /, result: int, name: str) -> None:
     def answer(message: Message) -> None:
         peer.say(ack(ARM, result), after_s=0.001)
         peer.say(text("PreArm: GPS 1: Bad fix"), after_s=0.2)
@@ -133,9 +131,7 @@ async def test_a_refusal_is_final_and_carries_the_text_that_follows(
 
 
 @by(conversation)
-async def test_a_refusal_carries_the_text_of_the_same_datagram_but_no_old_one(
-    peer: Peer, /
-) -> None:
+async def test_refusal_carries_text_of_same_datagram_and_no_old_one(peer: Peer, /) -> None:
     peer.session.feed(peer.frame(text("Calibrating barometer")))
     await asyncio.sleep(60.0)
     script(peer, [ack(ARM, DENIED), text("Arm: Mode not armable")])
@@ -182,9 +178,7 @@ def test_an_autopilot_that_is_not_component_1_is_asked_at_its_own() -> None:
 
 
 @by(conversation)
-async def test_a_number_that_does_not_fit_is_a_link_error_and_the_session_goes_on(
-    peer: Peer, /
-) -> None:
+async def test_number_that_does_not_fit_is_a_link_error(peer: Peer, /) -> None:
     script(peer, [ack(ARM, OK)])
     for lat in (float("nan"), float("inf"), 1e300, 300.0):
         with pytest.raises(LinkError):
@@ -240,9 +234,7 @@ async def test_landing_does_not_wait_for_a_camera_that_does_not_answer(peer: Pee
 
 
 @by(conversation)
-async def test_a_command_that_is_called_off_is_not_repeated_and_blocks_nobody(
-    peer: Peer, /
-) -> None:
+async def test_command_called_off_is_not_repeated_and_blocks_none(peer: Peer, /) -> None:
     first = asyncio.create_task(peer.session.command(LAND))
     await asyncio.sleep(0.5)
     first.cancel()
@@ -296,9 +288,7 @@ async def test_frames_of_others_are_recorded_but_not_believed(peer: Peer, /) -> 
 
 
 @by(conversation)
-async def test_a_second_component_that_calls_itself_an_autopilot_changes_nothing(
-    peer: Peer, /
-) -> None:
+async def test_second_component_as_autopilot_changes_nothing(peer: Peer, /) -> None:
     """Some gimbals and companions send heartbeats with MAV_AUTOPILOT_GENERIC and mode 0."""
     gimbal = Peer(system=1, component=mav.MAV_COMP_ID_GIMBAL)
     peer.session.feed(peer.frame(heartbeat(4, armed=True)))

@@ -44,9 +44,7 @@ async def test_a_fence_comes_back_as_it_was_sent(field: Field, /, autopilot: str
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(on_field, mission_of)
-async def test_a_link_that_loses_a_fifth_of_its_frames_carries_it_too(
-    field: Field, /, autopilot: str
-) -> None:
+async def test_transfer_link_loses_a_fifth_succeeds(field: Field, /, autopilot: str) -> None:
     chance = random.Random(1)
     field.lose = lambda: chance.random() < 0.2
     transfer = MissionTransfer(field.links[0].session)
@@ -154,7 +152,7 @@ async def test_upload_refused_sequence_while_vehicle_asks_goes_on() -> None:
 
 @pytest.mark.parametrize(("sent_frame", "kept_frame"), [(5, 0), (6, 3), (0, 0), (3, 3)])
 @by(on_virtual_time)
-async def test_rally_point_of_integer_frame_is_returned_in_frame_that_rtl_knows(
+async def test_rally_point_of_integer_frame_gets_known_frame(
     sent_frame: int, kept_frame: int
 ) -> None:
     """A real PX4 sends the frames 5 and 6. Put back as they were, its return hung in the air:
@@ -192,7 +190,7 @@ async def test_rally_point_of_integer_frame_is_returned_in_frame_that_rtl_knows(
     [("ardupilot", "FENCE_ACTION", "FENCE_ALT_MAX"), ("px4", "GF_ACTION", "GF_MAX_VER_DIST")],
 )
 @by(on_field, mission_of)
-async def test_parameters_are_read_in_bunches_and_written(
+async def test_parameters_are_read_and_written(
     field: Field, /, autopilot: str, whole: str, real: str
 ) -> None:
     parameters = Parameters(field.links[0].session)
@@ -250,9 +248,7 @@ async def test_parameter_that_vehicle_does_not_keep_is_not_written() -> None:
 
 
 @by(on_field, lambda: mission_of("px4"))
-async def test_a_negative_integer_of_a_px4_is_no_number_on_the_wire_and_is_read(
-    field: Field, /
-) -> None:
+async def test_negative_integer_of_px4_is_read(field: Field, /) -> None:
     parameters = Parameters(field.links[0].session)
     assert await parameters.write("COM_TAKEOFF_ACT", Parameter(-1.0, 6))
     found = await parameters.read("COM_TAKEOFF_ACT")
@@ -260,7 +256,7 @@ async def test_a_negative_integer_of_a_px4_is_no_number_on_the_wire_and_is_read(
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_a_ground_station_that_reads_the_fence_meanwhile_does_not_disturb(
+async def test_ground_station_reading_fence_does_not_disturb(
     field: Field, /, tmp_path: Path
 ) -> None:
     session: Session = field.links[0].session

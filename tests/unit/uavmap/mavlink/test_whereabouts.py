@@ -55,9 +55,7 @@ def flown(rate_hz: float, speed_m_s: float, last_s: float = 20.0, first_s: float
 # --- the track -------------------------------------------------------------------------------
 @FAST
 @given(st.floats(5.0, 25.0), st.sampled_from([1.0, 4.0, 5.0, 10.0]), st.floats(0.0, 15.0))
-def test_who_flies_straight_is_where_it_must_be_between_before_and_after(
-    t_s: float, rate_hz: float, speed_m_s: float
-) -> None:
+def test_straight_flight_is_placed_exactly(t_s: float, rate_hz: float, speed_m_s: float) -> None:
     place = flown(rate_hz, speed_m_s).at(t_s)
     assert place is not None
     assert distance_m(place.position, north_of_home(speed_m_s * (t_s - 10.0))) < 0.01
@@ -136,9 +134,7 @@ def fault_of(message: Message, heard_s: float = 10.0, last_s: float = 10.0) -> s
 
 
 @pytest.mark.parametrize("age_s", [0.0, 0.1, 1.0, 3.0, 8.0])
-def test_a_picture_that_is_judged_late_is_held_against_where_the_vehicle_then_was(
-    age_s: float,
-) -> None:
+def test_picture_judged_late_is_held_against_place_of_then(age_s: float) -> None:
     taken_s = 10.0 - age_s
     assert fault_of(told(taken_s, SPEED_M_S * taken_s)) is None
     assert fault_of(told(taken_s, SPEED_M_S * taken_s + 14.0)) is None
@@ -194,7 +190,7 @@ def path(flight: Flight, *points: tuple[float, float]) -> FlyPath:
 
 @pytest.mark.parametrize("towards", ["east", "west"])
 @by(fly, strip)
-async def test_at_8_m_s_the_border_of_the_roi_is_where_it_is_within_two_decimetres(
+async def test_border_of_roi_at_8_m_s_within_two_decimetres(
     flight: Flight, /, towards: str
 ) -> None:
     """From the pictures' own poses, between positions that come five times a second."""

@@ -91,7 +91,7 @@ def served(
 
 
 @by(served)
-async def test_a_picture_comes_whole_and_the_session_is_closed(
+async def test_picture_comes_whole(
     server: Server, fetch: Callable[[str], Awaitable[bytes]], /
 ) -> None:
     assert await fetch("mftp:///DCIM/1.jpg") == PICTURE

@@ -135,9 +135,7 @@ async def test_what_a_camera_tells_comes_first(peer: Peer, poses: Poses, /) -> N
     ("late_s", "fault"),
     [(100.0, None), (3.0, "in the future"), (0.0, "its time cannot be right")],
 )
-def test_a_time_that_cannot_be_right_is_refused_and_counted(
-    late_s: float, fault: str | None
-) -> None:
+def test_time_that_cannot_be_right_is_refused(late_s: float, fault: str | None) -> None:
     async def body(peer: Peer, poses: Poses) -> None:
         now_s = asyncio.get_running_loop().time()
         taken_s = now_s + 20.0 if fault == "in the future" else now_s - late_s

@@ -154,7 +154,7 @@ def at(east_m: float, north_m: float) -> LatLon:
     step_s=st.sampled_from([0.1, 0.2, 0.5, 1.0, 3.0]),
     noise_m=st.floats(0.0, 0.5),
 )
-def test_whatever_an_aircraft_flies_is_no_leap(
+def test_flight_is_no_leap_whatever_it_flies(
     accelerations: list[tuple[float, float]], step_s: float, noise_m: float
 ) -> None:
     leaps, t_s = Leaps(), 100.0

@@ -73,7 +73,7 @@ def beside_a_house(autopilot: str) -> Mission:
     ("autopilot", "on_path"), [("ardupilot", False), ("px4", False), ("px4", True)]
 )
 @by(fly, beside_a_house)
-async def test_when_the_mission_fails_behind_a_hole_in_the_fence_it_is_flown_around_it(
+async def test_guardian_mission_fails_flies_around_hole(
     flight: Flight, /, autopilot: str, on_path: bool
 ) -> None:
     """From a leg, and from a path, on which a PX4 is in another mode."""
@@ -96,9 +96,7 @@ async def test_when_the_mission_fails_behind_a_hole_in_the_fence_it_is_flown_aro
 
 @both
 @by(fly, beside_a_house)
-async def test_an_order_to_return_by_itself_is_carried_out_around_a_hole(
-    flight: Flight, /, autopilot: str
-) -> None:
+async def test_return_order_is_flown_around_hole(flight: Flight, /, autopilot: str) -> None:
     await behind_the_house(flight)
     flight.driver.give(ReturnToLaunch())
     await lands_without_touching_the_house(flight)
@@ -130,9 +128,7 @@ async def test_on_the_ground_nothing_is_sent(flight: Flight, /) -> None:
 
 @pytest.mark.parametrize("seed", range(2))
 @by(fly)
-async def test_over_a_link_that_loses_half_of_everything_it_still_comes_home(
-    flight: Flight, /, seed: int
-) -> None:
+async def test_guardian_link_loses_half_comes_home(flight: Flight, /, seed: int) -> None:
     await out(flight)
     rng = np.random.default_rng(seed)
     flight.to_driver = flight.to_vehicle = lambda message: rng.random() > 0.5
@@ -168,9 +164,7 @@ async def test_a_pilot_has_the_last_word_with_the_guardian_too(flight: Flight, /
 
 @both
 @by(fly, small_mission)
-async def test_who_hurries_lands_from_near_the_ground_and_does_not_break(
-    flight: Flight, /, autopilot: str
-) -> None:
+async def test_quick_descent_lands_from_near_ground(flight: Flight, /, autopilot: str) -> None:
     await out(flight)
     begun_s = flight.vehicle.t_s
     flight.driver.guardian.take_over("land", "a test", hurry=True)
@@ -190,7 +184,7 @@ async def test_who_hurries_lands_from_near_the_ground_and_does_not_break(
     ],
 )
 @by(fly)
-async def test_who_hurries_sinks_as_fast_as_it_may_whatever_is_refused(
+async def test_quick_descent_command_refused_still_sinks(
     flight: Flight, /, refused: int, least_s: float, most_s: float
 ) -> None:
     await out(flight)
@@ -202,9 +196,7 @@ async def test_who_hurries_sinks_as_fast_as_it_may_whatever_is_refused(
 
 
 @by(fly)
-async def test_while_the_guardian_has_it_orders_of_the_mission_do_nothing(
-    flight: Flight, /
-) -> None:
+async def test_guardian_acting_orders_of_mission_do_nothing(flight: Flight, /) -> None:
     await out(flight)
     flight.driver.guardian.take_over("rtl", "a test")
     await flight.until(lambda: flight.vehicle.truth.mode == Mode.RTL)
@@ -241,9 +233,7 @@ async def test_after_a_silence_the_guardian_sees_to_it_again(flight: Flight, /) 
 
 
 @by(fly)
-async def test_who_speaks_again_only_after_the_mission_failed_is_seen_down(
-    flight: Flight, /
-) -> None:
+async def test_guardian_link_back_after_mission_failed_sees_it_down(flight: Flight, /) -> None:
     loop = asyncio.get_running_loop()
     await out(flight)
     flight.to_driver = flight.to_vehicle = lambda message: False
@@ -261,9 +251,7 @@ async def test_who_speaks_again_only_after_the_mission_failed_is_seen_down(
 
 
 @by(fly_up)
-async def test_who_falls_while_it_is_brought_home_is_told_before_that_ends(
-    flight: Flight, /
-) -> None:
+async def test_guardian_fall_on_way_home_is_reported(flight: Flight, /) -> None:
     flight.driving.cancel()
     loop = asyncio.get_running_loop()
 
@@ -287,7 +275,7 @@ FORCED = 21196.0
     ("autopilot", "height_m"), [("ardupilot", 1.5), ("ardupilot", 8.0), ("px4", 1.5), ("px4", 3.0)]
 )
 @by(fly_up, small_mission)
-async def test_motors_that_stop_over_the_pad_are_no_landing(
+async def test_motors_stop_over_pad_is_a_crash(
     flight: Flight, /, autopilot: str, height_m: float
 ) -> None:
     """It stands on its pad, disarmed, on the ground by its own word: as after a landing."""
@@ -306,9 +294,7 @@ async def test_motors_that_stop_over_the_pad_are_no_landing(
 
 @both
 @by(fly_up, small_mission)
-async def test_motors_that_stop_a_hand_above_the_ground_are_a_landing(
-    flight: Flight, /, autopilot: str
-) -> None:
+async def test_motors_stop_just_above_ground_is_landing(flight: Flight, /, autopilot: str) -> None:
     flight.driver.give(Land())
     await flight.until(lambda: flight.vehicle.truth.height_m < 0.1)
     flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
@@ -334,9 +320,7 @@ async def test_a_crashed_aircraft_that_believes_to_fly_stays_down(flight: Flight
 
 @both
 @by(fly, small_mission)
-async def test_a_wind_that_the_airframe_cannot_hold_ends_on_the_ground_near_the_fence(
-    flight: Flight, /, autopilot: str
-) -> None:
+async def test_storm_lands_vehicle_near_the_fence(flight: Flight, /, autopilot: str) -> None:
     """At most 150 m outside of it; a plain landing from here would take it 250 m."""
     await out(flight)
     flight.vehicle.fail.wind_gust(m_s=25.0, for_s=None)
@@ -356,9 +340,7 @@ async def test_a_leg_that_goes_nowhere_is_reported_to_the_mission(flight: Flight
 
 
 @by(fly_up)
-async def test_a_sweep_that_waits_for_its_camera_is_no_leg_without_progress(
-    flight: Flight, /
-) -> None:
+async def test_sweep_waiting_for_its_camera_is_left_alone(flight: Flight, /) -> None:
     flight.to_vehicle = lambda message: getattr(message, "command", 0) != 2000
     flight.driver.give(Sweep(GridPoint(30.0, 0.0), 4.0, UP_M))
     await asyncio.sleep(25.0)

@@ -102,7 +102,7 @@ def test_what_is_no_message_is_refused(data: bytes) -> None:
         (False, 2, 1, False),
     ],
 )
-def test_message_that_is_longer_than_any_is_refused_by_its_head_and_not_waited_for(
+def test_message_too_long_is_refused_by_its_head(
     known: bool, text: int, picture: int, fits: bool
 ) -> None:
     """Up to 512 MiB were kept, of whoever had connected."""

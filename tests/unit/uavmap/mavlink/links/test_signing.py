@@ -148,9 +148,7 @@ def test_timestamps_rise_whatever_the_clock_does(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("clean", [True, False], ids=["closed", "killed"])
-def test_timestamps_survive_a_restart_and_a_clock_that_jumps_back(
-    tmp_path: Path, clean: bool
-) -> None:
+def test_timestamps_survive_restart_and_clock_jump(tmp_path: Path, clean: bool) -> None:
     path = tmp_path / "key"
     new_key(path)
     kept = KeptTimestamps(path)

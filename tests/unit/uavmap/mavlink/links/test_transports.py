@@ -116,9 +116,7 @@ async def test_in_and_out_speak_to_each_other(there: str, kind: socket.SocketKin
 
 
 @by(on_loop)
-async def test_a_listening_udp_socket_keeps_to_whom_it_first_heard_as_a_vehicle(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_udp_listener_keeps_to_its_vehicle(monkeypatch: pytest.MonkeyPatch) -> None:
     port = free_port(socket.SOCK_DGRAM)
     ear, told, first, second = Ear(), Told(), Ear(), Ear()
     url = parse_url(f"udpout://127.0.0.1:{port}")
@@ -332,9 +330,7 @@ async def test_a_serial_port_that_is_unplugged_raises_nothing() -> None:
 
 
 @by(on_loop)
-async def test_a_tcp_connection_that_ends_in_flight_is_made_again(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_tcp_connection_that_ends_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(transports, "REOPEN_S", 0.01)
     port = free_port(socket.SOCK_STREAM)
     ear, vehicle, loop = Ear(), Ear(), asyncio.get_running_loop()
