@@ -295,11 +295,10 @@ class Session:
     ) -> None:
         """COMMAND_INT for a place; `taken` are results that mean yes. Errors as for `command`."""
         unused = command == mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE and math.isnan(z)
-        if not (all(map(math.isfinite, place)) and (math.isfinite(z) or unused)):
-            raise LinkError(
-                f"no place to send a vehicle to: {place.lat_deg}, {place.lon_deg}, {z} m"
-            )
-        at = (round(place.lat_deg * 1e7), round(place.lon_deg * 1e7), z)
+        lat_deg, lon_deg = place.lat_deg, place.lon_deg
+        if not (math.isfinite(lat_deg) and math.isfinite(lon_deg) and (math.isfinite(z) or unused)):
+            raise LinkError(f"no place to send a vehicle to: {lat_deg}, {lon_deg}, {z} m")
+        at = (round(lat_deg * 1e7), round(lon_deg * 1e7), z)
         asked = self._autopilot
 
         def message(_confirmation: int) -> Message:
