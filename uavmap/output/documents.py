@@ -74,14 +74,14 @@ def write_geopackage(flown: Flown) -> None:
     """Write map.gpkg. Raises `OutputError`."""
     path = flown.folder / GEOPACKAGE
     refuse_open(path)
-    _write(path, files_of(flown, "gpkg")[GEOPACKAGE])
+    save(path, files_of(flown, "gpkg")[GEOPACKAGE])
 
 
 def write_report(flown: Flown, path: Path | None = None) -> None:
     """Write report.html, or another file. Raises `OutputError`."""
     from uavmap.output.report.page import encode  # noqa: PLC0415 - jinja2, where a page is made
 
-    _write(path or flown.folder / REPORT, encode(flown))
+    save(path or flown.folder / REPORT, encode(flown))
 
 
 def refuse_open(path: Path) -> None:
@@ -98,7 +98,8 @@ def refuse_open(path: Path) -> None:
             )
 
 
-def _write(path: Path, data: bytes) -> None:
+def save(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all. Raises `OutputError`."""
     try:
         write_bytes(path, data)
     except OSError as error:

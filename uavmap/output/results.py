@@ -31,12 +31,12 @@ from uavmap.output.drawing.map_scene import Photograph, map_scene, map_view
 from uavmap.output.drawing.sheet import write_sheet
 from uavmap.output.facts import boundary_file
 from uavmap.output.facts.boundary_file import BoundaryMap
+from uavmap.output.facts.cell_states import cell_state
 from uavmap.output.facts.detector_fit import doubted, ending, no_verdict
 from uavmap.output.facts.figures import Figures, figures, summary
 from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.flown_mission import BOUNDARY_FILE, DERIVED, TAKEN, Calendar, Flown, dated
 from uavmap.output.facts.map_model import CellRow, CellTable, MapData, Track
-from uavmap.output.facts.map_model import State as CellState
 from uavmap.output.facts.score import score, true_roi
 from uavmap.output.formats import geojson_encoder as geojson
 from uavmap.output.formats import kml_encoder as kml
@@ -87,12 +87,7 @@ def map_data(setting: Setting, state: State, found: Figures, truth: BaseGeometry
     """Create the map of a flight."""
     grid = setting.grid
     cells = CellTable.of(
-        CellRow(
-            cell,
-            cell_state(cell, state, found.unsure, recorded=False),
-            tally.positive,
-            tally.total,
-        )
+        CellRow(cell, cell_state(cell, state, found.unsure), tally.positive, tally.total)
         for cell, tally in state.belief.cells().items()
     )
     tracks = tuple(
@@ -125,32 +120,6 @@ def write_cells(flown: Flown) -> None:
     data = flown.data
     geojson.write(data, flown.folder / "map.geojson", flown.calendar.utc(data.t_s))
     kml.write(data, flown.folder / "map.kml")
-
-
-def cell_state(cell: Cell, state: State, unsure: Unsure, *, recorded: bool) -> CellState:
-    """Return the state of a cell on the map; in recorded imagery every ROI cell is explored."""
-    if cell not in state.belief.roi:
-        if unsure.is_unsure(cell):
-            return "unsure"
-        votes = state.belief.tally(cell, None)
-        if recorded or not votes.total or state.belief.verdict(cell) is not None:
-            return "non-roi"
-        return "provisional" if state.belief.provisional(cell) else "provisional non-roi"
-    if recorded:
-        return "explored"
-    if cell in state.skipped:
-        return "skipped"
-    if state.tree is None or cell not in state.tree:  # of a survey, of a patch, at the rim
-        known = all(state.belief.verdict(near) is not None for near in cell.neighbours())
-        return "explored" if known else "unexplored"
-    return state.tree.state(cell).value
-
-
-def weighed_state(cell: Cell, evidence: Evidence, unsure: Unsure, share: float) -> CellState:
-    """Return the state of a cell that is decided by evidence."""
-    if evidence.is_roi(cell, share):
-        return "explored"
-    return "unsure" if unsure.is_unsure(cell) else "non-roi"
 
 
 # --- recorded pictures ----------------------------------------------------------------------------
@@ -204,6 +173,13 @@ def write_replay(
     Files are written in a second thread while these two, and then the picture, are computed.
     """
     data, values = made.data, dict(made.values)
+
+    def write_others(flown: Flown, found: BoundaryMap | None) -> None:
+        if found is not None:
+            boundary_file.write(found, flown.folder / BOUNDARY_FILE)
+        summary_file.write(flown.values, flown.folder / "summary.json")
+        write_documents(flown, say)
+
     with ThreadPoolExecutor(1) as pool:  # short tasks: Ctrl-C waits for a moment only
         cells = pool.submit(write_cells, made)
         photograph = None if beneath is None else beneath(map_view(data))
@@ -211,20 +187,11 @@ def write_replay(
         if found is not None:
             values |= found.figures()
             data = data.with_boundary(found.boundary.region)
-        flown = replace(made, data=data, values=values)
-        others = pool.submit(_write_others, flown, found, say)
-        write_sheet(map_scene(data), flown.folder / "map.png", photograph)
+        others = pool.submit(write_others, replace(made, data=data, values=values), found)
+        write_sheet(map_scene(data), made.folder / "map.png", photograph)
         for files in (cells, others):
             files.result()
     return values
-
-
-def _write_others(flown: Flown, boundary: BoundaryMap | None, say: Callable[[str], None]) -> None:
-    """Write the boundary, the summary and the documents."""
-    if boundary is not None:
-        boundary_file.write(boundary, flown.folder / BOUNDARY_FILE)
-    summary_file.write(flown.values, flown.folder / "summary.json")
-    write_documents(flown, say)
 
 
 def flown_replay(
@@ -295,9 +262,8 @@ class Votes:
     """The votes of recorded pictures, counted in the order of exposure with a fixed cost per cell.
 
     The rule is that of `missions.mapping.belief.Belief`: the first `frames` votes on a cell from
-    one vantage count, and `positive` of them make it ROI. A belief remembers every frame, because
-    frames of a flight come late, twice, and from several vehicles. Here none do, so sums are
-    enough: memory grows with the ground, not with the pictures.
+    one vantage count, and `positive` of them make it ROI. No picture comes late or twice, so sums
+    are enough: memory grows with the ground, not with the pictures.
 
     >>> votes = Votes(frames=2, positive=2)
     >>> for _ in range(2):
@@ -366,34 +332,30 @@ def _replayed(
     evidence = Evidence() if mission.by_evidence else None
     taken: list[tuple[float, LatLon, float]] = []
     place: Tracked | None = None
-    said: FrameSeen | None = None
+    frame: FrameSeen | None = None
     unsure = Unsure()
     for event in events:
         if isinstance(event, Tracked):
             place = event
         elif isinstance(event, FrameSeen):
-            said = event
+            frame = event
             unsure.note(event)
             if place is not None:
                 taken.append((event.t_s, grid.position(place.position), place.height_m))
             if evidence is None and event.vantage is not None:
                 votes.add(event.vantage, event.votes)
-        elif isinstance(event, Weighed) and evidence is not None and said is not None:
-            evidence.add(said.votes, event.weights)
+        elif isinstance(event, Weighed) and evidence is not None and frame is not None:
+            evidence.add(frame.votes, event.weights)
     table, undecided = votes.counted()
     if evidence is not None:
         table, undecided = weighed(evidence, mission.detector.share)
     log = FlightLog.of(events)
     table = table.with_unsure(unsure.are(table.cells))
     replayed = Replayed(table, undecided, taken, len(log.troubles), 0)
-    known = _kept_summary(folder)
-    return flown_replay(folder, plan, setting, replayed, log, calendar, known)
-
-
-def _kept_summary(folder: Path) -> dict[str, Any]:
-    """Return the summary that the replay has written: it counts files, the journal does not."""
-    try:
-        values = json.loads(read_text(folder / "summary.json", _MOST_BYTES))
+    try:  # the summary that the replay has written counts files, which the journal does not
+        known = json.loads(read_text(folder / "summary.json", _MOST_BYTES))
     except (OSError, ValueError, RecursionError):
-        return {}
-    return values if isinstance(values, dict) and "completed" in values else {}
+        known = None
+    if not isinstance(known, dict) or "completed" not in known:
+        known = {}
+    return flown_replay(folder, plan, setting, replayed, log, calendar, known)

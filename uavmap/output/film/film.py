@@ -15,20 +15,18 @@ from typing import Final, NamedTuple
 
 from shapely.geometry.base import BaseGeometry
 
-from missions.events import Connected, Event, FrameSeen, Tracked, Weighed
+from missions.events import Connected, Event, Tracked, Weighed
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.step import step
-from missions.mapping.evidence import Evidence, evidence_of
-from missions.mapping.unsure import Unsure
 from missions.mission.schema import Mission
 from missions.units import Cell
 from uavmap.output.drawing.scene import bounds_of
+from uavmap.output.facts.cell_states import CellStates
 from uavmap.output.facts.flight_log import LIFT_OFF_M
 from uavmap.output.facts.map_model import NOT_ROI
 from uavmap.output.facts.map_model import State as CellState
 from uavmap.output.facts.score import MISSED_SHARE, cells_near, shares_of
-from uavmap.output.results import cell_state, weighed_state
 
 FPS: Final = 20
 """Frames a second: a GIF counts in hundredths of a second, so 20 is exact."""
@@ -139,7 +137,7 @@ class Film:
 
     @property
     def cells(self) -> int:
-        """Number of ROI cells in the end, known or not."""
+        """Number of ROI cells at the end, known or not."""
         last = {change.cell: change.state for change in self.changes}
         return len(self.roi | {cell for cell, state in last.items() if state not in NOT_ROI})
 
@@ -206,12 +204,13 @@ def film_of_flight(
     """
     grid = setting.grid
     events = list(events)
-    weighed = Evidence() if evidence_of(events) else None
-    log = _Log(setting, State.initial(setting), recorded, evidence=weighed)
+    weighed = any(isinstance(event, Weighed) for event in events)
+    cells = CellStates(setting, recorded=recorded, weighed=weighed)
+    log = _Log(setting, State.initial(setting), cells)
     for event in events:
         log.take_in(event)
-    for cell in [] if weighed is None else weighed.cells():
-        log.note(cell)  # a belief depends on the whole set, known with its last picture
+    for cell in cells.weighed_cells():  # known with the last picture
+        log.note(cell)
     roi: frozenset[Cell] = frozenset()
     if truth is not None:
         shares = shares_of(cells_near(truth, grid), truth, grid)
@@ -235,15 +234,11 @@ class _Log:
 
     setting: Setting
     state: State
-    recorded: bool
+    states: CellStates
     t_s: float = 0.0
     changes: list[Change] = field(default_factory=list)
     tracks: dict[int, list[Fix]] = field(default_factory=dict)
     shown: dict[Cell, CellState] = field(default_factory=dict)
-    evidence: Evidence | None = None
-    """Of recorded pictures that are weighed."""
-    unsure: Unsure = field(default_factory=Unsure)
-    seen: FrameSeen | None = None
 
     def take_in(self, event: Event) -> None:
         before, self.t_s = self.state, max(self.t_s, event.t_s)
@@ -254,27 +249,14 @@ class _Log:
             place = Place(east_m / grid.cell_m, north_m / grid.cell_m)
             fix = Fix(self.t_s, place, event.height_m >= LIFT_OFF_M)
             self.tracks.setdefault(event.vehicle, []).append(fix)
-        if isinstance(event, FrameSeen):
-            self.seen = event
-            self.unsure.note(event)
-        cells: set[Cell] = set()
-        if isinstance(event, Weighed) and self.evidence is not None and self.seen is not None:
-            self.evidence.add(self.seen.votes, event.weights)
-            cells = {vote.cell for vote in self.seen.votes}
-        elif isinstance(event, FrameSeen) and self.evidence is None:
-            cells = {vote.cell for vote in event.votes}
+        cells = set(self.states.note(event))
         if self.state.tree is not None and self.state.tree is not before.tree:
             cells |= self.state.tree.vertices.keys()
         for cell in sorted(cells):
             self.note(cell)
 
     def note(self, cell: Cell) -> None:
-        if self.evidence is None:
-            now = cell_state(cell, self.state, self.unsure, recorded=self.recorded)
-        else:
-            share = self.setting.mission.detector.share
-            now = weighed_state(cell, self.evidence, self.unsure, share)
-        tree = self.state.tree
+        now, tree = self.states.of(cell, self.state), self.state.tree
         if self.shown.get(cell) != now:
             self.shown[cell] = now
             parent = tree.parent(cell) if tree is not None and cell in tree else None

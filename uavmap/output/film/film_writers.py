@@ -22,7 +22,7 @@ from PIL import Image
 
 from missions.errors import OutputError
 from missions.units import Cell
-from uavmap.base.atomic_write import write_bytes
+from uavmap.output.documents import save
 from uavmap.output.drawing import palette
 from uavmap.output.drawing.palette import TRACKS, Colour, Style
 from uavmap.output.drawing.raster import Canvas, Extent
@@ -249,14 +249,6 @@ def check_path(path: Path, suffixes: tuple[str, ...]) -> None:
         raise OutputError(f"{path} cannot be written: there is no folder {path.parent}")
     if not os.access(path.parent, os.W_OK):
         raise OutputError(f"{path} cannot be written: {path.parent} may not be written to")
-
-
-def save(path: Path, data: bytes) -> None:
-    """Write a file. Raises `OutputError`."""
-    try:
-        write_bytes(path, data)
-    except OSError as error:
-        raise OutputError(f"{path} cannot be written: {error.strerror}") from None
 
 
 def write_film(film: Film, path: Path, say: Say) -> None:

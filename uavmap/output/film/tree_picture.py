@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 from missions.errors import OutputError
 from missions.mapping.tree import Tree
 from missions.units import Cell
+from uavmap.output.documents import save
 from uavmap.output.drawing import palette
 from uavmap.output.drawing.palette import Colour, Style
 from uavmap.output.drawing.raster import encode_png, picture, text_width
@@ -26,7 +27,7 @@ from uavmap.output.drawing.scene import (
 )
 from uavmap.output.drawing.sheet import legend_row, legend_row_width, step_up
 from uavmap.output.drawing.svg import document
-from uavmap.output.film.film_writers import DRAWINGS, check_path, save
+from uavmap.output.film.film_writers import DRAWINGS, check_path
 
 BACKBONE: Colour = (0, 90, 200)
 RIB: Colour = (148, 158, 168)

@@ -17,9 +17,9 @@ from rich.table import Table
 
 from missions.errors import AreaError, OutputError, UavmapError
 from missions.mission.schema import MAX_VEHICLES
-from uavmap.base.atomic_write import write_text
 from uavmap.base.terminal import PipeConsole
 from uavmap.journal.mission_time import duration
+from uavmap.output.documents import save
 from uavmap.output.drawing.judged import FILE as JUDGED
 from uavmap.output.facts.detector_fit import REMEDY
 from uavmap.output.summary import box_in_words, encode, lines
@@ -112,10 +112,7 @@ def print_figures(figures: Mapping[str, Any], out: Path | None, *, as_json: bool
     """
     text = encode(figures) + "\n"
     if out is not None:
-        try:
-            write_text(out, text)
-        except OSError as error:
-            raise OutputError(f"{out} cannot be written: {error.strerror}") from None
+        save(out, text.encode())
     if as_json:
         sys.stdout.write(text)
     return as_json
@@ -215,14 +212,6 @@ _FIGURES: Final = {
 """Keys of the summary that only `--verbose` shows, with their names."""
 _ALARMS: Final = ("fence_breaches", "reserve_violations")
 """Those that are shown always where they are not 0."""
-
-
-def add_summary_options(parser: argparse.ArgumentParser) -> None:
-    """Add `--json` and `--verbose`."""
-    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
-    parser.add_argument(
-        "--verbose", action="store_true", help="print every figure of the summary, with bounds"
-    )
 
 
 def print_summary(

@@ -88,8 +88,13 @@ class Option:
 
 TABLE: Final = (
     Option(
-        name="mission", metavar="MISSION", commands=_FLIES, field="mission_source", python=True,
+        name="mission", metavar="MISSION", commands=(*_FLIES, "check"), field="mission_source",
+        python=True,
         help=f"a mission file, or a shipped mission: {', '.join(shipped_missions())}",
+    ),
+    Option(
+        name="folder", metavar="DIR", commands=("resume", "watch", "report", "animate"),
+        help="the results folder of the mission",
     ),
     Option(
         name="--sim", commands=("fly",), group="where", field="simulated", python=True,
@@ -290,15 +295,17 @@ TABLE: Final = (
         also={"tune": "folder for the detector"},
     ),
     Option(
-        name="--verbose", commands=(*_LINKED, "replay"),
+        name="--verbose", commands=(*_LINKED, "replay", "merge", "report"),
         help="print every figure of the summary, with bounds",
     ),
     Option(
-        name="--json", commands=(*_LINKED, "doctor", "replay", "look", "tune"),
-        help="print the summary as JSON",
+        name="--json", help="print the summary as JSON",
+        commands=(*_LINKED, "doctor", "replay", "look", "tune", "merge", "report", "check",
+                  "strategies"),
         also={
             "doctor": "print the findings as JSON", "look": "print the figures as JSON",
-            "tune": "print the report as JSON",
+            "tune": "print the report as JSON", "check": "print the figures as JSON",
+            "strategies": "print the list as JSON",
         },
     ),
 )  # fmt: skip

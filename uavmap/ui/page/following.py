@@ -14,7 +14,6 @@ from missions.events import Event, FrameSeen
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.step import step
-from missions.mapping.evidence import Evidence
 from uavmap.journal.event_log import JournalReader
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.journal.kept_frames import FRAMES, POSES, KeptFrame, read_kept
@@ -61,7 +60,6 @@ class Follower:
             else of_tiles(tiles, self.setting)
         )
         self._pictures = Pictures(self._folder, self.setting)
-        self._evidence: Evidence | None = None
         self._version = 0
 
     @property
@@ -72,15 +70,13 @@ class Follower:
     def run(self, feed: Feed, sleep: Callable[[float], None] = time.sleep) -> None:
         """Follow until `KeyboardInterrupt`. Raises `OutputError` when the page is gone."""
         events = self._reader.new_events()
-        if self.recorded and any(event.kind == "weighed" for event in events):
-            self._evidence = Evidence()
         state = State.initial(self.setting)
         watcher = Watcher(
             self.setting,
             state,
             recorded=self.recorded,
+            weighed=self.recorded and any(event.kind == "weighed" for event in events),
             real=self._real,
-            evidence=self._evidence,
             dear_s=math.inf,
         )
         scene = scene_of(self.setting, self._background, recorded=self.recorded, drawn=self._drawn)

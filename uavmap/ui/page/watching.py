@@ -37,16 +37,14 @@ from missions.events import (
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State, VehicleState
 from missions.geo.trajectory import Piece, Trajectory
-from missions.mapping.evidence import Evidence
 from missions.mapping.tree import Tree
-from missions.mapping.unsure import Unsure
 from missions.orders import FlyPath, FlyTo, Order, ReturnToLaunch, Sweep
 from missions.units import Cell, GridPoint
 from uavmap.base.printable import printable
+from uavmap.output.facts.cell_states import CellStates
 from uavmap.output.facts.detector_fit import DetectorFit, no_verdict
 from uavmap.output.facts.figures import figures_of, finding
 from uavmap.output.facts.flight_log import LIFT_OFF_M, Counter
-from uavmap.output.results import cell_state, weighed_state
 from uavmap.runner.operator.progress import cells_known, doing, phase, remarkable
 from uavmap.runner.operator.time_left import time_left
 from uavmap.ui.page.board import Board
@@ -74,8 +72,8 @@ class Watcher:
         setting: Of the mission.
         state: Before the first event.
         recorded: Whether the pictures were recorded, and nothing flies.
+        weighed: Whether recorded pictures are weighed.
         real: Whether the ground was not painted by the simulator in the flight's process.
-        evidence: Where recorded pictures are weighed.
         words: Whether vehicles' messages go into the log here.
         dear_s: Longest computation of a certificate that is repeated, seconds of the clock.
         now_s: A clock, seconds.
@@ -87,15 +85,15 @@ class Watcher:
         state: State,
         *,
         recorded: bool = False,
+        weighed: bool = False,
         real: bool = False,
-        evidence: Evidence | None = None,
         words: bool = True,
         dear_s: float = DEAR_S,
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self.board, self.state, self.setting = Board(), state, setting
         self._recorded, self._fit = recorded, DetectorFit()
-        self._evidence = evidence
+        self._cells = CellStates(setting, recorded=recorded, weighed=weighed)
         self._words = words
         self._dear_s = dear_s
         self._now_s = now_s
@@ -105,9 +103,7 @@ class Watcher:
         self._waiting: deque[Cell] = deque()
         """Cells of the tree that are still to be looked at."""
         self._tree: Tree | None = None
-        self._unsure = Unsure()
         self._why_none = partial(no_verdict, setting, real=real)
-        self._seen: FrameSeen | None = None
         self._judged = self._lost = 0
         self._last: dict[int, tuple[float, float]] = {}
         self._due_s = self._certificate_due_s = float("-inf")
@@ -118,17 +114,14 @@ class Watcher:
         self._counter.before(event, self.state)
         self._counter.after(event)
         self.state = state
+        judged = self._cells.note(event)
         if isinstance(event, FrameSeen):
-            self._seen, self._judged = event, self._judged + 1
-            self._unsure.note(event)
+            self._judged += 1
             if (news := self._fit.take(event)) and not self._recorded:
                 self.say(news.text, "warning" if news.warns else "event")
-            if self._evidence is None:
-                self._mark(vote.cell for vote in event.votes)
+            self._mark(judged)
         elif isinstance(event, Weighed):
-            if self._evidence is not None and self._seen is not None:
-                self._evidence.add(self._seen.votes, event.weights)
-                self._marked.update(dict.fromkeys(vote.cell for vote in self._seen.votes))
+            self._marked.update(dict.fromkeys(judged))
         elif isinstance(event, FrameLost):
             self._lost += 1
         elif isinstance(event, Tracked | Connected):
@@ -186,8 +179,8 @@ class Watcher:
             self._waiting.extend(tree.vertices)
         if whole and tree is not None:
             self._tree, self._waiting = tree, deque(tree.vertices)
-        if whole and self._evidence is not None:  # what is usual in the whole set tells each cell
-            self._waiting = deque(self._evidence.cells())
+        if whole and (cells := self._cells.weighed_cells()):
+            self._waiting = deque(cells)
         for _ in range(len(self._waiting) if whole else min(MOST_CELLS, len(self._waiting))):
             self._show(self._waiting.popleft())
         for number, vehicle in self.state.vehicles.items():
@@ -204,12 +197,7 @@ class Watcher:
 
     def _show(self, cell: Cell) -> bool:
         """Put a cell on the board; whether it is another than before."""
-        if self._evidence is None:
-            state = cell_state(cell, self.state, self._unsure, recorded=self._recorded)
-        else:
-            share = self.setting.mission.detector.share
-            state = weighed_state(cell, self._evidence, self._unsure, share)
-        place, code = (cell.east, cell.north), _CODES[state]
+        place, code = (cell.east, cell.north), _CODES[self._cells.of(cell, self.state)]
         changed = self.board.cell(place) != code
         self.board.set_cell(place, code)
         return changed
@@ -239,7 +227,7 @@ class Watcher:
         board.set_field("t_s", round(state.t_s, 1))
         words = "replay of pictures" if self._recorded else phase(state)
         if state.over and not self._recorded:
-            sure = not self._unsure.beyond(state.belief.roi)
+            sure = not self._cells.unsure.beyond(state.belief.roi)
             done = "complete" if state.completed and sure else "not complete"
             words = f"over, {'no verdict' if self._why_none(state, self._fit) else done}"
         board.set_field("phase", words)

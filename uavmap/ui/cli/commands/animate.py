@@ -18,6 +18,7 @@ from uavmap.output.film.film_writers import DRAWINGS, FILMS, check_path, write_f
 from uavmap.output.film.rerun_recording import SUFFIX, sdk, write_recording
 from uavmap.output.film.tree_picture import draw_tree
 from uavmap.ui.cli.common import index_number
+from uavmap.ui.cli.option_table import add_options
 
 ANIMATION: Final = "flight.gif"
 TREE: Final = "tree.png"
@@ -38,7 +39,7 @@ DESCRIPTION: Final = "Make an animation and a picture of the tree from the journ
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
-    parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
+    add_options(parser, "animate")
     add_picture_options(parser)
     parser.add_argument(
         "-o",

@@ -16,14 +16,15 @@ from missions.flight.setting_of import setting_of
 from missions.geo.grid import Grid
 from missions.mission import flyable
 from missions.mission.places import drawn
-from uavmap.base.atomic_write import write_bytes
 from uavmap.load.detector_source import refuse_undecided, region_in_words, region_lines
 from uavmap.load.mission_source import load
+from uavmap.output.documents import save
 from uavmap.output.drawing.map_scene import preflight_scene
 from uavmap.output.drawing.raster import encode_png
 from uavmap.output.drawing.sheet import draw_sheet
 from uavmap.output.report.page import encode_plan
 from uavmap.runner.preflight.plan_figures import estimate, ground_figures, ground_lines, taken_lines
+from uavmap.ui.cli.option_table import add_options
 
 KINDS: Final = (".html", ".png")
 DESCRIPTION: Final = "Say what is wrong with a mission file, by key, or what it would fly."
@@ -35,8 +36,7 @@ EXAMPLES: Final = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
-    parser.add_argument("mission", metavar="MISSION", help="a mission file, or a shipped mission")
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+    add_options(parser, "check")
     parser.add_argument(
         "--map",
         metavar="FILE.html|FILE.png",
@@ -115,9 +115,9 @@ def check_kind(path: Path, option: str) -> None:
 
 
 def write_map(setting: Setting, figures: Mapping[str, Any], path: Path) -> None:
-    """Write the plan: a page (.html) or a picture (.png). Raises `OutputError`.
+    """Write the plan with the figures of `estimate`: a page (.html) or a picture (.png).
 
-    `figures` are those of `uavmap.ui.cli.commands.check.estimate`.
+    Raises `OutputError`.
     """
     facts = plan_facts(setting, figures)
     warnings = flyable.warnings(setting.mission, setting.grid)
@@ -127,10 +127,7 @@ def write_map(setting: Setting, figures: Mapping[str, Any], path: Path) -> None:
         data = encode_plan(scene, facts, warnings)
     else:
         data = encode_png(draw_sheet(scene))
-    try:
-        write_bytes(path, data)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
+    save(path, data)
 
 
 def plan_facts(setting: Setting, figures: Mapping[str, Any]) -> list[tuple[str, str]]:

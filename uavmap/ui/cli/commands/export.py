@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import errno
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -14,11 +13,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import MissionFileError, OutputError, UavmapError
 from missions.flight.setting_of import setting_of
 from missions.mission.schema import Mission
-from uavmap.base.atomic_write import write_bytes, write_text
 from uavmap.base.terminal import Terminal
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.load.mission_source import load
-from uavmap.output.documents import FORMATS, Format, files_of, refuse_open
+from uavmap.output.documents import FORMATS, Format, files_of, refuse_open, save
 from uavmap.output.facts.flown_mission import Flown
 from uavmap.output.formats.ground_station_plan import (
     Firmware,
@@ -150,10 +148,7 @@ def _write(texts: dict[Path, str], say: Callable[[str], None]) -> None:
         if path.exists():
             raise OutputError(f"{path}: is there already; choose another name, or move it away")
     for path, text in texts.items():
-        try:
-            write_text(path, text)
-        except OSError as error:
-            raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
+        save(path, text.encode())
         say(f"wrote {path}")
 
 
@@ -258,14 +253,12 @@ def _overwrite_nothing(out: Path, files: Mapping[str, bytes], made: Format) -> N
 
 
 def _write_map(target: Path, files: Mapping[str, bytes], made: Format) -> None:
-    path = target
-    try:
-        if made.several:
+    if made.several:
+        try:
             target.mkdir(parents=True, exist_ok=True)
-        elif not target.is_dir():
-            raise FileNotFoundError(errno.ENOENT, f"there is no folder {target}")
-        for name, data in files.items():
-            path = target / name
-            write_bytes(path, data)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
+        except OSError as error:
+            raise OutputError(f"{target}: cannot be written ({error.strerror})") from None
+    elif not target.is_dir():
+        raise OutputError(f"{target}: cannot be written (there is no folder {target})")
+    for name, data in files.items():
+        save(target / name, data)

@@ -15,7 +15,7 @@ from missions.mission.height_and_speed import refuse_unknown_ground
 from uavmap.base.terminal import PipeConsole
 from uavmap.load.detector_source import detector_text, refuse_undecided
 from uavmap.load.mission_source import load, mission_of_text
-from uavmap.output.film.film_writers import save
+from uavmap.output.documents import save
 from uavmap.output.summary import encode
 from uavmap.photos.ground.judging import PictureReport, annotated, look_at
 from uavmap.photos.mission_from_photos import DETECTOR, derived

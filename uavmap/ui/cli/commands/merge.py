@@ -8,7 +8,8 @@ from typing import Final
 
 from uavmap.base.terminal import Terminal
 from uavmap.output.merging import merged_results
-from uavmap.ui.cli.common import EXIT_CODES, add_summary_options, report
+from uavmap.ui.cli.common import EXIT_CODES, report
+from uavmap.ui.cli.option_table import add_options
 
 EXAMPLES: Final = f"""\
 examples:
@@ -32,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="DIR", required=True, help="a new folder for the results of all"
     )
-    add_summary_options(parser)
+    add_options(parser, "merge")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -18,7 +18,6 @@ from missions.mission import flyable
 from missions.mission.checks import STRATEGIES
 from missions.mission.sections import LATER
 from missions.units import GridPoint, LatLon
-from uavmap.base.atomic_write import write_text
 from uavmap.journal.results_folder import folder_name
 from uavmap.load.areas.drawing import Area, Drawing
 from uavmap.load.areas.drones import camera_named, drone_named, table_lines
@@ -34,6 +33,7 @@ from uavmap.load.areas.mission_text import (
 from uavmap.load.areas.reading import KINDS, read_area_file
 from uavmap.load.detector_source import SIMULATORS, region_lines
 from uavmap.load.mission_source import mission_of_text
+from uavmap.output.documents import save
 from uavmap.runner.preflight.plan_figures import estimate
 from uavmap.ui.cli import complain
 from uavmap.ui.cli.commands.check import box_line, check_kind, search_line, write_map, zone_name
@@ -139,10 +139,7 @@ def run(options: argparse.Namespace) -> int:
     if options.like is not None:  # which takes a while, so all else is checked before
         detector = learned(options.like, out)
         text, setting = composed()
-    try:
-        write_text(out, text)
-    except OSError as error:
-        raise OutputError(f"--out {out}: cannot be written ({error.strerror})") from None
+    save(out, text.encode())
     write_map(setting, estimate(setting), preview)
     _tell(layout, setting, figures, out, preview)
     return 0

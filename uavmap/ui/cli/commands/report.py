@@ -11,7 +11,8 @@ from uavmap.base.terminal import Terminal
 from uavmap.output.documents import REPORT, write_report
 from uavmap.output.results import flown_of
 from uavmap.ui.cli.commands.export import tell_incomplete
-from uavmap.ui.cli.common import add_summary_options, print_summary
+from uavmap.ui.cli.common import print_summary
+from uavmap.ui.cli.option_table import add_options
 
 EXAMPLES: Final = """\
 examples:
@@ -30,11 +31,10 @@ DESCRIPTION: Final = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
-    parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
+    add_options(parser, "report")
     parser.add_argument(
         "--out", metavar="FILE.html", type=Path, help="the page (default: report.html in DIR)"
     )
-    add_summary_options(parser)
 
 
 def run(options: argparse.Namespace) -> int:

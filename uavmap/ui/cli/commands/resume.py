@@ -42,10 +42,7 @@ a dry run that could not put back what it had set on the autopilots, it puts tha
 DESCRIPTION: Final = "Go on with the mission of a results folder from its last committed event."
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments."""
-    parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
-    add_options(parser, "resume")
+add_arguments: Final = partial(add_options, command="resume")
 
 
 def run(options: argparse.Namespace) -> int:

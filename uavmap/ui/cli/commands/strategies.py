@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
+from functools import partial
 from typing import Final
 
 from rich.console import Console
@@ -15,6 +16,7 @@ from rich.text import Text
 from missions.planning.stepwise import EXPLORERS
 from missions.planning.stepwise.interface import Explorer
 from missions.planning.sweep.strategies import ON_PATHS, About
+from uavmap.ui.cli.option_table import add_options
 
 EXAMPLES: Final = """\
 examples:
@@ -29,9 +31,7 @@ _EVERY: Sequence[Explorer | About] = (*EXPLORERS.values(), *ON_PATHS.values())
 DESCRIPTION: Final = "The strategies that --strategy takes."
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments."""
-    parser.add_argument("--json", action="store_true", help="print the list as JSON")
+add_arguments: Final = partial(add_options, command="strategies")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import logging
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -34,10 +35,7 @@ DESCRIPTION: Final = (
 )
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments."""
-    parser.add_argument("folder", metavar="DIR", help="the results folder of the mission")
-    add_options(parser, "watch")
+add_arguments: Final = partial(add_options, command="watch")
 
 
 def run(options: argparse.Namespace) -> int:

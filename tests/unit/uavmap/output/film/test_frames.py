@@ -13,6 +13,7 @@ from PIL import Image, ImageSequence
 from missions.errors import OutputError
 from missions.units import Cell
 from tests.unit.uavmap.output.film.runs import small_film
+from uavmap.output import documents
 from uavmap.output.drawing.palette import HIDDEN, PAPER, STATES, track_colour
 from uavmap.output.film import film_writers as writers
 from uavmap.output.film.film import FPS, HOLD_S, Change, Film, Fix, Place, Reel, Unit
@@ -149,8 +150,8 @@ def test_a_disk_that_does_not_take_it_is_said(tmp_path, monkeypatch):
     def full(path: Path, data: bytes) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(writers, "write_bytes", full)
-    with pytest.raises(OutputError, match=r"film\.gif cannot be written: No space left"):
+    monkeypatch.setattr(documents, "write_bytes", full)
+    with pytest.raises(OutputError, match=r"film\.gif: cannot be written \(No space left"):
         write_film(small_film(cells=4), tmp_path / "film.gif", print)
 
 

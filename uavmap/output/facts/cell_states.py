@@ -1,0 +1,70 @@
+"""The state of each cell on a map, as the events of a flight or a replay judge it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from missions.events import Event, FrameSeen, Weighed
+from missions.flight.setting import Setting
+from missions.flight.state import State
+from missions.mapping.evidence import Evidence
+from missions.mapping.unsure import Unsure
+from missions.units import Cell
+from uavmap.output.facts.map_model import State as CellState
+
+
+class CellStates:
+    """The cells of a map, event by event.
+
+    `recorded`: of recorded pictures, where every cell of the region is explored; `weighed`: by
+    evidence, as recorded pictures may be.
+    """
+
+    def __init__(self, setting: Setting, *, recorded: bool, weighed: bool = False) -> None:
+        self._share = setting.mission.detector.share
+        self._recorded = recorded
+        self._evidence = Evidence() if weighed else None
+        self._frame: FrameSeen | None = None
+        self.unsure = Unsure()
+
+    def note(self, event: Event) -> Sequence[Cell]:
+        """Note an event; return the cells that it judges."""
+        if isinstance(event, FrameSeen):
+            self._frame = event
+            self.unsure.note(event)
+            return [] if self._evidence is not None else [vote.cell for vote in event.votes]
+        if isinstance(event, Weighed) and self._evidence is not None and self._frame is not None:
+            self._evidence.add(self._frame.votes, event.weights)
+            return [vote.cell for vote in self._frame.votes]
+        return []
+
+    def weighed_cells(self) -> Collection[Cell]:
+        """Return all cells that are weighed: each belief depends on the whole set."""
+        return [] if self._evidence is None else self._evidence.cells()
+
+    def of(self, cell: Cell, state: State) -> CellState:
+        """Return the state of a cell; `state` is that of the mission."""
+        if self._evidence is None:
+            return cell_state(cell, state, self.unsure, recorded=self._recorded)
+        if self._evidence.is_roi(cell, self._share):
+            return "explored"
+        return "unsure" if self.unsure.is_unsure(cell) else "non-roi"
+
+
+def cell_state(cell: Cell, state: State, unsure: Unsure, *, recorded: bool = False) -> CellState:
+    """Return the state of a cell that is decided by counts."""
+    if cell not in state.belief.roi:
+        if unsure.is_unsure(cell):
+            return "unsure"
+        votes = state.belief.tally(cell, None)
+        if recorded or not votes.total or state.belief.verdict(cell) is not None:
+            return "non-roi"
+        return "provisional" if state.belief.provisional(cell) else "provisional non-roi"
+    if recorded:
+        return "explored"
+    if cell in state.skipped:
+        return "skipped"
+    if state.tree is None or cell not in state.tree:  # of a survey, of a patch, at the rim
+        known = all(state.belief.verdict(near) is not None for near in cell.neighbours())
+        return "explored" if known else "unexplored"
+    return state.tree.state(cell).value
