@@ -1,7 +1,6 @@
-"""What other programs open: the files of all formats, and the documents of a flight.
+"""The files of all formats, and the documents of a flight: report.html and map.gpkg.
 
-The documents, report.html and map.gpkg, are written once all other results are on the disk. One
-that cannot be written costs a line, and no result.
+A document that cannot be written costs a line, and no result.
 """
 
 from __future__ import annotations
@@ -20,13 +19,7 @@ REPORT: Final = "report.html"
 
 
 class Format(NamedTuple):
-    """A kind of file.
-
-    Attributes:
-        name: Of the file in the results, or of the folder that holds a file per layer.
-        module: Its encoder, imported on demand.
-        several: Whether it is a file per layer.
-    """
+    """A kind of file: its name, or that of a folder with a file per layer; its encoder's module."""
 
     name: str
     module: str
@@ -85,10 +78,7 @@ def write_report(flown: Flown, path: Path | None = None) -> None:
 
 
 def refuse_open(path: Path) -> None:
-    """Raise `OutputError` where a GeoPackage is open in another program.
-
-    The log of that program lies beside the file, and would be applied to its replacement.
-    """
+    """Raise `OutputError` where another program has a GeoPackage open: its log would be applied."""
     for suffix in ("-wal", "-journal"):
         log = path.with_name(f"{path.name}{suffix}")
         if log.exists():

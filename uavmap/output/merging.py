@@ -43,8 +43,7 @@ class Source:
     def read(cls, folder: Path, say: Callable[[str], None] = lambda text: None) -> Source:
         """Read a folder of results, without a change to it. Raises `JournalError`.
 
-        Of a damaged journal the good beginning counts, of a flight under way what there is; report
-        it.
+        Of a damaged journal the good beginning counts, of a flight under way what there is.
         """
         reader = JournalReader(folder / JOURNAL)
         events, trouble = good_events(reader)
@@ -72,8 +71,8 @@ def merged_results(
 ) -> dict[str, Any]:
     """Write one map of the journals of some folders into another; return the summary.
 
-    `truth` is what the simulator watched. Raises `JournalError`, naming the folder, for journals
-    that make no map together, and where `out` holds a journal already; `OutputError`.
+    `truth` is what the simulator watched. Raises `OutputError`, and `JournalError` for journals
+    that make no map together, and where `out` holds a journal already.
     """
     if (out / JOURNAL).exists():
         raise JournalError(f"--out {out}: holds a journal already; choose a new folder")

@@ -51,8 +51,7 @@ def flown_flight(
 ) -> tuple[Flown, State]:
     """Fold the journal of a flight; return what its results show, and its last state.
 
-    The map has cells at the rim that no vote elected (`missions.mapping.rim_cells`). `simulated` is
-    what the simulator watched.
+    `simulated` is what the simulator watched. The map has cells at the rim that no vote elected.
     """
     state, found = figures(setting, events)
     if setting.member is None:  # members of a fleet share votes, and all have the same map

@@ -16,11 +16,9 @@ _QUALITY: Final = 85
 
 
 def outlined(image: NDArray[np.uint8], region: NDArray[Any]) -> bytes:
-    """Draw the outline of what is region into a picture; return it as a small JPEG.
+    """Draw the outline of the region into a picture, (rows, columns, 3); return it as a small JPEG.
 
-    Args:
-        image: Blue-green-red, (rows, columns, 3).
-        region: Not 0 where the detector marks region; of any size.
+    `region`, of any size, is not 0 where the detector marks region.
     """
     columns = min(image.shape[1], MOST_WIDE_PX)
     rows = max(1, round(image.shape[0] * columns / image.shape[1]))

@@ -1,8 +1,4 @@
-"""The scenes of a flown map, and of a mission before it is flown.
-
-A map shows cells, tracks, outline, boundary, truth; a plan shows lanes; both show fence, search
-box and homes.
-"""
+"""The scenes of a flown map, and of a mission before it is flown."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """Colours, line styles and words of a map, the same in every picture, page and file.
 
-Cells follow the idea of the paper's figures: green is explored, black is still to be explored,
-pale is known not to be region. Tracks take the colours of Okabe and Ito, which stay apart for
-colour-blind eyes; their blue and green are left to the truth and the cells.
+Tracks take the colours of Okabe and Ito, which stay apart for colour-blind eyes; their blue and
+green are left to the truth and the cells.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Shapes as pixels: drawn several times as large and shrunk, which smooths every edge.
-
-The letters are Pillow's: no picture depends on the fonts of a machine.
-"""
+"""Shapes as pixels, drawn several times as large and shrunk, with Pillow's own letters."""
 
 from __future__ import annotations
 

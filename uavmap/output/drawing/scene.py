@@ -28,9 +28,8 @@ Bounds = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """The rectangle that a drawing shows, from its upper left corner.
-
-    On a page `north_up` is False: places are columns and rows of pixels.
+    """The rectangle that a drawing shows, from its upper left corner; on a page rows count
+    downwards.
     """
 
     left_m: float

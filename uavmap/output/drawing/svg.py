@@ -53,8 +53,8 @@ def document(view: View, shapes: Iterable[Shape]) -> Markup:
 def map_drawing(scene: Scene, over: Iterable[Shape] = (), around: Iterable[Shape] = ()) -> Markup:
     """Write the map of a scene with its scale and north arrow.
 
-    `over` are more lines in metres, cut at the map's frame; `around` are more shapes in pixels from
-    the map's upper left corner.
+    `over` are lines in metres, cut at the map's frame; `around` are shapes in pixels from its
+    corner.
     """
     view = scene.view
     wide, high = view.width_px, view.height_px

@@ -1,7 +1,6 @@
 """The boundary of a region at pixel level, and boundary.geojson (docs/replay.md describes it).
 
-By RFC 7946: longitude before latitude, WGS84, eight decimals (a millimetre), rings closed, exterior
-rings counter-clockwise and holes clockwise.
+RFC 7946, WGS84, eight decimals (a millimetre).
 """
 
 from __future__ import annotations
@@ -37,8 +36,8 @@ class Line(NamedTuple):
     Attributes:
         points: Shape (n, 2), its first point again at the end.
         hole: Whether the region lies outside of it.
-        uncertainty_m: Half the distance from P = 0.1 to P = 0.9 across it, at each point but the
-            last; infinite where P reaches 0.9 nowhere.
+        uncertainty_m: Half the distance from P = 0.1 to P = 0.9 at each point but the last;
+            infinite where P reaches 0.9 nowhere.
     """
 
     points: NDArray[np.float64]
@@ -109,10 +108,9 @@ def _lengths(ring: NDArray[np.float64]) -> NDArray[np.float64]:
 # --- the file ------------------------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class BoundaryMap:
-    """The content of the file.
+    """The content of the file at mission time `t_s`.
 
     Attributes:
-        t_s: Mission time of the map.
         start: Longitudes are in its turn.
         box: The search box, fixed to the ground.
         position_m: Standard deviation of a picture's place, by which all of it may be shifted.

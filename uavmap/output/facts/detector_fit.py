@@ -1,7 +1,7 @@
 """Whether the detector of a flight fits the ground: a fact of its journal.
 
-A detector that takes nearly all of the ground for region, or none of it although nobody has chosen
-it for that ground, has told nothing. Such a flight ends without a verdict, and not as complete.
+A flight whose detector marks nearly all ground, or none although it was not chosen for that ground,
+ends without a verdict.
 """
 
 from __future__ import annotations
@@ -92,9 +92,9 @@ class DetectorFit:
 
 
 def no_verdict(setting: Setting, state: State, fit: DetectorFit, *, real: bool) -> str:
-    """Return why the map of a flight that is over tells nothing; empty where it does.
+    """Return why the map of a flight that is over shows nothing; empty where it does.
 
-    `real`: the ground was not painted by the simulator in this process.
+    `real`: the simulator in this process has not painted the ground.
     """
     if not state.over:
         return ""

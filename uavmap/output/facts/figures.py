@@ -28,11 +28,10 @@ from vision.projection import SEEN_SHARE
 class Figures:
     """The figures of a flight, and the tracks of the vehicles.
 
-    `flight_time_s` is airborne time of all vehicles together; `makespan_s` runs from the first
-    lift-off to the last touch-down, battery swaps included. `exploration_s` is the longest time of
-    a vehicle on the tree: without the search, paths from and to home, and swaps. A strategy's bound
-    is about it: `bound_makespan_s`, None for a strategy without. `lower_bound_s` is a bound for
-    every team on the explored cells, of which alone the journal knows.
+    `flight_time_s` is airborne time of all vehicles; `makespan_s` runs from the first lift-off to
+    the last touch-down. `exploration_s` is the longest time of a vehicle on the tree: without
+    search, paths from and to home, and swaps. `bound_makespan_s` is the strategy's bound on it,
+    None without one; `lower_bound_s` bounds every team on the explored cells.
     """
 
     flight_time_s: float
@@ -113,11 +112,10 @@ def figures_of(setting: Setting, state: State, counter: Counter) -> Figures:
 
 
 def _lower_bound_s(setting: Setting, state: State, breaks: int) -> float:
-    """Return a bound for every team, between cell centres at the configured speed.
+    """Return a bound on the time on the tree for every team, at the configured speed.
 
-    It is about the time on the tree: a path from the root that ends anywhere, and is broken off by
-    every flight home. Cells count that were looked at after the root was found, with all frames of
-    a look; skipped ones do not.
+    A path from the root ends anywhere, and every flight home breaks it off. Cells count that were
+    looked at, with all frames, after the root was found; skipped ones do not.
     """
     tree = state.tree
     if tree is None or state.found_s is None:
@@ -141,10 +139,10 @@ def _lower_bound_s(setting: Setting, state: State, breaks: int) -> float:
 
 
 def _passing_bound_s(setting: Setting, state: State, found_s: float, breaks: int) -> float:
-    """Return the bound for vehicles that do not stop: for ground first seen after the root.
+    """Return the bound for vehicles that do not stop, on ground first seen after the root.
 
-    A team that fell back on stopping flew part of it at the speed of the mission file, with any
-    heading, and a look judges cells that are nearly whole in the picture.
+    A team that fell back on stopping flew part of it at the mission's speed with any heading; a
+    look judges cells that are nearly whole in the picture.
     """
     mission = setting.mission
     legs_m_s = mission.flight.speed_m_s + mission.drift.speed_m_s if state.falls_back else 0.0

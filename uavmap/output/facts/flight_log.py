@@ -1,7 +1,4 @@
-"""The course of a flight from its journal, and its counts: distances, sorties, times on the tree.
-
-It is noted event by event: a replay of thousands of pictures need not keep their votes.
-"""
+"""The course of a flight from its journal, event by event, and its counts."""
 
 from __future__ import annotations
 

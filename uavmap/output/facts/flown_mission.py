@@ -1,7 +1,4 @@
-"""All that the report and the files of a flight, or of recorded pictures, are made of.
-
-Among it the dates of mission seconds, and the size of the region by its cells, with bounds.
-"""
+"""All that the report and the files of a flight, or of recorded pictures, are made of."""
 
 from __future__ import annotations
 
@@ -112,18 +109,16 @@ class Extent:
     """A region in numbers: square metres and metres on the ground.
 
     A cell belongs to the region where at least `detector.share` of it looks like region, less what
-    an error of the pose may hide (`rim_share`). So along the outline a cell of the region
-    counts from the lesser share on to all of it, a judged one beside it from nothing to
-    `detector.share`, and one without a verdict may be region whole. The outline runs
-    along the sides of cells: a smooth line through them is shorter, by a factor of 1 to the root of
-    2.
+    an error of the pose may hide (`rim_share`). So a cell of the region along the outline counts
+    from the lesser share to 1, a judged one beside it from 0 to `detector.share`, one without a
+    verdict from 0 to 1.
 
     Attributes:
-        area_m2: Of all its cells.
-        low_m2: Minimum of region in them.
+        low_m2: Minimum of region in its cells.
         high_m2: Maximum of region, with that in the cells beside.
         outline: Around its cells, in the moving frame; may be empty.
-        perimeter_m: Of the outline, holes included.
+        perimeter_m: Along the sides of cells, holes included; a smooth outline is shorter, by at
+            most the root of 2.
         parts: Cells that share only a corner are of different parts.
         open_cells: Cells of the region beside a cell without a verdict: it may go on there.
     """
@@ -153,11 +148,8 @@ class Extent:
 
 
 def extent(data: MapData, least: float, most: float) -> Extent:
-    """Measure a map's region.
-
-    Args:
-        least: Share from which on a cell may belong to it, 0 to 1.
-        most: Share from which on a cell does, at least `least`.
+    """Measure a map's region; a cell may belong to it from share `least` on, and does from `most`
+    on.
     """
     table = data.cells
     roi = table.cells[table.roi]
@@ -223,10 +215,7 @@ class BoundaryTold:
 
 
 def read_boundary(folder: Path, data: MapData) -> BoundaryTold | None:
-    """Read the boundary in a folder of results; None where there is none of this map.
-
-    A file that was edited, or that is of an earlier part of the flight, does not count.
-    """
+    """Read the boundary in a folder of results; None without one, and of an edited or old file."""
     try:
         told = json.loads(read_text(folder / BOUNDARY_FILE, _MOST_BYTES))
         if abs(float(told["t_s"]) - data.t_s) > _SAME_S:
@@ -264,12 +253,8 @@ def _told(found: Iterable[Mapping[str, Any]], data: MapData) -> BoundaryTold | N
 # --- a flight with its results --------------------------------------------------------------------
 @dataclass(frozen=True)
 class Flown:
-    """A flight with its results, or a replay.
-
-    Attributes:
-        folder: Of the results.
-        values: summary.json.
-        recorded: Whether it is a replay of recorded pictures, without a flight.
+    """A flight with its results, or a replay of recorded pictures; `values` are those of
+    summary.json.
     """
 
     folder: Path

@@ -1,14 +1,11 @@
 """The certificate of each patch of the region, and of all: what is proven, and how fast.
 
-A patch is complete when each of its cells and each cell beside these is judged: then it goes on
-nowhere. Several vehicles work on several patches by turns, so no second belongs to one patch alone.
-What a patch *took* is the time from its first judged cell to the last one of it or beside it,
-whatever else was flown meanwhile: paths, swaps of batteries, other patches, interruptions.
+A patch is complete when each of its cells and each cell beside these is judged. It *took* the time
+from its first judged cell to the last one of it or beside it, whatever else was flown meanwhile.
 
-Every cell judged after the first one was shown by a later frame. What R vehicles show at that
-moment, and sweep from then on, is bounded by `missions.planning.lower_bounds`; so what these
-cells cover gives the least time of any team as large and as fast. All of the time counts: none
-breaks off.
+Later frames showed every cell judged after the first one. `missions.planning.lower_bounds` bounds
+what R vehicles show at that moment and sweep from then on: this gives the least time of any team as
+large and as fast.
 
 All of it follows from the ballots, so from the same facts in whatever order they became known.
 """
@@ -233,8 +230,8 @@ def _by_reason(cells: Iterable[Cell], reasons: Mapping[Cell, str]) -> dict[str, 
 def beyond_fence(setting: Setting, cells: Collection[Cell], t_s: float) -> frozenset[Cell]:
     """Return the cells that no frame can show at a time: the vehicle would be beyond the fence.
 
-    A vehicle that does not stop keeps half a cell inside the margin, and sees as far as a level
-    picture; one that looks is over the cell or one beside it.
+    A vehicle that does not stop keeps half a cell inside the margin; one that looks is over the
+    cell or one beside it.
     """
     if not cells:
         return frozenset()
@@ -258,8 +255,7 @@ def beyond_fence(setting: Setting, cells: Collection[Cell], t_s: float) -> froze
 def _box(
     setting: Setting, state: State, judged: Collection[Cell], seen_s: Collection[Cell]
 ) -> dict[str, Any]:
-    """Return how much of the search box is judged; only if all of it is, no patch can be
-    missing."""
+    """Return how much of the search box is judged; no patch is missing where all of it is."""
     cells = setting.box_cells
     left = [cell for cell in cells if cell not in judged]
     beyond = beyond_fence(setting, [cell for cell in left if cell not in seen_s], 0.0)

@@ -1,16 +1,14 @@
 """The drift of each patch of a region, measured by the frames that show it.
 
-The cells move with the drift of the mission file (`drift.speed_m_s`), the same for all. A patch
-that drifts otherwise moves through them: its outline, seen early from the height of a search and
-again when the map is made, lies elsewhere. Each vote has the share of a cell that looked like
-region, so an outline is known to a small part of a cell.
+Cells move with the drift of the mission file. A patch that drifts otherwise moves through them: its
+outline lies elsewhere when the map is made than when it was first seen. Each vote has the share of
+a cell that looked like region, so an outline is known to a small part of a cell.
 
-The cells in and around a patch count that were seen over at least `LEAST_S`: the mean share in the
+Cells in and around a patch count that were seen over at least `LEAST_S`: the mean share in the
 first `WINDOW_S` in which each was seen, and in the last. A patch that moves by (u, v) m/s has in
-the last at x what it had in the first at x - (u, v) dt, dt being the time between; the measured
-drift is the (u, v) with the least squares of differences, by bilinear interpolation between cells.
-A patch that looks wider or narrower all around, as from another height or when oil spreads, does
-not shift.
+the last at x what it had in the first at x - (u, v) dt; the measured drift is the (u, v) with the
+least squares of differences, by bilinear interpolation between cells. A patch that looks wider or
+narrower all around does not shift.
 
 The error is that of a jackknife over sectors of the outline, with a metre for the vehicles'
 position.
@@ -110,9 +108,9 @@ class Shares:
             self._shares.append(share)
 
     def drifts_of(self, patches: Sequence[Collection[Cell]], grid: Grid) -> list[Drift | None]:
-        """Measure the drift of each patch, the largest first.
+        """Measure the drift of each patch, the largest first; None where it cannot be measured.
 
-        None where too little of its outline was seen twice, where it moved by more than
+        So it is where too little of the outline was seen twice, where it moved by more than
         `REACH_CELLS`, and beyond `MOST_PATCHES`.
         """
         if not len(self._times_s):

@@ -55,7 +55,6 @@ def score(
     Args:
         roi_cells: The ROI cells of the map.
         truth: The region in ground metres of the grid's moving frame; valid, may be empty.
-        grid: The grid of the cells.
         detections: Vantage (None: anywhere), judged cell and verdict of each.
     """
     verdicts = [(target, positive) for _, target, positive in detections]

@@ -1,7 +1,6 @@
 """The model of an animation: the states of cells and the places of robots over time.
 
-A simulated run and a flown mission become the same `Film`. Places are in cells from the grid's
-origin, in the frame of the ROI; times in `unit`.
+Places are in cells from the grid's origin, in the frame of the ROI; times in `unit`.
 """
 
 from __future__ import annotations
@@ -142,9 +141,8 @@ class Film:
         return len(self.roi | {cell for cell, state in last.items() if state not in NOT_ROI})
 
     def times(self) -> list[float]:
-        """Return the times of the frames, evenly spaced from 0 to the end.
-
-        With the hold at the end the film takes at most `LONGEST_S`.
+        """Return the times of the frames, evenly spaced from 0 to the end: at most `LONGEST_S` in
+        all.
         """
         pace = _FRAMES_A_STEP if self.unit is Unit.STEPS else FPS / _QUICKEST
         most = round((LONGEST_S - HOLD_S) * FPS) - 1
@@ -199,8 +197,8 @@ def film_of_flight(
 ) -> tuple[Film, State]:
     """Fold a journal into a film; return also the state in which the mission ended.
 
-    `truth` is the true ROI in ground metres of the grid's moving frame; `recorded`: the journal is
-    of photographs, without a vehicle.
+    `truth`: the true ROI in ground metres of the moving frame; `recorded`: a journal of
+    photographs.
     """
     grid = setting.grid
     events = list(events)

@@ -1,8 +1,7 @@
 """The frames of a film, and films and drawings as files: GIF, MP4, PNG, SVG.
 
-A frame shows cells, tree, trails and robots under a caption, grid north up.
-Cells are a whole number of pixels wide, so their edges stay sharp. Only changes of the ground are
-drawn anew.
+A frame shows cells, tree, trails and robots under a caption, grid north up. Cells are a whole
+number of pixels wide, so their edges stay sharp.
 """
 
 from __future__ import annotations
@@ -55,8 +54,8 @@ KEY_COLOURS: tuple[Colour, ...] = (
 class Stage:
     """Draws the frames of a film, from the first to the last.
 
-    Three pictures: the ground, a copy of it with what moves on top, and the frame as it is shown.
-    Only changed parts are copied and shrunk again.
+    The ground, a copy of it with what moves on top, and the frame as shown: only changed parts are
+    copied and shrunk again.
     """
 
     def __init__(self, film: Film) -> None:
@@ -237,10 +236,7 @@ T = TypeVar("T")
 
 
 def check_path(path: Path, suffixes: tuple[str, ...]) -> None:
-    """Check the name of a file before work is put into it.
-
-    Raises `OutputError` for another kind, or a folder that does not exist or is read-only.
-    """
+    """Raise `OutputError` for a name of another kind, a missing folder, or a read-only one."""
     if path.suffix.lower() not in suffixes:
         raise OutputError(f"{path}: the name must end in {' or '.join(suffixes)}")
     if path.is_dir():
@@ -322,10 +318,7 @@ class _FewColours:
 
 
 def mp4(size: tuple[int, int], frames: Iterable[Image.Image]) -> bytes:
-    """Encode frames as MP4 (MPEG-4 part 2), through a file, as OpenCV needs one.
-
-    Raises `OutputError` where this OpenCV lacks the codec.
-    """
+    """Encode frames as MP4 (MPEG-4 part 2). Raises `OutputError` where OpenCV lacks the codec."""
     with tempfile.TemporaryDirectory() as folder:
         name = str(Path(folder) / "film.mp4")
         codec = cv2.VideoWriter.fourcc(*"mp4v")

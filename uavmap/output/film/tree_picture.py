@@ -45,11 +45,10 @@ _NARROWEST_PX: Final = 4.0
 
 
 def draw_tree(tree: Tree, path: Path, *, title: str) -> None:
-    """Draw a tree into a PNG or SVG file, by the end of the name.
+    """Draw a tree into a PNG or SVG file, by the end of the name. Raises `OutputError`.
 
     Left the tree on the ground, grid north up; right by depth, the backbone in a line and the ribs
-    beside it. Vertices have the colours of their states, the root is ringed. The same tree gives
-    the same bytes. Raises `OutputError`.
+    beside it. Vertices have the colours of their states, the root is ringed.
     """
     check_path(path, DRAWINGS)
     size, shapes = tree_shapes(tree, title)
@@ -214,9 +213,8 @@ class Spot(NamedTuple):
 def spread(tree: Tree) -> Mapping[Cell, Spot]:
     """Place every vertex: the backbone straight along row 0, the ribs on both sides.
 
-    From the far end towards the root, every rib is placed outside of the others, on the side where
-    it is nearer to the backbone. A rib is laid out likewise, to one side of its own longest path.
-    So no two edges cross, and no two vertices share a place.
+    From the far end towards the root, every rib is placed outside of the others, on the nearer
+    side, and is laid out likewise to one side of its longest path: no two edges cross.
     """
     rows = _layout(tree, backbone(tree), _heights(tree), (1, -1))
     return {cell: Spot(tree.vertices[cell].depth, row) for cell, row in rows.items()}

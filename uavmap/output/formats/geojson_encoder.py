@@ -1,10 +1,7 @@
 """GeoJSON by RFC 7946: map.geojson of each flight, and the export with a file per layer.
 
-Longitude before latitude, WGS84, seven decimals (about a centimetre), rings closed, exterior rings
-counter-clockwise and holes clockwise (section 3.1.6), a bounding box (section 5). A third
-coordinate, of tracks only, is the height above home in metres.
-
-Longitudes run past 180 degrees where a map crosses the antimeridian: no polygon spans the globe.
+Seven decimals (about a centimetre); a third coordinate, of tracks only, is the height above home,
+m. Longitudes run past 180 degrees where a map crosses the antimeridian: no polygon spans the globe.
 """
 
 from __future__ import annotations
@@ -49,10 +46,8 @@ def write(data: MapData, path: Path, utc: str | None = None) -> None:
 
 
 def encode(flown: Flown, layers: Sequence[Layer]) -> dict[str, bytes]:
-    """Encode a file per layer, by name.
-
-    Mission, version, dates and the coordinate system of the grid (not that of the coordinates) are
-    members beside the features.
+    """Encode a file per layer, by name, with mission, version, dates and the grid's system as
+    members.
     """
     return {f"{layer.name}.geojson": "".join(_layer(flown, layer)).encode() for layer in layers}
 
@@ -117,8 +112,9 @@ def _tracks(data: MapData) -> Iterator[_Mark]:
 
 
 def _cells(data: MapData) -> Iterator[str]:
-    """Write a line per cell. Thousands of them, so without a tree of parts: no text needs
-    quoting."""
+    """Write a line per cell without a tree of parts: there are thousands, and no text needs
+    quoting.
+    """
 
     def place(lon_deg: float, lat_deg: float) -> str:
         return f"[{round(lon_deg, DECIMALS)!r}, {round(lat_deg, DECIMALS)!r}]"

@@ -1,7 +1,6 @@
 """map.gpkg: all layers in the UTM zone of the grid, with the styles of QGIS (OGC 12-128r17).
 
-It is built in memory with fixed settings and the dates of the mission: the same flight gives the
-same bytes.
+Fixed settings and the dates of the mission: the same flight gives the same bytes.
 """
 
 from __future__ import annotations

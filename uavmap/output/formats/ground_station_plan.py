@@ -1,12 +1,11 @@
 """The search of a mission as items that an autopilot flies by itself, and ground stations' files.
 
 A vehicle climbs over its pad, flies its lanes with pictures along them, comes back over its pad by
-a path inside the fence, and returns there (RTL): RTL alone would fly straight home, over ground
-that the fence excludes. The pictures are not judged.
+a path inside the fence, and returns there: RTL alone would fly straight home, over ground that the
+fence excludes. The pictures are not judged.
 
-A plan of QGroundControl is JSON with the mission, the geofence and the rally points of one vehicle.
-QGC WPL 110 is the text file of Mission Planner and others: the mission alone, its first row the
-home.
+A plan of QGroundControl is JSON with mission, geofence and rally points of one vehicle. QGC WPL 110
+is the text file of Mission Planner and others: the mission alone, its first row the home.
 """
 
 from __future__ import annotations
@@ -195,13 +194,8 @@ def plan_text(
 ) -> str:
     """Encode a QGroundControl plan of one vehicle.
 
-    Args:
-        fence: Vertices of polygons and circles, as they are uploaded.
-        rally: Rally points, heights above the home.
-        items: Of the mission.
-        home_amsl_m: Height of the planned home above the sea, m.
-        speed_m_s: Over ground.
-        frame: MAV_FRAME of the mission's heights.
+    `fence` is as it is uploaded, `rally` has heights above the home; `speed_m_s` is over ground,
+    `frame` the MAV_FRAME of the mission's heights.
     """
     circles = [
         {

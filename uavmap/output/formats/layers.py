@@ -43,11 +43,10 @@ class Layer:
     """Geometries of one kind, each with a row.
 
     Attributes:
-        name: Of a table, or a file.
         title: For people.
         heights: Whether points have a third coordinate: metres above home.
-        parts: Yields geometries, None for a row without a place, and their rows; of many cells at
-            most `AT_ONCE` at a time.
+        parts: Yields geometries, None for a row without a place, and their rows; at most `AT_ONCE`
+            cells at a time.
     """
 
     name: str

@@ -231,9 +231,8 @@ def _frames(flown: Flown) -> Layer:
 
 
 def kept_by_time(flown: Flown) -> dict[tuple[int, float], KeptFrame]:
-    """Return a flight's kept frames by vehicle and time; none where they cannot be read.
-
-    A frame with an impossible place, in a file that was edited, is left out.
+    """Return a flight's kept frames by vehicle and time, without impossible places of an edited
+    file.
     """
     if flown.recorded:
         return {}

@@ -1,7 +1,4 @@
-"""Pages without a script, that load nothing: report.html, and a plan. All texts are escaped.
-
-The drawings of a report are its map, the timeline of its vehicles, and a few of the kept frames.
-"""
+"""Pages without a script, that load nothing: report.html, and a plan. All texts are escaped."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """A flight in a thread of its own, and how its caller interrupts it.
 
-A flight has an event loop with a clock of its own; a notebook and an asyncio program run another
-loop, and a thread can have but one. The caller hears Ctrl-C and cancellation, and passes them on
-(`Caller`): aircraft are brought home as by the command, and the caller waits for that.
+A thread can have but one event loop: a flight has its own, and so has a notebook. The caller
+receives Ctrl-C and cancellation and passes them on (`Caller`): aircraft are brought home, and the
+caller waits for that.
 """
 
 from __future__ import annotations
@@ -27,8 +27,7 @@ def waited_for(job: Job[T]) -> T:
     """Run a job in a thread of its own; return its result, raise its exception.
 
     In the main thread SIGINT, SIGTERM and SIGHUP press on the job's caller. An interrupted job
-    raises `KeyboardInterrupt` even after a good end: a program that went on would send out the next
-    flight.
+    raises `KeyboardInterrupt` even after a good end: a program would fly on else.
     """
     caller = Caller()
     with _pressed_by(SIGNALS, caller):
@@ -81,10 +80,7 @@ def _begun(job: Job[T], caller: Caller) -> Future[T]:
 
 
 def _result(work: Future[T], caller: Caller) -> T:
-    """Return the job's result, or raise its exception, without the groups of its tasks.
-
-    Raises `KeyboardInterrupt` after an interrupt, even if the job came to a good end.
-    """
+    """Return the job's result, or raise its exception; `KeyboardInterrupt` after an interrupt."""
     if (failure := work.exception()) is not None:
         raise single(failure)
     if caller.presses:

@@ -108,7 +108,7 @@ def overwrite_nothing(folder: Path, names: Iterable[str]) -> None:
 def print_figures(figures: Mapping[str, Any], out: Path | None, *, as_json: bool) -> bool:
     """Write figures as JSON into a file, if given, and to standard output, if asked for.
 
-    Returns whether they were printed. Raises `OutputError` when the disk refuses.
+    Return whether they were printed. Raises `OutputError`.
     """
     text = encode(figures) + "\n"
     if out is not None:
@@ -124,10 +124,7 @@ def asks() -> bool:
 
 
 def answer_to(question: str) -> str:
-    """A line from the terminal; standard output stays free for the result.
-
-    Raises `AreaError` where nobody answers.
-    """
+    """Read a line from the terminal. Raises `AreaError` where it is empty."""
     sys.stderr.write(f"{question} ")
     sys.stderr.flush()
     line = sys.stdin.readline()
@@ -150,10 +147,7 @@ def report(
     verbose: bool = False,
     goes_on: bool = True,
 ) -> int:
-    """Print the result; returns the exit code, which does not depend on being read.
-
-    `goes_on`: whether `uavmap resume` can go on with what is not completed.
-    """
+    """Print the result; return the exit code. `goes_on`: `uavmap resume` can continue it."""
     with contextlib.suppress(OSError):
         print_summary(summary, folder, as_json=as_json, verbose=verbose)
     for line in summary.get("aircraft_down", ()):

@@ -84,10 +84,9 @@ def detector_table(detector: Path | None, folder: Path) -> dict[str, Any]:
 
 
 def learned(photographs: Sequence[Path], mission: Path) -> Path:
-    """Learn a detector for a mission file from photographs; return its folder, beside the mission.
+    """Learn a detector from photographs; return its folder, beside the mission file.
 
-    Raises `ImageError` for faults of photographs and masks, `OutputError`, and `UavmapError`
-    without the extra `tune`.
+    Raises `ImageError`, `OutputError`, and `UavmapError` without the extra `tune`.
     """
     need_learner()
     out = mission.with_name(f"{mission.stem}-detector")

@@ -37,9 +37,9 @@ def beside(
     folder: Path,
     terminal: Terminal,
 ) -> Iterator[tuple[Onlooker, ...]]:
-    """Show progress on the terminal, and open the live page where it is asked for.
+    """Show progress on the terminal, and the live page where it is asked for; yield the onlookers.
 
-    `plan` is read only for a page. Yields the onlookers. Raises `UavmapError`.
+    `plan` is read only for a page. Raises `UavmapError`.
     """
     table = ProgressTable(terminal)
     if options.page is None:
@@ -65,7 +65,7 @@ def beside(
 def flight_options(options: argparse.Namespace, **more: Any) -> FlightOptions:
     """Make the options of a flight from those of its command; `more` are other fields.
 
-    Raises `UavmapError` as `FlightOptions`, and `LinkError` for an empty key.
+    Raises `UavmapError`, and `LinkError` for an empty key.
     """
     given: dict[str, Any] = {}
     for option in TABLE:

@@ -1,8 +1,7 @@
 """All options of the commands that fly, and of those that share options with them.
 
 The table makes the parsers' options, `FlightOptions` (`field`), the parameters of `uavmap.fly` and
-`uavmap.resume` (`python`), which a test holds equal, and the page of reference:
-`python -m uavmap.ui.cli.option_table`.
+`uavmap.resume` (`python`), and docs/options.md: `python -m uavmap.ui.cli.option_table`.
 """
 
 from __future__ import annotations
@@ -36,8 +35,6 @@ class Option:
     Attributes:
         also: The help of a command that differs from `help`, by command.
         metavar: The name of its value; without it and `choices` a switch.
-        type: Makes the value of its text.
-        several: Whether it may be repeated.
         const: Its value where it is given without one.
         group: Options of one group exclude each other.
         field: Its name in `FlightOptions`.

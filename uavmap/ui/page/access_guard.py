@@ -1,7 +1,7 @@
 """Access to the page: only for browsers that were opened with its token.
 
-The token comes once, in the URL; then it is a cookie that scripts cannot read, and the address bar
-has none. A page of another origin gets nothing, whatever cookie the browser has.
+The token comes once, in the URL; then it is a cookie that scripts cannot read. A page of another
+origin gets nothing, whatever cookie the browser has.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """What the page shows at an instant, and what has changed since an earlier one. Pure.
 
-A board is a picture of a flight in JSON values: cells by the number of their state, a record for
-each vehicle, lines of a log, and fields of the flight. Each value has a stamp, and `since` returns
-all that was stamped after a version. So a slow browser is updated less often, and never twice: the
-next delta holds what it has missed, without what was overwritten meanwhile.
+Cells by the number of their state, a record for each vehicle, lines of a log, and fields of the
+flight, each with a stamp. `since` returns all that was stamped after a version, so a slow browser
+is updated less often, and never twice.
 """
 
 from __future__ import annotations

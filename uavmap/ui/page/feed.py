@@ -1,7 +1,6 @@
 """The process of a page, from the side of the flight, which never waits for it.
 
-Messages go into a short queue that a thread writes to the process. While that is full nothing more
-is put in, and the next delta holds what was left out.
+While the queue of messages is full nothing more is put in; the next delta holds what was left out.
 """
 
 from __future__ import annotations
@@ -178,12 +177,11 @@ class Feed:
 # --- opened before a flight begins: what is wrong is reported while nothing flies ---------------
 @contextlib.contextmanager
 def opened(config: Words, port: int, option: str, host: str = LOOPBACK) -> Iterator[Feed]:
-    """Serve a page in the context; a line reports its URL.
+    """Serve a page in the context; log its URL. Raises `UavmapError` without NiceGUI or the port.
 
     `config` has its `title`; `steers`, whether there are buttons; `why` there are none; `timeline`,
     whether earlier times can be shown; `frames`, the folder of the pictures; `pictures`, why there
-    are none. `port` (0 for any that is free) is given by `option`. Raises `UavmapError` without
-    NiceGUI, or where the port is taken.
+    are none. `option` gives the `port`, 0 for any that is free.
     """
     need_nicegui()
     token = secrets.token_urlsafe(16)

@@ -1,7 +1,4 @@
-"""A flight's page, from the side of the flight: events go out, orders come in.
-
-A failure of the page is reported in a line, and the flight goes on without it.
-"""
+"""A flight's page, from the side of the flight: events go out, orders come in."""
 
 from __future__ import annotations
 
@@ -37,9 +34,8 @@ LANDED: Final = "the flight is over"
 
 
 class FlightPage(Onlooker):
-    """Shows a flight on a page, and its lines (`uavmap.base.messages.Display`).
-
-    A `simulated` flight takes no orders. `now_s` is real time, s.
+    """Show a flight on a page, with its lines. A `simulated` one takes no orders; `now_s` is real
+    time.
     """
 
     def __init__(

@@ -42,11 +42,9 @@ class Mosaic:
         )
 
     def add(self, picture: Image, pixel_of_ground: NDArray[np.float64]) -> None:
-        """Lay a picture on the ground.
+        """Lay a picture, (rows, columns, 3) of blue-green-red, on the ground.
 
-        Args:
-            picture: Shape (rows, columns, 3), blue-green-red.
-            pixel_of_ground: 3 x 3, from metres east and north to its pixels.
+        `pixel_of_ground` leads from metres east and north to its pixels, 3 x 3.
         """
         rows, columns = picture.shape[:2]
         matrix = pixel_of_ground @ self._metres

@@ -1,7 +1,6 @@
-"""The process of a page: `python -m uavmap.ui.page.page_child`, started by `uavmap.ui.page.feed`.
+"""The process of a page, started by `uavmap.ui.page.feed`; it ends with the flight.
 
-Messages of the flight come by standard input, orders go by standard output. It ends with the
-flight.
+Messages of the flight come by standard input, orders go by standard output.
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ Colours = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class Background:
-    """A picture of the ground: its bytes, and the rectangle that it covers in the fixed frame.
+    """A picture of the ground, and the rectangle that it covers in the fixed frame.
 
     One that `grows` is laid together of the pictures of a flight, over these bytes.
     """
@@ -101,10 +101,7 @@ def of_tiles(path: Path, setting: Setting) -> Background:
 
 
 def growing(setting: Setting, beneath: Background | None) -> Background | None:
-    """Return a background that grows while a mission is flown.
-
-    Where the region drifts only what is given: the ground of another time would lie beneath it.
-    """
+    """Return a background that grows in flight; where the region drifts only what is given."""
     if setting.grid.drift_speed_m_s:
         return beneath
     if beneath is not None:
@@ -115,9 +112,8 @@ def growing(setting: Setting, beneath: Background | None) -> Background | None:
 
 
 def of_mosaic(path: Path, setting: Setting) -> Background | None:
-    """Return the mosaic in a results folder; None without one, or without rasterio to read it.
-
-    None also where the region drifts: then it shows the ground of another time.
+    """Return the mosaic in a results folder; None without one or rasterio, or where the region
+    drifts.
     """
     if not path.is_file() or not there() or setting.grid.drift_speed_m_s:
         return None
@@ -236,10 +232,8 @@ def scene_of(
 ) -> dict[str, Any]:
     """Return the scene of a mission, for JSON, with the picture under its map.
 
-    `drawn`: whether somebody has drawn its box and fence.
-
-    Points are metres east and north in the grid's fixed frame; cells are in the moving one, which
-    drifts with `drift_m_s` from mission time 0.
+    `drawn`: its box and fence are not derived from pictures. Points are metres east and north in
+    the fixed frame; cells are in the moving one, which drifts with `drift_m_s` from mission time 0.
     """
     mission, grid = setting.mission, setting.grid
 

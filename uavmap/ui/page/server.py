@@ -1,7 +1,7 @@
-"""The page itself, by NiceGUI: the frame around the map, the buttons, and a loop for each browser.
+"""The page by NiceGUI: the frame around the map, the buttons, and a loop for each browser.
 
-A browser gets the changes since the version that it has confirmed, and nothing more before it
-confirms again: a slow one gets fewer and larger deltas, and nothing piles up.
+A browser gets the changes since the version that it has confirmed, and no more before it confirms
+again: nothing piles up.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A flight as its events come, on a board. Pure but for the clock that it is given.
 
-It runs in the loop that steers aircraft, so its work is bounded: an event marks what it changes,
-and `refresh` visits a limited number of cells. Costly figures are computed seldom.
+It runs in the loop that steers aircraft: `refresh` visits a limited number of cells, and computes
+costly figures seldom.
 """
 
 from __future__ import annotations

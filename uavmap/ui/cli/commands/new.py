@@ -295,10 +295,7 @@ def two_numbers(option: str, text: str) -> tuple[float, float]:
 
 
 def figures_of(options: argparse.Namespace) -> Figures:
-    """Return the aircraft's figures: from the table, overridden by options.
-
-    Raises `AreaError` for a name that is not known, or where figures are missing.
-    """
+    """Return the aircraft's figures by table and options. Raises `AreaError` where some miss."""
     _ask_for_drone(options)
     drone = None if options.drone is None else drone_named(options.drone)
     named = options.camera or (None if drone is None else drone.camera)
