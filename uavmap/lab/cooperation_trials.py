@@ -23,11 +23,12 @@ from missions.lab.cooperation.exploration import Exploration, Figures, Move, Why
 from missions.lab.cooperation.space import Point, Space, between
 from missions.lab.cooperation.tracking import Ellipse, Noise, Outcome, followed
 from missions.lab.cooperation.trapezoids import Cover, Pattern
+from uavmap.output.documents import save
 from uavmap.output.drawing import palette
 from uavmap.output.drawing.palette import Colour, Style
 from uavmap.output.drawing.raster import Canvas
 from uavmap.output.drawing.scene import Area, Dot, Label, Line, Shape, View
-from uavmap.output.film.film_writers import gif, mp4, save
+from uavmap.output.film.film_writers import gif, mp4
 
 LOOKED_AT: Final = 400
 """Number of points that are checked whether a robot saw them, beside all corners."""

@@ -35,7 +35,8 @@ from uavmap.lab.cooperation_trials import (
 )
 from uavmap.load.areas.drawing import Positions
 from uavmap.load.areas.reading import read_area_file
-from uavmap.output.film.film_writers import FILMS, check_path, save
+from uavmap.output.documents import save
+from uavmap.output.film.film_writers import FILMS, check_path
 from uavmap.ui.cli import INCOMPLETE, INTERRUPTED
 from uavmap.ui.cli.common import pair, print_figures
 
