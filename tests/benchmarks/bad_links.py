@@ -25,7 +25,6 @@ FORBIDDEN = frozenset({"air", "lie", "unrep", "end", "tb", "res", "breach"})
 
 
 def fly(job: tuple[str, int], mission: str = "tiny") -> Flown:
-    """One flight over a link."""
     link, seed = job
     quality = {key: float(value) for key, value in (part.split("=") for part in link.split(","))}
     fault = {"kind": "link", "at_s": 0.0, **quality}
@@ -33,7 +32,6 @@ def fly(job: tuple[str, int], mission: str = "tiny") -> Flown:
 
 
 def main() -> int:
-    """Fly and print."""
     options = asked(__doc__, seeds=20, workers=2, links=LINKS, mission="tiny")
     jobs = [(link, seed) for link in options.links for seed in range(1, options.seeds + 1)]
     found = in_turn(partial(fly, mission=options.mission), jobs, options.workers)

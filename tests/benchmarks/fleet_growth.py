@@ -66,7 +66,6 @@ def text_for(vehicles: int, *, apart: bool = False) -> str:
 
 
 def flown(vehicles: int, comms: str | None, seed: int) -> dict[str, Any]:
-    """What a flight came to."""
     text, flying = text_for(vehicles, apart=comms is not None), fly if comms is None else fly_fleet
     begun_s = time.process_time()
     how = {"vehicles": vehicles, "comms": comms, "seed": seed}
@@ -125,7 +124,6 @@ def picture(rows: list[dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    """Fly the teams, or draw what was flown."""
     options = frame.asked(
         __doc__, vehicles=",".join(map(str, TEAMS)), comms=str, seed=1, picture=Path
     )

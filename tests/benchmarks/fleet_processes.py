@@ -63,7 +63,6 @@ class Air:
     """When each has sent its first and its last frame."""
 
     def carry(self) -> None:
-        """Carry until it is over."""
         with selectors.DefaultSelector() as ready:
             for number, tap in self.taps.items():
                 os.set_blocking(tap, False)
@@ -93,7 +92,6 @@ class Air:
 
 
 def ip(*words: object) -> None:
-    """Run `ip`."""
     subprocess.run(["ip", *map(str, words)], check=True, capture_output=True, text=True)
 
 
@@ -132,7 +130,6 @@ def _in(name: str, *words: object) -> None:
 
 
 def sent_bytes(number: int) -> int:
-    """What a vehicle's radio has sent, as its interface counts."""
     read = f"cat /sys/class/net/{RADIO}/statistics/tx_bytes"
     found = subprocess.run(
         ["ip", "netns", "exec", _name(number), "sh", "-c", read],
@@ -142,7 +139,6 @@ def sent_bytes(number: int) -> int:
 
 
 def network(kind: str, number: int) -> list[str]:
-    """The options of one vehicle."""
     if kind == "group":
         return ["--listen", f"udp/224.0.0.224:7447#iface={RADIO}"]
     mine = ["--listen", f"{kind}/10.77.0.{number}:7447"]
@@ -166,7 +162,6 @@ def serve(mission_file: str, number: int, speedup: float, seed: int) -> None:
 
 
 def begun(number: int, words: Sequence[str], stderr: IO[str] | None) -> subprocess.Popen[str]:
-    """A module of Python in the namespace of a vehicle."""
     return subprocess.Popen(
         ["ip", "netns", "exec", _name(number), sys.executable, "-m", *words],
         env={**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"},
@@ -175,7 +170,6 @@ def begun(number: int, words: Sequence[str], stderr: IO[str] | None) -> subproce
 
 
 def flown(options: argparse.Namespace, folder: Path, count: int, taps: dict[int, int]) -> Any:
-    """Fly, and measure."""
     key = folder / "key"
     new_key(key)
     air = Air(taps, options.loss, options.delay)
@@ -240,7 +234,6 @@ def journals(folder: Path, count: int) -> Any:
 
 
 def main() -> int:
-    """Fly one mission and print the figures."""
     options = asked(
         __doc__, mission="bay", network="group", loss=0.0, delay=0.0, parted_from=math.inf,
         parted_until=math.inf, speedup=2.0, seed=1, out=str, serve=int,

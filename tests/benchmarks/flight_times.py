@@ -43,8 +43,6 @@ ROOM_M = 25.0
 
 
 class Job(NamedTuple):
-    """One flight."""
-
     mission: str
     vehicles: int
     strategy: str
@@ -78,7 +76,6 @@ def _ring(grid: Grid, polygon: Polygon) -> str:
 
 # --- flights -----------------------------------------------------------------------------------
 def flight(job: Job) -> dict[str, Any]:
-    """The summary of a flight."""
     text, strategy = first_patch(named_text(job.mission).text), job.strategy
     if strategy in (TIGHT, WIDE):
         text, strategy = survey_text(text, job.mission, strategy), "survey"
@@ -94,7 +91,6 @@ HEAD = frame.head(
 
 
 def row(name: str, found: Sequence[dict[str, Any]], base_s: float | None) -> str:
-    """A row of the table."""
     values = {key: [f[key] for f in found] for key in found[0]}
     flown_s = median(values["makespan_s"])
     return frame.row(
@@ -112,7 +108,6 @@ def row(name: str, found: Sequence[dict[str, Any]], base_s: float | None) -> str
 
 
 def main() -> None:
-    """Fly, and print a table for each mission and team."""
     options = frame.asked(
         __doc__, mission=MISSIONS, strategy=STRATEGIES, vehicles=TEAMS, seeds=10, workers=1,
         quick=False,

@@ -75,13 +75,11 @@ def flown(
 
 
 def summary_of(name: str, text: str | None = None, **how: Any) -> dict[str, Any]:
-    """Fly as `flown` does, for the summary alone."""
     with flown(name, text, **how) as (summary, _):
         return summary
 
 
 def events_of(folder: Path) -> list[Event]:
-    """The events of a journal."""
     with Journal.open(folder / JOURNAL) as journal:
         return list(journal.events())
 
@@ -101,12 +99,10 @@ def truth_shown(look: Callable[[Sequence[SimVehicle], Setting], None]) -> Iterat
 
 # --- tables and statistics -----------------------------------------------------------------------
 def row(*cells: object) -> str:
-    """A row of a Markdown table."""
     return f"| {' | '.join(map(str, cells))} |"
 
 
 def head(*names: str) -> str:
-    """The head of a Markdown table."""
     return f"{row(*names)}\n|{'---|' * len(names)}"
 
 

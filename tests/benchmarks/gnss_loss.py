@@ -43,15 +43,12 @@ CASES = {
 
 
 class Job(NamedTuple):
-    """One flight."""
-
     case: str
     seed: int
     at_s: float
 
 
 def text_of(job: Job, mission: str, gnss_loss: str, autopilot: str) -> str:
-    """The mission file of a flight."""
     more, fault = CASES[job.case]
     fault = fault.format(at_s=job.at_s, deg=(job.seed * 77) % 360)
     if autopilot == "px4":
@@ -97,7 +94,6 @@ def flown(job: Job, mission: str, gnss_loss: str, autopilot: str) -> dict[str, A
 
 
 def line(job: Job, found: dict[str, Any]) -> str:
-    """What came of a flight."""
     noticed = found["noticed_s"]
     after = "-" if noticed is None else f"{noticed - job.at_s:.0f}"
     return (
@@ -111,7 +107,6 @@ def line(job: Job, found: dict[str, Any]) -> str:
 
 
 def together(case: str, rows: Sequence[dict[str, Any]]) -> str:
-    """What came of all flights of a case."""
     pads_m = [r["pad_m"] for r in rows]
     return (
         f"{case}: {len(rows)} flights, {sum(r['completed'] for r in rows)} complete, pad median "
@@ -123,7 +118,6 @@ def together(case: str, rows: Sequence[dict[str, Any]]) -> str:
 
 
 def main() -> None:
-    """Fly and print."""
     options = frame.asked(
         __doc__, mission="runway", case=tuple(CASES), gnss_loss="map", seeds=10, first=1,
         at_s=float, autopilot="ardupilot", workers=2,

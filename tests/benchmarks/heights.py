@@ -22,7 +22,6 @@ COUNTS = ("cells_missed", "false_positives", "false_negatives", "detections")
 
 
 def text_of(pixels: float) -> str:
-    """The mission `runway` as high as so many pixels a cell allow."""
     text = re.sub(
         r"altitude_m = [0-9.]+", 'altitude_m = "auto"', first_patch(named_text("runway").text)
     )
@@ -30,7 +29,6 @@ def text_of(pixels: float) -> str:
 
 
 def main() -> None:
-    """Fly and print."""
     options = asked(__doc__, pixels=PIXELS, seeds=3)
     names = ("cells missed", "false +", "false -", "verdicts")
     print(head("pixels a cell", "height, m", "IoU, %", *names))

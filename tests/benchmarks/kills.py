@@ -56,7 +56,6 @@ def started(arguments: list[str], said: Path, room: int | None = None) -> ForkPr
 
 
 def ended(child: ForkProcess) -> int | None:
-    """The exit status of a process, negative for a signal."""
     child.join()
     return child.exitcode
 
@@ -77,8 +76,6 @@ def killed_after(child: ForkProcess, delay_s: float, folder: Path) -> tuple[bool
 
 
 class Trials:
-    """Runs of all kinds against one uninterrupted flight."""
-
     def __init__(self, name: str, below: Path, seed: int) -> None:
         self._fly = ["fly", mission(name), "--sim", "--json", "--out"]
         self._below = below
@@ -136,7 +133,6 @@ class Trials:
             self._check(folder, confirmed)
 
     def _again(self, folder: Path) -> list[str]:
-        """The command that the last one left to give."""
         if (folder / "journal.jsonl").exists():
             return ["resume", str(folder), "--json"]
         return [*self._fly, str(folder)]
@@ -160,7 +156,6 @@ class Trials:
         assert len(found) >= confirmed, f"{confirmed} events were there, {len(found)} are"
 
     def _judge(self, folder: Path, said: Path) -> None:
-        """Go on to the end, and hold the outcome against the uninterrupted flight."""
         code = ended(started(self._again(folder), said))
         text = said.read_text("utf-8", errors="replace")
         assert "Traceback" not in text, f"a traceback: see {said}"
@@ -172,7 +167,6 @@ class Trials:
 
 
 def main() -> int:
-    """Run and print; the exit status. The mission is one of tests/data."""
     options = asked(__doc__, kills=200, twice=40, full=30, seed=1, mission="speck")
     faults: list[str] = []
     below = Path(tempfile.mkdtemp(prefix="uavmap-kills-"))

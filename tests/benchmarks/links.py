@@ -62,7 +62,6 @@ def frame_to_target_s(name: str = "speck") -> list[float]:
 
 
 def telemetry() -> list[tuple[float, bytes]]:
-    """What a vehicle in the air says at the rates that a flight asks for."""
     heard: list[tuple[float, bytes]] = []
 
     async def body(flight: Flight) -> None:
@@ -82,7 +81,6 @@ def telemetry() -> list[tuple[float, bytes]]:
 
 
 def core_share(heard: list[tuple[float, bytes]], *, signed: bool, forwarded: bool) -> float:
-    """The part of a core that it takes to hear so many vehicles."""
     pieces = heard
     if signed:
         vehicle = Signing(KEY, _memory())
@@ -108,7 +106,6 @@ def core_share(heard: list[tuple[float, bytes]], *, signed: bool, forwarded: boo
 
 
 def main() -> None:
-    """Measure, and print."""
     found_ms = [1000.0 * s for s in frame_to_target_s()]
     print(f"frame to target, {len(found_ms)} targets, ms: {spread(found_ms)}")
     heard = telemetry()

@@ -61,8 +61,6 @@ def busy() -> tuple[Setting, State]:
 
 
 class Team:
-    """Vehicles that fly about and take pictures; ten steps are a second."""
-
     def __init__(self) -> None:
         self.setting, self.state = busy()
         self.watcher = Watcher(self.setting, self.state)
@@ -94,7 +92,6 @@ class Team:
 
 
 def on_the_flight() -> None:
-    """What the flight's own loop spends."""
     team, version, spent_ms = Team(), 0, []
 
     def show() -> None:
@@ -110,7 +107,6 @@ def on_the_flight() -> None:
 
 
 def in_the_browser(out: Path) -> None:
-    """How often it is drawn."""
     said = Said()
     config = {"title": "20 vehicles, 5,000 cells", "steers": True}
     with shown_on(said), opened(config, 0, "--page") as feed, browser() as driver:

@@ -46,7 +46,6 @@ def gaps_of(log: Path, stalls: list[tuple[float, float]]) -> tuple[list[float], 
 
 
 def main() -> int:
-    """Print the gaps."""
     options = asked(__doc__, mission="speck", stall=3.0, every=10.0, autopilot="ardupilot")
     stalls: list[tuple[float, float]] = []
     with (

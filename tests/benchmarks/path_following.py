@@ -81,7 +81,6 @@ def most(values: list[float]) -> float:
 
 
 def meadow(autopilot: str, wind_m_s: float, gps_sigma_m: float = 0.0) -> Mission:
-    """A mission with room for the path."""
     made = mission(
         square(-4, 0, 40, 40), square(-60, -60, 260, 260), wind_m_s=wind_m_s, speed_m_s=6.0
     )
@@ -90,7 +89,6 @@ def meadow(autopilot: str, wind_m_s: float, gps_sigma_m: float = 0.0) -> Mission
 
 
 def followed(autopilot: str, speed_m_s: float, wind_m_s: float = 0.0) -> Followed:
-    """Fly the path."""
     found = Followed()
 
     async def body(flight: Flight) -> None:
@@ -135,7 +133,6 @@ def _length_s(plan: Trajectory) -> float:
 
 
 def main() -> int:
-    """Fly and print."""
     options = asked(__doc__, autopilot=("ardupilot", "px4"), speed=(3.0, 6.0, 8.0, 10.0))
     columns = ("error m, mean / 95 %", "beside m", "tilt deg, 95 %", "planned s", "flown")
     print(head("autopilot", "speed, wind m/s", *columns, "measured"))

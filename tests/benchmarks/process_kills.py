@@ -86,7 +86,6 @@ def one(number: int, who: str, autopilot: str, driver: str, at_s: float, below: 
 
 
 def main() -> int:
-    """Print the table."""
     options = asked(__doc__, kills=40, at_once=3, seed=1)
     rng = np.random.default_rng(options.seed)
     kinds = itertools.cycle(itertools.product(("ardupilot", "px4"), ("pymavlink", "mavsdk")))

@@ -50,7 +50,6 @@ Change = Callable[[str], str]
 # --- verdicts and pictures -----------------------------------------------------------------------
 @contextlib.contextmanager
 def _verdicts(change: Callable[[tuple[Verdict, ...]], tuple[Verdict, ...]]) -> Iterator[None]:
-    """Meanwhile the verdicts of every frame are changed."""
     judged = Classifier._judged  # the one place where all verdicts are given
 
     def changed(self: Classifier, frame: Frame, *where: Any) -> tuple[Verdict, ...]:
@@ -62,7 +61,6 @@ def _verdicts(change: Callable[[tuple[Verdict, ...]], tuple[Verdict, ...]]) -> I
 
 @contextlib.contextmanager
 def flipped_votes(seed: int, share: float) -> Iterator[None]:
-    """Every vote is wrong with this probability."""
     rng = np.random.default_rng([seed, 1])
 
     def change(votes: tuple[Verdict, ...]) -> tuple[Verdict, ...]:
@@ -103,7 +101,6 @@ def false_frame(_: int) -> Iterator[None]:
 
 @contextlib.contextmanager
 def lost_pictures(seed: int, share: float) -> Iterator[None]:
-    """This share of the pictures cannot be fetched."""
     rng = np.random.default_rng([seed, 2])
     fetch = uavmap.runner.simulation.Simulation.fetch
 
@@ -131,7 +128,6 @@ def slow_camera(_: int) -> Iterator[None]:
 
 
 def nothing(_: int) -> AbstractContextManager[None]:
-    """All is well."""
     return contextlib.nullcontext()
 
 
@@ -141,8 +137,6 @@ def _sim(line: str) -> Change:
 
 
 def _gusts(more_m_s: float) -> Change:
-    """Gusts along the mean wind, once a minute."""
-
     def change(text: str) -> str:
         for at_s in range(GUST_EVERY_S, GUSTS_UNTIL_S, GUST_EVERY_S):
             text += (
@@ -178,7 +172,6 @@ TROUBLES: Mapping[str, tuple[Change, Inject]] = {
 
 # --- flights -------------------------------------------------------------------------------------
 def flight(job: tuple[str, int]) -> dict[str, Any]:
-    """The summary of a flight, by trouble and seed."""
     name, seed = job
     change, inject = TROUBLES[name]
     text = change(first_patch(named_text(MISSION).text))
@@ -212,7 +205,6 @@ COLUMNS = {
 
 
 def row(name: str, found: Sequence[Mapping[str, Any]]) -> str:
-    """A line of the table."""
     complete = f"{sum(bool(f['completed']) for f in found)} of {len(found)}"
     cells = (
         _median([factor * f[key] for f in found], digits)
@@ -222,7 +214,6 @@ def row(name: str, found: Sequence[Mapping[str, Any]]) -> str:
 
 
 def main() -> None:
-    """Fly and print."""
     options = frame.asked(__doc__, seeds=3, workers=1, only=("",))
     names = [name for name in TROUBLES if any(part in name for part in options.only)]
     jobs = [(name, seed) for name in names for seed in range(1, options.seeds + 1)]

@@ -82,7 +82,6 @@ def over_sockets(vehicles: int, speedup: float) -> float:
 
 
 def main() -> int:
-    """Measure and print."""
     options = asked(__doc__, virtual=False, sockets=False)
     # vehicles, what is measured, how often, and the least that is wanted
     runs: list[tuple[str, int, Callable[[int, float], float], float, int, float]] = []

@@ -28,8 +28,6 @@ SLACK_S = 120.0
 
 @dataclass(frozen=True, slots=True)
 class Landed:
-    """A flight that is over."""
-
     code: int
     summary: dict[str, Any]
     said: str
@@ -37,7 +35,6 @@ class Landed:
 
     @property
     def line(self) -> str:
-        """What came of it."""
         found = self.summary
         failed = [text for text in self.said.splitlines() if "failed" in text]
         return (
@@ -72,7 +69,6 @@ def flown(
 
 
 def main() -> int:
-    """Fly and print."""
     options = asked(
         __doc__, missions=("runway", "spill"), speedups=(1.0, 3.0, 10.0, 20.0),
         autopilots=("ardupilot", "px4"), drivers=("pymavlink", "mavsdk"), vehicles=1, seed=1,

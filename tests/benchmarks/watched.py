@@ -67,8 +67,6 @@ class NoEndError(Exception):
 
 @dataclass(slots=True)
 class Aircraft:
-    """What became of one aircraft."""
-
     landed: bool = True
     crashed: bool = False
     from_home_m: float = 0.0
@@ -125,8 +123,6 @@ class Observer(Truth):
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """A flight that is over."""
-
     name: str
     code: int | None
     """The exit status; None after a traceback."""
@@ -146,7 +142,6 @@ class Flown:
 
     @property
     def columns(self) -> frozenset[str]:
-        """Where it counts in the table."""
         craft = self.truth.aircraft.values()
         # who lies or stands elsewhere: by the truth, not by what the positions say
         away = any(c.from_home_m > PAD_M + PAD_WAVER_M and c.landed for c in craft)
@@ -174,7 +169,6 @@ class Flown:
         return frozenset(name for name, holds in found.items() if holds)
 
     def line(self) -> str:
-        """In one line, for whoever looks into it."""
         craft = "; ".join(
             f"{number}: {c.mode}{' landed' if c.landed else ' IN THE AIR'}"
             f"{' CRASHED' if c.crashed else ''} {c.from_home_m:.0f} m from home,"
@@ -237,8 +231,6 @@ def _events(folder: Path) -> tuple[Counter[str], tuple[str, ...]]:
 
 @contextlib.contextmanager
 def _observed(observer: Observer) -> Iterator[None]:
-    """Simulations made meanwhile are watched by an observer."""
-
     class Watched(uavmap.runner.simulation.Simulation):
         def __init__(self, *values: Any, **more: Any) -> None:
             super().__init__(*values, **more)
@@ -268,7 +260,6 @@ def report(
 
 
 def table(rows: Iterable[tuple[str, Flown]]) -> str:
-    """A row for each label, and one for all."""
     counts: dict[str, Counter[str]] = {}
     times_s: dict[str, list[float]] = {}
     for label, flight in rows:

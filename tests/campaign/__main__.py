@@ -21,7 +21,6 @@ FAILURES_FILE = Path("campaign-failures.txt")
 
 
 def main() -> int:
-    """Fly, print the table, keep the failures."""
     options = _options()
     fly, begin_s = WORLDS[options.world], time.monotonic()
     outcomes = []

@@ -40,8 +40,6 @@ is not told; end no end; tb a traceback. From air on, all but crash are forbidde
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What came of one flight."""
-
     seed: int
     label: str
     plan: str
@@ -52,7 +50,6 @@ class Outcome:
 
 
 def table(outcomes: Iterable[Outcome]) -> str:
-    """A row for each label, and one for all."""
     rows: dict[str, dict[str, int]] = {}
     for outcome in outcomes:
         for label in (outcome.label, "all"):

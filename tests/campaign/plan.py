@@ -19,7 +19,6 @@ class Plan:
 
     @property
     def label(self) -> str:
-        """The row of the table it counts in."""
         return self.kinds[0] if len(self.kinds) == 1 else "pairs"
 
     def __str__(self) -> str:

@@ -24,7 +24,6 @@ LEGS = ("search", "explore", "way home")
 
 
 def plan_of(seed: int) -> Plan:
-    """The flight of a seed."""
     return plan(seed, KINDS, PHASES)
 
 
@@ -66,7 +65,6 @@ def fleet_of(
 
 
 def _homes(mission: Mission, rng: random.Random) -> tuple[Mission, list[tuple[float, float]]]:
-    """Homes at other heights than the start's, and vehicles that stand beside them."""
     heights = [0.0, *(rng.choice([0.0, rng.uniform(-6.0, 8.0)]) for _ in mission.vehicles[1:])]
     off_m = [(rng.gauss(0.0, 1.5), rng.gauss(0.0, 1.5)) for _ in heights]
     return at_heights(mission, heights), off_m
@@ -90,7 +88,6 @@ def fly(
     receiver_sigma_m: float = 3.0,
     verbose: bool = False,
 ) -> Outcome:
-    """Fly the flight of a seed to its end."""
     flight = plan_of(seed)
     fleet = fleet_of(flight, strategy, find=find, receiver_sigma_m=receiver_sigma_m)
     fleet.start()
@@ -110,7 +107,6 @@ def fly(
 
 
 def counted(fleet: Fleet) -> frozenset[str]:
-    """The columns of a flight."""
     crashed = any(craft.crashed for craft in fleet.vehicles.values())
     away = any(
         craft.position.distance_to(craft.home) > PAD_M + 3.0 for craft in fleet.vehicles.values()

@@ -56,7 +56,6 @@ LIMIT_S: Final = 4000.0
 
 
 def plan_of(seed: int) -> Plan:
-    """The flight of a seed."""
     return plan(seed, KINDS, tuple(PHASES))
 
 
@@ -142,13 +141,11 @@ class Pilot:
 
     @classmethod
     def of(cls, seed: int, vehicles: int, autopilot: str) -> Pilot:
-        """The pilot of a seed."""
         rng = random.Random(f"pilot {seed}")
         at_s = rng.uniform(6.0, 70.0)
         return cls(rng.randint(1, vehicles), at_s, rng.choice(TURNS[autopilot]))
 
     def watch(self, vehicle: SimVehicle) -> None:
-        """Look at his vehicle, and turn the switch when it is time."""
         truth, t_s = vehicle.truth, vehicle.truth.t_s
         self.done = self.done or (truth.landed and math.isfinite(self.since_s))
         if truth.landed or truth.crashed or not truth.armed or self.taken or self.done:
@@ -191,7 +188,6 @@ class Witness(Truth):
     """How fast each came down in the moment before it met the ground last."""
 
     def watch(self, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
-        """Look at all vehicles at one instant."""
         Truth.watch(self, vehicles, setting)
         assert vehicles[0].t_s < LIMIT_S, "no end"
         for vehicle in vehicles:
@@ -220,7 +216,6 @@ class Witness(Truth):
                 self._flag(number, "breach", text)
 
     def has(self, number: int) -> bool:
-        """Whether a pilot has this vehicle."""
         pilot = self.pilot
         has = pilot is not None and pilot.vehicle == number and not pilot.done
         return has and math.isfinite(pilot.since_s)
@@ -301,7 +296,6 @@ def _home(number: int) -> GridPoint:
 
 
 def _left(asked: FlightPlan, path: Path, *, verbose: bool) -> dict[int, VehicleState]:
-    """How the journal leaves each vehicle."""
     if not (path / JOURNAL).exists():
         return {}
     setting = setting_of(asked.mission)

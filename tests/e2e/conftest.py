@@ -13,8 +13,6 @@ from tests.e2e.rig import Finished, mission, uavmap
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """A flight that has ended."""
-
     done: Finished
     folder: Path
 

@@ -14,8 +14,6 @@ from uavmap.load.mission_source import load
 
 
 class Journey:
-    """The state that a growing journal tells."""
-
     def __init__(self, folder: Path, name: str, **changed: Any) -> None:
         """`changed` are the fields of the mission that the command line has changed."""
         self._folder = folder
@@ -26,7 +24,6 @@ class Journey:
         """How many frames were judged."""
 
     def vehicle(self) -> VehicleState:
-        """What is known of vehicle 1."""
         found = bodies(self._folder, self._read)
         for event in map(from_json, found):
             self._state, _ = step(self._setting, self._state, event)

@@ -35,7 +35,6 @@ class Process:
     def __init__(
         self, arguments: Sequence[str], environment: Mapping[str, str], cwd: Path | None = None
     ) -> None:
-        """Start `uavmap` with these arguments."""
         self.args = ["uavmap", *arguments]
         with mock.patch.dict(os.environ, PYTHONPATH=str(_ROOT)):
             forkserver.ensure_running()
@@ -55,7 +54,6 @@ class Process:
         return self._process.exitcode
 
     def poll(self) -> int | None:
-        """The same."""
         return self._process.exitcode
 
     def wait(self, timeout: float | None = None) -> int:
@@ -72,7 +70,6 @@ class Process:
                 os.kill(self.pid, number)
 
     def kill(self) -> None:
-        """End it at once."""
         self.send_signal(signal.SIGKILL)
 
     def communicate(self, timeout: float | None = None) -> tuple[str, str]:

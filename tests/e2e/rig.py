@@ -50,7 +50,6 @@ def kinder(name: str, folder: Path, **quirks: float) -> str:
 
 
 def environment() -> dict[str, str]:
-    """The environment of a process that runs the package from the source tree."""
     return {**os.environ, "PYTHONPATH": str(ROOT)}
 
 
@@ -61,15 +60,12 @@ def command(*arguments: object) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """A process that has ended."""
-
     code: int
     out: str
     err: str
 
     @property
     def summary(self) -> dict[str, Any]:
-        """What `--json` printed."""
         values: dict[str, Any] = json.loads(self.out)
         return values
 
@@ -107,14 +103,12 @@ def started(*arguments: object, cwd: Path | None = None) -> Iterator[Process]:
 
 
 def ended(process: Process) -> Finished:
-    """Wait for the end of a process."""
     out, err = process.communicate(timeout=PATIENCE_S)
     assert "Traceback" not in err, err
     return Finished(process.wait(), out, err)
 
 
 def wait_until(condition: Callable[[], bool], what: str, timeout_s: float = PATIENCE_S) -> None:
-    """Poll until a condition holds; fails when it takes too long."""
     due_s = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < due_s, f"waited {timeout_s:g} s in vain for {what}"
@@ -129,13 +123,11 @@ def bodies(folder: Path, after: int = 0) -> list[str]:
 
 
 def written(folder: Path) -> int:
-    """How many events are on the disk by now."""
     path = folder / "journal.jsonl"
     return path.read_bytes().count(b',"event":{') if path.exists() else 0
 
 
 def events(folder: Path, *kinds: str) -> list[dict[str, Any]]:
-    """The events of some kinds, or all of them."""
     found = [json.loads(body) for body in bodies(folder)]
     return [event for event in found if not kinds or event["kind"] in kinds]
 
@@ -148,12 +140,10 @@ def since_resumed(folder: Path) -> list[dict[str, Any]]:
 
 
 def aircraft_process(folder: Path) -> int:
-    """The number of the process that has the aircraft."""
     return int(json.loads((folder / ADDRESS).read_text("utf-8"))["process"])
 
 
 def roi_cells(folder: Path) -> set[tuple[int, int]]:
-    """The cells that the map in a folder calls ROI."""
     found = json.loads((folder / "map.geojson").read_text("utf-8"))
     return {
         (feature["properties"]["column"], feature["properties"]["row"])
@@ -163,7 +153,6 @@ def roi_cells(folder: Path) -> set[tuple[int, int]]:
 
 
 def maps_alike(one: Path, other: Path, most: int = 2) -> bool:
-    """Two maps of one place, by different noise."""
     return len(roi_cells(one) ^ roi_cells(other)) <= most
 
 
@@ -224,7 +213,6 @@ class Relay(threading.Thread):
 
     @property
     def url(self) -> str:
-        """Where the client shall listen."""
         return f"udpin://{LOOPBACK}:{self.client_port}"
 
     def run(self) -> None:
@@ -261,13 +249,11 @@ class Relay(threading.Thread):
 
 
 def arguments_of(urls: Sequence[str]) -> list[str]:
-    """`--connect` once a vehicle."""
     return [word for url in urls for word in ("--connect", url)]
 
 
 def flying(
     source: object, urls: Sequence[str], folder: Path, speedup: float, *more: object
 ) -> list[object]:
-    """The words that fly a mission over sockets into a folder."""
     told = ("--speedup", speedup, "--json", "--out", folder)
     return ["fly", source, *arguments_of(urls), *told, *more]

@@ -22,8 +22,6 @@ HERE: Final = Path(__file__).parent
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """A flight in the simulator."""
-
     name: str
     mission: str
     """A shipped mission, or the path of one."""
@@ -41,7 +39,6 @@ class Recording:
         return HERE / f"{self.name}.outcome.json"
 
     def lines(self) -> list[str]:
-        """The texts of its events."""
         path = self.events
         data = path.read_bytes()
         return (gzip.decompress(data) if path.suffix == ".gz" else data).decode().splitlines()

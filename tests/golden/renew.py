@@ -20,7 +20,6 @@ from uavmap.runner.flight import fly
 
 
 def flown(recording: Recording, folder: Path) -> list[str]:
-    """The texts of the events of a golden mission, flown now."""
     source = named_text(recording.mission)
     plan = plan_of(*source, strategy=recording.strategy, seed=recording.seed)
     fly(plan, folder)
@@ -29,7 +28,6 @@ def flown(recording: Recording, folder: Path) -> list[str]:
 
 
 def main() -> None:
-    """Write events and outcomes."""
     parser = argparse.ArgumentParser(description="Fly the golden missions anew.")
     parser.add_argument("names", nargs="*", choices=[[], *(r.name for r in RECORDINGS)])
     parser.add_argument("--outcomes", action="store_true", help="of the events as recorded")

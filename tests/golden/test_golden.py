@@ -21,8 +21,6 @@ from tests.golden.recording import PASSES, RECORDINGS, STOPS, Recording, outcome
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """A recording with what was read of it."""
-
     recording: Recording
     lines: list[str]
     events: list[Event]

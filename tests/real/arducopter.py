@@ -14,8 +14,6 @@ from tests.real.sockets import free_port
 
 
 class ArduCopter(Autopilot):
-    """ArduCopter in its SITL."""
-
     name = "ardupilot"
     ours = "GUIDED"
     ports, step, most = (5501,), 10, 90
@@ -72,7 +70,6 @@ class ArduCopter(Autopilot):
             await self.pilot.stream(message_id, rate_hz)
 
     async def keep_pace(self, speed: float) -> None:
-        """Let its time pass at this speed."""
         self.speed = speed
         await self.pilot.set_parameter("SIM_SPEEDUP", speed)
 
@@ -86,7 +83,6 @@ class ArduCopter(Autopilot):
         )  # fmt: skip
 
     async def set_mode(self, mode: str) -> None:
-        """Turn the pilot's switch."""
         await self.pilot.command(mav.MAV_CMD_DO_SET_MODE, 1, self.MODES[mode])
 
     def hold_sticks(self, centred: bool) -> None:
@@ -105,12 +101,10 @@ class ArduCopter(Autopilot):
             self.hold_sticks(centred=True)
 
     async def take_off(self, height_m: float) -> None:
-        """Take off in GUIDED."""
         await self.set_mode("GUIDED")
         await self.pilot.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1)
         await self.pilot.command(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m)
 
     async def swap_battery(self) -> None:
-        """Give an aircraft on the ground a fresh battery."""
         await self.pilot.set_parameter("SIM_BATT_VOLTAGE", 12.6)
         await self.pilot.command(mav.MAV_CMD_BATTERY_RESET, 1, 100)

@@ -47,8 +47,6 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class Pad:
-    """Where an aircraft stands."""
-
     instance: int
     """Of the autopilot's program: its ports and its system follow from it."""
     place: LatLon
@@ -88,7 +86,6 @@ class Autopilot(ABC):
 
     @classmethod
     def is_free(cls, instance: int) -> bool:
-        """Whether the ports of an instance are free."""
         return all(is_free(port + cls.step * instance) for port in cls.ports)
 
     def __init__(self, program: Path, pad: Pad, extra: Values) -> None:
@@ -138,7 +135,6 @@ class Autopilot(ABC):
             await self.pilot.set_parameter(name, value)
 
     async def version(self) -> str:
-        """The version that it tells."""
         ask = mav.MAVLink_command_long_message(
             self.system, 1, mav.MAV_CMD_REQUEST_MESSAGE, 0, 148, 0, 0, 0, 0, 0, 0
         )

@@ -19,7 +19,6 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.fixture
 def program(autopilot: str | None) -> Path:
-    """The program of the autopilot."""
     if autopilot is None:
         pytest.skip("no real autopilot: make test-real ARDUCOPTER=path PX4=path")
     path = Path(os.environ[VARIABLES[autopilot]])

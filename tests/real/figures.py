@@ -27,8 +27,6 @@ NAMES: Final = {"ardupilot": "ArduCopter", "px4": "PX4"}
 
 @dataclass(slots=True)
 class Row:
-    """One scenario, flown by one autopilot."""
-
     autopilot: str
     scenario: str
     date: str = ""
@@ -52,7 +50,6 @@ class Row:
     """Of the mission with `--sim`: makespan, IoU (medians of five seeds), most missed cells."""
 
     def flown(self, summary: Mapping[str, Any], referee: Referee, score: Score | None) -> None:
-        """Note what a flight gave."""
         if summary.get("completed"):  # of a part of a mission they say nothing
             self.makespan_s = summary["makespan_s"]
             self.iou = None if score is None else round(score.iou_cells, 3)
@@ -69,7 +66,6 @@ class Row:
 
 
 def kept(path: Path = KEPT) -> list[Row]:
-    """What was flown last."""
     if not path.exists():
         return []
     known = {field.name for field in fields(Row)}
@@ -94,7 +90,6 @@ def simulated(found: Sequence[Mapping[str, Any]]) -> str:
 
 
 def table(rows: Iterable[Row]) -> str:
-    """The table of the page."""
     lines = [
         "| autopilot | scenario | date | speed, held | outcome | makespan s | IoU, missed "
         "| `--sim`: s, IoU, missed | least distance m | left the fence | put back |",
@@ -119,7 +114,6 @@ def _shown(value: float | None, form: str) -> str:
 
 
 def written(page: str, rows: Iterable[Row]) -> str:
-    """The page with the table anew."""
     before, rest = page.split(BEGIN)
     return f"{before}{BEGIN}\n{table(rows)}\n{END}{rest.split(END)[1]}"
 

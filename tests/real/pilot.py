@@ -38,8 +38,6 @@ class Item:
 
 
 class Pilot:
-    """One link to one autopilot, on a UDP socket."""
-
     def __init__(
         self, system: int, mode_of: Callable[[Message], str], *, bytewise: bool,
         peer: Address | None = None,
@@ -62,18 +60,15 @@ class Pilot:
 
     # --- the socket ------------------------------------------------------------------------------
     async def open(self, port: int) -> None:
-        """Listen on a port of this computer, and send heartbeats."""
         await self._socket.open(port)
         self._tasks = [asyncio.create_task(self._beats()), asyncio.create_task(self._steers())]
 
     def forget(self) -> None:
-        """Begin anew with an autopilot that begins anew."""
         self.latest.clear()
         self.modes.clear()
         self.time_s = 0.0
 
     def close(self) -> None:
-        """Say and hear no more."""
         for task in self._tasks:
             task.cancel()
         self._socket.close()
@@ -99,7 +94,6 @@ class Pilot:
             told(message)
 
     def send(self, message: Message) -> None:
-        """Send a message, if it is known where to."""
         if self._peer is not None:
             self._socket.send(message.pack(self._out), self._peer)
             self._out.seq = (self._out.seq + 1) & 0xFF
@@ -118,12 +112,10 @@ class Pilot:
     # --- what is so ------------------------------------------------------------------------------
     @property
     def mode(self) -> str:
-        """The mode of the last heartbeat."""
         return self.modes[-1][1] if self.modes else ""
 
     @property
     def armed(self) -> bool:
-        """Whether the last heartbeat said so."""
         beat = self.latest.get("HEARTBEAT")
         return beat is not None and bool(beat.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED)
 
@@ -163,7 +155,6 @@ class Pilot:
         raise AssertionError(f"no {kind} {fields} after {ask.get_type()}")
 
     async def command(self, number: int, *params: float) -> int:
-        """Send a command; its result, a MAV_RESULT."""
         values = (*params, *([0.0] * (7 - len(params))))
         ask = mav.MAVLink_command_long_message(self.system, 1, number, 0, *values)
         return int((await self.answer(ask, "COMMAND_ACK", command=number)).result)
@@ -182,7 +173,6 @@ class Pilot:
         await self.command(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 1e6 / rate_hz)
 
     async def set_parameter(self, name: str, value: float) -> None:
-        """Set a parameter, and see that it is set."""
         ask = mav.MAVLink_param_request_read_message(self.system, 1, name.encode(), -1)
         kind = (await self.answer(ask, "PARAM_VALUE", param_id=name)).param_type
         whole = self._bytewise and kind != mav.MAV_PARAM_TYPE_REAL32
@@ -197,7 +187,6 @@ class Pilot:
         return float(told.param_value)
 
     async def parameters(self) -> dict[str, float]:
-        """Every parameter."""
         found: dict[int, tuple[str, float]] = {}
         count = [0]
 
@@ -225,7 +214,6 @@ class Pilot:
         return dict(found.values())
 
     async def items(self, kind: int) -> list[Item]:
-        """The fence or the rally points."""
         ask = mav.MAVLink_mission_request_list_message(self.system, 1, kind)
         count = (await self.answer(ask, "MISSION_COUNT", mission_type=kind)).count
         found = []
@@ -260,7 +248,6 @@ class Pilot:
 
 
 def changed(before: Mapping[str, float], after: Mapping[str, float]) -> dict[str, str]:
-    """Parameters that are not what they were."""
     return {
         name: f"{before.get(name)} to {after.get(name)}"
         for name in sorted({*before, *after})

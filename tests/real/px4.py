@@ -17,8 +17,6 @@ from tests.real.sockets import Address, Socket
 
 
 class Px4(Autopilot):
-    """PX4 in its SITL, with its simulation in hardware (SIH, airframe 10040)."""
-
     name = "px4"
     ours = "HOLD"
     # above instance 9 all send to one port
@@ -121,11 +119,9 @@ class Px4(Autopilot):
         )  # fmt: skip
 
     async def set_mode(self, mode: str) -> None:
-        """Turn the pilot's switch."""
         await self.pilot.command(mav.MAV_CMD_DO_SET_MODE, 1, *self.MODES[mode])
 
     async def take_off(self, height_m: float) -> None:
-        """Take off in its own mode for that."""
         await self.pilot.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1)
         nan, up_m = math.nan, self.pad.amsl_m + height_m
         await self.pilot.command(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, nan, nan, nan, up_m)
@@ -146,6 +142,5 @@ class Px4(Autopilot):
         """Do nothing: on the ground its simulated battery is full at once."""
 
     async def stop(self) -> None:
-        """End it."""
         self._true.close()
         await super().stop()

@@ -31,8 +31,6 @@ _SAME_TIME_S: Final = 0.3
 
 @dataclass(slots=True)
 class Track:
-    """One aircraft by the truth."""
-
     truth: Truth | None = None
     up_m: float = 0.0
     highest_m: float = 0.0
@@ -43,8 +41,6 @@ class Track:
 
 @dataclass(slots=True)
 class Referee:
-    """Watches all aircraft of a mission."""
-
     mission: Mission
     tracks: list[Track]
     breaches: int = 0
@@ -95,7 +91,6 @@ class Referee:
 
     @property
     def all_at_home(self) -> bool:
-        """Whether all stand on their pads."""
         return not self.in_the_air and all(
             self.from_pad_m(k) <= NEAR_M for k in range(len(self.tracks))
         )
@@ -134,7 +129,6 @@ def scored(folder: Path, mission: Mission) -> Score | None:
 
 
 def middle_of_region(mission: Mission) -> LatLon:
-    """A place in the middle of the true region."""
     grid = Grid.at(mission.home, mission.grid.cell_m)
     middle = true_roi(mission, grid).centroid
     return grid.position(GridPoint(middle.x, middle.y))

@@ -36,8 +36,6 @@ _FARTHEST_S: Final = 0.3
 
 
 class Relay:
-    """The link of one aircraft, and its camera."""
-
     def __init__(
         self, autopilot: Autopilot, world: World, spec: CameraSpec, client_port: int, pictures: str
     ) -> None:
@@ -65,18 +63,15 @@ class Relay:
 
     # --- the link --------------------------------------------------------------------------------
     async def open(self) -> None:
-        """Open both ends."""
         await self._outer.open(self._autopilot.relay_port)
         await self._inner.open()
         self._autopilot.pilot.follow.append(self._tick)
 
     def close(self) -> None:
-        """Close both ends."""
         self._outer.close()
         self._inner.close()
 
     def sign_with(self, key: bytes) -> None:
-        """Have the camera sign what it sends."""
         signing = self._out.signing
         signing.secret_key, signing.link_id, signing.sign_outgoing = key, 7, True
 
@@ -115,7 +110,6 @@ class Relay:
         return round(at.lat_deg * 1e7), round(at.lon_deg * 1e7), round(amsl_m * 1000.0)
 
     def image(self, url: str) -> bytes | None:
-        """A picture by its address."""
         return self._payload.image(url)
 
     def _tick(self, told: Message) -> None:

@@ -48,29 +48,23 @@ CHANGING: Final = (
 
 @dataclass(slots=True)
 class Run:
-    """A process of `uavmap`."""
-
     process: asyncio.subprocess.Process
     lines: list[str] = field(default_factory=list)
     reader: asyncio.Task[None] | None = None
 
     @property
     def over(self) -> bool:
-        """Whether it has ended."""
         return self.process.returncode is not None
 
     @property
     def code(self) -> int:
-        """What it ended with."""
         assert self.process.returncode is not None
         return self.process.returncode
 
     def said(self, text: str) -> bool:
-        """Whether it has said so."""
         return any(text in line for line in self.lines)
 
     def interrupt(self) -> None:
-        """Press Ctrl-C."""
         self.process.send_signal(signal.SIGINT)
 
     async def kill(self) -> None:
@@ -91,8 +85,6 @@ class Kept:
 
 
 class Rig:
-    """The aircraft of one mission, and what happens to them."""
-
     def __init__(
         self, kind: type[Autopilot], program: Path, folder: Path, row: Row, mission: str, *,
         near: bool, speed_m_s: float | None, parameters: Values, shipped: bool,
@@ -231,7 +223,6 @@ class Rig:
 
     # --- uavmap ----------------------------------------------------------------------------------
     async def uavmap(self, *words: object) -> Run:
-        """Start `uavmap` with these words, without a terminal."""
         process = await asyncio.create_subprocess_exec(
             *command(*words), cwd=self.folder, env=environment() | {"PYTHONUNBUFFERED": "1"},
             stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE,
@@ -255,7 +246,6 @@ class Rig:
         return [*words, "--speedup", f"{self.speed:g}"]
 
     async def fly(self, *words: object, yes: bool = True) -> Run:
-        """Fly the mission."""
         agreed = ("--yes",) if yes else ()
         run = await self.uavmap(
             "fly", self.source, *self.links, "--out", self.out, *agreed, *words
@@ -265,7 +255,6 @@ class Rig:
         return run
 
     async def resume(self, *words: object) -> Run:
-        """Go on with the mission."""
         return await self.uavmap("resume", self.out, *words)
 
     async def end_of(self, run: Run, within_s: float = 900.0) -> int:
@@ -319,12 +308,10 @@ class Rig:
 
     # --- where the flight is ---------------------------------------------------------------------
     async def in_search(self, run: Run) -> None:
-        """Wait until the first aircraft flies along a lane of the search."""
         await self._fast(run, lambda: True, "on a path")
         await self.rest(4.0)
 
     async def exploring(self, run: Run) -> None:
-        """Wait until it explores, and flies."""
         await self._fast(run, lambda: run.said(" s  exploring, "), "exploring")
 
     async def _fast(self, run: Run, so: Callable[[], bool], what: str) -> None:
@@ -339,7 +326,6 @@ class Rig:
         await self.until(flies, what, 400.0)
 
     async def climbing(self, run: Run) -> None:
-        """Wait until the first aircraft is in its climb."""
         await self.until(lambda: run.over or self.referee.tracks[0].up_m > 4.0, "climbing", 200.0)
 
     async def descending(self, run: Run) -> None:
@@ -349,7 +335,6 @@ class Rig:
         await self.until(lambda: self.referee.tracks[0].up_m < low_m, "in its descent", 200.0)
 
     async def all_down(self, within_s: float = 300.0) -> None:
-        """Wait until nothing flies and no motor turns."""
         await self.until(
             lambda: (
                 not self.referee.in_the_air and not any(o.pilot.armed for o in self.aircraft)
@@ -359,17 +344,14 @@ class Rig:
         )  # fmt: skip
 
     def kill_aircraft_process(self) -> None:
-        """Kill the process that has the aircraft."""
         os.kill(aircraft_process(self.out), signal.SIGKILL)
 
     @property
     def aircraft_process_lives(self) -> bool:
-        """Whether some process has the aircraft."""
         return (self.out / ADDRESS).exists()
 
     # --- what is left behind ---------------------------------------------------------------------
     async def kept(self, one: Autopilot) -> Kept:
-        """What an autopilot has of its owner's by now."""
         found = await one.pilot.parameters()
         values = {k: v for k, v in found.items() if not k.startswith(CHANGING)}
         return Kept(values, await one.pilot.items(FENCE), await one.pilot.items(RALLY))

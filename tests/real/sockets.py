@@ -22,7 +22,6 @@ class Socket(asyncio.DatagramProtocol):
         self._transport: asyncio.DatagramTransport | None = None
 
     async def open(self, port: int = 0) -> None:
-        """Listen on a port, or on any."""
         one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _KEPT_BYTES)
         one.setblocking(False)
@@ -30,12 +29,10 @@ class Socket(asyncio.DatagramProtocol):
         await asyncio.get_running_loop().create_datagram_endpoint(lambda: self, sock=one)
 
     def close(self) -> None:
-        """Listen no more."""
         if self._transport is not None:
             self._transport.close()
 
     def send(self, data: bytes, address: Address) -> None:
-        """Send a datagram, if the socket is open."""
         if self._transport is not None and not self._transport.is_closing():
             self._transport.sendto(data, address)
 
@@ -50,7 +47,6 @@ class Socket(asyncio.DatagramProtocol):
 
 
 def free_port() -> int:
-    """A port that nobody has."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         one.bind((LOOPBACK, 0))
         port: int = one.getsockname()[1]
@@ -58,7 +54,6 @@ def free_port() -> int:
 
 
 def is_free(port: int) -> bool:
-    """Whether nobody has a port."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one, contextlib.suppress(OSError):
         one.bind((LOOPBACK, port))
         return True

@@ -45,7 +45,6 @@ async def owned(rig: Rig) -> Autopilot:
 
 
 def never_flown(rig: Rig) -> None:
-    """Assert that no aircraft has left the ground."""
     assert all(track.highest_m < 1.0 for track in rig.referee.tracks)
     assert not any(one.pilot.armed for one in rig.aircraft)
 

@@ -15,14 +15,12 @@ PLACE = re.compile(r"(-?\d+\.\d{5,})[,/ ]+(-?\d+\.\d{5,})")
 
 
 async def in_search(rig: Rig) -> Run:
-    """Fly along a path."""
     run = await rig.fly("--auto-swap")
     await rig.in_search(run)
     return run
 
 
 async def failed(rig: Rig, what: str) -> Run:
-    """Fly along a path, and let something fail."""
     run = await in_search(rig)
     await rig.aircraft[0].fail(what)
     return run

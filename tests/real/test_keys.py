@@ -11,19 +11,16 @@ from tests.real.scenario import scenario
 
 
 def signed(rig: Rig) -> bool:
-    """Whether the autopilot signs its heartbeats, on the pilot's link."""
     frame = bytes(rig.aircraft[0].pilot.latest["HEARTBEAT"].get_msgbuf())
     return bool(frame[2] & mav.MAVLINK_IFLAG_SIGNED)
 
 
 async def done(rig: Rig, *words: object) -> tuple[int, str]:
-    """Run a command to its end."""
     run = await rig.uavmap(*words)
     return await rig.end_of(run, 200.0), "\n".join(run.lines)
 
 
 async def new_key(rig: Rig, name: str) -> Path:
-    """Make a key."""
     path = rig.folder / name
     assert (await done(rig, "keys", "new", path))[0] == 0
     return path

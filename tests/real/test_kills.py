@@ -10,7 +10,6 @@ LEFT_S = 400.0
 
 
 async def reached(rig: Rig, phase: str) -> Run:
-    """Fly until a phase."""
     run = await rig.fly("--auto-swap")
     if phase == "climb":
         await rig.climbing(run)

@@ -33,7 +33,6 @@ async def complete(rig: Rig, *words: object) -> None:
 
 
 async def begun(rig: Rig, *words: object, for_s: float = 60.0) -> None:
-    """Fly a mission for a while, and call it off."""
     run = await rig.fly("--auto-swap", *words)
     await rig.in_search(run)
     await rig.rest(for_s)
@@ -44,7 +43,6 @@ async def begun(rig: Rig, *words: object, for_s: float = 60.0) -> None:
 
 @contextlib.asynccontextmanager
 async def busy() -> AsyncIterator[None]:
-    """Half of the computer's cores computing something else."""
     cores = max(1, (os.cpu_count() or 2) // 2)
     others = [
         await asyncio.create_subprocess_exec(sys.executable, "-c", "while True: pass")
@@ -107,8 +105,6 @@ async def test_survey(rig: Rig) -> None:
 
 
 class _GroundStation:
-    """Hears what is passed on, and asks for a parameter once."""
-
     def __init__(self) -> None:
         self.kinds: set[str] = set()
         self.socket = Socket(self._hear)

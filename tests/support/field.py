@@ -66,7 +66,6 @@ class Field:
         return found[0]
 
     async def turn(self) -> None:
-        """Let the world's time pass."""
         loop = asyncio.get_running_loop()
         for steps in itertools.count(1):
             for vehicle, link in zip(self.vehicles, self.links, strict=True):
@@ -96,7 +95,6 @@ class Field:
         self.ask(index, mav.MAVLink_param_set_message(system, 1, name.encode(), value, 9))
 
     def count(self, index: int, kind: int) -> int:
-        """How many items a list on the vehicle has."""
         system = self.vehicles[index].spec.system_id
         ask = mav.MAVLink_mission_request_list_message(system, 1, kind)
         (answer,) = [m for m in self.ask(index, ask) if m.get_type() == "MISSION_COUNT"]
@@ -109,8 +107,6 @@ class Field:
 
 @dataclass
 class Ran:
-    """What is left after a test's body."""
-
     field: Field
 
 

@@ -102,7 +102,6 @@ class Watch(Truth):
     _near: dict[tuple[int, int], float] = field(default_factory=dict)
 
     def watch(self, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
-        """Look at all vehicles at one instant."""
         # (a vehicle that falls is nobody's fault in the air)
         steered = [v for v in vehicles if v.spec.system_id not in self.lost or v.truth.landed]
         Truth.watch(self, steered, setting)
@@ -124,20 +123,15 @@ class Watch(Truth):
 
 @dataclass(slots=True)
 class Outcome:
-    """What came of a flight."""
-
     forbidden: list[str]
     said: list[str]
 
 
 class Said:
-    """Lines of the members, with the time."""
-
     def __init__(self) -> None:
         self.lines: list[str] = []
 
     def show(self, text: str) -> None:
-        """A line."""
         with contextlib.suppress(RuntimeError):
             text = f"{asyncio.get_running_loop().time():7.2f} {text}"
         self.lines.append(text)
@@ -152,22 +146,17 @@ class Mortal:
 
     @property
     def overhead_bytes(self) -> int:
-        """What a datagram takes on the air besides itself."""
         return self.radio.overhead_bytes
 
     def send(self, datagram: bytes) -> None:
-        """Send to all."""
         if not self.dead:
             self.radio.send(datagram)
 
     def listen(self, heard: Callable[[bytes], None]) -> None:
-        """Have what comes in passed on."""
         self.radio.listen(heard)
 
 
 class Beset(SimulatedFleet):
-    """A fleet to which things happen."""
-
     def __init__(self, plan: FlightPlan, folder: Path, mishaps: Mishaps) -> None:
         super().__init__(plan, folder, mishaps.model)
         self.mishaps = mishaps
@@ -178,13 +167,11 @@ class Beset(SimulatedFleet):
         self.radios: dict[int, Mortal] = {}
 
     def radio(self, flight: Flight, number: int, start: int = 1) -> SealedRadio:
-        """A radio that dies with its program."""
         sealed = super().radio(flight, number, start)
         self.radios[number] = Mortal(sealed.radio)
         return SealedRadio(self.radios[number], sealed.seal)
 
     def again(self, number: int) -> Flight:
-        """A member whose program has died, and goes on with its journal."""
         at = self.folder(number)
         journal = Journal.open(at / JOURNAL)
         own = FlightPlan.read(journal)
@@ -192,7 +179,6 @@ class Beset(SimulatedFleet):
         return Flight(own, mine, at, journal, folded(mine, journal.events()))
 
     async def live(self, number: int) -> None:
-        """A member's program, as often as it starts."""
         loop, mishaps = asyncio.get_running_loop(), self.mishaps
         flight = self.flights[number]
         flight.clock.set(mishaps.ahead_s.get(number, 0.0))
@@ -228,7 +214,6 @@ class Beset(SimulatedFleet):
 
 
 def flown(text: str, mishaps: Mishaps, folder: Path, seed: int = 1) -> Outcome:
-    """Fly a fleet, and say what was forbidden."""
     plan = plan_of("field.toml", text, seed=seed, comms="free")
     said = Said()
     fleet = Beset(plan, folder, mishaps)
@@ -253,7 +238,6 @@ def flown(text: str, mishaps: Mishaps, folder: Path, seed: int = 1) -> Outcome:
 
 
 def _of_the_air(fleet: Beset) -> list[str]:
-    """What was forbidden, in truth."""
     watched, found = fleet.watched, [f"near: {text}" for text in fleet.watched.near]
     if watched.fence_breaches:
         found.append(f"fence: {watched.fence_breaches}")
@@ -269,7 +253,6 @@ def _of_the_air(fleet: Beset) -> list[str]:
 
 
 def _of_the_maps(fleet: Beset) -> list[str]:
-    """What was forbidden in the journals, and in the map of all."""
     sources = [Source.read(fleet.folder(number)) for number in fleet.flights]
     regions: dict[int, frozenset[Cell]] = {}
     for source in sources:

@@ -144,7 +144,6 @@ class Flight:
             self.session.feed(kept)
 
     async def fly_world(self) -> None:
-        """Let the vehicle's time pass with the loop's."""
         loop = asyncio.get_running_loop()
         start_s, steps = loop.time(), 0
         while True:
@@ -212,7 +211,6 @@ class Flight:
                 await asyncio.sleep(STEP_S)
 
     async def after(self, order: Order, kind: type[Event], within_s: float = PATIENCE_S) -> Any:
-        """Give an order and wait for the event that ends it."""
         count = len(self.seen(kind))
         self.driver.give(order)
         return await self.sees(kind, count + 1, within_s)
@@ -235,7 +233,6 @@ async def under_way(flight: Flight) -> AsyncIterator[Flight]:
 
 @contextlib.asynccontextmanager
 async def running(flight: Flight) -> AsyncIterator[None]:
-    """The world turns, the driver is connected and runs."""
     async with asyncio.TaskGroup() as tasks:
         world = tasks.create_task(flight.fly_world())
         await flight.driver.connect()
@@ -250,7 +247,6 @@ async def running(flight: Flight) -> AsyncIterator[None]:
 
 
 def fly(body: Callable[[Flight], Coroutine[Any, Any, None]], made: Mission | None = None) -> Flight:
-    """Run a test with a connected vehicle on the ground."""
     flight = Flight(made if made is not None else small_mission())
 
     async def main() -> None:
@@ -265,8 +261,6 @@ def fly(body: Callable[[Flight], Coroutine[Any, Any, None]], made: Mission | Non
 def fly_up(
     body: Callable[[Flight], Coroutine[Any, Any, None]], made: Mission | None = None
 ) -> Flight:
-    """Run a test with a connected vehicle in the air, over its pad."""
-
     async def up(flight: Flight) -> None:
         await flight.after(TakeOff(UP_M), Airborne)
         await body(flight)

@@ -44,15 +44,12 @@ LASTS_S = 75.0
 
 
 class Forger:
-    """A source of forged frames, the same for the same seed."""
-
     def __init__(self, kind: str, seed: int) -> None:
         self._kind = kind
         self._rng = random.Random(seed)
         self._hostile = Hostile(seed)
 
     def frame(self) -> bytes:
-        """The next one."""
         rng, kind = self._rng, self._kind
         if kind == "strangers":
             system, component = rng.choice(((1, 180), (1, 2), (1, 25), (2, 1), (77, 1), (255, 190)))
@@ -126,7 +123,6 @@ def network() -> list[str]:
 
 
 def fly(kind: str, seed: int, frames: int) -> tuple[Flown, tuple[str, ...]]:
-    """One flight, and whom this process tried to reach in it."""
     network().clear()
     with forging(kind, seed, frames):
         flight = flown(f"{kind} seed {seed}", mission_text(MISSION), seed)

@@ -23,7 +23,6 @@ def slope(percent: float, toward_deg: float) -> Heights:
 
 
 def hills(seed: int, high_m: float, long_m: float = 90.0) -> Heights:
-    """Smooth random hills, 0 at the start."""
     rng = np.random.default_rng(seed)
     east, north = _points()
     heights = np.zeros_like(east)
@@ -42,7 +41,6 @@ def _points() -> tuple[Heights, Heights]:
 
 
 def lattice(heights: Heights) -> Lattice:
-    """As a mission keeps it."""
     rows, columns = heights.shape
     return Lattice(
         west_m=-SIDE_M, south_m=-SIDE_M, step_m=STEP_M, columns=columns, rows=rows,
@@ -61,7 +59,6 @@ def over(mission: Mission, heights: Heights, above: str = "ground") -> Mission:
 
 
 def text_over(text: str, heights: Heights, above: str = "ground") -> str:
-    """The text of a mission over such ground."""
     table = lattice(heights)
     inner = ", ".join(
         f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value}"
@@ -72,5 +69,4 @@ def text_over(text: str, heights: Heights, above: str = "ground") -> str:
 
 
 def checked(text: str) -> Mission:
-    """The mission of a text, with all checks."""
     return parse_mission(text, "hills.toml")

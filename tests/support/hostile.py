@@ -58,12 +58,10 @@ class Hostile:
         return bytes(data)
 
     def truncated(self) -> bytes:
-        """A frame that ends too early."""
         frame = self._frame(self._fill(self._any_type(), wrong_target=False))
         return frame[: self.rng.randrange(1, len(frame))]
 
     def flipped(self) -> bytes:
-        """A frame with a byte that is wrong."""
         frame = bytearray(self._frame(self._fill(self._any_type(), wrong_target=False)))
         frame[self.rng.randrange(1, len(frame))] ^= self.rng.randrange(1, 256)
         # with a wrong version or length it may swallow what follows
@@ -88,7 +86,6 @@ class Hostile:
         return self._frame(self._fill(kind, wrong_target=False))
 
     def every_type(self, wrong_target: bool) -> Iterator[bytes]:
-        """Each message type of the dialect once."""
         for number in self._types:
             kind = mav.mavlink_map[number]
             if wrong_target and not set(_TARGETS) & set(kind.fieldnames):
@@ -150,8 +147,6 @@ class Hostile:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a bombardment did."""
-
     sent: dict[str, int]
     crashes: list[str]
     changes: list[str]

@@ -32,7 +32,6 @@ def some_events(count: int) -> list[Event]:
 
 
 def write(path: Path, events: Iterable[Event]) -> Path:
-    """A journal, closed."""
     with Journal.create(path, META) as journal:
         for event in events:
             journal.append(event)
@@ -47,11 +46,9 @@ def begun(folder: Path, plan: FlightPlan, events: Iterable[Event] = (), **meta: 
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """The hash of every file."""
     return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.iterdir()}
 
 
 def read(path: Path) -> tuple[list[Event], dict[str, Any]]:
-    """The events of a journal, and what it says of the mission."""
     with Journal.open(path) as journal:
         return list(journal.events()), journal.meta

@@ -29,7 +29,6 @@ def dji(**changes: str | None) -> bytes:
 
 
 def _blue_sky() -> Image.Image:
-    """Of one colour but for the sensor's noise."""
     noise = np.random.default_rng(1).normal((10, 120, 240), 4.0, (36, 64, 3))
     return Image.fromarray(np.clip(noise, 0, 255).astype(np.uint8))
 

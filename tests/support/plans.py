@@ -13,8 +13,6 @@ from uavmap.load.mission_source import mission_of_text
 
 
 class MissionText(NamedTuple):
-    """A mission file: its name and what is in it."""
-
     source: str
     text: str
 

@@ -6,8 +6,6 @@ import io
 
 
 class Said(list[str]):
-    """Lines that were shown."""
-
     def show(self, text: str) -> None:
         self.append(text)
 

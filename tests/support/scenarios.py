@@ -43,8 +43,6 @@ def scenario(
     more: Sequence[str] = (),
     change: Callable[[str], str] = lambda text: text,
 ) -> Flown:
-    """A flight of a small mission over a flavour of autopilot, to its end."""
-
     def table(name: str, values: Mapping[str, Any]) -> str:
         lines = [
             f"{key} = {str(value).lower() if isinstance(value, bool) else repr(value)}"
@@ -69,7 +67,6 @@ def command(vehicle: SimVehicle, number: int, *p: float) -> None:
 
 
 def into(vehicle: SimVehicle, mode: int) -> None:
-    """The pilot turns the switch."""
     if vehicle.spec.autopilot == "px4":
         command(vehicle, mav.MAV_CMD_DO_SET_MODE, 1, mode >> 16 & 0xFF, mode >> 24)
     else:
@@ -94,7 +91,6 @@ def once(when: Callable[[SimVehicle], bool], do: Callable[[SimVehicle], object])
 
 
 def flying(vehicle: SimVehicle, *, height_m: float = 11.0) -> bool:
-    """Up, and on its way."""
     return vehicle.truth.height_m > height_m
 
 

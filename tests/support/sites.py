@@ -149,22 +149,18 @@ def _ragged(rng: np.random.Generator, drawn: NDArray[np.uint8], rough_m: float) 
 
 
 class Canvas:
-    """A site while it is drawn."""
-
     def __init__(self, seed: int, ground: str) -> None:
         self.rng: Final = np.random.default_rng(seed)
         self.image: Plane = rendered(self.rng, MATERIALS[ground])
         self.region: Mask = np.zeros(SHAPE, np.bool_)
 
     def paint(self, where: Mask, material: str, *, region: bool = False) -> None:
-        """Cover some ground with a material."""
         made = rendered(self.rng, MATERIALS[material])
         soft = cv2.GaussianBlur(where.astype(np.float32), (0, 0), 2.0)[:, :, None]
         self.image = np.asarray(self.image * (1 - soft) + made * soft, np.float32)
         self.region = np.asarray(self.region & ~where if not region else self.region | where)
 
     def shade(self, where: Mask, toward_m: tuple[float, float]) -> None:
-        """Cast the shadow of what stands somewhere."""
         east, north = (round(part / GSD_M) for part in toward_m)
         moved = np.roll(where, (-north, east), axis=(0, 1)) & ~where
         soft = cv2.GaussianBlur(moved.astype(np.float32), (0, 0), 3.0)[:, :, None]
@@ -172,13 +168,11 @@ class Canvas:
         self.image = np.asarray(self.image * (1 - soft) + dark * soft, np.float32)
 
     def trees(self, count: int, west_m: float, east_m: float) -> None:
-        """Plant trees, which hide what is beneath, and shade the ground beside them."""
         crowns = discs(self.rng, count, 3.0, west_m, east_m)
         self.shade(crowns, (2.5, 3.5))
         self.paint(crowns, "crown")
 
     def glint(self, where: Mask, share: float) -> None:
-        """Let the sun glitter on water."""
         sparkle = (clouds(self.rng, 0.4) + 0.8 * clouds(self.rng, 14.0)) > np.quantile(
             clouds(self.rng, 0.4), 1 - share
         ) + 0.8
@@ -270,7 +264,6 @@ SITES: Final[Mapping[str, tuple[str, Callable[[Canvas], None]]]] = {
 
 
 def site(name: str, seed: int = 1) -> Site:
-    """Return one of `SITES`, drawn by a seed."""
     ground, draw = SITES[name]
     canvas = Canvas(seed, ground)
     draw(canvas)
@@ -364,7 +357,6 @@ def write(shots: Sequence[Shot], folder: Path) -> None:
 
 
 def paint(shots: Sequence[Shot], folder: Path) -> None:
-    """Write the masks of some photographs."""
     folder.mkdir(parents=True, exist_ok=True)
     for shot in shots:
         cv2.imwrite(str(folder / f"{shot.name}.png"), shot.region.astype(np.uint8) * 255)

@@ -37,8 +37,6 @@ Points = Collection[tuple[float, float]]
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """A mission and the ROI that its vehicles will find."""
-
     mission: Mission
     roi: frozenset[Cell]
 
@@ -129,7 +127,6 @@ def with_small_pictures(text: str) -> str:
 
 
 def mission(box: Points, fence: Points, holes: Collection[Points] = (), **how: Any) -> Mission:
-    """A checked mission; `how` are the options of `mission_text`."""
     return parse_mission(mission_text(box, fence, holes, **how), "test")
 
 

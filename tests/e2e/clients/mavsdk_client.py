@@ -31,7 +31,6 @@ WAYPOINT, RTL, TAKEOFF, FENCE_VERTEX = 16, 20, 22, 5001
 
 
 async def until(read: Callable[[], Awaitable[Any]], good: Callable[[Any], bool]) -> Any:
-    """Poll until a value is good, at most 30 s."""
     async with asyncio.timeout(30.0):
         while not good(value := await read()):  # noqa: ASYNC110 - getters know no events
             await asyncio.sleep(0.02)
@@ -40,7 +39,6 @@ async def until(read: Callable[[], Awaitable[Any]], good: Callable[[Any], bool])
 
 @contextlib.asynccontextmanager
 async def connected(url: str) -> AsyncIterator[Any]:
-    """The first autopilot at a URL."""
     configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
     async with Mavsdk(configuration) as mavsdk:
         await mavsdk.add_any_connection(url)
@@ -50,7 +48,6 @@ async def connected(url: str) -> AsyncIterator[Any]:
 
 
 def item(seq: int, command: int, lat: float, lon: float, height_m: float, **more: Any) -> Any:
-    """A mission item, relative to home."""
     values = {"param1": 0.0, "param2": 0.0, "param3": 0.0, "param4": 0.0, "mission_type": 0}
     return MissionItem(
         seq=seq, frame=6, command=command, current=int(seq == 0), autocontinue=1,
@@ -59,7 +56,6 @@ def item(seq: int, command: int, lat: float, lon: float, height_m: float, **more
 
 
 async def upload_fence(mission: MissionRawAsync, lat: float, lon: float) -> int:
-    """Upload a square; how many corners the vehicle then has."""
     d = 1e-3
     corners = ((-d, -d), (-d, d), (d, d), (d, -d))
     fence = [
@@ -71,7 +67,6 @@ async def upload_fence(mission: MissionRawAsync, lat: float, lon: float) -> int:
 
 
 async def there_and_back(telemetry: TelemetryAsync, lat: float, seen: dict[str, Any]) -> None:
-    """Watch a mission until it is over."""
     north = lat + NORTH_M / M_PER_DEG
     await until(telemetry.position, lambda p: abs(p.latitude_deg - north) * M_PER_DEG < 2.5)
     await until(telemetry.armed, lambda armed: not armed)
@@ -80,7 +75,6 @@ async def there_and_back(telemetry: TelemetryAsync, lat: float, seen: dict[str, 
 
 
 async def fly(system: Any, autopilot: str, seen: dict[str, Any]) -> None:
-    """Parameters of both types, a mission, a fence; a PX4 is flown offboard before its mission."""
     action, telemetry = ActionAsync(system), TelemetryAsync(system)
     mission, param = MissionRawAsync(system), ParamAsync(system)
     px4 = autopilot == "px4"
@@ -126,7 +120,6 @@ async def fly(system: Any, autopilot: str, seen: dict[str, Any]) -> None:
 
 
 async def fly_offboard(system: Any, telemetry: TelemetryAsync, seen: dict[str, Any]) -> None:
-    """Fly to a place by a stream of setpoints."""
     offboard = OffboardAsync(system)
     await offboard.set_position_ned(
         PositionNedYaw(north_m=0.0, east_m=NORTH_M, down_m=-10.0, yaw_deg=90.0)

@@ -31,7 +31,6 @@ linux_only = pytest.mark.skipif(sys.platform != "linux", reason="looks into /pro
 
 
 def children_of(pid: int) -> list[int]:
-    """MAVSDK's processes that a process has begun."""
     numbers = Path(f"/proc/{pid}/task/{pid}/children").read_text("ascii").split()
     return [
         int(number)

@@ -23,7 +23,6 @@ SLOWER = 5.0
 
 @pytest.fixture
 def speck_px4(tmp_path):
-    """The mission `speck` on a PX4, well above the sea."""
     text = Path(mission("speck")).read_text("utf-8")
     path = tmp_path / "speck_px4.toml"
     text = text.replace("[sim]\n", '[sim]\nautopilot = "px4"\n')

@@ -40,7 +40,6 @@ needs_mavproxy = pytest.mark.skipif(
 
 @contextlib.contextmanager
 def vehicle(*, tcp=False, **setup):
-    """A vehicle on a socket that has found its position."""
     fleet = Fleet(Setup(speedup=SPEEDUP, tcp=tcp, **setup))
     fleet.run(6.0)
     try:
@@ -117,8 +116,6 @@ def test_pymavlink_flies_by_its_own_tables(autopilot, tcp, hover, parameter, kin
 
 
 class MavProxy:
-    """MAVProxy at its prompt."""
-
     def __init__(self, url, folder):
         self._process = subprocess.Popen(
             [MAVPROXY, f"--master={pymavlink_address(url)}", f"--aircraft={folder / 'aircraft'}"],
@@ -146,7 +143,6 @@ class MavProxy:
         self._process.stdin.flush()
 
     def hear(self, text):
-        """Wait until it has printed a text."""
         end_s = time.monotonic() + PATIENCE_S
         while True:
             try:
@@ -160,7 +156,6 @@ class MavProxy:
                 return line
 
     def close(self):
-        """End it, and whatever it may have started."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()

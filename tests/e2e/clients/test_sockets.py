@@ -30,7 +30,6 @@ GUIDED, BRAKE = 4, 17
 
 
 def in_mid_flight(speck):
-    """A number of events at which a vehicle looks at the region."""
     kinds = [event["kind"] for event in events(speck.folder)]
     return kinds.index("look_ended") if "look_ended" in kinds else len(kinds) // 2
 
@@ -109,7 +108,6 @@ def _stops_camera(command):
 
 
 def _set_mode(pilot, mode):
-    """Change the mode as a ground station does, until the heartbeat shows it."""
     for _ in range(20):
         pilot.mav.command_long_send(
             1, 1, mav.MAV_CMD_DO_SET_MODE, 0, mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, mode,
@@ -122,7 +120,6 @@ def _set_mode(pilot, mode):
 
 
 def _beat(pilot):
-    """The next heartbeat of the autopilot."""
     while True:
         beat = pilot.recv_match(type="HEARTBEAT", blocking=True, timeout=2.0)
         if beat is None or beat.autopilot != mav.MAV_AUTOPILOT_INVALID:

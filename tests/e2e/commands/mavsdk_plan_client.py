@@ -18,7 +18,6 @@ from tests.e2e.clients.mavsdk_client import connected
 
 
 def places(items: Any) -> list[tuple[int, int, int, float]]:
-    """What counts of the items of a list."""
     return [(one.command, one.x, one.y, one.z) for one in items]
 
 

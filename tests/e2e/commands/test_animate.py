@@ -20,7 +20,6 @@ from uavmap.ui.cli import main
 
 @pytest.fixture
 def folder(tiny: Flight, tmp_path: Path) -> Path:
-    """A folder with the journal of a flight, and nothing else."""
     place = tmp_path / "flight"
     place.mkdir()
     shutil.copy(tiny.folder / JOURNAL, place)

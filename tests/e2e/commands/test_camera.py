@@ -23,8 +23,6 @@ from tests.e2e.rig import (
 
 
 class CardCamera(threading.Thread):
-    """Has the simulated camera take pictures all the time and writes them into a folder."""
-
     def __init__(self, vehicle: tuple[str, int], folder) -> None:
         super().__init__()
         self._link = mavutil.mavlink_connection(

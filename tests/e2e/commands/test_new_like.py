@@ -31,7 +31,6 @@ def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def photograph(number: int) -> tuple[np.ndarray, np.ndarray]:
-    """A meadow with a reddish field in it, and its mask."""
     rng = np.random.default_rng(number)
     picture = np.full((120, 160, 3), (60, 140, 70), np.uint8)
     mask = np.zeros((120, 160), np.uint8)
@@ -105,7 +104,6 @@ def test_new_like_without_masks_opens_the_page_to_paint_on(
 
 
 def paints(capfd: pytest.CaptureFixture[str]) -> None:
-    """Paint each photograph on the page whose address is on the terminal."""
     told = ""
     while not (found := re.search(r"http://127\.0\.0\.1:\d+/[\w-]+/", told)):
         told += capfd.readouterr().err

@@ -85,8 +85,6 @@ def test_the_errors_are_those_of_the_command(tmp_path: Path) -> None:
 
 # --- aircraft at the end of a link ---------------------------------------------------------------
 def once_it_has_seen(folder: Path, act: Callable[[], None]) -> threading.Thread:
-    """Does something when the first picture was judged."""
-
     def watch() -> None:
         wait_until(lambda: bool(events(folder, "frame_seen")), "a picture")
         act()

@@ -128,7 +128,6 @@ LAYERS = {
 
 
 def with_the_usual_camera(text):
-    """A mission of the tests without what makes its pictures small."""
     small = ("width_px", "height_px", "pixels_per_cell")
     return "".join(line for line in text.splitlines(True) if not line.startswith(small))
 

@@ -30,7 +30,6 @@ PLACES = [(east_m, north_m) for north_m in (0.0, 10.0) for east_m in (0.0, 12.0,
 
 
 def ground() -> np.ndarray:
-    """A meadow with a way through it, rich in detail."""
     rng = np.random.default_rng(3)
     rows, columns = (round((span_m + side * GSD_M) / GSD_M) + 2 for span_m, side in (
         (10.0, HEIGHT), (24.0, WIDTH)
@@ -48,7 +47,6 @@ def ground() -> np.ndarray:
 
 
 def view(of: np.ndarray, east_m: float, north_m: float) -> Image.Image:
-    """The part of the ground that a camera shows; north is up."""
     left, top = round(east_m / GSD_M), round((10.0 - north_m) / GSD_M)
     return Image.fromarray(of[top : top + HEIGHT, left : left + WIDTH])
 
@@ -125,7 +123,6 @@ def test_replay_the_same_picture_twice_changes_no_cell(photos: Path, tmp_path: P
 
 
 def fences(out: Path) -> int:
-    """How many rings of fences and boxes are in the layers for a GIS."""
     with contextlib.closing(sqlite3.connect(out / "map.gpkg")) as layers:
         if not layers.execute("SELECT 1 FROM sqlite_master WHERE name = 'fence'").fetchone():
             return 0

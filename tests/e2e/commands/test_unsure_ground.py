@@ -20,7 +20,6 @@ from uavmap.ui.cli import main
 
 @pytest.fixture(scope="module")
 def mapped(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, sites.Site]:
-    """A folder with photographs of a gravel track, a detector of three of them, and its map."""
     folder = tmp_path_factory.mktemp("track")
     place = sites.site("track")
     shots = sites.photographed(place)

@@ -50,7 +50,6 @@ def patient(tmp_path: Path) -> Path:
 
 
 def under_way(process: Process, folder: Path) -> None:
-    """Wait until it is in the search."""
     wait_until(
         lambda: len(events(folder, "frame_seen")) >= FRAMES or process.poll() is not None,
         "some pictures",
@@ -62,7 +61,6 @@ def under_way(process: Process, folder: Path) -> None:
 def searching(
     folder: Path, source: Path | str = SPECK, autopilot: str = "ardupilot"
 ) -> Iterator[tuple[Process, list[str]]]:
-    """A flight over sockets that is in the search, and the URLs of its simulator."""
     with (
         simulator("speck", speedup=SPEEDUP, autopilot=autopilot) as urls,
         started(*flying(source, urls, folder, SPEEDUP, "--auto-swap")) as process,
@@ -72,7 +70,6 @@ def searching(
 
 
 def killed(process: Process) -> None:
-    """Kill the mission process."""
     process.send_signal(signal.SIGKILL)
     process.communicate()
 

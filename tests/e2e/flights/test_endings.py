@@ -35,7 +35,6 @@ ROOM_BLOCKS = 16
 def under_way(
     urls: list[str], folder: Path, room_blocks: int | None = None
 ) -> Iterator[subprocess.Popen[str]]:
-    """A flight with the first pictures taken."""
     words = command(*flying(mission("speck"), urls, folder, SPEEDUP))
     if room_blocks is not None:
         words = ["sh", "-c", f'ulimit -f {room_blocks}; exec "$@"', "sh", *words]

@@ -45,7 +45,6 @@ TRUE = [(10.0, 26.0), (34.0, 22.0), (36.0, 36.0), (24.0, 42.0), (12.0, 38.0)]
 
 
 def made(tmp_path: Path, vehicles: int = 3) -> Path:
-    """A field of 44 m x 36 m with a region, pads in a row south of it."""
     text = mission_text(
         square(0.0, 14.0, 44.0, 36.0),
         square(-20.0, -14.0, 84.0, 92.0),
@@ -78,7 +77,6 @@ def journal(folder: Path) -> tuple[Setting, list[Event]]:
 
 
 def region(folder: Path) -> frozenset[Cell]:
-    """What the votes make that a journal holds, in whatever order they came."""
     setting, events = journal(folder)
     return frozenset(joined(setting, State.initial(setting), events).belief.roi)
 
@@ -156,7 +154,6 @@ def test_pads_without_a_place_lie_far_enough_apart() -> None:
 
 
 def test_with_an_aircraft_down_no_summary_is_complete(tmp_path: Path) -> None:
-    """Vehicle 3 falls at 40 s: the other two map the rest, and no summary says "complete"."""
     file, out = made(tmp_path), tmp_path / "out"
     fault = '[[sim.faults]]\nkind = "motor"\nvehicle = 3\nat_s = 40\nshare = 0.0\n'
     file.write_text(file.read_text("utf-8") + fault, "utf-8")

@@ -34,7 +34,6 @@ from uavmap.journal.flight_plan import FlightPlan
 
 
 def moments(seed: int, count: int, last: int) -> list[int]:
-    """Some event numbers of a flight, ascending."""
     rng = np.random.default_rng(seed)
     return sorted(int(n) for n in rng.choice(np.arange(2, last - 10), size=count, replace=False))
 

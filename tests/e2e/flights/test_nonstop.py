@@ -65,7 +65,6 @@ def speck_passed(tmp_path_factory: pytest.TempPathFactory) -> Flight:
 
 
 def orders_of(name: str, lines: Sequence[str]) -> list[list[Order | None]]:
-    """What everybody carries out after each event."""
     made = load(mission(name)).model_copy(update={"strategy": "swath"})
     setting = setting_of(made)
     state, told = State.initial(setting), []
@@ -170,7 +169,6 @@ def test_killed_on_its_path_it_ends_as_if_nothing_had_been(
 def stopped_on_a_path(
     urls: list[str], folder: Path, number: signal.Signals, speedup: float
 ) -> Finished | None:
-    """A flight that is sent a signal on a path, once some frames were judged."""
     journey = Journey(folder, "speck", strategy="swath")
     with started(*flying(mission("speck"), urls, folder, speedup, *SWATH)) as process:
 

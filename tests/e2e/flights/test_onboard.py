@@ -20,7 +20,6 @@ SPEEDUP = 8.0
 
 
 def tiny(tmp_path: Path) -> Path:
-    """Two pads, and a region of a few cells right behind them."""
     text = mission_text(
         square(-6.0, 12.0, 28.0, 16.0),
         square(-20.0, -14.0, 56.0, 62.0),

@@ -72,8 +72,6 @@ def test_a_ground_station_asks_the_vehicle_through_us(tmp_path):
 
 
 class Station:
-    """A ground station: one UDP socket."""
-
     def __init__(self, link: socket.socket) -> None:
         self._link = link
         self._codec = mav.MAVLink(None, srcSystem=255, srcComponent=190)

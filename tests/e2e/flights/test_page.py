@@ -37,7 +37,6 @@ FOLDER = os.environ.get("UAVMAP_PICTURES")
 
 @contextlib.contextmanager
 def with_page(*arguments: object) -> Iterator[tuple[Any, str]]:
-    """A command that serves a page, and the URL that it prints."""
     lines: queue.Queue[str] = queue.Queue()
     with started(*arguments) as process:
         heard = process.stderr
@@ -59,14 +58,10 @@ def with_page(*arguments: object) -> Iterator[tuple[Any, str]]:
 
 
 class Page:
-    """The page as its user sees it."""
-
     def __init__(self, driver: Any) -> None:
         self.driver = driver
 
     def press(self, selector: str) -> None:
-        """Press a button once it can be seen."""
-
         def pressed() -> bool:
             for button in self.driver.find_elements("css selector", selector):
                 with contextlib.suppress(Exception):  # it moves, or is gone again
@@ -88,7 +83,6 @@ class Page:
         wait_until(lambda: bool(self.shows(script)), script)
 
     def picture(self, name: str) -> None:
-        """A picture for the documentation, small enough to be kept with it."""
         if FOLDER:
             with Image.open(io.BytesIO(self.driver.get_screenshot_as_png())) as image:
                 image.thumbnail((900, 900))

@@ -35,7 +35,6 @@ polygon = [
 
 
 def made() -> str:
-    """A small box with a square in it, and a second patch that is smaller."""
     text = Path(mission("windy")).read_text(encoding="utf-8")
     text = text.replace('strategy = "survey"', 'strategy = "swath"')
     return text.replace("48.0010072", "48.0007500") + SECOND

@@ -29,7 +29,6 @@ REGION = square(-40, 84, 14, 10)
 
 
 def written(folder: Path, strategy: str, *, prior: bool) -> Path:
-    """The mission, with the region's whereabouts in a GeoJSON file, or without."""
     text = mission_text(
         square(-44, 16, 90, 80),
         square(-80, -40, 160, 180),
@@ -53,7 +52,6 @@ def written(folder: Path, strategy: str, *, prior: bool) -> Path:
 
 
 def found_s(mission: Path) -> float:
-    """Fly, and say when the region was first confirmed."""
     folder = mission.parent / "out"
     done = uavmap("fly", mission, "--sim", "--json", "--out", folder)
     assert done.code == 0, done.err

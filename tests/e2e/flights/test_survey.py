@@ -18,7 +18,6 @@ MORE = 1.1
 
 
 def plain_m(setting: Setting) -> float:
-    """The length of one flight along all lanes, from home and back to it."""
     home = GridPoint(0.0, 0.0)
     stations = [home, *itertools.chain.from_iterable(setting.lanes), home]
     return sum(a.distance_to(b) for a, b in itertools.pairwise(stations))

@@ -34,8 +34,6 @@ TOWARD_DEG = 225.0
 
 
 class Flown:
-    """What a simulated flight did in truth, and what it mapped."""
-
     def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch, **how: str) -> None:
         autopilot = how.pop("autopilot", "ardupilot")
         text = mission_text(

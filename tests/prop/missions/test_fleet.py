@@ -33,12 +33,10 @@ def flown(scenario: Scenario) -> Fleet:
 
 @functools.cache
 def undisturbed(seed: int) -> Fleet:
-    """The flight of a small mission, once for all who look at it."""
     return flown(random_scenario(seed))
 
 
 def map_is_whole(flight: Fleet, scenario: Scenario) -> None:
-    """Everything that can be reached was looked from, and nothing else is on the map."""
     state = flight.state
     assert state.belief.roi <= scenario.roi
     if state.tree is None:
@@ -93,7 +91,6 @@ def test_the_reserve_check_can_fail() -> None:
 
 # --- interruptions ---------------------------------------------------------------------------
 def interrupted(scenario: Scenario, kind: str, rng: np.random.Generator) -> Fleet:
-    """A flight with up to five interruptions of a kind at random moments."""
     flight = fleet(scenario.mission, scenario.roi)
     flight.start()
     for _ in range(5):
@@ -196,7 +193,6 @@ def test_the_same_scenario_twice_gives_the_same_events_and_orders() -> None:
 
 # --- strategies ------------------------------------------------------------------------------
 def led_by(name: str, seed: int) -> Scenario:
-    """The first small mission from a seed on that several vehicles fly, under a strategy."""
     drawn = (random_scenario(seed + i) for i in range(100))
     scenario = next(s for s in drawn if len(s.mission.vehicles) > 1 and len(s.roi) < 12)
     mission = scenario.mission.model_copy(update={"strategy": name})

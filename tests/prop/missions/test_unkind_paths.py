@@ -24,7 +24,6 @@ SEAT = Cell(2, 7)
 
 @pytest.fixture(scope="module", autouse=True)
 def soon_planned() -> Iterator[None]:
-    """No trouble cares how good a plan is."""
     with quick_plans():
         yield
 
@@ -48,7 +47,6 @@ def made(cells: int = 30, seat: Cell = SEAT, **how: object) -> tuple[Watched, Sc
 
 
 def on_path(flight: Watched, number: int = 1) -> bool:
-    """Whether a vehicle explores, at full speed, in the middle of a path."""
     vehicle, craft = flight.state.vehicles[number], flight.vehicles[number]
     order = vehicle.order
     return (

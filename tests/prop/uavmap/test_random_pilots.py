@@ -118,8 +118,6 @@ SCENES: tuple[Scene, ...] = (
 
 @dataclass(slots=True)
 class Turned:
-    """What became of a pilot's change of mode."""
-
     scene: str
     mode: str
     crossed: bool = False
@@ -154,7 +152,6 @@ async def flown(flight: Flight, dice: random.Random, names: tuple[str, ...]) -> 
 async def turned_in(
     flight: Flight, scene: str, wanted: Mode | Px4Mode, after_s: float
 ) -> Turned | None:
-    """The pilot's change of mode some seconds into a scene, and what becomes of it."""
     await asyncio.sleep(after_s)
     truth = flight.vehicle.truth
     asked = flight.driver._monitor.control.request

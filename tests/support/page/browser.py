@@ -28,7 +28,6 @@ def need_browser() -> None:
 
 @contextlib.contextmanager
 def browser(width_px: int = 1280, height_px: int = 800) -> Iterator[Any]:
-    """A browser with a window of a size, and a profile of its own."""
     from selenium import webdriver  # noqa: PLC0415 - it may be missing
     from selenium.webdriver.chrome.service import Service  # noqa: PLC0415
 

@@ -43,7 +43,6 @@ class Feed:
 
     @property
     def board(self) -> Board:
-        """What all deltas make."""
         board = Board()
         for delta in self.deltas:
             board.apply(delta)

@@ -65,11 +65,9 @@ class Tab:
         assert self._socket.call("handshake", self._query, timeout=PATIENCE_S)
 
     def close(self) -> None:
-        """Close the tab."""
         self._socket.disconnect()
 
     def wait(self, condition: Callable[[], Any]) -> Any:
-        """What a condition says once that is true."""
         due_s = time.monotonic() + PATIENCE_S
         with self._news:
             while not (found := condition()):
@@ -117,7 +115,6 @@ class Tab:
 
     # --- what is done in it ------------------------------------------------------------------
     def buttons(self) -> dict[str, str]:
-        """The buttons that can be seen: what is written on them, by their numbers."""
         return {
             number: element["props"]["label"]
             for number, element in self.elements.items()
@@ -125,14 +122,12 @@ class Tab:
         }
 
     def press(self, label: str) -> None:
-        """Press a button, once it can be seen."""
         number = self.wait(
             lambda: next((n for n, text in self.buttons().items() if text == label), None)
         )
         self.event(number, "click")
 
     def event(self, number: str, kind: str, *arguments: Any) -> None:
-        """Something is done with an element: all who listen hear of it."""
         for listener in self.elements[number]["events"]:
             if listener["type"].lower().replace("-", "") == kind:
                 told = {

@@ -25,7 +25,6 @@ volumes = st.builds(
 
 
 def sample(volume: Volume, rng: np.random.Generator) -> tuple[float, float, float]:
-    """A place in a volume."""
     legs = list(itertools.pairwise(volume.path)) or [(volume.path[0], volume.path[0])]
     a, b = legs[int(rng.integers(len(legs)))]
     along, turn = float(rng.uniform()), float(rng.uniform(0, math.tau))

@@ -75,7 +75,6 @@ def test_the_join_of_beliefs_is_a_least_upper_bound(
 def test_whatever_the_order_nothing_is_taken_back_when_late_votes_are_left_out(
     frames: list[Report],
 ) -> None:
-    """What the reducer does."""
     belief = belief_of([])
     for vantage, frame, seen in frames:
         after = belief.with_frame(vantage, frame, belief.in_time(vantage, frame, seen))
@@ -213,7 +212,6 @@ def test_no_cell_was_ever_false_more_often_than_three_of_five_allow(order: str) 
 
 # --- tree ------------------------------------------------------------------------------------
 def grown(roi: set[Cell], looks: int, rng: np.random.Generator) -> Tree:
-    """A tree from the root by a random walk: any known vertex is looked from next."""
     tree = Tree.rooted(Cell(0, 0))
     for _ in range(looks):
         todo = sorted(c for c in tree.vertices if not tree.has_looked(c))

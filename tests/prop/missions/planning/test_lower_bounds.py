@@ -61,7 +61,6 @@ def tours(
 
 
 def optimum(best: list[float], robots: int) -> float:
-    """The least makespan of a team that divides the cells among itself."""
     team = best
     for _ in range(robots - 1):
         larger = list(team)

@@ -25,8 +25,6 @@ Mend = Callable[[Situation, Decision], Decision]
 
 @dataclass
 class Wrong:
-    """A depth-first search that does one thing wrong."""
-
     mend: Mend
     stated: float | None = None
     name: str = "wrong"
@@ -178,7 +176,6 @@ def test_a_team_explores_everything_returns_and_keeps_its_bound(name: str, seed:
 
 # --- the bound -------------------------------------------------------------------------------
 def violations(name: str, seeds: range) -> int:
-    """How often Lemma 1 does not hold."""
     count = 0
     for seed in seeds:
         roi, rng = roi_of(seed)

@@ -96,7 +96,6 @@ def test_more_robots_sweep_a_broader_stripe():
 # --- who knows where it is ----------------------------------------------------------------------
 @pytest.fixture(scope="module")
 def ends():
-    """An exploration of 470 m with 60 draws of the noise."""
     square = Space([(0, 0), (40, 0), (40, 40), (0, 40)])
     found = trapezoids.explore(square, (0.0, 0.0), Pattern(10.0, math.radians(60.0)))
     legs = list(legs_of(found))

@@ -17,7 +17,6 @@ FEW = settings(max_examples=60, deadline=None)
 
 @st.composite
 def maps(draw: st.DrawFn, largest: int = 60) -> GridMap:
-    """Rooms with obstacles, and grown regions."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     if draw(st.booleans()):
         width, height = draw(st.integers(1, 9)), draw(st.integers(1, 9))
@@ -113,7 +112,6 @@ def test_the_best_of_all_plans_is_not_beaten(known: GridMap) -> None:
     """The planner with unlimited look-ahead against a search without any pruning."""
 
     def least(candidates: tuple[int, ...], moves: int) -> float:
-        """Moves of all candidates together, if they may take so many each."""
         if len(candidates) == 1:
             return 0.0
         if moves == 0:

@@ -48,7 +48,6 @@ rois = st.builds(
 def laid(
     points: list[tuple[float, float, float]], kinematics: Kinematics
 ) -> tuple[Trajectory, Route]:
-    """The path from rest at (0, 0) through some waypoints."""
     starts = np.zeros((1, kernels.LEADS, 4))
     n_leads = np.full((1, kernels.LEADS), -1, np.int64)
     n_leads[:, kernels.LEADS - 1] = 0
@@ -64,7 +63,6 @@ def laid(
 
 
 def holds_together(path: Trajectory, kinematics: Kinematics) -> None:
-    """Place and speed go on from piece to piece, and the limits are kept within each."""
     for piece in path.pieces:
         for part in (0.0, 0.5, 1.0):
             m = piece.after(part * piece.duration_s)

@@ -43,7 +43,6 @@ def spiral(size: int) -> set[Cell]:
 
 
 def rings(size: int) -> set[Cell]:
-    """A grid of streets: nothing but cycles."""
     span = range(-size, size + 1)
     return {Cell(e, n) for e in span for n in span if e % 3 == 0 or n % 3 == 0}
 
@@ -52,7 +51,6 @@ SHAPES: tuple[Callable[[int], set[Cell]], ...] = (corridor, comb, star, spiral, 
 
 
 def roi_of(seed: int) -> tuple[set[Cell], int, np.random.Generator]:
-    """A small ROI, often an awkward one, and a team."""
     rng = np.random.default_rng(seed)
     kind = seed % 7
     if kind < 5:
