@@ -24,16 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.benchmarks.frame import asked
-from tests.e2e.rig import (
-    aircraft_process,
-    arguments_of,
-    ended,
-    events,
-    mission,
-    simulator,
-    started,
-    uavmap,
-)
+from tests.e2e import rig
 from uavmap.runner.aircraft_takeover import ADDRESS
 
 SPEEDUP = 4.0
@@ -48,14 +39,14 @@ def one(number: int, who: str, autopilot: str, driver: str, at_s: float, below: 
     """Fly and kill; what is wrong, empty for nothing."""
     folder = below / f"{who}-{autopilot}-{driver}-{number}"
     source = below / f"{folder.name}.toml"
-    text = Path(mission("speck")).read_text("utf-8")
+    text = Path(rig.mission("speck")).read_text("utf-8")
     source.write_text(f"{text}\n[guardian]\norphan_hold_s = {HOLD_S}\n", "utf-8")
-    with simulator("speck", speedup=SPEEDUP, autopilot=autopilot) as urls:
-        with started(
-            "fly", source, *arguments_of(urls), "--speedup", SPEEDUP, "--auto-swap", "--json",
+    with rig.simulator("speck", speedup=SPEEDUP, autopilot=autopilot) as urls:
+        with rig.started(
+            "fly", source, *rig.arguments_of(urls), "--speedup", SPEEDUP, "--auto-swap", "--json",
             "--driver", driver, "--out", folder,
         ) as process:  # fmt: skip
-            while not events(folder, "lifted_off"):
+            while not rig.events(folder, "lifted_off"):
                 if process.poll() is not None:
                     return f"ended before it lifted off: {process.communicate()[1][-300:]}"
                 time.sleep(0.05)
@@ -63,20 +54,20 @@ def one(number: int, who: str, autopilot: str, driver: str, at_s: float, below: 
             if process.poll() is not None:
                 return "over"
             if who == "aircraft":
-                os.kill(aircraft_process(folder), signal.SIGKILL)
-                done = ended(process)
+                os.kill(rig.aircraft_process(folder), signal.SIGKILL)
+                done = rig.ended(process)
                 good = done.code == 0 and done.summary["completed"]
                 return "" if good else f"exit {done.code}: {done.err[-400:]}"
             process.send_signal(signal.SIGKILL)
             process.communicate()
-        before = len(events(folder))
+        before = len(rig.events(folder))
         due_s = time.monotonic() + HOME_WALL_S
         while (folder / ADDRESS).exists():
             if time.monotonic() > due_s:
                 return f"not at home {HOME_WALL_S:.0f} s later"
             time.sleep(0.2)
-        done = uavmap("resume", folder, "--json")
-        landed = [event for event in events(folder)[before:] if event["kind"] == "landed"]
+        done = rig.uavmap("resume", folder, "--json")
+        landed = [event for event in rig.events(folder)[before:] if event["kind"] == "landed"]
         if not landed:
             return f"no landing: {done.err[-300:]}"
         away_m = math.hypot(*landed[0]["position"])

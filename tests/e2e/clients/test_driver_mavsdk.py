@@ -11,19 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.e2e.rig import (
-    aircraft_process,
-    command,
-    ended,
-    environment,
-    events,
-    flying,
-    mission,
-    simulator,
-    started,
-    uavmap,
-    wait_until,
-)
+from tests.e2e import rig
 
 SPEEDUP = 10.0
 BY_MAVSDK = ("--driver", "mavsdk")
@@ -51,48 +39,50 @@ def gone(pid: int) -> bool:
 def test_a_killed_aircraft_process_takes_its_mavsdk_with_it_and_the_next_goes_on(tmp_path):
     folder = tmp_path / "out"
     with (
-        simulator("speck", speedup=SPEEDUP, autopilot="px4") as urls,
-        started(*flying(mission("speck"), urls, folder, SPEEDUP, *BY_MAVSDK)) as process,
+        rig.simulator("speck", speedup=SPEEDUP, autopilot="px4") as urls,
+        rig.started(
+            *rig.flying(rig.mission("speck"), urls, folder, SPEEDUP, *BY_MAVSDK)
+        ) as process,
     ):
-        wait_until(lambda: bool(events(folder, "frame_seen")), "a picture")
-        (child,) = children_of(aircraft_process(folder))
-        os.kill(aircraft_process(folder), signal.SIGKILL)
-        wait_until(lambda: gone(child), "the end of MAVSDK")
-        done = ended(process)
+        rig.wait_until(lambda: bool(rig.events(folder, "frame_seen")), "a picture")
+        (child,) = children_of(rig.aircraft_process(folder))
+        os.kill(rig.aircraft_process(folder), signal.SIGKILL)
+        rig.wait_until(lambda: gone(child), "the end of MAVSDK")
+        done = rig.ended(process)
     assert done.code == 0, done.err
     assert done.summary["completed"] is True
     assert "spoken with by MAVSDK v" in done.err
-    assert [event["airborne"] for event in events(folder, "connected")] == [False, True]
-    assert sum(event["kind"] == "airborne" for event in events(folder)) == 1
+    assert [event["airborne"] for event in rig.events(folder, "connected")] == [False, True]
+    assert sum(event["kind"] == "airborne" for event in rig.events(folder)) == 1
 
 
 @linux_only
 def test_control_c_brings_it_home_and_leaves_nothing_behind(tmp_path):
     folder = tmp_path / "out"
-    with simulator("speck", speedup=SPEEDUP) as urls:
+    with rig.simulator("speck", speedup=SPEEDUP) as urls:
         # a terminal sends Ctrl-C to all of its processes
         process = subprocess.Popen(
-            command(*flying(mission("speck"), urls, folder, SPEEDUP, *BY_MAVSDK)),
-            env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            rig.command(*rig.flying(rig.mission("speck"), urls, folder, SPEEDUP, *BY_MAVSDK)),
+            env=rig.environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             start_new_session=True,
         )  # fmt: skip
         try:
-            wait_until(lambda: bool(events(folder, "frame_seen")), "a picture")
-            (child,) = children_of(aircraft_process(folder))
+            rig.wait_until(lambda: bool(rig.events(folder, "frame_seen")), "a picture")
+            (child,) = children_of(rig.aircraft_process(folder))
             os.killpg(process.pid, signal.SIGINT)
-            done = ended(process)
+            done = rig.ended(process)
         finally:
             if process.poll() is None:
                 process.kill()
             process.communicate()
         # and the other driver goes on
-        again = uavmap("resume", folder, "--json", "--driver", "pymavlink")
+        again = rig.uavmap("resume", folder, "--json", "--driver", "pymavlink")
     assert again.code == 0, again.err
     assert again.summary["completed"] is True
     assert "MAVSDK" not in again.err
     assert done.code == 3, done.err
     assert "MAVSDK has ended" not in done.err
-    assert "landed" in [event["kind"] for event in events(folder)]
+    assert "landed" in [event["kind"] for event in rig.events(folder)]
     assert json.loads(done.out)["completed"] is False
     assert gone(child)
 
@@ -108,7 +98,7 @@ def test_control_c_brings_it_home_and_leaves_nothing_behind(tmp_path):
 def test_a_driver_that_cannot_fly_this_is_refused_with_the_remedy(arguments, said, speck, tmp_path):
     words = [speck.folder if word == "OVER" else word for word in arguments]
     out = [] if "OVER" in arguments else ["--out", tmp_path / "out"]
-    done = uavmap(*words, *out)
+    done = rig.uavmap(*words, *out)
     assert done.code == 2
     assert all(text in done.err for text in said)
     assert not (tmp_path / "out").exists()

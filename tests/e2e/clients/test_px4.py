@@ -9,21 +9,14 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from tests.e2e.rig import (
-    bodies,
-    flying,
-    maps_alike,
-    mission,
-    simulator,
-    uavmap,
-)
+from tests.e2e import rig
 
 SLOWER = 5.0
 
 
 @pytest.fixture
 def speck_px4(tmp_path):
-    text = Path(mission("speck")).read_text("utf-8")
+    text = Path(rig.mission("speck")).read_text("utf-8")
     path = tmp_path / "speck_px4.toml"
     text = text.replace("[sim]\n", '[sim]\nautopilot = "px4"\n')
     path.write_text(text.replace("[start]\n", "[start]\namsl_m = 1234.5\n"), "utf-8")
@@ -32,14 +25,14 @@ def speck_px4(tmp_path):
 
 def test_a_mission_in_one_process(speck, speck_px4, tmp_path):
     arguments = ("fly", speck_px4, "--sim", "--seed", 1, "--json", "--out")
-    done = [uavmap(*arguments, tmp_path / name) for name in ("one", "two")]
+    done = [rig.uavmap(*arguments, tmp_path / name) for name in ("one", "two")]
     assert [one.code for one in done] == [0, 0]
     summary = done[0].summary
     assert summary["completed"] is True
     assert (summary["cells_missed"], summary["fence_breaches"]) == (0, 0)
     assert summary["bound_held"] is True
-    assert maps_alike(tmp_path / "one", speck.folder)
-    assert bodies(tmp_path / "one") == bodies(tmp_path / "two")
+    assert rig.maps_alike(tmp_path / "one", speck.folder)
+    assert rig.bodies(tmp_path / "one") == rig.bodies(tmp_path / "two")
     log = mavutil.mavlink_connection(str(tmp_path / "one" / "flight.tlog"))
     with contextlib.closing(log.f):
         beat = log.recv_match(type="HEARTBEAT", condition="HEARTBEAT.autopilot!=8")
@@ -48,9 +41,9 @@ def test_a_mission_in_one_process(speck, speck_px4, tmp_path):
 
 def test_two_over_sockets(speck, tmp_path):
     # (slower than the others: on a busy machine one of two once landed away from home)
-    with simulator("speck", speedup=SLOWER, vehicles=2, autopilot="px4") as urls:
-        words = flying(mission("speck"), urls, tmp_path / "out", SLOWER, "--vehicles", 2)
-        done = uavmap(*words)
+    with rig.simulator("speck", speedup=SLOWER, vehicles=2, autopilot="px4") as urls:
+        words = rig.flying(rig.mission("speck"), urls, tmp_path / "out", SLOWER, "--vehicles", 2)
+        done = rig.uavmap(*words)
     assert done.code == 0
     assert done.summary["completed"] is True
-    assert maps_alike(tmp_path / "out", speck.folder)
+    assert rig.maps_alike(tmp_path / "out", speck.folder)

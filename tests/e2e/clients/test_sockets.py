@@ -8,55 +8,40 @@ import signal
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from tests.e2e.rig import (
-    LOOPBACK,
-    Relay,
-    bodies,
-    ended,
-    events,
-    flying,
-    maps_alike,
-    mission,
-    simulator,
-    since_resumed,
-    started,
-    stop_after,
-    uavmap,
-    wait_until,
-)
+from tests.e2e import rig
 
 SPEEDUP = 20.0
 GUIDED, BRAKE = 4, 17
 
 
 def in_mid_flight(speck):
-    kinds = [event["kind"] for event in events(speck.folder)]
+    kinds = [event["kind"] for event in rig.events(speck.folder)]
     return kinds.index("look_ended") if "look_ended" in kinds else len(kinds) // 2
 
 
 def test_a_recall_brings_home_who_is_in_the_air_and_sends_nobody_out(speck, tmp_path):
     """What a computer on board may do by itself after it has been started anew."""
     folder = tmp_path / "out"
-    with simulator("speck", speedup=SPEEDUP) as urls:
-        with started(*flying(mission("speck"), urls, folder, SPEEDUP)) as process:
-            stop_after(process, folder, in_mid_flight(speck), signal.SIGKILL)
-        home = uavmap("resume", folder, "--recall", "--json")
-        again = since_resumed(folder)
+    with rig.simulator("speck", speedup=SPEEDUP) as urls:
+        with rig.started(*rig.flying(rig.mission("speck"), urls, folder, SPEEDUP)) as process:
+            rig.stop_after(process, folder, in_mid_flight(speck), signal.SIGKILL)
+        home = rig.uavmap("resume", folder, "--recall", "--json")
+        again = rig.since_resumed(folder)
         assert home.code == 3
         assert [event["kind"] for event in again[:2]] == ["resumed", "recalled"]
         assert next(e for e in again if e["kind"] == "connected")["airborne"] is True
         assert sum(event["kind"] == "landed" for event in again) == 1
         # on the ground by now: a second time it stays there
-        before = len(bodies(folder))
-        assert uavmap("resume", folder, "--recall", "--json").code == 3
-        again = events(folder)[before:]
+        before = len(rig.bodies(folder))
+        assert rig.uavmap("resume", folder, "--recall", "--json").code == 3
+        again = rig.events(folder)[before:]
         assert next(e for e in again if e["kind"] == "connected")["airborne"] is False
         assert not any(event["kind"] == "airborne" for event in again)
     assert (folder / "map.geojson").exists()
 
 
 def test_a_simulated_flight_is_not_recalled(speck):
-    done = uavmap("resume", speck.folder, "--recall")
+    done = rig.uavmap("resume", speck.folder, "--recall")
     assert done.code == 2
     assert "--recall is for aircraft at the end of a link" in done.err
 
@@ -65,39 +50,45 @@ def test_a_pilot_takes_over_and_gives_back(speck, tmp_path):
     """A second client changes the mode: not a command more until the vehicle is given back."""
     folder = tmp_path / "out"
     with (
-        simulator("speck", speedup=SPEEDUP) as (url,),
-        Relay(int(url.rpartition(":")[2])) as relay,
+        rig.simulator("speck", speedup=SPEEDUP) as (url,),
+        rig.Relay(int(url.rpartition(":")[2])) as relay,
     ):
-        wait_until(lambda: relay.vehicle is not None, "the vehicle's address")
+        rig.wait_until(lambda: relay.vehicle is not None, "the vehicle's address")
         pilot = mavutil.mavlink_connection(
-            f"udpout:{LOOPBACK}:{relay.vehicle[1]}", source_system=250, dialect="ardupilotmega"
+            f"udpout:{rig.LOOPBACK}:{relay.vehicle[1]}", source_system=250, dialect="ardupilotmega"
         )
-        arguments = flying(mission("speck"), [relay.url], folder, SPEEDUP)
+        arguments = rig.flying(rig.mission("speck"), [relay.url], folder, SPEEDUP)
         try:
-            with started(*arguments) as process:
-                wait_until(lambda: len(bodies(folder)) >= in_mid_flight(speck), "the exploration")
+            with rig.started(*arguments) as process:
+                rig.wait_until(
+                    lambda: len(rig.bodies(folder)) >= in_mid_flight(speck), "the exploration"
+                )
                 _set_mode(pilot, BRAKE)  # in LOITER it would sink: there is no radio control
-                wait_until(lambda: bool(events(folder, "overridden")), "the service to notice")
-                said, seen = len(relay.commands), len(events(folder, "frame_seen"))
+                rig.wait_until(
+                    lambda: bool(rig.events(folder, "overridden")), "the service to notice"
+                )
+                said, seen = len(relay.commands), len(rig.events(folder, "frame_seen"))
                 for _ in range(15):  # so many simulated seconds
                     assert _beat(pilot).custom_mode == BRAKE
                 # a capture that was under way is ended: the camera's business, not the vehicle's
                 assert [c for c in relay.commands[said:] if not _stops_camera(c)] == []
                 # a picture that was taken before may be judged after it
-                assert len(events(folder, "frame_seen")) <= seen + 1
-                assert events(folder, "released") == []
+                assert len(rig.events(folder, "frame_seen")) <= seen + 1
+                assert rig.events(folder, "released") == []
                 _set_mode(pilot, GUIDED)
-                done = ended(process)
+                done = rig.ended(process)
         finally:
             pilot.close()
     assert done.code == 0
     assert done.summary["completed"] is True
-    assert len(events(folder, "released")) == 1
-    assert [event["mode"] for event in events(folder, "overridden")] == ["BRAKE"]
-    after = bodies(folder).index(json.dumps(events(folder, "released")[0], separators=(",", ":")))
-    looks = [e for e in events(folder)[after:] if e["kind"] == "frame_seen"]
+    assert len(rig.events(folder, "released")) == 1
+    assert [event["mode"] for event in rig.events(folder, "overridden")] == ["BRAKE"]
+    after = rig.bodies(folder).index(
+        json.dumps(rig.events(folder, "released")[0], separators=(",", ":"))
+    )
+    looks = [e for e in rig.events(folder)[after:] if e["kind"] == "frame_seen"]
     assert len(looks) > 2  # it has taken up its work
-    assert maps_alike(folder, speck.folder)
+    assert rig.maps_alike(folder, speck.folder)
 
 
 def _stops_camera(command):

@@ -11,15 +11,7 @@ import urllib.request
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from tests.e2e.rig import (
-    Relay,
-    events,
-    mission,
-    simulator,
-    started,
-    uavmap,
-    wait_until,
-)
+from tests.e2e import rig
 
 
 class CardCamera(threading.Thread):
@@ -55,20 +47,20 @@ def test_a_flight_with_the_pictures_of_a_folder(tmp_path) -> None:
     card, folder = tmp_path / "card", tmp_path / "out"
     card.mkdir()
     with (
-        simulator("speck", speedup=4.0) as (url,),
-        Relay(int(url.rpartition(":")[2])) as relay,
-        started(
-            *("fly", mission("speck"), "--connect", relay.url, "--camera", f"folder:{card}"),
+        rig.simulator("speck", speedup=4.0) as (url,),
+        rig.Relay(int(url.rpartition(":")[2])) as relay,
+        rig.started(
+            *("fly", rig.mission("speck"), "--connect", relay.url, "--camera", f"folder:{card}"),
             *("--speedup", 4, "--out", folder, "--json"),
         ) as process,
     ):
-        wait_until(lambda: relay.vehicle is not None, "the aircraft")
+        rig.wait_until(lambda: relay.vehicle is not None, "the aircraft")
         assert relay.vehicle is not None
         camera = CardCamera(relay.vehicle, card)
         camera.start()
         try:
-            wait_until(
-                lambda: len(events(folder, "frame_seen")) >= 3 or process.poll() is not None,
+            rig.wait_until(
+                lambda: len(rig.events(folder, "frame_seen")) >= 3 or process.poll() is not None,
                 "judged frames",
             )
         finally:
@@ -83,7 +75,7 @@ def test_a_flight_with_the_pictures_of_a_folder(tmp_path) -> None:
 def test_what_is_wrong_with_a_camera_is_said_in_a_line(tmp_path) -> None:
     cameras = ["--camera", "mavlink", "--camera", "mavlink"]
     connect = ["--connect", "udpin://127.0.0.1:0"]
-    done = uavmap("fly", mission("speck"), *connect, *cameras, "--out", tmp_path / "out")
+    done = rig.uavmap("fly", rig.mission("speck"), *connect, *cameras, "--out", tmp_path / "out")
     assert done.code == 2
     assert "1 vehicles, but 2 cameras; give --camera once a vehicle" in done.err
     assert not (tmp_path / "out").exists()

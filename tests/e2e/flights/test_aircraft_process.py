@@ -17,27 +17,14 @@ from pathlib import Path
 
 import pytest
 
+from tests.e2e import rig
 from tests.e2e.preloaded import Process
-from tests.e2e.rig import (
-    LOOPBACK,
-    Relay,
-    aircraft_process,
-    ended,
-    events,
-    flying,
-    free_ports,
-    mission,
-    simulator,
-    started,
-    uavmap,
-    wait_until,
-)
 
 SPEEDUP = 10.0
 STREAMED = 3.0
 """As fast as a stream of setpoints is told."""
 FRAMES = 12
-SPECK = mission("speck")
+SPECK = rig.mission("speck")
 
 
 @pytest.fixture
@@ -50,8 +37,8 @@ def patient(tmp_path: Path) -> Path:
 
 
 def under_way(process: Process, folder: Path) -> None:
-    wait_until(
-        lambda: len(events(folder, "frame_seen")) >= FRAMES or process.poll() is not None,
+    rig.wait_until(
+        lambda: len(rig.events(folder, "frame_seen")) >= FRAMES or process.poll() is not None,
         "some pictures",
     )
     assert process.poll() is None, process.communicate()
@@ -62,8 +49,8 @@ def searching(
     folder: Path, source: Path | str = SPECK, autopilot: str = "ardupilot"
 ) -> Iterator[tuple[Process, list[str]]]:
     with (
-        simulator("speck", speedup=SPEEDUP, autopilot=autopilot) as urls,
-        started(*flying(source, urls, folder, SPEEDUP, "--auto-swap")) as process,
+        rig.simulator("speck", speedup=SPEEDUP, autopilot=autopilot) as urls,
+        rig.started(*rig.flying(source, urls, folder, SPEEDUP, "--auto-swap")) as process,
     ):
         under_way(process, folder)
         yield process, urls
@@ -81,12 +68,12 @@ def test_a_mission_process_that_dies_leaves_nobody_in_the_air(
     folder = tmp_path / "out"
     with searching(folder, patient, autopilot) as (process, _):
         killed(process)
-        wait_until(lambda: not (folder / "aircraft.json").exists(), "the aircraft to be home")
-        before = len(events(folder))
-        done = uavmap("resume", folder, "--json")
+        rig.wait_until(lambda: not (folder / "aircraft.json").exists(), "the aircraft to be home")
+        before = len(rig.events(folder))
+        done = rig.uavmap("resume", folder, "--json")
     assert done.code == 0, done.err
     assert done.summary["completed"] is True
-    alone = events(folder)[before:]
+    alone = rig.events(folder)[before:]
     guarded = next(event for event in alone if event["kind"] == "guarded")
     assert guarded["reason"] == "the mission process has ended"
     landed = next(event for event in alone if event["kind"] == "landed")
@@ -103,44 +90,46 @@ def test_control_c_while_the_aircraft_are_brought_home_names_them(
     with searching(folder, patient) as (process, _):
         killed(process)
         record = folder / "aircraft.log"
-        wait_until(lambda: record.exists() and b'"guarded"' in record.read_bytes(), "the return")
-        with started("resume", folder, "--json") as waiting:
+        rig.wait_until(
+            lambda: record.exists() and b'"guarded"' in record.read_bytes(), "the return"
+        )
+        with rig.started("resume", folder, "--json") as waiting:
             assert "the flight goes on when that is done" in waiting.stderr.readline()
             waiting.send_signal(signal.SIGINT)
-            done = ended(waiting)
+            done = rig.ended(waiting)
         assert done.code == 4, done.err
         assert (
             "interrupted; the mission process has ended: the vehicles are brought home" in done.err
         )
         assert "vehicle 1: left to its autopilot in " in done.err
-        wait_until(lambda: not (folder / "aircraft.json").exists(), "the aircraft to be home")
+        rig.wait_until(lambda: not (folder / "aircraft.json").exists(), "the aircraft to be home")
 
 
 def test_the_next_process_takes_over_the_aircraft_in_the_air(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     with searching(folder) as (process, _):
-        aircraft = aircraft_process(folder)
+        aircraft = rig.aircraft_process(folder)
         killed(process)
-        with started("resume", folder, "--json") as process:
-            wait_until(lambda: bool(events(folder, "resumed")), "the resumed mission")
-            assert aircraft_process(folder) == aircraft
-            done = ended(process)
+        with rig.started("resume", folder, "--json") as process:
+            rig.wait_until(lambda: bool(rig.events(folder, "resumed")), "the resumed mission")
+            assert rig.aircraft_process(folder) == aircraft
+            done = rig.ended(process)
     assert done.code == 0, done.err
     assert done.summary["completed"] is True
-    assert not events(folder, "guarded")
-    assert len(events(folder, "landed")) == 1  # it was never brought down in between
+    assert not rig.events(folder, "guarded")
+    assert len(rig.events(folder, "landed")) == 1  # it was never brought down in between
 
 
 def test_a_process_of_the_aircraft_that_dies_is_started_again(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     with searching(folder) as (process, _):
-        os.kill(aircraft_process(folder), signal.SIGKILL)
-        done = ended(process)
+        os.kill(rig.aircraft_process(folder), signal.SIGKILL)
+        done = rig.ended(process)
     assert done.code == 0, done.err
     assert done.summary["completed"] is True
     assert "the process of the aircraft has died; it is started again" in done.err
-    assert [event["airborne"] for event in events(folder, "connected")] == [False, True]
-    assert len(events(folder, "landed")) == 1
+    assert [event["airborne"] for event in rig.events(folder, "connected")] == [False, True]
+    assert len(rig.events(folder, "landed")) == 1
 
 
 def test_aircraft_that_cannot_be_started_again_are_named(tmp_path: Path) -> None:
@@ -150,11 +139,11 @@ def test_aircraft_that_cannot_be_started_again_are_named(tmp_path: Path) -> None
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
     ):
         process.send_signal(signal.SIGSTOP)
-        os.kill(aircraft_process(folder), signal.SIGKILL)
-        address = (LOOPBACK, int(urls[0].rsplit(":", 1)[1]))
-        wait_until(lambda: _binds(other, address), "the vehicle's port")
+        os.kill(rig.aircraft_process(folder), signal.SIGKILL)
+        address = (rig.LOOPBACK, int(urls[0].rsplit(":", 1)[1]))
+        rig.wait_until(lambda: _binds(other, address), "the vehicle's port")
         process.send_signal(signal.SIGCONT)
-        done = ended(process)
+        done = rig.ended(process)
     assert done.code == 4, done.err
     assert "vehicle 1: left to its autopilot in GUIDED at 47.3" in done.err
     assert "take it by radio control" in done.err
@@ -171,12 +160,12 @@ def _binds(port: socket.socket, address: tuple[str, int]) -> bool:
 def test_sigterm_to_the_process_of_the_aircraft_calls_all_home(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     with searching(folder) as (process, _):
-        os.kill(aircraft_process(folder), signal.SIGTERM)
-        done = ended(process)
+        os.kill(rig.aircraft_process(folder), signal.SIGTERM)
+        done = rig.ended(process)
     assert done.code == 3, done.err
     assert "the process of the aircraft is asked to end: coming home, landing" in done.err
-    assert len(events(folder, "recalled")) == len(events(folder, "landed")) == 1
-    assert not events(folder, "guarded")
+    assert len(rig.events(folder, "recalled")) == len(rig.events(folder, "landed")) == 1
+    assert not rig.events(folder, "guarded")
     assert not (folder / "aircraft.log").exists()
 
 
@@ -184,13 +173,13 @@ def test_control_c_while_the_process_of_the_aircraft_starts_leaves_none_behind(
     tmp_path: Path,
 ) -> None:
     folder = tmp_path / "out"
-    port, _ = free_ports(1)
-    url = f"udpin://{LOOPBACK}:{port}"
-    with started(*flying(SPECK, [url], folder, SPEEDUP, "--auto-swap")) as process:
-        wait_until((folder / "aircraft.json").exists, "the process of the aircraft")
-        aircraft = aircraft_process(folder)
+    port, _ = rig.free_ports(1)
+    url = f"udpin://{rig.LOOPBACK}:{port}"
+    with rig.started(*rig.flying(SPECK, [url], folder, SPEEDUP, "--auto-swap")) as process:
+        rig.wait_until((folder / "aircraft.json").exists, "the process of the aircraft")
+        aircraft = rig.aircraft_process(folder)
         process.send_signal(signal.SIGINT)
-        done = ended(process)
+        done = rig.ended(process)
     assert done.code == 130, done.err
     with pytest.raises(ProcessLookupError):
         os.kill(aircraft, 0)
@@ -199,10 +188,10 @@ def test_control_c_while_the_process_of_the_aircraft_starts_leaves_none_behind(
 def test_setpoints_go_on_while_the_mission_process_stands_still(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     with (
-        simulator("speck", speedup=STREAMED) as urls,
-        Relay(int(urls[0].rsplit(":", 1)[1])) as relay,
-        started(
-            *flying(SPECK, [relay.url], folder, STREAMED, "--auto-swap", "--strategy", "swath")
+        rig.simulator("speck", speedup=STREAMED) as urls,
+        rig.Relay(int(urls[0].rsplit(":", 1)[1])) as relay,
+        rig.started(
+            *rig.flying(SPECK, [relay.url], folder, STREAMED, "--auto-swap", "--strategy", "swath")
         ) as process,
     ):
         under_way(process, folder)
@@ -210,15 +199,15 @@ def test_setpoints_go_on_while_the_mission_process_stands_still(tmp_path: Path) 
         try:
             sent = _setpoints(relay)
             # two seconds of setpoints, ten a second, while nobody plans
-            wait_until(lambda: _setpoints(relay) >= sent + 20, "setpoints")
+            rig.wait_until(lambda: _setpoints(relay) >= sent + 20, "setpoints")
         finally:
             process.send_signal(signal.SIGCONT)
         process.send_signal(signal.SIGINT)
-        done = ended(process)
+        done = rig.ended(process)
     assert done.code == 3, done.err
-    assert not events(folder, "guarded", "link_lost")
-    assert len(events(folder, "landed")) == 1
+    assert not rig.events(folder, "guarded", "link_lost")
+    assert len(rig.events(folder, "landed")) == 1
 
 
-def _setpoints(relay: Relay) -> int:
+def _setpoints(relay: rig.Relay) -> int:
     return sum("SET_POSITION_TARGET_GLOBAL_INT" in text for text in list(relay.commands))

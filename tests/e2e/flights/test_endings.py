@@ -11,20 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.e2e.rig import (
-    PATIENCE_S,
-    Finished,
-    arguments_of,
-    command,
-    ended,
-    environment,
-    events,
-    flying,
-    mission,
-    simulator,
-    uavmap,
-    wait_until,
-)
+from tests.e2e import rig
 
 SPEEDUP = 20.0
 ROOM_BLOCKS = 16
@@ -35,19 +22,20 @@ ROOM_BLOCKS = 16
 def under_way(
     urls: list[str], folder: Path, room_blocks: int | None = None
 ) -> Iterator[subprocess.Popen[str]]:
-    words = command(*flying(mission("speck"), urls, folder, SPEEDUP))
+    words = rig.command(*rig.flying(rig.mission("speck"), urls, folder, SPEEDUP))
     if room_blocks is not None:
         words = ["sh", "-c", f'ulimit -f {room_blocks}; exec "$@"', "sh", *words]
     process = subprocess.Popen(
         words,
-        env=environment(),
+        env=rig.environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
     try:
-        wait_until(
-            lambda: bool(events(folder, "frame_seen")) or process.poll() is not None, "a picture"
+        rig.wait_until(
+            lambda: bool(rig.events(folder, "frame_seen")) or process.poll() is not None,
+            "a picture",
         )
         yield process
     finally:
@@ -60,21 +48,21 @@ def under_way(
 
 
 def goes_on(folder: Path, urls: list[str]) -> None:
-    done = uavmap("resume", folder, "--json", *arguments_of(urls))
+    done = rig.uavmap("resume", folder, "--json", *rig.arguments_of(urls))
     assert done.code == 0, done.err
     assert done.summary["completed"] is True
 
 
-def lines(done: Finished) -> list[str]:
+def lines(done: rig.Finished) -> list[str]:
     return [line for line in done.err.splitlines() if line.startswith(("uavmap: ", "vehicle "))]
 
 
 def test_a_full_disk_brings_it_home_before_the_process_ends(tmp_path: Path) -> None:
     folder = tmp_path / "out"
 
-    with simulator("speck", speedup=SPEEDUP) as urls:
+    with rig.simulator("speck", speedup=SPEEDUP) as urls:
         with under_way(urls, folder, ROOM_BLOCKS) as process:
-            done = ended(process)
+            done = rig.ended(process)
         assert done.code == 2
         assert done.out == ""
         failed, *left, last = lines(done)
@@ -84,18 +72,18 @@ def test_a_full_disk_brings_it_home_before_the_process_ends(tmp_path: Path) -> N
         assert "journal.jsonl cannot be written" in last
         assert f"to go on: uavmap resume {folder}" in done.err
         goes_on(folder, urls)
-    (first, *_) = events(folder, "connected")[1:]
+    (first, *_) = rig.events(folder, "connected")[1:]
     assert first["airborne"] is False  # it stood at home when it was taken up again
 
 
 def test_who_does_not_wait_is_told_where_each_aircraft_is(tmp_path: Path) -> None:
     folder = tmp_path / "out"
-    with simulator("speck", speedup=SPEEDUP) as urls:
+    with rig.simulator("speck", speedup=SPEEDUP) as urls:
         with under_way(urls, folder) as process:
             process.send_signal(signal.SIGINT)
-            wait_until(lambda: bool(events(folder, "recalled")), "the first to be heard")
+            rig.wait_until(lambda: bool(rig.events(folder, "recalled")), "the first to be heard")
             process.send_signal(signal.SIGINT)
-            done = ended(process)
+            done = rig.ended(process)
         assert done.code == 4
         assert any("left to its autopilot in RTL" in line for line in lines(done)), done.err
         assert f"to go on: uavmap resume {folder}" in done.err
@@ -113,13 +101,13 @@ def test_a_terminal_that_is_gone_ends_no_flight_badly(
 ) -> None:
     """Without a signal the flight goes on to its end; with one it comes home."""
     folder = tmp_path / "out"
-    with simulator("speck", speedup=SPEEDUP) as urls:
+    with rig.simulator("speck", speedup=SPEEDUP) as urls:
         with under_way(urls, folder) as process:
             for stream in (process.stdout, process.stderr):
                 assert stream is not None
                 stream.close()
             if number is not None:
                 process.send_signal(number)
-            code = process.wait(PATIENCE_S)
+            code = process.wait(rig.PATIENCE_S)
         assert code == (0 if number is None else 3)
-        assert events(folder, "landed")
+        assert rig.events(folder, "landed")

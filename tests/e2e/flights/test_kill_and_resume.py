@@ -15,20 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.e2e.rig import (
-    ROOT,
-    bodies,
-    ended,
-    environment,
-    events,
-    maps_alike,
-    mission,
-    roi_cells,
-    started,
-    stop_after,
-    uavmap,
-    wait_until,
-)
+from tests.e2e import rig
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import FlightPlan
 
@@ -39,48 +26,50 @@ def moments(seed: int, count: int, last: int) -> list[int]:
 
 
 def begin_and_stop(folder, count, number=signal.SIGKILL, *more):
-    with started("fly", mission("speck"), "--sim", "--json", "--out", folder, *more) as process:
-        return stop_after(process, folder, count, number)
+    with rig.started(
+        "fly", rig.mission("speck"), "--sim", "--json", "--out", folder, *more
+    ) as process:
+        return rig.stop_after(process, folder, count, number)
 
 
 def test_killed_again_and_again_it_ends_as_if_nothing_had_been(speck, tmp_path):
-    whole = bodies(speck.folder)
+    whole = rig.bodies(speck.folder)
     first, *others = moments(4, 3, len(whole))
     folder = tmp_path / "out"
     begin_and_stop(folder, first)
     for moment in others:
-        before = bodies(folder)
+        before = rig.bodies(folder)
         assert before == whole[: len(before)]
-        with started("resume", folder, "--json") as process:
+        with rig.started("resume", folder, "--json") as process:
             # the journal does not grow before the recorded part has been flown again
-            stop_after(process, folder, max(moment, len(before) + 1), signal.SIGKILL)
-    done = uavmap("resume", folder, "--json")
+            rig.stop_after(process, folder, max(moment, len(before) + 1), signal.SIGKILL)
+    done = rig.uavmap("resume", folder, "--json")
     assert done.code == 0
-    assert bodies(folder) == whole
-    assert roi_cells(folder) == roi_cells(speck.folder)
+    assert rig.bodies(folder) == whole
+    assert rig.roi_cells(folder) == rig.roi_cells(speck.folder)
     assert done.summary == {**speck.summary, "out": str(folder)}
     assert (folder / "flight.tlog").read_bytes() == (speck.folder / "flight.tlog").read_bytes()
     assert (folder / "map.png").read_bytes() == (speck.folder / "map.png").read_bytes()
 
 
 def test_from_home_nothing_that_was_seen_is_lost(speck, tmp_path):
-    whole = bodies(speck.folder)
+    whole = rig.bodies(speck.folder)
     folder = tmp_path / "out"
     begin_and_stop(folder, len(whole) // 2)
-    before = bodies(folder)
-    done = uavmap("resume", folder, "--from-home", "--json")
+    before = rig.bodies(folder)
+    done = rig.uavmap("resume", folder, "--from-home", "--json")
     assert done.code == 0
     assert done.summary["completed"] is True
     assert done.summary["cells_missed"] == 0
     assert done.summary["fence_breaches"] == done.summary["reserve_violations"] == 0
-    after = bodies(folder)
+    after = rig.bodies(folder)
     assert after[: len(before)] == before
     assert json.loads(after[len(before)])["kind"] == "resumed"
     with Journal.open(folder / "journal.jsonl") as journal:
         assert FlightPlan.read(journal).rehomed
         assert journal.meta["plan"]["rehomed"] is False  # the plan itself never changes
     # the world is the same, another gust blows: cells at the rim may come out otherwise
-    assert maps_alike(folder, speck.folder)
+    assert rig.maps_alike(folder, speck.folder)
 
 
 def says_how_it_goes_on_and_leaves_a_map(stopped, folder):
@@ -93,7 +82,7 @@ def says_how_it_goes_on_and_leaves_a_map(stopped, folder):
 
 
 def test_control_c_stops_a_simulated_flight_and_resume_goes_on(speck, tmp_path):
-    whole = bodies(speck.folder)
+    whole = rig.bodies(speck.folder)
     folder = tmp_path / "out"
     # paced, so that it is still in the air when the signal comes, on a busy machine as well
     stopped = begin_and_stop(folder, len(whole) // 4, signal.SIGINT, "--speedup", 8)
@@ -102,24 +91,24 @@ def test_control_c_stops_a_simulated_flight_and_resume_goes_on(speck, tmp_path):
     assert stopped.out == ""
     assert stopped.err.splitlines()[-1].startswith("uavmap: ")
     says_how_it_goes_on_and_leaves_a_map(stopped, folder)
-    with started("resume", folder, "--json") as process:
-        done = ended(process)
+    with rig.started("resume", folder, "--json") as process:
+        done = rig.ended(process)
     assert done.code == 0
-    assert bodies(folder) == whole
+    assert rig.bodies(folder) == whole
 
 
 def test_a_simulated_flight_that_is_told_twice_to_end_leaves_its_map_all_the_same(tmp_path):
     folder = tmp_path / "out"
-    with started(
-        "fly", mission("speck"), "--sim", "--speedup", 15, "--json", "--out", folder
+    with rig.started(
+        "fly", rig.mission("speck"), "--sim", "--speedup", 15, "--json", "--out", folder
     ) as process:
-        wait_until(lambda: bool(events(folder, "frame_seen")), "a picture")
+        rig.wait_until(lambda: bool(rig.events(folder, "frame_seen")), "a picture")
         process.send_signal(signal.SIGTERM)
         said = ""
         while "to go on" not in said:
             said += process.stderr.readline()
         process.send_signal(signal.SIGTERM)
-        stopped = ended(process)
+        stopped = rig.ended(process)
     assert (stopped.code, stopped.out) == (130, "")
     says_how_it_goes_on_and_leaves_a_map(replace(stopped, err=said + stopped.err), folder)
 
@@ -129,9 +118,9 @@ def test_resuming_a_finished_mission_writes_its_results_anew(speck, tmp_path):
     shutil.copytree(speck.folder, folder)
     for name in ("map.png", "map.kml", "map.geojson", "summary.json"):
         (folder / name).unlink()
-    done = uavmap("resume", folder, "--json")
+    done = rig.uavmap("resume", folder, "--json")
     assert done.code == 0
-    assert bodies(folder) == bodies(speck.folder)
+    assert rig.bodies(folder) == rig.bodies(speck.folder)
     for name in ("map.png", "map.kml", "map.geojson"):
         assert (folder / name).read_bytes() == (speck.folder / name).read_bytes()
     assert done.summary["cells_roi"] == speck.summary["cells_roi"]
@@ -143,8 +132,8 @@ def test_random_kills_once_and_twice_and_a_disk_that_fills():
     numbers = ["--kills", count, "--twice", (count + 1) // 2, "--full", (count + 1) // 2]
     done = subprocess.run(
         [sys.executable, "-m", "tests.benchmarks.kills", *map(str, numbers)],
-        cwd=ROOT,
-        env=environment(),
+        cwd=rig.ROOT,
+        env=rig.environment(),
         capture_output=True,
         text=True,
         check=False,
@@ -161,17 +150,17 @@ def test_a_damaged_journal_is_recovered_and_the_flight_ends_as_if_nothing_had_be
     middle = data.rindex(b'"kind":"tracked"', 0, len(data) // 2)
     data[middle + 9] ^= 1
     path.write_bytes(data)
-    refused = uavmap("resume", folder)
+    refused = rig.uavmap("resume", folder)
     assert refused.code == 2
     (line,) = refused.err.splitlines()
     assert f"`uavmap resume {folder} --recover`" in line
     assert path.read_bytes() == data
-    done = uavmap("resume", folder, "--recover", "--json")
+    done = rig.uavmap("resume", folder, "--recover", "--json")
     assert done.code == 0
     assert "events kept, at least" in done.err
-    assert bodies(folder) == bodies(speck.folder)
+    assert rig.bodies(folder) == rig.bodies(speck.folder)
     assert (folder / "journal.damaged-1.jsonl").read_bytes() == data
     assert (folder / "map.png").read_bytes() == (speck.folder / "map.png").read_bytes()
-    again = uavmap("resume", folder, "--recover", "--json")
+    again = rig.uavmap("resume", folder, "--recover", "--json")
     assert again.code == 0
     assert "nothing to recover" in again.err

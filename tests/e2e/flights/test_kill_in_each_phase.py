@@ -9,19 +9,9 @@ from pathlib import Path
 import pytest
 
 from missions.orders import FlyTo, Land, Look, Order, Sweep, TakeOff
+from tests.e2e import rig
 from tests.e2e.journey import Journey
 from tests.e2e.preloaded import Process
-from tests.e2e.rig import (
-    PATIENCE_S,
-    bodies,
-    ended,
-    events,
-    flying,
-    maps_alike,
-    mission,
-    simulator,
-    started,
-)
 
 SPEEDUP = 20.0
 POLL_S = 0.01
@@ -30,7 +20,7 @@ PHASES: tuple[type[Order], ...] = (TakeOff, Sweep, FlyTo, Look, Land)
 
 def killed_in(phase: type[Order], process: Process, journey: Journey) -> bool:
     """Kill a process in a phase of the flight; whether it is in it by the journal it leaves."""
-    due_s = time.monotonic() + PATIENCE_S
+    due_s = time.monotonic() + rig.PATIENCE_S
 
     def there() -> bool:
         vehicle = journey.vehicle()
@@ -52,23 +42,23 @@ def test_killed_in_each_phase_it_is_taken_up_and_completes(
     folder = tmp_path / "out"
     journey = Journey(folder, "speck")
     hit = 0
-    with simulator("speck", speedup=SPEEDUP, autopilot=autopilot) as urls:
-        arguments = flying(mission("speck"), urls, folder, SPEEDUP)
+    with rig.simulator("speck", speedup=SPEEDUP, autopilot=autopilot) as urls:
+        arguments = rig.flying(rig.mission("speck"), urls, folder, SPEEDUP)
         for phase in phases:
-            with started(*arguments) as process:
+            with rig.started(*arguments) as process:
                 hit += killed_in(phase, process, journey)
-            before = bodies(folder)
+            before = rig.bodies(folder)
             arguments = ["resume", folder, "--json"]
-        with started(*arguments) as process:
-            done = ended(process)
+        with rig.started(*arguments) as process:
+            done = rig.ended(process)
     assert done.code == 0, done.err
     assert done.summary["completed"] is True
     assert done.summary["seed"] is None
     assert done.summary["cells_missed"] is None  # nobody knows the truth of a real flight
-    assert bodies(folder)[: len(before)] == before
-    resumed = events(folder, "resumed")
+    assert rig.bodies(folder)[: len(before)] == before
+    resumed = rig.events(folder, "resumed")
     assert len(resumed) == len(phases)
     assert hit >= len(phases) // 2  # a phase may end while the signal travels
-    airborne = [event for event in events(folder, "connected") if event["airborne"]]
+    airborne = [event for event in rig.events(folder, "connected") if event["airborne"]]
     assert len(airborne) >= len(phases) - 1  # it waited in the air, but perhaps for the last one
-    assert maps_alike(folder, speck.folder)  # type: ignore[attr-defined]
+    assert rig.maps_alike(folder, speck.folder)  # type: ignore[attr-defined]

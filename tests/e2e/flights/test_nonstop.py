@@ -17,27 +17,9 @@ from missions.flight.state import State
 from missions.flight.step import step
 from missions.orders import FlyPath, Look, Order
 from missions.planning.kernels.jit import COMPILED
+from tests.e2e import rig
 from tests.e2e.conftest import Flight
 from tests.e2e.journey import Journey
-from tests.e2e.rig import (
-    ROOT,
-    Finished,
-    arguments_of,
-    bodies,
-    ended,
-    environment,
-    events,
-    flying,
-    kinder,
-    maps_alike,
-    mission,
-    simulator,
-    since_resumed,
-    started,
-    stop_after,
-    uavmap,
-    wait_until,
-)
 from uavmap.load.mission_source import load
 
 SPEEDUP = 5.0
@@ -50,8 +32,8 @@ SWATH = ("--strategy", "swath")
 
 
 def flown(name: str, folder: Path, *more: object, hash_seed: str | None = None) -> Flight:
-    arguments = ("fly", mission(name), "--sim", "--json", "--out", folder, *SWATH, *more)
-    return Flight(uavmap(*arguments, hash_seed=hash_seed), folder)
+    arguments = ("fly", rig.mission(name), "--sim", "--json", "--out", folder, *SWATH, *more)
+    return Flight(rig.uavmap(*arguments, hash_seed=hash_seed), folder)
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +47,7 @@ def speck_passed(tmp_path_factory: pytest.TempPathFactory) -> Flight:
 
 
 def orders_of(name: str, lines: Sequence[str]) -> list[list[Order | None]]:
-    made = load(mission(name)).model_copy(update={"strategy": "swath"})
+    made = load(rig.mission(name)).model_copy(update={"strategy": "swath"})
     setting = setting_of(made)
     state, told = State.initial(setting), []
     for line in lines:
@@ -76,7 +58,7 @@ def orders_of(name: str, lines: Sequence[str]) -> list[list[Order | None]]:
 
 def amid_a_path(flight: Flight, name: str) -> int:
     """A number of events after which the first vehicle explores on a path."""
-    lines = bodies(flight.folder)
+    lines = rig.bodies(flight.folder)
     told = orders_of(name, lines)
     seen = [json.loads(line)["kind"] == "frame_seen" for line in lines]
     on_path = [n for n, orders in enumerate(told) if seen[n] and isinstance(orders[0], FlyPath)]
@@ -104,13 +86,13 @@ def test_it_is_complete_and_right(
 def test_it_is_quicker_than_a_look_over_every_cell(tiny: Flight, tiny_passed: Flight) -> None:
     assert tiny_passed.summary["exploration_s"] < 0.6 * tiny.summary["exploration_s"]
     assert tiny_passed.summary["makespan_s"] < tiny.summary["makespan_s"]
-    assert maps_alike(tiny.folder, tiny_passed.folder, 3)
+    assert rig.maps_alike(tiny.folder, tiny_passed.folder, 3)
 
 
 def test_nobody_looks_and_frames_come_from_anywhere(tiny_passed: Flight) -> None:
-    told = orders_of("tiny", bodies(tiny_passed.folder))
+    told = orders_of("tiny", rig.bodies(tiny_passed.folder))
     assert not any(isinstance(order, Look) for orders in told for order in orders)
-    frames = events(tiny_passed.folder, "frame_seen")
+    frames = rig.events(tiny_passed.folder, "frame_seen")
     assert all(frame["vantage"] is None for frame in frames)
     assert max(len(frame["votes"]) for frame in frames) > 5  # more than a cell and its neighbours
 
@@ -118,12 +100,12 @@ def test_nobody_looks_and_frames_come_from_anywhere(tiny_passed: Flight) -> None
 def test_the_same_seed_is_the_same_flight_to_the_byte(speck_passed: Flight, tmp_path: Path) -> None:
     again = flown("speck", tmp_path / "again", hash_seed="2")
     assert again.summary == {**speck_passed.summary, "out": str(again.folder)}
-    assert bodies(again.folder) == bodies(speck_passed.folder)
+    assert rig.bodies(again.folder) == rig.bodies(speck_passed.folder)
     for name in ("map.geojson", "map.png", "flight.tlog", "summary.json"):
         assert (again.folder / name).read_bytes() == (speck_passed.folder / name).read_bytes()
     other = flown("speck", tmp_path / "other", "--seed", 2)
     assert other.summary["cells_missed"] == 0
-    assert bodies(other.folder) != bodies(speck_passed.folder)
+    assert rig.bodies(other.folder) != rig.bodies(speck_passed.folder)
 
 
 def test_without_numba_the_mission_is_flown_too(speck_passed: Flight, tmp_path: Path) -> None:
@@ -131,11 +113,11 @@ def test_without_numba_the_mission_is_flown_too(speck_passed: Flight, tmp_path: 
     code = (
         "import sys; sys.modules['numba'] = None; from uavmap.ui.cli import main; sys.exit(main())"
     )
-    arguments = ["fly", mission("speck"), "--sim", "--json", *SWATH, "--out", tmp_path / "out"]
+    arguments = ["fly", rig.mission("speck"), "--sim", "--json", *SWATH, "--out", tmp_path / "out"]
     done = subprocess.run(
         [sys.executable, "-c", code, *map(str, arguments)],
-        cwd=ROOT,
-        env=environment(),
+        cwd=rig.ROOT,
+        env=rig.environment(),
         capture_output=True,
         text=True,
         check=False,
@@ -144,33 +126,33 @@ def test_without_numba_the_mission_is_flown_too(speck_passed: Flight, tmp_path: 
     assert "swath plans slowly without numba" in done.stderr
     summary = json.loads(done.stdout)
     assert (summary["completed"], summary["cells_missed"]) == (True, 0)
-    assert maps_alike(tmp_path / "out", speck_passed.folder)
+    assert rig.maps_alike(tmp_path / "out", speck_passed.folder)
     if COMPILED:
-        assert bodies(tmp_path / "out") != bodies(speck_passed.folder)
+        assert rig.bodies(tmp_path / "out") != rig.bodies(speck_passed.folder)
 
 
 def test_killed_on_its_path_it_ends_as_if_nothing_had_been(
     tiny_passed: Flight, tmp_path: Path
 ) -> None:
-    whole = bodies(tiny_passed.folder)
+    whole = rig.bodies(tiny_passed.folder)
     folder = tmp_path / "out"
-    arguments = ("fly", mission("tiny"), "--sim", "--json", "--out", folder, *SWATH)
-    with started(*arguments) as process:
-        stop_after(process, folder, amid_a_path(tiny_passed, "tiny"), signal.SIGKILL)
-    before = bodies(folder)
+    arguments = ("fly", rig.mission("tiny"), "--sim", "--json", "--out", folder, *SWATH)
+    with rig.started(*arguments) as process:
+        rig.stop_after(process, folder, amid_a_path(tiny_passed, "tiny"), signal.SIGKILL)
+    before = rig.bodies(folder)
     assert before == whole[: len(before)]
-    done = uavmap("resume", folder, "--json")
+    done = rig.uavmap("resume", folder, "--json")
     assert done.code == 0, done.err
-    assert bodies(folder) == whole
+    assert rig.bodies(folder) == whole
     assert done.summary == {**tiny_passed.summary, "out": str(folder)}
 
 
 # --- over sockets ----------------------------------------------------------------------------
 def stopped_on_a_path(
     urls: list[str], folder: Path, number: signal.Signals, speedup: float
-) -> Finished | None:
+) -> rig.Finished | None:
     journey = Journey(folder, "speck", strategy="swath")
-    with started(*flying(mission("speck"), urls, folder, speedup, *SWATH)) as process:
+    with rig.started(*rig.flying(rig.mission("speck"), urls, folder, speedup, *SWATH)) as process:
 
         def there() -> bool:
             if process.poll() is not None:
@@ -178,13 +160,13 @@ def stopped_on_a_path(
             order = journey.vehicle().order
             return journey.frames > FRAMES and isinstance(order, FlyPath)
 
-        wait_until(there, "a path")
+        rig.wait_until(there, "a path")
         assert process.poll() is None, process.communicate()
         process.send_signal(number)
         if number is signal.SIGKILL:
             process.communicate()
             return None
-        return ended(process)
+        return rig.ended(process)
 
 
 @pytest.mark.parametrize(("autopilot", "speedup"), [("px4", SPEEDUP), ("ardupilot", STREAMED)])
@@ -192,18 +174,18 @@ def test_killed_on_its_path_it_is_taken_up_in_the_air(
     autopilot: str, speedup: float, speck_passed: Flight, tmp_path: Path
 ) -> None:
     folder = tmp_path / "out"
-    with simulator("speck", speedup=speedup, autopilot=autopilot) as urls:
+    with rig.simulator("speck", speedup=speedup, autopilot=autopilot) as urls:
         stopped_on_a_path(urls, folder, signal.SIGKILL, speedup)
-        before = bodies(folder)
-        done = uavmap("resume", folder, "--json")
+        before = rig.bodies(folder)
+        done = rig.uavmap("resume", folder, "--json")
     assert done.code == 0, done.err
     assert done.summary["completed"] is True
-    assert bodies(folder)[: len(before)] == before
-    again = since_resumed(folder)
+    assert rig.bodies(folder)[: len(before)] == before
+    again = rig.since_resumed(folder)
     (connected,) = (event for event in again[:3] if event["kind"] == "connected")
     assert connected["airborne"] is True
-    assert sum(event["kind"] == "airborne" for event in events(folder)) == 1
-    assert maps_alike(folder, speck_passed.folder)
+    assert sum(event["kind"] == "airborne" for event in rig.events(folder)) == 1
+    assert rig.maps_alike(folder, speck_passed.folder)
 
 
 def test_a_px4_returns_when_its_stream_ends_and_flies_again(
@@ -212,47 +194,49 @@ def test_a_px4_returns_when_its_stream_ends_and_flies_again(
     """Without setpoints it leaves OFFBOARD by a failsafe; if it is still in the air when the
     service is back, that is left to it, and the next resume sends it out."""
     folder = tmp_path / "out"
-    stickless = kinder("speck", tmp_path, stick=False)
-    with simulator(stickless, speedup=STREAMED, autopilot="px4") as urls:
+    stickless = rig.kinder("speck", tmp_path, stick=False)
+    with rig.simulator(stickless, speedup=STREAMED, autopilot="px4") as urls:
         stopped_on_a_path(urls, folder, signal.SIGKILL, STREAMED)
-        before = bodies(folder)
-        done = uavmap("resume", folder, "--json")
+        before = rig.bodies(folder)
+        done = rig.uavmap("resume", folder, "--json")
         if done.code == 3:
             assert "has landed, not under our control" in done.err
-            done = uavmap("resume", folder, "--json")
+            done = rig.uavmap("resume", folder, "--json")
     assert done.code == 0, done.err
     assert done.summary["completed"] is True
-    assert bodies(folder)[: len(before)] == before
+    assert rig.bodies(folder)[: len(before)] == before
     # it was home, unless the machine was so quick that it was taken up before its failsafe acted
-    assert sum(event["kind"] == "airborne" for event in events(folder)) in (1, 2)
-    assert maps_alike(folder, speck_passed.folder)
+    assert sum(event["kind"] == "airborne" for event in rig.events(folder)) in (1, 2)
+    assert rig.maps_alike(folder, speck_passed.folder)
 
 
 def test_control_c_on_a_path_brings_it_home_and_resume_sends_it_out_again(
     speck_passed: Flight, tmp_path: Path
 ) -> None:
     folder = tmp_path / "out"
-    with simulator("speck", speedup=SPEEDUP, autopilot="px4") as urls:
+    with rig.simulator("speck", speedup=SPEEDUP, autopilot="px4") as urls:
         stopped = stopped_on_a_path(urls, folder, signal.SIGINT, SPEEDUP)
         assert stopped is not None
         assert stopped.code == 3, stopped.err
         assert stopped.summary["completed"] is False
-        kinds = [event["kind"] for event in events(folder)]
+        kinds = [event["kind"] for event in rig.events(folder)]
         assert "landed" in kinds[kinds.index("recalled") :]
         assert not {"guarded", "order_failed", "overridden"} & set(kinds)
-        before = bodies(folder)
-        done = uavmap("resume", folder, "--json", *arguments_of(urls))
+        before = rig.bodies(folder)
+        done = rig.uavmap("resume", folder, "--json", *rig.arguments_of(urls))
     assert done.code == 0, done.err
     assert done.summary["completed"] is True
-    assert bodies(folder)[: len(before)] == before
-    assert maps_alike(folder, speck_passed.folder)
+    assert rig.bodies(folder)[: len(before)] == before
+    assert rig.maps_alike(folder, speck_passed.folder)
 
 
 def test_two_vehicles_over_sockets(tiny_passed: Flight, tmp_path: Path) -> None:
     folder = tmp_path / "out"
-    with simulator("tiny", speedup=SPEEDUP, vehicles=2) as urls:
-        done = uavmap(*flying(mission("tiny"), urls, folder, SPEEDUP, *SWATH, "--vehicles", 2))
+    with rig.simulator("tiny", speedup=SPEEDUP, vehicles=2) as urls:
+        done = rig.uavmap(
+            *rig.flying(rig.mission("tiny"), urls, folder, SPEEDUP, *SWATH, "--vehicles", 2)
+        )
     assert done.code == 0, done.err
     assert done.summary["completed"] is True
-    assert {event["vehicle"] for event in events(folder, "landed")} == {1, 2}
-    assert maps_alike(folder, tiny_passed.folder)
+    assert {event["vehicle"] for event in rig.events(folder, "landed")} == {1, 2}
+    assert rig.maps_alike(folder, tiny_passed.folder)

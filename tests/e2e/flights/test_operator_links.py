@@ -13,21 +13,7 @@ import time
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from tests.e2e.rig import (
-    LOOPBACK,
-    PATIENCE_S,
-    arguments_of,
-    command,
-    ended,
-    environment,
-    events,
-    free_ports,
-    mission,
-    simulator,
-    started,
-    uavmap,
-    wait_until,
-)
+from tests.e2e import rig
 from uavmap.mavlink.links.signing import read_key
 
 SPEEDUP = 20.0
@@ -35,40 +21,54 @@ SPEEDUP = 20.0
 
 def test_a_key_is_made_installed_and_flown_with_beside_a_ground_station(tmp_path):
     key, folder = tmp_path / "key", tmp_path / "out"
-    assert uavmap("keys", "new", key).code == 0
-    with simulator("speck", speedup=SPEEDUP) as urls, station() as (port, ground):
+    assert rig.uavmap("keys", "new", key).code == 0
+    with rig.simulator("speck", speedup=SPEEDUP) as urls, station() as (port, ground):
         wrong = tmp_path / "wrong"
-        uavmap("keys", "new", wrong)
-        installed = uavmap("keys", "install", key, "--connect", urls[0], "--yes")
+        rig.uavmap("keys", "new", wrong)
+        installed = rig.uavmap("keys", "install", key, "--connect", urls[0], "--yes")
         assert (installed.code, installed.err) == (0, "")
         assert "signs with it" in installed.out
-        lines = ["fly", mission("speck"), *arguments_of(urls), "--speedup", SPEEDUP, "--json"]
-        refused = uavmap(*lines, "--out", tmp_path / "no", "--key", wrong)
+        lines = [
+            "fly",
+            rig.mission("speck"),
+            *rig.arguments_of(urls),
+            "--speedup",
+            SPEEDUP,
+            "--json",
+        ]
+        refused = rig.uavmap(*lines, "--out", tmp_path / "no", "--key", wrong)
         assert refused.code == 2
         assert "signed with another key" in refused.err
-        forward = ["--forward", f"udpout://{LOOPBACK}:{port}"]
-        with started(*lines, "--out", folder, "--key", key, *forward) as process:
+        forward = ["--forward", f"udpout://{rig.LOOPBACK}:{port}"]
+        with rig.started(*lines, "--out", folder, "--key", key, *forward) as process:
             ground.hears("GLOBAL_POSITION_INT")
             assert ground.signed
-            done = ended(process)
+            done = rig.ended(process)
         assert done.code == 0
         secret = read_key(key)
         for file in folder.iterdir():
             data = file.read_bytes()
             assert secret not in data
             assert secret.hex().encode() not in data
-        removed = uavmap("keys", "remove", key, "--connect", urls[0], "--yes")
+        removed = rig.uavmap("keys", "remove", key, "--connect", urls[0], "--yes")
         assert (removed.code, removed.err) == (0, "")
 
 
 def test_a_ground_station_asks_the_vehicle_through_us(tmp_path):
-    with simulator("speck", speedup=SPEEDUP) as urls, station() as (port, ground):
-        lines = ["fly", mission("speck"), *arguments_of(urls), "--speedup", SPEEDUP, "--json"]
-        forward = ["--forward", f"udpout://{LOOPBACK}:{port}"]
-        with started(*lines, "--out", tmp_path / "out", *forward) as process:
+    with rig.simulator("speck", speedup=SPEEDUP) as urls, station() as (port, ground):
+        lines = [
+            "fly",
+            rig.mission("speck"),
+            *rig.arguments_of(urls),
+            "--speedup",
+            SPEEDUP,
+            "--json",
+        ]
+        forward = ["--forward", f"udpout://{rig.LOOPBACK}:{port}"]
+        with rig.started(*lines, "--out", tmp_path / "out", *forward) as process:
             ground.hears("HEARTBEAT")
             ground.asks(mav.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1), "PARAM_VALUE")
-            assert ended(process).code == 0
+            assert rig.ended(process).code == 0
 
 
 class Station:
@@ -80,7 +80,7 @@ class Station:
         self.signed = False
 
     def hears(self, kind: str, ask=None) -> None:
-        due_s = time.monotonic() + PATIENCE_S
+        due_s = time.monotonic() + rig.PATIENCE_S
         while time.monotonic() < due_s:
             if ask is not None and self._peer is not None:
                 self._link.sendto(ask.pack(self._codec), self._peer)
@@ -99,7 +99,7 @@ class Station:
 @contextlib.contextmanager
 def station():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
-        link.bind((LOOPBACK, 0))
+        link.bind((rig.LOOPBACK, 0))
         link.settimeout(0.2)
         yield link.getsockname()[1], Station(link)
 
@@ -110,11 +110,11 @@ def test_keys_at_a_terminal_pause_go_on_and_call_home(tmp_path):
     looked at."""
     folder = tmp_path / "out"
     operator, ours = pty.openpty()
-    with simulator("speck", speedup=SPEEDUP) as urls:
-        lines = ["fly", mission("speck"), *arguments_of(urls), "--speedup", SPEEDUP]
+    with rig.simulator("speck", speedup=SPEEDUP) as urls:
+        lines = ["fly", rig.mission("speck"), *rig.arguments_of(urls), "--speedup", SPEEDUP]
         process = subprocess.Popen(
-            command(*lines, "--auto-swap", "--out", folder),
-            env=environment(),
+            rig.command(*lines, "--auto-swap", "--out", folder),
+            env=rig.environment(),
             stdin=ours,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -122,16 +122,18 @@ def test_keys_at_a_terminal_pause_go_on_and_call_home(tmp_path):
             start_new_session=True,
         )
         try:
-            wait_until(lambda: bool(events(folder, "airborne")), "the take-off")
+            rig.wait_until(lambda: bool(rig.events(folder, "airborne")), "the take-off")
             os.write(operator, b"p")
-            wait_until(lambda: bool(events(folder, "paused")), "the pause")
-            seen = len(events(folder, "tracked"))
-            wait_until(lambda: len(events(folder, "tracked")) > seen + 10, "ten seconds of holding")
-            assert not events(folder, "recalled")
+            rig.wait_until(lambda: bool(rig.events(folder, "paused")), "the pause")
+            seen = len(rig.events(folder, "tracked"))
+            rig.wait_until(
+                lambda: len(rig.events(folder, "tracked")) > seen + 10, "ten seconds of holding"
+            )
+            assert not rig.events(folder, "recalled")
             os.write(operator, b"c")
-            wait_until(lambda: bool(events(folder, "continued")), "the mission to go on")
+            rig.wait_until(lambda: bool(rig.events(folder, "continued")), "the mission to go on")
             os.write(operator, b"r")
-            done = ended(process)
+            done = rig.ended(process)
         finally:
             process.kill()
             process.communicate()
@@ -140,16 +142,16 @@ def test_keys_at_a_terminal_pause_go_on_and_call_home(tmp_path):
     assert done.code == 3
     assert f"to go on: uavmap resume {folder}" in done.err
     assert re.search(r"p pause", done.err)
-    kinds = [event["kind"] for event in events(folder, "paused", "continued", "recalled")]
+    kinds = [event["kind"] for event in rig.events(folder, "paused", "continued", "recalled")]
     assert kinds == ["paused", "continued", "recalled"]
     assert json.loads((folder / "summary.json").read_text())["cells_skipped"] == 0
 
 
 def test_a_port_given_twice_is_refused_with_the_remedy(tmp_path):
-    port, _ = free_ports(1)
-    url = f"udpin://{LOOPBACK}:{port}"
-    done = uavmap(
-        "fly", mission("pair"), "--connect", url, "--connect", url, "--out", tmp_path / "x"
+    port, _ = rig.free_ports(1)
+    url = f"udpin://{rig.LOOPBACK}:{port}"
+    done = rig.uavmap(
+        "fly", rig.mission("pair"), "--connect", url, "--connect", url, "--out", tmp_path / "x"
     )
     assert done.code == 2
     assert "?system=1" in done.err

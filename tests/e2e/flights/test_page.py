@@ -18,16 +18,7 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from tests.e2e.rig import (
-    PATIENCE_S,
-    arguments_of,
-    events,
-    mission,
-    simulator,
-    started,
-    uavmap,
-    wait_until,
-)
+from tests.e2e import rig
 from tests.support.page.browser import browser, need_browser
 
 SPEEDUP = 3.0
@@ -38,7 +29,7 @@ FOLDER = os.environ.get("UAVMAP_PICTURES")
 @contextlib.contextmanager
 def with_page(*arguments: object) -> Iterator[tuple[Any, str]]:
     lines: queue.Queue[str] = queue.Queue()
-    with started(*arguments) as process:
+    with rig.started(*arguments) as process:
         heard = process.stderr
 
         def read() -> None:
@@ -49,7 +40,9 @@ def with_page(*arguments: object) -> Iterator[tuple[Any, str]]:
         reader = threading.Thread(target=read)
         reader.start()
         try:
-            while not (found := re.search(r"live page: (http\S+)", lines.get(timeout=PATIENCE_S))):
+            while not (
+                found := re.search(r"live page: (http\S+)", lines.get(timeout=rig.PATIENCE_S))
+            ):
                 pass
             yield process, found[1]
         finally:
@@ -70,7 +63,7 @@ class Page:
                         return True
             return False
 
-        wait_until(pressed, selector)
+        rig.wait_until(pressed, selector)
 
     def confirmed(self, order: str) -> None:
         self.press(f"[data-order={order}]")
@@ -80,7 +73,7 @@ class Page:
         return self.driver.execute_script(f"return window.flightMap ? {script} : null")
 
     def wait(self, script: str) -> None:
-        wait_until(lambda: bool(self.shows(script)), script)
+        rig.wait_until(lambda: bool(self.shows(script)), script)
 
     def picture(self, name: str) -> None:
         if FOLDER:
@@ -92,19 +85,27 @@ class Page:
 def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(tmp_path: Path) -> None:
     need_browser()
     folder = tmp_path / "out"
-    with simulator("speck", speedup=SPEEDUP) as urls:
-        lines = ["fly", mission("speck"), *arguments_of(urls), "--speedup", SPEEDUP, "--page", "0"]
+    with rig.simulator("speck", speedup=SPEEDUP) as urls:
+        lines = [
+            "fly",
+            rig.mission("speck"),
+            *rig.arguments_of(urls),
+            "--speedup",
+            SPEEDUP,
+            "--page",
+            "0",
+        ]
         flight = with_page(*lines, "--auto-swap", "--out", folder)
         with browser() as driver, flight as (process, url):
             page = Page(driver)
             driver.get(url)
-            wait_until(
-                lambda: bool(events(folder, "airborne")) or process.poll() is not None,
+            rig.wait_until(
+                lambda: bool(rig.events(folder, "airborne")) or process.poll() is not None,
                 "the take-off",
             )
             assert process.poll() is None, "it was not flown"
             page.confirmed("pause")
-            wait_until(lambda: bool(events(folder, "paused")), "the pause")
+            rig.wait_until(lambda: bool(rig.events(folder, "paused")), "the pause")
             page.wait("flightMap.board.fields.paused && flightMap.board.vehicles[1]")
 
             driver.delete_all_cookies()
@@ -127,9 +128,9 @@ def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(tmp_path: P
             driver.set_window_size(1280, 800)
 
             page.confirmed("continue")
-            wait_until(lambda: bool(events(folder, "continued")), "the mission to go on")
+            rig.wait_until(lambda: bool(rig.events(folder, "continued")), "the mission to go on")
             page.confirmed("return")
-            wait_until(lambda: bool(events(folder, "recalled")), "the recall")
+            rig.wait_until(lambda: bool(rig.events(folder, "recalled")), "the recall")
             page.wait("document.querySelector('.flight-banner')?.textContent.includes('is over')")
             complaints = [
                 e for e in driver.get_log("browser") if "Content Security" in e["message"]
@@ -137,7 +138,7 @@ def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(tmp_path: P
             assert not complaints
             code = process.wait()
     assert code == 3
-    kinds = [event["kind"] for event in events(folder, "paused", "continued", "recalled")]
+    kinds = [event["kind"] for event in rig.events(folder, "paused", "continued", "recalled")]
     assert kinds == ["paused", "continued", "recalled"]
 
 
@@ -160,11 +161,13 @@ def test_pictures_for_the_documentation(tmp_path: Path) -> None:
 
 def test_what_cannot_be_watched_is_said_in_a_line(tmp_path: Path) -> None:
     for folder, said in ((tmp_path / "none", "no such folder"), (tmp_path, "no journal")):
-        done = uavmap("watch", folder, "--port", "0")
+        done = rig.uavmap("watch", folder, "--port", "0")
         assert (done.code, done.out) == (2, "")
         assert said in done.err
         assert len(done.err.splitlines()) == 1
-    done = uavmap("fly", mission("speck"), "--sim", "--tiles", "x.mbtiles", "--out", tmp_path / "a")
+    done = rig.uavmap(
+        "fly", rig.mission("speck"), "--sim", "--tiles", "x.mbtiles", "--out", tmp_path / "a"
+    )
     assert (done.code, "--page" in done.err) == (2, True)
-    done = uavmap("fly", mission("speck"), "--sim", "--page", "70000")
+    done = rig.uavmap("fly", rig.mission("speck"), "--sim", "--page", "70000")
     assert done.code == 2
