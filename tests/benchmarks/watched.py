@@ -13,10 +13,9 @@ import json
 import tempfile
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from statistics import median
 from typing import Any
 from unittest import mock
 
@@ -27,7 +26,6 @@ from missions.flight.setting import Setting
 from missions.guardian import PAD_M
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
-from tests.benchmarks.frame import head, row
 from tests.e2e.rig import MISSIONS
 from uavmap.journal.event_log import Journal
 from uavmap.runner.simulation import Truth
@@ -47,18 +45,6 @@ LIES = ("gps_glitch", "gps_drift")
 """Faults under which nobody can know where a vehicle stands."""
 RIM_CELLS = 1
 """So many cells of the rim, half of them region, may come out as not: that is noise, not a lie."""
-
-COLUMNS = (
-    "n", "ok", "inc", "down", "other", "home", "away", "air", "crash", "breach", "late", "far",
-    "res", "lie", "unrep", "end", "tb",
-)  # fmt: skip
-EXPLAINED = """\
-n flights; ok exit 0; inc exit 3; down exit 4; other exit 2; home, away: everybody landed at home,
-or somebody elsewhere; air in the air at the end; crash; breach somebody left the fence; late ...
-and was neither on the ground nor in RTL or LAND 60 s later; far ... nor before it was 150 m
-outside; res landed with less than the reserve; lie exit 0 with cells missed (beyond one of the
-rim) or somebody not at home; unrep a crash, or somebody in the air or elsewhere, of which no word
-was said (exit 4); end no end; tb a traceback; s of flight, the median of those with exit 0."""
 
 
 class NoEndError(Exception):
@@ -149,12 +135,8 @@ class Flown:
         crashed = any(c.crashed for c in craft)
         told = bool(self.summary.get("aircraft_down")) or self.code == 4
         found = {
-            "ok": self.code == 0,
-            "inc": self.code == 3,
-            "down": self.code == 4,
-            "other": self.code == 2,
             "home": not (away or air or crashed),
-            "away": away,
+            "down": self.code == 4,
             "air": air,
             "crash": crashed,
             "breach": any(c.outside_m > INSIDE_M for c in craft),
@@ -238,38 +220,3 @@ def _observed(observer: Observer) -> Iterator[None]:
 
     with mock.patch.object(uavmap.runner.simulation, "Simulation", Watched):
         yield
-
-
-def report(
-    flights: Iterable[tuple[str, Flown]], forbidden: Callable[[Flown], Iterable[str]]
-) -> int:
-    """Print flights with something forbidden as they end, and a table by label.
-
-    Returns how many had something forbidden.
-    """
-    rows, bad = [], 0
-    for label, flight in flights:
-        rows.append((label, flight))
-        if wrong := sorted(forbidden(flight)):
-            bad += 1
-            last = flight.said.strip().splitlines()[-1:]
-            print("FORBIDDEN", *wrong, flight.line(), *last, flush=True)
-    print(table(rows), EXPLAINED, sep="\n\n")
-    print(f"{bad} of {len(rows)} flights with something forbidden")
-    return bad
-
-
-def table(rows: Iterable[tuple[str, Flown]]) -> str:
-    counts: dict[str, Counter[str]] = {}
-    times_s: dict[str, list[float]] = {}
-    for label, flight in rows:
-        for key in (label, "all"):
-            counts.setdefault(key, Counter()).update(["n", *flight.columns])
-            if flight.code == 0:
-                times_s.setdefault(key, []).append(flight.summary["flight_time_s"])
-    counts["all"] = counts.pop("all", Counter())  # the last
-    lines = [head("", *COLUMNS, "s")]
-    for label, found in counts.items():
-        middle_s = f"{median(times_s[label]):.0f}" if label in times_s else "-"
-        lines.append(row(label, *(found[column] for column in COLUMNS), middle_s))
-    return "\n".join(lines)

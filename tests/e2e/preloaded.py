@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -33,13 +34,18 @@ class Process:
     """A run of the command, with what the tests use of `subprocess.Popen`."""
 
     def __init__(
-        self, arguments: Sequence[str], environment: Mapping[str, str], cwd: Path | None = None
+        self,
+        arguments: Sequence[str],
+        environment: Mapping[str, str],
+        cwd: Path | None = None,
+        room_bytes: int = resource.RLIM_INFINITY,
     ) -> None:
+        """`room_bytes`: no file of it grows beyond this, as on a full disk."""
         self.args = ["uavmap", *arguments]
         with mock.patch.dict(os.environ, PYTHONPATH=str(_ROOT)):
             forkserver.ensure_running()
         (out, out_end), (err, err_end) = _RUNS.Pipe(duplex=False), _RUNS.Pipe(duplex=False)
-        told = (self.args, dict(environment), str(cwd or Path.cwd()), out_end, err_end)
+        told = (self.args, dict(environment), str(cwd or Path.cwd()), room_bytes, out_end, err_end)
         self._process = _RUNS.Process(target=_run, args=told)
         self._process.start()
         self.stdout, self.stderr = _text(out), _text(err)
@@ -102,9 +108,15 @@ def _text(end: Connection) -> IO[str]:
 
 
 def _run(
-    arguments: list[str], environment: dict[str, str], cwd: str, out: Connection, err: Connection
+    arguments: list[str],
+    environment: dict[str, str],
+    cwd: str,
+    room_bytes: int,
+    out: Connection,
+    err: Connection,
 ) -> None:
     """Be the command, in the fork."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room_bytes, room_bytes))
     for end, number in ((out, 1), (err, 2)):
         os.dup2(end.fileno(), number)
         end.close()

@@ -92,9 +92,9 @@ def uavmap(*arguments: object, cwd: Path | None = None, hash_seed: str | None = 
 
 
 @contextlib.contextmanager
-def started(*arguments: object, cwd: Path | None = None) -> Iterator[Process]:
-    """`uavmap` as a process under way; it is gone when the block ends."""
-    process = Process([str(argument) for argument in arguments], environment(), cwd)
+def started(*arguments: object, **how: Any) -> Iterator[Process]:
+    """`uavmap` as a process under way; it is gone when the block ends. `how` as for `Process`."""
+    process = Process([str(argument) for argument in arguments], environment(), **how)
     try:
         yield process
     finally:

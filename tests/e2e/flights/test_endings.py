@@ -5,46 +5,27 @@ from __future__ import annotations
 import contextlib
 import json
 import signal
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.e2e import rig
+from tests.e2e.preloaded import Process
 
 SPEEDUP = 20.0
-ROOM_BLOCKS = 16
-"""Of 512 bytes for a file: a journal with some 20 events of a flight that has over 100."""
+ROOM_BYTES = 8192
+"""For a file: a journal with some 20 events of a flight that has over 100."""
 
 
 @contextlib.contextmanager
-def under_way(
-    urls: list[str], folder: Path, room_blocks: int | None = None
-) -> Iterator[subprocess.Popen[str]]:
-    words = rig.command(*rig.flying(rig.mission("speck"), urls, folder, SPEEDUP))
-    if room_blocks is not None:
-        words = ["sh", "-c", f'ulimit -f {room_blocks}; exec "$@"', "sh", *words]
-    process = subprocess.Popen(
-        words,
-        env=rig.environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
+def under_way(urls: list[str], folder: Path, **how: int) -> Iterator[Process]:
+    with rig.started(*rig.flying(rig.mission("speck"), urls, folder, SPEEDUP), **how) as process:
         rig.wait_until(
             lambda: bool(rig.events(folder, "frame_seen")) or process.poll() is not None,
             "a picture",
         )
         yield process
-    finally:
-        if process.poll() is None:
-            process.kill()
-        for stream in (process.stdout, process.stderr):
-            if stream is not None:
-                stream.close()
-        process.wait()
 
 
 def goes_on(folder: Path, urls: list[str]) -> None:
@@ -61,7 +42,7 @@ def test_a_full_disk_brings_it_home_before_the_process_ends(tmp_path: Path) -> N
     folder = tmp_path / "out"
 
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
-        with under_way(urls, folder, ROOM_BLOCKS) as process:
+        with under_way(urls, folder, room_bytes=ROOM_BYTES) as process:
             done = rig.ended(process)
         assert done.code == 2
         assert done.out == ""
@@ -103,9 +84,8 @@ def test_a_terminal_that_is_gone_ends_no_flight_badly(
     folder = tmp_path / "out"
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         with under_way(urls, folder) as process:
-            for stream in (process.stdout, process.stderr):
-                assert stream is not None
-                stream.close()
+            process.stdout.close()
+            process.stderr.close()
             if number is not None:
                 process.send_signal(number)
             code = process.wait(rig.PATIENCE_S)

@@ -6,14 +6,12 @@ The moments are drawn by seed, in events of the journal, and are met by watching
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import signal
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from tests.e2e import rig
 from uavmap.journal.event_log import Journal
@@ -126,20 +124,24 @@ def test_resuming_a_finished_mission_writes_its_results_anew(speck, tmp_path):
     assert done.summary["cells_roi"] == speck.summary["cells_roi"]
 
 
-def test_random_kills_once_and_twice_and_a_disk_that_fills():
-    """A few of those that `python -m tests.benchmarks.kills` runs; UAVMAP_KILLS sets how many."""
-    count = int(os.environ.get("UAVMAP_KILLS", "2"))
-    numbers = ["--kills", count, "--twice", (count + 1) // 2, "--full", (count + 1) // 2]
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.benchmarks.kills", *map(str, numbers)],
-        cwd=rig.ROOT,
-        env=rig.environment(),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.count("faults 0") == 3
+@pytest.mark.parametrize("room_bytes", [1_000, 10_000, 50_000])
+def test_full_disk_twice_then_resumed_ends_as_if_nothing_had_been(room_bytes, speck, tmp_path):
+    whole, folder = rig.bodies(speck.folder), tmp_path / "out"
+    words = ["fly", rig.mission("speck"), "--sim", "--json", "--out", folder]
+    confirmed = 0
+    for _ in range(2):
+        with rig.started(*words, room_bytes=room_bytes) as process:
+            assert rig.ended(process).code in (0, 2)
+        kept = rig.bodies(folder)
+        assert kept == whole[: len(kept)]
+        assert len(kept) >= confirmed
+        confirmed = len(kept)
+        if (folder / "journal.jsonl").exists():
+            words = ["resume", folder, "--json"]
+    assert rig.uavmap(*words).code == 0
+    assert rig.bodies(folder) == whole
+    for name in ("map.geojson", "map.kml", "map.png"):
+        assert (folder / name).read_bytes() == (speck.folder / name).read_bytes()
 
 
 def test_a_damaged_journal_is_recovered_and_the_flight_ends_as_if_nothing_had_been(speck, tmp_path):

@@ -1,4 +1,4 @@
-"""Whole flights over links that lose, delay and double; more: tests.benchmarks.bad_links."""
+"""Whole flights over links that lose, delay and double."""
 
 from __future__ import annotations
 
@@ -12,30 +12,36 @@ from missions.errors import LinkError
 from missions.events import Airborne, Guarded, LinkLost, OrderFailed
 from missions.orders import FlyTo, Hold, TakeOff
 from missions.units import GridPoint
-from tests.benchmarks.bad_links import FORBIDDEN, fly
-from tests.support.flights import Flight, small_mission, under_way
-from tests.support.flights import fly as flight_of
+from tests.benchmarks.watched import Flown, flown, mission_text
+from tests.support.flights import Flight, fly, small_mission, under_way
 from tests.support.running import by, on_virtual_time
 from uavmap.aircraft.guardian.last_watch import Guardians, watched_over
 
 UP_M = 12.0
+FORBIDDEN = frozenset({"air", "lie", "unrep", "end", "tb", "res", "breach"})
+
+
+def flown_with_loss(loss: float, seed: int) -> Flown:
+    """A flight over a link that loses a share of all frames, in both directions."""
+    fault = {"kind": "link", "at_s": 0.0, "loss": loss}
+    return flown(f"loss {loss} seed {seed}", mission_text("speck", [fault]), seed)
 
 
 def test_with_a_fifth_of_everything_lost_the_mission_is_complete():
-    flight = fly(("loss=0.2", 2), "speck")
+    flight = flown_with_loss(0.2, 2)
     assert flight.code == 0, flight.line()
     assert not flight.columns & FORBIDDEN
 
 
 def test_with_most_of_everything_lost_nobody_is_left_in_the_air():
-    flight = fly(("loss=0.6", 4), "speck")
+    flight = flown_with_loss(0.6, 4)
     assert flight.kinds["lifted_off"] >= 1, flight.line()
     assert flight.truth.aircraft[1].landed, flight.line()
     assert flight.code in (0, 3)
 
 
 def test_who_cannot_connect_says_why():
-    flight = fly(("loss=0.8", 1), "speck")
+    flight = flown_with_loss(0.8, 1)
     assert flight.code == 2, flight.line()
     assert "the link loses too much" in flight.said
 
@@ -73,7 +79,7 @@ def _doubled(flight: Flight, message: Any) -> None:
     asyncio.get_running_loop().call_soon(flight.session.feed, frame)
 
 
-@by(flight_of)
+@by(fly)
 async def test_after_a_gap_nothing_is_asked_for_that_still_comes(flight, /):
     await flight.after(TakeOff(UP_M), Airborne)
     asked = len(commands(flight, mav.MAV_CMD_SET_MESSAGE_INTERVAL))
@@ -86,7 +92,7 @@ async def test_after_a_gap_nothing_is_asked_for_that_still_comes(flight, /):
     assert len(commands(flight, mav.MAV_CMD_SET_MESSAGE_INTERVAL)) == asked
 
 
-@by(flight_of)
+@by(fly)
 async def test_a_hold_whose_acknowledgement_was_an_older_one_is_asked_for_again(flight, /):
     await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(FlyTo((GridPoint(45.0, 30.0),), None, stop=False, height_m=UP_M))
@@ -110,7 +116,7 @@ async def test_a_hold_whose_acknowledgement_was_an_older_one_is_asked_for_again(
     assert not flight.seen(OrderFailed)
 
 
-@by(flight_of)
+@by(fly)
 async def test_frames_that_are_late_by_seconds_are_no_vehicle_that_is_blown_away(flight, /):
     flight.vehicle.fail.link(jitter_s=2.0)
     await flight.after(TakeOff(UP_M), Airborne, within_s=200.0)
