@@ -31,7 +31,6 @@ LOOPBACK = "127.0.0.1"
 PATIENCE_S = 300.0
 ROI_STATES = ("explored", "under exploration", "unexplored")
 """Of a cell in a map that belongs to the region."""
-"""For what takes a few seconds on an idle machine."""
 
 
 def mission(name: str) -> str:
@@ -106,6 +105,40 @@ def ended(process: Process) -> Finished:
     out, err = process.communicate(timeout=PATIENCE_S)
     assert "Traceback" not in err, err
     return Finished(process.wait(), out, err)
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """A flight that has ended."""
+
+    done: Finished
+    folder: Path
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        return self.done.summary
+
+    def complete(self, most_missed: int = 0) -> dict[str, Any]:
+        """Its summary; fails unless it is complete, safe, and has missed no more cells."""
+        assert self.done.code == 0, self.done.err
+        summary = self.summary
+        assert summary["completed"] is True, summary["finding"]
+        assert summary["cells_missed"] <= most_missed
+        assert summary["fence_breaches"] == summary["reserve_violations"] == 0
+        return summary
+
+
+def flown(source: object, folder: Path, *more: object, hash_seed: str | None = None) -> Flight:
+    """Fly in the simulator: a mission file, one of the tests by name, or a shipped one."""
+    words = ("fly", mission(str(source)), "--sim", "--json", "--out", folder, *more)
+    return Flight(uavmap(*words, hash_seed=hash_seed), folder)
+
+
+def flown_text(text: str, folder: Path, *more: object) -> Flight:
+    """Fly the text of a mission, which is kept as `field.toml` in a folder, into `out` there."""
+    file = folder / "field.toml"
+    file.write_text(text, encoding="utf-8")
+    return flown(file, folder / "out", *more)
 
 
 def wait_until(condition: Callable[[], bool], what: str, timeout_s: float = PATIENCE_S) -> None:
@@ -250,6 +283,27 @@ class Relay(threading.Thread):
 
 def arguments_of(urls: Sequence[str]) -> list[str]:
     return [word for url in urls for word in ("--connect", url)]
+
+
+@contextlib.contextmanager
+def in_flight(
+    urls: Sequence[str],
+    folder: Path,
+    speedup: float,
+    *more: object,
+    source: object = "speck",
+    frames: int = 1,
+    **how: Any,
+) -> Iterator[Process]:
+    """A flight over sockets, once so many frames are judged; `how` as for `Process`."""
+    words = flying(mission(str(source)), urls, folder, speedup, *more)
+    with started(*words, **how) as process:
+        wait_until(
+            lambda: len(events(folder, "frame_seen")) >= frames or process.poll() is not None,
+            "judged frames",
+        )
+        assert process.poll() is None, process.communicate()
+        yield process
 
 
 def flying(

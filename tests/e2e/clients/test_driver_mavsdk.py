@@ -40,11 +40,8 @@ def test_a_killed_aircraft_process_takes_its_mavsdk_with_it_and_the_next_goes_on
     folder = tmp_path / "out"
     with (
         rig.simulator("speck", speedup=SPEEDUP, autopilot="px4") as urls,
-        rig.started(
-            *rig.flying(rig.mission("speck"), urls, folder, SPEEDUP, *BY_MAVSDK)
-        ) as process,
+        rig.in_flight(urls, folder, SPEEDUP, *BY_MAVSDK) as process,
     ):
-        rig.wait_until(lambda: bool(rig.events(folder, "frame_seen")), "a picture")
         (child,) = children_of(rig.aircraft_process(folder))
         os.kill(rig.aircraft_process(folder), signal.SIGKILL)
         rig.wait_until(lambda: gone(child), "the end of MAVSDK")

@@ -36,23 +36,16 @@ def patient(tmp_path: Path) -> Path:
     return path
 
 
-def under_way(process: Process, folder: Path) -> None:
-    rig.wait_until(
-        lambda: len(rig.events(folder, "frame_seen")) >= FRAMES or process.poll() is not None,
-        "some pictures",
-    )
-    assert process.poll() is None, process.communicate()
-
-
 @contextlib.contextmanager
 def searching(
-    folder: Path, source: Path | str = SPECK, autopilot: str = "ardupilot"
+    folder: Path, source: Path | str = "speck", autopilot: str = "ardupilot"
 ) -> Iterator[tuple[Process, list[str]]]:
     with (
         rig.simulator("speck", speedup=SPEEDUP, autopilot=autopilot) as urls,
-        rig.started(*rig.flying(source, urls, folder, SPEEDUP, "--auto-swap")) as process,
+        rig.in_flight(
+            urls, folder, SPEEDUP, "--auto-swap", source=source, frames=FRAMES
+        ) as process,
     ):
-        under_way(process, folder)
         yield process, urls
 
 
@@ -186,15 +179,12 @@ def test_control_c_while_the_process_of_the_aircraft_starts_leaves_none_behind(
 
 
 def test_setpoints_go_on_while_the_mission_process_stands_still(tmp_path: Path) -> None:
-    folder = tmp_path / "out"
+    folder, passing = tmp_path / "out", ("--auto-swap", "--strategy", "swath")
     with (
         rig.simulator("speck", speedup=STREAMED) as urls,
         rig.Relay(int(urls[0].rsplit(":", 1)[1])) as relay,
-        rig.started(
-            *rig.flying(SPECK, [relay.url], folder, STREAMED, "--auto-swap", "--strategy", "swath")
-        ) as process,
+        rig.in_flight([relay.url], folder, STREAMED, *passing, frames=FRAMES) as process,
     ):
-        under_way(process, folder)
         process.send_signal(signal.SIGSTOP)
         try:
             sent = _setpoints(relay)

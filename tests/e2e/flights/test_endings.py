@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.e2e import rig
-from tests.e2e.preloaded import Process
 
 SPEEDUP = 20.0
 ROOM_BYTES = 8192
 """For a file: a journal with some 20 events of a flight that has over 100."""
-
-
-@contextlib.contextmanager
-def under_way(urls: list[str], folder: Path, **how: int) -> Iterator[Process]:
-    with rig.started(*rig.flying(rig.mission("speck"), urls, folder, SPEEDUP), **how) as process:
-        rig.wait_until(
-            lambda: bool(rig.events(folder, "frame_seen")) or process.poll() is not None,
-            "a picture",
-        )
-        yield process
 
 
 def goes_on(folder: Path, urls: list[str]) -> None:
@@ -40,9 +27,9 @@ def lines(done: rig.Finished) -> list[str]:
 
 def test_a_full_disk_brings_it_home_before_the_process_ends(tmp_path: Path) -> None:
     folder = tmp_path / "out"
-
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
-        with under_way(urls, folder, room_bytes=ROOM_BYTES) as process:
+        words = rig.flying(rig.mission("speck"), urls, folder, SPEEDUP)
+        with rig.started(*words, room_bytes=ROOM_BYTES) as process:
             done = rig.ended(process)
         assert done.code == 2
         assert done.out == ""
@@ -60,7 +47,7 @@ def test_a_full_disk_brings_it_home_before_the_process_ends(tmp_path: Path) -> N
 def test_who_does_not_wait_is_told_where_each_aircraft_is(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
-        with under_way(urls, folder) as process:
+        with rig.in_flight(urls, folder, SPEEDUP) as process:
             process.send_signal(signal.SIGINT)
             rig.wait_until(lambda: bool(rig.events(folder, "recalled")), "the first to be heard")
             process.send_signal(signal.SIGINT)
@@ -83,7 +70,7 @@ def test_a_terminal_that_is_gone_ends_no_flight_badly(
     """Without a signal the flight goes on to its end; with one it comes home."""
     folder = tmp_path / "out"
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
-        with under_way(urls, folder) as process:
+        with rig.in_flight(urls, folder, SPEEDUP) as process:
             process.stdout.close()
             process.stderr.close()
             if number is not None:

@@ -6,13 +6,14 @@ import json
 import re
 from pathlib import Path
 
-from tests.e2e.rig import MISSIONS, Finished, flying, simulator, uavmap
+from tests.e2e import rig
 from uavmap import open_results
 
-SPECK = (MISSIONS / "speck.toml").read_text("utf-8")
+SPECK = Path(rig.mission("speck")).read_text("utf-8")
+EMPTY = re.sub(r"\[\[sim\.roi\]\].*", "", SPECK, flags=re.DOTALL)
 
 
-def assert_no_verdict(done: Finished, folder: Path, reason: str) -> None:
+def assert_no_verdict(done: rig.Finished, folder: Path, reason: str) -> None:
     assert done.code == 5, done.err
     assert done.summary["completed"] is False
     assert reason in done.summary["no_verdict"]
@@ -32,26 +33,24 @@ def test_flight_over_real_ground_default_detector_sees_nothing_ends_without_a_ve
     tmp_path: Path,
 ) -> None:
     """Links are real ones here, and so the ground is taken to be."""
-    empty = re.sub(r"\[\[sim\.roi\]\].*", "", SPECK, flags=re.DOTALL)
     source, folder = tmp_path / "empty.toml", tmp_path / "out"
-    source.write_text(re.sub(r"^dilations = .*$", "", empty, flags=re.MULTILINE))
-    with simulator(str(source.with_suffix("")), speedup=20.0) as urls:
-        done = uavmap(*flying(source, urls, folder, 20.0))
+    source.write_text(re.sub(r"^dilations = .*$", "", EMPTY, flags=re.MULTILINE))
+    with rig.simulator(str(source.with_suffix("")), speedup=20.0) as urls:
+        done = rig.uavmap(*rig.flying(source, urls, folder, 20.0))
     assert_no_verdict(done, folder, "no region in the whole box, by the detector threshold")
-    again = uavmap("resume", folder, "--json")
+    again = rig.uavmap("resume", folder, "--json")
     assert_no_verdict(again, folder, "no region in the whole box, by the detector threshold")
-    told = uavmap("resume", folder)
+    told = rig.uavmap("resume", folder)
     assert re.search(r"mission completed\s*.\s*no verdict", told.out)
 
 
 def test_flight_whose_detector_takes_all_for_region_ends_without_a_verdict(tmp_path: Path) -> None:
-    source, folder = tmp_path / "all.toml", tmp_path / "out"
-    source.write_text(SPECK.replace("dilations = 4", "intensity = 254"))
-    done = uavmap("fly", source, "--sim", "--json", "--out", folder)
+    flight = rig.flown_text(SPECK.replace("dilations = 4", "intensity = 254"), tmp_path)
+    done, folder = flight.done, flight.folder
     assert_no_verdict(done, folder, "% of the ")
     assert "for region: check whether it fits this ground" in done.err
     (folder / "report.html").unlink()
-    assert uavmap("report", folder).code == 0  # from the journal, which says the same
+    assert rig.uavmap("report", folder).code == 0  # from the journal, which says the same
     assert "No verdict: no verdict: the detector took" in (folder / "report.html").read_text(
         "utf-8"
     )
@@ -59,9 +58,4 @@ def test_flight_whose_detector_takes_all_for_region_ends_without_a_verdict(tmp_p
 
 def test_flight_in_the_simulator_that_sees_nothing_is_complete(tmp_path: Path) -> None:
     """There the default detector is the right one."""
-    source = tmp_path / "empty.toml"
-    source.write_text(re.sub(r"\[\[sim\.roi\]\].*", "", SPECK, flags=re.DOTALL))
-    done = uavmap("fly", source, "--sim", "--json", "--out", tmp_path / "out")
-    assert done.code == 0, done.err
-    assert done.summary["completed"] is True
-    assert done.summary["no_verdict"] is None
+    assert rig.flown_text(EMPTY, tmp_path).complete()["no_verdict"] is None

@@ -13,7 +13,7 @@ from missions.events import FrameSeen, Tracked, from_json
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.flight.step import step
-from tests.e2e.rig import mission, uavmap
+from tests.e2e import rig
 from tests.support.small_missions import EXACT_ATTITUDE
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
@@ -35,18 +35,14 @@ polygon = [
 
 
 def made() -> str:
-    text = Path(mission("windy")).read_text(encoding="utf-8")
+    text = Path(rig.mission("windy")).read_text(encoding="utf-8")
     text = text.replace('strategy = "survey"', 'strategy = "swath"')
     return text.replace("48.0010072", "48.0007500") + SECOND
 
 
 def test_every_patch_is_mapped_where_all_are_asked_for(tmp_path: Path) -> None:
     text = made().replace("[search]", '[search]\nfind = "all"')
-    file = tmp_path / "two.toml"
-    file.write_text(text, encoding="utf-8")
-    done = uavmap("fly", file, "--sim", "--json", "--out", tmp_path / "out")
-    assert done.code == 0, done.err
-    summary = done.summary
+    summary = rig.flown_text(text, tmp_path).complete()
     found = summary["patches"]
     assert [patch["cells"] for patch in found] == sorted(
         (patch["cells"] for patch in found), reverse=True
@@ -54,7 +50,7 @@ def test_every_patch_is_mapped_where_all_are_asked_for(tmp_path: Path) -> None:
     assert len(found) == 2
     assert sum(patch["cells"] for patch in found) == summary["cells_roi"]
     assert found[0]["lat_deg"] == pytest.approx(48.00050, abs=4e-5)
-    assert summary["cells_missed"] == summary["false_positives"] == summary["fence_breaches"] == 0
+    assert summary["false_positives"] == 0
     in_all = summary["patches_in_all"]
     for patch in (*found, in_all):
         assert patch["complete"]
@@ -78,16 +74,11 @@ def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path: Path) ->
     text = made()
     high = '[search]\nfind = "all"\naltitude_m = 30.0'
     text = text.replace("[search]", high).replace("[[vehicles]]", "[[vehicles]]\n[[vehicles]]")
-    file = tmp_path / "high.toml"
-    file.write_text(text, encoding="utf-8")
-    assert "from layers of its own:\n    30 m:" in uavmap("check", file).out
-    done = uavmap("fly", file, "--sim", "--json", "--out", tmp_path / "out")
-    assert done.code == 0, done.err
-    summary = done.summary
-    assert summary["completed"]
+    summary = rig.flown_text(text, tmp_path).complete()
+    file = tmp_path / "field.toml"
+    assert "from layers of its own:\n    30 m:" in rig.uavmap("check", file).out
     assert len(summary["patches"]) == 2
-    assert summary["cells_missed"] == summary["false_positives"] == 0
-    assert summary["fence_breaches"] == summary["reserve_violations"] == 0
+    assert summary["false_positives"] == 0
     assert summary["min_separation_m"] > 3.0
     with Journal.open(tmp_path / "out" / JOURNAL) as journal:
         events = [from_json(body) for body in journal.bodies()]
@@ -119,17 +110,9 @@ def test_vehicles_climb_on_their_way_to_lanes_that_drift_and_share_layers(
     text = text.replace("[[vehicles]]", "[[vehicles]]\nlayer = 0\n[[vehicles]]\nlayer = 0")
     text = re.sub(r"(?m)^interval_s = .*$", "interval_s = 0.4", text)
     text += "\n[drift]\nspeed_m_s = 0.1\ntoward_deg = 90.0\n" + attitude
-    file = tmp_path / "drifting.toml"
-    file.write_text(text, encoding="utf-8")
-    done = uavmap("fly", file, "--sim", "--json", "--out", tmp_path / "out")
-    assert done.code == 0, done.err
-    summary = done.summary
-    assert summary["completed"]
+    summary = rig.flown_text(text, tmp_path).complete(most_missed)
     assert len(summary["patches"]) == 2
     assert summary["patches_in_all"]["complete"]
-    assert summary["cells_missed"] <= most_missed
-    assert summary["fence_breaches"] == 0
-    assert summary["reserve_violations"] == 0
     assert summary["min_separation_m"] > 3.0
     with Journal.open(tmp_path / "out" / JOURNAL) as journal:
         told = [e for e in map(from_json, journal.bodies()) if isinstance(e, Tracked)]

@@ -11,7 +11,7 @@ import pytest
 from missions.flight.step import fold
 from missions.geo.grid import Grid
 from missions.units import GridPoint
-from tests.e2e.rig import uavmap
+from tests.e2e import rig
 from tests.support.small_missions import (
     CELL_M,
     START,
@@ -28,11 +28,11 @@ REGION = square(-40, 84, 14, 10)
 """In the corner of the box that is searched last."""
 
 
-def written(folder: Path, strategy: str, *, prior: bool) -> Path:
+def written(folder: Path, *, prior: bool) -> Path:
     text = mission_text(
         square(-44, 16, 90, 80),
         square(-80, -40, 160, 180),
-        strategy=strategy,
+        strategy="swath",
         capacity_wh=90.0,
         mounting="gimbal",
     )
@@ -52,11 +52,9 @@ def written(folder: Path, strategy: str, *, prior: bool) -> Path:
 
 
 def found_s(mission: Path) -> float:
-    folder = mission.parent / "out"
-    done = uavmap("fly", mission, "--sim", "--json", "--out", folder)
-    assert done.code == 0, done.err
-    assert done.summary["cells_missed"] == 0
-    with Journal.open(folder / JOURNAL) as journal:
+    flight = rig.flown(mission, mission.parent / "out")
+    flight.complete()
+    with Journal.open(flight.folder / JOURNAL) as journal:
         plan = FlightPlan.read(journal)
         held = bool(plan.mission.search.prior)  # the journal holds all it was flown by
         assert held == ("prior" in mission.read_text("utf-8"))
@@ -65,19 +63,18 @@ def found_s(mission: Path) -> float:
     return state.found_s
 
 
-@pytest.mark.parametrize("strategy", ["swath"])
-def test_the_region_is_found_sooner(tmp_path: Path, strategy: str) -> None:
-    mission = written(tmp_path / "known", strategy, prior=True)
-    expected = uavmap("check", mission, "--json").summary
+def test_the_region_is_found_sooner(tmp_path: Path) -> None:
+    mission = written(tmp_path / "known", prior=True)
+    expected = rig.uavmap("check", mission, "--json").summary
     sooner_s = expected["first_sighting_without_prior_s"] - expected["first_sighting_s"]
     known = found_s(mission)
-    unknown = found_s(written(tmp_path / "unknown", strategy, prior=False))
+    unknown = found_s(written(tmp_path / "unknown", prior=False))
     assert unknown - known > 0.5 * sooner_s > 15.0  # it need not lie where it is expected
 
 
 def test_check_says_how_much_sooner_it_is_expected(tmp_path: Path) -> None:
-    mission = written(tmp_path / "known", "swath", prior=True)
-    done = uavmap("check", mission)
+    mission = written(tmp_path / "known", prior=True)
+    done = rig.uavmap("check", mission)
     found = re.search(
         r"^  expected first sighting after about (\d+) s \(without the prior (\d+) s\)$",
         done.out,
@@ -86,11 +83,11 @@ def test_check_says_how_much_sooner_it_is_expected(tmp_path: Path) -> None:
     assert found is not None
     soon_s, late_s = map(int, found.groups())
     assert 15 < soon_s < late_s - 30
-    figures = uavmap("check", mission, "--json").summary
+    figures = rig.uavmap("check", mission, "--json").summary
     assert figures["first_sighting_s"] == pytest.approx(soon_s, abs=0.6)
     assert figures["first_sighting_without_prior_s"] == pytest.approx(late_s, abs=0.6)
 
 
 def test_check_says_nothing_of_it_without_a_prior(tmp_path: Path) -> None:
-    done = uavmap("check", written(tmp_path / "unknown", "swath", prior=False))
+    done = rig.uavmap("check", written(tmp_path / "unknown", prior=False))
     assert "first sighting" not in done.out

@@ -17,42 +17,23 @@ from pymavlink import mavutil
 from shapely.geometry import LineString, Polygon, shape
 from shapely.ops import unary_union
 
-from tests.e2e.rig import bodies, events, mission, uavmap
+from tests.e2e import rig
 
 RESULTS = {"map.geojson", "map.kml", "map.png", "journal.jsonl", "flight.tlog", "summary.json"}
 RESULTS |= {"map.gpkg", "report.html", "judged.jpg"}
-KEYS = [
-    "mission",
-    "strategy",
-    "vehicles",
-    "seed",
-    "completed",
-    "flight_time_s",
-    "makespan_s",
-    "distance_m",
-    "sorties",
-    "battery_swaps",
-    "vertices",
-    "tree_depth",
-    "cells_roi",
-    "detections",
-    "false_positives",
-    "false_negatives",
-    "cells_missed",
-    "iou_cells",
-    "min_separation_m",
-    "fence_breaches",
-    "reserve_violations",
-    "lower_bound_s",
-    "ratio",
-    "bound_makespan_s",
+KEYS = (
+    "mission", "strategy", "vehicles", "seed", "completed", "flight_time_s", "makespan_s",
+    "distance_m", "sorties", "battery_swaps", "vertices", "tree_depth", "cells_roi", "detections",
+    "false_positives", "false_negatives", "cells_missed", "iou_cells", "min_separation_m",
+    "fence_breaches", "reserve_violations", "lower_bound_s", "ratio", "bound_makespan_s",
     "bound_held",
-]
+)  # fmt: skip
 OF_SEVERAL = {"min_separation_m"}
+SWATH = ("--strategy", "swath")
 
 
 def toml(name):
-    return tomllib.loads(Path(mission(name)).read_text("utf-8"))
+    return tomllib.loads(Path(rig.mission(name)).read_text("utf-8"))
 
 
 def features(folder, kind):
@@ -81,11 +62,8 @@ def iou(one, other):
 
 class TestTiny:
     def test_it_is_complete_and_right(self, tiny):
-        assert tiny.done.code == 0
-        assert tiny.summary["completed"] is True
-        assert tiny.summary["cells_missed"] == 0
+        tiny.complete()
         assert tiny.summary["iou_cells"] > 0.75
-        assert tiny.summary["fence_breaches"] == tiny.summary["reserve_violations"] == 0
         assert tiny.summary["vertices"] == tiny.summary["cells_roi"] > 15
         assert tiny.summary["bound_held"] is True
 
@@ -148,45 +126,48 @@ class TestTiny:
         assert max(heights) == pytest.approx(12.0, abs=1.0)
         assert abs(heights[-1]) < 0.5
         assert modes >= {4, 9}  # guided, land
-        assert pictures >= len(events(tiny.folder, "frame_seen"))
+        assert pictures >= len(rig.events(tiny.folder, "frame_seen"))
         # both directions are on record
         assert {("COMMAND_LONG", 245), ("COMMAND_INT", 245), ("COMMAND_ACK", 1)} <= seen
         assert not any(kind == "BAD_DATA" for kind, _ in seen)
 
 
 class TestDeterminism:
-    def test_the_same_seed_is_the_same_flight_to_the_byte(self, speck, tmp_path):
+    @pytest.mark.parametrize(("fixture", "more"), [("speck", ()), ("speck_passed", SWATH)])
+    def test_the_same_seed_is_the_same_flight_to_the_byte(self, fixture, more, request, tmp_path):
+        flight = request.getfixturevalue(fixture)
         folder = tmp_path / "in a folder with blanks" / "and another"
-        again = uavmap("fly", mission("speck"), "--sim", "--json", "--out", folder, hash_seed="2")
-        assert again.summary == {**speck.summary, "out": str(folder)}
-        assert bodies(folder) == bodies(speck.folder)
+        again = rig.flown("speck", folder, *more, hash_seed="2")
+        assert again.summary == {**flight.summary, "out": str(folder)}
+        assert rig.bodies(folder) == rig.bodies(flight.folder)
         for name in RESULTS - {"journal.jsonl"}:
-            assert (folder / name).read_bytes() == (speck.folder / name).read_bytes(), name
+            assert (folder / name).read_bytes() == (flight.folder / name).read_bytes(), name
 
-    def test_another_seed_is_another_flight_to_the_same_place(self, speck, tmp_path):
-        other = uavmap("fly", mission("speck"), "--sim", "--json", "--seed", 2, "--out", tmp_path)
+    @pytest.mark.parametrize(("fixture", "more"), [("speck", ()), ("speck_passed", SWATH)])
+    def test_another_seed_is_another_flight_to_the_same_place(
+        self, fixture, more, request, tmp_path
+    ):
+        flight = request.getfixturevalue(fixture)
+        other = rig.flown("speck", tmp_path, "--seed", 2, *more)
         assert other.summary["seed"] == 2
-        assert other.summary["cells_missed"] == speck.summary["cells_missed"] == 0
-        assert bodies(tmp_path) != bodies(speck.folder)
+        assert other.summary["cells_missed"] == flight.summary["cells_missed"] == 0
+        assert rig.bodies(tmp_path) != rig.bodies(flight.folder)
 
 
 class TestPair:
     def test_both_fly_apart_and_change_batteries(self, pair):
-        assert pair.done.code == 0
-        assert pair.summary["completed"] is True
-        assert pair.summary["cells_missed"] == 0
+        pair.complete()
         assert pair.summary["min_separation_m"] >= toml("pair")["team"]["separation_m"]
-        assert pair.summary["reserve_violations"] == pair.summary["fence_breaches"] == 0
-        swaps = [event["vehicle"] for event in events(pair.folder, "battery_swapped")]
+        swaps = [event["vehicle"] for event in rig.events(pair.folder, "battery_swapped")]
         assert set(swaps) == {1, 2}
         assert pair.summary["battery_swaps"] == len(swaps)
-        assert pair.summary["sorties"] == len(events(pair.folder, "airborne")) > 2
+        assert pair.summary["sorties"] == len(rig.events(pair.folder, "airborne")) > 2
 
     def test_the_other_goes_on_while_one_is_home_for_a_battery(self, pair):
         frames = {1: [], 2: []}
         seen_meanwhile = 0
         out = {}
-        for event in events(pair.folder, "frame_seen", "landed", "battery_swapped"):
+        for event in rig.events(pair.folder, "frame_seen", "landed", "battery_swapped"):
             number, other = event["vehicle"], 3 - event["vehicle"]
             if event["kind"] == "frame_seen":
                 frames[number].append(event["t_s"])
@@ -197,7 +178,7 @@ class TestPair:
         assert seen_meanwhile > 10
 
     def test_after_a_swap_the_vehicle_flies_straight_back_to_its_vertex(self, pair):
-        order = events(pair.folder, "airborne", "arrived", "battery_swapped", "frame_seen")
+        order = rig.events(pair.folder, "airborne", "arrived", "battery_swapped", "frame_seen")
         for number in (1, 2):
             mine = [event["kind"] for event in order if event["vehicle"] == number]
             at = mine.index("battery_swapped")
@@ -210,7 +191,7 @@ class TestPair:
 
     def test_they_share_one_map(self, pair):
         looked = {number: set() for number in (1, 2)}
-        for event in events(pair.folder, "frame_seen"):
+        for event in rig.events(pair.folder, "frame_seen"):
             if len(event["votes"]) > 1:
                 looked[event["vehicle"]].add(tuple(event["vantage"]))
         assert min(len(cells) for cells in looked.values()) > 5
@@ -220,10 +201,7 @@ class TestPair:
 
 class TestDrift:
     def test_it_is_complete_and_right(self, drift):
-        assert drift.done.code == 0
-        assert drift.summary["completed"] is True
-        assert drift.summary["cells_missed"] == 0
-        assert drift.summary["fence_breaches"] == 0
+        drift.complete()
 
     def test_the_map_is_where_the_region_has_drifted_to(self, drift):
         mission_file = toml("drift")
@@ -259,14 +237,12 @@ def _points(feature):
 
 
 def test_a_search_that_finds_nothing_is_a_result(tmp_path):
-    done = uavmap("fly", mission("astray"), "--sim", "--json", "--out", tmp_path)
-    assert done.code == 0
-    assert done.summary["completed"] is True
-    assert done.summary["cells_roi"] == done.summary["vertices"] == 0
-    assert done.summary["cells_missed"] > 0
-    assert done.summary["bound_held"] is None
+    summary = rig.flown("astray", tmp_path).complete(most_missed=100)
+    assert summary["cells_roi"] == summary["vertices"] == 0
+    assert summary["cells_missed"] > 0
+    assert summary["bound_held"] is None
     assert {path.name for path in tmp_path.iterdir()} == RESULTS
     (outline,) = features(tmp_path, "outline")
     assert outline["geometry"] is None
-    times = [event["t_s"] for event in events(tmp_path)]
+    times = [event["t_s"] for event in rig.events(tmp_path)]
     assert all(before <= after for before, after in pairwise(times))
