@@ -11,22 +11,10 @@ COLUMNS: Final = (
     "fell", "reserve", "lie", "unrep", "end", "tb",
 )  # fmt: skip
 FORBIDDEN: Final = {
-    "air": "air",
-    "alone": "alone",
-    "taken": "taken",
-    "breach": "breach",
-    "far": "far",
-    "near": "near",
-    "fell": "fell",
-    "reserve": "reserve",
-    "lie": "lie",
-    "lost votes": "lie",
-    "fold": "lie",
-    "unreported": "unrep",
-    "no end": "end",
-    "traceback": "tb",
-    "hands off": "alone",
-}
+    "air": "air", "alone": "alone", "hands off": "alone", "taken": "taken", "breach": "breach",
+    "far": "far", "near": "near", "fell": "fell", "reserve": "reserve", "lie": "lie",
+    "lost votes": "lie", "fold": "lie", "unreported": "unrep", "no end": "end", "traceback": "tb",
+}  # fmt: skip
 """The column of each forbidden outcome."""
 EXPLAINED: Final = """\
 n flights; ok complete, inc honestly incomplete; home, away: everybody landed at home, or somebody

@@ -19,13 +19,12 @@ from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, VehicleState
 from missions.flight.step import fold
-from missions.geo.grid import Grid
 from missions.guardian import HARD_M_S, PAD_M
 from missions.mission.energy import AIRSPEED_LIMIT_M_S
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
 from tests.support import plans
-from tests.support.small_missions import CELL_M, START, mission_text, ring, square
+from tests.support.small_missions import mission_text, square
 from uavmap.aircraft.guardian.estimates import GRAVITY_M_S2
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
@@ -88,20 +87,13 @@ def text_of(
     """
     rng = random.Random(flight.seed)
     vehicles = rng.choice([1, 1, 2])
-    region = ring(Grid.at(START, CELL_M), square(6, 14, 8, 8))
     text = mission_text(
-        square(-4, 10, 24, 16),
-        square(-40, -40, 100, 110),
-        vehicles=vehicles,
-        altitude_m=14.0,
-        mounting="gimbal",
-        capacity_wh=rng.choice([14.0, 25.0]),
-        wind_m_s=rng.choice([0.0, 3.0]),
-        strategy=strategy or rng.choice(["rdfs", "swath"]),
-    )
+        square(-4, 10, 24, 16), square(-40, -40, 100, 110), vehicles=vehicles, altitude_m=14.0,
+        mounting="gimbal", capacity_wh=rng.choice([14.0, 25.0]), wind_m_s=rng.choice([0.0, 3.0]),
+        strategy=strategy or rng.choice(["rdfs", "swath"]), regions=[square(6, 14, 8, 8)],
+    )  # fmt: skip
     autopilot = rng.choice(["ardupilot", "px4"])
     text += f'\n[sim]\nautopilot = "{autopilot}"\nswap_s = 15.0\ngps_sigma_m = 0.1\n'
-    text += f"[[sim.roi]]\npolygon = {region}\n"
     text += "[sim.quirks]\n" + "".join(f"{key} = {value}\n" for key, value in quirks.items())
     for kind, phase in zip(flight.kinds, flight.phases, strict=True):
         fault = fault_of(kind, phase, rng) | {"vehicle": rng.randint(1, vehicles)}

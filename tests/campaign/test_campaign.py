@@ -12,6 +12,10 @@ from tests.campaign.reducer import KINDS, fly, plan_of
 from tests.fake_fleet.troubles import PHASES
 
 FLIGHTS = 24
+ONCE_WRONG = (
+    300136, 300307, 400336, 403040, 411284, 502372, 602159, 710327, 1002180, 1003368,
+    1200818, 1302717, 1303268, 1402077, 1506497, 31000774, 31002439,
+)  # fmt: skip
 
 
 def test_nothing_forbidden_happens_in_an_unkind_world() -> None:
@@ -21,28 +25,7 @@ def test_nothing_forbidden_happens_in_an_unkind_world() -> None:
     assert any("ok" in o.counts for o in outcomes)
 
 
-@pytest.mark.parametrize(
-    "seed",
-    [
-        300136,
-        300307,
-        400336,
-        403040,
-        411284,
-        502372,
-        602159,
-        710327,
-        1002180,
-        1003368,
-        1200818,
-        1302717,
-        1303268,
-        1402077,
-        1506497,
-        31000774,
-        31002439,
-    ],
-)
+@pytest.mark.parametrize("seed", ONCE_WRONG)
 def test_what_once_went_wrong_does_not_again(seed: int) -> None:
     """Two that a pilot left side by side waited for each other; a storm took one down a slope."""
     assert fly(seed).found == ()

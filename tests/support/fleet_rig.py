@@ -9,7 +9,6 @@ vehicle, which is left with its autopilot; it starts again with its journal.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import itertools
 import math
 import traceback
@@ -21,11 +20,11 @@ from typing import Final
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
-from missions.geo.grid import Grid
 from missions.units import Cell, GridPoint
 from sitl.vehicle import SimVehicle
 from tests.support.plans import plan_of
-from tests.support.small_missions import CELL_M, START, joined, mission_text, ring, square
+from tests.support.said import Said
+from tests.support.small_missions import Points, joined, mission_text, square
 from uavmap.base.clock import VirtualClock, run
 from uavmap.base.messages import shown_on
 from uavmap.fleet.radio import Radio, SealedRadio
@@ -40,6 +39,7 @@ from uavmap.runner.operator.onlooker import folded
 from uavmap.runner.simulated_fleet import SimulatedFleet, of_member
 from uavmap.runner.simulation import Truth
 
+BOX: Final = square(-6.0, 14.0, 56.0, 48.0)
 PADS: Final = [(0.0, 0.0), (16.0, 0.0), (32.0, 0.0)]
 TRUE: Final = [(10.0, 30.0), (44.0, 26.0), (46.0, 44.0), (30.0, 52.0), (12.0, 46.0)]
 FAR: Final = [(-4.0, 52.0), (2.0, 52.0), (2.0, 60.0), (-4.0, 60.0)]
@@ -52,23 +52,23 @@ BREACH_M: Final = 0.05
 """Less than this too near is rounding."""
 
 
-def field_text(vehicles: int = 3, *, high: bool = False, more: str = "") -> str:
-    """A field of 56 m x 48 m with a region, pads in a row south of it; `high`: two patches, all
-    looked for, from 30 m."""
+def field_text(
+    vehicles: int = 3,
+    *,
+    box: Points = BOX,
+    region: Points = TRUE,
+    high: bool = False,
+    more: str = "",
+) -> str:
+    """A field with a region, pads in a row south of it; `high`: two patches, all looked for, from
+    30 m."""
     text = mission_text(
-        square(-6.0, 14.0, 56.0, 48.0),
-        square(-20.0, -14.0, 84.0, 92.0),
-        vehicles=vehicles,
-        homes=PADS[:vehicles],
-        capacity_wh=60.0,
-        strategy="swath",
-    )
+        box, square(-20.0, -14.0, 84.0, 92.0), vehicles=vehicles, homes=PADS[:vehicles],
+        capacity_wh=60.0, strategy="swath", regions=[region, FAR] if high else [region],
+    )  # fmt: skip
     if high:
         text = text.replace("[search]\n", '[search]\nfind = "all"\naltitude_m = 30.0\n')
-    grid = Grid.at(START, CELL_M)
-    patches = [TRUE, FAR] if high else [TRUE]
-    rings = "".join(f"[[sim.roi]]\npolygon = {ring(grid, patch)}\n" for patch in patches)
-    return text + rings + more
+    return text + more
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,16 +125,6 @@ class Watch(Truth):
 class Outcome:
     forbidden: list[str]
     said: list[str]
-
-
-class Said:
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def show(self, text: str) -> None:
-        with contextlib.suppress(RuntimeError):
-            text = f"{asyncio.get_running_loop().time():7.2f} {text}"
-        self.lines.append(text)
 
 
 @dataclass(slots=True)
@@ -234,7 +224,7 @@ def flown(text: str, mishaps: Mishaps, folder: Path, seed: int = 1) -> Outcome:
         flight.close()
     forbidden += [f"mute: {n}" for n in fleet.flights if not fleet.air.sent_bytes.get(n)]
     forbidden += _of_the_air(fleet) + _of_the_maps(fleet)
-    return Outcome(forbidden, said.lines)
+    return Outcome(forbidden, said)
 
 
 def _of_the_air(fleet: Beset) -> list[str]:

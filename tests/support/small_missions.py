@@ -77,8 +77,12 @@ def mission_text(
     margin_m: float = 2.0,
     wind_m_s: float = 0.0,
     mounting: str = "fixed",
+    regions: Collection[Points] = (),
 ) -> str:
-    """The TOML of a mission from ground metres along the grid around the start."""
+    """The TOML of a mission from ground metres along the grid around the start.
+
+    `regions` are those of the simulated ground; nothing may be added to its `[sim]` above them.
+    """
     grid = Grid.at(START, CELL_M)
     sections = []
     for i in range(vehicles):
@@ -86,6 +90,7 @@ def mission_text(
         if homes:
             place = grid.position(GridPoint(*list(homes)[i]))
             sections.append(f"home = [{place.lat_deg:.9f}, {place.lon_deg:.9f}]")
+    rings = "".join(f"[[sim.roi]]\npolygon = {ring(grid, region)}\n" for region in regions)
     return f"""
         strategy = "{strategy}"
         [start]
@@ -117,7 +122,7 @@ def mission_text(
         [team]
         layer_m = {layer_m}
         {chr(10).join(sections)}
-    """
+{rings}"""
 
 
 def with_small_pictures(text: str) -> str:

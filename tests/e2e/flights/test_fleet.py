@@ -24,15 +24,7 @@ from tests.e2e import rig
 from tests.support.fleet_rig import Death, Mishaps, field_text
 from tests.support.fleet_rig import flown as beset
 from tests.support.plans import plan_of
-from tests.support.small_missions import (
-    CELL_M,
-    START,
-    joined,
-    mission_text,
-    ring,
-    square,
-    with_small_pictures,
-)
+from tests.support.small_missions import joined, mission_text, square, with_small_pictures
 from uavmap.fleet.simulated_radio import LinkModel
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
@@ -40,23 +32,13 @@ from uavmap.load.mission_source import load
 from uavmap.mavlink.vehicle_view import VehicleView
 from uavmap.runner.simulated_fleet import fly_fleet
 
-PADS = [(0.0, 0.0), (16.0, 0.0), (32.0, 0.0)]
 TRUE = [(10.0, 26.0), (34.0, 22.0), (36.0, 36.0), (24.0, 42.0), (12.0, 38.0)]
 
 
 def made(tmp_path: Path, vehicles: int = 3) -> Path:
-    text = mission_text(
-        square(0.0, 14.0, 44.0, 36.0),
-        square(-20.0, -14.0, 84.0, 92.0),
-        vehicles=vehicles,
-        homes=PADS[:vehicles],
-        capacity_wh=60.0,
-        strategy="swath",
-    )
-    text = with_small_pictures(text)
-    text += f"[[sim.roi]]\npolygon = {ring(Grid.at(START, CELL_M), TRUE)}\n"
+    text = field_text(vehicles, box=square(0.0, 14.0, 44.0, 36.0), region=TRUE)
     file = tmp_path / "field.toml"
-    file.write_text(text, encoding="utf-8")
+    file.write_text(with_small_pictures(text), encoding="utf-8")
     return file
 
 
@@ -170,12 +152,11 @@ def test_pads_whose_heights_contradict_the_mission_keep_a_fleet_on_the_ground(
     homes_m = [(0.0, 0.0), (60.0, 0.0)]
     text = mission_text(
         square(-6.0, 14.0, 72.0, 40.0), square(-20.0, -14.0, 104.0, 84.0), vehicles=2,
-        homes=homes_m, capacity_wh=60.0, strategy="swath",
+        homes=homes_m, capacity_wh=60.0, strategy="swath", regions=[TRUE],
     )  # fmt: skip
     first, one, two = text.split("[[vehicles]]\n")
     text = f"{first}[[vehicles]]\n{one}[[vehicles]]\nhome_height_m = {second_m}\n{two}"
     text = with_small_pictures(text)
-    text += f"[[sim.roi]]\npolygon = {ring(Grid.at(START, CELL_M), TRUE)}\n"
     text += "[sim.quirks]\nheight_sigma_m = 0.0\n"
     text += "[sim.terrain]\nslope_percent = 10.0\nrises_toward_deg = 270.0\n"
     monkeypatch.setattr(

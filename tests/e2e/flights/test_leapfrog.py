@@ -12,12 +12,11 @@ import pytest
 
 from missions.events import Navigated
 from missions.flight.setting import Setting
-from missions.geo.grid import Grid
 from sitl.vehicle import SimVehicle
-from tests.support.small_missions import CELL_M, EXACT_ATTITUDE, START, mission_text, ring, square
+from tests.benchmarks.frame import truth_shown
+from tests.support.small_missions import EXACT_ATTITUDE, mission_text, square
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
-from uavmap.runner.simulation import Truth
 from uavmap.ui.cli import main
 
 LOST_S = 22.0
@@ -34,47 +33,41 @@ optical_flow = true
 odometry_drift = 0.03
 gps_sigma_m = 0.1
 
-[[sim.roi]]
-polygon = {roi}
-
 [[sim.faults]]
 kind = "gps"
-at_s = {lost}
+at_s = 22.0
 
 [[sim.faults]]
 kind = "gps"
 vehicle = 2
-at_s = {lost}
+at_s = 22.0
 """
 
 
 @pytest.mark.parametrize(("attitude", "sigmas"), [(EXACT_ATTITUDE, 3.0), ("", 4.0)])
 def test_both_know_where_they_are_after_satellites_are_lost(
-    attitude: str, sigmas: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    attitude: str, sigmas: float, tmp_path: Path
 ) -> None:
     text = mission_text(
         square(2, 6, 14, 8), square(-20, -20, 60, 60), vehicles=2, capacity_wh=60.0,
         strategy="leapfrog", layer_m=8.0, mounting="gimbal", interval_s=0.5,
+        regions=[square(4, 7, 8, 6)],
     )  # fmt: skip
     text = text.replace(
         "[camera]\n", "[camera]\nwidth_px = 320\nheight_px = 240\npixels_per_cell = 40\n"
     )
-    grid = Grid.at(START, CELL_M)
-    text += TABLES.format(roi=ring(grid, square(4, 7, 8, 6)), lost=LOST_S) + attitude
     file = tmp_path / "pair.toml"
-    file.write_text(text, "utf-8")
+    file.write_text(text + TABLES + attitude, "utf-8")
     errors: dict[int, list[tuple[float, float, float]]] = {1: [], 2: []}
-    watch = Truth.watch
 
-    def watching(self: Truth, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
+    def look(vehicles: Sequence[SimVehicle], _: Setting) -> None:
         for vehicle in vehicles:
             truth = vehicle.truth
             errors[vehicle.spec.system_id].append((truth.t_s, *truth.estimate_error_m))
-        watch(self, vehicles, setting)
 
-    monkeypatch.setattr(Truth, "watch", watching)
     out = tmp_path / "results"
-    assert main(["fly", str(file), "--sim", "--out", str(out), "--seed", "3"]) == 0
+    with truth_shown(look):
+        assert main(["fly", str(file), "--sim", "--out", str(out), "--seed", "3"]) == 0
     summary = json.loads((out / "summary.json").read_text("utf-8"))
     assert summary["completed"]
     assert summary["cells_missed"] == 0

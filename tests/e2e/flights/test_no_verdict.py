@@ -58,4 +58,6 @@ def test_flight_whose_detector_takes_all_for_region_ends_without_a_verdict(tmp_p
 
 def test_flight_in_the_simulator_that_sees_nothing_is_complete(tmp_path: Path) -> None:
     """There the default detector is the right one."""
-    assert rig.flown_text(EMPTY, tmp_path).complete()["no_verdict"] is None
+    done = rig.flown_text(EMPTY, tmp_path).done
+    assert done.code == 0, done.err
+    assert (done.summary["completed"], done.summary["no_verdict"]) == (True, None)

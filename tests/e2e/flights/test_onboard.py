@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 
 from missions.fleet_events import Heard, Shared
-from missions.geo.grid import Grid
 from tests.e2e.flights.test_fleet import journal, region
 from tests.e2e.rig import LOOPBACK, ended, free_ports, roi_cells, simulator, started, uavmap
-from tests.support.small_missions import CELL_M, mission_text, ring, square
-from tests.support.small_missions import START as PLACE
+from tests.support.fleet_rig import field_text
+from tests.support.small_missions import square
 from uavmap.fleet.fleet_radio import START
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL
@@ -20,16 +19,7 @@ SPEEDUP = 8.0
 
 
 def tiny(tmp_path: Path) -> Path:
-    text = mission_text(
-        square(-6.0, 12.0, 28.0, 16.0),
-        square(-20.0, -14.0, 56.0, 62.0),
-        vehicles=2,
-        homes=[(0.0, 0.0), (16.0, 0.0)],
-        capacity_wh=60.0,
-        strategy="swath",
-    )
-    true = square(-2.0, 14.0, 20.0, 12.0)
-    text += f"[[sim.roi]]\npolygon = {ring(Grid.at(PLACE, CELL_M), true)}\n"
+    text = field_text(2, box=square(-6.0, 12.0, 28.0, 16.0), region=square(-2.0, 14.0, 20.0, 12.0))
     file = tmp_path / "tiny.toml"
     file.write_text(text, encoding="utf-8")
     return file

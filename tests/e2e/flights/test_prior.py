@@ -12,14 +12,7 @@ from missions.flight.step import fold
 from missions.geo.grid import Grid
 from missions.units import GridPoint
 from tests.e2e import rig
-from tests.support.small_missions import (
-    CELL_M,
-    START,
-    mission_text,
-    ring,
-    square,
-    with_small_pictures,
-)
+from tests.support.small_missions import CELL_M, START, mission_text, square, with_small_pictures
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, FlightPlan
 
@@ -30,14 +23,10 @@ REGION = square(-40, 84, 14, 10)
 
 def written(folder: Path, *, prior: bool) -> Path:
     text = mission_text(
-        square(-44, 16, 90, 80),
-        square(-80, -40, 160, 180),
-        strategy="swath",
-        capacity_wh=90.0,
-        mounting="gimbal",
-    )
+        square(-44, 16, 90, 80), square(-80, -40, 160, 180), strategy="swath", capacity_wh=90.0,
+        mounting="gimbal", regions=[REGION],
+    )  # fmt: skip
     text = with_small_pictures(text)
-    text += f"\n[sim]\n[[sim.roi]]\npolygon = {ring(GRID, REGION)}\n"
     folder.mkdir()
     if prior:
         text = text.replace("[search]", '[search]\nprior = "where.geojson"')

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -18,11 +19,12 @@ from sitl.camera.pinhole import CameraSpec, Shot
 from sitl.camera.render import render
 from sitl.vehicle import SimVehicle
 from sitl.world.world import Patch, World, WorldSpec
+from tests.benchmarks.frame import truth_shown
 from tests.e2e.rig import ROI_STATES
 from tests.support.hills import checked, over, slope, text_over
-from tests.support.small_missions import START, mission_text, ring, square, with_small_pictures
+from tests.support.small_missions import START, mission_text, square, with_small_pictures
 from uavmap.base.image_files import read_image
-from uavmap.runner.simulation import Truth, relief_of
+from uavmap.runner.simulation import relief_of
 from uavmap.ui.cli import main
 from vision.camera import Camera
 from vision.detectors import make_detector
@@ -34,33 +36,30 @@ TOWARD_DEG = 225.0
 
 
 class Flown:
-    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch, **how: str) -> None:
-        autopilot = how.pop("autopilot", "ardupilot")
+    def __init__(self, folder: Path, autopilot: str, strategy: str) -> None:
         text = mission_text(
-            square(32, 35, 16, 9), square(-20, -20, 95, 95), altitude_m=ALTITUDE_M, **how
-        )
+            square(32, 35, 16, 9), square(-20, -20, 95, 95), altitude_m=ALTITUDE_M,
+            strategy=strategy, regions=[square(34, 37, 13, 9)],
+        )  # fmt: skip
         text = with_small_pictures(text)
         grid = setting_of(checked(text)).grid
-        region = ring(grid, square(34, 37, 13, 9))
         text = text_over(text, slope(10.0, TOWARD_DEG))
         text += f'\n[sim]\nautopilot = "{autopilot}"\ngps_sigma_m = 0.05\n'
-        (folder / "m.toml").write_text(f"{text}\n[[sim.roi]]\npolygon = {region}\n", "utf-8")
+        (folder / "m.toml").write_text(text, "utf-8")
         self.heights_m: list[float] = []
         self.crashed = False
-        watch = Truth.watch
 
-        def watched(truth: Truth, vehicles: list[SimVehicle], setting: Setting) -> None:
+        def look(vehicles: Sequence[SimVehicle], setting: Setting) -> None:
             for vehicle in vehicles:
                 real = vehicle.truth
                 away_m = setting.grid.fixed(real.position).distance_to(GridPoint(0.0, 0.0))
                 if not real.landed and away_m > 3.0:
                     self.heights_m.append(real.height_m)
                 self.crashed |= real.crashed
-            watch(truth, vehicles, setting)
 
-        monkeypatch.setattr(Truth, "watch", watched)
         arguments = ["fly", str(folder / "m.toml"), "--sim", "--seed", "1", "--json"]
-        self.code = main([*arguments, "--out", str(folder / "out")])
+        with truth_shown(look):
+            self.code = main([*arguments, "--out", str(folder / "out")])
         self.map = json.loads((folder / "out" / "map.geojson").read_text("utf-8"))
         self.mission = checked((folder / "m.toml").read_text("utf-8"))
         roi = self.mission.sim.roi[0].polygon
@@ -87,9 +86,9 @@ class Flown:
 
 @pytest.mark.parametrize(("autopilot", "strategy"), [("ardupilot", "rdfs"), ("px4", "swath")])
 def test_over_a_slope_cells_are_right_and_nobody_comes_near_the_ground(
-    autopilot: str, strategy: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    autopilot: str, strategy: str, tmp_path: Path
 ) -> None:
-    flown = Flown(tmp_path, monkeypatch, autopilot=autopilot, strategy=strategy)
+    flown = Flown(tmp_path, autopilot, strategy)
     assert flown.code == 0
     assert not flown.crashed
     assert min(flown.heights_m) >= ALTITUDE_M - FOLLOW_M
