@@ -73,8 +73,7 @@ def check(
     faults = [
         *_names(mission, strategies, detectors),
         *(() if placeless else flyable.values(mission)),
-        *_speeds(mission),
-        *_team(mission),
+        *_speed_and_layers(mission),
         *leapfrog_faults(mission),
         *_moving_ground(mission),
     ]
@@ -122,15 +121,12 @@ def _names(
         )
 
 
-def _speeds(mission: Mission) -> Iterator[str]:
+def _speed_and_layers(mission: Mission) -> Iterator[str]:
     if mission.drift.speed_m_s >= mission.flight.speed_m_s:
         yield (
             f"drift.speed_m_s = {mission.drift.speed_m_s:g}: the region must drift slower than "
             f"the vehicles fly; raise flight.speed_m_s ({mission.flight.speed_m_s:g})"
         )
-
-
-def _team(mission: Mission) -> Iterator[str]:
     team, vehicles = mission.team, mission.vehicles
     if len(vehicles) > 1 and team.layer_m <= team.separation_m:
         yield (

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import shapely
-from shapely.geometry import LineString, Point, Polygon
+from shapely.geometry import LineString, Point
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points, unary_union
 
@@ -169,7 +169,9 @@ def search_area(mission: Mission, grid: Grid) -> SearchArea:
         for lane in lanes(corners, cell_m, fence)
         if any(part.dwithin(LineString(lane), _TOUCH_M) for part in near)
     )
-    free = lanes(corners, cell_m, _no_fence(box))
+    around = box.envelope.buffer(1000.0, join_style="mitre")
+    no_fence = Fence.of([GridPoint(*xy) for xy in around.exterior.coords[:-1]], [], 0.0)
+    free = lanes(corners, cell_m, no_fence)
     lost = _judged(free, cell_m).intersection(box).difference(_judged(flown, cell_m))
     return SearchArea(flown, box.area, lost.area)
 
@@ -181,11 +183,6 @@ def fence_of(mission: Mission, grid: Grid) -> Fence:
         [[grid.fixed(place) for place in positions(hole)] for hole in mission.fence.holes],
         mission.fence.margin_m,
     )
-
-
-def _no_fence(box: Polygon) -> Fence:
-    around = box.envelope.buffer(1000.0, join_style="mitre")
-    return Fence.of([GridPoint(*xy) for xy in around.exterior.coords[:-1]], [], 0.0)
 
 
 def _judged(flown: tuple[Lane, ...], cell_m: float) -> BaseGeometry:

@@ -53,7 +53,11 @@ def opened(source: Path | BinaryIO, name: str) -> Iterator[Image.Image]:
             # Pillow warns of a damaged tag and leaves it out; if it matters, it is missed by name
             warnings.simplefilter("ignore")
             with Image.open(source, formats=_FORMATS) as picture:
-                _check_size(picture, name)
+                if picture.width * picture.height > MAX_PIXELS:
+                    raise ImageError(
+                        f"{printable(name)}: {picture.width} x {picture.height} px are too many; "
+                        f"at most {MAX_PIXELS // 1_000_000} million are decoded"
+                    )
                 yield picture
     except UavmapError:
         raise
@@ -64,12 +68,3 @@ def opened(source: Path | BinaryIO, name: str) -> Iterator[Image.Image]:
         raise ImageError(
             f"{printable(name)}: not a readable picture ({printable(str(error)) or type(error)})"
         ) from error
-
-
-def _check_size(picture: Image.Image, name: str) -> None:
-    pixels = picture.width * picture.height
-    if pixels > MAX_PIXELS:
-        raise ImageError(
-            f"{printable(name)}: {picture.width} x {picture.height} px are too many; at most "
-            f"{MAX_PIXELS // 1_000_000} million are decoded"
-        )

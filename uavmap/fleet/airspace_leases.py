@@ -113,10 +113,8 @@ class AirspaceLeases:
         if column is None or self._leased == self._question:
             return
         others = set(range(1, len(self._setting.mission.vehicles) + 1)) - {self._number}
-        if all(self._keeps_out(self._peers.get(number)) for number in others):
+        peers = [self._peers.get(number) for number in others]
+        if all(p is not None and (p.done or p.promised == self._question) for p in peers):
             self._leased = self._question
             t_s = round(self._now_s(), 3)
             self._post(Leased(self._number, t_s, column.place, column.until_s))
-
-    def _keeps_out(self, peer: Peer | None) -> bool:
-        return peer is not None and (peer.done or peer.promised == self._question)

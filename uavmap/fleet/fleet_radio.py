@@ -53,10 +53,6 @@ async def joined_fleet(
     seal = member_seal(network, mission, plan.member, journal)
     async with opened_radio(network, mission) as radio:
         yield SealedRadio(radio, seal)
-    _log_refused(seal)
-
-
-def _log_refused(seal: Seal) -> None:
     for reason, count in sorted(seal.refused.items()):
         if reason in TOLD_AT_END:
             _LOG.info(f"{count} datagrams were refused: {reason}{TOLD_AT_END[reason]}")

@@ -104,9 +104,12 @@ class Seal:
         if kind == ASKS:
             self._asked.append(body)
             return None
-        if kind == ANSWERS and self._nonce in _parts(body):
-            self._believe(sender, start)
         heard = self._heard.get(sender)
+        known = heard is not None and start <= heard.start
+        answers = (body[k : k + NONCE_BYTES] for k in range(0, len(body), NONCE_BYTES))
+        room = heard is not None or len(self._heard) < MOST_SENDERS
+        if kind == ANSWERS and self._nonce in answers and not known and room:
+            heard = self._heard[sender] = _Heard(start)
         if heard is None or start > heard.start:
             self._ask = True
             raise _RefusedError("not known to be alive yet")
@@ -128,19 +131,8 @@ class Seal:
             self._ask = False
         return out
 
-    def _believe(self, sender: int, start: int) -> None:
-        heard = self._heard.get(sender)
-        if heard is None or start > heard.start:
-            if heard is None and len(self._heard) >= MOST_SENDERS:
-                return
-            self._heard[sender] = _Heard(start)
-
     def _code(self, head: bytes) -> bytes:
         return blake2s(head, key=self.key, digest_size=CODE_BYTES, person=b"uavmap 1").digest()
-
-
-def _parts(body: bytes) -> list[bytes]:
-    return [body[k : k + NONCE_BYTES] for k in range(0, len(body), NONCE_BYTES)]
 
 
 def _is_new(heard: _Heard, counter: int) -> bool:

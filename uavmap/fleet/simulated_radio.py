@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import random
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -189,7 +189,7 @@ def link_words(
         numbers[RANGE] = _number(RANGE, value, f"a distance in {unit.lower()}")
     elif first not in kinds:
         raise ValueError(f"{first!r} is none of {', '.join(kinds)}, {RANGE}:{unit}")
-    for key, value in _pairs(rest):
+    for key, _, value in (part.partition(":") for part in rest):
         if key in others:
             kept.append((key, value))
         elif key not in keys:
@@ -200,12 +200,6 @@ def link_words(
         else:
             numbers[key] = _number(key, value, _MEANT[key])
     return LinkWords(kind, numbers, tuple(kept))
-
-
-def _pairs(parts: Sequence[str]) -> Iterator[tuple[str, str]]:
-    for part in parts:
-        key, _, value = part.partition(":")
-        yield key, value
 
 
 def _number(key: str, text: str, meant: str) -> float:

@@ -159,7 +159,9 @@ class ZenohRadio:
         silent_s, retry_s = SILENT_S[0], RETRY_S[0]
         while not self._stop.is_set():
             try:
-                session = self._opened()
+                config = self._zenoh.Config.from_json5(json.dumps(self._links.config()))
+                session = self._zenoh.open(config)
+                self.opened += 1
             except Exception as error:
                 self._tell(_told(error))
                 self._stop.wait(retry_s)
@@ -178,12 +180,6 @@ class ZenohRadio:
             self._stop.wait(RETRY_S[0])
             heard = self._heard_s > began_s
             silent_s = SILENT_S[0] if heard else min(2.0 * silent_s, SILENT_S[1])
-
-    def _opened(self) -> Any:
-        config = self._zenoh.Config.from_json5(json.dumps(self._links.config()))
-        session = self._zenoh.open(config)
-        self.opened += 1
-        return session
 
     def _live(self, session: Any, silent_s: float) -> None:
         self._broken.clear()

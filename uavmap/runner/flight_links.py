@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import secrets
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -111,7 +111,11 @@ async def opened_links(
             line.session.process_number = number
             if options.forward:
                 line.session.tap = forwarding.add(line)
-        for shared in _by_port(lines).values():
+        check_urls(urls)
+        ports: dict[Endpoint, list[_Line]] = {}
+        for line in lines:
+            ports.setdefault(line.endpoint.port_of_all, []).append(line)
+        for shared in ports.values():
             await _open(stack, shared, log)
         await stack.enter_async_context(forwarding.open(options.forward, log))
         size_px = (section.width_px, section.height_px)
@@ -124,7 +128,10 @@ async def opened_links(
             )
             links.append(Link(url, line.session, camera))
         yield links
-        _log_refused(lines, log)
+        for number, line in enumerate(lines, start=1):
+            for (kind, reason), count in sorted(line.session.view.gate.refused.items()):
+                if kind == "frames":
+                    log(f"vehicle {number}: {count} frames were refused: {reason}")
 
 
 def log_with(log: Callable[[str], None], name: str, text: str) -> None:
@@ -159,14 +166,6 @@ async def refuse_rivals(links: Sequence[Link], listen_s: float) -> None:
             )
 
 
-def _by_port(lines: Sequence[_Line]) -> Mapping[Endpoint, list[_Line]]:
-    check_urls([line.endpoint.url for line in lines])
-    ports: dict[Endpoint, list[_Line]] = {}
-    for line in lines:
-        ports.setdefault(line.endpoint.port_of_all, []).append(line)
-    return ports
-
-
 async def _open(
     stack: contextlib.AsyncExitStack, shared: Sequence[_Line], log: Callable[[str], None]
 ) -> None:
@@ -180,13 +179,6 @@ async def _open(
     transports = await stack.enter_async_context(together)
     for line in shared:
         line.opened(transports[line.endpoint.system or 0])
-
-
-def _log_refused(lines: Sequence[_Line], log: Callable[[str], None]) -> None:
-    for number, line in enumerate(lines, start=1):
-        for (kind, reason), count in sorted(line.session.view.gate.refused.items()):
-            if kind == "frames":
-                log(f"vehicle {number}: {count} frames were refused: {reason}")
 
 
 # --- cameras, as the mission file and the command line describe them --------------------------

@@ -296,7 +296,11 @@ def in_wgs84(layers: list[Layer], source: str, *, given: int | None, swap: bool)
         elif not system.equals(WGS84, ignore_axis_order=True):
             notices.append(f"coordinates are turned from {_title(system)} into WGS84")
         for shape in layer.shapes:
-            found[shape.role].append(_area(shape, system or WGS84, source, swap))
+            ring, *holes = (
+                _places(shape, ring, system or WGS84, source, swap)
+                for ring in (shape.ring, *shape.holes)
+            )
+            found[shape.role].append(Area(shape.name, ring, tuple(holes)))
     homes = found[Role.HOME]
     if len(homes) > 1:
         notices.append(f"{len(homes)} homes; taken: {homes[0].name}")
@@ -324,11 +328,6 @@ def _must_be_degrees(layer: Layer, source: str) -> None:
                     "they are (a .prj beside the .shp would); give --crs EPSG, or save the area "
                     "in WGS84"
                 )
-
-
-def _area(shape: Shape, system: pyproj.CRS, source: str, swap: bool) -> Area:
-    rings = [_places(shape, ring, system, source, swap) for ring in (shape.ring, *shape.holes)]
-    return Area(shape.name, rings[0], tuple(rings[1:]))
 
 
 def _places(shape: Shape, ring: Points, system: pyproj.CRS, source: str, swap: bool) -> Positions:

@@ -78,7 +78,9 @@ def _layers(path: Path, data: bytes, name: str) -> Iterable[Layer]:
         return read_geopackage(path, name)
     if data.startswith(_ZIP):
         check_archive(data, name)
-        return _of_archive(data, name)
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            suffixes = {Path(member).suffix.lower() for member in archive.namelist()}
+        return read_zipped(data, name) if ".shp" in suffixes else read_kmz(data, name)
     if data.startswith(_SHAPEFILE) or suffix == ".shp":
         return [read_shapefile({"shp": data, **_beside(path, name)}, path.stem, name)]
     if suffix in (".dbf", ".shx", ".prj"):
@@ -87,22 +89,12 @@ def _layers(path: Path, data: bytes, name: str) -> Iterable[Layer]:
         raise AreaError(f"{name}: not what {suffix} says; export it anew")
     head = data[:200].lstrip(b"\xef\xbb\xbf\xff\xfe\x00 \t\r\n")
     if suffix in (".kml", ".gpx") or head.startswith(b"<"):
-        return [_of_markup(data, name)]
+        root = root_of(data, name)
+        readers = {"kml": read_kml, "gpx": read_gpx}
+        if local(root) not in readers:
+            raise refused(root, name)
+        return [readers[local(root)](root, name)]
     return [_of_text(data, suffix, head, name)]
-
-
-def _of_archive(data: bytes, name: str) -> Iterable[Layer]:
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        suffixes = {Path(member).suffix.lower() for member in archive.namelist()}
-    return read_zipped(data, name) if ".shp" in suffixes else read_kmz(data, name)
-
-
-def _of_markup(data: bytes, name: str) -> Layer:
-    root = root_of(data, name)
-    readers = {"kml": read_kml, "gpx": read_gpx}
-    if local(root) not in readers:
-        raise refused(root, name)
-    return readers[local(root)](root, name)
 
 
 def _of_text(data: bytes, suffix: str, head: bytes, name: str) -> Layer:

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import PurePosixPath
 from typing import Any, Final
 
-import pyproj
 import shapefile
 
 from missions.errors import AreaError
@@ -40,7 +39,9 @@ _DAMAGED: Final = (
 
 def read_shapefile(parts: Mapping[str, bytes], stem: str, source: str) -> Layer:
     """The polygons of a Shapefile, from its files' bytes by suffix ("shp", ...); or `AreaError`."""
-    return layer_of(_shapes(parts, stem, source), _system(parts, source), source)
+    text = parts.get("prj", b"").decode("utf-8", errors="replace").strip()
+    system = crs_of_wkt(text, f"{source}: its .prj") if text else None
+    return layer_of(_shapes(parts, stem, source), system, source)
 
 
 def read_zipped(data: bytes, source: str) -> Iterator[Layer]:
@@ -60,11 +61,6 @@ def read_zipped(data: bytes, source: str) -> Iterator[Layer]:
                 if suffix in ("shp", "dbf", "prj", "cpg")
             }
             yield read_shapefile(parts, stem.name, source)
-
-
-def _system(parts: Mapping[str, bytes], source: str) -> pyproj.CRS | None:
-    text = parts.get("prj", b"").decode("utf-8", errors="replace").strip()
-    return crs_of_wkt(text, f"{source}: its .prj") if text else None
 
 
 def _shapes(parts: Mapping[str, bytes], stem: str, source: str) -> Iterator[Shape]:

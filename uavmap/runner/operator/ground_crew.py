@@ -131,14 +131,12 @@ class Crew:
                     f"vehicle {vehicle} {found}{',' if doubt else ':'} swap its battery, stand "
                     "clear, press Enter; it takes off by itself"
                 )
-                if not await self._entered():
+                enter = self._enter
+                if not await (self._operator.entered() if enter is None else enter.wait()):
                     await asyncio.Event().wait()
             self._doubts.pop(vehicle, None)
         finally:
             self.waiting.discard(vehicle)
-
-    async def _entered(self) -> bool:
-        return await (self._operator.entered() if self._enter is None else self._enter.wait())
 
 
 def all_wait(state: State, waiting: set[int]) -> bool:

@@ -261,11 +261,8 @@ class _Terminal:
             self._lost()
             return
         for key in _SEQUENCE.sub(b"", data).decode("ascii", "ignore"):
-            self._pressed(key)
-
-    def _pressed(self, key: str) -> None:
-        if not self._keys.press(key) and key in _ENTER:
-            self._enter.press()
+            if not self._keys.press(key) and key in _ENTER:
+                self._enter.press()
 
 
 def _set(file: int, settings: list[Any]) -> None:

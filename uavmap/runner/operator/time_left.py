@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from missions.flight.setting import Setting
-from missions.flight.state import Phase, State, VehicleState
+from missions.flight.state import Phase, State
 from missions.flight.strategy.interface import strategy_of
 from missions.mission.energy import LANDING_OVERHEAD_S
 
@@ -77,7 +77,7 @@ def time_left(setting: Setting, state: State) -> Left:
         way_s = _way_home_s(setting, state)
         what = "nothing more to explore" if way_s is None else "the way home"
         return Left(what, "the mission", ALMOST, way_s)
-    team = sum(not _is_out(vehicle) for vehicle in state.vehicles.values())
+    team = sum(v.phase not in _OUT and not v.called_home for v in state.vehicles.values())
     if state.recalled or not team:
         return Left()
     if setting.strategy.whole_box:
@@ -88,10 +88,6 @@ def time_left(setting: Setting, state: State) -> Left:
     if left.about_s is None or way_s is None:
         return left
     return replace(left, what=f"{left.what} and the way home", about_s=left.about_s + way_s)
-
-
-def _is_out(vehicle: VehicleState) -> bool:
-    return vehicle.phase in _OUT or vehicle.called_home
 
 
 def _way_home_s(setting: Setting, state: State) -> float | None:

@@ -66,10 +66,6 @@ class Wish:
     why: str
 
 
-def _reserve_mah(v: Values, needs: Needs) -> float:
-    return needs.reserve * v.get("BATT_CAPACITY", 0.0)
-
-
 ARDUPILOT_WISHES: Final = (
     Wish("ARMING_CHECK", lambda v, n: v["ARMING_CHECK"] != 0, "1",
          "at 0 it arms without looking at its sensors"),
@@ -78,7 +74,8 @@ ARDUPILOT_WISHES: Final = (
     Wish("BATT_LOW_VOLT", lambda v, n: v["BATT_LOW_VOLT"] > 0 or v["BATT_LOW_MAH"] > 0,
          "the voltage of your pack at the mission's reserve",
          "without it and BATT_LOW_MAH the low-battery failsafe never acts"),
-    Wish("BATT_LOW_MAH", lambda v, n: v["BATT_LOW_MAH"] <= _reserve_mah(v, n) * 1.01,
+    Wish("BATT_LOW_MAH",
+         lambda v, n: v["BATT_LOW_MAH"] <= n.reserve * v.get("BATT_CAPACITY", 0.0) * 1.01,
          "not above the mission's reserve (battery.reserve of BATT_CAPACITY)",
          "the autopilot would end the flight before the mission does"),
     Wish("FS_THR_ENABLE", lambda v, n: v["FS_THR_ENABLE"] != 0, "1 (RTL)",

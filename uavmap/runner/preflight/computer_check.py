@@ -9,7 +9,7 @@ import platform
 import shutil
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -17,7 +17,7 @@ from typing import Final
 import cv2
 import numpy as np
 import shapely
-from shapely.geometry import Point, Polygon
+from shapely.geometry import Point
 
 from missions.events import Airborne, Arrived, Connected, Event, FrameSeen, LiftedOff, Tracked, Vote
 from missions.flight.path_orders import NOTICE_S
@@ -42,16 +42,9 @@ LITTLE_DISK_B: Final = 200 * 2**20
 """A flight of an hour leaves a journal and a telemetry log of some ten megabytes."""
 NO_DISK_B: Final = 20 * 2**20
 NEEDED: Final = (
-    "numpy",
-    "opencv-python-headless",
-    "pillow",
-    "pydantic",
-    "pymavlink",
-    "pyproj",
-    "pyserial",
-    "rich",
-    "shapely",
-)
+    "numpy", "opencv-python-headless", "pillow", "pydantic", "pymavlink", "pyproj", "pyserial",
+    "rich", "shapely",
+)  # fmt: skip
 
 
 def installation(folder: Path) -> Iterator[Finding]:
@@ -90,12 +83,8 @@ def _compiled() -> Finding:
 
     if COMPILED:
         return ok("planning", f"compiled (numba {importlib.metadata.version('numba')})")
-    return warn(
-        "planning",
-        "not compiled: numba is not installed",
-        "numba",
-        f"{install_command('fast')}; strategies that stop do without",
-    )
+    remedy = f"{install_command('fast')}; strategies that stop do without"
+    return warn("planning", "not compiled: numba is not installed", "numba", remedy)
 
 
 def _disk(folder: Path) -> Finding:
@@ -119,12 +108,9 @@ def _formats() -> Iterator[Finding]:
         if not done or cv2.imdecode(data, cv2.IMREAD_COLOR) is None:
             broken.append(suffix)
     if broken:
-        yield bad(
-            "picture formats",
-            f"this OpenCV has no {' and '.join(broken)}",
-            "JPEG and PNG",
-            "pip install --force-reinstall opencv-python-headless",
-        )
+        remedy = "pip install --force-reinstall opencv-python-headless"
+        found = f"this OpenCV has no {' and '.join(broken)}"
+        yield bad("picture formats", found, "JPEG and PNG", remedy)
     else:
         yield ok("picture formats", "JPEG and PNG can be read and written")
 
@@ -225,7 +211,9 @@ class _InThought:
         self._t_s = 0.0
         self.slowest_s = 0.0
         box = drawn(setting.mission.search.box, setting.grid)
-        self._region = _region(box, setting.lanes)
+        # a disc where the search begins: it is soon found
+        middle = Point(setting.lanes[0][0]) if setting.lanes else box.centroid
+        self._region = middle.buffer(math.sqrt(REGION_SHARE * box.area / math.pi))
         shapely.prepare(self._region)
         mission = setting.mission
         self._half_m = footprint_over(mission, mission.altitude_m(0)).short_m / 2.0
@@ -277,11 +265,6 @@ class _InThought:
         begin_s = time.perf_counter()
         self._state, _ = step(self._setting, self._state, event)
         self.slowest_s = max(self.slowest_s, time.perf_counter() - begin_s)
-
-
-def _region(box: Polygon, lanes: Sequence[tuple[GridPoint, GridPoint]]) -> Polygon:
-    middle = Point(lanes[0][0]) if lanes else box.centroid
-    return middle.buffer(math.sqrt(REGION_SHARE * box.area / math.pi))
 
 
 GAP_S: Final = 0.25

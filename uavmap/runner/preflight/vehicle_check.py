@@ -65,7 +65,11 @@ class Measurement:
         heard, missing = session.losses.counts(sender)
         begin_s = loop.time()
         for _ in range(PINGS):
-            self._ping(loop.time())
+            # its own time back tells which question was answered; zero would be no question
+            now_s = loop.time()
+            asked_ns = round(now_s * _NS) + 1
+            self._sent_ns[asked_ns] = now_s
+            session.send(mav.MAVLink_timesync_message(0, asked_ns))
             self._ask()
             await asyncio.sleep(seconds / PINGS)
         until_s = loop.time() + max(TOLD_S, 4.0 * session.ack_wait_s)
@@ -92,12 +96,6 @@ class Measurement:
             and view.position is not None
             and (view.battery_percent is not None or view.energy_consumed_j is not None)
         )
-
-    def _ping(self, now_s: float) -> None:
-        # its own time back tells which question was answered; zero would be no question
-        asked_ns = round(now_s * _NS) + 1
-        self._sent_ns[asked_ns] = now_s
-        self._session.send(mav.MAVLink_timesync_message(0, asked_ns))
 
     def _on_message(self, message: Message) -> None:
         name = message.get_type()
