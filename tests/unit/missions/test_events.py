@@ -96,7 +96,6 @@ def test_events_cannot_be_changed():
 
 
 def test_the_text_of_a_frame_is_as_journals_have_it():
-    """Journals of earlier versions hold this text and must stay readable."""
     text = (
         '{"vehicle":2,"t_s":31.25,"vantage":[3,-4],'
         '"votes":[[[3,-4],true,0.875],[[3,-3],false,0.0]],"kind":"frame_seen"}'

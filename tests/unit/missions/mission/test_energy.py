@@ -124,7 +124,6 @@ def test_a_leg_takes_at_least_as_long_as_flown(distance_m, speed_m_s, accel_m_s2
 
 
 def test_a_leg_of_no_length_is_not_free():
-    """Turning round costs a ramp; a planner must not hop about for nothing."""
     assert MODEL.leg_s(0.0) == pytest.approx(5.0 / 2.0)
 
 
@@ -148,7 +147,6 @@ def test_against_wind_a_leg_takes_what_is_left_of_the_airspeed(wind_m_s, made_go
 @FAST
 @given(models, distances, heights, powers)
 def test_the_reserve_is_left_at_touch_down(model, distance_m, height_m, drawn_w):
-    """Whoever turns back with exactly this much has the reserve when it stands."""
     start_wh = model.home_wh(distance_m, height_m, drawn_w)
     flown_wh = model.leg_wh(distance_m, drawn_w)
     landing_s = height_m / LANDING_SPEED_M_S + LANDING_OVERHEAD_S
@@ -166,8 +164,6 @@ def test_a_sortie_of_the_runway_by_hand():
 
 
 def test_what_the_rule_keeps_brings_a_vehicle_home_in_a_simple_flight():
-    """Fly out a metre at a time while the rule allows it, then home against the wind, at the power
-    that the rule reckons with: the reserve is there at touch-down, and not much more."""
     model = replace(MODEL, wind_m_s=9.0)
     left_wh, away_m = model.capacity_wh - model.climb_wh(12.0), 0.0
     per_metre_wh = model.power_w(0.0) / model.speed_m_s / 3600.0

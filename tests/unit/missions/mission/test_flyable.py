@@ -172,7 +172,6 @@ def test_the_lean_is_that_of_the_simulator_s_airframe():
 @FAST
 @given(yaw_deg=st.floats(0, 360), off_deg=st.floats(0, 360), half_m=st.floats(5.6, 8.0))
 def test_a_footprint_that_reaches_far_enough_shows_nine_tenths_at_any_yaw(yaw_deg, off_deg, half_m):
-    """Why yaw costs nothing: a square footprint of the least reach, turned, over a cell's cross."""
     reach_m = half_m + flyable.POSITION_ERROR_M
     off = (
         flyable.POSITION_ERROR_M * math.cos(math.radians(off_deg)),
@@ -191,9 +190,7 @@ def test_a_footprint_that_reaches_far_enough_shows_nine_tenths_at_any_yaw(yaw_de
     capacity_wh=st.floats(1, 60), reserve=st.floats(0, 0.9), away_m=st.floats(0, 400),
     wind_m_s=st.floats(0, 11),
 )  # fmt: skip
-def test_what_is_accepted_can_take_off_in_the_reducer_s_own_reckoning(
-    capacity_wh, reserve, away_m, wind_m_s
-):
+def test_what_is_accepted_can_take_off_by_the_reducer(capacity_wh, reserve, away_m, wind_m_s):
     mission = parsed(
         search__box=rectangle(away_m, 0, away_m + 40, 40),
         fence__polygon=rectangle(-30, -30, 500, 110),
@@ -242,7 +239,6 @@ def test_a_box_covered_by_holes_is_refused():
 
 
 def test_a_box_that_no_way_leads_to_is_refused():
-    """A hole from edge to edge parts the fence: the box lies on one side, home on the other."""
     wall = f"[{rectangle(40, -31, 44, 111)}]"
     assert "leave no part of it" in fault(search__box=rectangle(60, 0, 100, 80), fence__holes=wall)
     both = parsed(fence__holes=wall)
@@ -266,7 +262,6 @@ def test_a_box_well_inside_is_searched_whole():
 
 @pytest.mark.parametrize("depth_m", [20.0, 40.0])
 def test_what_holes_cut_off_is_a_warning_with_its_size(depth_m):
-    """From the rim of the hole the frames still show a cell and a half beyond the margin."""
     holed = parsed(fence__holes=f"[{rectangle(30, 20, 70, 20 + depth_m)}]", fence__margin_m="10.0")
     cut_m2 = area_of(holed).cut_off_m2
     in_margin_m2 = (40 + 20) * (depth_m + 20)
@@ -276,7 +271,6 @@ def test_what_holes_cut_off_is_a_warning_with_its_size(depth_m):
 
 
 def test_a_wide_margin_cuts_off_a_rim():
-    """The box fills the fence; a frame shows six metres beyond a lane."""
     whole = {"search__box": rectangle(-30, -30, 130, 110)}
     narrow, wide = (area_of(parsed(**whole, fence__margin_m=m)) for m in ("2.0", "16.0"))
     assert narrow.cut_off_m2 < 0.02 * narrow.box_m2

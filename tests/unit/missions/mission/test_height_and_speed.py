@@ -79,7 +79,6 @@ def test_the_layers_of_a_team_lie_below_the_highest():
 def test_every_layer_is_as_fine_as_asked_for_and_below_the_ceiling(
     hfov_deg, width_px, cell_m, pixels, ceiling_m, size, layer_m
 ):
-    """And a tenth of a metre more would not be."""
     mission = parse_fields(
         text(
             flight__altitude_m="'auto'",
@@ -240,7 +239,6 @@ def test_where_no_cell_is_ever_whole_no_speed_is_slow_enough():
 def test_at_the_limit_every_cell_that_is_flown_over_has_its_frames(
     frames, interval_s, height_m, pose_m, off_m, phase, heading_deg
 ):
-    """Frame by frame over a line of cells, wherever the first one happens to be taken."""
     made = changed(
         PLAIN,
         votes={"frames": frames, "positive": 1},

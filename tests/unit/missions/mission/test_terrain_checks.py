@@ -134,7 +134,6 @@ def test_layers_by_themselves_keep_below_the_ceiling_over_the_highest_ground():
 
 
 def test_who_returns_above_the_highest_ground_is_expected_so_high_above_the_lowest():
-    """A return height is kept over a valley, too, and in the air of whoever flies there."""
     made = over(checked(text(vehicles=2)), slope(40.0, 0.0))
     high = made.model_copy(update={"flight": made.flight.model_copy(update={"altitude_m": 50.0})})
     setting = setting_of(high)

@@ -171,7 +171,6 @@ def test_a_ground_station_whose_clock_went_back_is_heard(monkeypatch):
 
 
 def test_a_member_that_is_resumed_is_not_called_home_by_the_word_that_it_has_obeyed():
-    """The others repeat the recall while they wait; "resume" is a later word than that."""
     again: list[Station] = []
 
     async def resumed(stations: list[Station]) -> None:
@@ -244,7 +243,6 @@ def test_what_is_on_its_way_is_not_told_again_and_what_was_lost_is():
 
 
 def test_what_was_lost_takes_half_of_the_room_while_there_is_news():
-    """Somebody who hears nothing of us would else have it all."""
     peer, known = Peer(0.0), Knowledge()
     telling = Telling(1, {2: peer})
     known.take(1, 0, facts(0, 60))

@@ -197,8 +197,6 @@ def test_air_that_a_member_holds_is_nobody_elses_and_facts_reach_all():
 
 
 def test_who_has_just_started_has_promised_nothing():
-    """Its vehicle may be in that air: it does not know yet what it does."""
-
     async def asked(says: bool) -> float:
         air = Air(LinkModel())
         minds = [Mind(number, air, random.Random(number)) for number in (1, 2, 3)]
@@ -221,8 +219,6 @@ def test_who_has_just_started_has_promised_nothing():
 
 
 def test_a_message_that_was_overtaken_opens_no_air():
-    """Its sender had not asked yet when it was sent; and its clock is an hour ahead of ours."""
-
     async def told() -> list[Asked]:
         ours, theirs, found = Seal(KEY, 1, 1), Seal(KEY, 2, 1), list[Event]()
         radio = Air(LinkModel()).radio(1, lambda: (GridPoint(0.0, 0.0), 0.0))

@@ -79,7 +79,6 @@ def test_of_ten_thousand_replayed_datagrams_none_is_taken():
 
 
 def test_an_earlier_flight_is_not_played_to_who_has_just_started():
-    """Recorded with the same key, questions and answers of that day among it."""
     one, other = Seal(KEY, 1, 5), Seal(KEY, 2, 5)
     recorded: list[bytes] = []
     for _ in range(3):

@@ -289,7 +289,6 @@ def test_folder_in_which_another_process_writes_is_left_alone(tmp_path):
 # --- a full disk -----------------------------------------------------------------------------
 @pytest.mark.parametrize("cuttable", [True, False])
 def test_full_disk_keeps_what_was_confirmed_and_goes_on_with_room(tmp_path, monkeypatch, cuttable):
-    """A write is cut in the middle of a line; the rest of it may stay where it is for a while."""
     events, path = some_events(50), tmp_path / "journal.jsonl"
     pwrite = os.pwrite
 
@@ -376,7 +375,6 @@ def _until_ended(told: IO[str]) -> Iterator[str]:
 
 @pytest.mark.parametrize("kilobytes", [1, 13, 33, 101])
 def test_file_system_that_takes_no_more(tmp_path, kilobytes, fill):
-    """No file may grow beyond so much; the second process finds it so, the third has room."""
     path, confirmed = tmp_path / "out" / "journal.jsonl", 0
     for _ in range(2):
         *numbers, last = fill(path, kilobytes * 1000)

@@ -178,7 +178,6 @@ def test_lines_that_do_not_belong_here_are_noticed(whole, tmp_path, change):
 
 
 def test_event_that_this_program_cannot_read(tmp_path, monkeypatch):
-    """Its checksum is right: another version wrote it. It is no torn line, also at the end."""
     with monkeypatch.context() as patch:
         patch.setattr(event_log, "to_json", lambda event: '{"kind":"from the future"}')
         path = write(tmp_path / "journal.jsonl", EVENTS[:1])
@@ -212,7 +211,6 @@ def test_second_damage_finds_another_name(whole, tmp_path):
 
 @pytest.mark.parametrize("steps", range(2))
 def test_interrupted_recovery_is_begun_anew(whole, tmp_path, steps, monkeypatch):
-    """Two files take their names one after the other; before each the process may die."""
     path = copied(whole, tmp_path / "interrupted")
     lines = lines_of(path)
     path.write_bytes(b"".join([*lines[:40], *lines[41:]]))

@@ -71,7 +71,6 @@ def test_a_list_of_poses_that_is_damaged_stops_no_resume(tmp_path):
 
 
 def test_the_last_room_on_the_disk_is_the_journals(tmp_path, monkeypatch):
-    """The mission goes on without keeping pictures: with a full journal it would end."""
     left = iter(range(ROOM_MIB * 2**20 + 100_000, 0, -20_000))  # each of them takes some
     monkeypatch.setattr(shutil, "disk_usage", lambda path: Usage(next(left)))
     said: list[str] = []

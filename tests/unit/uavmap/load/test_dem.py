@@ -164,8 +164,6 @@ def test_a_model_that_is_none_or_lies_nowhere_is_refused(tmp_path):
 
 
 def test_of_a_fine_model_means_are_read_and_no_more_than_is_needed(tmp_path, monkeypatch):
-    """A model of centimetres would not fit into memory, and its stones are no ground."""
-
     def stones(band):
         band[::2] += 0.6
         band[1::2] -= 0.6

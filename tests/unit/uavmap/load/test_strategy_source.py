@@ -41,10 +41,9 @@ def test_fly_and_resume_tell_it_once(strategy, compiled, told, tmp_path, monkeyp
     ("before", "remedy"), [("compiled", "install numba"), ("plain", "remove numba")]
 )
 @pytest.mark.parametrize(("strategy", "code"), [("swath", 2), ("rdfs", 3)])
-def test_resume_another_planner_is_refused_with_the_remedy(
+def test_resume_refuses_another_planner(
     strategy, code, before, remedy, tmp_path, monkeypatch, capsys
 ):
-    """Only where the paths come out otherwise, and not with --from-home."""
     here = {"compiled": "plain", "plain": "compiled"}[before]
     monkeypatch.setattr(flight.Flight, "run", lambda self: {"completed": False})
     monkeypatch.setattr(event_log, "planner", lambda: before)
@@ -85,7 +84,6 @@ def test_that_the_planner_is_compiled_now_is_told(strategy, kept, told, tmp_path
 
 @pytest.mark.skipif(not jit.COMPILED, reason="numba is not installed")
 def test_nothing_is_compiled_after_the_planner_was_got_ready(tmp_path):
-    """A flight in a process of its own: of each kernel there are as many forms as before it."""
     code = """if True:
         import sys
         from missions.planning.kernels import swath

@@ -92,9 +92,7 @@ def found(folder: Path) -> Iterator[tuple[AircraftProcess, socket.socket, socket
 
 @pytest.mark.parametrize("reset", [False, True])
 @by(in_real_time)
-async def test_aircraft_that_cannot_be_started_again_end_the_mission(
-    *, reset, tmp_path, monkeypatch
-):
+async def test_aircraft_that_cannot_restart_end_the_mission(*, reset, tmp_path, monkeypatch):
     starts = []
 
     def start(self: AircraftProcess) -> Attachment:
@@ -121,9 +119,7 @@ async def test_aircraft_that_cannot_be_started_again_end_the_mission(
 
 
 @by(in_real_time)
-async def test_a_process_that_nobody_waits_for_is_ended_while_it_is_connected_to(
-    tmp_path, monkeypatch
-):
+async def test_a_process_that_nobody_waits_for_is_ended(tmp_path, monkeypatch):
     connecting, ended = asyncio.Event(), asyncio.Event()
 
     async def hangs(**_: object) -> None:
@@ -184,7 +180,6 @@ async def test_aircraft_that_another_process_brings_home_are_not_said_to_be_left
 
 @by(in_real_time)
 async def test_aircraft_that_send_no_message_end_the_mission_which_says_so(tmp_path, monkeypatch):
-    """The mission connected again, and again, without a word."""
     monkeypatch.setattr(AircraftProcess, "_end_process", lambda self: None)
     with found(tmp_path) as (process, other, _):
         port = Mission().port
@@ -292,9 +287,7 @@ async def test_what_a_dead_mission_has_not_kept_is_written_down(tmp_path):
 
 @pytest.mark.parametrize("kept", [False, True])
 @by(in_real_time)
-async def test_what_a_mission_that_dies_after_the_end_has_not_kept_is_written_down(
-    *, kept, tmp_path
-):
+async def test_what_a_mission_that_dies_late_has_not_kept_is_recorded(*, kept, tmp_path):
     child = AircraftChild(plan(), tmp_path, 0.0, append=False)
     async with connected(child, child._token) as writer:
         child._send(say.Happened(FIRST, 1))
@@ -359,7 +352,6 @@ def test_a_record_goes_into_the_journal_once(tmp_path):
 
 @pytest.mark.parametrize("lives", [False, True])
 def test_a_silent_process_is_not_joined_by_a_second(*, lives, tmp_path, monkeypatch):
-    """A port of before may be anybody's now; a process that stands still has the vehicles yet."""
     monkeypatch.setattr(aircraft_takeover, "ATTACH_WALL_S", 0.2)
     with (
         listening() as (_, address),

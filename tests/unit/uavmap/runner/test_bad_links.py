@@ -52,7 +52,6 @@ def commands(flight: Flight, number: int) -> list[Any]:
 
 @by(on_virtual_time)
 async def test_a_stream_that_does_not_come_is_asked_for_again():
-    """Its acknowledgement may have been another's: they do not say what they are for."""
     wanted = mav.MAVLINK_MSG_ID_SYS_STATUS
 
     def dropped(message: Any) -> bool:
@@ -131,7 +130,6 @@ async def test_frames_that_are_late_by_seconds_are_no_vehicle_that_is_blown_away
 
 @by(on_virtual_time)
 async def test_who_was_left_in_the_air_is_brought_home_though_the_connection_fails():
-    """As after `uavmap resume` with a second vehicle that does not answer."""
     flight = Flight(small_mission())
     async with under_way(flight):
         await flight.after(TakeOff(UP_M), Airborne)

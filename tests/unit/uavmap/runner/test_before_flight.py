@@ -121,9 +121,7 @@ async def test_a_dry_run_sets_all_and_arms_nothing(field, /, vehicles, tmp_path)
     on_field,
     lambda autopilot: at_heights(with_receivers(mission_of(autopilot, 2), 0.0), (0.0, -6.0)),
 )
-async def test_return_heights_of_a_team_are_apart_whatever_the_heights_of_its_homes(
-    field, /, autopilot, tmp_path
-):
+async def test_return_heights_of_a_team_are_apart_whatever_its_homes(field, /, autopilot, tmp_path):
     """Layers above each own home put two of them, 6 m apart in height, into the same air."""
     views = [link.session.view for link in field.links]
     assert views[0].home_amsl_m - views[1].home_amsl_m == pytest.approx(6.0, abs=0.1)
@@ -244,9 +242,7 @@ def test_pad_heights_receivers_contradict_the_mission(autopilot, given_m, level,
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
-def test_pad_heights_receivers_that_err_by_metres_are_believed_within_their_errors(
-    autopilot, tmp_path
-):
+def test_pad_heights_receivers_are_believed_within_their_errors(autopilot, tmp_path):
     assert line_of(simulated(autopilot, 0.0, 3.0), 0.0, tmp_path).startswith("ok    2 ")
 
 

@@ -51,7 +51,6 @@ def test_a_strategy_that_says_what_is_wrong(monkeypatch):
 
 
 def test_a_strategy_with_a_defect(monkeypatch):
-    """It keeps its traceback, which is for whoever wrote it."""
     flight = flight_with(monkeypatch, raises(ZeroDivisionError("division by zero")))
     assert flight.code is None
     assert "ZeroDivisionError: division by zero" in flight.raised
@@ -67,7 +66,6 @@ def test_a_strategy_that_moves_where_nobody_can(monkeypatch):
 
 @pytest.mark.parametrize("says", [True, False], ids=["wait", "nothing"])
 def test_a_strategy_that_leaves_everybody_waiting(monkeypatch, says):
-    """Nobody hovers on, battery after battery."""
     flight = flight_with(monkeypatch, lambda s: Decision(dict.fromkeys(s.robots) if says else {}))
     assert flight.code == 3
     assert not flight.summary["completed"]

@@ -32,7 +32,6 @@ def steep() -> Mission:
 
 @by(fly, steep)
 async def test_a_long_leg_down_a_steep_slope_is_no_reason_to_fly_straight_over_a_hole(flight, /):
-    """Up and down it takes several times as long as on level ground: the guardian allows for it."""
     nearest_m: list[float] = []
     hole = Polygon([tuple(corner) for corner in HOUSE])
     await flight.after(TakeOff(UP_M), Airborne)

@@ -42,7 +42,6 @@ def numbers(value: object) -> list[float]:
 )
 @by(fly, small_mission)
 async def test_a_garbage_position_in_flight_is_not_believed(flight, /, lat, lon):
-    """One of the first, for a moment, made the journal unreadable and ended the program."""
     await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(FlyTo((GridPoint(30.0, 12.0),), None, True, UP_M))
     before = flight.session.view.gate.refused.total()
@@ -102,7 +101,6 @@ def test_two_thousand_forged_frames_in_a_flight(kind):
 
 
 def test_a_forger_feeds_what_he_is_asked_to():
-    """The flights above would show nothing if nothing were fed."""
     one, other = forging.Forger("poisoned", 1), forging.Forger("poisoned", 1)
     frames = [one.frame() for _ in range(200)]
     assert frames == [other.frame() for _ in range(200)]

@@ -76,9 +76,7 @@ def dry_run(field: Field, folder: Path) -> int:
     return not_flown(over.value)
 
 
-def test_dry_run_whose_settings_stay_is_no_success_and_resume_puts_them_back(
-    field, tmp_path, capsys
-):
+def test_dry_run_whose_settings_stay_fails_and_resume_puts_back(field, tmp_path, capsys):
     """A real PX4 kept the mission's fence after two of six dry runs; the remedy did not exist."""
     folder = tmp_path / "flight"
     field.put(0, "FENCE_ALT_MAX", 77.0)
@@ -115,7 +113,6 @@ def test_dry_run_that_put_all_back_leaves_no_folder(field, tmp_path):
 
 
 def test_resume_that_hears_nothing_names_where_the_aircraft_was_last(field, tmp_path):
-    """A real one hovered where a killed process left it, and nothing was said of the place."""
     home = GridPoint(0.0, 0.0)
     plan = FlightPlan.make(
         FlightOptions(mission_source="small", urls=(URL,)), field.setting.mission, 0.0

@@ -31,7 +31,6 @@ def gone_on_with(said):
 # --- the link ------------------------------------------------------------------------------------
 @both
 def test_answers_that_come_late(autopilot):
-    """Every command is repeated before its answer comes, the start of a series of pictures too."""
     late = {"kind": "link", "at_s": 0.0, "delay_s": 1.2}
     flight = scenario(autopilot, faults=[late])
     assert (flight.code, flight.kinds["order_failed"]) == (0, 0)
@@ -48,7 +47,6 @@ def test_a_link_that_is_gone_for_40_seconds_on_a_lane(autopilot):
 
 @both
 def test_the_vehicle_hears_nobody_for_30_seconds(autopilot):
-    """Its failsafe for the ground station flies it home, and nobody takes it back."""
     own = {
         "ardupilot": {"FS_GCS_ENABLE": 1, "SYSID_MYGCS": 245},
         "px4": {"NAV_DLL_ACT": 2},
@@ -156,7 +154,6 @@ def test_an_altitude_fence_below_the_layer(autopilot):
 
 
 def test_a_circular_fence_that_the_box_leaves():
-    """Its refusal is not explained by a text of long ago."""
     own = {"FENCE_ENABLE": 1, "FENCE_TYPE": 2, "FENCE_RADIUS": 12, "FENCE_ACTION": 1}
     flight = scenario("ardupilot", parameters=own)
     assert flight.code == 3
@@ -286,7 +283,6 @@ def test_a_home_far_from_the_mission_does_not_take_off():
 
 
 def test_a_forced_stop_of_the_motors_is_no_landing():
-    """As seen from the service: it is down, and is not waited for."""
     flight = scenario(
         "px4", once(flying, lambda v: None),
         once(after(3.0), lambda v: command(v, mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, 21196)),

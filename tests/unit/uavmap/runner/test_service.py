@@ -123,7 +123,6 @@ def test_stop_ends_the_flight_as_it_is(journal):
 
 
 def test_what_is_reported_while_an_order_is_given_is_taken_in_afterwards(journal):
-    """Nobody is called back in the middle of a report."""
     depth: list[int] = []
 
     class Eager(Played):
@@ -175,7 +174,6 @@ def test_a_journal_that_cannot_be_written_ends_the_mission(journal, monkeypatch,
 
 
 def test_what_is_reported_after_a_failure_is_kept_and_not_acted_on(journal, monkeypatch):
-    """The guardians bring everybody down: whoever resumes must know how that ended."""
     flying = Connected(1, 1.0, HOME, HOME, 12.0, True, True, 25.0)
     vehicle = Played((1.0, flying), (5.0, Tracked(1, 5.0, HOME, 12.0, 25.0)))
     service = service_of(journal, vehicle)

@@ -79,7 +79,6 @@ def serve(body: Body, folder: Path) -> None:
 @pytest.mark.parametrize("fetch_s", [0.0, 1.5, 2.5])
 @by(fly)
 async def test_pictures_that_are_fetched_slowly_are_judged_or_said_to_be_lost(flight, /, fetch_s):
-    """None of them is dropped at the end of a lane without a word."""
     announced: set[int] = set()
 
     async def slow(url: str) -> bytes:
@@ -105,9 +104,7 @@ async def test_pictures_that_are_fetched_slowly_are_judged_or_said_to_be_lost(fl
 
 
 @by(serve, lambda tmp_path: tmp_path)
-async def test_a_link_that_drops_during_a_landing_for_a_battery_costs_nothing(
-    flight, service, /, tmp_path
-):
+async def test_a_link_that_drops_during_a_landing_costs_nothing(flight, service, /, tmp_path):
     def vehicle() -> Any:
         return service.state.vehicles[1]
 
@@ -131,10 +128,7 @@ async def test_a_link_that_drops_during_a_landing_for_a_battery_costs_nothing(
 @pytest.mark.parametrize("mode", [Mode.STABILIZE, Mode.LOITER])
 @pytest.mark.parametrize("arms", [True, False])
 @by(serve, lambda tmp_path: tmp_path)
-async def test_a_pilot_who_turns_the_switch_on_the_ground_has_the_last_word(
-    flight, service, /, mode, arms, tmp_path
-):
-    """Before the first take-off, also back to the mode in which it stood, while it is armed."""
+async def test_a_pilot_on_the_ground_has_the_last_word(flight, service, /, mode, arms, tmp_path):
     if not arms:
         flight.vehicle.fail.reject(command=mav.MAV_CMD_COMPONENT_ARM_DISARM)
     await flight.until(lambda: flight.session.view.mode == Mode.GUIDED, 20.0)
@@ -188,7 +182,7 @@ def test_what_a_leaning_camera_shows_beside_its_lane_is_no_search_of_it():
 
 
 @by(serve, lambda tmp_path: tmp_path)
-async def test_answers_of_the_camera_that_are_lost_for_6_seconds_cost_no_vehicle(
+async def test_camera_answers_that_are_lost_for_6_seconds_cost_nothing(
     flight, service, /, tmp_path
 ):
     def heard(message: Any) -> bool:
@@ -209,7 +203,6 @@ async def test_answers_of_the_camera_that_are_lost_for_6_seconds_cost_no_vehicle
 
 @by(fly)
 async def test_two_links_that_hear_one_aircraft_are_refused(flight, /):
-    """As behind a router that forwards everything."""
     second = Session(lambda frame: None, lambda frame: None)
 
     def forwarded(message: Any) -> bool:
@@ -229,7 +222,6 @@ async def test_two_links_that_hear_one_aircraft_are_refused(flight, /):
 
 @by(fly)
 async def test_a_vehicle_tells_how_high_its_home_is(flight, /):
-    """Layers are level by it where homes are not."""
     await flight.sees(Connected)
     (connected,) = flight.seen(Connected)
     assert connected.home_amsl_m == pytest.approx(flight.session.view.home_amsl_m, abs=0.1)

@@ -86,7 +86,6 @@ async def test_a_px4_flies_at_its_height_although_its_home_moves(flight, /):
 
 @by(fly, lambda: on("px4"))
 async def test_a_picture_of_a_px4_is_where_its_height_by_the_sea_says(flight, /):
-    """The camera tells both heights; the one above a home that moves would bend the map."""
     shot = {}
 
     def listen(message):

@@ -325,7 +325,6 @@ def test_one_of_several_areas_is_chosen_and_all_are_enclosed(tmp_path):
 
 
 def test_what_is_kept_out_of_is_cut_to_the_fence(tmp_path):
-    """A hole across the edge of the fence would be none."""
     road = [(x + 0.001, y) for x, y in files.POND[:2]] + [(13.31, 52.4566), (13.31, 52.4563)]
     shapes = feature(name="field"), feature(road, name="keep-out road")
     drawing = read_area_file(str(saved(tmp_path, "a.geojson", collection(*shapes))))
@@ -374,7 +373,6 @@ def test_a_geopackage_that_is_open_elsewhere(tmp_path):
 
 
 def test_a_shapefile_whose_rings_turn_the_wrong_way(tmp_path, capfd, caplog):
-    """Old tools write them so; the reader's warnings are not for users."""
     buffer = {suffix: io.BytesIO() for suffix in ("shp", "shx", "dbf")}
     with shapefile.Writer(**buffer, shapeType=5) as writer:
         writer.field("Name", "C", 40)
@@ -387,7 +385,6 @@ def test_a_shapefile_whose_rings_turn_the_wrong_way(tmp_path, capfd, caplog):
 
 
 def test_no_byte_of_a_shapefile_is_trusted():
-    """Whatever byte is wrong, there are shapes or a line, and nothing else."""
     parts = files.shapefile("shapefile_with_hole")
     for suffix in ("shp", "dbf"):
         for place in range(0, len(parts[suffix]), 5):

@@ -148,7 +148,6 @@ def test_ways_that_are_left_out_are_told(tmp_path):
 
 
 def test_a_way_that_crosses_itself_all_over_costs_nothing(tmp_path):
-    """Every line of it crosses nearly every other; nobody looks for the loops of that."""
     star = [(13.0 + k * 97 % 151 / 1e4, 52.0 + k * 61 % 149 / 1e4) for k in range(150)]
     drawing = read_area_file(str(saved(tmp_path, "a.gpx", gpx(tracks={"w": [*star, star[0]]}))))
     assert drawing.notices == ()

@@ -76,7 +76,6 @@ def test_a_key_that_waits_is_forgotten():
 
 @pytest.mark.parametrize("question", ["r", "q", "k"])
 def test_enter_answers_the_question_that_was_asked_last(question):
-    """Who is asked for a number and presses Enter has not said that anybody may take off."""
     keys = Keys(steered())
     assert not keys.press("\n")
     keys.press(question)

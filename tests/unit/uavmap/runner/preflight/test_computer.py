@@ -83,7 +83,6 @@ def test_time_of_a_frame_holds_all_that_is_done_with_it(monkeypatch):
 
 
 def test_pictures_for_it_are_evidence_to_the_mission(monkeypatch):
-    """A picture that is refused at once would cost no time."""
     one = computer_check._picture((160, 120), 1)
     monkeypatch.setattr(computer_check, "_picture", lambda size_px, seed: one)
     with pytest.raises(ImageError):

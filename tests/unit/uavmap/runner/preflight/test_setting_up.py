@@ -42,9 +42,7 @@ def texts(found: list[Finding], level: Level = Level.BAD) -> list[str]:
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(on_field, mission_of)
-async def test_the_fence_is_set_around_the_mission_and_all_is_put_back(
-    field, /, autopilot, tmp_path
-):
+async def test_the_fence_is_set_around_the_mission_and_put_back(field, /, autopilot, tmp_path):
     transfer = MissionTransfer(field.links[0].session)
     await transfer.upload(Kind.FENCE, OLD)
     await transfer.upload(Kind.RALLY, OLD_RALLY)
@@ -97,9 +95,7 @@ async def test_in_a_team_each_returns_in_its_own_layer(field, /, autopilot, tmp_
 
 
 @by(on_field, lambda: parse_mission(field_text(), "field"))
-async def test_a_member_of_a_fleet_is_told_whose_air_its_autopilot_does_not_know(
-    field, /, tmp_path
-):
+async def test_a_member_is_told_whose_air_its_autopilot_does_not_know(field, /, tmp_path):
     field.setting = setting_of(field.setting.mission, 2)
     (line,) = texts(await field.setup(2, tmp_path).apply(), Level.WARN)
     assert "fence: the air over the pads of vehicles 1, 3 is narrower than 32 m" in line
@@ -107,9 +103,7 @@ async def test_a_member_of_a_fleet_is_told_whose_air_its_autopilot_does_not_know
 
 
 @by(on_field, lambda: mission_of("ardupilot"))
-async def test_a_computer_that_died_in_between_does_not_take_ours_for_the_pilots(
-    field, /, tmp_path
-):
+async def test_a_computer_that_died_does_not_take_ours_for_the_pilots(field, /, tmp_path):
     field.put(0, "FENCE_ALT_MAX", 77.0)
     assert could_fly(await field.setup(1, tmp_path).apply())
     assert field.parameter(0, "FENCE_ALT_MAX") == 25.0
@@ -135,7 +129,6 @@ async def test_guid_timeout_of_a_killed_flight_is_put_back_by_resume(field, /, t
 
 @by(on_field, lambda: mission_of("ardupilot"))
 async def test_guid_timeout_is_put_back_where_the_fence_is_kept(field, /, tmp_path):
-    """Its owner's fence is saved later, when the flight goes on without --keep-fence."""
     await MissionTransfer(field.links[0].session).upload(Kind.FENCE, OLD)
     setup = field.setup(1, tmp_path)
     await setup.save_timeout()
@@ -156,7 +149,6 @@ def has_uid(field: Field, number: int) -> None:
 
 
 def test_another_aircraft_keeps_its_own_settings(tmp_path):
-    """One crashes and keeps the mission's fence; a spare flies on in its place."""
     mission, names = mission_of("ardupilot"), ("FENCE_ENABLE", "RTL_ALT", "FENCE_ALT_MAX")
 
     async def crashes(field: Field) -> None:
@@ -203,7 +195,6 @@ async def test_nothing_is_put_back_under_a_vehicle_that_is_armed(field, /, tmp_p
 
 @by(on_field, lambda: mission_of("ardupilot"))
 async def test_restore_motors_off_and_no_landing_reported_leaves_the_settings(field, /, tmp_path):
-    """So it is after a disarm by force in the air."""
     setup = field.setup(1, tmp_path)
     assert could_fly(await setup.apply())
     view = field.links[0].session.view
@@ -278,9 +269,7 @@ UP_M = 12.0
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(fly, mission_of)
-async def test_a_storm_ends_on_the_ground_as_near_as_without_a_fence(
-    flight, /, autopilot, tmp_path
-):
+async def test_a_storm_ends_as_near_as_without_a_fence(flight, /, autopilot, tmp_path):
     """With targets refused outside of its fence an ArduCopter came down 175 m outside."""
     outside_m: list[float] = []
     setup = AutopilotSetup(1, flight.session, flight.setting, tmp_path)
@@ -300,9 +289,7 @@ async def test_a_storm_ends_on_the_ground_as_near_as_without_a_fence(
 
 @pytest.mark.parametrize("autopilot", BOTH)
 @by(fly, mission_of)
-async def test_a_flight_along_the_margin_never_touches_the_autopilots_fence(
-    flight, /, autopilot, tmp_path
-):
+async def test_a_flight_along_the_margin_touches_no_fence(flight, /, autopilot, tmp_path):
     setup = AutopilotSetup(1, flight.session, flight.setting, tmp_path)
     await asyncio.sleep(8.0)
     assert could_fly(await setup.apply())
