@@ -36,7 +36,7 @@ class Connected(OfVehicle):
     height_m: float
     airborne: bool
     ours: bool
-    """Whether the vehicle is in the mode in which it follows our commands."""
+    """Whether its mode follows our commands."""
     remaining_wh: float
     kind: Literal["connected"] = "connected"
     home_amsl_m: float | None = None
@@ -311,7 +311,6 @@ VehicleEvent = (
 )
 Event = VehicleEvent | Recalled | Paused | Continued | Resumed
 AnyEvent = Annotated[Event, Field(discriminator="kind")]
-"""An event, by its kind."""
 
 _ADAPTER: TypeAdapter[Event] = TypeAdapter(AnyEvent)
 _MAY_OVERFLOW: Final = re.compile(r"NaN|Infinity|\d[eE]\+?\d{2}|\d{300}")

@@ -116,4 +116,3 @@ Order = Annotated[
     | StandDown,
     Field(discriminator="kind"),
 ]
-"""An order, by its kind."""

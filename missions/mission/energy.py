@@ -6,19 +6,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 LANDING_SPEED_M_S = 0.5
-"""ArduCopter's final descent rate, taken for the whole descent where no other is told."""
+"""ArduCopter's final descent rate, m/s, taken for the whole descent where no other is given."""
 FINAL_M = 10.0
-"""From this height on a landing is slow, whatever the descent before: ArduCopter's LAND_ALT_LOW
-and PX4's MPC_LAND_ALT1."""
+"""Height below which a landing is slow: ArduCopter's LAND_ALT_LOW and PX4's MPC_LAND_ALT1, m."""
 CLIMB_SPEED_M_S = 1.5
 LANDING_OVERHEAD_S = 12.0
 """Braking, turning, and touch-down detection."""
 CLIMB_OVERHEAD_S = 5.0
 """Arming, spinning up, and levelling out at the top."""
 AIRSPEED_LIMIT_M_S = 12.0
-"""What a mapping multicopter can hold; ArduCopter's tilt limit allows more to most."""
+"""Airspeed that a mapping multicopter can hold; ArduCopter's tilt limit allows more to most."""
 LEAST_HEADWAY_M_S = 0.5
-"""A vehicle must be able to come home faster than this against the wind."""
+"""Least speed over ground with which a vehicle must come home against the wind."""
 NOMINAL_MARGIN = 1.15
 """Flying draws more than hovering."""
 MEASURED_MARGIN = 1.1

@@ -32,7 +32,7 @@ from missions.planning.search.lanes import LANE_CELLS, Lane, lanes
 from missions.units import GridPoint
 
 SEEN_SHARE = 0.9
-"""A frame judges a cell of which it shows at least this part."""
+"""Least part of a cell that a frame must show to judge it."""
 POSITION_ERROR_M = 0.8
 """Distance of a look from the middle of its cell: 0.7 m at arrival, and some wavering."""
 SETTLING_S = 2.0

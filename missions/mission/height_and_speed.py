@@ -128,13 +128,10 @@ class SpeedLimits:
     """The limits of the speed over ground at one height, all in m/s and at least 0."""
 
     flight_m_s: float
-    """By `flight.speed_m_s`."""
     blur_m_s: float
-    """By `camera.max_blur_px`."""
     frames_m_s: float
     """For a cell to be wholly in `votes.frames` frames."""
     headway_m_s: float
-    """What `flight.max_airspeed_m_s` leaves against `wind.speed_m_s`."""
     climb_m_s: float = math.inf
     """Where vehicles climb and descend as fast as the steepest ground does."""
 
@@ -255,7 +252,7 @@ def picture_warnings(mission: Mission) -> Iterator[str]:
 STEEPEST: Final = 0.6
 """Steeper ground is not followed: targets on it would lie less than two metres apart."""
 WORTH_TELLING: Final = 0.1
-"""Cells that would be off by so much of their edge, were the ground taken as flat."""
+"""Error of cells, by their edge, were the ground taken as flat, from which on a warning is due."""
 
 
 def terrain_faults(mission: Mission, grid: Grid) -> Iterator[str]:

@@ -19,7 +19,7 @@ from missions.planning.search.prior import Area, Spot
 from missions.units import GridPoint, LatLon
 
 SMALLEST_GAP_M = 8.0
-"""Vehicles in a row stand at least this far apart: room for a person to swap a battery."""
+"""Least gap between vehicles in a row: room for a person to swap a battery."""
 
 
 def homes(mission: Mission) -> tuple[LatLon, ...]:
@@ -52,14 +52,14 @@ def home_heights_m(mission: Mission) -> tuple[float, ...]:
 
 
 FARTHEST_M = 50_000.0
-"""No place of a mission lies farther from its start: nothing here flies that far."""
+"""Largest distance of a place from its mission's start."""
 
 FAR_M = 2000.0
-"""A home this far from the box is asked about: nobody sees a vehicle from there."""
+"""Distance from the box from which on a home is asked about: a vehicle is not seen from there."""
 
 _SMALLEST_AREA_M2 = 0.01
 _TOUCH_M = 0.01
-"""A box may share an edge with the fence: decimals in the file are coarser than this."""
+"""Tolerance where a box shares an edge with the fence: decimals in the file are coarser."""
 
 
 def _rings(mission: Mission) -> Iterator[tuple[str, tuple[Vertex, ...]]]:
@@ -231,7 +231,7 @@ def far_homes(mission: Mission, grid: Grid) -> Iterator[str]:
 
 # --- the prior -------------------------------------------------------------------------------
 FARTHEST_SPREADS: Final = 3.0
-"""A point so many spreads from the box says next to nothing of what is in it."""
+"""Distance from the box, in spreads, from which on a point says next to nothing of it."""
 
 
 def prior_of(mission: Mission, grid: Grid) -> tuple[Spot | Area, ...]:

@@ -1,4 +1,4 @@
-"""The mission file: TOML in, a `Mission` out.
+"""The mission file: TOML in, a `Mission` out. docs/missions.md says what each key means.
 
 Unknown keys are errors, and every message names the file, the key, the value and what was expected.
 Checks that need geometry are in `missions.mission.checks`; `parse_mission` runs both. Defaults are
@@ -70,9 +70,8 @@ class Fence(Section):
     polygon: Ring
     holes: tuple[Ring, ...] = ()
     margin_m: NotNegative = 2.0
-    """Legs are planned this far inside of the fence."""
     ceiling_m: Annotated[Number, Field(gt=0, le=1000)] = 120.0
-    """No layer is higher above the start; the default is the limit of most countries."""
+    """The default is the limit of most countries."""
 
 
 class GridSection(Section):
@@ -85,23 +84,17 @@ class Flight(Section):
     """How the vehicles fly. `speed_m_s` is over ground."""
 
     altitude_m: Altitude = 12.0
-    """Of the lowest layer, above the start. "auto": so that the highest layer is as high as
-    `camera.pixels_per_cell` and `fence.ceiling_m` allow (`Mission.altitude_m`)."""
     height_above: Literal["home", "ground"] = "home"
-    """What `altitude_m` is above: the start, or the ground below (`terrain`)."""
     speed_m_s: Annotated[Number, Field(gt=0, le=30)] = 1.0
     settle_m_s: Positive = 0.5
-    """A frame is taken once the vehicle is slower than this."""
     max_airspeed_m_s: Annotated[Number, Field(gt=0, le=60)] = 12.0
-    """What the airframe can hold against the wind."""
     accel_m_s2: Annotated[Number, Field(ge=0.5, le=5)] = 2.0
-    """Along and across paths that are flown without stopping."""
     climb_m_s: Annotated[Number, Field(ge=0.5, le=10)] | None = None
-    """What the autopilot is set to climb at: ArduPilot's WPNAV_SPEED_UP, PX4's MPC_Z_V_AUTO_UP.
-    Without it the way is reckoned at 1.5 m/s, less than either climbs at by default."""
+    """ArduPilot's WPNAV_SPEED_UP, PX4's MPC_Z_V_AUTO_UP; without it reckoned at 1.5 m/s, less than
+    either."""
     descent_m_s: Annotated[Number, Field(ge=0.5, le=5)] | None = None
-    """What the autopilot is set to descend at, down to 10 m: WPNAV_SPEED_DN, MPC_Z_V_AUTO_DN.
-    Without it a whole landing is reckoned at the 0.5 m/s of its end."""
+    """WPNAV_SPEED_DN, MPC_Z_V_AUTO_DN; without it a whole landing is reckoned at the 0.5 m/s of its
+    end."""
 
 
 class CameraSection(Section):
@@ -112,32 +105,27 @@ class CameraSection(Section):
     height_px: Annotated[Count, Field(ge=16, le=20000)] = 480
     mounting: Literal["fixed", "gimbal"] = "fixed"
     yaw_deg: Annotated[Number, Field(ge=-360, le=360)] = 0.0
-    """Bearing of the picture's upper edge relative to the nose."""
     pitch_deg: Annotated[Number, Field(ge=-45, le=45)] = 0.0
     roll_deg: Annotated[Number, Field(ge=-45, le=45)] = 0.0
-    """The plate under the aircraft that it is bolted to: by so much it looks forward (pitch) and to
-    the left (roll) of straight down. For a camera that does not tell its attitude."""
+    """For a camera that does not report its attitude: how it is bolted to the aircraft."""
     latency_s: Annotated[Number, Field(ge=-1, le=10)] = 0.0
-    """From the exposure until a picture of a stream or a folder is there."""
     interval_s: Annotated[Number, Field(gt=0, le=60)] = 1.0
     """Time between two frames of a cell."""
     pixels_per_cell: Positive = 80.0
-    """How many pixels the edge of a cell must have for the detector, from the highest layer."""
+    """From the highest layer."""
     pose_error_m: NotNegative = 0.5
-    """How far off its place on the ground the rim of a picture may be. Frames that judge all they
-    show (`detector.view`) leave out the cells that come nearer than this to the rim."""
+    """Frames that judge all they show (`detector.view`) leave out cells nearer than this to the
+    rim."""
     exposure_s: Annotated[Number, Field(gt=0, le=1)] = 0.002
-    """How long the shutter is open; the default is 1/500 s, for daylight."""
+    """The default is 1/500 s, for daylight."""
     max_blur_px: Positive = 1.5
-    """What the motion of the vehicle may blur a picture by that still is evidence: it spreads the
-    border of the ROI over so many pixels, which the detector's dilations must be well above."""
+    """So many pixels of the ROI's border are blurred: the detector's dilations must be well
+    above."""
     hosts: tuple[HostName, ...] = ()
-    """From where pictures may be fetched, besides the host at the other end of the link."""
     calibration: Annotated[str, Field(strict=True, min_length=1, max_length=4096)] | None = None
-    """OpenCV's calibration of the camera, a file beside the mission file. It is for recorded
-    pictures (`uavmap replay`, `uavmap look`); a flight reckons with `hfov_deg`."""
+    """For recorded pictures (`uavmap replay`, `uavmap look`); a flight reckons with `hfov_deg`."""
     noiseless: bool = False
-    """Only for a simulated camera without noise: accept pictures that are uniform or repeat."""
+    """Accept pictures that are uniform or repeat."""
 
     @property
     def optics(self) -> Optics:
@@ -162,18 +150,15 @@ class NavigationSection(Section):
     """What happens when satellites do not say where a vehicle is, or do not tell the truth."""
 
     gnss_loss: Literal["map", "leapfrog", "rtl", "land"] = "rtl"
-    """Lost in flight: go on by the map that its own pictures make, or by what two vehicles see of
-    each other (strategy "leapfrog"); return or land by the autopilot. The autopilot's own failsafe
-    has the last word."""
+    """On loss in flight: go on by the vehicle's own map, or by what two vehicles see of each other
+    (strategy "leapfrog"); return or land by the autopilot, whose own failsafe has the last word."""
     watch: Annotated[bool, Field(strict=True)] | None = None
-    """Whether pictures are held against each other and against positions, so that a position that
-    lies is noticed. Left out: with `gnss_loss = "map"`."""
+    """Whether a false position is noticed, by pictures; by default with `gnss_loss = "map"`."""
     tolerated_m: Positive = 0.6
-    """So far satellites and pictures may disagree beyond what chance explains."""
+    """Beyond what chance explains."""
     tag_m: Annotated[Number, Field(gt=0, le=5)] = 0.4
-    """Side of the black square of the marker on the mapper's top (strategy "leapfrog")."""
+    """Of the black square on its top (strategy "leapfrog")."""
     tag_dictionary: TagDictionary = "DICT_4X4_50"
-    """Of OpenCV's ArUco module; the marker's number is that of its vehicle, 1."""
 
     @property
     def watches(self) -> bool:
@@ -186,13 +171,12 @@ class VehicleSection(Section):
 
     url: str | None = None
     camera: str | None = None
-    """As `uavmap fly --camera`; not for a simulated flight, whose cameras are simulated, too."""
+    """Not for a simulated flight, whose cameras are simulated as well."""
     home: Vertex | None = None
     home_height_m: Annotated[Number, Field(ge=-1000, le=1000)] | None = None
-    """Height of its home above the start. Without it from `terrain.dem`; without that, 0."""
     layer: Annotated[Count, Field(ge=0)] | None = None
-    """Its layer, from 0, the lowest. Without it each vehicle has its own, in their order. Vehicles
-    that share one wait where they would come near each other: for those that work far apart."""
+    """By default each vehicle has its own, in their order. Vehicles that share one wait for each
+    other."""
 
 
 class Mission(Section):

@@ -208,9 +208,9 @@ class TerrainSection(Section):
     """Where the heights of the ground come from: a digital elevation model, or the autopilot."""
 
     dem: Annotated[Lattice | None, BeforeValidator(_lattice)] = None
-    """The path of a GeoTIFF, relative to the mission file; what is kept of it is a lattice."""
+    """What is kept of the file is a lattice."""
     source: Literal["autopilot"] | None = None
-    """The autopilot's own terrain database, which is asked before take-off."""
+    """Asked before take-off."""
 
     @model_validator(mode="after")
     def _one(self) -> TerrainSection:
@@ -245,12 +245,9 @@ class PriorPlace(Section):
 
     position: Vertex | None = None
     spread_m: Positive | None = None
-    """Standard deviation around `position`; without it half of the box's shorter side."""
     polygon: Ring | None = None
     holes: tuple[Ring, ...] = ()
-    """Of the polygon."""
     weight: Positive = 1.0
-    """How probable it is, beside the other places."""
 
     @model_validator(mode="after")
     def _one_shape(self) -> PriorPlace:
@@ -286,20 +283,19 @@ class Search(Section):
         Field(min_length=1, max_length=MAX_PRIOR_PLACES),
         BeforeValidator(_prior_places),
     ] = ()
-    """Orders the lanes so that the ROI is expected to be seen soonest. Without it they are flown
-    one beside the other."""
+    """Orders the lanes so that the ROI is expected to be seen soonest; else they are side by
+    side."""
     find: Literal["first", "all"] = "first"
-    """"first": the search ends where the ROI is seen first, and what hangs together with that is
-    mapped. "all": the whole box is seen, and every patch of the ROI that begins in it is mapped
-    (strategy "swath")."""
+    """"first": the search ends where the ROI is seen, and what is connected with that is mapped.
+    "all": the whole box is seen, and every patch of the ROI that begins in it is mapped
+    ("swath")."""
     altitude_m: Altitude | None = None
-    """Of the lowest layer of the search, above the start; without it that of the map. "auto": as
-    high as `search.pixels_per_cell` and `fence.ceiling_m` allow."""
+    """Above the start; by default that of the map. "auto": as high as `search.pixels_per_cell` and
+    `fence.ceiling_m` allow."""
     pixels_per_cell: Positive = 20.0
-    """What the edge of a cell must have for a suspicion, where the search has layers of its own."""
     layer_m: NotNegative | None = None
-    """Height between two layers of the search; without it `team.layer_m`. 0: all search in one, as
-    high as any of them; who would come near another one waits."""
+    """By default `team.layer_m`. 0: all in one layer, as high as any; vehicles wait for each
+    other."""
 
 
 class Votes(Section):
@@ -308,9 +304,8 @@ class Votes(Section):
     frames: Annotated[Count, Field(ge=1, le=100)] = 5
     positive: Annotated[Count, Field(ge=1, le=100)] = 3
     recorded: Literal["evidence", "count"] | None = None
-    """How recorded pictures decide on a cell. `evidence`: by the mean of what all of them saw,
-    weighed; `count`: by the first `frames`, as in the paper and in every flight. Left out: by
-    evidence under the view "all", by counting under "cross"."""
+    """`evidence`: by the weighed mean of all frames; `count`: by the first `frames`, as in every
+    flight. By default by evidence under the view "all", by counting under "cross"."""
 
     @model_validator(mode="after")
     def _enough_frames(self) -> Votes:
@@ -345,6 +340,4 @@ class Team(Section):
     """How several vehicles keep apart: a layer of height each."""
 
     separation_m: Positive = 4.0
-    """Two airborne vehicles are never nearer than this."""
     layer_m: Positive = 6.0
-    """Height between two layers; more than `separation_m`, for what the vehicles waver."""

@@ -1,4 +1,5 @@
-"""The tables of a mission file that only the simulator reads: the true region, what goes wrong."""
+"""The tables of a mission file that only the simulator reads; docs/missions.md explains each
+key."""
 
 from __future__ import annotations
 
@@ -30,11 +31,9 @@ class SimFault(Section):
     """Something that goes wrong in the simulation; the kinds are those of `sitl.faults.faults`."""
 
     vehicle: Annotated[Count, Field(ge=1, le=50)] = 1
-    """Which vehicle, from 1; nothing happens where it does not fly."""
+    """Nothing happens where it does not fly."""
     at_s: NotNegative
-    """When, on the mission's time."""
     for_s: Positive | None = None
-    """How long; without it, to the end."""
     kind: Literal[
         "gps", "gps_glitch", "gps_drift", "battery_sag", "battery_cell", "compass", "wind_gust",
         "motor", "camera_stall", "camera_black", "camera_corrupt", "reject", "rc", "link",
@@ -96,13 +95,9 @@ class SimTerrain(Section):
 
     slope_percent: Annotated[Number, Field(ge=0, le=60)] = 0.0
     rises_toward_deg: Number = 0.0
-    """The true bearing that the slope rises towards."""
     hills_m: Annotated[Number, Field(ge=0, le=300)] = 0.0
-    """From the deepest valley to the highest top at most."""
     hills_length_m: Annotated[Number, Field(ge=20, le=10000)] = 150.0
-    """From one hill to the next, at least."""
     seed: Annotated[Count, Field(ge=0)] = 0
-    """Which hills."""
 
 
 class SimQuirks(Section):
@@ -124,7 +119,6 @@ class Sim(Section):
     """The world that `--sim` and `uavmap sitl` fly in; the mission itself never reads it."""
 
     autopilot: Literal["ardupilot", "px4"] = "ardupilot"
-    """Whose behaviour the simulated vehicles have."""
     roi: tuple[SimRegion, ...] = ()
     roi_intensity: Annotated[Count, Field(ge=0, le=255)] = 85
     ground_intensity: Annotated[Count, Field(ge=0, le=255)] = 190
@@ -135,21 +129,14 @@ class Sim(Section):
     gps_sigma_m: NotNegative = 0.3
     gps_tau_s: Positive = 60.0
     optical_flow: bool = False
-    """Whether it flies on by optical flow where satellites are lost."""
     odometry_drift: Annotated[Number, Field(ge=0, le=0.5)] = 0.02
-    """Share of the distance flown over ground that the position by optical flow errs by."""
     swap_s: NotNegative = 60.0
-    """How long the ground crew needs for a battery swap."""
     tag_m: Annotated[Number, Field(ge=0, le=5)] | None = None
-    """Side of the marker's black square on each vehicle's top, for a camera above; 0: none. Left
-    out: `navigation.tag_m` in a leapfrog, and none otherwise."""
+    """By default `navigation.tag_m` in a leapfrog, and none otherwise."""
     tag_dictionary: TagDictionary | None = None
-    """Of OpenCV's ArUco module; a marker's number is that of its vehicle. Left out:
-    `navigation.tag_dictionary`."""
+    """By default `navigation.tag_dictionary`."""
     terrain: SimTerrain | None = None
-    """Without it the ground is that of `terrain.dem`, or level where there is none."""
+    """Without it the ground is that of `terrain.dem`, or level."""
     quirks: SimQuirks = SimQuirks()
     parameters: Mapping[str, Number] = Field(default_factory=dict)
-    """Of the simulated autopilot, by name: what its owner has set."""
     faults: tuple[SimFault, ...] = ()
-    """What goes wrong, and when."""

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 _REMEMBERED: Final = 4096
-"""So many bytes of what it complains of are kept."""
+"""Bytes of its standard error that are kept."""
 
 
 class Child:

@@ -19,7 +19,7 @@ from uavmap.base.printable import printable
 
 MAX_PICTURE_BYTES: Final = 64 * 2**20
 MAX_PIXELS: Final = 100_000_000
-"""Decoded, a picture of so many takes some 600 MB for a moment."""
+"""Largest picture that is decoded, which takes some 600 MB for a moment."""
 
 _FORMATS = ("JPEG", "PNG")  # JPEG takes in MPO: with a preview behind it, as cameras write
 

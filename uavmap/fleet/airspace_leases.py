@@ -20,7 +20,7 @@ from uavmap.fleet.codec import Ask
 from uavmap.fleet.peer import Peer
 
 MOST_ASK_S: Final = 600.0
-"""Nobody needs air for longer, and nobody keeps out of it for longer."""
+"""Longest time for which airspace is asked for, or kept out of."""
 
 
 class AirspaceLeases:

@@ -21,7 +21,7 @@ Does = Literal["stands", "flies", "returns", "pilot", "guarded", "ended", "down"
 DOES: Final[tuple[Does, ...]] = get_args(Does)
 STEP_M: Final = 0.5
 PART_M: Final = 4.0
-"""Places to see something from are told to such steps: a step of up to 250 m is one byte."""
+"""Resolution of observation points: a step of up to 250 m is one byte."""
 MOST_BYTES: Final = 1 << 20
 _MOST: Final = 10_000
 

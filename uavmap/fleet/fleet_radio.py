@@ -136,9 +136,9 @@ def _endpoints(network: FleetNetwork) -> tuple[list[FleetEndpoint], ZenohLinks]:
 
 # --- the talk ------------------------------------------------------------------------------------
 LINGER_S: Final = 600.0
-"""So long after its landing a member waits for others that still fly."""
+"""Time after its landing that a member waits for others that still fly..."""
 LINGER_APART_S: Final = 120.0
-"""... and so long for those of them that are out of contact."""
+"""... and for those of them that are out of contact."""
 
 
 @contextlib.asynccontextmanager

@@ -15,9 +15,9 @@ from typing import Final, NamedTuple
 from missions.fleet_events import Fact
 
 MOST_BEYOND: Final = 5_000
-"""So far beyond the first that is missing a fact may be; it is told again later."""
+"""Number of facts beyond the first missing one above which a fact is not taken; it comes again."""
 MOST_RUNS: Final = 3
-"""So many runs beyond the first that is missing are told."""
+"""Number of runs beyond the first missing fact that are sent."""
 
 
 class Run(NamedTuple):

@@ -41,23 +41,23 @@ from uavmap.fleet.sealing import CODE_BYTES, Seal
 
 BEAT_S: Final = 2.0
 QUIET_S: Final = 6.0
-"""So long a member is silent at most while it saves bytes for what it has to tell."""
+"""Longest silence of a member that saves bytes for what it has to send."""
 HAVE_EVERY: Final = 2
-"""Every so many messages tell what the sender knows."""
+"""Messages from one that holds what the sender knows to the next."""
 APART_S: Final = 12.0
-"""Who was not heard for so long is out of contact."""
+"""Silence after which a member is out of contact."""
 BYTES_A_MINUTE: Final = 4_500
-"""What a member may send, headers included: 5 kB is what a narrow radio has for each."""
+"""Budget of a member, headers included: a narrow radio has 5 kB for each."""
 BURST_BYTES: Final = 2_000
-"""So much may be saved up: who comes back into contact has much to tell."""
+"""Largest budget that is saved up, for a member that comes back into contact."""
 MOST_BYTES: Final = 900
 """Of facts in a datagram, which stays below what any network carries whole."""
 HEADER_BYTES: Final = CODE_BYTES + 12
 """Of a seal."""
 PARTS_EVERY_S: Final = 6.0
-"""Who maps what is told at most so often."""
+"""Shortest time between two messages that hold who maps what."""
 SOON_S: Final = 0.5
-"""What somebody waits for is said at most so often."""
+"""Shortest time between urgent messages."""
 
 
 _OF_ALL: Final[Mapping[Order, type[Recalled | Paused | Continued]]] = {

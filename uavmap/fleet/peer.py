@@ -58,7 +58,7 @@ class Peer:
 
 
 PATH_S: Final = 8.0
-"""The places of a path that are told lie so far apart..."""
+"""Time between the places of a path that are sent..."""
 PATH_PLACES: Final = 4
 """... and are so many."""
 
@@ -114,10 +114,10 @@ def _places_ahead(vehicle: VehicleState, t_s: float) -> tuple[GridPoint, ...]:
 
 # --- the clock -----------------------------------------------------------------------------------
 AGREE_S: Final = 15.0
-"""For so long others are listened for before a first take-off."""
+"""Time to listen for others before a first take-off."""
 _STEP_S: Final = 0.5
 ELSEWHERE_CELLS: Final = 0.25
-"""Cells that lie farther off than so many of their edges are other ground."""
+"""Distance, by a cell's edge, from which on cells are other ground."""
 
 
 class FleetClock:
@@ -190,7 +190,7 @@ class FleetClock:
 RELAY_S: Final = 8.0
 """Time without news of a third member, after which others relay its facts, s."""
 UNDERWAY_S: Final = 1.0
-"""So long a datagram, and what says that it has come, are on the way at most."""
+"""Longest time that a datagram and its acknowledgement take."""
 
 
 class Telling:

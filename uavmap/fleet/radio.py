@@ -134,9 +134,9 @@ HEADER_BYTES: Final = 14 + 20 + 8
 """Of Ethernet (a Wi-Fi header is about as long), IPv4 and UDP."""
 LARGEST_BYTES: Final = 1_400
 RETRY_S: Final = 2.0
-"""So long after an interface went, or was not there, it is tried again: of the loop's time."""
+"""Time after which a lost interface is tried again, s of the loop."""
 MOST_AT_ONCE: Final = 64
-"""So many datagrams are read before others have their turn."""
+"""Number of datagrams that are read before other tasks have their turn."""
 
 
 class MulticastRadio:

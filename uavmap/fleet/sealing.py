@@ -25,13 +25,13 @@ from uavmap.fleet.bits import BytesError, Reader, Writer
 CODE_BYTES: Final = 8
 NONCE_BYTES: Final = 8
 WINDOW: Final = 64
-"""So many counters back a datagram may come late."""
+"""Number of counters that a datagram may be late."""
 MOST_SENDERS: Final = 1_000
 DATA: Final = 0
 ASKS: Final = 1
-"""The body holds a number that nobody can know beforehand..."""
+"""The body is a random number, to be answered..."""
 ANSWERS: Final = 2
-"""... and this one holds numbers that were asked with."""
+"""... and this one holds such numbers."""
 
 
 class _RefusedError(Exception):

@@ -31,7 +31,7 @@ class LinkModel:
 
 
 MEETING_M: Final = 20.0
-"""Who is nearer to another than this meets it."""
+"""Distance within which two meet."""
 
 
 def link_model(text: str) -> LinkModel:

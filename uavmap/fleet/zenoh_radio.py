@@ -28,19 +28,19 @@ UDP_BYTES: Final = 64
 """The same of UDP, without acknowledgements."""
 LARGEST_BYTES: Final = 1_400
 LEASE_S: Final = 24.0
-"""A neighbour that says nothing for so long is gone: eight beats of a member."""
+"""Silence after which a neighbour is gone: eight beats of a member."""
 KEEP_ALIVES: Final = 3
 """In a lease; they are sent only where nothing else is."""
 RETRY_S: Final = (2.0, 15.0)
 """Between two attempts to connect: at first, and at most."""
 SILENT_S: Final = (30.0, 120.0)
-"""Who has heard nobody for so long opens its session anew: at first, and at most."""
+"""Silence after which a session is reopened: at first, and at most."""
 DECLARE_S: Final = 20.0
-"""Over UDP a declaration may be lost, so who subscribes says it again."""
+"""Time between declarations over UDP, which may be lost."""
 LOOK_S: Final = 0.5
 CLOSE_S: Final = 3.0
 MOST_WAITING: Final = 256
-"""What comes in while so many datagrams wait for the event loop is dropped."""
+"""Number of datagrams that wait for the event loop, above which others are dropped."""
 _WHERE: Final = re.compile(r" at \S+\.rs:\d+\.?")
 SEND_BUFFER_BYTES: Final = 8_192
 """Of a TCP link: what waits longer than a few beats is old."""

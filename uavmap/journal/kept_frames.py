@@ -30,10 +30,10 @@ COLUMNS: Final = (
     "frame", "vehicle", "t_s", "lat_deg", "lon_deg", "height_m", "qw", "qx", "qy", "qz", "hfov_deg",
 )  # fmt: skip
 WAITING: Final = 64
-"""So many pictures may wait to be written."""
+"""Largest number of pictures that wait to be written."""
 _PNG: Final = b"\x89PNG"
 ROOM_MIB: Final = 64
-"""So much of the disk is left to the journal, without which the mission ends."""
+"""Space on the disk that is left to the journal, without which the mission ends."""
 
 
 class KeptFrame(NamedTuple):

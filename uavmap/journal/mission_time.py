@@ -25,7 +25,7 @@ CLOCK: Final = "clock"
 """The mark, in the journal's meta."""
 MARK_EVERY_S: Final = 20.0
 DOUBTFUL_S: Final = 180.0
-"""A wall clock that differs by more is not simply believed."""
+"""Difference from which on a wall clock is doubted."""
 _BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
 
 

@@ -30,14 +30,14 @@ from missions.units import GridPoint, LatLon
 from uavmap.base.extras import install_command
 
 LEAST_STEP_M: Final = 2.0
-"""Between two points of the lattice: what is finer is no ground that a vehicle follows."""
+"""Least step of the lattice: what is finer is no ground that a vehicle follows."""
 MOST_STEP_M: Final = 100.0
 """Of an elevation model: what is coarser does not know the ground between."""
 AROUND_M: Final = 40.0
-"""Pictures show, and gusts carry to, ground so far outside of the fence."""
+"""Width of ground outside of the fence that pictures show, and gusts carry to."""
 STEEPEST: Final = 4.0
 LEAST_JUMP_M: Final = 8.0
-"""Ground that rises by more, and steeper, from one height to the next is a mistake in the file."""
+"""Rise from one height to the next from which on steep ground is a mistake in the file."""
 _HIGHEST_M: Final = 9000.0
 _LOWEST_M: Final = -500.0
 _ELSEWHERE: Final = "no height at start.position; take a model that covers it"

@@ -39,7 +39,6 @@ class Address:
     start_s: float
     """When the clock of its loop was zero, on the monotonic clock of this computer."""
     process: int
-    """Its number."""
 
     @classmethod
     def of(cls, text: bytes | str) -> Address:

@@ -98,7 +98,6 @@ class Flight:
         self._again = again
         self._found = found
         self._events_before = len(journal)
-        """Number of events when it began."""
         self._resumed = self._events_before > 0 and not again
         self._service: Service | None = None
         self.clock = MissionClock(state.t_s)

@@ -20,7 +20,7 @@ from missions.units import GridPoint, LatLon
 from uavmap.load.areas.drawing import Area, Drawing
 
 WIDEST_M: Final = 10_000.0
-"""No side of an area is longer: nothing here flies that far from its crew."""
+"""Longest side of an area."""
 MOST_CORNERS: Final = 300
 """Of the box; a coast line that was traced in detail is simplified."""
 WAY_ROOM_M: Final = 10.0
@@ -296,9 +296,9 @@ def _ring(polygon: Polygon, grid: Grid) -> tuple[LatLon, ...]:
 
 # --- where the first vehicle stands ---------------------------------------------------------------
 FARTHEST_HOME_M: Final = 1000.0
-"""A home farther from the area is taken for a mistake."""
+"""Largest distance of a home from the area."""
 BESIDE_M: Final = 8.0
-"""So far beside the area a home is put that nobody has drawn."""
+"""Distance from the area of a home that was not drawn."""
 MARGIN_M: Final = 2.0
 """As `fence.margin_m` is by default."""
 PAD_ROOM_M: Final = 3.0

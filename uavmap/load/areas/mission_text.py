@@ -24,9 +24,9 @@ from uavmap.load.areas.key_comments import COMMENTS, SECTIONS, UNITS
 from uavmap.load.areas.layout import Layout
 
 HIGHEST_M: Final = 60.0
-"""Nobody is sent higher unasked: there an error of one degree is a metre on the ground."""
+"""Largest height by default: there an error of one degree is a metre on the ground."""
 WIND_M_S: Final = 5.0
-"""What is reckoned with where nobody says: a fresh day, not a calm one."""
+"""Wind by default, of a fresh day."""
 STRATEGY: Final = "swath"
 _CAMERA: Final = ("hfov_deg", "width_px", "height_px", "interval_s", "mounting")
 _SETTLE_M_S: Final = 1.5
@@ -177,7 +177,7 @@ _OF_THRESHOLD: Final = frozenset(
 )
 """Keys of the detector's section that mean nothing where its name is another one."""
 _UNSAID: Final = frozenset({"start.amsl_m"})
-"""Whoever needs it asks for it where it is not said: its default is no height of any place."""
+"""Keys without a default that suits any place."""
 
 
 def mission_text(values: Values, header: Sequence[str], vehicles: int = 1) -> str:

@@ -35,7 +35,6 @@ class Caller:
         """The flight's loop, and what it does at a press; the innermost context is the last."""
         self._early = 0
         self.presses = 0
-        """How often the caller has interrupted."""
 
     def press(self) -> None:
         """Act as Ctrl-C: recall, then leave at once. It is kept for a flight to come, and has no

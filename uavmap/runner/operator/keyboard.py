@@ -44,7 +44,7 @@ class Keys:
         """The key that waits for a number."""
         self._digits = ""
         self._sure: tuple[int, ...] = ()
-        """Who will land if `q` is pressed again."""
+        """Vehicles that land if `q` is pressed again."""
         self._pressed_s = float("-inf")
 
     def press(self, key: str) -> bool:
@@ -153,7 +153,7 @@ def _named(numbers: tuple[int, ...]) -> str:
 
 
 LOOK_S: Final = 1.0
-"""A program in the background looks so often, in seconds of the loop, whether it is back."""
+"""Time between two checks whether a program in the background is back, s of the loop."""
 _SEQUENCE: Final = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*[@-~]?|O.|.)?", re.DOTALL)
 """What an arrow or a function key sends: several characters that are no keys."""
 _LOCAL, _CONTROL = 3, 6

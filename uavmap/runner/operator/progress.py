@@ -46,9 +46,9 @@ from uavmap.runner.operator.time_left import time_left
 REDRAW_S: Final = 0.25
 LINE_S: Final = 3.0
 CAUSE_S: Final = 0.5
-"""A change of mode is shown so long after it: its cause came 0.1 to 0.4 s later, measured."""
+"""Time that a change of mode waits for its cause, which came 0.1 to 0.4 s later, measured."""
 LEFT_S: Final = 1.0
-"""What is left is reckoned no more often, real seconds."""
+"""Shortest time between two reckonings of what is left, real seconds."""
 _NOTED: Final = (Phase.YIELDED, Phase.FAILED, Phase.OFFLINE, Phase.GUARDED, Phase.DOWN, Phase.LOST)
 _OURS: Final = "GUIDED (a PX4: HOLD)"
 

@@ -15,7 +15,7 @@ from missions.flight.strategy.interface import strategy_of
 from missions.mission.energy import LANDING_OVERHEAD_S
 
 ALMOST: Final = 0.99
-"""No larger a share is told before everybody is at home."""
+"""Largest share that is shown before all vehicles are at home."""
 _OUT = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.LOST)
 
 

@@ -24,9 +24,9 @@ from uavmap.mavlink.autopilots import PX4, Autopilot
 from uavmap.mavlink.mission_transfer import Item
 
 LEAST_OUTSIDE_M: Final = 5.0
-"""Two receivers of satellite navigation, a home that arming moves, a gust."""
+"""Least distance from the mission's fence: two receivers, a home that arming moves, a gust."""
 ABOVE_M: Final = 10.0
-"""The ceiling lies so far above the highest that is flown: a climb overshoots, barometers drift."""
+"""Height of the ceiling above the highest that is flown: climbs overshoot, barometers drift."""
 MITRE: Final = 2.0
 INCLUSION: Final = int(mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION)
 EXCLUSION: Final = int(mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION)

@@ -15,14 +15,14 @@ from uavmap.mavlink.session import GROUND_SYSTEM_ID
 from uavmap.runner.preflight.finding import Finding, bad, ok, warn
 
 HIGHEST_RETURN_M: Final = 30.0
-"""So high others keep away from a vehicle that returns by itself."""
+"""Height up to which others keep away from a vehicle that returns by itself."""
 CAPACITY_SHARE: Final = 0.2
-"""The autopilot's battery may differ from the mission's by so much before it is told."""
+"""Difference of the autopilot's battery from the mission's from which on a finding is due."""
 CELL_FULL_V: Final = 4.25
 CELL_V: Final = 3.7
 """Of a lithium polymer cell: full, and in the middle of its discharge."""
 RESERVE_SHARE: Final = 0.15
-"""The reserve that is reckoned with where there is no mission."""
+"""The reserve without a mission."""
 
 Values = Mapping[str, float]
 

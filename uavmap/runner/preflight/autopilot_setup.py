@@ -37,7 +37,7 @@ from uavmap.runner.preflight.finding import Finding, bad, ok, warn
 _LOG: Final = logging.getLogger("uavmap.runner.preflight")
 FILE: Final = "autopilot-before.json"
 RESTORE_S: Final = 60.0
-"""So long putting everything back may take at the end of a flight."""
+"""Longest time for the restore at the end of a flight."""
 HEARD_S: Final = 5.0
 IDENTITY_TRIES: Final = 5
 IDENTITY_S: Final = 1.0
@@ -162,7 +162,7 @@ class AutopilotSetup:
         self._parameters = Parameters(session)
         self._transfer = MissionTransfer(session)
         self._unnamed = False
-        """Whether it has told no number of its hardware."""
+        """Whether it has reported no number of its hardware."""
 
     # --- as it is -----------------------------------------------------------------------------
     async def look(self) -> tuple[Before, list[Finding]]:

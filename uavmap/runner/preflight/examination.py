@@ -35,7 +35,7 @@ from vision.plausible import implausible
 PICTURES: Final = "test-picture-{}.png"
 HEARTBEAT_S: Final = 1.0
 PICTURE_S: Final = 8.0
-"""So long a picture that was ordered is waited for."""
+"""Longest wait for a picture that was ordered."""
 _MARK = np.array([0, 0, 255], np.uint8)  # red, as OpenCV has it
 _REMEDY: Final = (
     "is the camera's program running, on the same link and with the vehicle's system id?"

@@ -20,9 +20,9 @@ from uavmap.mavlink.vehicle_view import EKF_ABSOLUTE, EKF_CONSTANT, VehicleView
 from uavmap.runner.preflight.finding import Finding, bad, ok, warn
 
 MEASURE_S: Final = 4.0
-"""So long a link is listened to."""
+"""Time to listen to a link..."""
 TOLD_S: Final = 8.0
-"""So much longer what has not been told yet is waited for."""
+"""... and longest time to wait for what is still missing then."""
 PINGS: Final = 5
 _NS: Final = 1e9
 _NO_VOLTAGE_MV: Final = 65_535
