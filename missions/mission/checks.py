@@ -28,20 +28,13 @@ FLOWN: Final = ("swath", "survey", "rdfs", "horizon", "leapfrog")
 DETECTORS = ("threshold", "paved")
 
 
-def parse_mission(
-    text: str,
-    source: str,
-    *,
-    strategies: Collection[str] = STRATEGIES,
-    detectors: Collection[str] = DETECTORS,
-) -> Mission:
-    """A mission that can be flown, from the TOML of a mission file, which messages call `source`.
+def parse_mission(text: str, source: str) -> Mission:
+    """Parse and check the TOML of a mission file, which messages call `source`.
 
-    `strategies` and `detectors` are the known names. Raises `MissionFileError` with a line for each
-    fault.
+    Raises `MissionFileError` with a line for each fault.
     """
     mission = parse_fields(text, source)
-    check(mission, source, strategies=strategies, detectors=detectors)
+    check(mission, source)
     return mission
 
 
@@ -55,13 +48,7 @@ def with_strategy(mission: Mission, strategy: str) -> Mission:
     return mission.model_copy(update={"strategy": strategy, "search": search})
 
 
-def check(
-    mission: Mission,
-    source: str,
-    *,
-    strategies: Collection[str] = STRATEGIES,
-    detectors: Collection[str] = DETECTORS,
-) -> None:
+def check(mission: Mission, source: str, *, detectors: Collection[str] = DETECTORS) -> None:
     """Raise `MissionFileError`, with a line for each fault, for a mission that cannot be flown.
 
     While a place is not near the start, or a polygon is none, lengths and areas mean nothing, and
@@ -71,7 +58,7 @@ def check(
     # how high the ground is depends on where the fence is
     placeless = bool(where) and mission.surveyed is not None
     faults = [
-        *_names(mission, strategies, detectors),
+        *_names(mission, detectors),
         *(() if placeless else flyable.values(mission)),
         *_speed_and_layers(mission),
         *leapfrog_faults(mission),
@@ -103,11 +90,9 @@ def _moving_ground(mission: Mission) -> Iterator[str]:
 
 
 # --- single values ---------------------------------------------------------------------------
-def _names(
-    mission: Mission, strategies: Collection[str], detectors: Collection[str]
-) -> Iterator[str]:
+def _names(mission: Mission, detectors: Collection[str]) -> Iterator[str]:
     for key, name, known in (
-        ("strategy", mission.strategy, strategies),
+        ("strategy", mission.strategy, STRATEGIES),
         ("detector.name", mission.detector.name, detectors),
     ):
         if name not in known:

@@ -16,6 +16,7 @@ import contextlib
 import logging
 import threading
 from collections.abc import Iterator, MutableMapping
+from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol
@@ -62,29 +63,27 @@ def shown_on(*displays: Display) -> Iterator[None]:
     """Show the lines of this context on the displays, and on those of an outer `shown_on`."""
     source = _SOURCE.get() or _Source(object())
     showers = [_Shower(display, source.scope) for display in displays]
-    token = _SOURCE.set(source)
-    _change(showers, [])
-    try:
-        yield
-    finally:
-        _change([], showers)
-        _SOURCE.reset(token)
+    with _logging_as(source):
+        _change(showers, [])
+        try:
+            yield
+        finally:
+            _change([], showers)
 
 
-@contextlib.contextmanager
-def muted() -> Iterator[None]:
+def muted() -> AbstractContextManager[None]:
     """Show no line of this context."""
-    token = _SOURCE.set(_Source(object()))
-    try:
-        yield
-    finally:
-        _SOURCE.reset(token)
+    return _logging_as(_Source(object()))
+
+
+def prefixed(prefix: str) -> AbstractContextManager[None]:
+    """Begin the lines of this context with a prefix, such as `vehicle 2: `."""
+    return _logging_as(replace(_SOURCE.get() or _Source(object()), prefix=prefix))
 
 
 @contextlib.contextmanager
-def prefixed(prefix: str) -> Iterator[None]:
-    """Begin the lines of this context with a prefix, such as `vehicle 2: `."""
-    token = _SOURCE.set(replace(_SOURCE.get() or _Source(object()), prefix=prefix))
+def _logging_as(source: _Source) -> Iterator[None]:
+    token = _SOURCE.set(source)
     try:
         yield
     finally:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import math
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -86,7 +86,7 @@ class _Lattice:
             np.append(grid.origin.north_m + north.ravel() * grid.scale, grid.origin.north_m),
         )
 
-    def place(self, index: tuple[int, int]) -> str:
+    def place(self, index: Sequence[int]) -> str:
         """Where a point is, in degrees."""
         at = GridPoint(self.west_m + index[1] * self.step_m, self.south_m + index[0] * self.step_m)
         place = self.grid.position(at)
@@ -146,16 +146,14 @@ def _refuse_gaps(ground: Floats, lattice: _Lattice, where: str) -> None:
     missing = inside & ~np.isfinite(ground)
     if missing.any():
         share = missing.sum() / inside.sum()
-        first = np.argwhere(missing)[0]
         raise MissionFileError(
             f"{where}: it has no height in {share:.1%} of fence.polygon, for example at "
-            f"{lattice.place((int(first[0]), int(first[1])))}; take a model that covers the fence "
+            f"{lattice.place(np.argwhere(missing)[0])}; take a model that covers the fence "
             "without gaps, or draw the fence smaller"
         )
     wrong = np.isfinite(ground) & ((ground > _HIGHEST_M) | (ground < _LOWEST_M))
     if wrong.any():
-        first = np.argwhere(wrong)[0]
-        at = int(first[0]), int(first[1])
+        at = tuple(np.argwhere(wrong)[0])
         raise MissionFileError(
             f"{where}: a height of {ground[at]:.0f} m at {lattice.place(at)}: no ground of this "
             "Earth; are these heights in metres, and is the file's value for no data set?"
@@ -169,9 +167,8 @@ def _refuse_jumps(ground: Floats, lattice: _Lattice, where: str) -> None:
         jumps = np.abs(np.diff(ground, axis=axis))
         jumps = np.where(np.isfinite(jumps), jumps, 0.0)
         if jumps.max() > most_m:
-            i, j = np.unravel_index(int(jumps.argmax()), jumps.shape)
-            at = int(i), int(j)
-            after = (at[0] + 1, at[1]) if axis == 0 else (at[0], at[1] + 1)
+            at = np.unravel_index(int(jumps.argmax()), jumps.shape)
+            after = (at[0] + (axis == 0), at[1] + (axis == 1))
             raise MissionFileError(
                 f"{where}: {ground[at]:.1f} m and {ground[after]:.1f} m above the start lie only "
                 f"{lattice.step_m:g} m apart at {lattice.place(at)}: no ground rises so; mend the "

@@ -152,16 +152,16 @@ def _keys(name: str, schema: Schema, root: Schema) -> Iterator[tuple[str, Schema
 def _row(name: str, key: str, value: Schema, schema: Schema, root: Schema) -> str:
     full = _full(name, key)
     default = "*needed*" if key in schema.get("required", ()) else _default(value)
-    kind = _TYPES.get(full) or _type(value, root)
+    kinds = dict.fromkeys(_one_type(option, root) for option in _options(value))
+    kind = _TYPES.get(full) or " or ".join(kinds)
     said = _linked(COMMENTS.get(full) or _NESTED.get(full, ""))
     cells = (f"`{key}`", kind, _unit(key), _limits(value), default, said)
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
 def _unit(key: str) -> str:
-    if key in _WORDS:
-        return _WORDS[key]
-    return next((unit for suffix, unit in UNITS if f"_{key}".endswith(suffix)), "")
+    by_suffix = (unit for suffix, unit in UNITS if f"_{key}".endswith(suffix))
+    return _WORDS.get(key) or next(by_suffix, "")
 
 
 def _linked(text: str) -> str:
@@ -190,10 +190,6 @@ def _table_of(value: Schema, root: Schema) -> Schema | None:
         if "properties" in found:
             return found
     return None
-
-
-def _type(value: Schema, root: Schema) -> str:
-    return " or ".join(dict.fromkeys(_one_type(option, root) for option in _options(value)))
 
 
 def _one_type(value: Schema, root: Schema) -> str:

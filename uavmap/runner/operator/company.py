@@ -9,14 +9,13 @@ from missions.flight.setting import Setting
 from uavmap.aircraft.process.messages import Asked
 from uavmap.runner.operator.interrupts import Caller
 from uavmap.runner.operator.onlooker import Onlooker
+from uavmap.runner.preflight.plan_figures import plan_lines
 
 
 @dataclass(frozen=True, slots=True)
 class Preflight:
     """What the operator wants of it."""
 
-    plan_lines: Callable[[Setting], Sequence[str]]
-    """What will be flown, in lines."""
     yes: bool = False
     """Fly without a question."""
     dry_run: bool = False
@@ -26,7 +25,7 @@ class Preflight:
 
     def asked(self, setting: Setting) -> Asked:
         """As it is sent to the aircraft."""
-        return Asked(tuple(self.plan_lines(setting)), self.yes, self.dry_run)
+        return Asked(tuple(plan_lines(setting)), self.yes, self.dry_run)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

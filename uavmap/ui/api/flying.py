@@ -26,7 +26,6 @@ from uavmap.runner.operator.company import Company, Preflight
 from uavmap.runner.operator.interrupts import Caller
 from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.runner.operator.progress import ProgressTable
-from uavmap.runner.preflight.plan_figures import plan_lines
 from uavmap.ui.api.background_job import Job, awaited, waited_for
 from uavmap.ui.api.results import Results, open_results
 
@@ -216,7 +215,7 @@ def _flight(mission: Paths, **given: Any) -> Job[Results]:
     named = {f.name: given[f.name] for f in dataclasses.fields(FlightOptions) if f.name in given}
     options = FlightOptions(**named | fields)
     out = None if given["out"] is None else path_text("out", given["out"])
-    before = None if sim else Preflight(plan_lines, yes, dry_run, given["keep_fence"])
+    before = None if sim else Preflight(yes, dry_run, given["keep_fence"])
     if sim and dry_run:
         raise UavmapError("dry_run=True is for real aircraft; `uavmap check` looks at a mission")
 

@@ -21,7 +21,6 @@ from uavmap.runner.ground_survey import with_ground
 from uavmap.runner.operator.company import Company, Preflight
 from uavmap.runner.operator.onlooker import Onlooker
 from uavmap.runner.operator.progress import ProgressTable
-from uavmap.runner.preflight.plan_figures import plan_lines
 from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, complain
 from uavmap.ui.cli.common import report
 from uavmap.ui.cli.option_table import FLEET_KEY_VARIABLE, TABLE
@@ -108,7 +107,7 @@ def _key_path(option: str, given: str | None, variable: str) -> str | None:
 
 def preflight_of(options: argparse.Namespace) -> Preflight:
     """What is asked for before the first take-off of real aircraft."""
-    return Preflight(plan_lines, options.yes, options.dry_run, options.keep_fence)
+    return Preflight(options.yes, options.dry_run, options.keep_fence)
 
 
 def begin(options: argparse.Namespace, plan: FlightPlan, preflight: Preflight | None) -> int:

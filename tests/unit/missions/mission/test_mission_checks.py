@@ -161,16 +161,6 @@ def test_a_good_mission_is_good(changes):
     assert parse_mission(text(**changes), "m.toml").strategy == "rdfs"
 
 
-def test_names_can_be_handed_in():
-    mission = parse_mission(
-        text(strategy="'greedy'", detector__name="'nn'"),
-        "m.toml",
-        strategies={"greedy"},
-        detectors=["nn"],
-    )
-    assert (mission.strategy, mission.detector.name) == ("greedy", "nn")
-
-
 # --- places ----------------------------------------------------------------------------------
 def test_a_swapped_start_is_reported_against_the_others():
     assert len(faults(start__position="[11.0, 48.0]")) == 2

@@ -25,13 +25,12 @@ from uavmap.runner.operator.company import Preflight
 from uavmap.runner.operator.ground_crew import Operator
 from uavmap.runner.preflight.autopilot_setup import FILE
 from uavmap.runner.preflight.finding import bad, could_fly, warn
-from uavmap.runner.preflight.plan_figures import plan_lines
 
 
 def before(
     field: Field, folder: Path, *, yes: bool = False, dry: bool = False, keep: bool = False
 ) -> BeforeFlight:
-    wanted = Preflight(plan_lines, yes, dry).asked(field.setting)
+    wanted = Preflight(yes, dry).asked(field.setting)
     ask = Operator().ask
     return BeforeFlight(wanted, field.setting, folder, field.links, ask, keep_fence=keep)
 

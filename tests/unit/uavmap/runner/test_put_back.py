@@ -25,7 +25,6 @@ from uavmap.runner.flight_links import Link
 from uavmap.runner.operator.company import Company, Preflight
 from uavmap.runner.preflight import examination
 from uavmap.runner.preflight.autopilot_setup import FILE
-from uavmap.runner.preflight.plan_figures import plan_lines
 from uavmap.ui.cli.flight_options import not_flown
 
 URL = "udpin://127.0.0.1:14550"
@@ -70,7 +69,7 @@ def dry_run(field: Field, folder: Path) -> int:
     mission = field.setting.mission
     options = FlightOptions(mission_source="small", urls=(URL,))
     plan = FlightPlan.make(options, mission, 0.0)
-    company = Company(preflight=Preflight(plan_lines, yes=True, dry_run=True))
+    company = Company(preflight=Preflight(yes=True, dry_run=True))
     with shown_on(field.told), pytest.raises(ExceptionGroup) as over:
         flight.fly(plan, folder, company)
     return not_flown(over.value)
