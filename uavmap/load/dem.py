@@ -167,7 +167,7 @@ def _refuse_jumps(ground: Floats, lattice: _Lattice, where: str) -> None:
         jumps = np.abs(np.diff(ground, axis=axis))
         jumps = np.where(np.isfinite(jumps), jumps, 0.0)
         if jumps.max() > most_m:
-            at = np.unravel_index(int(jumps.argmax()), jumps.shape)
+            at = tuple(map(int, np.unravel_index(int(jumps.argmax()), jumps.shape)))
             after = (at[0] + (axis == 0), at[1] + (axis == 1))
             raise MissionFileError(
                 f"{where}: {ground[at]:.1f} m and {ground[after]:.1f} m above the start lie only "
