@@ -57,8 +57,7 @@ class Heard(OfVehicle):
 
 
 class Fact(NamedTuple):
-    """What the frames of one vehicle have decided within a second: each cell, and whether it is
-    region."""
+    """What a vehicle's frames have decided within a second: each cell, and whether it is region."""
 
     t_s: float
     votes: tuple[tuple[Cell, bool], ...]
@@ -79,8 +78,7 @@ class Shared(OfVehicle):
 
 
 class Part(NamedTuple):
-    """What one vehicle of a fleet is to map: places to see it from, in order, as the region lies at
-    mission time 0."""
+    """What a vehicle of a fleet is to map: observation points, in order, as at mission time 0."""
 
     vehicle: int
     places: tuple[GridPoint, ...]

@@ -32,8 +32,8 @@ class Sweep:
 
 @dataclass(frozen=True, slots=True)
 class FlyTo:
-    """Fly the points of a route, then to the cell if one is named, to rest there with `stop`. Ends
-    with `Arrived`."""
+    """Fly the points of a route, then to the cell if one is named; `stop` to rest. Ends with
+    `Arrived`."""
 
     route: tuple[GridPoint, ...]
     cell: Cell | None

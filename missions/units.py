@@ -46,7 +46,7 @@ class LatLon:
 
 
 class PadHeight(NamedTuple):
-    """What the receiver of a vehicle on its pad reports: height above the sea, and its standard
+    """What the receiver of a vehicle on its pad reports, above the sea, with its standard
     deviation."""
 
     amsl_m: float

@@ -39,8 +39,7 @@ def parse_mission(text: str, source: str) -> Mission:
 
 
 def with_strategy(mission: Mission, strategy: str) -> Mission:
-    """Return the mission with another strategy, without the keys of [search] that only `swath`
-    reads: it is one of a user who compares strategies."""
+    """Return the mission with another strategy, without the keys of [search] for `swath` alone."""
     search = mission.search
     if strategy != SWATH.name and search.find == "all":
         plain = {"find": "first", "altitude_m": None, "layer_m": None}

@@ -146,8 +146,8 @@ def _up(value: float) -> str:
 # --- the search ------------------------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class SearchArea:
-    """The lanes that a way inside the fence leads to, and the ground of the box that they leave out
-    because of the fence's margin and holes."""
+    """The lanes that can be reached inside the fence, and the ground of the box that they leave
+    out."""
 
     lanes: tuple[Lane, ...]
     box_m2: float
@@ -240,8 +240,8 @@ def look_s(mission: Mission) -> float:
 # --- what the crew should know ---------------------------------------------------------------
 @dataclass(frozen=True, slots=True)
 class FarthestCorner:
-    """The corner of the box that costs a vehicle (from 0) most, and the energy of a look there,
-    with climb, landing and reserve."""
+    """The corner of the box that costs a vehicle (from 0) most, and the energy of a sortie
+    there."""
 
     vehicle: int
     away_m: float

@@ -90,11 +90,9 @@ class Flight(Section):
     max_airspeed_m_s: Annotated[Number, Field(gt=0, le=60)] = 12.0
     accel_m_s2: Annotated[Number, Field(ge=0.5, le=5)] = 2.0
     climb_m_s: Annotated[Number, Field(ge=0.5, le=10)] | None = None
-    """ArduPilot's WPNAV_SPEED_UP, PX4's MPC_Z_V_AUTO_UP; without it reckoned at 1.5 m/s, less than
-    either."""
+    """WPNAV_SPEED_UP, MPC_Z_V_AUTO_UP; without it 1.5 m/s, less than either by default."""
     descent_m_s: Annotated[Number, Field(ge=0.5, le=5)] | None = None
-    """WPNAV_SPEED_DN, MPC_Z_V_AUTO_DN; without it a whole landing is reckoned at the 0.5 m/s of its
-    end."""
+    """WPNAV_SPEED_DN, MPC_Z_V_AUTO_DN; without it a whole landing takes the 0.5 m/s of its end."""
 
 
 class CameraSection(Section):
@@ -114,13 +112,11 @@ class CameraSection(Section):
     pixels_per_cell: Positive = 80.0
     """From the highest layer."""
     pose_error_m: NotNegative = 0.5
-    """Frames that judge all they show (`detector.view`) leave out cells nearer than this to the
-    rim."""
+    """Frames that judge all they show leave out cells nearer than this to the rim."""
     exposure_s: Annotated[Number, Field(gt=0, le=1)] = 0.002
     """The default is 1/500 s, for daylight."""
     max_blur_px: Positive = 1.5
-    """So many pixels of the ROI's border are blurred: the detector's dilations must be well
-    above."""
+    """The detector's dilations must be well above: so wide is the ROI's border."""
     hosts: tuple[HostName, ...] = ()
     calibration: Annotated[str, Field(strict=True, min_length=1, max_length=4096)] | None = None
     """For recorded pictures (`uavmap replay`, `uavmap look`); a flight reckons with `hfov_deg`."""
@@ -175,8 +171,7 @@ class VehicleSection(Section):
     home: Vertex | None = None
     home_height_m: Annotated[Number, Field(ge=-1000, le=1000)] | None = None
     layer: Annotated[Count, Field(ge=0)] | None = None
-    """By default each vehicle has its own, in their order. Vehicles that share one wait for each
-    other."""
+    """By default each has its own, in their order. Vehicles that share one wait for each other."""
 
 
 class Mission(Section):

@@ -283,8 +283,7 @@ class Search(Section):
         Field(min_length=1, max_length=MAX_PRIOR_PLACES),
         BeforeValidator(_prior_places),
     ] = ()
-    """Orders the lanes so that the ROI is expected to be seen soonest; else they are side by
-    side."""
+    """Orders the lanes so that the ROI is expected to be seen soonest."""
     find: Literal["first", "all"] = "first"
     """"first": the search ends where the ROI is seen, and what is connected with that is mapped.
     "all": the whole box is seen, and every patch of the ROI that begins in it is mapped
@@ -294,8 +293,7 @@ class Search(Section):
     `fence.ceiling_m` allow."""
     pixels_per_cell: Positive = 20.0
     layer_m: NotNegative | None = None
-    """By default `team.layer_m`. 0: all in one layer, as high as any; vehicles wait for each
-    other."""
+    """By default `team.layer_m`. 0: one layer, as high as any; vehicles wait for each other."""
 
 
 class Votes(Section):

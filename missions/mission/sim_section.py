@@ -1,5 +1,4 @@
-"""The tables of a mission file that only the simulator reads; docs/missions.md explains each
-key."""
+"""The tables of a mission file that only the simulator reads; keys are in docs/missions.md."""
 
 from __future__ import annotations
 

@@ -40,8 +40,7 @@ _Select = Callable[[float | None], _Ready]
 
 
 class ScaledClock:
-    """Real time, `speedup` times as fast. `start_s` is when it is zero, on the monotonic clock,
-    which all processes of a computer share."""
+    """Real time, `speedup` times as fast, zero at `start_s` of the computer's monotonic clock."""
 
     def __init__(self, speedup: float = 1.0, start_s: float | None = None) -> None:
         self._speedup = speedup

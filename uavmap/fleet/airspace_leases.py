@@ -24,8 +24,8 @@ MOST_ASK_S: Final = 600.0
 
 
 class AirspaceLeases:
-    """What one member asks for, and what it has promised the others, which are in `peers`. `hurry`
-    sends the next message soon."""
+    """What one member asks for, and has promised its `peers`; `hurry` sends the next message
+    soon."""
 
     def __init__(
         self,

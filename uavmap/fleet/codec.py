@@ -64,8 +64,7 @@ class Ask(NamedTuple):
 
 
 class Word(NamedTuple):
-    """What an operator has ordered; of those for the same vehicles the one with the highest stamp
-    holds. Every member repeats it."""
+    """An operator's order; that with the highest stamp holds, and every member repeats it."""
 
     stamp: int
     vehicle: int

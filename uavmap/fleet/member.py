@@ -164,7 +164,7 @@ class Member:
 
     # --- an operator's word --------------------------------------------------------------------
     def command(self, order: Order, vehicle: int = 0) -> None:
-        """Send all an order of the operator here; it is newer than all heard, whatever the clock
+        """Send all an order of the operator here, newer than all others, whatever the clock
         says."""
         newest = max((word.stamp for word in self._words.values()), default=0)
         self.order(Word(max(newest + 1, int(time.time())), vehicle, order))

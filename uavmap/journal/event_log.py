@@ -191,8 +191,8 @@ class Journal(JournalReader, AbstractContextManager["Journal"]):
 
     @classmethod
     def open(cls, path: Path) -> Journal:
-        """Open an existing journal. Raises `JournalError` for anything that is not a whole one,
-        and leaves that as it is."""
+        """Open an existing journal. Raises `JournalError`, and changes nothing, if it is not
+        whole."""
         JournalReader(path)  # before the lock: a missing journal is reported first
         return cls(path)
 
@@ -316,8 +316,7 @@ def _begin(path: Path, line: bytes) -> None:
 
 
 def install(path: Path, data: bytes) -> None:
-    """Install a file whole and on the disk, or not at all, under the caller's lock. Raises
-    `OSError`."""
+    """Install a file whole, or not at all, under the caller's lock. Raises `OSError`."""
     for left in path.parent.glob(f".{path.name}.*"):  # a process was killed in here
         left.unlink()
     write_bytes(path, data)

@@ -57,27 +57,11 @@ class FleetNetwork:
 class FlightOptions:
     """The options of one flight; `uavmap.ui.cli.option_table` describes each for its user.
 
-    None, or an empty tuple, leaves the mission file's value. Raises `UavmapError` for a value out
-    of its range, and `LinkError` for options that exclude each other.
-
-    Attributes:
-        mission_source: The path of a mission file, or the name of a shipped mission.
-        simulated: Whether the aircraft are simulated in this process.
-        urls: One for each vehicle.
-        cameras: One for each vehicle.
-        vehicles: Their number; None: that of the mission file, or of the URLs.
-        detector: A folder of `uavmap tune`.
-        seed: Of the simulation.
-        speedup: Times real time; None: as fast as possible in simulation, else 1.
-        auto_swap: Whether a fresh battery alone allows take-off: only for simulators.
-        onboard: Whether the service flies with the vehicle, and is no ground station to it.
-        member: The vehicle of this service in a fleet with a service for each; 0: a service on the
-            ground, or a map merged of several journals.
-        network: How this member reaches the others, with real vehicles.
-        comms: How the members of a simulated fleet reach each other.
-        key_file: The file of the signing key; the key itself is never stored.
-        forward: URLs of ground stations to which all frames are passed on.
-        all_strategies: Whether strategies of papers may fly, in simulation.
+    None, or an empty tuple, leaves the mission file's value. `member` is the vehicle of this
+    service in a fleet with a service for each; 0: a service on the ground, or a map merged of
+    several journals. `network` is for real members, `comms` for simulated ones. A `speedup` of None
+    is as fast as possible in simulation, else 1. Keys themselves are never stored. Raises
+    `UavmapError` for a value out of its range, and `LinkError` for options that exclude each other.
     """
 
     mission_source: str
@@ -144,8 +128,8 @@ SIM_EPOCH_UTC_S: Final = 1577836800.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightPlan(FlightOptions):
-    """The options of a flight, and the mission that they make of its file, checked; kept in the
-    journal, so a flight goes on without the files that its mission named."""
+    """The options of a flight, and its checked mission: a resume needs no file that it was made
+    of."""
 
     mission: Mission
     epoch_utc_s: float
@@ -186,8 +170,7 @@ class FlightPlan(FlightOptions):
         check(self.mission, self.mission_source, detectors=(self.mission.detector.name,))
 
     def check_simulated_only(self) -> None:
-        """Raise where what is for the simulator alone would fly a real aircraft: no detector, or a
-        strategy of papers, which the user has to ask for there, too."""
+        """Raise where a real aircraft would fly without a detector, or by a strategy of papers."""
         if not self.simulated:
             refuse_undecided(self.mission.detector, self.mission_source)
         name = self.mission.strategy

@@ -80,8 +80,7 @@ class FrameKeeper(contextlib.AbstractContextManager["FrameKeeper"]):
         self._tell()
 
     def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
-        """Keep a picture: the file that came, or a JPEG of the pixels; its name follows from the
-        vehicle and the time. Call it from one thread."""
+        """Keep a picture: the file that came, or a JPEG of the pixels. Call it from one thread."""
         self._tell()
         if self._over:
             return

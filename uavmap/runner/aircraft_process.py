@@ -45,8 +45,8 @@ _LOG: Final = logging.getLogger("uavmap.flight")
 
 
 class AircraftProcess:
-    """The aircraft process of one flight, started unless one is `found`; `append` continues its
-    telemetry log."""
+    """The aircraft process of one flight, started unless one is `found`; `append` to its telemetry
+    log."""
 
     def __init__(
         self, plan: FlightPlan, folder: Path, found: Attachment | None, *, append: bool

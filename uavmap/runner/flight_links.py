@@ -153,8 +153,7 @@ def check_urls(urls: Sequence[str]) -> None:
 
 
 async def refuse_rivals(links: Sequence[Link], listen_s: float) -> None:
-    """Raise `LinkError` if another uavmap is heard on a link within `listen_s` of the first
-    frame."""
+    """Raise `LinkError` if another uavmap is heard within `listen_s` of a vehicle's first frame."""
     loop = asyncio.get_running_loop()
     for link in links:
         session = link.session
@@ -190,8 +189,8 @@ def mount_of(camera: CameraSection) -> Mount:
 def cameras_of(
     given: Sequence[str], mission: Mission, member: int | None = None
 ) -> list[CameraSpec]:
-    """Return each vehicle's, or a member's, camera: as given, else by the mission file. Raises
-    `LinkError` for what is no camera."""
+    """Return each vehicle's, or a member's, camera: as given, else the mission's. Raises
+    `LinkError`."""
     ours = mission.vehicles if member is None else mission.vehicles[member - 1 : member]
     written = given or [v.camera or "mavlink" for v in ours]
     return [parse_camera(text) for text in written]

@@ -134,7 +134,7 @@ class AutopilotTerrain:
         self._heard = False
 
     async def heights(self, places: Sequence[LatLon]) -> list[float]:
-        """Return the heights above the sea at places, m. Raises `LinkError` where the autopilot has
+        """Return the heights above the sea at places, m. Raises `LinkError` where there are
         none."""
         if self._session.view.kind is PX4:
             raise LinkError(f"{self._name}: a PX4 tells nobody of its terrain; {_INSTEAD}")

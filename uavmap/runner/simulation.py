@@ -48,8 +48,7 @@ _SAME: Final = {
 def setup_of(
     mission: Mission, seed: int, *, autopilot: str | None = None, start_s: float = 0.0
 ) -> Setup:
-    """Return the simulation of a mission, its world as at mission time `start_s`. `autopilot`
-    replaces the mission's, if given."""
+    """Return the simulation of a mission at time `start_s`, with another `autopilot` if given."""
     sim, grid = mission.sim, setting_of(mission).grid
     places, relief = homes(mission), relief_of(mission, grid)
     raised = relief is None and any(vehicle.home_height_m for vehicle in mission.vehicles)
@@ -165,8 +164,7 @@ def make_vehicles(
     start_s: float = 0.0,
     image_url_prefix: str = "sim://",
 ) -> list[SimVehicle]:
-    """Return the simulated aircraft of a mission, with the faults that it plans for them.
-    `autopilot` replaces the mission's, if given."""
+    """Return the simulated aircraft of a mission, with its faults; see `setup_of`."""
     setup = setup_of(mission, seed, autopilot=autopilot, start_s=start_s)
     vehicles = setup.build(image_url_prefix)
     for fault in mission.sim.faults:

@@ -1,5 +1,4 @@
-"""The text of a mission from places, a drone and the user's settings, with a comment on each
-key."""
+"""The text of a mission from places, a drone and settings, with a comment on each key."""
 
 from __future__ import annotations
 

@@ -106,8 +106,8 @@ class Crew:
         return bool(self.waiting) and self._operator.absent
 
     def doubt(self, vehicles: Mapping[int, str]) -> None:
-        """Ask about vehicles, by the reason of each, before they take off, also where swaps are
-        automatic."""
+        """Ask about vehicles before they take off, also where swaps are automatic: why, by
+        number."""
         self._doubts |= vehicles
 
     async def swap(self, vehicle: int) -> None:

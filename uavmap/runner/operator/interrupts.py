@@ -37,8 +37,8 @@ class Caller:
         self.presses = 0
 
     def press(self) -> None:
-        """Act as Ctrl-C: recall, then leave at once. It is kept for a flight to come, and has no
-        effect after its end."""
+        """Act as Ctrl-C: recall, then leave at once; kept for a flight to come, without effect
+        after it."""
         with self._lock:
             self.presses += 1
             if not self._listening:

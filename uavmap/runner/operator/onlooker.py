@@ -18,8 +18,8 @@ from uavmap.runner.service import Service
 
 
 class Onlooker:
-    """Sees all of a flight, and does nothing unless a method is overridden. No method may raise or
-    take long: aircraft are steered meanwhile."""
+    """Sees all of a flight, and does nothing unless overridden; no method may raise, or take
+    long."""
 
     def look_back(self, setting: Setting, event: Event, state: State) -> None:
         """See an event of before a resume; `state` is that after it."""

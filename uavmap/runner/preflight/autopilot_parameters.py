@@ -1,5 +1,4 @@
-"""What the parameters of an autopilot should be for a mission: failsafes, battery, speeds. The
-fence, which `uavmap fly` sets, is in `uavmap.runner.preflight.autopilot_fence`."""
+"""What the parameters of an autopilot should be for a mission, without its fence."""
 
 from __future__ import annotations
 

@@ -56,8 +56,7 @@ class Before:
 
 
 class Kept:
-    """The file in a results folder, by the identity of the aircraft: one in the place of another
-    that crashed has its own entry."""
+    """The file in a results folder, by the identity of the aircraft: a spare has its own entry."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / FILE
@@ -68,7 +67,7 @@ class Kept:
         return not self.path.exists()
 
     def of(self, aircraft: str) -> Before | None:
-        """Return what an aircraft's autopilot had, None if all is restored. Raises
+        """Return what an aircraft's autopilot had, None once it is restored. Raises
         `OutputError`."""
         values = self._read().get(aircraft)
         if values is None:
@@ -100,8 +99,7 @@ class Kept:
             self._write(values)
 
     def in_place_of(self, number: int) -> list[str]:
-        """Return the aircraft of vehicle `number` that are not restored yet. Raises
-        `OutputError`."""
+        """Return the aircraft of vehicle `number` that are not restored. Raises `OutputError`."""
         return [key for key, value in self._read().items() if value.get("vehicle") == number]
 
     def _read(self) -> dict[str, Any]:
@@ -239,8 +237,7 @@ class AutopilotSetup:
         return [*found, ok("fence", text)]
 
     async def save_timeout(self) -> None:
-        """Save what set-points change in the flight, where nothing else is set. Raises
-        `OutputError`."""
+        """Save what set-points change, where nothing else is set. Raises `OutputError`."""
         aircraft = await self._aircraft()
         if self._kept.of(aircraft) is None and (
             found := await self._parameters.read_many(self._timeout)

@@ -190,8 +190,7 @@ def _picture(size_px: tuple[int, int], seed: int) -> bytes:
 
 # --- plans -----------------------------------------------------------------------------------
 def longest_plan_s(setting: Setting, for_s: float = PLANS_S) -> float | None:
-    """Return the time of the slowest plan in a flight over a made-up region; None for a strategy
-    that stops."""
+    """Return the time of the slowest plan over a made-up region; None for a strategy that stops."""
     if setting.strategy.stops:
         return None
     ready_planner(setting.mission.strategy, lambda text: None)

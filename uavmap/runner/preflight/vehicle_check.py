@@ -253,8 +253,8 @@ def _charge(view: VehicleView, setting: Setting | None, number: int) -> Finding:
 
 
 def nearest_sortie_wh(setting: Setting, number: int) -> float:
-    """What a look at the point of the box that is nearest to a vehicle's home takes in all, in Wh:
-    climb, way there and back, landing, reserve."""
+    """Return the energy of a look at the box's nearest point, with the way home and the reserve,
+    Wh."""
     mission, grid = setting.mission, setting.grid
     box, home = drawn(mission.search.box, grid), Point(_pad(setting, number))
     away_m = float(box.distance(home))
