@@ -7,7 +7,7 @@ neither the screen nor the disk. Some words name the failsafe by which its autop
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -121,12 +121,11 @@ class _Allowance:
 
 
 class Spoken:
-    """The texts of one vehicle; `tell` takes a line for the operator."""
+    """The texts of one vehicle."""
 
-    def __init__(self, reporter: Reporter, view: VehicleView, tell: Callable[[str], None]) -> None:
+    def __init__(self, reporter: Reporter, view: VehicleView) -> None:
         self._reporter = reporter
         self._view = view
-        self._tell = tell
         self._known: dict[tuple[int, str], _Known] = {}
         self._allowed = {True: _Allowance(), False: _Allowance()}
         self._untold = 0
@@ -177,13 +176,13 @@ class Spoken:
         self._known[text.severity, text.words] = _Known(now_s)
 
     def _say(self, text: Text, times: int) -> None:
-        number = self._reporter.number
+        number, line = self._reporter.number, self._reporter.line
         if self._untold:
-            self._tell(f"vehicle {number}: {self._untold} texts in quick succession are not shown")
+            line(f"vehicle {number}: {self._untold} texts in quick succession are not shown")
             self._untold = 0
         severity = _SEVERITIES[min(max(text.severity, 0), 7)]
         again = f" ({times} times)" if times > 1 else ""
-        self._tell(f"[vehicle {number}, {severity}] {text.words}{again}")
+        line(f"[vehicle {number}, {severity}] {text.words}{again}")
 
     def _keep(self, text: Text, times: int, cause: str | None) -> None:
         if self._kept >= MOST_TOLD and cause is None:

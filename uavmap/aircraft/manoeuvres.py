@@ -69,22 +69,18 @@ class Manoeuvres:
         crew: Crew,
         *,
         by_places: bool = False,
-        tell: Callable[[str], None] = lambda text: None,
     ) -> None:
         self._session = session
         self._commands = commands
-        self._tell = tell
         self._view = session.view
         self._camera = camera
         self._reporter = reporter
         self._monitor = monitor
         self._mission = mission
         self._grid = reporter.grid
-        self._pad = Pad(
-            session, commands, reporter, monitor, mission.battery.capacity_wh, crew, tell
-        )
+        self._pad = Pad(session, commands, reporter, monitor, mission.battery.capacity_wh, crew)
         self._stream = PathStream(session, commands, reporter, monitor, by_places=by_places)
-        timeout = StreamTimeout(reporter.name, session, tell)
+        timeout = StreamTimeout(reporter.name, session, reporter.line)
         self._timeout = None if by_places else timeout
         self._on_path = False
         """Whether a path is flown that another may replace on the way."""
@@ -186,7 +182,7 @@ class Manoeuvres:
                 return
             left_m = self._reporter.position().distance_to(target())
             if reason := watch.wrong(self._reporter.now_s(), left_m):
-                self._tell(reason)
+                self._reporter.line(reason)
                 self._paced_in = None  # the speed is sent again behind the next target
 
     @property

@@ -67,13 +67,7 @@ class Navigation:
     """What one vehicle goes by. `act` has its guardian return or land, `fail` reports that it
     cannot go on, `aid` sends the autopilot its place with a standard deviation."""
 
-    def __init__(
-        self,
-        reporter: Reporter,
-        view: VehicleView,
-        mission: Mission,
-        tell: Callable[[str], None],
-    ) -> None:
+    def __init__(self, reporter: Reporter, view: VehicleView, mission: Mission) -> None:
         self._reporter = reporter
         self._view = view
         self._wanted = mission.navigation
@@ -82,7 +76,6 @@ class Navigation:
         """Of the ground that is held against other ground: pictures are from all heights."""
         self._most_m = 0.5 * mission.grid.cell_m
         """Positions that are less sure decide on no cell."""
-        self._tell = tell
         self._own = OwnMap() if mission.navigation.watches else None
         self._pair = mission.strategy == LEAPFROG.name
         self.partner: Member | None = None
@@ -176,7 +169,7 @@ class Navigation:
         if self.gnss == "good":
             now_s = self._reporter.now_s()
             self._own.track.distrust(now_s - LEAP_S)
-            self._tell(f"vehicle {self._reporter.number}: {how}")
+            self._reporter.line(f"vehicle {self._reporter.number}: {how}")
             self._changed("wrong", now_s)
         return True
 
@@ -203,10 +196,11 @@ class Navigation:
             if before == "wrong" and self._own is not None:
                 self._own.track.trust_again()
             self._correct(GridPoint(0.0, 0.0))
-            self._tell(f"vehicle {number}: satellite navigation is back")
+            self._reporter.line(f"vehicle {number}: satellite navigation is back")
         else:
             what = "is lost" if gnss == "lost" else "tells a wrong place"
-            self._tell(f"vehicle {number}: satellite navigation {what}{self._how_on(before)}")
+            how_on = self._how_on(before)
+            self._reporter.line(f"vehicle {number}: satellite navigation {what}{how_on}")
         self._say(now_s)
         if gnss == "lost" and before == "good" and self._wanted.gnss_loss in ("rtl", "land"):
             self.act(self._wanted.gnss_loss, "satellite navigation is lost")

@@ -29,12 +29,11 @@ LOOK_S: Final = 1.0
 
 
 class Waiting:
-    """One wait for one vehicle; `tell` takes a line for the operator: for what, and how long."""
+    """One wait for one vehicle; what takes long is logged: for what, and how long."""
 
-    def __init__(self, name: str, session: Session, tell: Callable[[str], None]) -> None:
-        self._name = name
+    def __init__(self, reporter: Reporter, session: Session) -> None:
+        self._reporter = reporter
         self._session = session
-        self._tell = tell
         self._begin_s = asyncio.get_running_loop().time()
         self._due_s = self._begin_s + REMIND_S
 
@@ -54,7 +53,8 @@ class Waiting:
     def _remind(self, what: str) -> None:
         now_s = asyncio.get_running_loop().time()
         self._due_s = now_s + REMIND_AGAIN_S
-        self._tell(f"{self._name}: waits for {what}, for {now_s - self._begin_s:.0f} s by now")
+        name, waited_s = self._reporter.name, now_s - self._begin_s
+        self._reporter.line(f"{name}: waits for {what}, for {waited_s:.0f} s by now")
         view = self._session.view
         if view.system_id and not view.armed and not view.ready_to_arm:
             # an ArduPilot gives its reasons every half minute, or when asked
@@ -101,7 +101,6 @@ class Pad:
         monitor: Monitor,
         capacity_wh: float,
         crew: Crew,
-        tell: Callable[[str], None],
     ) -> None:
         self._session = session
         self._commands = commands
@@ -110,12 +109,11 @@ class Pad:
         self._monitor = monitor
         self._capacity_wh = capacity_wh
         self._crew = crew
-        self._tell = tell
 
     async def take_off(self, order: TakeOff) -> None:
         """Arm and climb; report that it is airborne. Raises `LinkError`."""
         session, view, kind = self._session, self._view, self._view.kind
-        waiting = Waiting(self._reporter.name, session, self._tell)
+        waiting = Waiting(self._reporter, session)
         if kind.streams_apart and view.mode == kind.stream_mode:
             # where its stream ended a PX4 stands in OFFBOARD, and its checks fail there
             await insist(self._commands.follow)
@@ -191,5 +189,5 @@ class Pad:
         else:
             await self._crew(reporter.number)
             # a word without a battery is heard, and nothing would tell why nobody takes off
-            await Waiting(reporter.name, self._session, self._tell).until(fresh, math.inf, what)
+            await Waiting(reporter, self._session).until(fresh, math.inf, what)
         reporter.happened(BatterySwapped, reporter.remaining())

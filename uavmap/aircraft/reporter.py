@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from typing import Concatenate, Final, ParamSpec
 
@@ -32,6 +33,7 @@ class Reporter:
         now_s: Callable[[], float],
         loop_s: Callable[[], float],
         battery_stale_s: float = BATTERY_STALE_S,
+        operator: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.number = number
         self.name = name
@@ -39,9 +41,15 @@ class Reporter:
         self.loop_s = loop_s
         self.grid = grid
         self.report: Report = lambda event: None
+        self._operator = operator
         self._view = view
         self._capacity_wh = capacity_wh
         self._battery_stale_s = battery_stale_s
+
+    def line(self, text: str) -> None:
+        """Log a line for the operator; a terminal that is gone keeps no aircraft in the air."""
+        with contextlib.suppress(Exception):
+            self._operator(text)
 
     def t_s(self) -> float:
         """Mission time, to a millisecond."""

@@ -86,7 +86,6 @@ class MavlinkVehicle:
         self._link_lost_s = session.view.gate.clock.limit_s = link_lost_s
         self._ground_patience_s = ground_patience_s
         self._clock_rate = clock_rate
-        self._tell = tell
         self._reporter = Reporter(
             number,
             name,
@@ -96,19 +95,20 @@ class MavlinkVehicle:
             mission_time_s,
             lambda: asyncio.get_running_loop().time(),
             battery_stale_s,
+            tell,
         )
         self._monitor = Monitor(self._reporter, session.view)
-        self._monitor.why = Spoken(self._reporter, session.view, tell).why
+        self._monitor.why = Spoken(self._reporter, session.view).why
         limits = Limits(setting.fence, setting.energy, slack_s, setting.relief_m)
-        self.guardian = Guardian(session, self._reporter, self._monitor, limits, tell)
+        self.guardian = Guardian(session, self._reporter, self._monitor, limits)
         self.guardian.stand_aside = self._stand_aside
         self.guardian.order_failed = self._order_failed
         self._commands = ControlledCommands(session, self._monitor)
         self._manoeuvres = Manoeuvres(
             session, self._commands, camera, self._reporter, self._monitor, setting.mission, crew,
-            by_places=by_places, tell=tell,
+            by_places=by_places,
         )  # fmt: skip
-        self._navigation = Navigation(self._reporter, session.view, setting.mission, tell)
+        self._navigation = Navigation(self._reporter, session.view, setting.mission)
         self._navigation.act = self.guardian.take_over
         self._navigation.fail = self._order_failed
         self._navigation.aid = self._aid
@@ -152,7 +152,7 @@ class MavlinkVehicle:
         begin_s = asyncio.get_running_loop().time()
         await self._streams.ask(self._hears)
         session.request(mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
-        waiting = Waiting(self.name, session, self._tell)
+        waiting = Waiting(self._reporter, session)
         while missing := self._missing(begin_s):
             session.request(mav.MAVLINK_MSG_ID_HOME_POSITION)
             if await waiting.until(
@@ -290,7 +290,7 @@ class MavlinkVehicle:
         if self._clock_rate is None or boot_s is None:
             return
         if wrong := self._clock_rate.take(self._view.position_s, boot_s):
-            self._tell(f"vehicle {self.number}: {wrong}")
+            self._reporter.line(f"vehicle {self.number}: {wrong}")
 
     async def _heard_anew(self) -> None:
         """Wait for the next position and heartbeat: orders begin where it is, and only under our

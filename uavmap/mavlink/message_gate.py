@@ -139,27 +139,27 @@ def _degrees(latitude: str, longitude: str) -> tuple[Limit, Limit]:
     return Limit(latitude, -90e7, 90e7), Limit(longitude, -180e7, 180e7)
 
 
-def _height(field: str) -> Limit:
-    return Limit(field, _LOWEST_M * 1e3, _HIGHEST_M * 1e3)
+def _heights(*fields: str) -> tuple[Limit, ...]:
+    return _each(*fields, low=_LOWEST_M * 1e3, high=_HIGHEST_M * 1e3)
+
+
+def _each(*fields: str, low: float, high: float) -> tuple[Limit, ...]:
+    return tuple(Limit(field, low, high) for field in fields)
 
 
 RULES: Final[Mapping[str, Rule]] = {
     "HEARTBEAT": Rule(Sender.ANY, (Limit("system_status", 0, 8),), _heartbeat),
     "CURRENT_MODE": Rule(Sender.AUTOPILOT, check=_current_mode),
-    "EVENT": Rule(Sender.AUTOPILOT),
     "GLOBAL_POSITION_INT": Rule(
         Sender.AUTOPILOT,
         (
             *_degrees("lat", "lon"),
-            _height("alt"),
-            _height("relative_alt"),
-            Limit("vx", -10_000, 10_000),
-            Limit("vy", -10_000, 10_000),
-            Limit("vz", -10_000, 10_000),
+            *_heights("alt", "relative_alt"),
+            *_each("vx", "vy", "vz", low=-10_000, high=10_000),
         ),
     ),
     "HOME_POSITION": Rule(
-        Sender.AUTOPILOT, (*_degrees("latitude", "longitude"), _height("altitude")), _home
+        Sender.AUTOPILOT, (*_degrees("latitude", "longitude"), *_heights("altitude")), _home
     ),
     "SYS_STATUS": Rule(Sender.AUTOPILOT, (Limit("battery_remaining", -1, 100),)),
     "BATTERY_STATUS": Rule(
@@ -172,27 +172,25 @@ RULES: Final[Mapping[str, Rule]] = {
         ),
     ),
     "EXTENDED_SYS_STATE": Rule(Sender.AUTOPILOT, (Limit("landed_state", 0, 4),)),
-    "EKF_STATUS_REPORT": Rule(Sender.AUTOPILOT),
-    "ESTIMATOR_STATUS": Rule(Sender.AUTOPILOT),
-    "ATTITUDE": Rule(
-        Sender.AUTOPILOT,
-        (Limit("roll", -_TURN, _TURN), Limit("pitch", -_TURN, _TURN), Limit("yaw", -_TURN, _TURN)),
-    ),
+    "ATTITUDE": Rule(Sender.AUTOPILOT, _each("roll", "pitch", "yaw", low=-_TURN, high=_TURN)),
     "ATTITUDE_QUATERNION": Rule(Sender.AUTOPILOT, check=_attitude_quaternion),
     "GPS_RAW_INT": Rule(Sender.AUTOPILOT, (*_degrees("lat", "lon"), Limit("fix_type", 0, 8))),
     "WIND": Rule(Sender.AUTOPILOT, (Limit("direction", -360, 360), Limit("speed", 0, 100))),
     "FENCE_STATUS": Rule(Sender.AUTOPILOT, (Limit("breach_status", 0, 1),)),
-    "AUTOPILOT_VERSION": Rule(Sender.AUTOPILOT),
     "PARAM_VALUE": Rule(Sender.AUTOPILOT, check=_parameter),
     "TIMESYNC": Rule(Sender.ANY),  # who asked knows its own time again
     "TERRAIN_REPORT": Rule(
         Sender.AUTOPILOT, (*_degrees("lat", "lon"), Limit("terrain_height", -500, 9000))
     ),
     "MISSION_COUNT": Rule(Sender.AUTOPILOT, (Limit("count", 0, _MOST_ITEMS),)),
-    "MISSION_REQUEST": Rule(Sender.AUTOPILOT, (Limit("seq", 0, _MOST_ITEMS),)),
-    "MISSION_REQUEST_INT": Rule(Sender.AUTOPILOT, (Limit("seq", 0, _MOST_ITEMS),)),
-    "MISSION_ITEM_INT": Rule(Sender.AUTOPILOT, (Limit("seq", 0, _MOST_ITEMS),)),
-    "MISSION_ACK": Rule(Sender.AUTOPILOT),
+    **dict.fromkeys(
+        ("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ITEM_INT"),
+        Rule(Sender.AUTOPILOT, (Limit("seq", 0, _MOST_ITEMS),)),
+    ),
+    **dict.fromkeys(
+        ("AUTOPILOT_VERSION", "EKF_STATUS_REPORT", "ESTIMATOR_STATUS", "EVENT", "MISSION_ACK"),
+        Rule(Sender.AUTOPILOT),
+    ),
     "STATUSTEXT": Rule(Sender.ANY, (Limit("severity", 0, 7),)),
     "FILE_TRANSFER_PROTOCOL": Rule(Sender.ANY),  # the client knows whom it has asked
     "COMMAND_ACK": Rule(Sender.ANY),  # the session knows whom it has asked
@@ -204,16 +202,13 @@ RULES: Final[Mapping[str, Rule]] = {
         (
             *_degrees("lat", "lng"),
             Limit("alt_rel", _LOWEST_M, _HIGHEST_M),
-            Limit("roll", -360, 360),
-            Limit("pitch", -360, 360),
-            Limit("yaw", -360, 360),
+            *_each("roll", "pitch", "yaw", low=-360, high=360),
         ),
     ),
     "CAMERA_CAPTURE_STATUS": Rule(
         Sender.CAMERA, (Limit("image_status", 0, 3), Limit("image_interval", 0, 86_400))
     ),
-    "CAMERA_INFORMATION": Rule(Sender.CAMERA),
-    "CAMERA_SETTINGS": Rule(Sender.CAMERA),
+    **dict.fromkeys(("CAMERA_INFORMATION", "CAMERA_SETTINGS"), Rule(Sender.CAMERA)),
 }
 
 

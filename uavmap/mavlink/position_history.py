@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Final, Generic, NamedTuple, TypeVar
 
 from missions.units import LatLon, Quaternion
 
@@ -19,6 +18,7 @@ KEPT_S: Final = 30.0
 """A picture that is older is not judged any more, or counts as one of long ago."""
 MOST_KEPT: Final = 1000
 _M_PER_DEG: Final = 111_195.0
+T = TypeVar("T")
 
 
 class Fix(NamedTuple):
@@ -53,8 +53,35 @@ class Place(NamedTuple):
     outside of those that are known, the place is a guess."""
 
 
-@dataclass(slots=True)
-class Whereabouts:
+class _History(Generic[T]):
+    """The values of the last `KEPT_S`, each with its time on the vehicle's clock."""
+
+    def __init__(self) -> None:
+        self._kept: deque[tuple[float, T]] = deque(maxlen=MOST_KEPT)
+
+    @property
+    def last_s(self) -> float:
+        """The time of the latest, before all times where there is none."""
+        return self._kept[-1][0] if self._kept else -math.inf
+
+    def _keep(self, boot_s: float, value: T) -> None:
+        if boot_s < self.last_s:  # a clock that begins anew leaves nothing to reckon with
+            self._kept.clear()
+        self._kept.append((boot_s, value))
+        while self._kept[0][0] < boot_s - KEPT_S:
+            self._kept.popleft()
+
+    def _around(self, boot_s: float) -> tuple[tuple[float, T] | None, tuple[float, T] | None]:
+        """The last value until a time, and the first after it."""
+        after = None
+        for sample in reversed(self._kept):
+            if sample[0] <= boot_s:
+                return sample, after
+            after = sample
+        return None, after
+
+
+class Whereabouts(_History[Fix]):
     """The positions of the last `KEPT_S`.
 
     >>> track = Whereabouts()
@@ -65,32 +92,18 @@ class Whereabouts:
     (47.0001, 13.0, 0.5)
     """
 
-    _fixes: deque[Fix] = field(default_factory=lambda: deque(maxlen=MOST_KEPT))
-
     def take(self, fix: Fix) -> None:
-        """Take in a position; a clock that begins anew leaves nothing to reckon with."""
-        fixes = self._fixes
-        if fixes and fix.boot_s < fixes[-1].boot_s:
-            fixes.clear()
-        fixes.append(fix)
-        while fixes[0].boot_s < fix.boot_s - KEPT_S:
-            fixes.popleft()
+        """Take in a position."""
+        self._keep(fix.boot_s, fix)
 
     def at(self, boot_s: float) -> Place | None:
         """Where it was at a time of its clock: between two fixes on the straight line, outside of
         all with the velocity of the nearest. None before the first fix."""
-        fixes = self._fixes
-        if not fixes:
-            return None
-        after = None
-        for before in reversed(fixes):
-            if before.boot_s <= boot_s:
-                break
-            after = before
-        else:
-            return fixes[0].moved(boot_s)
-        if after is None:
-            return before.moved(boot_s)
+        first, second = self._around(boot_s)
+        if first is None or second is None:
+            nearest = first or second
+            return None if nearest is None else nearest[1].moved(boot_s)
+        before, after = first[1], second[1]
         share = (boot_s - before.boot_s) / (after.boot_s - before.boot_s)
         turned_deg = math.remainder(after.position.lon_deg - before.position.lon_deg, 360.0)
         return Place(
@@ -110,8 +123,7 @@ MOST_GAP_S: Final = 0.5
 _NEARLY_SAME: Final = 0.9995
 
 
-@dataclass(slots=True)
-class Attitudes:
+class Attitudes(_History[Quaternion]):
     """The attitudes of the last `KEPT_S`.
 
     >>> track = Attitudes()
@@ -124,33 +136,15 @@ class Attitudes:
     True
     """
 
-    _kept: deque[tuple[float, Quaternion]] = field(default_factory=lambda: deque(maxlen=MOST_KEPT))
-
-    @property
-    def last_s(self) -> float:
-        """The time of the latest, before all times where there is none."""
-        return self._kept[-1][0] if self._kept else -math.inf
-
     def take(self, boot_s: float, attitude: Quaternion) -> None:
-        """Take in an attitude; a clock that begins anew leaves nothing to reckon with."""
-        kept = self._kept
-        if kept and boot_s == kept[-1][0]:
-            return
-        if kept and boot_s < kept[-1][0]:
-            kept.clear()
-        kept.append((boot_s, attitude))
-        while kept[0][0] < boot_s - KEPT_S:
-            kept.popleft()
+        """Take in an attitude, the first of each time."""
+        if boot_s != self.last_s:
+            self._keep(boot_s, attitude)
 
     def at(self, boot_s: float) -> Quaternion | None:
         """Its attitude at a time of its clock, between two on the shortest turn; None where the
         nearest is more than `MOST_GAP_S` away."""
-        before = after = None
-        for sample in reversed(self._kept):
-            if sample[0] <= boot_s:
-                before = sample
-                break
-            after = sample
+        before, after = self._around(boot_s)
         near = [s for s in (before, after) if s is not None and abs(s[0] - boot_s) <= MOST_GAP_S]
         if not near:
             return None

@@ -9,7 +9,6 @@ the aircraft is on the ground or a pilot has it.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 from collections.abc import Callable, Coroutine
 from dataclasses import replace
 from typing import Any, Final
@@ -55,7 +54,7 @@ _WORDS: Final = {"rtl": "return by its autopilot", "land": "land where it is"}
 
 class Guardian:
     """Keeps one aircraft from being left alone; calls `stand_aside` when it takes the vehicle, to
-    end the mission's order, and `tell` with lines for the operator."""
+    end the mission's order."""
 
     def __init__(
         self,
@@ -63,7 +62,6 @@ class Guardian:
         reporter: Reporter,
         monitor: Monitor,
         limits: Limits,
-        tell: Callable[[str], None],
     ) -> None:
         self._session = session
         commands = ControlledCommands(session, monitor, guardian=True)
@@ -72,7 +70,6 @@ class Guardian:
         self._reporter = reporter
         self._monitor = monitor
         self._limits = limits
-        self._operator = tell
         self._guard = Guard()
         self._pursuit: asyncio.Task[None] | None = None
         self._tasks: asyncio.TaskGroup | None = None
@@ -85,11 +82,6 @@ class Guardian:
         """Whether it was in the air by our order when an earlier process ended."""
         self.stand_aside: Callable[[], None] = lambda: None
         self.order_failed: Callable[[str, bool], None] = lambda reason, behind: None
-
-    def _tell(self, text: str) -> None:
-        """Log a line; a terminal that is gone must not keep an aircraft in the air."""
-        with contextlib.suppress(Exception):
-            self._operator(text)
 
     # --- what the driver tells it -----------------------------------------------------------
     @property
@@ -115,7 +107,7 @@ class Guardian:
         number = self._reporter.number
         by_map = action == "rtl" and self._monitor.by_map
         way = "fly home by its own map" if by_map else _WORDS[action]
-        self._tell(f"vehicle {number}: {reason}; it is told to {way}")
+        self._reporter.line(f"vehicle {number}: {reason}; it is told to {way}")
         self._reporter.happened(Guarded, action, reason)
         self._begin(self._pursue(action, hurry=hurry))
 
@@ -226,7 +218,7 @@ class Guardian:
         """Report the place of a crash, and have motors stopped that still run."""
         reporter = self._reporter
         place = reporter.grid.position(seen.position)
-        self._tell(
+        reporter.line(
             f"vehicle {reporter.number} is down near {place.lat_deg:.6f}, {place.lon_deg:.6f}: "
             f"{reason}"
         )
@@ -234,7 +226,7 @@ class Guardian:
         reporter.happened(Crashed, seen.position, reason)
         self._monitor.control = self._monitor.control.acting(guardian=True).crashed()
         struck = self._guard.fell or seen.struck_m_s > HARD_M_S
-        self._begin(self._flight.stop_motors(self._tell, struck=struck))
+        self._begin(self._flight.stop_motors(struck=struck))
 
     def _let_go(self) -> None:
         """End its action: a pilot has control, or it stands on the ground."""
@@ -307,7 +299,7 @@ class Guardian:
         reporter, height_m, energy = self._reporter, self._view.height_m, self._limits.energy
         if not self._corners():
             return
-        self._tell(f"vehicle {reporter.number}: {reason}; it is flown home around the fence")
+        reporter.line(f"vehicle {reporter.number}: {reason}; it is flown home around the fence")
         self.stand_aside()
         here = reporter.position()
         if self._view.ground_speed_m_s > BRISK_M_S:

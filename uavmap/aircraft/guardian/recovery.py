@@ -114,6 +114,19 @@ class RecoveryFlight:
         aim, aim_m = aim_over_ground(view, self._reporter.position(), point, height_m)
         await self._commands.fly_to(self._reporter.grid.position(aim), aim_m)
 
+    async def _send_towards(self, point: GridPoint, height_m: float) -> bool | None:
+        """Command a target and a speed; False where it is refused, None, after a pause, where there
+        is no answer."""
+        try:
+            await self.aim_at(point, height_m)
+            await self._commands.speed(self._speed_m_s)
+        except CommandRefusedError:
+            return False
+        except LinkError:
+            await asyncio.sleep(PAUSE_S)
+            return None
+        return True
+
     async def fly_home_by_map(self) -> bool:
         """To its home by targets; False where it does not take them, or needs none."""
         view, fence = self._view, self._fence
@@ -123,14 +136,11 @@ class RecoveryFlight:
             if here.distance_to(home) <= OVER_HOME_M and view.ground_speed_m_s <= BRISK_M_S:
                 return True
             corners = corners_home(fence, here, home)
-            try:
-                await self.aim_at(corners[0] if corners else home, height_m)
-                await self._commands.speed(self._speed_m_s)
-            except CommandRefusedError:
-                return False
-            except LinkError:
-                await asyncio.sleep(PAUSE_S)
+            sent = await self._send_towards(corners[0] if corners else home, height_m)
+            if sent is None:
                 continue
+            if not sent:
+                return False
             # the place that its autopilot takes for home changes with every picture
             await asyncio.sleep(LOOK_S)
         return False
@@ -154,7 +164,7 @@ class RecoveryFlight:
             await self._session.until(lambda: view.mode == wanted, RETRY_S)
         return ""
 
-    async def stop_motors(self, tell: Callable[[str], None], *, struck: bool) -> None:
+    async def stop_motors(self, *, struck: bool) -> None:
         """Land a vehicle that is down, which may disarm it, and disarm by force one that struck, is
         low and under our control: its autopilot may not notice that it has landed."""
         view, session, vehicle = self._view, self._session, f"vehicle {self._reporter.number}"
@@ -162,6 +172,7 @@ class RecoveryFlight:
         def is_armed() -> bool:
             return view.armed
 
+        line = self._reporter.line
         if is_armed() and self._monitor.control.is_ours:
             asking = asyncio.ensure_future(self.ask_autopilot("land"))
             try:
@@ -174,13 +185,13 @@ class RecoveryFlight:
             if not told:
                 told = True
                 how = "they are stopped by force" if forced else "keep away"
-                tell(f"{vehicle}: its motors still run; {how}")
+                line(f"{vehicle}: its motors still run; {how}")
             if forced:
                 with contextlib.suppress(LinkError):
                     await self._commands.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
             await session.until(lambda: not view.armed, RETRY_S)
         if told:
-            tell(f"{vehicle}: its motors have stopped")
+            line(f"{vehicle}: its motors have stopped")
 
     async def reach(
         self, corner: GridPoint, height_m: float, over: Callable[[], bool], *, slow: bool = False
@@ -193,14 +204,11 @@ class RecoveryFlight:
             return self._reporter.position().distance_to(corner) <= CORNER_M
 
         while not over():
-            try:
-                await self.aim_at(corner, height_m)
-                await self._commands.speed(self._speed_m_s)
-            except CommandRefusedError:
-                return False
-            except LinkError:
-                await asyncio.sleep(PAUSE_S)
+            sent = await self._send_towards(corner, height_m)
+            if sent is None:
                 continue
+            if not sent:
+                return False
             pause_s = RETRY_S if self._view.ground is None else LOOK_S
             await self._session.until(lambda: there() or over(), pause_s)
             if there():

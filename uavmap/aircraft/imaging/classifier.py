@@ -27,34 +27,6 @@ from vision.projection import Frame, Verdict, look
 Verdicts = tuple[Verdict, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Suspecting:
-    """A detector from the height of a search, where what it takes for region is a suspicion.
-
-    From there all ground looks unlike what was painted from below, which is no reason to pass it.
-    """
-
-    detector: Detector
-
-    @property
-    def name(self) -> str:
-        """See `Detector.name`."""
-        return self.detector.name
-
-    @property
-    def calibrated(self) -> bool:
-        """See `Detector.calibrated`."""
-        return self.detector.calibrated
-
-    def probability(self, image: Image) -> NDArray[np.float32]:
-        """See `Detector.probability`."""
-        return self.detector.probability(image)
-
-    def mask(self, image: Image) -> NDArray[np.uint8]:
-        """See `Detector.mask`."""
-        return self.detector.mask(image)
-
-
 @dataclass(slots=True)
 class Classifier:
     """How one vehicle's pictures are judged: camera, detector, the share that makes a cell ROI.
@@ -65,7 +37,8 @@ class Classifier:
     camera: Camera
     detector: Detector
     from_above: Detector | None = None
-    """What judges pictures from the height of a search, where that has layers of its own."""
+    """What judges pictures from the height of a search, where that has layers of its own. Its
+    verdicts are suspicions: from there all ground looks unlike what was painted from below."""
     _last: Image | None = field(default=None, repr=False)
 
     @classmethod
@@ -86,7 +59,7 @@ class Classifier:
         above = None
         if search_m is not None:
             higher_m = search_m + (height_m or lowest_m) - lowest_m
-            above = Suspecting(detector or detector_of(mission, higher_m / lowest_m))
+            above = detector or detector_of(mission, higher_m / lowest_m)
         return cls(mission, grid, camera, detector or detector_of(mission, ratio), above)
 
     def is_overview(self, frame: Frame) -> bool:

@@ -35,18 +35,13 @@ class Craft:
     fails: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        clock, grid = lambda: self.now_s, Grid.at(START, CELL_M)
         reporter = Reporter(
-            1,
-            "one",
-            self.view,
-            60.0,
-            Grid.at(START, CELL_M),
-            lambda: self.now_s,
-            lambda: self.now_s,
+            1, "one", self.view, 60.0, grid, clock, clock, operator=self.told.append
         )
         reporter.report = self.events.append
         self.reporter = reporter
-        self.navigation = Navigation(reporter, self.view, self.mission, self.told.append)
+        self.navigation = Navigation(reporter, self.view, self.mission)
         self.navigation.act = lambda action, reason: self.acts.append((action, reason))
         self.navigation.fail = self.fails.append
         self.view.ekf_flags = GOOD

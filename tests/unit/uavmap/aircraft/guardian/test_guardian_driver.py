@@ -113,7 +113,7 @@ async def test_a_terminal_that_is_gone_keeps_nobody_in_the_air(flight: Flight, /
     def gone(text: str) -> None:
         raise BrokenPipeError(text)
 
-    flight.driver.guardian._operator = gone
+    flight.driver._reporter._operator = gone
     await flight.driver.guardian.bring_home("the terminal was closed")
     assert flight.vehicle.truth.landed
 
