@@ -1,7 +1,7 @@
-"""What a vehicle says in words: to the operator as it comes, and into the journal.
+"""The texts of a vehicle: shown to the operator and kept in the journal, within limits.
 
-Both within limits: a text that is repeated is counted, and a vehicle that talks without end fills
-neither the screen nor the disk. Some words name the failsafe by which its autopilot flies.
+A repeated text is counted: no vehicle fills the screen or the disk. Some texts name the failsafe by
+which the autopilot flies.
 """
 
 from __future__ import annotations

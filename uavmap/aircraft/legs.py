@@ -1,11 +1,9 @@
 """Legs to a target: over ground that is not flat, and at the speed that was ordered.
 
-An autopilot flies straight to its target, and may climb or descend first. So it is told a target
-no farther ahead than the ground keeps nearly level, at the height of the highest ground until
-there, and while it flies the next one, further on. Should it hear nothing more it stops there.
-
-An autopilot may put its own speed back when a target comes, and a pilot may set another in flight:
-the speed of a long leg is watched.
+An autopilot flies straight to its target, and may climb or descend first. So its targets lie no
+farther ahead than the ground keeps nearly level, at the height of the highest ground until there;
+on the way it gets the next one. Without another it stops there. An autopilot may put its own speed
+back at a target, and a pilot may set another: the speed of a long leg is watched.
 """
 
 from __future__ import annotations

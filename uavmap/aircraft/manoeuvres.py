@@ -1,8 +1,8 @@
 """How a vehicle carries out its orders: what is sent, and when an order is done.
 
-One order at a time; whoever runs a manoeuvre cancels it to replace it. A command that nobody
-acknowledges is asked again for as long as the link is called alive (`uavmap.aircraft.vehicle`):
-only a refusal, or what the vehicle is seen not to do, ends an order.
+One order at a time, cancelled by the next. A command without an acknowledgement is sent again while
+the link lives (`uavmap.aircraft.vehicle`): only a refusal, or what the vehicle is seen not to do,
+ends an order.
 """
 
 from __future__ import annotations

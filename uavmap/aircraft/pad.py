@@ -1,8 +1,4 @@
-"""A vehicle on its pad: armed, lifted off, given a fresh battery; what that waits for is told.
-
-Why it is not ready a vehicle says in words, which are told as they come
-(`uavmap.aircraft.autopilot_texts`).
-"""
+"""A vehicle on its pad: armed, lifted off, given a fresh battery; what that waits for is logged."""
 
 from __future__ import annotations
 

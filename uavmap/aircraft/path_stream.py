@@ -1,15 +1,13 @@
 """The stream of setpoints along a path: place and velocity, ten times a second.
 
-What is told depends on mission time only, not on telemetry, so that a slow link does no harm: each
-setpoint is the course smoothed over `SMOOTH_S`, its parts as far ahead of their time as the
-autopilot is late in answering them (`uavmap.mavlink.autopilots`). On a real ArduCopter this follows
-a rounded path at 6 m/s within 0.54 m in 95 % of the time, and takes as long as planned.
+Setpoints depend on mission time only, not on telemetry, so that a slow link does no harm: each is
+the course smoothed over `SMOOTH_S`, its parts as far ahead as the autopilot answers late
+(`uavmap.mavlink.autopilots`). A real ArduCopter follows a rounded path at 6 m/s within 0.54 m in 95
+% of the time, as fast as planned. A PX4 is put into OFFBOARD for it, and back into Hold afterwards.
 
-A PX4 is put into OFFBOARD for it, and back into Hold afterwards.
-
-When the stream ends an ArduPilot flies on for GUID_TIMEOUT, 3 s by default, in which it flies 18 m
-at 6 m/s before it brakes: that is shortened while paths are flown. PX4's own limit is a second, and
-is left alone.
+When the stream ends an ArduPilot flies on for GUID_TIMEOUT, by default 3 s, or 18 m at 6 m/s,
+before it brakes: that is shortened while paths are flown. PX4's own limit is a second, and is left
+alone.
 """
 
 from __future__ import annotations

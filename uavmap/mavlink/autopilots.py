@@ -1,7 +1,7 @@
 """What differs between the autopilots that are flown: modes, heights on the wire, streams.
 
-A PX4 sends EVENT and CURRENT_MODE, which pymavlink's ardupilotmega dialect lacks: they are added to
-its table. The parser checks and decodes them as all others from then on.
+EVENT and CURRENT_MODE of a PX4, which pymavlink's ardupilotmega dialect lacks, are added to its
+table: the parser checks and decodes them as all others.
 """
 
 from __future__ import annotations

@@ -1,12 +1,11 @@
 """The one place that every message of a vehicle passes before anything else sees it.
 
-What a kind of message may say is in `RULES`: a row for each kind that somebody reads. A row names
-who may say such a thing of a vehicle, and the range of each field that is read, in the message's
-own units. A NaN is in no range. A kind without a row is read by nobody: who begins to read one adds
-its row here. What has to fit the messages before it is in `uavmap.mavlink.continuity`.
+`RULES` has a row for each kind of message that is read: which component may send it, and the range
+of each field that is read, in the message's own units; a NaN is in no range. A kind without a row
+is not read. What has to fit earlier messages is in `uavmap.mavlink.continuity`.
 
-What fails is refused: it changes nothing, is counted by kind and reason, and is told, but not more
-than once in ten seconds a kind.
+A refused message changes nothing, is counted by kind and reason, and logged at most once in ten
+seconds a kind.
 """
 
 from __future__ import annotations
@@ -77,11 +76,7 @@ _MOST_ITEMS = 65_534
 
 
 def unit_fault(w: float, x: float, y: float, z: float) -> str | None:
-    """What is wrong with a quaternion that should tell an attitude.
-
-    >>> unit_fault(0.0, 0.0, 0.0, 0.0)
-    'the quaternion is all zero'
-    """
+    """What is wrong with a quaternion of an attitude; None for a unit one."""
     if not all(map(math.isfinite, (w, x, y, z))):
         return "the quaternion is not finite"
     length = math.sqrt(w * w + x * x + y * y + z * z)

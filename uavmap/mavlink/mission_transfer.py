@@ -1,12 +1,10 @@
 """Lists of places on an autopilot, by MAVLink's mission protocol: a fence, rally points.
 
-The vehicle drives an upload and asks for each item; a download is driven by us, and ends with our
-acknowledgement. One transfer at a time.
-
-A vehicle repeats a request after a second, however long the link takes. Each copy that is answered
-brings an item twice, and an ArduPilot answers the second copy with INVALID_SEQUENCE while the
-upload goes on (`MissionItemProtocol.cpp`). So a repeated request is answered once in the time there
-and back, which the transfer measures, and that result ends nothing while the vehicle still asks.
+The vehicle drives an upload and asks for each item; we drive a download, and acknowledge its end.
+One transfer at a time. A vehicle repeats a request after a second, however slow the link; each copy
+that is answered brings an item twice, and an ArduPilot answers the second with INVALID_SEQUENCE and
+goes on (`MissionItemProtocol.cpp`). So a repeated request is answered once in the time there and
+back, which is measured, and that result ends nothing while the vehicle still asks.
 """
 
 from __future__ import annotations

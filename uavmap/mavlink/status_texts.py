@@ -1,10 +1,10 @@
-"""What a vehicle says in words: STATUSTEXT, put together from its chunks and made harmless.
+"""Texts of a vehicle: STATUSTEXT, put together from its chunks and made harmless, and EVENT (410).
 
-And EVENT (410): what a PX4 sends beside its texts, and where it takes nobody for a ground station.
-An event is a number, a hash of its name, with arguments; its words are in a file that belongs to
-the firmware, which is not here. Those of failsafes are known here by their names: the text of each
-failsafe is the same, and its cause is an argument of its event alone. Of the others the number is
-reported: with it the event is found in QGroundControl or in the flight's log.
+A PX4 sends EVENT beside its texts, and alone where it knows no ground station. An event is a
+number, a hash of its name, with arguments; its words are in a file of the firmware, which is not
+here. The events of failsafes are known here by their names: the text of each is the same, and its
+cause is an argument of its event alone. Of the others the number is reported, by which
+QGroundControl or the flight's log show the event.
 
 Source: PX4, `commander/failsafe/framework.cpp` (`notifyUser`), `lib/events/enums.json`,
 `commander/HealthAndArmingChecks`.

@@ -1,8 +1,4 @@
-"""How each message of a vehicle updates its view.
-
-A message passes the gate first (`uavmap.mavlink.message_gate`): the handlers rely on the ranges of
-`uavmap.mavlink.message_gate`.
-"""
+"""How each message of a vehicle, once the gate has checked its ranges, updates its view."""
 
 from __future__ import annotations
 

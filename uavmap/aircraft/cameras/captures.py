@@ -1,7 +1,7 @@
 """Devices and streams that give one picture after the other, read in a thread of their own.
 
-OpenCV reads V4L2 devices, RTSP and video over HTTP; programs of the system that write JPEGs to
-their standard output read the rest (libcamera, GStreamer), whatever OpenCV was built with.
+OpenCV reads V4L2 devices, RTSP and video over HTTP; programs that write JPEGs to their standard
+output read the rest (libcamera, GStreamer).
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """A camera that is a MAVLink component: commands to it, announcements and files from it.
 
-Camera protocol v2: IMAGE_START_CAPTURE, CAMERA_IMAGE_CAPTURED with pose and `file_url`, a lost
-announcement asked for again by its index. Files come by HTTP or by MAVLink FTP, of which there is
-as much as it takes to fetch a picture: open, read in bursts, close.
+Camera protocol v2: IMAGE_START_CAPTURE, CAMERA_IMAGE_CAPTURED with pose and `file_url`, asked for
+again by its index. Files come by HTTP, or by as much of MAVLink FTP as a picture needs.
 """
 
 from __future__ import annotations

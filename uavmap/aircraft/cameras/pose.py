@@ -1,7 +1,7 @@
 """Where a camera was, and how it was turned, when it took a picture.
 
-A camera that tells its pose is believed, if that can be; for what it does not tell the autopilot's
-telemetry is interpolated to the time of the exposure.
+A possible pose of the camera's own is believed; what it does not report is interpolated from
+telemetry to the time of the exposure.
 """
 
 from __future__ import annotations
@@ -56,11 +56,7 @@ class Mount:
 
 
 def heading_rad(q: Quaternion) -> float:
-    """Where the nose of a body points, clockwise from north.
-
-    >>> round(math.degrees(heading_rad(Quaternion.from_euler(0.1, 0.2, 1.0))), 3)
-    57.296
-    """
+    """Where the nose of a body points, clockwise from north."""
     w, x, y, z = q
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 

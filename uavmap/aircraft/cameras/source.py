@@ -1,9 +1,9 @@
 """What a mission needs of a camera, whatever it is: a source of pictures.
 
-A source is started and stopped; each picture that it takes meanwhile is announced, with the time
-of its exposure, and loaded when somebody wants to look at it. What it does about silence, devices
-that vanish and clocks of its own stays inside; a picture that is missing is missed by whoever
-ordered it. A `Cadence` decides which pictures of a camera that takes them anyway were ordered.
+A source is started and stopped; each picture meanwhile is announced, with the time of its exposure,
+and loaded on demand. Silence, devices that vanish and other clocks are its own matter; a missing
+picture is noticed by the order. A `Cadence` selects the ordered pictures of a camera that takes
+them anyway.
 """
 
 from __future__ import annotations
@@ -99,11 +99,7 @@ class FrameSource(ABC):
 
 
 def decoded(loaded: Loaded, name: str, size_px: tuple[int, int]) -> Image:
-    """The pixels of a picture that was loaded. Raises `ImageError`.
-
-    >>> decoded(np.zeros((2, 4, 3), np.uint8), "a frame", (4, 2)).shape
-    (2, 4, 3)
-    """
+    """The pixels of a picture that was loaded. Raises `ImageError`."""
     if isinstance(loaded, bytes):
         return read_image(loaded, name, size_px)
     height, width = loaded.shape[:2]

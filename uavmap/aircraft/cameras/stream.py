@@ -1,7 +1,5 @@
-"""A device or stream that gives pictures all the time, as a source.
-
-It is read, each frame is dated, and when it ends it is opened again.
-"""
+"""A device or stream that gives pictures all the time, dated one by one, opened again at its
+end."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""A camera that the autopilot triggers, as a source: CAMERA_FEEDBACK tells of each picture, which
-comes into a folder later.
+"""A camera that the autopilot triggers, as a source.
 
-The autopilot knows the pose of each exposure, the folder has the picture; they are brought together
-by time. What has no partner is lost, and that is told: a picture at another's place would be worse.
+The autopilot reports the pose of each exposure (CAMERA_FEEDBACK), a folder has the picture; they
+are matched by time. What has no partner is lost, and logged: a picture at another's place is worse.
 """
 
 from __future__ import annotations

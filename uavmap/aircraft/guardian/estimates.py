@@ -1,11 +1,10 @@
-"""What telemetry shows of the flight beside what it tells: the wind, leaps of satellites, impacts.
+"""What telemetry shows of the flight beside its values: the wind, leaps of satellites, impacts.
 
-Wind is measured by how far a multicopter has to tilt. At a steady speed the thrust leans against
-the drag, so the tilt tells the speed through the air, and the difference to the speed over ground
-is the wind. The drag is taken to grow with the airspeed as that of a small quadcopter does (4
-degrees in a wind of 3.6 m/s, 30 degrees at 13 m/s), times a factor of the airframe, which is
-learned from its own speeding up and braking: whatever the wind, it is nearly the same before and
-after.
+Wind is measured by the tilt of a multicopter: at a steady speed the thrust leans against the drag,
+which gives the speed through the air; its difference to the speed over ground is the wind. The drag
+grows with the airspeed as that of a small quadcopter (4 degrees in 3.6 m/s, 30 degrees at 13 m/s),
+times a factor of the airframe, learned from its own speeding up and braking, before and after which
+the wind is nearly the same.
 """
 
 from __future__ import annotations
@@ -49,11 +48,7 @@ def drag_m_s2(airspeed_m_s: float) -> float:
 
 
 def airspeed_m_s(drag: float) -> float:
-    """The inverse: at which airspeed the drag is so large.
-
-    >>> round(airspeed_m_s(0.684), 1)
-    3.6
-    """
+    """The inverse: at which airspeed the drag is so large."""
     a, b = DRAG_QUADRATIC_1_M, DRAG_LINEAR_1_S
     return (math.sqrt(b * b + 4.0 * a * max(drag, 0.0)) - b) / (2.0 * a)
 
@@ -253,14 +248,12 @@ FALLS_S: Final = 2.0
 
 
 class Impact:
-    """How hard a vehicle met the ground, by the vertical speeds that it tells, by its own clock.
+    """How hard a vehicle met the ground, by its reported vertical speeds, by its own clock.
 
-    A landing ends at half a metre a second. A vehicle whose motors stop while it is in the air
-    lands, too, by its own word: it is disarmed, and stands on the ground. Only its speed tells the
-    difference.
-
-    A single wrong message is no impact: the second of the greatest speeds counts, and the greatest
-    only at the end of a free fall, which three messages in a row show.
+    A landing ends at half a metre a second. A vehicle whose motors stop in the air reports a
+    landing, too: disarmed, on the ground. Only its speed shows the difference. One wrong message is
+    no impact: the second of the greatest speeds counts, and the greatest only at the end of a free
+    fall, which three messages in a row show.
 
     >>> impact = Impact()
     >>> for tenth, sink_m_s in enumerate([0.5, 0.5, 1.5, 2.5, 3.4, 4.4, 0.0]):

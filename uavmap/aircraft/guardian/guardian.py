@@ -1,9 +1,9 @@
 """The guardian of one aircraft, on the wire: whatever becomes of the mission, it is not left alone.
 
-It sends our heartbeat, watches telemetry by the rules of `missions.guardian`, and, where those say
-so, has the autopilot return or land by itself until that is seen to happen. It needs a session and
-nothing else: no journal, no explorer, no camera. So it goes on when the service has ended, until
-the aircraft is on the ground or a pilot has it.
+It sends our heartbeat, watches telemetry by the rules of `missions.guardian`, and has the autopilot
+return or land where those demand it, until that is seen to happen. It needs a session and nothing
+else: no journal, no strategy, no camera. So it goes on when the service has ended, until the
+aircraft is on the ground or a pilot has it.
 """
 
 from __future__ import annotations

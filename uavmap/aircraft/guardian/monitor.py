@@ -1,7 +1,5 @@
-"""What a vehicle does without being told: a pilot's mode change, a landing, its whereabouts.
-
-Watched at every message, whatever the vehicle carries out just then.
-"""
+"""Watches at every message what a vehicle does without a command: mode changes, landings, its
+place."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The orders by which a guardian brings an aircraft home or down: targets and speeds, no rules.
-
-`uavmap.aircraft.guardian.guardian` decides which of them is due.
-"""
+"""The orders by which a guardian (which decides when) brings an aircraft home or down."""
 
 from __future__ import annotations
 

@@ -235,11 +235,7 @@ class Port:
 
 
 def error_of(ended: say.Ended) -> Exception:
-    """The error that ended the aircraft's part.
-
-    >>> error_of(say.Ended({}, "LinkError", "the vehicle is silent"))
-    LinkError('the vehicle is silent')
-    """
+    """The error that ended the aircraft's part."""
     if ended.error == NotFlownError.__name__:
         return NotFlownError(ended.text, could_fly=ended.could_fly)
     kind = getattr(missions.errors, ended.error or "", None)

@@ -1,7 +1,6 @@
-"""MAVLink frames as bytes: cut out of a stream, with their addresses, and nothing of them changed.
+"""MAVLink frames as bytes: cut out of a stream, unchanged, with their addresses; and their losses.
 
-For what is passed on and not understood: frames of other dialects, and signed ones. And how many
-are lost on their way, by their numbers.
+For frames that are passed on and not understood: of other dialects, and signed ones.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
-"""MAVLink 2 signing (mavlink.io, "Message Signing"): only who has the key is believed.
+"""MAVLink 2 signing (mavlink.io, "Message Signing"): only frames with our key are believed.
 
-A signature is a link id, a timestamp of 48 bits (units of 10 microseconds since 2015) and the first
-six bytes of a SHA-256 over key and frame. Timestamps only rise within a stream (system, component,
-link id): that is what keeps a recorded frame from being played again, also after a restart, for
-which they are kept in a file beside the key's. That is for its owner only. The key is written as 64
-hexadecimal digits; neither a log nor a message of an error ever holds it.
+A signature is a link id, a timestamp of 48 bits (10 microseconds since 2015) and the first six
+bytes of a SHA-256 over key and frame. Timestamps only rise within a stream (system, component, link
+id), so that no recorded frame can be replayed; a file beside the key's, for its owner only, keeps
+them over a restart. The key is written as 64 hexadecimal digits; no log and no error ever holds it.
 """
 
 from __future__ import annotations

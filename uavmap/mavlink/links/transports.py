@@ -1,8 +1,8 @@
 """Bytes to and from a vehicle. What they mean is the session's business.
 
-Every transport hands what it hears to `on_bytes` from the event loop and never blocks the reader:
-an ArduPilot simulation freezes when its TCP client stops reading. `on_bytes` answers whether it
-was the vehicle that spoke, and by that a listening socket knows whom to keep to.
+Every transport hands what comes to `on_bytes` from the event loop and never blocks the reader: an
+ArduPilot simulation freezes when its TCP client stops reading. `on_bytes` returns whether the
+vehicle sent it, by which a listening socket knows its peer.
 """
 
 from __future__ import annotations

@@ -1,7 +1,5 @@
-"""What goes through the pipes between the service and MAVSDK's process: bytes and JSON, in pieces.
-
-A piece is a letter, the length of what follows (4 bytes, little-endian), and that.
-"""
+"""Pieces in the pipes to and from MAVSDK's process: a letter, a length (4 bytes, little-endian),
+data."""
 
 from __future__ import annotations
 
@@ -25,11 +23,7 @@ def frames(data: bytes) -> bytes:
 
 
 def words(what: dict[str, Any]) -> bytes:
-    """A piece that holds an object.
-
-    >>> list(Pieces().feed(words({"a": 1}) + frames(b"xy")))
-    [(b'W', b'{"a": 1}'), (b'F', b'xy')]
-    """
+    """A piece that holds an object."""
     data = json.dumps(what).encode()
     return _HEAD.pack(WORDS, len(data)) + data
 

@@ -1,7 +1,7 @@
 """MAVSDK's process, from the service's side: started, asked, watched, started again, ended.
 
-Nothing that happens to it is an error of the flight: what was asked of it fails as on a link that
-is lost, the vehicle is silent meanwhile, and its guardian takes it up when it speaks again.
+No error of it is one of the flight: what was asked of it fails as on a lost link, the vehicle is
+silent meanwhile, and is reconnected when it is heard again.
 """
 
 from __future__ import annotations

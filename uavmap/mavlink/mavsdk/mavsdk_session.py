@@ -1,13 +1,12 @@
 """A session whose MAVLink is read and written by MAVSDK.
 
-The service's own part stays what it is: which bytes are heard and from whom (the transport), what
-is believed (gate and view), what is logged. MAVSDK decodes what comes, and encodes, repeats and
-waits for what goes. Heartbeats are not its: they say that the guardian lives, and a vehicle that
-is called (`udpout`) has to hear them before MAVSDK can know it.
+The service keeps its own part: which bytes come from whom (the transport), what is believed (gate
+and view), what is logged. MAVSDK decodes what comes, and encodes, repeats and waits for what goes;
+but not heartbeats, which show that the guardian lives, and which a vehicle that is called
+(`udpout`) must hear before MAVSDK can know it.
 
-Messages are JSON for MAVSDK, pymavlink's objects here. MAVSDK writes a number that is none as null,
-and so must we. A message is made as MAVSDK has read it: what pymavlink would have made of the same
-bytes is nowhere asked.
+Messages are JSON for MAVSDK, with null for a number that is not finite, and pymavlink's objects
+here, made as MAVSDK has read them: pymavlink's own reading is used nowhere.
 """
 
 from __future__ import annotations
@@ -44,11 +43,7 @@ _FLOATS: Final = ("float", "double")
 
 
 def fields_of(message: Message) -> dict[str, Any]:
-    """A message's fields for MAVSDK.
-
-    >>> fields_of(mav.MAVLink_command_ack_message(400, 0))["command"]
-    400
-    """
+    """A message's fields for MAVSDK."""
     return {name: _told(getattr(message, name)) for name in message.ordered_fieldnames}
 
 
@@ -121,11 +116,7 @@ Kind = tuple[int, int]
 
 
 def kind_of(message: Message) -> Kind:
-    """What a message is, for the question whether it may go.
-
-    >>> kind_of(mav.MAVLink_command_ack_message(400, 0))
-    (77, -1)
-    """
+    """The kind of a message, by which it may go or not."""
     command = message.command if message.get_type() in _COMMANDS else -1
     return message.get_msgId(), command
 
