@@ -195,8 +195,8 @@ class Flight:
         await self.taken_in()
         return isinstance(verdict, FrameSeen)
 
-    def seen(self, kind: type[Event]) -> list[Any]:
-        return [event for event in self.events if isinstance(event, kind)]
+    def seen(self, *kinds: type[Event]) -> list[Any]:
+        return [event for event in self.events if isinstance(event, kinds)]
 
     async def sees(self, kind: type[Event], count: int = 1, within_s: float = PATIENCE_S) -> Any:
         """The event of a kind, once so many have been reported."""

@@ -33,8 +33,6 @@ IN_AIR = Seen(0.0, HOME, 12.0, 0.0, HOME, True, True, "follow", 50.0)
 
 
 class Watched:
-    """A guard fed once a second, and the verdicts that came."""
-
     def __init__(self, task: Task, seen: Seen = IN_AIR) -> None:
         self.seen = seen
         self.guard = Guard().told(task)
@@ -49,7 +47,6 @@ class Watched:
         return verdict
 
     def pass_time(self, seconds: int, **each: float) -> list[str]:
-        """Seconds go by; place and height change by so much in each."""
         before = len(self.verdicts)
         for _ in range(seconds):
             here = self.seen.position

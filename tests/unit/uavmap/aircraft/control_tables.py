@@ -67,7 +67,6 @@ CASES: Final[tuple[Case, ...]] = (
 
 
 def holder_after(case: Case, holder: Holder) -> Holder:
-    """The one who has the vehicle after a report."""
     _, start, kind, mode, armed, failsafe = case
     return replace(start, holder=holder).heard(kind, Beat(mode, armed, failsafe, NOW_S)).holder
 
@@ -104,7 +103,6 @@ def air_after(step: Callable[[Control], Control], air: AirState) -> AirState:
 
 
 def tables() -> str:
-    """Both tables in Markdown."""
     held = [(case[0], *(holder_after(case, h).value for h in Holder)) for case in CASES]
     flown = [(name, *(air_after(step, a).value for a in AirState)) for name, step in STEPS]
     return "\n\n".join(

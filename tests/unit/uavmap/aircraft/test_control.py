@@ -35,7 +35,6 @@ def in_air(kind: Autopilot) -> Control:
 def test_control_mode_not_asked_for_is_never_ours(
     kind: Autopilot, steps: list[tuple[bool, int, float]]
 ) -> None:
-    """Requests and reports in any order."""
     modes = sorted(kind.mode_names)
     control, now_s = in_air(kind), 0.0
     asked, asked_s, seen = kind.follows, 0.0, True

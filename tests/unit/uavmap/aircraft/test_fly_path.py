@@ -11,19 +11,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.events import (
-    Airborne,
-    Arrived,
-    Connected,
-    FrameLost,
-    FrameSeen,
-    Landed,
-    LinkLost,
-    LookEnded,
-    OrderFailed,
-    Overridden,
-    Released,
-)
+from missions import events as ev
 from missions.flight.strategy.sweep_passes import NOTICE_S
 from missions.geo.trajectory import Trajectory, rounded_path
 from missions.mission.sim_section import SimQuirks
@@ -45,7 +33,6 @@ both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 
 
 def corner(begin_s: float, **how: Any) -> Trajectory:
-    """An L: 30 m to the east, then 30 m to the north."""
     points = [GridPoint(0, 0), GridPoint(30, 0), GridPoint(30, 30)]
     return rounded_path(points, begin_s, speed_m_s=6.0, cut_m=2.5, **how)
 
@@ -55,7 +42,6 @@ def order(plan: Trajectory, every_s: float = EVERY_S) -> FlyPath:
 
 
 def straight(flight: Flight, end: GridPoint) -> FlyPath:
-    """A path from where it is."""
     return order(rounded_path([where(flight), end], flight.now_s() + NOTICE_S, speed_m_s=6.0))
 
 
@@ -68,8 +54,7 @@ def where(flight: Flight) -> GridPoint:
 
 
 async def on_the_way(flight: Flight, seconds: float = 5.5) -> Trajectory:
-    """Up, and some way along the L."""
-    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(TakeOff(UP_M), ev.Airborne)
     plan = corner(flight.now_s() + NOTICE_S)
     flight.driver.give(order(plan))
     await asyncio.sleep(seconds)
@@ -112,7 +97,7 @@ async def test_path_replaced_on_the_way_is_flown_on(flight: Flight, /, autopilot
     while flight.now_s() < second.end_s - 2.5:
         await asyncio.sleep(0.05)
         speeds.append(speed_of(flight))
-    arrived = await flight.sees(Arrived, within_s=12.0)
+    arrived = await flight.sees(ev.Arrived, within_s=12.0)
     end = second.at(second.end_s).place
     assert arrived.t_s >= second.end_s
     assert arrived.position.distance_to(end) < 0.7
@@ -120,18 +105,18 @@ async def test_path_replaced_on_the_way_is_flown_on(flight: Flight, /, autopilot
     follows = Px4Mode.HOLD if autopilot == "px4" else Mode.GUIDED
     assert flight.vehicle.truth.mode == follows
     assert abs(math.remainder(flight.vehicle.truth.yaw_rad, math.tau)) < 0.1
-    await flight.after(FlyTo((GridPoint(0, 0),), None, stop=True, height_m=UP_M), Arrived)
-    await flight.after(Land(), Landed)
+    await flight.after(FlyTo((GridPoint(0, 0),), None, stop=True, height_m=UP_M), ev.Arrived)
+    await flight.after(Land(), ev.Landed)
     assert min(speeds) > LEAST_M_S
-    seen = flight.seen(FrameSeen)
+    seen = flight.seen(ev.FrameSeen)
     assert {event.vantage for event in seen} == {None}
     assert len(seen) == len(announced)
     gaps = [b.t_s - a.t_s for a, b in itertools.pairwise(seen)]
     assert gaps == pytest.approx([EVERY_S] * len(gaps), abs=0.051)
     assert any(vote.positive for event in seen for vote in event.votes)
     assert count(flight, START_CAPTURE) == 1
-    assert len(flight.seen(Arrived)) == 2
-    for kind in (OrderFailed, Overridden, FrameLost):
+    assert len(flight.seen(ev.Arrived)) == 2
+    for kind in (ev.OrderFailed, ev.Overridden, ev.FrameLost):
         assert not flight.seen(kind)
     stream = [t_s for t_s, _ in kinds(flight, SETPOINT)]
     assert max(b - a for a, b in itertools.pairwise(stream)) < 0.11
@@ -157,8 +142,8 @@ async def test_path_link_loses_setpoints_stays_near(flight: Flight, /, autopilot
     while flight.now_s() < plan.end_s:
         await asyncio.sleep(0.05)
         errors.append(where(flight).distance_to(plan.at(flight.now_s()).place))
-    await flight.sees(Arrived, within_s=12.0)
-    assert not flight.seen(OrderFailed)
+    await flight.sees(ev.Arrived, within_s=12.0)
+    assert not flight.seen(ev.OrderFailed)
     # a real PX4 was 4 m behind in the first seconds of a path
     assert max(errors) < (3.0 if autopilot == "px4" else 1.5)
 
@@ -193,9 +178,8 @@ async def test_path_telemetry_read_late_is_not_off(flight: Flight, /, autopilot:
     flight._deliver = deliver  # type: ignore[method-assign]
     deliver(b"".join(held))
     assert flight.driver.view.age_s(flight.now_s()) < 0.5
-    await flight.sees(Arrived)
-    assert not flight.seen(OrderFailed)
-    assert not flight.seen(LinkLost)
+    await flight.sees(ev.Arrived)
+    assert not flight.seen(ev.OrderFailed, ev.LinkLost)
 
 
 # --- what ends a stream --------------------------------------------------------------------------
@@ -205,7 +189,7 @@ async def test_copter_stream_lost_stops_and_is_reported(flight: Flight, /) -> No
     assert speed_of(flight) > 5.0
     lost_s, lost_at = flight.now_s(), where(flight)
     flight.to_vehicle = lambda m: m.get_type() != SETPOINT
-    failed = await flight.sees(OrderFailed, within_s=9.0)
+    failed = await flight.sees(ev.OrderFailed, within_s=9.0)
     assert failed.order == "FlyPath"
     assert "off its path" in failed.reason
     assert failed.t_s - lost_s < 9.0
@@ -219,12 +203,12 @@ async def test_px4_stream_lost_returns_and_is_left_alone(flight: Flight, /) -> N
     await on_the_way(flight, 5.0)
     flight.to_vehicle = lambda m: m.get_type() != SETPOINT
     lost_s = flight.now_s()
-    overridden = await flight.sees(Overridden, within_s=3.0)
+    overridden = await flight.sees(ev.Overridden, within_s=3.0)
     assert overridden.mode == "RTL by a failsafe"
     assert overridden.t_s - lost_s < 2.5
     flight.to_vehicle = lambda m: True
     index = len(flight.sent)
-    await flight.sees(Landed)
+    await flight.sees(ev.Landed)
     assert flight.commands_after(index) == []
 
 
@@ -233,7 +217,7 @@ async def test_a_link_that_is_lost_on_a_path_and_comes_back(flight: Flight, /) -
     await on_the_way(flight, 5.0)
     lost_at = where(flight)
     flight.to_driver = flight.to_vehicle = lambda message: False
-    await flight.sees(LinkLost, within_s=6.0)
+    await flight.sees(ev.LinkLost, within_s=6.0)
     flight.driver.give(StandDown())
     index = len(flight.sent)
     await asyncio.sleep(3.0)
@@ -241,10 +225,10 @@ async def test_a_link_that_is_lost_on_a_path_and_comes_back(flight: Flight, /) -
     assert where(flight).distance_to(lost_at) < 16.0  # nothing came to it any more
     assert speed_of(flight) < 0.3
     flight.to_driver = flight.to_vehicle = lambda message: True
-    await flight.sees(Connected, 2, within_s=5.0)
-    await flight.after(straight(flight, GridPoint(0, 0)), Arrived)
+    await flight.sees(ev.Connected, 2, within_s=5.0)
+    await flight.after(straight(flight, GridPoint(0, 0)), ev.Arrived)
     assert where(flight).distance_to(GridPoint(0, 0)) < 0.5
-    assert not flight.seen(OrderFailed)
+    assert not flight.seen(ev.OrderFailed)
 
 
 @pytest.mark.parametrize(
@@ -266,11 +250,10 @@ async def test_a_pilot_takes_over_on_a_path(
     else:
         flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode)
     assert flight.vehicle.truth.mode == mode
-    await flight.sees(Overridden, within_s=1.1)
+    await flight.sees(ev.Overridden, within_s=1.1)
     await flight.hears_nothing(5.0)
     assert flight.vehicle.truth.mode == mode
-    assert not flight.seen(Released)
-    assert not flight.seen(OrderFailed)
+    assert not flight.seen(ev.Released, ev.OrderFailed)
 
 
 # --- other orders on the way ---------------------------------------------------------------------
@@ -290,18 +273,17 @@ async def test_hold_brakes_on_the_shortest_way_and_stays(flight: Flight, /, auto
     assert speed_of(flight) < 0.2
     if autopilot == "px4":
         assert flight.vehicle.truth.mode == Px4Mode.HOLD
-    assert not flight.seen(OrderFailed)
-    assert not flight.seen(Overridden)
+    assert not flight.seen(ev.OrderFailed, ev.Overridden)
 
 
 @both
 @by(fly, lambda autopilot: small_mission(autopilot=autopilot, speed_m_s=3.0))
 async def test_path_any_order_may_follow_midway(flight: Flight, /, autopilot: str) -> None:
     await on_the_way(flight)
-    await flight.after(FlyTo((GridPoint(10, 16),), None, stop=True, height_m=UP_M), Arrived)
+    await flight.after(FlyTo((GridPoint(10, 16),), None, stop=True, height_m=UP_M), ev.Arrived)
     for following, ends in (
-        (Look(Cell(2, 4), 5, UP_M), LookEnded),
-        (Sweep(GridPoint(20, 16), 4.0, UP_M), Arrived),
+        (Look(Cell(2, 4), 5, UP_M), ev.LookEnded),
+        (Sweep(GridPoint(20, 16), 4.0, UP_M), ev.Arrived),
     ):
         flight.driver.give(straight(flight, GridPoint(30, 30)))
         await asyncio.sleep(3.0)
@@ -309,9 +291,8 @@ async def test_path_any_order_may_follow_midway(flight: Flight, /, autopilot: st
         await flight.after(following, ends)
     flight.driver.give(straight(flight, GridPoint(0, 0)))
     await asyncio.sleep(3.0)
-    await flight.after(Land(), Landed)
-    assert not flight.seen(OrderFailed)
-    assert not flight.seen(Overridden)
+    await flight.after(Land(), ev.Landed)
+    assert not flight.seen(ev.OrderFailed, ev.Overridden)
 
 
 @both
@@ -320,7 +301,7 @@ async def test_leg_after_path_has_speed_of_mission(flight: Flight, /, autopilot:
     """A change of the kind of target puts an ArduCopter's own speed back, 10 m/s."""
     fastest: list[float] = []
     await on_the_way(flight)
-    await flight.sees(Arrived, within_s=20.0)
+    await flight.sees(ev.Arrived, within_s=20.0)
     flight.driver.give(FlyTo((GridPoint(0, 0),), None, stop=True, height_m=UP_M))
     for _ in range(140):
         await asyncio.sleep(0.05)
@@ -342,17 +323,16 @@ def test_path_given_at_the_end_loses_no_picture(autopilot: str, after_end_s: flo
         here = plan.at(plan.end_s).place
         back = [here, GridPoint(here.east_m, here.north_m - 20.0)]
         again = rounded_path(back, flight.now_s() + 1.2, speed_m_s=6.0)
-        arrived = len(flight.seen(Arrived))
+        arrived = len(flight.seen(ev.Arrived))
         flight.driver.give(order(again))
-        await flight.sees(Arrived, arrived + 1, within_s=20.0)
+        await flight.sees(ev.Arrived, arrived + 1, within_s=20.0)
         assert where(flight).distance_to(back[-1]) < 0.5
-        late = [event for event in flight.seen(FrameSeen) if event.t_s > again.begin_s]
+        late = [event for event in flight.seen(ev.FrameSeen) if event.t_s > again.begin_s]
         assert len(late) > 15
 
     flight = fly(body, small_mission(autopilot=autopilot))
-    assert not flight.seen(FrameLost)
-    assert not flight.seen(OrderFailed)
-    times = [event.t_s for event in flight.seen(FrameSeen)]
+    assert not flight.seen(ev.FrameLost, ev.OrderFailed)
+    times = [event.t_s for event in flight.seen(ev.FrameSeen)]
     assert times == sorted(set(times))
 
 
@@ -361,11 +341,11 @@ async def test_path_with_another_interval_changes_pace_of_pictures(flight: Fligh
     plan = await on_the_way(flight)
     second = turned_off(plan, flight.now_s() + NOTICE_S)
     flight.driver.give(order(second, every_s=0.5))
-    await flight.sees(Arrived, within_s=20.0)
-    late = [e.t_s for e in flight.seen(FrameSeen) if e.t_s > second.begin_s + 0.5]
+    await flight.sees(ev.Arrived, within_s=20.0)
+    late = [e.t_s for e in flight.seen(ev.FrameSeen) if e.t_s > second.begin_s + 0.5]
     gaps = [b - a for a, b in itertools.pairwise(late)]
     assert gaps == pytest.approx([0.5] * len(gaps), abs=0.051)
-    assert not flight.seen(FrameLost)
+    assert not flight.seen(ev.FrameLost)
 
 
 @by(fly)
@@ -375,7 +355,7 @@ async def test_a_path_that_was_called_off_is_not_gone_on_with(flight: Flight, /)
     flight.driver.give(Hold())
     plan = rounded_path([GridPoint(25, 0), GridPoint(25, 20)], flight.now_s() + 5.0, speed_m_s=6.0)
     flight.driver.give(order(plan))
-    await flight.sees(Arrived, within_s=20.0)
+    await flight.sees(ev.Arrived, within_s=20.0)
     assert where(flight).distance_to(GridPoint(25, 20)) < 0.5
 
 
@@ -389,10 +369,10 @@ async def test_path_over_drifting_region_moves(flight: Flight, /, autopilot: str
     points = [start, GridPoint(start.east_m, start.north_m + 25.0)]
     plan = rounded_path(points, begin_s, speed_m_s=6.0, drift_m_s=drift)
     flight.driver.give(order(plan))
-    await flight.sees(Arrived, within_s=20.0)
+    await flight.sees(ev.Arrived, within_s=20.0)
     off_m = where(flight).distance_to(grid.to_fixed(points[-1], flight.now_s()))
     assert off_m < 0.8
-    assert not flight.seen(OrderFailed)
+    assert not flight.seen(ev.OrderFailed)
 
 
 @by(fly_up)
@@ -400,7 +380,7 @@ async def test_a_camera_that_refuses_ends_the_order_and_the_stream(flight: Fligh
     flight.vehicle.fail.reject(START_CAPTURE)
     plan = corner(flight.now_s() + NOTICE_S)
     flight.driver.give(order(plan))
-    failed = await flight.sees(OrderFailed, within_s=30.0)
+    failed = await flight.sees(ev.OrderFailed, within_s=30.0)
     assert "IMAGE_START_CAPTURE was refused" in failed.reason
     await asyncio.sleep(0.2)
     index = len(kinds(flight, SETPOINT))

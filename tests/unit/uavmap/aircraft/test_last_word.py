@@ -12,19 +12,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import Point, Polygon
 
-from missions.events import (
-    Airborne,
-    Arrived,
-    Connected,
-    Crashed,
-    GivenUp,
-    Guarded,
-    Landed,
-    LiftedOff,
-    LinkLost,
-    Overridden,
-    Released,
-)
+from missions import events as ev
 from missions.geo.trajectory import rounded_path
 from missions.mission.schema import Mission
 from missions.orders import FlyPath, FlyTo, ReturnToLaunch, StandDown, TakeOff
@@ -51,14 +39,14 @@ def on_px4(**how: Any) -> Mission:
 
 
 async def fly_behind_the_house(flight: Flight) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(TakeOff(UP_M), ev.Airborne)
     for place in (GridPoint(45.0, 20.0), GridPoint(45.0, 45.0), GridPoint(10.0, 50.0)):
-        await flight.after(FlyTo((place,), None, stop=True, height_m=UP_M), Arrived)
+        await flight.after(FlyTo((place,), None, stop=True, height_m=UP_M), ev.Arrived)
 
 
 async def fly_out(flight: Flight, height_m: float = UP_M) -> None:
-    await flight.after(TakeOff(height_m), Airborne)
-    await flight.after(to(20.0, 30.0, height_m), Arrived)
+    await flight.after(TakeOff(height_m), ev.Airborne)
+    await flight.after(to(20.0, 30.0, height_m), ev.Arrived)
 
 
 async def keeps(flight: Flight, mode: int, seconds: float = 6.0) -> None:
@@ -67,7 +55,7 @@ async def keeps(flight: Flight, mode: int, seconds: float = 6.0) -> None:
     await flight.hears_nothing(seconds)
     if flight.session.view.armed:
         assert flight.session.view.mode == mode
-    assert [event.mode for event in flight.seen(Overridden)] == [Mode(mode).name]
+    assert [event.mode for event in flight.seen(ev.Overridden)] == [Mode(mode).name]
 
 
 # --- whoever of ours acts ------------------------------------------------------------------------
@@ -93,7 +81,7 @@ async def test_pilot_lands_it_on_way_around_avoids_the_hole(flight: Flight, /) -
         here = flight.setting.grid.fixed(flight.vehicle.truth.position)
         assert not house.contains(Point(here))
         await asyncio.sleep(0.2)
-    assert flight.seen(Overridden)
+    assert flight.seen(ev.Overridden)
 
 
 @by(fly)
@@ -149,14 +137,14 @@ async def test_link_back_and_pilot_has_it_guardian_reports_nothing(flight: Fligh
     flight.driver.guardian.take_over("rtl", "it has made no progress")
     await asyncio.sleep(2.0)
     flight.to_driver = lambda message: False
-    await flight.sees(LinkLost)
+    await flight.sees(ev.LinkLost)
     flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, Mode.LOITER)
     said = len(flight.said)
     flight.to_driver = lambda message: True
-    connected = await flight.sees(Connected, 2)
+    connected = await flight.sees(ev.Connected, 2)
     await asyncio.sleep(3.0)
     assert not connected.ours
-    assert len(flight.seen(Guarded)) == 1
+    assert len(flight.seen(ev.Guarded)) == 1
     assert flight.said[said:] == []
 
 
@@ -167,7 +155,7 @@ def path(flight: Flight) -> FlyPath:
 
 
 async def on_path(flight: Flight, seconds: float = 6.0) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(TakeOff(UP_M), ev.Airborne)
     flight.driver.give(path(flight))
     await asyncio.sleep(seconds)
     assert flight.vehicle.truth.mode == Px4Mode.OFFBOARD
@@ -183,7 +171,7 @@ async def test_px4_pilot_position_before_order_keeps_it(flight: Flight, /, after
     flight.driver.give(to(0.0, 0.0))
     await asyncio.sleep(3.0)
     assert flight.vehicle.truth.mode == Px4Mode.POSITION
-    assert len(flight.seen(Overridden)) == 1
+    assert len(flight.seen(ev.Overridden)) == 1
 
 
 @pytest.mark.parametrize("lost_ack", [None, 0, 1])
@@ -220,7 +208,7 @@ async def test_px4_pilot_hold_after_offboard_keeps_it(
     await asyncio.sleep(8.0)
     assert len(at_s) == 1
     assert flight.vehicle.truth.mode == Px4Mode.HOLD
-    assert [event.mode for event in flight.seen(Overridden)] == ["HOLD"]
+    assert [event.mode for event in flight.seen(ev.Overridden)] == ["HOLD"]
 
 
 @by(fly, on_px4)
@@ -235,8 +223,8 @@ async def test_px4_back_in_offboard_after_failsafe_is_not_ours(flight: Flight, /
     sent = len(flight.sent)
     autopilot._change(Px4Mode.OFFBOARD)
     await asyncio.sleep(3.0)
-    assert flight.seen(Overridden)
-    assert not flight.seen(Released)
+    assert flight.seen(ev.Overridden)
+    assert not flight.seen(ev.Released)
     assert not any(
         m.get_type() == "SET_POSITION_TARGET_GLOBAL_INT" for m in flight.commands_after(sent)
     )
@@ -247,16 +235,16 @@ async def test_px4_in_failsafe_when_link_is_back_is_not_put_into_hold(flight: Fl
     """Seen: a new position came before a new heartbeat, and the mode of before was believed."""
     await on_path(flight)
     flight.to_driver = lambda message: False
-    await flight.sees(LinkLost)
+    await flight.sees(ev.LinkLost)
     flight.driver.give(StandDown())
     flight.vehicle._ap.set_mode(Px4Mode.RTL)
     flight.to_driver = lambda message: message.get_type() != "HEARTBEAT"
     before = heartbeat(Px4Mode.OFFBOARD, armed=True, autopilot=mav.MAV_AUTOPILOT_PX4)
     flight.session.feed(before.pack(mav.MAVLink(None, srcSystem=1, srcComponent=1)))
     await asyncio.sleep(1.5)
-    assert len(flight.seen(Connected)) == 1
+    assert len(flight.seen(ev.Connected)) == 1
     flight.to_driver = lambda message: True
-    connected = await flight.sees(Connected, 2)
+    connected = await flight.sees(ev.Connected, 2)
     assert (connected.ours, flight.vehicle.truth.mode) == (False, Px4Mode.RTL)
     await flight.hears_nothing(3.0)
 
@@ -276,17 +264,17 @@ async def test_link_lost_between_take_off_and_lift_off_is_in_air(flight: Flight,
 
     flight.to_vehicle = to_vehicle
     flight.driver.give(TakeOff(UP_M))
-    await flight.sees(LinkLost)
+    await flight.sees(ev.LinkLost)
     flight.driver.give(StandDown())
     assert flight.driver.guardian.responsible
     await asyncio.sleep(ON_GROUND_S + 10.0)
     assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.5)
-    assert not flight.seen(GivenUp)
+    assert not flight.seen(ev.GivenUp)
     assert "in the air when it was last heard" in flight.driver.guardian.fate()
     flight.to_driver = flight.to_vehicle = lambda message: True
-    connected = await flight.sees(Connected, 2)
+    connected = await flight.sees(ev.Connected, 2)
     assert (connected.airborne, connected.ours) == (True, True)
-    assert not flight.seen(LiftedOff)
+    assert not flight.seen(ev.LiftedOff)
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
@@ -297,13 +285,13 @@ def test_without_a_landed_state_it_is_guarded_and_brought_home(autopilot: str) -
         flight.to_driver = lambda message: message.get_type() != "EXTENDED_SYS_STATE"
         await asyncio.sleep(6.0)
         flight.vehicle.fail.link()
-        await flight.after(TakeOff(UP_M), Airborne)
-        assert len(flight.seen(LiftedOff)) == 1
+        await flight.after(TakeOff(UP_M), ev.Airborne)
+        assert len(flight.seen(ev.LiftedOff)) == 1
         assert flight.driver.guardian.responsible
         assert flight.driver._monitor.control.air is AirState.AIRBORNE
         await asyncio.wait_for(flight.driver.guardian.bring_home("the mission failed"), 120.0)
         assert flight.vehicle.truth.landed
-        assert len(flight.seen(Landed)) == 1
+        assert len(flight.seen(ev.Landed)) == 1
         assert flight.driver.guardian.fate() == ""
 
     fly(body, small_mission(autopilot=autopilot))
@@ -316,12 +304,12 @@ async def test_take_off_is_held_until_it_is_known_to_be_on_the_ground(flight: Fl
     flight.to_driver = lambda message: message.get_type() not in (
         "EXTENDED_SYS_STATE", "HEARTBEAT",
     )  # fmt: skip
-    await flight.sees(LinkLost, within_s=10.0)
+    await flight.sees(ev.LinkLost, within_s=10.0)
     autopilot = mav.MAVLink(None, srcSystem=1, srcComponent=1)
     for _ in range(20):
         flight.session.feed(heartbeat(Mode.GUIDED, armed=True).pack(autopilot))
         await asyncio.sleep(0.2)
-    await flight.sees(Connected, 2)
+    await flight.sees(ev.Connected, 2)
     assert monitor.control.air is AirState.UNKNOWN
     sent = len(flight.sent)
     flight.driver.give(TakeOff(UP_M))
@@ -331,7 +319,7 @@ async def test_take_off_is_held_until_it_is_known_to_be_on_the_ground(flight: Fl
     commands = [getattr(m, "command", None) for m in flight.commands_after(sent)]
     assert mav.MAV_CMD_NAV_TAKEOFF not in commands
     flight.to_driver = lambda message: True
-    await flight.sees(Airborne)
+    await flight.sees(ev.Airborne)
 
 
 # --- a crash -------------------------------------------------------------------------------------
@@ -341,7 +329,7 @@ async def test_crash_leaves_motors_running_they_are_stopped_by_force(flight: Fli
     await fly_out(flight)
     stops = only_forced_disarms(flight)
     flight.vehicle.fail.motor(share=0.0)
-    await flight.sees(Crashed)
+    await flight.sees(ev.Crashed)
     await asyncio.wait_for(flight.driver.guardian.bring_home("the mission failed"), 30.0)
     assert len(stops) == 2  # asked until disarmed
     assert not flight.session.view.armed
@@ -357,7 +345,7 @@ async def test_crash_under_pilot_with_motors_running_is_reported_only(flight: Fl
     sent = len(flight.sent)
     only_forced_disarms(flight)
     flight.vehicle.fail.motor(share=0.0)
-    await flight.sees(Crashed)
+    await flight.sees(ev.Crashed)
     await asyncio.sleep(5.0)
     assert flight.driver._monitor.control.holder is Holder.PILOT
     assert flight.commands_after(sent) == []

@@ -24,8 +24,6 @@ LOST = EKF_RELATIVE
 
 @dataclass
 class Craft:
-    """A vehicle that says what it is told to say."""
-
     mission: Mission
     view: VehicleView = field(default_factory=VehicleView)
     now_s: float = 0.0
@@ -48,12 +46,10 @@ class Craft:
         self.at(0.0, 0.0)
 
     def at(self, east_m: float, north_m: float) -> None:
-        """It tells to be there."""
         self.view.told = self.reporter.grid.position(GridPoint(east_m, north_m))
         self.view.position = self.view.corrected(self.view.told)
 
     def pass_s(self, seconds: float, *, airborne: bool = True) -> None:
-        """Ten positions a second."""
         for _ in range(round(10 * seconds)):
             self.now_s = round(self.now_s + 0.1, 3)
             self.navigation.look(airborne=airborne)

@@ -27,7 +27,6 @@ both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 
 
 def sloped(autopilot: str, percent: float, **how: Any) -> Mission:
-    """Ground that rises (or falls) towards the north."""
     made = over(small_mission(autopilot=autopilot, altitude_m=UP_M, **how), slope(percent, 0.0))
     return made.model_copy(update={"sim": made.sim.model_copy(update={"gps_sigma_m": 0.0})})
 

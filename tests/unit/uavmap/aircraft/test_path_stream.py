@@ -41,8 +41,6 @@ SET_MODE: int = mav.MAV_CMD_DO_SET_MODE
 
 
 class Wire:
-    """A path stream to a scripted vehicle."""
-
     def __init__(self, *, px4: bool = False, by_places: bool = False) -> None:
         self.peer = Peer()
         session = self.peer.session
@@ -63,7 +61,6 @@ class Wire:
         return asyncio.get_running_loop().time()
 
     def tell(self, mode: int, speed_m_s: float = 0.0) -> None:
-        """A heartbeat and a position, heard at once."""
         self.mode = mode
         here = GRID.position(GridPoint(0.0, 0.0))
         velocity = (round(100 * speed_m_s), 0, 0)
@@ -91,7 +88,6 @@ class Wire:
         self.peer.say(ack(SET_MODE, mav.MAV_RESULT_TEMPORARILY_REJECTED * refused), after_s=0.02)
 
     def changes(self, mode: int, after_s: float) -> None:
-        """It changes its mode in a while."""
         asyncio.get_running_loop().call_later(after_s, setattr, self, "mode", mode)
 
     def setpoints(self) -> list[tuple[float, Message]]:

@@ -9,22 +9,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.events import (
-    Airborne,
-    Arrived,
-    BatterySwapped,
-    Connected,
-    Crashed,
-    Event,
-    FrameSeen,
-    Landed,
-    LiftedOff,
-    LinkLost,
-    LookEnded,
-    OrderFailed,
-    Overridden,
-    Released,
-)
+from missions import events as ev
 from missions.mission.schema import Mission
 from missions.orders import AwaitBattery, Land, Look, StandDown, TakeOff
 from missions.units import Cell, GridPoint
@@ -56,7 +41,6 @@ def on_px4(amsl_m: float = 488.0, **how: Any) -> Mission:
 
 
 def pilot_mode(flight: Flight, mode: Px4Mode) -> None:
-    """The pilot turns the mode switch; the next heartbeat shows it."""
     flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, mode >> 16 & 0xFF, mode >> 24)
     assert flight.vehicle.truth.mode == mode
 
@@ -75,17 +59,16 @@ def modes_of(flight: Flight) -> list[int]:
 async def test_every_order_ends_with_its_event(flight: Flight, /, amsl_m: float) -> None:
     assert flight.vehicle.truth.mode == Px4Mode.HOLD
     assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
-    arrived = await flight.after(to(10.0, 16.0), Arrived)
+    arrived = await flight.after(to(10.0, 16.0), ev.Arrived)
     assert arrived.position.distance_to(GridPoint(10.0, 16.0)) < 0.8
-    await flight.after(Look(Cell(2, 4), 5, UP_M), LookEnded)
-    assert len(flight.seen(FrameSeen)) == 5
+    await flight.after(Look(Cell(2, 4), 5, UP_M), ev.LookEnded)
+    assert len(flight.seen(ev.FrameSeen)) == 5
     assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
-    await flight.after(to(0.0, 0.0, 16.0), Arrived)
+    await flight.after(to(0.0, 0.0, 16.0), ev.Arrived)
     assert flight.vehicle.truth.height_m == pytest.approx(16.0, abs=0.6)
-    await flight.after(Land(), Landed)
-    await flight.after(AwaitBattery(), BatterySwapped)
-    assert not flight.seen(OrderFailed)
-    assert not flight.seen(Overridden)
+    await flight.after(Land(), ev.Landed)
+    await flight.after(AwaitBattery(), ev.BatterySwapped)
+    assert not flight.seen(ev.OrderFailed, ev.Overridden)
 
 
 @by(fly_up, lambda: on_px4(speed_m_s=3.0))
@@ -100,12 +83,12 @@ async def test_home_that_moves_on_arming_is_no_surprise(flight: Flight, /) -> No
     """Its height, too: by the barometer it has climbed since home was set."""
     before_m = flight.session.view.home_amsl_m
     flight.vehicle._ap.error.up += 4.0
-    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(TakeOff(UP_M), ev.Airborne)
     assert flight.session.view.home_amsl_m > before_m + 1.0
     for point in ((8.0, 8.0), (0.0, 8.0)):
-        await flight.after(to(*point), Arrived)
+        await flight.after(to(*point), ev.Arrived)
         assert flight.session.view.height_m == pytest.approx(UP_M, abs=0.6)
-    assert not flight.seen(OrderFailed)
+    assert not flight.seen(ev.OrderFailed)
 
 
 @by(fly, on_px4)
@@ -118,10 +101,10 @@ async def test_home_moves_before_lift_off_height_stays_as_ordered(flight: Flight
     autopilot = flight.vehicle._ap
     east_m, north_m, up_m = autopilot.home
     autopilot.home, autopilot.home_changed = (east_m, north_m, up_m + 1.0), True
-    await flight.sees(Airborne)
+    await flight.sees(ev.Airborne)
     assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.6)
     assert view.height_m == pytest.approx(UP_M, abs=0.6)
-    assert not flight.seen(OrderFailed)
+    assert not flight.seen(ev.OrderFailed)
 
 
 def found_in_offboard(body: Callable[[Flight], Coroutine[Any, Any, None]], made: Mission) -> Flight:
@@ -143,7 +126,7 @@ async def test_px4_left_in_offboard_by_a_failsafe_takes_off_again(flight: Flight
     """A real PX4 stood disarmed in OFFBOARD and was "not ready to arm" as often as resumed."""
     await asyncio.sleep(3.0)
     assert not flight.session.view.prearm_ok
-    await flight.after(TakeOff(UP_M), Airborne, within_s=60.0)
+    await flight.after(TakeOff(UP_M), ev.Airborne, within_s=60.0)
     assert flight.vehicle.truth.mode == Px4Mode.HOLD
 
 
@@ -153,14 +136,14 @@ async def test_prearm_wait_names_the_mode(
 ) -> None:
     await asyncio.sleep(3.0)
     monkeypatch.setattr(type(flight.vehicle._ap), "prearm_refusal", lambda ap: "a check fails")
-    failed = await flight.after(TakeOff(UP_M), OrderFailed, within_s=150.0)
+    failed = await flight.after(TakeOff(UP_M), ev.OrderFailed, within_s=150.0)
     assert "not ready to arm within 120 s, in HOLD" in failed.reason
     assert any("waits for the checks before arming, in HOLD" in line for line in flight.said)
 
 
 # --- who has the last word -----------------------------------------------------------------------
 async def landing(flight: Flight) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(TakeOff(UP_M), ev.Airborne)
     flight.driver.give(Land())
     await asyncio.sleep(3.0)
 
@@ -183,13 +166,13 @@ async def test_pilot_takes_over_in_every_phase(
     if turned == Px4Mode.OFFBOARD:
         flight.vehicle._ap.setpoints.hear(flight.vehicle.t_s + 1e3)  # a stream without end
     pilot_mode(flight, turned)
-    await flight.sees(Overridden, within_s=HEARTBEAT_S)
+    await flight.sees(ev.Overridden, within_s=HEARTBEAT_S)
     await flight.hears_nothing(10.0)
     assert flight.vehicle.truth.mode == turned
-    assert [e.mode for e in flight.seen(Overridden)] == [turned.name]
+    assert [e.mode for e in flight.seen(ev.Overridden)] == [turned.name]
     pilot_mode(flight, Px4Mode.HOLD)
-    await flight.sees(Released, within_s=HEARTBEAT_S)
-    await flight.after(to(0.0, 8.0, 15.0), Arrived)
+    await flight.sees(ev.Released, within_s=HEARTBEAT_S)
+    await flight.after(to(0.0, 8.0, 15.0), ev.Arrived)
 
 
 @by(fly, on_px4)
@@ -201,21 +184,21 @@ async def test_pilots_mission_ending_in_hold_gives_nothing_back(flight: Flight, 
     for message in (mav.MAVLink_mission_count_message(1, 1, 1, 0), item):
         flight.vehicle.receive(message.pack(pilot))
     pilot_mode(flight, Px4Mode.MISSION)
-    await flight.sees(Overridden, within_s=HEARTBEAT_S)
+    await flight.sees(ev.Overridden, within_s=HEARTBEAT_S)
     await flight.until(lambda: flight.vehicle.truth.mode == Px4Mode.HOLD)
     await flight.hears_nothing(5.0)
-    assert not flight.seen(Released)
+    assert not flight.seen(ev.Released)
 
 
 @by(fly, on_px4)
 async def test_a_failsafe_is_not_ours_although_it_waits_in_hold(flight: Flight, /) -> None:
     await flying(flight)
     flight.vehicle.fail.rc(for_s=2.0)
-    overridden = await flight.sees(Overridden, within_s=HEARTBEAT_S)
+    overridden = await flight.sees(ev.Overridden, within_s=HEARTBEAT_S)
     assert overridden.mode == "HOLD by a failsafe"
-    await flight.sees(Landed)
+    await flight.sees(ev.Landed)
     assert flight.vehicle.truth.mode == Px4Mode.HOLD
-    assert not flight.seen(Released)
+    assert not flight.seen(ev.Released)
 
 
 @by(fly, on_px4)
@@ -223,9 +206,9 @@ async def test_a_return_for_the_battery_is_let_alone(flight: Flight, /) -> None:
     set_param(flight, "COM_LOW_BAT_ACT", 2)
     await flying(flight)
     flight.vehicle.fail.battery_sag(8.0)
-    await flight.sees(Overridden, within_s=HEARTBEAT_S)
+    await flight.sees(ev.Overridden, within_s=HEARTBEAT_S)
     index = len(flight.sent)
-    await flight.sees(Landed)
+    await flight.sees(ev.Landed)
     assert flight.commands_after(index) == []
 
 
@@ -238,18 +221,18 @@ def silence(message: object) -> bool:
 async def test_link_lost_and_back(flight: Flight, /, meanwhile: Px4Mode | None) -> None:
     await flying(flight)
     flight.to_driver = flight.to_vehicle = silence
-    await flight.sees(LinkLost, within_s=6.0)
+    await flight.sees(ev.LinkLost, within_s=6.0)
     flight.driver.give(StandDown())
     if meanwhile is not None:
         pilot_mode(flight, meanwhile)
     flight.to_driver = flight.to_vehicle = lambda message: True
-    connected = await flight.sees(Connected, 2, within_s=5.0)
+    connected = await flight.sees(ev.Connected, 2, within_s=5.0)
     assert (connected.airborne, connected.ours) == (True, meanwhile is None)
     if meanwhile is None:
-        await flight.after(to(0.0, 0.0), Arrived)
+        await flight.after(to(0.0, 0.0), ev.Arrived)
     else:
-        await flight.sees(Landed)
-    assert not flight.seen(OrderFailed)
+        await flight.sees(ev.Landed)
+    assert not flight.seen(ev.OrderFailed)
 
 
 @by(fly, on_px4)
@@ -267,7 +250,7 @@ async def test_the_heartbeat_of_a_camera_reports_no_mode(flight: Flight, /) -> N
 @by(fly, on_px4)
 async def test_a_refused_arming_is_said_with_its_reason(flight: Flight, /) -> None:
     flight.vehicle._ap.arm = lambda force=False: "Arming denied! Compass"
-    failed = await flight.after(TakeOff(UP_M), OrderFailed, within_s=200.0)
+    failed = await flight.after(TakeOff(UP_M), ev.OrderFailed, within_s=200.0)
     assert "COMPONENT_ARM_DISARM was refused: temporarily rejected" in failed.reason
     assert "Compass" in failed.reason
 
@@ -275,7 +258,7 @@ async def test_a_refused_arming_is_said_with_its_reason(flight: Flight, /) -> No
 @by(fly_up, on_px4)
 async def test_mode_in_flight_is_changed_by_landing_only(flight: Flight, /) -> None:
     before = len(modes_of(flight))
-    await flight.after(to(10.0, 10.0), Arrived)
+    await flight.after(to(10.0, 10.0), ev.Arrived)
     assert len(modes_of(flight)) == before
     targets = [m for _, m in flight.sent if getattr(m, "command", 0) == 192]
     assert {m.param2 for m in targets} == {0.0}
@@ -285,19 +268,19 @@ async def test_mode_in_flight_is_changed_by_landing_only(flight: Flight, /) -> N
 @by(fly_up, on_px4)
 async def test_stand_down_after_landing_away_is_no_crash(flight: Flight, /) -> None:
     """A spare pad: it is told to stand by while its motors still run, and it holds by itself."""
-    await flight.after(to(-11.0, -11.0), Arrived)
+    await flight.after(to(-11.0, -11.0), ev.Arrived)
     report = flight.driver._reporter.report
 
-    def standing_by(event: Event) -> None:
+    def standing_by(event: ev.Event) -> None:
         report(event)
-        if isinstance(event, Landed):
+        if isinstance(event, ev.Landed):
             flight.driver.give(StandDown())
 
     flight.driver._reporter.report = standing_by
-    await flight.after(Land(), Landed)
+    await flight.after(Land(), ev.Landed)
     await asyncio.sleep(20.0)
     assert not flight.session.view.armed
-    assert not flight.seen(Crashed)
+    assert not flight.seen(ev.Crashed)
 
 
 @pytest.mark.parametrize("after_s", [1.75, 4.5, 5.0, 6.0])
@@ -308,11 +291,11 @@ async def test_take_off_called_off_on_slow_link_is_ours(flight: Flight, /, after
     flight.driver.give(TakeOff(UP_M))
     await asyncio.sleep(after_s)
     flight.driver.give(Land())
-    await flight.sees(Landed, within_s=40.0)
+    await flight.sees(ev.Landed, within_s=40.0)
     await asyncio.sleep(20.0)
     assert flight.vehicle.truth.landed
     assert not flight.vehicle.truth.armed
-    assert not flight.seen(Overridden)
+    assert not flight.seen(ev.Overridden)
 
 
 @by(fly, on_px4)
@@ -322,9 +305,9 @@ async def test_taken_before_take_off_and_disarmed_has_landed(flight: Flight, /) 
     await flight.until(lambda: flight.session.view.armed)
     flight.vehicle._ap.setpoints.hear(flight.vehicle.t_s + 1e3)  # a stream without end
     pilot_mode(flight, Px4Mode.OFFBOARD)
-    await flight.sees(Overridden, within_s=5.0)
-    await flight.sees(Landed, within_s=40.0)
-    assert not flight.seen(LiftedOff)
+    await flight.sees(ev.Overridden, within_s=5.0)
+    await flight.sees(ev.Landed, within_s=40.0)
+    assert not flight.seen(ev.LiftedOff)
 
 
 @by(fly, on_px4)
@@ -333,6 +316,6 @@ async def test_a_pilot_who_has_it_land_is_seen_once_it_follows_us_again(flight: 
     await flying(flight)
     flight.driver.guardian.take_over("land", "a test", hurry=True)
     await asyncio.sleep(1.0)
-    assert not flight.seen(Overridden)
+    assert not flight.seen(ev.Overridden)
     pilot_mode(flight, Px4Mode.LAND)
-    await flight.sees(Overridden, within_s=HEARTBEAT_S)
+    await flight.sees(ev.Overridden, within_s=HEARTBEAT_S)

@@ -9,22 +9,8 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from missions import events as ev
 from missions.errors import LinkError
-from missions.events import (
-    Airborne,
-    Arrived,
-    Connected,
-    FrameLost,
-    FrameSeen,
-    GivenUp,
-    Landed,
-    LinkLost,
-    LookEnded,
-    OrderFailed,
-    Overridden,
-    Released,
-    Tracked,
-)
 from missions.orders import Hold, Land, Look, StandDown, Sweep, TakeOff
 from missions.units import Cell, GridPoint
 from sitl.copter.modes import Mode
@@ -58,36 +44,36 @@ async def test_home_that_moves_on_arming_is_no_surprise(flight: Flight, /) -> No
     """ArduPilot sets home anew when it arms; heights are then above the new one."""
     before = flight.session.view.home
     flight.vehicle._ap.error.east += 3.0
-    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(TakeOff(UP_M), ev.Airborne)
     assert flight.session.view.home != before
-    await flight.after(to(8.0, 8.0), Arrived)
-    await flight.after(to(0.0, 0.0), Arrived)
-    await flight.after(Land(), Landed)
-    assert not flight.seen(OrderFailed)
+    await flight.after(to(8.0, 8.0), ev.Arrived)
+    await flight.after(to(0.0, 0.0), ev.Arrived)
+    await flight.after(Land(), ev.Landed)
+    assert not flight.seen(ev.OrderFailed)
 
 
 @by(fly_up)
 async def test_an_order_replaces_the_last_midway(flight: Flight, /) -> None:
     flight.driver.give(to(60.0, 0.0))
     await asyncio.sleep(3.0)
-    await flight.after(to(0.0, 20.0), Arrived)
-    (arrived,) = flight.seen(Arrived)
+    await flight.after(to(0.0, 20.0), ev.Arrived)
+    (arrived,) = flight.seen(ev.Arrived)
     assert arrived.position.distance_to(GridPoint(0.0, 20.0)) < 0.8
     flight.driver.give(Look(Cell(0, 5), 15, UP_M))
-    await flight.sees(FrameSeen, 2)
-    await flight.after(to(8.0, 20.0), Arrived)
+    await flight.sees(ev.FrameSeen, 2)
+    await flight.after(to(8.0, 20.0), ev.Arrived)
     await asyncio.sleep(10.0)
-    assert len(flight.seen(FrameSeen)) <= 3
-    assert not flight.seen(LookEnded)
-    assert len(flight.seen(Arrived)) == 2
+    assert len(flight.seen(ev.FrameSeen)) <= 3
+    assert not flight.seen(ev.LookEnded)
+    assert len(flight.seen(ev.Arrived)) == 2
 
 
 @by(fly)
 async def test_a_take_off_that_is_replaced_on_the_way_up(flight: Flight, /) -> None:
     flight.driver.give(TakeOff(UP_M))
     await flight.until(lambda: flight.vehicle.truth.height_m > 4.0)
-    await flight.after(Land(), Landed)
-    assert not flight.seen(Airborne)
+    await flight.after(Land(), ev.Landed)
+    assert not flight.seen(ev.Airborne)
 
 
 @by(fly_up)
@@ -96,11 +82,11 @@ async def test_hold_stays(flight: Flight, /) -> None:
     await asyncio.sleep(4.0)
     flight.driver.give(Hold())
     await asyncio.sleep(12.0)
-    there = flight.seen(Tracked)[-1].position
+    there = flight.seen(ev.Tracked)[-1].position
     await asyncio.sleep(10.0)
-    assert flight.seen(Tracked)[-1].position.distance_to(there) < 1.0
-    assert not flight.seen(Arrived)
-    times_s = [event.t_s for event in flight.seen(Tracked)]
+    assert flight.seen(ev.Tracked)[-1].position.distance_to(there) < 1.0
+    assert not flight.seen(ev.Arrived)
+    times_s = [event.t_s for event in flight.seen(ev.Tracked)]
     assert max(b - a for a, b in itertools.pairwise(times_s)) <= 1.2
 
 
@@ -111,25 +97,25 @@ async def taking_off(flight: Flight) -> None:
 
 
 async def sweeping(flight: Flight) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(TakeOff(UP_M), ev.Airborne)
     flight.driver.give(Sweep(GridPoint(60.0, 0.0), 4.0, UP_M))
-    await flight.sees(FrameSeen, 2)
+    await flight.sees(ev.FrameSeen, 2)
 
 
 async def holding(flight: Flight) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(TakeOff(UP_M), ev.Airborne)
     flight.driver.give(Hold())
     await asyncio.sleep(2.0)
 
 
 async def landing(flight: Flight) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(TakeOff(UP_M), ev.Airborne)
     flight.driver.give(Land())
     await flight.until(lambda: flight.vehicle.truth.height_m < 9.0)
 
 
 async def idle(flight: Flight) -> None:
-    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(TakeOff(UP_M), ev.Airborne)
 
 
 PHASES = [taking_off, climbing, flying, sweeping, looking, holding, landing, idle]
@@ -147,26 +133,26 @@ async def test_a_pilot_takes_over_at_once_in_every_phase(
     await phase(flight)
     flight.pilot_mode(mode)
     index, t_s = len(flight.sent), flight.now_s()
-    await flight.sees(Overridden, within_s=0.1)
+    await flight.sees(ev.Overridden, within_s=0.1)
     await asyncio.sleep(8.0)  # what is repeated is so each second
     assert flight.commands_after(index) == []
-    (overridden,) = flight.seen(Overridden)
+    (overridden,) = flight.seen(ev.Overridden)
     assert overridden.mode == Mode(mode).name
     assert overridden.t_s == pytest.approx(t_s, abs=0.06)
     assert flight.vehicle.truth.mode == mode
     if flight.vehicle.truth.armed:
         flight.pilot_mode(GUIDED)
-        released = await flight.sees(Released, within_s=0.1)
+        released = await flight.sees(ev.Released, within_s=0.1)
         assert released.height_m == pytest.approx(flight.vehicle.truth.height_m, abs=0.5)
         if released.height_m > 3.0:
-            await flight.after(to(0.0, 8.0), Arrived)
+            await flight.after(to(0.0, 8.0), ev.Arrived)
 
 
 @by(fly_up, lambda: small_mission(drift_m_s=0.1, interval_s=1.0))
 async def test_a_drifting_look_yields_too(flight: Flight, /) -> None:
     """Here two tasks send commands: one follows the cell, one takes the pictures."""
     flight.driver.give(Look(Cell(0, 0), 15, UP_M))
-    await flight.sees(FrameSeen, 2)
+    await flight.sees(ev.FrameSeen, 2)
     flight.pilot_mode(LOITER)
     await flight.hears_nothing(10.0)
 
@@ -189,21 +175,21 @@ async def test_a_mode_that_flaps(flight: Flight, /) -> None:
         flight.pilot_mode(LOITER)
         flight.pilot_mode(GUIDED)
     await asyncio.sleep(0.2)
-    kinds = [type(e) for e in flight.events if isinstance(e, Overridden | Released)]
-    assert kinds == [Overridden, Released] * 3
+    kinds = [type(e) for e in flight.events if isinstance(e, ev.Overridden | ev.Released)]
+    assert kinds == [ev.Overridden, ev.Released] * 3
     await flight.hears_nothing(5.0)  # nobody has ordered anything since
 
 
 @by(fly_up)
 async def test_a_pilot_who_starts_from_the_ground_is_left_alone(flight: Flight, /) -> None:
     """Between two sorties the pilot switches the mode, then arms, and flies by hand."""
-    await flight.after(Land(), Landed)
+    await flight.after(Land(), ev.Landed)
     flight.pilot_mode(LOITER)
     await asyncio.sleep(2.0)
-    await flight.sees(Overridden, within_s=1.5)  # nothing takes off under a pilot's hand
+    await flight.sees(ev.Overridden, within_s=1.5)  # nothing takes off under a pilot's hand
     flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1)
     assert flight.vehicle.truth.armed
-    assert not flight.seen(Released)
+    assert not flight.seen(ev.Released)
 
 
 @by(fly_up)
@@ -213,8 +199,8 @@ async def test_orders_of_a_ground_station_are_not_ours_to_answer(flight: Flight,
         flight.pilot(mav.MAV_CMD_DO_REPOSITION, -1, 0, 0, 0, 0, 0, 20)
         flight.pilot(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 30)
         await asyncio.sleep(0.2)
-    await flight.sees(Arrived)
-    assert not flight.seen(OrderFailed)
+    await flight.sees(ev.Arrived)
+    assert not flight.seen(ev.OrderFailed)
 
 
 # --- refusals --------------------------------------------------------------------------------
@@ -222,7 +208,7 @@ async def test_orders_of_a_ground_station_are_not_ours_to_answer(flight: Flight,
 async def test_a_vehicle_that_never_gets_ready(flight: Flight, /) -> None:
     flight.to_driver = lambda message: message.get_type() != "EKF_STATUS_REPORT"
     flight.session.view.ekf_flags = 0
-    failed = await flight.after(TakeOff(UP_M), OrderFailed, within_s=150.0)
+    failed = await flight.after(TakeOff(UP_M), ev.OrderFailed, within_s=150.0)
     assert "not ready to arm within 120 s" in failed.reason
     arming = [m for _, m in flight.sent if getattr(m, "command", 0) == 400]
     assert arming == []
@@ -237,20 +223,20 @@ def silence(message: Message) -> bool:
 async def test_silent_vehicle_is_given_up_until_it_is_heard(flight: Flight, /) -> None:
     await flying(flight)
     flight.to_driver = flight.to_vehicle = silence
-    await flight.sees(LinkLost)
+    await flight.sees(ev.LinkLost)
     flight.driver.give(StandDown())
     battery = flight.setting.mission.battery
-    given_up = await flight.sees(GivenUp, within_s=battery.endurance_s + 120.0)
+    given_up = await flight.sees(ev.GivenUp, within_s=battery.endurance_s + 120.0)
     assert "longer than its battery can have lasted" in given_up.reason
     flight.to_driver = flight.to_vehicle = lambda message: True
-    await flight.sees(Connected, 2, within_s=20.0)
+    await flight.sees(ev.Connected, 2, within_s=20.0)
 
 
 @by(fly)
 async def test_a_silent_vehicle_on_the_ground_is_waited_for_two_minutes(flight: Flight, /) -> None:
     flight.to_driver = flight.to_vehicle = silence
-    lost = await flight.sees(LinkLost)
-    given_up = await flight.sees(GivenUp, within_s=200.0)
+    lost = await flight.sees(ev.LinkLost)
+    given_up = await flight.sees(ev.GivenUp, within_s=200.0)
     assert given_up.t_s - lost.t_s == pytest.approx(115.0, abs=3.0)
     assert "on the ground" in given_up.reason
 
@@ -291,7 +277,7 @@ async def test_positions_that_cease_are_a_lost_link(flight: Flight, /) -> None:
     """Heartbeats alone: it restarted in the air and forgot the streams, or a router drops them."""
     await flying(flight)
     flight.to_driver = lambda message: message.get_type() != "GLOBAL_POSITION_INT"
-    await flight.sees(LinkLost, within_s=10.0)
+    await flight.sees(ev.LinkLost, within_s=10.0)
 
 
 @by(fly)
@@ -300,10 +286,10 @@ async def test_streams_that_were_forgotten_are_asked_for_again(flight: Flight, /
     streams = flight.vehicle._streams
     for message_id in list(streams._interval_s):
         streams.set(message_id, None, 0.0)
-    await flight.sees(LinkLost, within_s=10.0)
+    await flight.sees(ev.LinkLost, within_s=10.0)
     flight.driver.give(StandDown())
-    await flight.sees(Connected, 2, within_s=10.0)
-    await flight.after(to(0.0, 0.0), Arrived)
+    await flight.sees(ev.Connected, 2, within_s=10.0)
+    await flight.after(to(0.0, 0.0), ev.Arrived)
 
 
 @pytest.mark.parametrize("caught_up", [False, True])
@@ -314,10 +300,10 @@ async def test_link_with_backlog_stays_lost(flight: Flight, /, caught_up: bool) 
     deliver, held = flight._deliver, list[bytes]()
     flight._deliver = lambda data, later=False: held.append(data)  # type: ignore[method-assign]
     await asyncio.sleep(60.0)
-    assert len(flight.seen(LinkLost)) == 1
+    assert len(flight.seen(ev.LinkLost)) == 1
     flight.driver.give(StandDown())
     await asyncio.sleep(5.0)
-    sent, tracked = len(flight.sent), len(flight.seen(Tracked))
+    sent, tracked = len(flight.sent), len(flight.seen(ev.Tracked))
     kept = len(held)
     for _ in range(1500):  # it hands over as much as comes in
         await asyncio.sleep(0.05)
@@ -328,13 +314,13 @@ async def test_link_with_backlog_stays_lost(flight: Flight, /, caught_up: bool) 
     flight.driver.guardian.take_over("rtl", "the mission has ended")
     await asyncio.sleep(5.0)
     assert {m.get_type() for m in flight.commands_after(sent)} == {"TIMESYNC"}
-    assert len(flight.seen(Connected)) == 1
-    assert len(flight.seen(Tracked)) == tracked
-    assert not flight.seen(GivenUp)
+    assert len(flight.seen(ev.Connected)) == 1
+    assert len(flight.seen(ev.Tracked)) == tracked
+    assert not flight.seen(ev.GivenUp)
     flight._deliver = deliver  # type: ignore[method-assign]
     if caught_up:
         deliver(b"".join(held))
-    await flight.sees(Connected, 2, within_s=5.0)
+    await flight.sees(ev.Connected, 2, within_s=5.0)
     assert flight.driver.view.silent_s(flight.now_s()) < 1.0
 
 
@@ -344,12 +330,12 @@ async def test_clock_stood_still_vehicle_that_answers_is_connected(flight: Fligh
     await flying(flight)
     step = flight.vehicle.step
     flight.vehicle.step = lambda passed_s: b""  # type: ignore[method-assign]
-    await flight.sees(LinkLost)
+    await flight.sees(ev.LinkLost)
     await asyncio.sleep(5.0)
     flight.vehicle.step = step  # type: ignore[method-assign]
     await asyncio.sleep(0.5)
     assert flight.driver.view.gate.clock.late
-    await flight.sees(Connected, 2, within_s=5.0)
+    await flight.sees(ev.Connected, 2, within_s=5.0)
     assert flight.driver.view.silent_s(flight.now_s()) < 0.5
 
 
@@ -357,10 +343,10 @@ async def test_clock_stood_still_vehicle_that_answers_is_connected(flight: Fligh
 @by(fly_up)
 async def test_a_camera_that_stalls_is_reported_and_the_look_ends(flight: Flight, /) -> None:
     flight.to_driver = lambda message: message.get_type() != "CAMERA_IMAGE_CAPTURED"
-    await flight.after(Look(Cell(0, 0), 5, UP_M), LookEnded, within_s=300.0)
-    assert len(flight.seen(FrameLost)) == 5
-    assert "none was announced" in flight.seen(FrameLost)[0].reason
-    assert not flight.seen(FrameSeen)
+    await flight.after(Look(Cell(0, 0), 5, UP_M), ev.LookEnded, within_s=300.0)
+    assert len(flight.seen(ev.FrameLost)) == 5
+    assert "none was announced" in flight.seen(ev.FrameLost)[0].reason
+    assert not flight.seen(ev.FrameSeen)
 
 
 @by(fly_up)
@@ -375,36 +361,36 @@ async def test_a_lost_announcement_is_asked_for_again(flight: Flight, /) -> None
         return message.image_index not in (1, 4) or heard.count(message.image_index) > 1
 
     flight.to_driver = lossy
-    await flight.after(Look(Cell(0, 0), 5, UP_M), LookEnded)
-    assert len(flight.seen(FrameSeen)) == 5
-    assert not flight.seen(FrameLost)
+    await flight.after(Look(Cell(0, 0), 5, UP_M), ev.LookEnded)
+    assert len(flight.seen(ev.FrameSeen)) == 5
+    assert not flight.seen(ev.FrameLost)
 
 
 @pytest.mark.parametrize("part", [0.0, 0.5])
 @by(fly_up)
 async def test_a_corrupt_picture_is_a_lost_frame(flight: Flight, /, part: float) -> None:
     flight.change = lambda picture: picture[: int(len(picture) * part)]
-    await flight.after(Look(Cell(0, 0), 3, UP_M), LookEnded)
-    assert len(flight.seen(FrameLost)) == 3
-    assert "not a readable picture" in flight.seen(FrameLost)[0].reason
+    await flight.after(Look(Cell(0, 0), 3, UP_M), ev.LookEnded)
+    assert len(flight.seen(ev.FrameLost)) == 3
+    assert "not a readable picture" in flight.seen(ev.FrameLost)[0].reason
     flight.change = lambda picture: picture
-    await flight.after(Look(Cell(0, 0), 3, UP_M), LookEnded)
-    assert len(flight.seen(FrameSeen)) == 3
+    await flight.after(Look(Cell(0, 0), 3, UP_M), ev.LookEnded)
+    assert len(flight.seen(ev.FrameSeen)) == 3
 
 
 @by(fly_up)
 async def test_a_camera_without_an_answer_loses_its_pictures(flight: Flight, /) -> None:
     flight.to_vehicle = lambda message: getattr(message, "command", 0) != 2000
-    lost = await flight.after(Look(Cell(0, 0), 3, UP_M), FrameLost)
+    lost = await flight.after(Look(Cell(0, 0), 3, UP_M), ev.FrameLost)
     assert "the camera is silent" in lost.reason
-    assert not flight.seen(OrderFailed)
+    assert not flight.seen(ev.OrderFailed)
 
 
 @by(fly_up)
 async def test_a_wild_picture_number_is_not_asked_for_a_million_times(flight: Flight, /) -> None:
     camera = mav.MAVLink(None, srcSystem=1, srcComponent=100)
     flight.driver.give(Look(Cell(0, 0), 15, UP_M))
-    await flight.sees(FrameSeen, 1)
+    await flight.sees(ev.FrameSeen, 1)
     index = len(flight.sent)
     wild = mav.MAVLink_camera_image_captured_message(
         0, 0, 0, 0, 0, 0, 0, [1, 0, 0, 0], 200_000, 1, b"sim://1/0.jpg"
@@ -437,7 +423,7 @@ def test_a_report_that_fails_ends_the_driver() -> None:
         flight = Flight(small_mission())
 
         def report(event: object) -> None:
-            if isinstance(event, Tracked) and event.t_s > 20.0:
+            if isinstance(event, ev.Tracked) and event.t_s > 20.0:
                 raise FullError
 
         flight.report = report  # type: ignore[method-assign]

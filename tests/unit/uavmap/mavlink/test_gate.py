@@ -63,8 +63,6 @@ def captured(t_s: float, index: int = 0, lat: float = LAT) -> Message:
 
 
 class Vehicle:
-    """The frames of a vehicle, into a view at a time that the test tells."""
-
     def __init__(self, first: Message | None = None) -> None:
         self.view = VehicleView()
         self.said: list[str] = []

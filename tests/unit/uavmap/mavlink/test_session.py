@@ -25,8 +25,6 @@ CAPTURE = mav.MAV_CMD_IMAGE_START_CAPTURE
 
 
 def conversation(body: Callable[[Peer], Coroutine[Any, Any, None]], **how: Any) -> Peer:
-    """Run a test with a peer that has said hello."""
-
     async def main() -> Peer:
         peer = Peer(**how)
         peer.session.feed(peer.frame(heartbeat()))

@@ -100,7 +100,6 @@ SPEED_M_S = 8.0
 
 
 def told(t_s: float, metres: float, height_m: float = 12.0) -> Message:
-    """A picture of a time of the vehicle's clock, and where the camera says it was taken."""
     place = north_of_home(metres)
     return mav.MAVLink_camera_image_captured_message(
         round(t_s * 1000), 0, 0, round(place.lat_deg * 1e7), round(place.lon_deg * 1e7), 512_000,

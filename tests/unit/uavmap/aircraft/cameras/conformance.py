@@ -40,7 +40,6 @@ def jpeg(shade: int, exif: Image.Exif | None = None) -> bytes:
 
 
 async def inline(function: Callable[[], Any]) -> Any:
-    """Instead of a thread: nothing takes time."""
     return function()
 
 
@@ -81,7 +80,6 @@ class Bench:
         return times
 
     async def load(self) -> list[bool]:
-        """Whether each announced picture can be had."""
         good = []
         for picture in self.heard:
             try:
@@ -150,8 +148,6 @@ async def folder_bench(tmp_path: Path) -> AsyncIterator[Bench]:
 
 # --- a stream --------------------------------------------------------------------------------
 class StreamHardware:
-    """A reader whose frames come from the test."""
-
     def __init__(self) -> None:
         self._queue: asyncio.Queue[Grabbed | None] = asyncio.Queue()
         self._wants: Wants = lambda t_s: False
@@ -275,8 +271,6 @@ class Ordered:
 
 
 class ComponentHardware(Ordered):
-    """Announces with pose and address, a moment later."""
-
     def __init__(self) -> None:
         super().__init__(mav.MAV_COMP_ID_CAMERA)
         self.pictures: dict[str, bytes] = {}
@@ -308,8 +302,6 @@ class ComponentHardware(Ordered):
 
 
 class TriggerHardware(Ordered):
-    """CAMERA_FEEDBACK at once, and the picture in a folder later."""
-
     def __init__(self, folder: Path) -> None:
         super().__init__(mav.MAV_COMP_ID_AUTOPILOT1)
         self.card = FolderHardware(folder)

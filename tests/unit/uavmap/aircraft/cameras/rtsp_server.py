@@ -14,8 +14,6 @@ _FRAME_S = 0.04
 
 
 class RtspServer:
-    """Serves the pictures one after the other, again and again, to each client."""
-
     def __init__(self, jpegs: Sequence[bytes]) -> None:
         self._frames = [_parts(jpeg) for jpeg in jpegs]
         self._over = threading.Event()

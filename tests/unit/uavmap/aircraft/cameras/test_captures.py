@@ -75,7 +75,6 @@ def mjpeg(port: int = 0) -> Iterator[int]:
 
 
 async def pictures(source: FrameSource, count: int, interval_s: float = 0.2) -> list[Announcement]:
-    """So many pictures of a source, each of which can be had."""
     heard: asyncio.Queue[Announcement] = asyncio.Queue()
     source.listen(heard.put_nowait)
     begin_s = asyncio.get_running_loop().time()
@@ -91,8 +90,6 @@ async def pictures(source: FrameSource, count: int, interval_s: float = 0.2) -> 
 
 
 def on(text: str, body: Callable[[FrameSource, list[str]], Awaitable[None]]) -> None:
-    """Run a test with an open camera."""
-
     async def nothing(url: str) -> bytes:
         raise LinkError(url)
 

@@ -22,8 +22,6 @@ RIGHT_S = 0.05
 
 
 def on_each_bench(body: Callable[[Bench], Awaitable[None]]) -> Callable[[str, Path], None]:
-    """Make a test of each kind of bench, on virtual time."""
-
     @pytest.mark.parametrize("kind", sorted(BENCHES))
     def test(kind: str, tmp_path: Path) -> None:
         async def main() -> None:

@@ -45,7 +45,6 @@ async def nothing() -> bytes:
 
 
 def truth(t_s: float) -> tuple[LatLon, float, Quaternion]:
-    """Where a vehicle is that flies a circle, banked, climbing a little."""
     angle = TURN_RAD_S * t_s
     north_m, east_m = RADIUS_M * math.sin(angle), RADIUS_M * (1.0 - math.cos(angle))
     place = LatLon(
@@ -163,7 +162,6 @@ def test_an_attitude_of_another_clock_is_refused_and_counted() -> None:
 def test_a_mount_is_that_of_the_simulator(
     roll: float, pitch: float, yaw: float, yaw_deg: float, fixed: bool
 ) -> None:
-    """Which was written apart from it."""
     theirs = CameraSpec(fixed=fixed, yaw_deg=yaw_deg).attitude(roll, pitch, yaw)
     ours = Mount(fixed, yaw_deg).attitude(Quaternion.from_euler(roll, pitch, yaw))
     assert angle_deg(ours, theirs) < 1e-4

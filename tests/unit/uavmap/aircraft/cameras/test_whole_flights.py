@@ -49,8 +49,6 @@ def bare(jpeg: bytes) -> bytes:
 
 
 class Card:
-    """The simulated camera's pictures into a folder, some time after they were taken."""
-
     def __init__(self, simulation: Simulation, session: Session, folder: Path) -> None:
         self._simulation = simulation
         self._folder = folder
@@ -83,8 +81,6 @@ Rig = Callable[
 
 
 class RiggedFlight(Flight):
-    """A simulated flight with another camera."""
-
     def __init__(self, rig: Rig, said: list[str], *how: Any) -> None:
         super().__init__(*how)
         self.rig, self.said = rig, said
@@ -104,7 +100,6 @@ class RiggedFlight(Flight):
 
 
 def flown(rig: Rig, made: Mission, folder: Path) -> tuple[dict[str, Any], list[Any], list[str]]:
-    """The summary, the events and what was said of a flight."""
     plan = plan_of("m.toml", made, None, None, 1, (), None, SIM_EPOCH_UTC_S)
     setting, said = setting_of(made), Said()
     folder.mkdir()

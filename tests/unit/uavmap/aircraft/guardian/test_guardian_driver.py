@@ -9,18 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import Point, Polygon
 
-from missions.events import (
-    Airborne,
-    Arrived,
-    Connected,
-    Crashed,
-    Guarded,
-    Landed,
-    LiftedOff,
-    LinkLost,
-    OrderFailed,
-    Overridden,
-)
+from missions import events as ev
 from missions.geo.trajectory import rounded_path
 from missions.mission.schema import Mission
 from missions.orders import FlyPath, FlyTo, Hold, Land, ReturnToLaunch, Sweep, TakeOff
@@ -35,8 +24,7 @@ both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 
 
 async def out(flight: Flight, east_m: float = 25.0, north_m: float = 20.0) -> None:
-    """In the air, some way from home, on a leg."""
-    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(TakeOff(UP_M), ev.Airborne)
     flight.driver.give(FlyTo((GridPoint(east_m, north_m),), None, stop=False, height_m=UP_M))
     await asyncio.sleep(5.0)
 
@@ -46,10 +34,9 @@ HOUSE = square(10, 6, 6, 16)
 
 
 async def behind_the_house(flight: Flight) -> None:
-    """In the air, with the house between it and home."""
-    await flight.after(TakeOff(UP_M), Airborne)
+    await flight.after(TakeOff(UP_M), ev.Airborne)
     route = (GridPoint(24.0, 0.0), GridPoint(24.0, 14.0))
-    await flight.after(FlyTo(route, None, stop=True, height_m=UP_M), Arrived)
+    await flight.after(FlyTo(route, None, stop=True, height_m=UP_M), ev.Arrived)
 
 
 async def lands_without_touching_the_house(flight: Flight) -> None:
@@ -65,7 +52,6 @@ async def lands_without_touching_the_house(flight: Flight) -> None:
 
 
 def beside_a_house(autopilot: str) -> Mission:
-    """A small mission in whose fence stands a house."""
     return small_mission(autopilot=autopilot, holes=[HOUSE])
 
 
@@ -91,7 +77,7 @@ async def test_guardian_mission_fails_flies_around_hole(
         "vehicle 1: the disk is full; it is flown home around the fence",
         "vehicle 1: the disk is full; it is told to return by its autopilot",
     ]
-    assert not flight.seen(Overridden)
+    assert not flight.seen(ev.Overridden)
 
 
 @both
@@ -147,7 +133,7 @@ async def test_an_autopilot_that_does_not_return_lands(flight: Flight, /) -> Non
     await flight.driver.guardian.bring_home("the mission failed")
     assert flight.vehicle.truth.landed
     assert "from home" in flight.driver.guardian.fate()
-    assert [e.action for e in flight.seen(Guarded)] == ["rtl", "land"]
+    assert [e.action for e in flight.seen(ev.Guarded)] == ["rtl", "land"]
 
 
 @by(fly)
@@ -159,7 +145,7 @@ async def test_a_pilot_has_the_last_word_with_the_guardian_too(flight: Flight, /
     await asyncio.wait_for(home, 5.0)
     await flight.hears_nothing(10.0)
     assert "left to whoever flies it" in flight.driver.guardian.fate()
-    assert len(flight.seen(Overridden)) == 1
+    assert len(flight.seen(ev.Overridden)) == 1
 
 
 @both
@@ -170,10 +156,10 @@ async def test_quick_descent_lands_from_near_ground(flight: Flight, /, autopilot
     flight.driver.guardian.take_over("land", "a test", hurry=True)
     await flight.until(lambda: flight.vehicle.truth.mode.name == "LAND")
     assert 0.3 < flight.vehicle.truth.height_m < 1.2
-    await flight.sees(Landed, within_s=20.0)
+    await flight.sees(ev.Landed, within_s=20.0)
     assert flight.vehicle.t_s - begun_s < UP_M / 1.5 + 2.0
     assert not flight.vehicle.truth.crashed
-    assert not flight.seen(Crashed)
+    assert not flight.seen(ev.Crashed)
 
 
 @pytest.mark.parametrize(
@@ -191,7 +177,7 @@ async def test_quick_descent_command_refused_still_sinks(
     flight.vehicle.fail.reject(refused)
     begun_s = flight.vehicle.t_s
     flight.driver.guardian.take_over("land", "a test", hurry=True)
-    await flight.sees(Landed, within_s=30.0)
+    await flight.sees(ev.Landed, within_s=30.0)
     assert least_s < flight.vehicle.t_s - begun_s < most_s
 
 
@@ -204,7 +190,7 @@ async def test_guardian_acting_orders_of_mission_do_nothing(flight: Flight, /) -
     flight.driver.give(Hold())
     await asyncio.sleep(3.0)
     assert flight.commands_after(sent) == []
-    await flight.sees(Landed)
+    await flight.sees(ev.Landed)
 
 
 @by(fly)
@@ -213,9 +199,9 @@ async def test_a_take_over_on_the_ground_ends_with_one_landing(flight: Flight, /
     flight.driver.give(TakeOff(UP_M))
     await flight.until(lambda: flight.session.view.armed)
     flight.driver.guardian.take_over("land", "a test")
-    await flight.sees(Landed, within_s=30.0)
+    await flight.sees(ev.Landed, within_s=30.0)
     await asyncio.sleep(10.0)
-    assert len(flight.seen(Landed)) == 1
+    assert len(flight.seen(ev.Landed)) == 1
     assert not flight.driver.guardian.acting
 
 
@@ -225,11 +211,11 @@ async def test_after_a_silence_the_guardian_sees_to_it_again(flight: Flight, /) 
     flight.vehicle.fail.reject(command=mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, for_s=12.0)
     flight.to_driver = flight.to_vehicle = lambda message: False
     flight.driver.guardian.take_over("rtl", "a test")
-    await flight.sees(LinkLost, within_s=20.0)
+    await flight.sees(ev.LinkLost, within_s=20.0)
     await asyncio.sleep(5.0)
     flight.to_driver = flight.to_vehicle = lambda message: True
-    await flight.sees(Guarded, 2, within_s=30.0)
-    await flight.sees(Landed)
+    await flight.sees(ev.Guarded, 2, within_s=30.0)
+    await flight.sees(ev.Landed)
 
 
 @by(fly)
@@ -237,7 +223,7 @@ async def test_guardian_link_back_after_mission_failed_sees_it_down(flight: Flig
     loop = asyncio.get_running_loop()
     await out(flight)
     flight.to_driver = flight.to_vehicle = lambda message: False
-    await flight.sees(LinkLost, within_s=20.0)
+    await flight.sees(ev.LinkLost, within_s=20.0)
     flight.driving.cancel()  # with it whoever takes up links that come back
     loop.call_later(10.0, setattr, flight, "to_driver", lambda message: True)
     loop.call_later(10.0, setattr, flight, "to_vehicle", lambda message: True)
@@ -246,8 +232,8 @@ async def test_guardian_link_back_after_mission_failed_sees_it_down(flight: Flig
     assert flight.vehicle.truth.landed
     assert loop.time() - begin_s < 90.0
     assert flight.driver.guardian.fate() == ""
-    assert len(flight.seen(Connected)) == 2
-    assert len(flight.seen(Landed)) == 1
+    assert len(flight.seen(ev.Connected)) == 2
+    assert len(flight.seen(ev.Landed)) == 1
 
 
 @by(fly_up)
@@ -263,8 +249,8 @@ async def test_guardian_fall_on_way_home_is_reported(flight: Flight, /) -> None:
     await flight.driver.guardian.bring_home("the mission failed (disk full)")
     await falling
     assert flight.vehicle.truth.crashed
-    assert len(flight.seen(Crashed)) == 1
-    assert not flight.seen(Landed)
+    assert len(flight.seen(ev.Crashed)) == 1
+    assert not flight.seen(ev.Landed)
 
 
 FORCED = 21196.0
@@ -282,13 +268,13 @@ async def test_motors_stop_over_pad_is_a_crash(
     flight.driver.give(Land())
     await flight.until(lambda: flight.session.view.height_m < height_m)
     flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
-    crashed = await flight.sees(Crashed, within_s=5.0)
+    crashed = await flight.sees(ev.Crashed, within_s=5.0)
     assert flight.vehicle.truth.crashed
     assert "struck the ground" in crashed.reason or "it fell" in crashed.reason
     await asyncio.sleep(10.0)
     assert not flight.driver.guardian.responsible
-    assert len(flight.seen(Crashed)) == 1
-    assert not flight.seen(Landed)
+    assert len(flight.seen(ev.Crashed)) == 1
+    assert not flight.seen(ev.Landed)
     assert any("is down near" in text for text in flight.told)
 
 
@@ -298,9 +284,9 @@ async def test_motors_stop_just_above_ground_is_landing(flight: Flight, /, autop
     flight.driver.give(Land())
     await flight.until(lambda: flight.vehicle.truth.height_m < 0.1)
     flight.pilot(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, FORCED)
-    await flight.sees(Landed, within_s=5.0)
+    await flight.sees(ev.Landed, within_s=5.0)
     await asyncio.sleep(5.0)
-    assert not flight.seen(Crashed)
+    assert not flight.seen(ev.Crashed)
 
 
 @by(fly)
@@ -314,7 +300,7 @@ async def test_a_crashed_aircraft_that_believes_to_fly_stays_down(flight: Flight
         flight.session.feed(heartbeat(Mode.GUIDED, armed=True).pack(autopilot))
         await asyncio.sleep(1.0)
     assert flight.vehicle.truth.crashed
-    assert len(flight.seen(LiftedOff)) == len(flight.seen(Crashed)) == 1
+    assert len(flight.seen(ev.LiftedOff)) == len(flight.seen(ev.Crashed)) == 1
     assert not flight.driver.guardian.responsible
 
 
@@ -326,7 +312,7 @@ async def test_storm_lands_vehicle_near_the_fence(flight: Flight, /, autopilot: 
     flight.vehicle.fail.wind_gust(m_s=25.0, for_s=None)
     await flight.until(lambda: flight.vehicle.truth.landed, within_s=90.0)
     where = flight.setting.grid.fixed(flight.vehicle.truth.position)
-    assert [e.action for e in flight.seen(Guarded)][-1] == "land"
+    assert [e.action for e in flight.seen(ev.Guarded)][-1] == "land"
     assert flight.setting.fence.outer.distance(Point(where)) < 150.0
 
 
@@ -335,7 +321,7 @@ async def test_a_leg_that_goes_nowhere_is_reported_to_the_mission(flight: Flight
     # accepted, and not carried out: the autopilot is told to stay by somebody else
     flight.to_vehicle = lambda message: getattr(message, "command", 0) != 192
     flight.driver.give(FlyTo((GridPoint(40.0, 20.0),), None, stop=False, height_m=UP_M))
-    failed = await flight.sees(OrderFailed, within_s=60.0)
+    failed = await flight.sees(ev.OrderFailed, within_s=60.0)
     assert "no progress" in failed.reason
 
 
@@ -344,7 +330,7 @@ async def test_sweep_waiting_for_its_camera_is_left_alone(flight: Flight, /) -> 
     flight.to_vehicle = lambda message: getattr(message, "command", 0) != 2000
     flight.driver.give(Sweep(GridPoint(30.0, 0.0), 4.0, UP_M))
     await asyncio.sleep(25.0)
-    assert not flight.seen(OrderFailed)
+    assert not flight.seen(ev.OrderFailed)
 
 
 @by(fly)
@@ -352,9 +338,9 @@ async def test_a_take_off_that_nobody_acknowledged_is_seen_to_happen(flight: Fli
     flight.to_driver = lambda message: (
         not (message.get_type() == "COMMAND_ACK" and message.command == mav.MAV_CMD_NAV_TAKEOFF)
     )
-    await flight.after(TakeOff(UP_M), Airborne)
-    assert len(flight.seen(LiftedOff)) == 1
-    assert not flight.seen(OrderFailed)
+    await flight.after(TakeOff(UP_M), ev.Airborne)
+    assert len(flight.seen(ev.LiftedOff)) == 1
+    assert not flight.seen(ev.OrderFailed)
 
 
 @by(fly_up)
@@ -364,4 +350,4 @@ async def test_a_place_that_is_none_stops_no_clock(flight: Flight, /) -> None:
     flight.driver.give(FlyTo((nowhere,), None, stop=False, height_m=UP_M))
     await asyncio.sleep(5.0)
     flight.driver.guardian.take_over("land", "a test", hurry=True)
-    await flight.sees(Landed, within_s=60.0)
+    await flight.sees(ev.Landed, within_s=60.0)

@@ -14,8 +14,6 @@ from uavmap.base.clock import VirtualClock, run
 
 
 class Kept:
-    """A guardian whose vehicle takes a while to come home."""
-
     def __init__(self, *, takes_s: float = 30.0, fate: str = "") -> None:
         self.said: list[tuple[str, str, float]] = []
         self.home = False
@@ -75,8 +73,6 @@ def test_who_is_not_at_home_at_the_end_is_named() -> None:
 
 
 class Defective(Kept):
-    """A guardian whose way home raises."""
-
     async def bring_home(self, reason: str) -> None:
         await asyncio.sleep(0.1)
         raise ValueError("a defect in the geometry of its way home")

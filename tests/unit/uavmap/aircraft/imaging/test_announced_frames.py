@@ -69,8 +69,6 @@ def announced(**how: Any) -> Message:
 
 
 class Verdicts:
-    """Judges pictures, and keeps what they say."""
-
     def __init__(self) -> None:
         self._judge = PictureJudge({1: Classifier.of(MISSION, SETTING.grid)})
         self._last: FrameSeen | FrameLost | None = None
@@ -80,7 +78,6 @@ class Verdicts:
         return isinstance(self._last, FrameSeen)
 
     async def of(self, driver: CameraDriver, picture: Announcement) -> FrameSeen | FrameLost:
-        """What becomes of a picture."""
         try:
             await driver.judged(picture, None, anywhere=False)
         except (ImageError, LinkError) as error:

@@ -28,8 +28,6 @@ def fetch(url: str, *hosts: str, timeout_s: float = 10.0) -> bytes:
 
 
 class Server:
-    """Serves one client by a function and counts who came."""
-
     def __init__(self, talk: Callable[[socket.socket], None]) -> None:
         self._talk = talk
         self.clients = 0
@@ -61,7 +59,6 @@ class Server:
 
 @contextlib.contextmanager
 def server(answer: bytes) -> Iterator[Server]:
-    """A server that sends these bytes to its clients and hangs up."""
     with Server(lambda client: client.sendall(answer)) as served:
         yield served
 

@@ -14,8 +14,6 @@ from uavmap.base.clock import VirtualClock, run
 
 
 class SlowCamera:
-    """Takes a second for each picture."""
-
     def __init__(self) -> None:
         self.indices: list[int] = []
 

@@ -111,7 +111,6 @@ def plan(*urls: str, forward: tuple[str, ...] = ()) -> FlightPlan:
 def links_of(
     flown: FlightPlan, record: Callable[[bytes], None]
 ) -> contextlib.AbstractAsyncContextManager[list[Link]]:
-    """The links of a plan, each with a MAVLink camera."""
     cameras = [parse_camera("mavlink")] * len(flown.urls)
     return opened_links(flown, cameras, CameraSection(), record)
 
@@ -173,8 +172,6 @@ async def _peer_of(ground: socket.socket, vehicle: socket.socket, ours: Any) -> 
 
 
 class Wire:
-    """A transport that keeps what it is given."""
-
     peer_host = None
 
     def __init__(self, way: object) -> None:

@@ -39,8 +39,6 @@ NOW = 40_000_000_000_000
 
 
 class Memory:
-    """Timestamps that nobody keeps."""
-
     def __init__(self) -> None:
         self.sent = 0
         self.heard: dict[Stream, int] = {}

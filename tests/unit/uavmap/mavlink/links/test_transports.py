@@ -51,8 +51,6 @@ class Ear(Collected):
 
 
 class Told(Collected):
-    """Collects what a transport says."""
-
     def __init__(self) -> None:
         super().__init__()
         self.lines: list[str] = []

@@ -30,7 +30,6 @@ def _number(kind: str) -> st.SearchStrategy[Any]:
 
 @st.composite
 def messages(draw: st.DrawFn) -> Any:
-    """Any message that pymavlink knows, as it comes from the wire."""
     made = mav.mavlink_map[draw(st.sampled_from(_KINDS))]
     lengths = dict(zip(made.ordered_fieldnames, made.array_lengths, strict=True))
     values: list[Any] = []
@@ -91,8 +90,6 @@ def test_what_is_no_piece_is_said(data: bytes) -> None:
 
 
 class _Ends:
-    """An outbox with both ends in hand."""
-
     def __init__(self) -> None:
         self.sent: list[bytes] = []
         self.outbox = Outbox(self.sent.append)
@@ -124,8 +121,6 @@ def test_a_command_goes_as_long_as_it_is_asked_for_and_no_other() -> None:
 
 
 class _Permit:
-    """Given twice."""
-
     left = 2
 
     async def granted(self) -> None:
