@@ -27,6 +27,14 @@ class Vote(NamedTuple):
     share: float
 
 
+class ClassShare(NamedTuple):
+    """How much of a cell one frame takes for a class, by its number; 0 to 1."""
+
+    cell: Cell
+    number: int
+    share: float
+
+
 @dataclass(frozen=True, slots=True)
 class Connected(OfVehicle):
     """A vehicle answered. Posted at the start, after a resume, and when a lost link is back."""
@@ -93,6 +101,8 @@ class FrameSeen(OfVehicle):
     """Taken from the height of a search, where a cell has few pixels."""
     unsure: tuple[Cell, ...] | None = None
     """Cells that look like nothing that the detector knows; their votes say no region."""
+    classes: tuple[ClassShare, ...] | None = None
+    """Shares above 0 of its cells by class, of a detector that tells several apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,7 +332,9 @@ def to_json(event: Event) -> str:
     try:
         # without a vantage is something that a frame says; elsewhere None is what nobody has said
         if isinstance(event, FrameSeen):
-            unsaid = {key for key in ("overview", "unsure") if getattr(event, key) is None}
+            unsaid = {
+                key for key in ("overview", "unsure", "classes") if getattr(event, key) is None
+            }
             data, nones = _ADAPTER.dump_json(event, exclude=unsaid), event.vantage is None
         else:
             data, nones = _ADAPTER.dump_json(event, exclude_none=True), False

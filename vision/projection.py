@@ -21,7 +21,7 @@ from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
 from missions.units import Cell, Pose
 from vision.camera import Camera, edges, project
-from vision.detectors.interface import UNSURE, Detector, Marks, judged
+from vision.detectors.interface import UNSURE, Detector, Judgement, Marks, judged
 
 SEEN_SHARE: Final = 0.9
 """Least part of a cell inside the picture for a verdict."""
@@ -101,6 +101,19 @@ class Projection:
         if unfamiliar is None or not len(cells):
             return np.zeros(len(cells), np.bool_)
         return self._seen(unfamiliar, cells)[0] >= UNSURE
+
+    def by_class(
+        self, classes: NDArray[np.uint8] | None, cells: Cells
+    ) -> tuple[tuple[int, ...], Floats]:
+        """Return the numbers of the classes in a picture, and their shares of cells, (n, classes).
+
+        `classes`: the number of each pixel's class; 0 is of none.
+        """
+        if classes is None or not len(cells):
+            return (), np.zeros((len(cells), 0))
+        there = np.flatnonzero(np.bincount(classes.ravel(), minlength=2)[1:]) + 1
+        shares = [self._seen(_mask_of(classes, number), cells)[0] for number in there.tolist()]
+        return tuple(there.tolist()), np.array(shares).reshape(len(there), len(cells)).T
 
     def weighed(self, marks: Marks, cells: Cells) -> tuple[Floats, Floats]:
         """Return the part of each cell that is marked, and its weight (`weights`).
@@ -212,6 +225,11 @@ class Projection:
         low = np.maximum(np.floor(places.min(axis=0)).astype(np.intp), first)
         high = np.minimum(np.ceil(places.max(axis=0)).astype(np.intp), last)
         return low, np.maximum(high, low)
+
+
+def _mask_of(classes: NDArray[np.uint8], number: int) -> NDArray[np.uint8]:
+    found: NDArray[np.uint8] = (classes == number).view(np.uint8) * np.uint8(255)
+    return found
 
 
 def _lattice(low: NDArray[np.intp], high: NDArray[np.intp]) -> Floats:
@@ -340,13 +358,14 @@ class Verdict:
 
     `share` is the part of the cell that is ROI, 0 to 1: of its pixels, those in the mask; of a
     calibrated detector, their mean probability. `unsure`: most of it looks like nothing that the
-    detector knows.
+    detector knows. `classes`: number and share of each class that it shows.
     """
 
     cell: Cell
     positive: bool
     share: float
     unsure: bool = False
+    classes: tuple[tuple[int, float], ...] = ()
 
 
 def look(
@@ -395,6 +414,26 @@ def look(
         return ()
     found = judged(detector, frame.image)
     shares = projection.shares(found.marks, wanted, finely=True)
-    unsure = projection.unsure(found.unfamiliar, wanted)
-    rows = zip(wanted.tolist(), shares.tolist(), unsure.tolist(), strict=True)
-    return tuple(Verdict(Cell(*cell), s >= share, s, doubt) for cell, s, doubt in rows if s >= 0.0)
+    return verdicts(projection, found, wanted, shares, share)
+
+
+def verdicts(
+    projection: Projection, found: Judgement, cells: Cells, shares: Floats, least: float
+) -> tuple[Verdict, ...]:
+    """Return the verdicts on cells, of those that are in the picture.
+
+    Args:
+        shares: Of the cells, -1 for one that is not in the picture.
+        least: Share that makes a cell positive.
+    """
+    unsure = projection.unsure(found.unfamiliar, cells)
+    numbers, parts = projection.by_class(found.classes, cells)
+    rows = zip(cells.tolist(), shares.tolist(), unsure.tolist(), parts.tolist(), strict=True)
+    return tuple(
+        Verdict(
+            Cell(*cell), s >= least, s, doubt,
+            tuple((n, p) for n, p in zip(numbers, part, strict=True) if p > 0.0),
+        )
+        for cell, s, doubt, part in rows
+        if s >= 0.0
+    )  # fmt: skip

@@ -98,14 +98,19 @@ class CellSums:
         cells = np.column_stack([self._keys >> 32, (self._keys & _LOW) - _HALF]).astype(np.int32)
         return cells, self._sums
 
+    def of_cells(self, cells: NDArray[np.integer]) -> NDArray[np.int64]:
+        """Return the sums of cells, shape (n, 2), as (n, columns); zeros of an unknown one."""
+        self._settle()
+        if not len(self._keys):
+            return np.zeros((len(cells), self._sums.shape[1]), np.int64)
+        keys = _keys(cells)
+        at = np.minimum(self._keys.searchsorted(keys), len(self._keys) - 1)
+        found: NDArray[np.int64] = self._sums[at] * (self._keys[at] == keys)[:, None]
+        return found
+
     def of_cell(self, cell: Cell) -> NDArray[np.int64]:
         """Return the sums of a cell, shape (1, columns); zeros of an unknown one."""
-        self._settle()
-        key = (cell.east << 32) + (cell.north + _HALF)
-        at = int(self._keys.searchsorted(key))
-        if at < len(self._keys) and self._keys[at] == key:
-            return self._sums[at : at + 1]
-        return np.zeros((1, self._sums.shape[1]), np.int64)
+        return self.of_cells(np.array([cell]))
 
 
 class Evidence:

@@ -22,6 +22,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError, core_schema
 from shapely.geometry import Polygon
 
+from missions.classes import Classes
 from missions.geo.grid import Grid
 from missions.geo.terrain import Relief, Terrain, decoded, relief_of
 from missions.units import LatLon
@@ -128,6 +129,8 @@ class DetectorSection(Section):
     view: Literal["cross", "all"] = "cross"
     """`cross`: a frame votes on the cell below and its four neighbours; `all`: on every cell
     that it shows whole (recorded imagery from a height)."""
+    classes: Classes | None = None
+    """The classes that it tells apart; without them it knows one: the region."""
     tables: Mapping[str, Mapping[str, Any]] = {}
     """The tables of the detectors, by name; what may be in them, the detectors say."""
 
@@ -136,7 +139,11 @@ class DetectorSection(Section):
     def _tables(cls, value: object) -> object:
         if not isinstance(value, Mapping):
             return value
-        tables = {key: inner for key, inner in value.items() if isinstance(inner, Mapping)}
+        tables = {
+            key: inner
+            for key, inner in value.items()
+            if isinstance(inner, Mapping) and key not in cls.model_fields
+        }
         rest = {key: inner for key, inner in value.items() if key not in tables}
         return {**rest, "tables": tables} if tables else rest
 
@@ -159,6 +166,11 @@ class DetectorSection(Section):
         return self
 
     @property
+    def explored(self) -> tuple[int, ...]:
+        """The numbers of the classes that are explored; none where it knows the region only."""
+        return () if self.classes is None else self.classes.explored
+
+    @property
     def parameters(self) -> dict[str, Any]:
         """The parameters of the named detector: those of its table, or the shared ones.
 
@@ -167,9 +179,10 @@ class DetectorSection(Section):
         >>> DetectorSection(name="paved", paved={"greenness": 0.1}).parameters
         {'greenness': 0.1}
         """
+        classes = {} if self.classes is None else {"classes": self.classes}
         if self.name in self.tables or self.name not in _SHARED:
-            return dict(self.tables.get(self.name, {}))
-        return {key: getattr(self, key) for key in _SHARED[self.name]}
+            return {**self.tables.get(self.name, {}), **classes}
+        return {key: getattr(self, key) for key in _SHARED[self.name]} | classes
 
 
 # --- [terrain] ------------------------------------------------------------------------------------

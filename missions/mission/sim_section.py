@@ -18,12 +18,17 @@ from missions.mission.sections import (
     TagDictionary,
 )
 
+Level = Annotated[Count, Field(ge=0, le=255)]
+
 
 class SimRegion(Section):
     """One piece of the true ROI, for the simulator only."""
 
     polygon: Ring
     holes: tuple[Ring, ...] = ()
+    rgb: tuple[Level, Level, Level] | None = None
+    """Red, green, blue in full light; later pieces lie on earlier ones. Without it gray, of
+    `sim.roi_intensity`."""
 
 
 class SimFault(Section):

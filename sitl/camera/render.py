@@ -6,14 +6,16 @@ Frames and pixels are those of `sitl.camera.pinhole`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
+from typing import TypeAlias
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 import shapely
 from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
 
 from sitl.camera.pinhole import (
     CameraSpec,
@@ -36,6 +38,8 @@ from sitl.world.ground import (
 )
 from sitl.world.world import World
 
+Rgb: TypeAlias = tuple[int, int, int]
+Outlines: TypeAlias = list[npt.NDArray[np.int32]]
 _JPEG_QUALITY = 90
 _SHIFT = 4  # binary digits of a pixel's fraction in polygon filling
 _NOISE_MARGIN_PX = 97
@@ -107,11 +111,13 @@ def _paint(world: World, camera: CameraSpec, shot: Shot, homography: Matrix) -> 
     # the ROI's own frame: the camera moves backwards instead of the polygon forwards
     drift_east, drift_north = world.drift_at(shot.t_s)
     east, north = shot.east_m - drift_east, shot.north_m - drift_north
-    outlines = _outlines(world, camera, homography, to_ground, east, north)
-    if not outlines:
+    films = [
+        (rgb, _outlines(film, camera, homography, to_ground, east, north))
+        for rgb, film in world.films
+    ]
+    if not any(outlines for _, outlines in films):
         return ground
-    roi = _warp(world.roi_texture, to_ground, east, north, size)
-    return _with_roi(roi if ground.ndim == 2 else _coloured(world, roi), ground, outlines)
+    return _with_films(world, _warp(world.roi_texture, to_ground, east, north, size), ground, films)
 
 
 def _paint_relief(
@@ -135,15 +141,19 @@ def _paint_relief(
     )
     if not world.roi_at_rest.intersects(box):
         return ground
-    clipped = shapely.segmentize(shapely.clip_by_rect(world.roi_at_rest, *box.bounds), 1.0)
-    outlines = [
-        _fixed(pixels_of(homography, shot, relief, ring[:, 0] - from_east, ring[:, 1] - from_north))
-        for ring in _rings(shapely.get_parts(clipped))
-    ]
-    if not outlines:
-        return ground
+
+    def outlines(film: BaseGeometry) -> Outlines:
+        clipped = shapely.segmentize(shapely.clip_by_rect(film, *box.bounds), 1.0)
+        return [
+            _fixed(
+                pixels_of(homography, shot, relief, ring[:, 0] - from_east, ring[:, 1] - from_north)
+            )
+            for ring in _rings(shapely.get_parts(clipped))
+        ]
+
     roi = _wrapped(world.roi_texture, east + from_east, north + from_north)
-    return _with_roi(roi, ground, outlines)
+    films = [(rgb, outlines(film)) for rgb, film in world.films]
+    return _with_films(world, roi, ground, films)
 
 
 def _fixed(pixels: Matrix) -> npt.NDArray[np.int32]:
@@ -151,11 +161,32 @@ def _fixed(pixels: Matrix) -> npt.NDArray[np.int32]:
     return np.round(pixels * (1 << _SHIFT)).astype(np.int32)
 
 
-def _with_roi(roi: Picture, ground: Picture, outlines: list[npt.NDArray[np.int32]]) -> Picture:
-    """The ROI over the ground, within its outlines."""
-    mask = np.zeros(ground.shape[:2], np.uint8)
-    cv2.fillPoly(mask, outlines, 255, cv2.LINE_AA, _SHIFT)
-    return _blend(roi, ground, mask)
+def _with_films(
+    world: World, roi: Gray, ground: Picture, films: Sequence[tuple[Rgb | None, Outlines]]
+) -> Picture:
+    """The films of the ROI over the ground, each within its outlines and over those before it."""
+    view = ground
+    for rgb, outlines in films:
+        if not outlines:
+            continue
+        if rgb is not None and view.ndim == 2:
+            view = _coloured(world, view)
+        film: Picture = roi
+        if rgb is not None:
+            film = _tinted(roi, world.spec.roi_intensity, rgb)
+        elif view.ndim == 3:
+            film = _coloured(world, roi)
+        mask = np.zeros(view.shape[:2], np.uint8)
+        cv2.fillPoly(mask, outlines, 255, cv2.LINE_AA, _SHIFT)
+        view = _blend(film, view, mask)
+    return view
+
+
+def _tinted(gray: Gray, mean: float, rgb: Rgb) -> Picture:
+    """The pattern of a gray film around a colour, blue-green-red."""
+    levels = np.arange(256, dtype=np.float64)[:, None] - mean
+    table = np.clip(np.round(np.array(rgb[::-1]) + levels), 0, 255).astype(np.uint8)
+    return np.asarray(cv2.applyColorMap(gray, table[:, None, :]), dtype=np.uint8)
 
 
 def _wrapped(tile: Gray, east_m: Matrix, north_m: Matrix) -> Gray:
@@ -226,13 +257,13 @@ def _warp(
 
 
 def _outlines(
-    world: World,
+    roi: BaseGeometry,
     camera: CameraSpec,
     homography: Matrix,
     to_ground: Matrix,
     east_m: float,
     north_m: float,
-) -> list[npt.NDArray[np.int32]]:
+) -> Outlines:
     """Rings of the ROI around the picture, in fixed-point pixels; filled even-odd, holes too."""
     ground = to_ground @ _corners(camera)
     east, north = ground[:2] / ground[2]
@@ -243,9 +274,9 @@ def _outlines(
         float(east.max() + margin) + east_m,
         float(north.max() + margin) + north_m,
     )
-    if not world.roi_at_rest.intersects(shapely.box(*box)):
+    if not roi.intersects(shapely.box(*box)):
         return []
-    clipped = shapely.clip_by_rect(world.roi_at_rest, *box)
+    clipped = shapely.clip_by_rect(roi, *box)
     outlines = []
     for ring in _rings(shapely.get_parts(clipped)):
         points = np.ones((3, len(ring)))

@@ -27,10 +27,14 @@ _PAD_M = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """One polygon of the ROI, with holes; rings need not be closed."""
+    """One polygon of the ROI, with holes; rings need not be closed.
+
+    `rgb`: its red, green and blue in full light, over patches before it; None: gray.
+    """
 
     polygon: tuple[LatLon, ...]
     holes: tuple[tuple[LatLon, ...], ...] = ()
+    rgb: tuple[int, int, int] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,21 +147,22 @@ class World:
         self._light = _Swell.of(np.random.default_rng([spec.seed, _LIGHT]), 40.0, 400.0, 4)
         # all vehicles of a fleet ask for the wind of the same moment
         self._wind_cache = (-1.0, self._wind)
-        self.roi_at_rest = self._build_roi()
+        self.films = self._build_films()
+        """What is painted one over the other: a colour, None for gray, and its part of the ROI."""
+        self.roi_at_rest = shapely.union_all([film for _, film in self.films])
         """The ROI at time 0; the renderer moves the camera instead of the polygon."""
+        shapely.prepare(self.roi_at_rest)
 
-    def _build_roi(self) -> BaseGeometry:
-        polygons = []
+    def _build_films(self) -> list[tuple[tuple[int, int, int] | None, BaseGeometry]]:
+        polygons: dict[tuple[int, int, int] | None, list[Polygon]] = {}
         for patch in self.spec.patches:
             shell = [self.plane.to_plane(p) for p in patch.polygon]
             holes = [[self.plane.to_plane(p) for p in ring] for ring in patch.holes]
             polygon = Polygon(shell, holes)
             if not polygon.is_valid:
                 raise ValueError(f"a patch of the world is not a simple polygon: {patch.polygon}")
-            polygons.append(polygon)
-        union = shapely.union_all(polygons)
-        shapely.prepare(union)
-        return union
+            polygons.setdefault(patch.rgb, []).append(polygon)
+        return [(rgb, shapely.union_all(some)) for rgb, some in polygons.items()]
 
     def ground_m(self, east_m: float, north_m: float) -> float:
         """How high the ground is above the plane."""

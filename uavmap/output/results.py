@@ -17,8 +17,8 @@ from missions.events import Event, FrameSeen, Tracked, Vote, Weighed
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.mapping.evidence import Evidence
+from missions.mapping.frame_sums import FrameSums
 from missions.mapping.rim_cells import rim_cells
-from missions.mapping.unsure import Unsure
 from missions.mission.schema import positions
 from missions.mission.views import rim_share
 from missions.units import Cell, LatLon
@@ -86,9 +86,9 @@ def map_data(setting: Setting, state: State, found: Figures, truth: BaseGeometry
     """Create the map of a flight."""
     grid = setting.grid
     cells = CellTable.of(
-        CellRow(cell, cell_state(cell, state, found.unsure), tally.positive, tally.total)
+        CellRow(cell, cell_state(cell, state, found.sums), tally.positive, tally.total)
         for cell, tally in state.belief.cells().items()
-    )
+    ).with_sums(found.sums, setting.mission.detector.explored)
     tracks = tuple(
         Track(number, tuple((t, grid.position(point), height) for t, point, height in points))
         for number, points in found.tracks.items()
@@ -111,6 +111,7 @@ def map_of(setting: Setting, t_s: float, cells: CellTable, tracks: tuple[Track, 
         box=positions(mission.search.box),
         fence=positions(mission.fence.polygon),
         fence_holes=tuple(positions(hole) for hole in mission.fence.holes),
+        classes=mission.detector.classes,
     )
 
 
@@ -332,13 +333,13 @@ def _replayed(
     taken: list[tuple[float, LatLon, float]] = []
     place: Tracked | None = None
     frame: FrameSeen | None = None
-    unsure = Unsure()
+    sums = FrameSums()
     for event in events:
         if isinstance(event, Tracked):
             place = event
         elif isinstance(event, FrameSeen):
             frame = event
-            unsure.note(event)
+            sums.note(event)
             if place is not None:
                 taken.append((event.t_s, grid.position(place.position), place.height_m))
             if evidence is None and event.vantage is not None:
@@ -349,7 +350,7 @@ def _replayed(
     if evidence is not None:
         table, undecided = weighed(evidence, mission.detector.share)
     log = FlightLog.of(events)
-    table = table.with_unsure(unsure.are(table.cells))
+    table = table.with_sums(sums, mission.detector.explored)
     replayed = Replayed(table, undecided, taken, len(log.troubles), 0)
     try:  # the summary that the replay has written counts files, which the journal does not
         known = json.loads(read_text(folder / "summary.json", _MOST_BYTES))

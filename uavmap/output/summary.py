@@ -54,6 +54,39 @@ _WHY: Final = {
 }
 
 
+def litres_in_words(volume_l: Sequence[float | None] | None) -> str:
+    """Write the bounds of a volume; empty where none is known.
+
+    >>> litres_in_words((0.0123, 4.56)), litres_in_words([1200.0, None]), litres_in_words(None)
+    ('0.0123 to 4.56 litres', '1,200 litres or more', '')
+    """
+    if volume_l is None:
+        return ""
+    low, high = (None if value is None else _three(value) for value in volume_l)
+    return f"{low} litres or more" if high is None else f"{low} to {high} litres"
+
+
+def _three(value: float) -> str:
+    """Write three digits, of a large number all before the point."""
+    return f"{value:,.0f}" if value >= 100.0 else f"{value:.3g}"
+
+
+def class_lines(classes: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield a line per class of a summary.
+
+    >>> one = {"name": "sheen", "number": 1, "cells": 3, "area_m2": 48.0, "area_low_m2": 31.0,
+    ...        "area_high_m2": 60.5, "volume_l": [0.001, 0.018]}
+    >>> list(class_lines([one]))
+    ['sheen (class 1): 48 sq m (31 to 60), 0.001 to 0.018 litres']
+    """
+    for one in classes:
+        area = (
+            f"{one['area_m2']:,.0f} sq m ({one['area_low_m2']:,.0f} to {one['area_high_m2']:,.0f})"
+        )
+        litres = litres_in_words(one.get("volume_l"))
+        yield f"{one['name']} (class {one['number']}): {area}" + (f", {litres}" if litres else "")
+
+
 def state_in_words(one: Mapping[str, Any]) -> str:
     """Write whether a patch, or all, are complete, or how many cells are open, and why.
 

@@ -12,7 +12,7 @@ from typing import Final
 
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.mapping.unsure import Unsure
+from missions.mapping.frame_sums import FrameSums
 from uavmap.base.messages import muted
 from uavmap.load.detector_source import detector_text
 from uavmap.load.mission_source import mission_of_text
@@ -72,8 +72,8 @@ def _placed(images: Path) -> Gathered:
 
 
 def _drawn(looked: Looked, setting: Setting, path: Path) -> list[Next]:
-    unsure = Unsure()
-    table, _ = looked.counted(unsure)
+    sums = FrameSums()
+    table, _ = looked.counted(sums)
     end_s = looked.shots[looked.numbers[-1]].t_s
     data = replace(map_of(setting, end_s, table, ()), pictures=len(looked.numbers))
     scene = Scene.of(looked.footings(), setting)
@@ -81,4 +81,4 @@ def _drawn(looked: Looked, setting: Setting, path: Path) -> list[Next]:
     if scene is not None:
         ground = beneath(scene, looked.spool, setting.grid, looked.threads, end_s)(map_view(data))
     write_sheet(map_scene(data), path, ground)
-    return asked(looked.judged(), unsure, setting.grid.cell_m**2)
+    return asked(looked.judged(), sums, setting.grid.cell_m**2)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.mapping.evidence import CellSums
-from missions.mapping.unsure import Unsure
+from missions.mapping.frame_sums import FrameSums
 from uavmap.base.atomic_write import write_text
 from uavmap.photos.scratch_file import Said
 
@@ -82,19 +82,19 @@ def next_pictures(unsure: Sequence[UnsureGround]) -> list[Next]:
     return found
 
 
-def asked(judged: Iterable[tuple[str, Said]], unsure: Unsure, cell_m2: float) -> list[Next]:
+def asked(judged: Iterable[tuple[str, Said]], sums: FrameSums, cell_m2: float) -> list[Next]:
     """Return the pictures whose painting would settle most of the unsure ground.
 
     Args:
         judged: The pictures of a map, by name.
-        unsure: The unsure cells of the map.
+        sums: Of the frames of the map.
     """
     pictures = [(name, said) for name, said in judged if said.unlike is not None]
     shown = CellSums(1)
     for _, said in pictures:
         shown.add(said.cells[said.unsure], np.ones((int(said.unsure.sum()), 1), np.int64))
     cells, counts = shown.table()
-    parts = np.where(unsure.are(cells), 1.0 / counts[:, 0], 0.0)
+    parts = np.where(sums.are(cells), 1.0 / counts[:, 0], 0.0)
     part_of = dict(zip(map(tuple, cells.tolist()), parts.tolist(), strict=True))
     ground = []
     for name, said in pictures:

@@ -25,7 +25,7 @@ import numpy as np
 from missions.events import FrameLost, FrameSeen, Tracked, Vote, Weighed
 from missions.flight.setting import Setting
 from missions.mapping.evidence import Evidence
-from missions.mapping.unsure import Unsure
+from missions.mapping.frame_sums import FrameSums
 from missions.units import Cell, GridPoint
 from uavmap.base.atomic_write import write_bytes
 from uavmap.base.printable import printable
@@ -92,9 +92,9 @@ class Looked:
         scene = Scene.of(self.footings(), self.setting)
         votes, evidence = self._counters()
         log = FlightLog()
-        unsure = Unsure()
-        journal.append_all(log.noting(self._events(votes, evidence, unsure)))
-        table, undecided = self._decided(votes, evidence, unsure)
+        sums = FrameSums()
+        journal.append_all(log.noting(self._events(votes, evidence, sums)))
+        table, undecided = self._decided(votes, evidence, sums)
         mapped = Replayed(
             table,
             undecided,
@@ -124,26 +124,26 @@ class Looked:
             _LOG.info(line)
         write_pictures(self._rows(), folder / PICTURES_FILE)
         if any(self.spool.get(n).unlike is not None for n in self.numbers[:1]):
-            write_next(asked(self.judged(), unsure, self.setting.grid.cell_m**2), folder)
+            write_next(asked(self.judged(), sums, self.setting.grid.cell_m**2), folder)
         self._log()
         return summary
 
-    def counted(self, unsure: Unsure) -> Decided:
-        """Return the map's cells without a journal; fill `unsure`."""
+    def counted(self, sums: FrameSums) -> Decided:
+        """Return the map's cells without a journal; fill `sums`."""
         votes, evidence = self._counters()
-        for _ in self._events(votes, evidence, unsure):
+        for _ in self._events(votes, evidence, sums):
             pass
-        return self._decided(votes, evidence, unsure)
+        return self._decided(votes, evidence, sums)
 
     def _counters(self) -> tuple[Votes, Evidence | None]:
         mission = self.setting.mission
         votes = Votes(mission.votes.frames, mission.votes.positive)
         return votes, Evidence() if mission.by_evidence else None
 
-    def _decided(self, votes: Votes, evidence: Evidence | None, unsure: Unsure) -> Decided:
-        share = self.setting.mission.detector.share
-        table, undecided = votes.counted() if evidence is None else weighed(evidence, share)
-        return table.with_unsure(unsure.are(table.cells)), undecided
+    def _decided(self, votes: Votes, evidence: Evidence | None, sums: FrameSums) -> Decided:
+        section = self.setting.mission.detector
+        table, undecided = votes.counted() if evidence is None else weighed(evidence, section.share)
+        return table.with_sums(sums, section.explored), undecided
 
     def judged(self) -> Iterator[tuple[str, Said]]:
         """Yield the name and the judgement of each used picture."""
@@ -206,7 +206,7 @@ class Looked:
         return [shot for shot in self.shots if not shot.reason]
 
     def _events(
-        self, votes: Votes, evidence: Evidence | None, unsure: Unsure
+        self, votes: Votes, evidence: Evidence | None, sums: FrameSums
     ) -> Iterator[Tracked | FrameSeen | Weighed | FrameLost]:
         """Yield the events of a journal; count, or weigh, the votes on the way."""
         grid, share = self.setting.grid, self.setting.mission.detector.share
@@ -226,9 +226,12 @@ class Looked:
             said = tuple(Vote(Cell(*cell), yes, part) for cell, yes, part in told)
             shot.cells = len(said)
             doubtful = kept.unsure[rated]
-            unsure.add(cells, doubtful)
+            classes = kept.class_shares(rated)
+            sums.add(cells, doubtful, classes)
             those = tuple(Cell(*cell) for cell in cells[doubtful].tolist()) or None
-            yield FrameSeen(VEHICLE, shot.t_s, kept.vantage, said, unsure=those)
+            yield FrameSeen(
+                VEHICLE, shot.t_s, kept.vantage, said, unsure=those, classes=classes or None
+            )
             if evidence is None:
                 votes.add(kept.vantage, said)
                 continue

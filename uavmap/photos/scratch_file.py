@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import OutputError
+from missions.events import ClassShare
 from missions.units import Cell
 from vision.registration.views import Features
 
@@ -79,6 +80,9 @@ class Said(NamedTuple):
         unsure: Shape (n,): which look like nothing that the detector knows.
         unfamiliar: The pixels that do, packed; empty of a detector that is a rule.
         unlike: Features of some of them, (places, features).
+        numbers: Of the classes that it shows.
+        classes: The share of each in the cells, (n, classes).
+        class_marks: The number of each pixel's class, packed; empty without classes.
     """
 
     vantage: Cell
@@ -90,6 +94,19 @@ class Said(NamedTuple):
     unsure: NDArray[np.bool_]
     unfamiliar: bytes = b""
     unlike: NDArray[np.float32] | None = None
+    numbers: tuple[int, ...] = ()
+    classes: NDArray[np.float64] | None = None
+    class_marks: bytes = b""
+
+    def class_shares(self, some: NDArray[np.bool_]) -> tuple[ClassShare, ...]:
+        """Return the shares of classes in some of the cells, those above 0, of three digits."""
+        if self.classes is None:
+            return ()
+        shares = self.classes.round(3)
+        at, column = np.nonzero((shares > 0.0) & some[:, None])
+        numbers = np.array(self.numbers, np.intp)[column].tolist()
+        rows = zip(self.cells[at].tolist(), numbers, shares[at, column].tolist(), strict=True)
+        return tuple(ClassShare(Cell(*cell), number, share) for cell, number, share in rows)
 
 
 class Spool(ScratchFile):

@@ -70,6 +70,7 @@ def setup_of(
             Patch(
                 drifted(positions(region.polygon)),
                 tuple(drifted(positions(hole)) for hole in region.holes),
+                region.rgb,
             )
             for region in sim.roi
         ),

@@ -10,12 +10,12 @@ from inspect import signature
 from typing import Final
 
 from missions.errors import MissionFileError
+from vision.detectors.color import ColorDetector
 from vision.detectors.interface import Detector
 from vision.detectors.learned_model import LearnedDetector
 from vision.detectors.onnx import OnnxDetector
 from vision.detectors.threshold import (
     AdaptiveDetector,
-    ColorDetector,
     IndexDetector,
     PavedDetector,
     ThresholdDetector,

@@ -28,11 +28,14 @@ class Judgement(NamedTuple):
         familiarity: How much each pixel looks like what the detector knows, 0 to 1, float32; None
             of a detector that is a rule, and takes everything for known.
         unlike: Standardised features of some unfamiliar places, (places, features).
+        classes: The number of each pixel's class, uint8; 0 is of none. None of a detector that
+            knows one class.
     """
 
     marks: Marks
     familiarity: NDArray[np.float32] | None = None
     unlike: NDArray[np.float32] | None = None
+    classes: NDArray[np.uint8] | None = None
 
     @property
     def unfamiliar(self) -> NDArray[np.uint8] | None:
@@ -51,7 +54,8 @@ class Detector(Protocol):
     If its mask is smaller than the region by some pixels at each edge, `shrinks_px` may give that
     number: the region's boundary is drawn so much farther out. `words` may describe what it takes
     for region, to follow "region = ". `judged(image)` may return a `Judgement` that says what the
-    detector does not know.
+    detector does not know, and of which class a pixel is. A detector with the parameter `classes`
+    (`missions.classes.Classes`) tells several apart, and marks those that are explored.
     """
 
     @property

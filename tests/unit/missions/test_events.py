@@ -14,7 +14,17 @@ from hypothesis import strategies as st
 
 from missions import events
 from missions.errors import EventError, UavmapError
-from missions.events import Airborne, Event, FrameLost, FrameSeen, Tracked, Vote, from_json, to_json
+from missions.events import (
+    Airborne,
+    ClassShare,
+    Event,
+    FrameLost,
+    FrameSeen,
+    Tracked,
+    Vote,
+    from_json,
+    to_json,
+)
 from missions.fleet_events import Fact, Part
 from missions.units import Cell, GridPoint
 
@@ -50,6 +60,9 @@ def field_values(kind: type) -> dict[str, st.SearchStrategy[object]]:
         tuple[GridPoint, ...]: st.lists(points, max_size=4).map(tuple),
         tuple[Vote, ...]: st.lists(votes, max_size=6).map(tuple),
         tuple[Cell, ...]: st.lists(cells, max_size=6).map(tuple),
+        tuple[ClassShare, ...]: st.lists(
+            st.builds(ClassShare, cells, st.integers(1, 254), st.floats(0, 1)), max_size=4
+        ).map(tuple),
         tuple[Fact, ...]: st.lists(facts, max_size=4).map(tuple),
         tuple[Part, ...]: st.lists(
             st.builds(Part, st.integers(1, 50), st.lists(points, max_size=4).map(tuple)), max_size=4

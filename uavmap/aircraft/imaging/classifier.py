@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.errors import ImageError
-from missions.events import FrameLost, FrameSeen, Vote
+from missions.events import ClassShare, FrameLost, FrameSeen, Vote
 from missions.geo.grid import Grid
 from missions.mission.schema import Mission
 from missions.units import Cell, Pose
@@ -173,4 +173,12 @@ class PictureJudge:
             return FrameLost(taken.vehicle, taken.t_s, printable(str(error)))
         votes = tuple(Vote(v.cell, v.positive, round(v.share, 3)) for v in verdicts)
         unsure = tuple(v.cell for v in verdicts if v.unsure) or None
-        return FrameSeen(taken.vehicle, taken.t_s, here, votes, overview=overview, unsure=unsure)
+        classes = tuple(
+            ClassShare(v.cell, number, round(share, 3))
+            for v in verdicts
+            for number, share in v.classes
+        )
+        return FrameSeen(
+            taken.vehicle, taken.t_s, here, votes,
+            overview=overview, unsure=unsure, classes=classes or None,
+        )  # fmt: skip

@@ -39,6 +39,9 @@ _NESTED: Final[Mapping[str, str]] = {
     "search.prior.polygon": "the region is somewhere in here",
     "search.prior.holes": "of the polygon",
     "search.prior.weight": "how probable it is, beside the other places",
+    "detector.classes": "The classes that a detector tells apart: besides `region` a table for "
+    "each, by name, with `number` and perhaps `thickness_um` (docs/classes.md).",
+    "detector.classes.region": "names of those that are explored; without it all of them",
     "terrain.dem": "What is kept of a GeoTIFF: uavmap writes it, no person does.",
     "terrain.dem.west_m": "of the first height, from the start",
     "terrain.dem.south_m": "of the first height, from the start (negative: south of it)",
@@ -49,6 +52,7 @@ _NESTED: Final[Mapping[str, str]] = {
     "sim.roi": "A piece of the true region.",
     "sim.roi.polygon": "around it",
     "sim.roi.holes": "in it",
+    "sim.roi.rgb": "its colour; without it gray; later pieces lie on earlier ones",
     "sim.terrain": "Ground that is not level: a slope with hills on it.",
     "sim.terrain.slope_percent": "how steep",
     "sim.terrain.rises_toward_deg": "where it rises to, true bearing",
@@ -98,6 +102,7 @@ _TYPES: Final = {
     "search.altitude_m": 'number or `"auto"`',
     "search.prior": "position, list, or path of a GeoJSON file",
     "terrain.dem": "path of a GeoTIFF",
+    "sim.roi.rgb": "red, green, blue, from 0 to 255",
 }
 """Where a person writes something else than is kept of it."""
 _WORDS: Final = {"metres": "m", "volts": "V", "clock_ppm": "ppm", "slope_percent": "%"}

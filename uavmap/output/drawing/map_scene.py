@@ -14,7 +14,7 @@ from missions.mission.places import homes
 from missions.mission.schema import positions
 from missions.units import GridPoint, LatLon
 from uavmap.output.drawing import palette
-from uavmap.output.drawing.palette import Style
+from uavmap.output.drawing.palette import Colour, Style
 from uavmap.output.drawing.scene import (
     Area,
     Cells,
@@ -99,14 +99,24 @@ def _cells(data: MapData) -> tuple[Cells, Layer]:
     names = palette.STATE_NAMES if data.pictures is None else palette.RECORDED_NAMES
     codes = np.zeros(len(table.cells), np.uint8)
     entries = []
-    for code, (state, colour) in enumerate(palette.STATES.items()):
-        there = table.are(state)
-        codes[there] = code
+    colours, opaque = list[Colour](), list[bool]()
+    classes, which = data.class_areas, table.classes
+    for state, colour in palette.STATES.items():
+        there = table.are(state) & (which < 0)
+        codes[there] = len(colours)
+        colours.append(colour)
+        opaque.append(state not in NOT_ROI or state == "unsure")
         if count := np.count_nonzero(there):
             entries.append(Entry(colour, f"{names[state]} ({count})"))
+    for column, one in enumerate(classes):
+        colour = palette.class_colour(one.number)
+        codes[which == column] = len(colours)
+        colours.append(colour)
+        opaque.append(True)
+        if one.cells:
+            entries.append(Entry(colour, f"{one.name} ({len(one.cells)})"))
     origin = grid.to_fixed(GridPoint(0.0, 0.0), data.t_s)
-    opaque = tuple(state not in NOT_ROI or state == "unsure" for state in palette.STATES)
-    cells = Cells(table.cells, codes, tuple(palette.STATES.values()), grid.cell_m, origin, opaque)
+    cells = Cells(table.cells, codes, tuple(colours), grid.cell_m, origin, tuple(opaque))
     return cells, Layer((), tuple(entries))
 
 

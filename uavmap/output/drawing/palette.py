@@ -46,6 +46,16 @@ NONSTOP_NAMES: Final[Mapping[State, str]] = {
 }  # fmt: skip
 """Names of the cell states in a film of a run without stopping."""
 
+CLASSES: Final[tuple[Colour, ...]] = (
+    (86, 180, 233),
+    (240, 228, 66),
+    (230, 120, 40),
+    (150, 40, 90),
+    (40, 30, 30),
+    (0, 158, 115),
+    (120, 100, 200),
+)
+"""Colours of the classes of a region, by their numbers."""
 OUTLINE: Final[Colour] = (20, 90, 50)
 BOUNDARY: Final[Colour] = (255, 210, 0)
 TRUTH: Final[Colour] = (0, 90, 200)
@@ -92,6 +102,11 @@ HOME_DOT: Final = ((7.0, PAPER), (5.5, INK), (2.0, PAPER))
 def track_colour(vehicle: int) -> Colour:
     """Return the colour of a vehicle's track, vehicles counted from 0; it repeats after six."""
     return TRACKS[vehicle % len(TRACKS)]
+
+
+def class_colour(number: int) -> Colour:
+    """Return the colour of a class by its number, from 1; it repeats after seven."""
+    return CLASSES[(number - 1) % len(CLASSES)]
 
 
 def css(colour: Colour) -> str:

@@ -8,7 +8,7 @@ from missions.events import Event, FrameSeen, Weighed
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.mapping.evidence import Evidence
-from missions.mapping.unsure import Unsure
+from missions.mapping.frame_sums import FrameSums
 from missions.units import Cell
 from uavmap.output.facts.map_model import State as CellState
 
@@ -25,13 +25,13 @@ class CellStates:
         self._recorded = recorded
         self._evidence = Evidence() if weighed else None
         self._frame: FrameSeen | None = None
-        self.unsure = Unsure()
+        self.sums = FrameSums()
 
     def note(self, event: Event) -> Sequence[Cell]:
         """Note an event; return the cells that it judges."""
         if isinstance(event, FrameSeen):
             self._frame = event
-            self.unsure.note(event)
+            self.sums.note(event)
             return [] if self._evidence is not None else [vote.cell for vote in event.votes]
         if isinstance(event, Weighed) and self._evidence is not None and self._frame is not None:
             self._evidence.add(self._frame.votes, event.weights)
@@ -45,16 +45,16 @@ class CellStates:
     def of(self, cell: Cell, state: State) -> CellState:
         """Return the state of a cell; `state` is that of the mission."""
         if self._evidence is None:
-            return cell_state(cell, state, self.unsure, recorded=self._recorded)
+            return cell_state(cell, state, self.sums, recorded=self._recorded)
         if self._evidence.is_roi(cell, self._share):
             return "explored"
-        return "unsure" if self.unsure.is_unsure(cell) else "non-roi"
+        return "unsure" if self.sums.is_unsure(cell) else "non-roi"
 
 
-def cell_state(cell: Cell, state: State, unsure: Unsure, *, recorded: bool = False) -> CellState:
+def cell_state(cell: Cell, state: State, sums: FrameSums, *, recorded: bool = False) -> CellState:
     """Return the state of a cell that is decided by counts."""
     if cell not in state.belief.roi:
-        if unsure.is_unsure(cell):
+        if sums.is_unsure(cell):
             return "unsure"
         votes = state.belief.tally(cell, None)
         if recorded or not votes.total or state.belief.verdict(cell) is not None:

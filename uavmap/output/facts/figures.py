@@ -13,8 +13,8 @@ from missions.flight.step import step
 from missions.flight.strategy.flyers import kinematics
 from missions.flight.team.members import concluded, facts_of, with_map
 from missions.mapping.belief import FrameId
+from missions.mapping.frame_sums import FrameSums
 from missions.mapping.tree import patches
-from missions.mapping.unsure import Unsure
 from missions.planning.lower_bounds import one_way_lower_bound, passing_bound_s
 from missions.units import GridPoint
 from uavmap.output.facts.detector_fit import DetectorFit
@@ -49,8 +49,8 @@ class Figures:
     """The mission time of the first lift-off that the journal knows."""
     shares: Shares = field(default_factory=Shares, compare=False, repr=False)
     """What the frames of the journal say of each cell, by which patches are seen to drift."""
-    unsure: Unsure = field(default_factory=Unsure, compare=False, repr=False)
-    """The cells that look like nothing that the detector knows."""
+    sums: FrameSums = field(default_factory=FrameSums, compare=False, repr=False)
+    """What its frames saw of each cell: unsure, and of which class."""
     fit: DetectorFit = field(default_factory=DetectorFit, compare=False, repr=False)
 
     @property
@@ -69,7 +69,7 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
     """Fold a journal; return the final state and the figures."""
     state = State.initial(setting)
     counter, shares = Counter(state.vehicles), Shares()
-    unsure, fit = Unsure(), DetectorFit()
+    sums, fit = FrameSums(), DetectorFit()
     # looks from a cell are no facts of a fleet: of flights that are merged each keeps its own
     in_fleet = setting.member is not None and not setting.strategy.stops
     facts = facts_of(setting) if in_fleet else None
@@ -79,14 +79,14 @@ def figures(setting: Setting, events: Iterable[Event]) -> tuple[State, Figures]:
         counter.after(event)
         if isinstance(event, FrameSeen):
             shares.take(event)
-            unsure.note(event)
+            sums.note(event)
             fit.take(event)
         if facts is not None:
             facts.take(event)
     if facts is not None:
         state = concluded(setting, with_map(state, facts))
     found = figures_of(setting, state, counter)
-    return state, replace(found, shares=shares, unsure=unsure, fit=fit)
+    return state, replace(found, shares=shares, sums=sums, fit=fit)
 
 
 def figures_of(setting: Setting, state: State, counter: Counter) -> Figures:

@@ -23,7 +23,7 @@ from uavmap.base.text_files import read_text
 from uavmap.base.version import __version__
 from uavmap.journal.flight_plan import FlightPlan
 from uavmap.output.facts.flight_log import FlightLog
-from uavmap.output.facts.map_model import MapData, on_ground, packed
+from uavmap.output.facts.map_model import MapData, class_figures, on_ground, packed
 
 DERIVED: Final = "derived from the pictures"
 """Source of the mission of a replay for which the user gave none: nobody drew its box and fence."""
@@ -313,6 +313,7 @@ def dated(flown: Flown) -> Flown:
     values = {
         **flown.values,
         **flown.extent.figures(),
+        **class_figures(flown.data.class_areas),
         "begun_utc": flown.calendar.utc(0.0),
         "ended_utc": flown.calendar.utc(flown.data.t_s),
         "crs": flown.crs,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final, Literal, NamedTuple, Self, get_args
+from typing import Any, Final, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 import shapely
@@ -15,7 +15,9 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
+from missions.classes import Classes
 from missions.geo.grid import Grid
+from missions.mapping.frame_sums import FrameSums
 from missions.units import Cell, LatLon
 
 Runs = list[tuple[int, int, int]]
@@ -116,6 +118,7 @@ class CellTable:
         positive: Number of frames that say the cell is region.
         votes: Number of frames that voted.
         belief: Believed share of region, 0 to 1; None where nothing is weighed.
+        shares: Mean share of each class of the region, (n, classes); None without classes.
 
     >>> rows = [CellRow(Cell(3, 4), "explored", 2, 3), CellRow(Cell(3, 5), "non-roi", 0, 3)]
     >>> table = CellTable.of(rows)
@@ -128,6 +131,7 @@ class CellTable:
     positive: NDArray[np.int32]
     votes: NDArray[np.int32]
     belief: NDArray[np.float64] | None = None
+    shares: NDArray[np.float64] | None = None
 
     @classmethod
     def of(cls, rows: Iterable[CellRow]) -> Self:
@@ -157,16 +161,19 @@ class CellTable:
         """How many cells."""
         return len(self.cells)
 
-    def with_unsure(self, unsure: NDArray[np.bool_]) -> CellTable:
-        """Return the table with some cells unsure that are no region."""
-        codes = np.where(unsure & ~self.roi, _CODES["unsure"], self.codes)
-        return replace(self, codes=codes)
+    def with_sums(self, sums: FrameSums, numbers: Sequence[int]) -> CellTable:
+        """Return the table with cells unsure that are no region, and with the shares of classes."""
+        codes = np.where(sums.are(self.cells) & ~self.roi, _CODES["unsure"], self.codes)
+        shares = sums.shares(self.cells, numbers) if numbers else None
+        return replace(self, codes=codes, shares=shares)
 
     def which(self, some: slice | Sequence[int] | NDArray[np.bool_]) -> CellTable:
         """Return the table of some of the cells."""
-        belief = None if self.belief is None else self.belief[some]
+        belief, shares = (
+            None if column is None else column[some] for column in (self.belief, self.shares)
+        )
         counts = self.positive[some], self.votes[some]
-        return CellTable(self.cells[some], self.codes[some], *counts, belief)
+        return CellTable(self.cells[some], self.codes[some], *counts, belief, shares)
 
     def parts(self) -> Iterator[CellTable]:
         """Yield the table in parts of at most `AT_ONCE` cells."""
@@ -185,6 +192,14 @@ class CellTable:
         """Which cells are part of the region."""
         found: NDArray[np.bool_] = _ROI[self.codes]
         return found
+
+    @property
+    def classes(self) -> NDArray[np.intp]:
+        """The column of the class that frames saw most of, in cells of the region; else -1."""
+        if self.shares is None:
+            return np.full(len(self), -1)
+        known = self.roi & (self.shares.max(axis=1) > 0.0)
+        return np.where(known, self.shares.argmax(axis=1), -1)
 
     def are(self, state: State) -> NDArray[np.bool_]:
         """Return which cells are in a state."""
@@ -215,6 +230,65 @@ class Track:
     points: tuple[tuple[float, LatLon, float], ...]
 
 
+@dataclass(frozen=True, slots=True)
+class ClassArea:
+    """The cells of a class of the region, and how large it is.
+
+    Attributes:
+        outline: Around its cells, in the moving frame; may be empty.
+        area_m2: Of its cells.
+        low_m2: The area that frames saw of it in its cells, on average.
+        high_m2: Its cells, and what frames saw of it in others.
+        thickness_um: The least, and the greatest if there is a bound above; None: not known.
+    """
+
+    number: int
+    name: str
+    cells: tuple[Cell, ...]
+    outline: Polygon | MultiPolygon
+    area_m2: float
+    low_m2: float
+    high_m2: float
+    thickness_um: tuple[float, ...] | None
+
+    @property
+    def volume_l(self) -> tuple[float, float | None] | None:
+        """The least and the greatest volume, litres: a micrometre on a square metre is 1 ml."""
+        if self.thickness_um is None:
+            return None
+        least, *most = (um / 1000.0 for um in self.thickness_um)
+        return self.low_m2 * least, self.high_m2 * most[0] if most else None
+
+    def figures(self) -> dict[str, Any]:
+        """Return the figures for files; litres only where a thickness is known."""
+        found = {
+            "number": self.number,
+            "name": self.name,
+            "cells": len(self.cells),
+            "area_m2": round(self.area_m2, 1),
+            "area_low_m2": round(self.low_m2, 1),
+            "area_high_m2": round(self.high_m2, 1),
+        }
+        if self.volume_l is None:
+            return found
+        low_l, high_l = self.volume_l
+        volume_l = [round(low_l, 3), None if high_l is None else round(high_l, 3)]
+        return {**found, "volume_l": volume_l}
+
+
+def class_figures(classes: Sequence[ClassArea]) -> dict[str, Any]:
+    """Return what the summary has of classes, and their volume together; empty without any."""
+    if not classes:
+        return {}
+    found: dict[str, Any] = {"classes": [one.figures() for one in classes]}
+    volumes_l = [one.volume_l for one in classes if one.volume_l is not None]
+    if volumes_l:
+        low_l, high_l = zip(*volumes_l, strict=True)
+        most_l = None if None in high_l else round(sum(high_l), 3)
+        found["volume_l"] = [round(sum(low_l), 3), most_l]
+    return found
+
+
 @dataclass(frozen=True)
 class MapData:
     """A map at the mission time `t_s`.
@@ -239,11 +313,13 @@ class MapData:
     """Of a replay, from how many pictures the map is; None for a flight."""
     boundary: BaseGeometry | None = None
     """The region's boundary at pixel level, in the moving frame, where pictures told it."""
+    classes: Classes | None = None
+    """Those that its detector tells apart."""
 
     def with_boundary(self, boundary: BaseGeometry) -> MapData:
         """Return the same map with a boundary, and keep what was computed of its cells."""
         other = replace(self, boundary=boundary)
-        kept = ("corners", "outline")
+        kept = ("corners", "outline", "class_areas")
         other.__dict__.update({name: self.__dict__[name] for name in kept if name in self.__dict__})
         return other
 
@@ -256,6 +332,33 @@ class MapData:
     def outline(self) -> Polygon | MultiPolygon:
         """Around the cells of the region, in the moving frame."""
         return outline(self.roi_cells, self.grid)
+
+    @cached_property
+    def class_areas(self) -> tuple[ClassArea, ...]:
+        """The classes of the region, by number; none where the detector knows the region only."""
+        table, shares = self.cells, self.cells.shares
+        if self.classes is None or shares is None:
+            return ()
+        cell_m2, which = self.grid.cell_m**2, table.classes
+        found = []
+        for column, number in enumerate(self.classes.explored):
+            name, share = self.classes.names[number], shares[:, column]
+            there = which == column
+            cells = tuple(Cell(*cell) for cell in table.cells[there].tolist())
+            inside_m2, beside_m2 = (float(share[some].sum()) * cell_m2 for some in (there, ~there))
+            found.append(
+                ClassArea(
+                    number,
+                    name,
+                    cells,
+                    outline(cells, self.grid),
+                    len(cells) * cell_m2,
+                    inside_m2,
+                    len(cells) * cell_m2 + beside_m2,
+                    self.classes.by_name[name].thickness_um,
+                )
+            )
+        return tuple(found)
 
     @property
     def roi_cells(self) -> tuple[Cell, ...]:

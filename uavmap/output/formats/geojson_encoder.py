@@ -36,7 +36,8 @@ def write(data: MapData, path: Path, utc: str | None = None) -> None:
     Features by their property `kind`:
 
     * `cell`: Polygon; `column`, `row`, `state`, `positive` and `votes` (frames); of recorded
-      pictures that were weighed `belief`, 0 to 1.
+      pictures that were weighed `belief`, 0 to 1; of a detector that tells classes apart `class`.
+    * `class`: Polygon or MultiPolygon around the cells of a class; its name, number and figures.
     * `outline`: Polygon or MultiPolygon around the region's cells; `area_m2`, and `utc`, its date,
       if that is known. Its geometry is null for a map without a region.
     * `track`: LineString; `vehicle`, `start_s`, `end_s`. Vehicles that never moved have none.
@@ -75,7 +76,11 @@ def _map(data: MapData, utc: str | None) -> Iterator[str]:
         "area_m2": round(data.outline.area, 3),
         **date,
     }
-    marks: list[_Mark] = [("outline", outline_in_degrees(data), outline), *_tracks(data)]
+    marks: list[_Mark] = [
+        ("outline", outline_in_degrees(data, data.outline), outline),
+        *_classes(data),
+        *_tracks(data),
+    ]
     for number, lane in enumerate(data.unsearched, start=1):
         line = LineString(line_in_degrees(data, lane))
         marks.append((f"unsearched {number}", line, {"kind": "unsearched"}))
@@ -111,9 +116,15 @@ def _tracks(data: MapData) -> Iterator[_Mark]:
         yield f"track {track.vehicle}", line, values
 
 
+def _classes(data: MapData) -> Iterator[_Mark]:
+    for one in data.class_areas:
+        values = {"kind": "class", **one.figures()}
+        yield f"class {one.number}", outline_in_degrees(data, one.outline), values
+
+
 def _cells(data: MapData) -> Iterator[str]:
-    """Write a line per cell without a tree of parts: there are thousands, and no text needs
-    quoting.
+    """Write a line per cell without a tree of parts: there are thousands, and only the name
+    of a class needs quoting.
     """
 
     def place(lon_deg: float, lat_deg: float) -> str:
@@ -121,9 +132,12 @@ def _cells(data: MapData) -> Iterator[str]:
 
     parts = zip(data.cells.parts(), data.corners.written(data.start, place), strict=True)
     for table, rings in parts:
-        for (sw, se, ne, nw), row in zip(rings, table.values(), strict=True):
+        columns = table.classes.tolist()
+        for (sw, se, ne, nw), row, column in zip(rings, table.values(), columns, strict=True):
             (east, north), state, positive, votes, known = row
             belief = "" if known is None else f', "belief": {round(known, 3)!r}'
+            if column >= 0:
+                belief += f', "class": {json.dumps(data.class_areas[column].name)}'
             yield (
                 f'{{"type": "Feature", "id": "cell {east} {north}", "geometry": {{"type": '
                 f'"Polygon", "coordinates": [[{sw}, {se}, {ne}, {nw}, {sw}]]}}, '

@@ -215,6 +215,10 @@ def _categories(layer: Layer) -> tuple[str | None, Sequence[tuple[str, str, Symb
                 for state, colour in palette.STATES.items()
                 if state in there
             ]
+        case "classes":
+            rows = zip(layer.column("name"), layer.column("number"), strict=True)
+            named = [(str(name), palette.class_colour(int(str(n)))) for name, n in rows]
+            return "name", [(name, name, Symbol(c, 0.5, c, 200)) for name, c in named]
         case "tracks" | "track_points":
             width_mm, size_mm = (0.4, 1.0) if layer.name == "tracks" else (0.0, 0.8)
             colours = {

@@ -19,7 +19,7 @@ from uavmap.base.atomic_write import write_parts
 from uavmap.output.drawing import palette
 from uavmap.output.drawing.palette import Colour
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.facts.map_model import NOT_ROI, MapData
+from uavmap.output.facts.map_model import NOT_ROI, ClassArea, MapData
 from uavmap.output.formats.layers import (
     DECIMALS,
     Layer,
@@ -33,7 +33,7 @@ from uavmap.output.formats.map_layers import track_lines, track_parts
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 _EXTENSIONS = "http://www.google.com/kml/ext/2.2"
-_SHOWN = ("region", "boundary", "cells", "tracks", "unsearched", "fence", "places")
+_SHOWN = ("region", "boundary", "classes", "cells", "tracks", "unsearched", "fence", "places")
 _ABOVE_GROUND = "<altitudeMode>relativeToGround</altitudeMode>"
 
 
@@ -63,7 +63,8 @@ def _document(
     yield (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
         f'<kml xmlns="{NAMESPACE}" xmlns:gx="{_EXTENSIONS}">\n'
-        f"<Document><name>{_text(data.mission)}</name>{head}\n{''.join(_styles(vehicles))}{tail}\n"
+        f"<Document><name>{_text(data.mission)}</name>{head}\n"
+        f"{''.join(_styles(data, vehicles))}{tail}\n"
     )
     for folder in folders:
         yield from folder
@@ -71,10 +72,13 @@ def _document(
 
 
 # --- styles --------------------------------------------------------------------------------------
-def _styles(vehicles: Iterable[int]) -> Iterator[str]:
+def _styles(data: MapData, vehicles: Iterable[int]) -> Iterator[str]:
     for state, colour in palette.STATES.items():
         fill = _abgr(colour, 90 if state in NOT_ROI else 150)
         yield _style(state.replace(" ", "-"), colour, 1, fill)
+    for one in data.class_areas:
+        colour = palette.class_colour(one.number)
+        yield _style(f"class-{one.number}", colour, 2, _abgr(colour, 150))
     yield _style("region", palette.OUTLINE, 3)
     yield _style("boundary", palette.BOUNDARY, 2)
     yield _style("unsearched", palette.UNSEARCHED, 3)
@@ -101,11 +105,13 @@ def _abgr(colour: Colour, alpha: int) -> str:
 # --- map.kml -------------------------------------------------------------------------------------
 def _map(data: MapData) -> Iterator[str]:
     tracks = [track for track in data.tracks if len(track.points) > 1]
-    shape, outline = outline_in_degrees(data), []
+    shape, outline = outline_in_degrees(data, data.outline), []
     if not shape.is_empty:
         size = f"{len(data.roi_cells)} cells, {data.outline.area:.0f} m2"
         outline = [_mark("Region", "region", _geometry(shape), description=size)]
     folders = [_folder("Outline", outline), _folder("Cells", _cells(data))]
+    if classes := [_class_mark(data, one) for one in data.class_areas if one.cells]:
+        folders.insert(1, _folder("Classes", classes))
     lines = []
     for track in tracks:
         places = line_in_degrees(data, (place for _, place, _ in track.points))
@@ -124,6 +130,11 @@ def _map(data: MapData) -> Iterator[str]:
     if lanes:
         folders.append(_folder("Not searched", lanes))
     yield from _document(data, "", {track.vehicle for track in tracks}, "", folders)
+
+
+def _class_mark(data: MapData, one: ClassArea) -> str:
+    shape = _geometry(outline_in_degrees(data, one.outline))
+    return _mark(one.name, f"class-{one.number}", shape, values=one.figures())
 
 
 # --- layers --------------------------------------------------------------------------------------
@@ -155,7 +166,11 @@ def _marks(flown: Flown, layer: Layer) -> Iterator[str]:
     dated = layer.name in ("region", "boundary") and stamp is not None
     when = f"<TimeStamp><when>{stamp}</when></TimeStamp>" if dated else ""
     for shape, values in zip(shapes, layer.records(), strict=True):
-        style = str(values["kind"]) if layer.name == "fence" else layer.name
+        style = layer.name
+        if layer.name == "fence":
+            style = str(values["kind"])
+        elif layer.name == "classes":
+            style = f"class-{values['number']}"
         yield _mark(values["name"], style, _geometry(shape), when=when, values=values)
 
 

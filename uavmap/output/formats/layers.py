@@ -90,11 +90,11 @@ def in_degrees(layer: Layer, data: MapData) -> Shapes:
     return shapes
 
 
-def outline_in_degrees(data: MapData) -> Polygon | MultiPolygon:
-    """Return the outline of a map's region, as `in_degrees`."""
+def outline_in_degrees(data: MapData, outline: Polygon | MultiPolygon) -> Polygon | MultiPolygon:
+    """Return an outline of the moving frame on a map, as `in_degrees`."""
     where = data.grid, data.t_s, data.start, DECIMALS
     shape: Polygon | MultiPolygon = shapely.transform(
-        data.outline, lambda points: placed(points, *where)
+        outline, lambda points: placed(points, *where)
     )
     return shape
 

@@ -31,6 +31,7 @@ def layers(flown: Flown) -> list[Layer]:
         _region(flown),
         *([] if flown.boundary is None else [_boundary(flown, flown.boundary)]),
         _cells(flown),
+        _classes(flown),
         _tracks(flown),
         _track_points(flown),
         _frames(flown),
@@ -79,10 +80,10 @@ def _whole(shape: Polygon | MultiPolygon) -> MultiPolygon:
 
 # --- what was found ------------------------------------------------------------------------------
 _KINDS: Final = {
-    "text": "name mission finding crs version state picture place_by kind",
-    "whole": "cells parts holes open_cells column row positive votes vehicle sortie",
-    "number": "area_m2 area_low area_high perim_m uncert_m open_m belief start_s end_s length_m "
-    "t_s height_m charge_wh",
+    "text": "name mission finding crs version state picture place_by kind class",
+    "whole": "number cells parts holes open_cells column row positive votes vehicle sortie",
+    "number": "area_m2 area_low area_high litres_low litres_max perim_m uncert_m open_m belief "
+    "start_s end_s length_m t_s height_m charge_wh",
     "yes or no": "completed simulated region",
     "time": "begun_utc utc start_utc end_utc",
 }
@@ -135,7 +136,8 @@ def _boundary(flown: Flown, told: BoundaryTold) -> Layer:
 
 
 def _cells(flown: Flown) -> Layer:
-    data, fields = flown.data, _fields("column row state region positive votes belief")
+    data, names = flown.data, [one.name for one in flown.data.class_areas]
+    fields = _fields("column row state region positive votes belief" + " class" * bool(names))
     half_m = data.grid.cell_m / 2.0
 
     def parts() -> Iterator[tuple[Shapes, Iterator[Row]]]:
@@ -144,16 +146,35 @@ def _cells(flown: Flown) -> Layer:
             middle = data.grid.cell_m * table.cells.astype(np.float64)
             # the axes of the grid are those of the projection
             low, high = (_projected(data.grid, middle + m + drift) for m in (-half_m, half_m))
-            yield np.array(shapely.box(*low.T, *high.T), dtype=object), _cell_rows(table)
+            yield np.array(shapely.box(*low.T, *high.T), dtype=object), _cell_rows(table, names)
 
     return Layer("cells", "Cells", "Polygon", False, fields, parts)
 
 
-def _cell_rows(table: CellTable) -> Iterator[Row]:
-    for values, roi in zip(table.values(), table.roi.tolist(), strict=True):
+def _cell_rows(table: CellTable, names: Sequence[str]) -> Iterator[Row]:
+    columns = table.classes.tolist()
+    for values, roi, column in zip(table.values(), table.roi.tolist(), columns, strict=True):
         (east, north), state, positive, votes, belief = values
         told = None if belief is None else round(belief, 3)
-        yield (east, north, state, roi, positive, votes, told)
+        row: Row = (east, north, state, roi, positive, votes, told)
+        yield (*row, None if column < 0 else names[column]) if names else row
+
+
+def _classes(flown: Flown) -> Layer:
+    """Create the classes of the region, by number; none of a detector that knows one."""
+    found = [one for one in flown.data.class_areas if one.cells]
+    shapes = [_of_region(flown, _whole(one.outline)) for one in found]
+    rows: list[Row] = []
+    for one in found:
+        litres = one.volume_l or (None, None)
+        figures = one.area_m2, one.low_m2, one.high_m2, *litres
+        rows.append((
+            one.name, one.number, len(one.cells),
+            *(None if value is None else round(value, 3) for value in figures), *_about(flown),
+        ))  # fmt: skip
+    fields = _fields(f"name number cells area_m2 area_low area_high litres_low litres_max {_ABOUT}")
+    merged = np.concatenate(shapes) if shapes else np.array([], dtype=object)
+    return Layer("classes", "Classes", "MultiPolygon", False, fields, lambda: [(merged, rows)])
 
 
 # --- who was where -------------------------------------------------------------------------------

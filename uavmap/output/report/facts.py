@@ -13,7 +13,7 @@ from uavmap.base.printable import printable
 from uavmap.load.detector_source import region_in_words
 from uavmap.output.facts.flight_log import navigation_in_words
 from uavmap.output.facts.flown_mission import Flown
-from uavmap.output.summary import MOST_PATCHES, box_in_words, state_in_words
+from uavmap.output.summary import MOST_PATCHES, box_in_words, litres_in_words, state_in_words
 
 Facts = list[tuple[str, str]]
 Row = tuple[object, ...]
@@ -68,6 +68,19 @@ def extent_facts(flown: Flown) -> Facts:
     facts.append(("Position", _position(flown)))
     facts.append(("Region is", region_in_words(flown.setting.mission.detector)))
     return facts
+
+
+def class_rows(flown: Flown) -> Iterator[Row]:
+    """Yield a row per class of the region."""
+    for one in flown.data.class_areas:
+        yield (
+            one.number,
+            one.name,
+            f"{len(one.cells):,}",
+            f"{one.area_m2:,.0f}",
+            f"{one.low_m2:,.0f} to {one.high_m2:,.0f}",
+            litres_in_words(one.volume_l),
+        )
 
 
 def _position(flown: Flown) -> str:

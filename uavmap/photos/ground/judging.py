@@ -30,7 +30,7 @@ from vision.camera import Camera, Lens, project
 from vision.detectors import Detector
 from vision.detectors.interface import Marks, judged
 from vision.plausible import implausible
-from vision.projection import Cells, Frame, Projection, Verdict
+from vision.projection import Cells, Frame, Projection, Verdict, verdicts
 from vision.upright import Patch, UprightSearch
 
 LEAST_WIDTH_PX: Final = 64
@@ -114,7 +114,8 @@ class Judge:
         said = Said(
             vantage, cells, shares, packed(found.marks), weights, miniature(frame.image),
             laid.unsure(unfamiliar, cells), b"" if unfamiliar is None else packed(unfamiliar),
-            found.unlike,
+            found.unlike, *laid.by_class(found.classes, cells),
+            b"" if found.classes is None else packed_levels(found.classes),
         )  # fmt: skip
         return Judged(
             said,
@@ -133,6 +134,10 @@ class Judge:
             shares = laid.shares_of(upright, said.cells, said.weights)
         else:
             shares = laid.shares(upright, said.cells)
+        if said.class_marks:
+            classes = unpacked_levels(said.class_marks, *size, upside_down=True)
+            numbers, parts = laid.by_class(classes, said.cells)
+            said = said._replace(numbers=numbers, classes=parts)
         if not said.unfamiliar:
             return said._replace(shares=shares)
         unfamiliar = unpacked(said.unfamiliar, *size, upside_down=True)
@@ -209,7 +214,20 @@ def packed(marks: Marks) -> bytes:
     """Compress marks to a few kilobytes: a mask as a bit a pixel, a probability in 255 steps."""
     if marks.dtype == np.uint8:
         return b"m" + zlib.compress(np.packbits(marks > 0).tobytes(), 1)
-    return b"p" + zlib.compress(np.round(marks * 255.0).astype(np.uint8).tobytes(), 1)
+    return b"p" + packed_levels(np.round(marks * 255.0).astype(np.uint8))
+
+
+def packed_levels(levels: NDArray[np.uint8]) -> bytes:
+    """Compress a byte a pixel."""
+    return zlib.compress(levels.tobytes(), 1)
+
+
+def unpacked_levels(
+    data: bytes, rows: int, columns: int, *, upside_down: bool = False
+) -> NDArray[np.uint8]:
+    """Invert `packed_levels`; turn them by 180 degrees if they are `upside_down`."""
+    levels = np.frombuffer(zlib.decompress(data), np.uint8)
+    return (levels[::-1] if upside_down else levels).reshape(rows, columns)
 
 
 def unpacked(data: bytes, rows: int, columns: int, *, upside_down: bool = False) -> Marks:
@@ -278,6 +296,7 @@ class PictureReport:
                     "share": round(verdict.share, 3),
                     "roi": verdict.positive,
                     "unsure": verdict.unsure,
+                    **({"classes": dict(verdict.classes)} if verdict.classes else {}),
                 }
                 for verdict in self.verdicts
             ],
@@ -300,15 +319,10 @@ def look_at(picture: Picture, mission: Mission, lens: Lens | None = None) -> Pic
     section, laid = mission.detector, judge.laid(frame.camera, placed, 0.0)
     cells = laid.cells(section.view, mission.camera.pose_error_m)
     mask, found = judge.detector.mask(frame.image), judged(judge.detector, frame.image)
-    shares = laid.shares(found.marks, cells).tolist() if len(cells) else []
-    unsure = laid.unsure(found.unfamiliar, cells).tolist()
-    verdicts = tuple(
-        Verdict(Cell(*cell), share >= section.share, share, doubt)
-        for cell, share, doubt in zip(cells.tolist(), shares, unsure, strict=True)
-        if share >= 0.0
-    )
+    shares = laid.shares(found.marks, cells) if len(cells) else np.zeros(0)
+    seen = verdicts(laid, found, cells, shares, section.share)
     doubt = implausible(frame.image, noiseless=mission.camera.noiseless) or ""
-    return PictureReport(placed, frame, laid, mask, verdicts, _footprint(laid), doubt)
+    return PictureReport(placed, frame, laid, mask, seen, _footprint(laid), doubt)
 
 
 def annotated(looked: PictureReport) -> NDArray[np.uint8]:

@@ -22,7 +22,7 @@ from uavmap.journal.mission_time import duration
 from uavmap.output.documents import save
 from uavmap.output.drawing.judged import FILE as JUDGED
 from uavmap.output.facts.detector_fit import REMEDY
-from uavmap.output.summary import box_in_words, encode, lines
+from uavmap.output.summary import box_in_words, class_lines, encode, lines, litres_in_words
 from uavmap.ui.cli import AIRCRAFT_DOWN, INCOMPLETE, NO_VERDICT, complain
 
 EXIT_CODES: Final = """\
@@ -226,6 +226,8 @@ def print_summary(
     if "patches" in summary:  # not of a replay
         for line in lines(summary["patches"], summary["patches_in_all"], verbose=verbose):
             print(line)
+    for line in class_lines(summary.get("classes", ())):
+        print(line)
     for number, note in summary.get("notes", {}).items():
         print(f"vehicle {number}: {note}")
     print(summary.get("finding", ""))
@@ -253,6 +255,8 @@ def rows(summary: Mapping[str, Any], folder: Path) -> Iterator[tuple[str, str]]:
         low_m2, high_m2 = summary.get("area_low_m2"), summary.get("area_high_m2")
         known = low_m2 is not None and high_m2 is not None
         yield "area", f"{area_m2:,.0f} sq m" + (f" ({low_m2:,.0f} to {high_m2:,.0f})" * known)
+    if litres := litres_in_words(summary.get("volume_l")):
+        yield "volume", litres
     yield from _files("outline", folder, OUTLINES[:1] if _has(folder, OUTLINES[0]) else OUTLINES)
     if (time_s := summary.get("makespan_s")) is not None:
         yield "time", duration(time_s)

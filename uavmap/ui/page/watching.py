@@ -227,7 +227,7 @@ class Watcher:
         board.set_field("t_s", round(state.t_s, 1))
         words = "replay of pictures" if self._recorded else phase(state)
         if state.over and not self._recorded:
-            sure = not self._cells.unsure.beyond(state.belief.roi)
+            sure = not self._cells.sums.beyond(state.belief.roi)
             done = "complete" if state.completed and sure else "not complete"
             words = f"over, {'no verdict' if self._why_none(state, self._fit) else done}"
         board.set_field("phase", words)

@@ -14,14 +14,16 @@ from missions.mission.checks import check, parse_mission
 from missions.mission.fleet_checks import check_fleet, with_own_air
 from missions.mission.places import homes
 from missions.mission.schema import Mission, positions
+from vision.detectors import detector_names
 
-NAMES = ["bay", "burn", "runway", "runway-field", "spill", "road"]
-NONSTOP = {"bay", "burn", "runway", "spill"}
+NAMES = ["bay", "burn", "runway", "runway-field", "slick", "spill", "road"]
+NONSTOP = {"bay", "burn", "runway", "slick", "spill"}
 
 
 def shipped(name: str) -> Mission:
     file = resources.files("missions") / "shipped" / f"{name}.toml"
-    return parse_mission(file.read_text(encoding="utf-8"), f"{name}.toml")
+    text = file.read_text(encoding="utf-8")
+    return parse_mission(text, f"{name}.toml", detectors=detector_names())
 
 
 def regions(mission: Mission) -> list[Polygon]:

@@ -1,0 +1,61 @@
+"""A slick of five appearances, flown over in the simulator: areas and litres by class."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+
+import pytest
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from missions.mission.schema import positions
+from tests.e2e.rig import uavmap
+from uavmap.output.results import flown_of
+
+LEAST_IOU = 0.6
+
+
+def truths(folder: Path) -> list[BaseGeometry]:
+    """What is seen of each simulated film, the thinnest first: the next one lies on it."""
+    setting = flown_of(folder).setting
+    films = [
+        Polygon([setting.grid.fixed(place) for place in positions(region.polygon)])
+        for region in setting.mission.sim.roi
+    ]
+    return [one.difference(over) for one, over in itertools.pairwise([*films, Polygon()])]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_slick_flown_areas_and_litres_of_each_appearance_hold_the_true_ones(
+    seed: int, tmp_path: Path
+) -> None:
+    folder = tmp_path / "slick"
+    done = uavmap("fly", "slick", "--sim", "--seed", seed, "--json", "--out", folder)
+    assert done.code == 0, done.err
+    summary, found = done.summary, flown_of(folder).data.class_areas
+    names = ["sheen", "rainbow", "metallic", "discontinuous", "continuous"]
+    assert [one["name"] for one in summary["classes"]] == names
+    least_l = 0.0
+    for told, area, truth in zip(summary["classes"], found, truths(folder), strict=True):
+        assert told == area.figures()
+        assert told["area_low_m2"] < truth.area < told["area_high_m2"], told
+        overlap = area.outline.intersection(truth).area / area.outline.union(truth).area
+        assert overlap > LEAST_IOU, (told["name"], overlap)
+        low_l, high_l = told["volume_l"]
+        least, *most = (um * truth.area / 1000.0 for um in area.thickness_um or ())
+        assert low_l < least
+        assert (high_l is None) == (not most)
+        assert not most or most[0] < high_l
+        least_l += least
+    assert summary["volume_l"][0] < least_l
+    assert summary["volume_l"][1] is None
+    features = json.loads((folder / "map.geojson").read_text())["features"]
+    kinds = [one["properties"] for one in features if one["properties"]["kind"] == "class"]
+    assert [one["area_m2"] for one in kinds] == [one["area_m2"] for one in summary["classes"]]
+    cells = [one["properties"]["class"] for one in features if "class" in one["properties"]]
+    assert [cells.count(name) for name in names] == [one["cells"] for one in summary["classes"]]
+    report = (folder / "report.html").read_text()
+    assert all(f"<td>{name}</td>" in report for name in names)
+    assert "litres or more" in report
