@@ -78,6 +78,7 @@ COMMENTS: Final[Mapping[str, str]] = {
     "detector.polarity": '"dark" or "bright": the region, beside the ground',
     "detector.greenness": "of paved: what is greener grows",
     "detector.share": "of a cell's pixels, to see the cell as region",
+    "detector.classes": "those that it tells apart (docs/classes.md)",
     "detector.view": '"cross", or "all": what a picture taken at rest judges',
     "votes.frames": "pictures of every cell",
     "votes.positive": "that must say yes",

@@ -143,7 +143,7 @@ def test_other_shells_are_told_the_missions_too(
     shell: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["completion", shell]) == 0
-    assert "runway runway-field spill" in capsys.readouterr().out
+    assert "runway runway-field slick spill" in capsys.readouterr().out
 
 
 def test_the_exit_code_is_that_of_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
