@@ -22,6 +22,7 @@ from sitl.body.physics import MAX_STEP_S, Body
 from sitl.body.sensors import Altimeter, AttitudeError
 from sitl.camera.pinhole import Shot
 from sitl.codec import Message
+from sitl.copter.motion import Airframe
 from sitl.faults.faults import Faults
 from sitl.faults.injection import SIM_PARAMETERS, inject
 from sitl.mavlink.camera_component import Exposure, Payload
@@ -75,20 +76,21 @@ class SimVehicle:
         sigma_m = quirks.height_sigma_m if errs else 0.0
         self._altimeter = Altimeter(world.spec.origin_amsl_m, (*self._seed, _HEIGHT_SEED), sigma_m)
         flavour = FLAVOURS[spec.autopilot]
-        self._ap = flavour.aircraft(spec, self._body, self._error, self._battery, self._seed)
-        self._telemetry = flavour.telemetry(
-            self._ap, world, self._altimeter, self._wind, spec.quirks
+        airframe = Airframe(
+            spec.max_speed_m_s, spec.max_accel_m_s2, spec.ready_after_s, quirks.stick
         )
+        self._ap = flavour.aircraft(
+            self._body, self._error, self._battery, airframe, quirks, self._seed
+        )
+        self._telemetry = flavour.telemetry(self._ap, world, self._altimeter, self._wind, quirks)
         self._streams = Streams()
         for message_id, interval_s in flavour.commands.default_s.items():
             if self._telemetry.knows(message_id):
                 self._streams.set(message_id, interval_s, 0.0)
         prefix = f"{spec.image_url_prefix}{spec.system_id}/"
-        self._payload = Payload(
-            spec.camera, world, self._telemetry, prefix, self._expose, spec.quirks
-        )
+        self._payload = Payload(spec.camera, world, self._telemetry, prefix, self._expose, quirks)
         commands = flavour.commands(
-            self._ap, self._telemetry, self._streams, self._payload, spec.quirks.camera,
+            self._ap, self._telemetry, self._streams, self._payload, quirks.camera,
             self._intercept,
         )  # fmt: skip
         self._ap.parameters.watch = self._parameter_set

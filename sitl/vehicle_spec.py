@@ -18,12 +18,10 @@ from sitl.body.battery import Battery
 from sitl.body.estimator import Estimator
 from sitl.body.physics import Body
 from sitl.camera.pinhole import CameraSpec
-from sitl.copter.aircraft import Aircraft
 from sitl.copter.motion import Airframe
 from sitl.mavlink.commands import Commands
 from sitl.mavlink.interpreter import Interpreter
 from sitl.mavlink.telemetry import Telemetry
-from sitl.px4.aiding import HomeCorrection
 from sitl.px4.autopilot import Px4Autopilot
 from sitl.px4.commands import Px4Commands
 from sitl.px4.interpreter import Px4Interpreter
@@ -123,42 +121,18 @@ class VehicleTruth:
     """What the autopilot's estimate of its position errs by (east, north)."""
 
 
-_HOME_SEED = 43
-
-
-def _airframe(spec: VehicleSpec) -> Airframe:
-    """What the autopilot cannot change."""
-    return Airframe(spec.max_speed_m_s, spec.max_accel_m_s2, spec.ready_after_s, spec.quirks.stick)
-
-
-def _ardupilot(
-    spec: VehicleSpec, body: Body, error: Estimator, battery: Battery, seed: tuple[int, ...]
-) -> Aircraft:
-    autopilot = Autopilot(body, error, battery, _airframe(spec))
-    if spec.quirks.camera == "autopilot":
-        autopilot.parameters.preset("CAM1_TYPE", 1)
-    return autopilot
-
-
-def _px4(
-    spec: VehicleSpec, body: Body, error: Estimator, battery: Battery, seed: tuple[int, ...]
-) -> Aircraft:
-    correction = HomeCorrection((*seed, _HOME_SEED), spec.quirks.home_moves_m)
-    return Px4Autopilot(
-        body, error, battery, _airframe(spec), system_id=spec.system_id, correction=correction
-    )
-
-
 class Flavour(NamedTuple):
     """An autopilot and its ways on the wire."""
 
-    aircraft: Callable[[VehicleSpec, Body, Estimator, Battery, tuple[int, ...]], Aircraft]
+    aircraft: Callable[
+        [Body, Estimator, Battery, Airframe, Quirks, tuple[int, int]], Autopilot | Px4Autopilot
+    ]
     telemetry: type[Telemetry]
     commands: type[Commands]
     interpreter: type[Interpreter]
 
 
 FLAVOURS: Mapping[str, Flavour] = {
-    "ardupilot": Flavour(_ardupilot, Telemetry, ArduPilotCommands, Interpreter),
-    "px4": Flavour(_px4, Px4Telemetry, Px4Commands, Px4Interpreter),
+    "ardupilot": Flavour(Autopilot, Telemetry, ArduPilotCommands, Interpreter),
+    "px4": Flavour(Px4Autopilot, Px4Telemetry, Px4Commands, Px4Interpreter),
 }

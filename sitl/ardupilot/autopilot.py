@@ -22,6 +22,7 @@ from sitl.copter.trajectory import (
     copter_speed,
     shaping_jerk,
 )
+from sitl.quirks import Quirks
 
 _LANDED, _AUTO = Phase.LANDED, Mode.AUTO  # looked up once, not at every step
 _ARM_IN_AUTO, _TAKE_OFF_IN_AUTO = 1, 2  # AUTO_OPTIONS
@@ -39,7 +40,15 @@ class Autopilot(Aircraft):
     speed_law = staticmethod(copter_speed)
     first_item = 1
 
-    def __init__(self, body: Body, error: Estimator, battery: Battery, airframe: Airframe) -> None:
+    def __init__(
+        self,
+        body: Body,
+        error: Estimator,
+        battery: Battery,
+        airframe: Airframe,
+        quirks: Quirks,
+        seed: tuple[int, int],
+    ) -> None:
         parameters = Parameters()
         aiding = Ek3Aiding(body, error, parameters)
         # PSC_JERK_XY of 0 leaves it to what the vehicle can do
@@ -48,6 +57,8 @@ class Autopilot(Aircraft):
         self.mode = Mode.STABILIZE
         self.failsafes = ArduPilotFailsafes()
         self.parameters.preset("BATT_CAPACITY", battery.capacity_mah)
+        if quirks.camera == "autopilot":
+            self.parameters.preset("CAM1_TYPE", 1)
         self._next_prearm_s = _PREARM_EVERY_S
         self._mission_started = False  # on the ground, AUTO waits for MISSION_START
         self._submode = ""  # of GUIDED: which kind of target is flown

@@ -21,7 +21,7 @@ from missions.units import LatLon, Quaternion
 EPOCH_UTC_S = 1_577_836_800
 """When the world's time is 0: 2020-01-01T00:00:00Z. A fixed date, so that bytes repeat."""
 
-_FILM_WIDTH_MM = 36.0  # FocalLengthIn35mmFilm refers to a frame of this width
+_FILM_WIDTH_MM = 36  # FocalLengthIn35mmFilm refers to a frame of this width
 _SECOND_PARTS = 100_000  # of arc: a third of a millimetre on the ground
 _NEARLY_VERTICAL = 1.0 - 1e-9
 
@@ -124,11 +124,7 @@ def _exif(tag: Geotag) -> bytes:
         (0x920A, _RATIONAL, struct.pack("<II", round(film_mm * 10_000.0), 10_000)),  # FocalLength
         (0x9291, _ASCII, _text(f"{milliseconds % 1000:03d}")),  # SubsecTimeOriginal
         # on a sensor as wide as film: whole numbers of millimetres are too coarse to map by
-        (
-            0xA20E,
-            _RATIONAL,
-            struct.pack("<II", tag.width_px * 1000, round(_FILM_WIDTH_MM * 1000.0)),
-        ),
+        (0xA20E, _RATIONAL, struct.pack("<II", tag.width_px * 1000, _FILM_WIDTH_MM * 1000)),
         (0xA210, _SHORT, b"\x04\x00"),  # FocalPlaneResolutionUnit: millimetres
         (0xA405, _SHORT, struct.pack("<H", round(film_mm))),  # FocalLengthIn35mmFilm
     ]
@@ -189,16 +185,10 @@ def _sexagesimal(degrees: float) -> bytes:
 
 # --- a camera that fails ------------------------------------------------------------------------
 def black(jpeg: bytes) -> bytes:
-    """A black picture of the same size with the same metadata."""
+    """Return a black picture of the same size."""
     picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
-    if picture is None:
-        raise ValueError("not a JPEG")
-    night = np.zeros_like(picture)
-    done, data = cv2.imencode(".jpg", night, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-    if not done:
-        raise RuntimeError("OpenCV could not encode a black frame")
-    encoded = bytes(data)
-    return encoded[:2] + _metadata(jpeg) + encoded[2:]
+    quality = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
+    return bytes(cv2.imencode(".jpg", np.zeros_like(picture), quality)[1])
 
 
 def broken(jpeg: bytes) -> bytes:
@@ -208,14 +198,3 @@ def broken(jpeg: bytes) -> bytes:
     b'\\x00\\x00\\x00\\x00'
     """
     return jpeg[: len(jpeg) // 2]
-
-
-def _metadata(jpeg: bytes) -> bytes:
-    """The segments APP1 (EXIF, XMP) of a JPEG."""
-    found, at = b"", 2
-    while at + 4 <= len(jpeg) and jpeg[at] == 0xFF and jpeg[at + 1] in range(0xE0, 0xF0):
-        size = 2 + int.from_bytes(jpeg[at + 2 : at + 4], "big")
-        if jpeg[at + 1] == 0xE1:
-            found += jpeg[at : at + size]
-        at += size
-    return found

@@ -9,14 +9,12 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.body.battery import Battery
-from sitl.copter.control import Estimate
-from sitl.copter.fence import Fence, Place
-from sitl.copter.params import Parameters
+if TYPE_CHECKING:
+    from sitl.copter.aircraft import Aircraft
 
 INFO: int = mav.MAV_SEVERITY_INFO
 WARNING: int = mav.MAV_SEVERITY_WARNING
@@ -24,26 +22,6 @@ CRITICAL: int = mav.MAV_SEVERITY_CRITICAL
 
 CHARGE_OK, CHARGE_LOW, CHARGE_CRITICAL, CHARGE_EMERGENCY = 1, 2, 3, 4  # MAV_BATTERY_CHARGE_STATE
 STATION, RADIO, POSITION = "ground station", "radio control", "position"
-
-
-class Craft(Protocol):
-    """What the failsafes see and can do."""
-
-    t_s: float
-    armed: bool
-    home: Place
-    estimate: Estimate
-    battery: Battery
-    fence: Fence
-    parameters: Parameters
-    radio_lost: bool
-
-    @property
-    def airborne(self) -> bool: ...  # noqa: D102
-    @property
-    def position_lost(self) -> bool: ...  # noqa: D102
-    def say(self, severity: int, text: str) -> None: ...  # noqa: D102
-    def disarm(self, force: bool = False) -> str | None: ...  # noqa: D102
 
 
 class Failsafes(ABC):
@@ -78,7 +56,7 @@ class Failsafes(ABC):
         """The filter has no position any more."""
         return self._position_s is not None and now_s - self._position_s >= self._gone_after_s
 
-    def is_fresh_pack(self, craft: Craft) -> bool:
+    def is_fresh_pack(self, craft: Aircraft) -> bool:
         """Return whether the battery was swapped since the last look; its charge is good then."""
         before_mah, self._consumed_mah = self._consumed_mah, craft.battery.consumed_mah
         if self._consumed_mah >= before_mah:
@@ -86,7 +64,7 @@ class Failsafes(ABC):
         self.charge_state = CHARGE_OK
         return True
 
-    def begins(self, craft: Craft, what: str, lost: bool) -> bool:
+    def begins(self, craft: Aircraft, what: str, lost: bool) -> bool:
         """Return whether a loss begins; report it when one ends."""
         if lost == (what in self.lost):
             return False
@@ -98,7 +76,7 @@ class Failsafes(ABC):
                 craft.say(*self.ended[what])
         return lost
 
-    def loses_position(self, craft: Craft, holds_out_s: float, *, matters: bool = True) -> bool:
+    def loses_position(self, craft: Aircraft, holds_out_s: float, *, matters: bool = True) -> bool:
         """Return whether the loss of the position begins.
 
         Without any help the filter holds out for `holds_out_s`, at most the shortest time given
@@ -113,7 +91,7 @@ class Failsafes(ABC):
         gone = matters and self.position_gone(craft.t_s)
         return self.begins(craft, POSITION, gone or POSITION in self.lost)
 
-    def breaks_fences(self, craft: Craft) -> int:
+    def breaks_fences(self, craft: Aircraft) -> int:
         """Return the fences, bits of FENCE_TYPE, that were broken since the last look."""
         now = craft.estimate
         return craft.fence.watch(

@@ -9,44 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from enum import IntEnum
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.copter.control import Estimate, Tuning
 from sitl.copter.failsafes import INFO
 from sitl.copter.fence import Place
 from sitl.copter.mission_items import IDLE_COMMANDS, NAMES, NAVIGATION, SPEEDS, Item
 from sitl.copter.modes import Phase
 
-
-class Pilot(Protocol):
-    """What a route needs of the autopilot."""
-
-    t_s: float
-    phase: Phase
-    estimate: Estimate
-    hold: Place
-
-    @property
-    def tuning(self) -> Tuning: ...  # noqa: D102
-    @property
-    def airborne(self) -> bool: ...  # noqa: D102
-    @property
-    def yaw_goal(self) -> float: ...  # noqa: D102
-    @property
-    def turned(self) -> bool: ...  # noqa: D102
-    def distance_to(self, place: Place) -> float: ...  # noqa: D102
-    def climb_to(self, up_m: float) -> None: ...  # noqa: D102
-    def fly_to(self, place: Place, yaw_rad: float | None = None) -> None: ...  # noqa: D102
-    def stay(self) -> None: ...  # noqa: D102
-    def land(self) -> None: ...  # noqa: D102
-    def go_home(self) -> None: ...  # noqa: D102
-    def face(self, yaw_rad: float) -> None: ...  # noqa: D102
-    def set_speed(self, kind: str, speed_m_s: float) -> None: ...  # noqa: D102
-    def enable_fence(self, on: bool) -> None: ...  # noqa: D102
-    def say(self, severity: int, text: str) -> None: ...  # noqa: D102
-    def mission_done(self) -> None: ...  # noqa: D102
+if TYPE_CHECKING:
+    from sitl.copter.aircraft import Aircraft
 
 
 _MOST_JUMPS = 64  # without a navigation item between them
@@ -103,7 +76,7 @@ class Route:
 
     # --- what can be asked for ------------------------------------------------------------------
 
-    def jump_to(self, seq: int, pilot: Pilot) -> bool:
+    def jump_to(self, seq: int, pilot: Aircraft) -> bool:
         """MISSION_SET_CURRENT; False when there is no such item. Home stands for the first."""
         if not 0 <= seq < len(self.plan):
             return False
@@ -117,7 +90,7 @@ class Route:
             self.progress = Progress.PAUSED
         return True
 
-    def begin(self, pilot: Pilot) -> None:
+    def begin(self, pilot: Aircraft) -> None:
         """Start, or go on with the item that was being flown."""
         fresh = self.progress != Progress.PAUSED or pilot.tuning.mission_restarts
         if fresh:
@@ -125,7 +98,7 @@ class Route:
         self.progress = Progress.ACTIVE
         self._search(self.first if fresh else max(self.first, self.current), pilot)
 
-    def pause(self, pilot: Pilot) -> bool:
+    def pause(self, pilot: Aircraft) -> bool:
         """DO_PAUSE_CONTINUE: stay where it is, in AUTO; False when nothing is being flown."""
         if self.progress != Progress.ACTIVE or not pilot.airborne:
             return False
@@ -133,7 +106,7 @@ class Route:
         pilot.stay()
         return True
 
-    def proceed(self, pilot: Pilot) -> bool:
+    def proceed(self, pilot: Aircraft) -> bool:
         """Go on after a pause; False when there is none."""
         if self.progress != Progress.PAUSED:
             return False
@@ -166,7 +139,7 @@ class Route:
 
     # --- time -----------------------------------------------------------------------------------
 
-    def step(self, pilot: Pilot) -> None:
+    def step(self, pilot: Aircraft) -> None:
         """Look whether the present item is done; begin what follows."""
         if self.progress != Progress.ACTIVE:
             return
@@ -180,7 +153,7 @@ class Route:
             self.reached.append(self.current)
             self._search(self.current + 1, pilot)
 
-    def _search(self, index: int, pilot: Pilot) -> None:
+    def _search(self, index: int, pilot: Aircraft) -> None:
         """The next navigation item from `index` on; what lies between is to be done."""
         self._pending.clear()
         self._held_since = None
@@ -210,14 +183,14 @@ class Route:
         self._jumps[index] = done + 1
         return target
 
-    def _complete(self, pilot: Pilot) -> None:
+    def _complete(self, pilot: Aircraft) -> None:
         self.progress = Progress.COMPLETE
         self._every_m = 0.0
         pilot.mission_done()
 
     # --- navigation -----------------------------------------------------------------------------
 
-    def _start(self, item: Item, pilot: Pilot) -> None:
+    def _start(self, item: Item, pilot: Aircraft) -> None:
         pilot.say(INFO, f"Mission: {self.current} {NAMES[item.command]}")
         self._arrived_s, self._goal, self._landing = None, None, False
         self._begun_s = pilot.t_s
@@ -233,7 +206,7 @@ class Route:
             if pilot.airborne:
                 pilot.fly_to(self._goal)
 
-    def _place(self, item: Item, pilot: Pilot) -> Place:
+    def _place(self, item: Item, pilot: Aircraft) -> Place:
         """Where an item lies. Latitude and longitude 0 are here; landing keeps the height."""
         place = self.locate(item)
         east, north, up = pilot.hold
@@ -245,7 +218,7 @@ class Route:
             up = place[2]
         return east, north, up
 
-    def _verify(self, item: Item, pilot: Pilot) -> bool:
+    def _verify(self, item: Item, pilot: Aircraft) -> bool:
         command = item.command
         if command == mav.MAV_CMD_NAV_TAKEOFF:
             return pilot.phase == Phase.FLY
@@ -261,7 +234,7 @@ class Route:
             return False
         return pilot.t_s - (self._arrived_s or 0.0) >= item.p[0]
 
-    def _verify_land(self, pilot: Pilot) -> bool:
+    def _verify_land(self, pilot: Aircraft) -> bool:
         if not pilot.airborne:
             return True
         if not self._landing and self._arrived(pilot):
@@ -269,7 +242,7 @@ class Route:
             pilot.land()
         return False
 
-    def _arrived(self, pilot: Pilot) -> bool:
+    def _arrived(self, pilot: Aircraft) -> bool:
         near_m = pilot.tuning.arrival_m
         if self._arrived_s is None and self._goal and pilot.distance_to(self._goal) <= near_m:
             self._arrived_s = pilot.t_s
@@ -277,7 +250,7 @@ class Route:
 
     # --- on the way -----------------------------------------------------------------------------
 
-    def _do_pending(self, pilot: Pilot) -> None:
+    def _do_pending(self, pilot: Aircraft) -> None:
         while self._pending:
             index = self._pending[0]
             if index >= len(self.plan):  # the mission was replaced by a shorter one
@@ -296,7 +269,7 @@ class Route:
             self._held_since = None
             self._pending.pop(0)
 
-    def _condition_met(self, item: Item, pilot: Pilot) -> bool:
+    def _condition_met(self, item: Item, pilot: Aircraft) -> bool:
         assert self._held_since is not None
         begun_s, _ = self._held_since
         if item.command == mav.MAV_CMD_CONDITION_DELAY:
@@ -305,7 +278,7 @@ class Route:
             return self._goal is None or pilot.distance_to(self._goal) <= item.p[0]
         return item.command != mav.MAV_CMD_CONDITION_YAW or pilot.turned
 
-    def _do(self, item: Item, pilot: Pilot) -> None:
+    def _do(self, item: Item, pilot: Aircraft) -> None:
         command, p = item.command, item.p
         if command == mav.MAV_CMD_DO_CHANGE_SPEED:
             kind = SPEEDS.get(int(p[0]))
@@ -329,7 +302,7 @@ class Route:
         elif command == mav.MAV_CMD_DO_FENCE_ENABLE:
             pilot.enable_fence(p[0] == 1.0)
 
-    def _shoot_by_distance(self, pilot: Pilot) -> None:
+    def _shoot_by_distance(self, pilot: Aircraft) -> None:
         now = pilot.estimate
         if self._last_shot is None or pilot.distance_to(self._last_shot) >= self._every_m:
             self._last_shot = (now.east, now.north, now.up)

@@ -165,11 +165,11 @@ class Payload:
         data = self._jpegs.get(url)
         if data is None:
             picture = render(self._world, self.spec, exposure.shot)
+            if exposure.damage == "black":
+                picture = black(picture)
             data = self._jpegs[url] = tagged(picture, self._geotag(exposure))
             if len(self._jpegs) > _KEPT_JPEGS:
                 self._jpegs.popitem(last=False)
-        if exposure.damage == "black":
-            return black(data)
         return broken(data) if exposure.damage == "corrupt" else data
 
     def _geotag(self, exposure: Exposure) -> Geotag:

@@ -18,12 +18,14 @@ from sitl.px4.aiding import Ekf2Aiding, HomeCorrection
 from sitl.px4.failsafes import Px4Failsafes, Setpoints
 from sitl.px4.modes import BY_HAND, LEVEL, UNARMABLE, Px4Mode
 from sitl.px4.params import TABLE, Px4Fence, px4_tuning
+from sitl.quirks import Quirks
 
 # A stream of places and velocities at 10 Hz was followed 0.33 s late (0.12 to 0.73 s, 90 % of the
 # time), most in the first seconds of a path
 _SETPOINT_DELAY_S, _FIRST_DELAY_S = 0.2, 0.7
 _LIFTS_OFF_M = 0.3  # a setpoint so far above a vehicle on the ground lets it take off
 _OFFBOARD_CLIMB_M = 1.0
+_HOME_SEED = 43
 
 Wish = tuple[float | None, float | None, float | None]
 """East, north, up; None where it is left open."""
@@ -45,21 +47,20 @@ class Px4Autopilot(Aircraft):
         error: Estimator,
         battery: Battery,
         airframe: Airframe,
-        *,
-        system_id: int,
-        correction: HomeCorrection,
+        quirks: Quirks,
+        seed: tuple[int, int],
     ) -> None:
         parameters = Parameters(TABLE)
         aiding = Ekf2Aiding(body, error, parameters)
         follower = DelayedFollower(_SETPOINT_DELAY_S, _FIRST_DELAY_S)
         super().__init__(body, error, battery, airframe, parameters, Px4Fence(), aiding, follower)
         parameters.preset("BAT1_CAPACITY", battery.capacity_mah)
-        parameters.preset("MAV_SYS_ID", system_id)
+        parameters.preset("MAV_SYS_ID", seed[1])
         self.mode = Px4Mode.HOLD
         self.failsafes = Px4Failsafes()
         self.sources = aiding
         self.setpoints = Setpoints()
-        self.correction = correction
+        self.correction = HomeCorrection((*seed, _HOME_SEED), quirks.home_moves_m)
         self._after_disarming = self._intended = Px4Mode.HOLD
         self._take_off_to: Wish = (None, None, None)  # asked for with NAV_TAKEOFF
         self._has_flown = False  # since it was armed

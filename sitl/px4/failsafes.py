@@ -16,10 +16,9 @@ import math
 import struct
 from collections.abc import Mapping
 from enum import IntEnum
-from typing import ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar
 
 from sitl.body.battery import CELLS
-from sitl.copter import failsafes as copter
 from sitl.copter.aircraft import Notice
 from sitl.copter.failsafes import (
     CHARGE_CRITICAL,
@@ -34,8 +33,10 @@ from sitl.copter.failsafes import (
 )
 from sitl.copter.fence import names
 from sitl.copter.params import Parameters
-from sitl.px4.aiding import Ekf2Aiding
 from sitl.px4.modes import BY_HAND, Px4Mode
+
+if TYPE_CHECKING:
+    from sitl.px4.autopilot import Px4Autopilot
 
 FRESH_S = 0.5
 """At least two setpoints a second: the last is no older than this when the mode is asked for."""
@@ -131,23 +132,6 @@ _BATTERY_CAUSES = {
 }  # fmt: skip
 
 
-class Craft(copter.Craft, Protocol):
-    """What the failsafes see and can do."""
-
-    mode: Px4Mode
-    setpoints: Setpoints
-    sources: Ekf2Aiding
-    texts: list[Notice]
-
-    @property
-    def by_hand(self) -> bool: ...  # noqa: D102
-    @property
-    def intended(self) -> Px4Mode: ...  # noqa: D102
-    @property
-    def position_poor(self) -> bool: ...  # noqa: D102
-    def fail_to(self, mode: Px4Mode) -> None: ...  # noqa: D102
-
-
 class Px4Failsafes(Failsafes):
     """Which failsafes of a PX4 are active."""
 
@@ -178,7 +162,7 @@ class Px4Failsafes(Failsafes):
         """The pilot has asked for a mode, or the motors have stopped."""
         self.engaged, self._due, self._action, self._streamless = False, None, 0, False
 
-    def step(self, craft: Craft) -> None:
+    def step(self, craft: Px4Autopilot) -> None:
         """Look at everything once."""
         self._battery(craft)
         self._links(craft)
@@ -194,7 +178,7 @@ class Px4Failsafes(Failsafes):
 
     # --- one each -------------------------------------------------------------------------------
 
-    def _battery(self, craft: Craft) -> None:
+    def _battery(self, craft: Px4Autopilot) -> None:
         self.is_fresh_pack(craft)
         battery, get = craft.battery, craft.parameters
         share = battery.energy_wh / battery.capacity_wh
@@ -211,7 +195,7 @@ class Px4Failsafes(Failsafes):
         elif self.charge_state == CHARGE_CRITICAL and wanted == 3:
             self._act(craft, _BATTERY_CAUSES[CHARGE_CRITICAL], Px4Mode.RTL)
 
-    def _links(self, craft: Craft) -> None:
+    def _links(self, craft: Px4Autopilot) -> None:
         get = craft.parameters
         known = self.silent_s(craft.t_s) >= 0.0
         if self.begins(craft, STATION, known and not self.hears_station(craft.t_s, get)):
@@ -222,7 +206,7 @@ class Px4Failsafes(Failsafes):
             if not int(get["COM_RCL_EXCEPT"]) & _RADIO_EXCEPT.get(craft.mode, 0):
                 self._act(craft, Cause.RADIO, _LINK_ACTIONS.get(int(get["NAV_RCL_ACT"])))
 
-    def _position(self, craft: Craft) -> None:
+    def _position(self, craft: Px4Autopilot) -> None:
         """Satellites stop being fused, and it flies on until the filter has no position."""
         if craft.sources.just_stopped and craft.armed and not craft.position_lost:
             self._without_satellites = True
@@ -236,7 +220,7 @@ class Px4Failsafes(Failsafes):
             craft.texts.append(failsafe(craft.intended, Px4Mode.LAND, Cause.GENERIC))
             self._carry_out(craft, Px4Mode.LAND)  # there is nothing to wait in Hold with
 
-    def _offboard(self, craft: Craft) -> None:
+    def _offboard(self, craft: Px4Autopilot) -> None:
         """A stream that is lost, and one that is back while it still does what followed."""
         if not craft.armed:
             return
@@ -256,7 +240,7 @@ class Px4Failsafes(Failsafes):
     # --- what follows ---------------------------------------------------------------------------
 
     def _act(
-        self, craft: Craft, cause: Cause, action: int | None, *, streamless: bool = False
+        self, craft: Px4Autopilot, cause: Cause, action: int | None, *, streamless: bool = False
     ) -> None:
         """Begin an action, unless a graver one is on; `streamless`: for a lost stream, at once."""
         if action is None or not craft.armed:
@@ -284,10 +268,10 @@ class Px4Failsafes(Failsafes):
         self._carry_out(craft, action)
 
     @staticmethod
-    def _landing(craft: Craft) -> bool:
+    def _landing(craft: Px4Autopilot) -> bool:
         return craft.mode in (Px4Mode.RTL, Px4Mode.LAND)
 
-    def _carry_out(self, craft: Craft, action: int) -> None:
+    def _carry_out(self, craft: Px4Autopilot, action: int) -> None:
         self._action, self._due, self.engaged = action, None, True
         if action == MOTORS_OFF:
             craft.disarm(force=True)
