@@ -1,4 +1,4 @@
-"""Bytes to messages and back: frames of MAVLink 2 (and 1, when received)."""
+"""Frames of MAVLink 2 from messages, and messages from frames of MAVLink 2 and 1."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _checksum: Callable[[bytes], int] = getattr(mav, "mcrf4xx", None) or _x25
 
 
 class Packer:
-    """Frames of one component, numbered in sequence."""
+    """The frames of one component, numbered in sequence."""
 
     def __init__(self, system_id: int, component_id: int) -> None:
         self._address = system_id | component_id << 8
@@ -39,7 +39,7 @@ class Packer:
         self._message_id = 0
 
     def pack(self, message: Message) -> bytes:
-        """The frame of a message or `Packed`, with this address and the next sequence number."""
+        """Return the frame of a message or `Packed`, with the next sequence number."""
         if type(message) is tuple:
             return self._frame(*message)
         # pymavlink lays out the payload and hands it to its `_pack`, which is several times
@@ -67,20 +67,19 @@ class Packer:
 EVENT: Final = 410
 CURRENT_MODE: Final = 436
 CRC_EXTRA_OF_OTHERS: Final = {EVENT: 160, CURRENT_MODE: 193}
-"""Of messages that vehicles here send and the dialect does not know."""
+"""Of messages that the simulated vehicles send and the dialect does not define."""
 
 
 def crc_extra_of(message_id: int) -> int:
-    """What goes into the checksum of a kind of message."""
+    """Return the CRC_EXTRA of a message id."""
     known = CRC_EXTRA_OF_OTHERS.get(message_id)
     return int(mav.mavlink_map[message_id].crc_extra) if known is None else known
 
 
 class Cutter:
-    """Cuts a stream into pieces that are, as far as headers tell, a frame each.
+    """Cuts a stream into frames by their headers, without checksums.
 
-    No checksum is looked at; what stands between frames is a piece of its own. It is what a radio
-    sends at once, so that a loss takes whole frames.
+    Bytes between frames are a piece of their own. A radio loses whole pieces.
     """
 
     def __init__(self) -> None:
@@ -88,11 +87,11 @@ class Cutter:
 
     @property
     def empty(self) -> bool:
-        """No piece is unfinished."""
+        """Whether no piece is unfinished."""
         return not self._rest
 
     def feed(self, data: bytes) -> list[bytes]:
-        """The pieces completed by `data`."""
+        """Return the pieces completed by `data`."""
         data = self._rest + data
         pieces, at = [], 0
         while at < len(data):
@@ -111,15 +110,15 @@ class Cutter:
 
 
 def cut(frames: bytes) -> list[bytes]:
-    """The frames of bytes that begin with a frame and hold only whole ones."""
+    """Return the frames of bytes that hold whole frames only."""
     return Cutter().feed(frames)
 
 
 class Framer:
-    """Cuts received bytes into messages; what is no frame is passed over.
+    """Decodes received bytes into messages; skips what is no frame.
 
-    A frame with a wrong checksum costs its own first byte only, so a good frame behind it is
-    found again. At most one unfinished frame is kept.
+    A frame with a wrong checksum costs its first byte only, so a good frame behind it is found. At
+    most one unfinished frame is kept.
     """
 
     def __init__(self) -> None:
@@ -127,7 +126,7 @@ class Framer:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Message]:
-        """Messages completed by `data`."""
+        """Return the messages completed by `data`."""
         buffer = self._buffer
         buffer += data
         messages: list[Message] = []
@@ -160,7 +159,7 @@ class Framer:
 
 
 def _frame_size(buffer: bytes | bytearray, at: int) -> int | None:
-    """Length of the frame that begins at `at`, None while its header is incomplete."""
+    """Return the length of the frame at `at`, None while its header is incomplete."""
     if len(buffer) - at < 3:
         return None
     payload = buffer[at + 1]
@@ -174,12 +173,11 @@ Pack: TypeAlias = Callable[..., Packed]
 
 
 def layout(kind: Message, fields: int | None = None) -> Pack:
-    """A function that packs messages of pymavlink's class `kind`.
+    """Return a function that packs messages of pymavlink's class `kind` as their `pack` does.
 
-    It takes the values in the order of that class, arrays flat, a text as bytes, and does for
-    them what the message's `pack` does; it raises `struct.error` for what does not fit. With
-    `fields` only the first so many are taken and the rest is zero; raises `ValueError` when it is
-    not the rest in the payload too (extensions are).
+    It takes the values in the order of that class, arrays flat, a text as bytes, and raises
+    `struct.error` for a value that does not fit. `fields`: it takes the first so many, and the rest
+    is zero; raises `ValueError` unless those come last in the payload too, as extensions do.
 
     >>> pack = layout(mav.MAVLink_system_time_message)
     >>> pack(0, 1000)
@@ -215,23 +213,19 @@ def layout(kind: Message, fields: int | None = None) -> Pack:
 
 
 def int16(value: float) -> int:
-    """Rounded, and held to what an int16_t can say.
-
-    >>> int16(1.7), int16(-1e9)
-    (2, -32768)
-    """
+    """Round, and limit to the range of an int16_t."""
     rounded = round(value)
     return rounded if -0x8000 <= rounded <= 0x7FFF else 0x7FFF if rounded > 0 else -0x8000
 
 
 def uint16(value: float) -> int:
-    """Rounded, and held to what a uint16_t can say."""
+    """Round, and limit to the range of a uint16_t."""
     rounded = round(value)
     return rounded if 0 <= rounded <= 0xFFFF else 0xFFFF if rounded > 0 else 0
 
 
 def int32(value: float) -> int:
-    """Rounded, and held to what an int32_t can say."""
+    """Round, and limit to the range of an int32_t."""
     rounded = round(value)
     if -0x80000000 <= rounded <= 0x7FFFFFFF:
         return rounded

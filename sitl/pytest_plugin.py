@@ -1,6 +1,6 @@
 """The pytest plugin: fixtures `sitl` (one vehicle) and `sitl_fleet` (several), marker `sitl`.
 
-Nothing of the simulator is imported until a test asks for a vehicle.
+The simulator is imported when a test asks for a vehicle, not before.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ _OPTIONS: tuple[tuple[str, type, str], ...] = (
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Options that hold for every simulated vehicle; a marker has the last word."""
+    """Add options that hold for every simulated vehicle; a marker overrides them."""
     group = parser.getgroup("sitl", "simulated MAVLink vehicles")
     for name, kind, text in _OPTIONS:
         group.addoption(f"--sitl-{name}", type=kind, default=None, help=text)
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the marker known."""
+    """Register the marker."""
     config.addinivalue_line(
         "markers",
         "sitl(autopilot, vehicles, home, speedup, seed, ...): the simulated vehicles of a test, "
@@ -39,7 +39,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _chosen(request: pytest.FixtureRequest) -> dict[str, Any]:
-    """Options, then the markers of module, class and function, the nearest last."""
+    """Return the options, then the markers of module, class and function, the nearest last."""
     values = {name: request.config.getoption(f"--sitl-{name}") for name, _, _ in _OPTIONS}
     chosen = {name: value for name, value in values.items() if value is not None}
     for marker in reversed(list(request.node.iter_markers("sitl"))):
@@ -51,7 +51,7 @@ def _chosen(request: pytest.FixtureRequest) -> dict[str, Any]:
 
 @pytest.fixture
 def sitl_fleet(request: pytest.FixtureRequest) -> Iterator[Callable[..., Fleet]]:
-    """Makes fleets: `sitl_fleet(3)`, `sitl_fleet(3, seed=7)`. All are ended with the test."""
+    """Make fleets: `sitl_fleet(3)`, `sitl_fleet(3, seed=7)`. All end with the test."""
     # here and not above: every pytest run of the installation imports this module
     from missions.errors import UavmapError  # noqa: PLC0415
     from sitl.scenario import Setup  # noqa: PLC0415
@@ -76,6 +76,6 @@ def sitl_fleet(request: pytest.FixtureRequest) -> Iterator[Callable[..., Fleet]]
 
 @pytest.fixture
 def sitl(sitl_fleet: Callable[..., Fleet]) -> Vehicle:
-    """A simulated vehicle, on the ground and just switched on."""
+    """Return a simulated vehicle, on the ground and just switched on."""
     vehicle: Vehicle = sitl_fleet()[0]
     return vehicle

@@ -1,7 +1,7 @@
-"""What real aircraft were measured to do that a client would rather not have to know.
+"""Measured habits of real aircraft that burden a client.
 
-One value for a simulated vehicle. The defaults are what was measured on an ArduCopter 4.6 and a
-PX4 1.17 where a correct client is not harmed by it; what only some aircraft have is off.
+The defaults were measured on an ArduCopter 4.6 and a PX4 1.17 and do not harm a correct client;
+what only some aircraft have is off.
 """
 
 from __future__ import annotations
@@ -19,20 +19,22 @@ _MOST = {"home_moves_m": 20, "height_sigma_m": 8, "tilt_sigma_deg": 10, "heading
 class Quirks:
     """The habits of one vehicle.
 
-    `camera`: "component" is a MAVLink camera, component 100, that serves its pictures;
-    "autopilot" is an ArduPilot with CAM1_TYPE 1 and no such component: it takes the camera's
-    commands, answers them as component 1, and tells of pictures in CAMERA_FEEDBACK only, for
-    nobody can fetch them; with "none" an ArduPilot refuses the camera's commands and a PX4 passes
-    over them. `camera_clock_s`: how far the camera's time since boot is ahead of the autopilot's.
-    `camera_tells_pose`: or else its announcements hold zeros. `clock_ppm`: how much faster the
-    vehicle's clock runs than time, in millionths. `home_moves_m`: a PX4 corrects the height of its
-    home in the two minutes after take-off by up to so much; 0: not at all. `stick`: a pilot's
-    radio control is on, its sticks centred: modes by hand can be chosen in flight, and a PX4 whose
-    stream of setpoints is lost goes to POSITION (COM_OBL_RC_ACT 0) instead of home.
-    `landed_state`: it sends EXTENDED_SYS_STATE; or else it refuses to. `height_sigma_m`: standard
-    deviation of its receiver's height above the sea, which wanders (`sitl.body.sensors`).
-    `tilt_sigma_deg`, `heading_sigma_deg`: standard deviations of its roll and pitch, and of its
-    heading (`sitl.body.sensors`).
+    Attributes:
+        camera: "component": a MAVLink camera, component 100, that serves its pictures. "autopilot":
+            an ArduPilot with CAM1_TYPE 1 answers the camera's commands as component 1 and reports
+            pictures in CAMERA_FEEDBACK only; no client can fetch them. "none": an ArduPilot refuses
+            the camera's commands, a PX4 ignores them.
+        camera_clock_s: How far the camera's time since boot is ahead of the autopilot's.
+        camera_tells_pose: Otherwise its announcements hold zeros.
+        clock_ppm: How much faster the vehicle's clock runs than time, in millionths.
+        home_moves_m: By how much at most a PX4 corrects the height of home in the two minutes after
+            take-off.
+        stick: The pilot's radio control is on, its sticks centred. Modes by hand can be chosen in
+            flight, and a PX4 that loses its setpoints goes to POSITION (COM_OBL_RC_ACT 0).
+        landed_state: It sends EXTENDED_SYS_STATE; otherwise it refuses to.
+        height_sigma_m: Standard deviation of its receiver's height above the sea, which wanders.
+        tilt_sigma_deg: Standard deviation of its roll and of its pitch (`sitl.body.sensors`).
+        heading_sigma_deg: The same of its heading.
     """
 
     camera: CameraKind = "component"

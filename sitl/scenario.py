@@ -1,4 +1,4 @@
-"""What a simulation consists of: a home, vehicles, wind, a world; and how it is built."""
+"""What a simulation consists of, and how it is built: a home, vehicles, wind, a world."""
 
 from __future__ import annotations
 
@@ -24,11 +24,7 @@ _MOST_WIND_M_S = 40.0
 
 @dataclass(frozen=True, slots=True)
 class Home:
-    """Where the first vehicle stands, and how.
-
-    >>> Home.of("47.4,8.5,488,90").yaw_deg
-    90.0
-    """
+    """Place and heading of the first vehicle."""
 
     lat_deg: float = 47.397742
     lon_deg: float = 8.545594
@@ -37,7 +33,7 @@ class Home:
 
     @classmethod
     def of(cls, text: str | Sequence[float]) -> Home:
-        """From `LAT,LON`, `LAT,LON,AMSL` or `LAT,LON,AMSL,YAW`; raises `UavmapError`."""
+        """Read `LAT,LON`, `LAT,LON,AMSL` or `LAT,LON,AMSL,YAW`; raises `UavmapError`."""
         parts = text.split(",") if isinstance(text, str) else list(text)
         try:
             numbers = [float(part) for part in parts]
@@ -55,21 +51,25 @@ class Home:
 
     @property
     def position(self) -> LatLon:
-        """Without height and heading."""
+        """Latitude and longitude."""
         return LatLon(self.lat_deg, self.lon_deg)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setup(Conditions, Equipment):
-    """A simulation; `build` makes its vehicles, numbered from 1.
+    """A simulation; equal setups make equal simulations.
 
-    They stand three metres apart, or at `places`, one each; `home` is the world's origin too. Where
-    the ground has no relief, `pad_heights_m` are the heights of these places above it.
-    `world` are files of `sitl.world.files`, `world_epsg` the coordinate system of a world file;
-    `patches` are regions besides. `speedup` and `tcp` count on sockets only. `parameters`: what the
-    autopilots' owner has set. For the rest see `sitl.world.world.Conditions` and
-    `sitl.vehicle_spec.Equipment`.
-    The same setup makes the same simulation. Raises `UavmapError` for what cannot be simulated.
+    Attributes:
+        home: Of the first vehicle; the world's origin.
+        places: One for each vehicle; by default three metres apart.
+        pad_heights_m: Heights of the places above ground without relief.
+        speedup, tcp: On sockets only.
+        world: Files of `sitl.world.files`; `world_epsg`: the coordinate system of a world file.
+        patches: Regions besides.
+        parameters: Of the autopilots, as their owner has set them.
+
+    Raises:
+        UavmapError: It cannot be simulated.
     """
 
     vehicles: int = 1
@@ -107,7 +107,7 @@ class Setup(Conditions, Equipment):
             raise UavmapError("world: files of a world are shown on level ground only")
 
     def build(self, image_url_prefix: str = "sim://") -> list[SimVehicle]:
-        """The vehicles, in one world."""
+        """Return the vehicles, numbered from 1, in one world."""
         home = self.home if isinstance(self.home, Home) else Home.of(self.home)
         world = World(self._world_spec(home))
         try:

@@ -1,8 +1,8 @@
-"""Simulated vehicles for the tests of MAVLink software: what the pytest fixtures hand out.
+"""Simulated vehicles for tests of MAVLink software, as the pytest fixtures return them.
 
-On virtual time nothing runs by itself: `run` and `until` let time pass, as fast as it computes,
-and `send` and `receive` exchange messages without a socket. Or the vehicles are put on real
-loopback sockets (`url`) and fly in a background thread, faster than the clock on the wall.
+In virtual time `run` and `until` let time pass as fast as it computes, and `send` and `receive`
+exchange messages without a socket. The first use of `url` puts the vehicles on loopback sockets;
+from then on they fly in a background thread, faster than real time.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ T = TypeVar("T")
 
 
 class Vehicle:
-    """One simulated vehicle, as a test sees it: a client's end of the link, and the truth."""
+    """One simulated vehicle as a test sees it: a client's end of the link, and the truth."""
 
     def __init__(self, fleet: Fleet, vehicle: SimVehicle) -> None:
         self.fleet = fleet
-        """The fleet that it belongs to; time passes for all of it."""
+        """Its fleet, which shares its time."""
         self._vehicle = vehicle
         self._unread = bytearray()
         self._messages: deque[Message] = deque()
@@ -51,12 +51,12 @@ class Vehicle:
 
     @property
     def truth(self) -> VehicleTruth:
-        """What is really the case: `position`, `height_m`, `velocity_m_s`, `mode`, `armed`, ..."""
+        """The true state: `position`, `height_m`, `velocity_m_s`, `mode`, `armed`, ..."""
         return self.fleet.asked(lambda: self._vehicle.truth)
 
     @property
     def fail(self) -> Faults:
-        """What can go wrong: `sitl.fail.gps(after_s=30)`; see `sitl.faults.faults`."""
+        """Its faults: `sitl.fail.gps(after_s=30)`; see `sitl.faults.faults`."""
         return self._vehicle.fail
 
     @property
@@ -65,45 +65,45 @@ class Vehicle:
         return self._vehicle.t_s
 
     def image(self, url: str) -> bytes | None:
-        """The JPEG that CAMERA_IMAGE_CAPTURED announced under `file_url`, None if there is none."""
+        """Return the JPEG of a `file_url` in CAMERA_IMAGE_CAPTURED, None if there is none."""
         return self.fleet.asked(lambda: self._vehicle.image(url))
 
     # --- virtual time ---------------------------------------------------------------------------
 
     def send(self, message: Message | bytes) -> None:
-        """Send a MAVLink message, or the bytes of frames; answers are there at once.
+        """Send a MAVLink message as ground station (255, 190), or the bytes of frames as they are.
 
-        A message gets the address of a ground station (255, 190); bytes are sent as they are.
+        The answers can be received at once.
         """
         self.fleet.need_virtual_time("send")
         data = message if isinstance(message, bytes) else self._wire.pack(message)
         self._unread += self._vehicle.receive(data)
 
     def receive(self) -> list[Message]:
-        """What the vehicle has sent since it was last asked, oldest first."""
+        """Return what the vehicle has sent since the last call, oldest first."""
         self._decode()
         messages = list(self._messages)
         self._messages.clear()
         return messages
 
     def receive_bytes(self) -> bytes:
-        """The same as frames, for a client that decodes them itself."""
+        """Return the same as frames, for a client that decodes them itself."""
         self.fleet.need_virtual_time("receive")
         data = bytes(self._unread)
         self._unread.clear()
         return data
 
     def ground_station(self) -> None:
-        """Speak as a ground station: a PX4 sends its texts to none but those it has heard.
+        """Send a ground station's heartbeat: a PX4 sends its texts only to stations it has heard.
 
-        A real one forgets a station whose heartbeat stays away for 2.5 s.
+        A real one forgets a station after 2.5 s without a heartbeat.
         """
         self.send(mav.MAVLink_heartbeat_message(mav.MAV_TYPE_GCS, 8, 0, 0, 4, 3))
 
     def expect(self, kind: str, timeout_s: float = 10.0, **fields: Any) -> Message:
-        """The next message of a kind with such fields; what came before it is dropped.
+        """Return the next message of a kind with such fields; drop those before it.
 
-        Lets time pass until it is there. Raises `TimeoutError` when it does not come.
+        Lets time pass until it comes. Raises `TimeoutError` if it does not come.
         """
 
         def find() -> Message | None:
@@ -119,7 +119,7 @@ class Vehicle:
         return self.fleet.wait(find, timeout_s, f"{kind} {fields or ''}".strip(), self)
 
     def command(self, command: int, *p: float, timeout_s: float = 10.0) -> int:
-        """Send COMMAND_LONG with up to seven parameters; the MAV_RESULT that is no IN_PROGRESS."""
+        """Send COMMAND_LONG with up to seven parameters; return its final MAV_RESULT."""
         filled = (*p, *([0.0] * (7 - len(p))))
         self.send(mav.MAVLink_command_long_message(self.system_id, 1, command, 0, *filled))
         while True:
@@ -128,14 +128,13 @@ class Vehicle:
                 return result
 
     def run(self, seconds: float) -> None:
-        """Let vehicle time pass, for the whole fleet."""
+        """Let time pass, for the whole fleet."""
         self.fleet.run(seconds)
 
     def until(self, predicate: Callable[[], T], timeout_s: float = 120.0) -> T:
-        """Let vehicle time pass until `predicate()` is true; returns its value.
+        """Let time pass until `predicate()` is true; return its value.
 
-        Raises `TimeoutError` with what the vehicle is doing when `timeout_s` of vehicle time have
-        passed.
+        Raises `TimeoutError`, with what the vehicle is doing, after `timeout_s` of vehicle time.
         """
         return self.fleet.wait(predicate, timeout_s, "the predicate", self)
 
@@ -153,7 +152,7 @@ class Vehicle:
         self._unread += data
 
     def describe(self) -> str:
-        """A line on what it is doing, for an error."""
+        """Return a line on what it is doing, for an error."""
         truth = self.truth
         doing = (
             f"vehicle {self.system_id} at {truth.t_s:.1f} s: {truth.mode.name}, "
@@ -192,7 +191,7 @@ class Fleet(Sequence[Vehicle]):
 
     @property
     def serving(self) -> bool:
-        """On sockets, where time passes by itself."""
+        """Whether it is on sockets, where time passes by itself."""
         return self._background is not None
 
     @property
@@ -202,10 +201,7 @@ class Fleet(Sequence[Vehicle]):
 
     @property
     def urls(self) -> list[str]:
-        """Where clients connect, in the order of the vehicles; puts them on sockets.
-
-        From then on they fly in a background thread at `setup.speedup`, until the test ends.
-        """
+        """Where clients connect, in the vehicles' order; the first use puts them on sockets."""
         if self._background is None:
             self._background = Background(
                 self._simulated, speedup=self.setup.speedup, tcp=self.setup.tcp
@@ -213,7 +209,7 @@ class Fleet(Sequence[Vehicle]):
         return list(self._background.urls)
 
     def run(self, seconds: float) -> None:
-        """Let vehicle time pass."""
+        """Let time pass."""
         if not (math.isfinite(seconds) and seconds >= 0.0):
             raise ValueError(f"time goes forward: {seconds}")
         if self._background is not None:
@@ -227,7 +223,7 @@ class Fleet(Sequence[Vehicle]):
             self._step(rest_s)
 
     def until(self, predicate: Callable[[], T], timeout_s: float = 120.0) -> T:
-        """Let vehicle time pass until `predicate()` is true; see `Vehicle.until`."""
+        """Let time pass until `predicate()` is true; see `Vehicle.until`."""
         return self.wait(predicate, timeout_s, "the predicate", self.vehicles[0])
 
     def close(self) -> None:
@@ -259,7 +255,7 @@ class Fleet(Sequence[Vehicle]):
         return found
 
     def asked(self, question: Callable[[], T]) -> T:
-        """The answer to a question, between two steps."""
+        """Return the answer to a question, asked between two steps."""
         return question() if self._background is None else self._background.ask(question)
 
     def need_virtual_time(self, what: str) -> None:

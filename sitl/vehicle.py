@@ -1,7 +1,4 @@
-"""A simulated vehicle: device, autopilot, camera and their MAVLink, put together.
-
-    bytes -> receive -> bytes        what a client says, and the immediate answers
-    step(dt) -> bytes                time passes, and what is sent meanwhile
+"""A simulated vehicle: device, autopilot, camera and their MAVLink.
 
 Vehicle time begins at 0 with the construction and is the world's time: the vehicles of one world
 are stepped together. Equal seeds, bytes and steps give equal bytes.
@@ -55,7 +52,7 @@ class SimVehicle:
         self._seed = (world.spec.seed, spec.system_id)
         rng = np.random.default_rng(list(self._seed))
         self.fail = Faults()
-        """What goes wrong with this vehicle, and when."""
+        """The faults of this vehicle."""
         quirks, errs = spec.quirks, spec.gps_sigma_m > 0.0  # exact over ground: exact in all
         tilt_rad, heading_rad = (
             math.radians(sigma_deg) if errs else 0.0
@@ -114,11 +111,7 @@ class SimVehicle:
             world.carriers.join(spec.system_id, self._tag_at)
 
     def _tag_at(self, t_s: float) -> TagPose:
-        """The marker on its top at a time of the world, by its present motion.
-
-        Vehicles of one world are stepped one after the other: at an exposure of another one its own
-        time is the same, or a step less.
-        """
+        """Return the marker on its top at a time that differs from its own by a step at most."""
         body, after_s = self._body, t_s - self._ap.t_s
         roll, pitch, yaw = body.turned(after_s)
         return TagPose(
@@ -136,12 +129,12 @@ class SimVehicle:
         return self._ap.t_s
 
     def receive(self, data: bytes) -> bytes:
-        """Bytes from a client, in any pieces; the immediate replies."""
+        """Take bytes from a client, in any pieces; return the immediate replies."""
         self._main.receive(data)
         return self._main.take()
 
     def step(self, dt_s: float) -> bytes:
-        """Let `dt_s` pass, in steps of at most 0.05 s; everything sent meanwhile."""
+        """Let `dt_s` pass, in steps of at most 0.05 s; return what was sent meanwhile."""
         if not (math.isfinite(dt_s) and dt_s >= 0.0):
             raise ValueError(f"time goes forward: {dt_s}")
         count = max(1, math.ceil(dt_s / MAX_STEP_S - 1e-9)) if dt_s > 0.0 else 0
@@ -152,11 +145,11 @@ class SimVehicle:
         return self._main.take()
 
     def connect(self, *, trusted: bool = False) -> Link:
-        """A further client's link beside that of `receive` and `step`.
+        """Return a further client's link, beside that of `receive` and `step`.
 
-        All links are told the same, replies to another's requests too. What a link has to say is
-        to be taken after each step and after each `Link.receive` of whichever link. On a
-        `trusted` one (USB) unsigned frames are heard. Raises `ValueError` above 256 links.
+        Every link carries the same, replies to other clients too. Call `Link.take` after each
+        step and each `Link.receive` of any link. A `trusted` one (USB) accepts unsigned frames.
+        Raises `ValueError` above 256 links.
         """
         used = {link.link_id for link in self._links}
         link_id = next((n for n in range(_MAX_LINKS) if n not in used), None)
@@ -170,31 +163,31 @@ class SimVehicle:
         return link
 
     def disconnect(self, link: Link) -> None:
-        """Forget a client's link; what signatures it has seen is kept."""
+        """Forget a client's link; the signatures that it has verified are kept."""
         self._links.remove(link)
 
     def set_speedup(self, times: float) -> None:
-        """Note in SIM_SPEEDUP, where there is one, how fast this vehicle's time is made to pass."""
+        """Set SIM_SPEEDUP, where there is one."""
         if "SIM_SPEEDUP" in self._ap.parameters:
             self._ap.parameters.preset("SIM_SPEEDUP", times)
 
     def image(self, url: str) -> bytes | None:
-        """The JPEG announced under a `file_url`; None when unknown or too old."""
+        """Return the JPEG announced under a `file_url`; None if it is unknown or too old."""
         return self._payload.image(url)
 
     def announce_pictures_at(self, prefix: str) -> None:
-        """Change what the addresses of further pictures begin with."""
+        """Set what the addresses of further pictures begin with."""
         self.spec = replace(self.spec, image_url_prefix=prefix)
         self._payload.url_prefix = f"{prefix}{self.spec.system_id}/"
 
     @property
     def banner(self) -> bytes:
-        """What a TCP client is greeted with."""
+        """The greeting of a TCP client."""
         return self._interpreter.banner
 
     @property
     def up_m(self) -> float:
-        """How high it is above the ground at the world's origin."""
+        """Height above the ground at the world's origin."""
         return self._body.up
 
     @property
@@ -232,7 +225,7 @@ class SimVehicle:
                 link.send(frames)
 
     def _intercept(self, request: Request) -> int | None:
-        """Commands that a fault answers, and the one that makes faults."""
+        """Return the answer of a fault to a command, and to the command that injects faults."""
         result = self.fail.rejection(request.command)
         if result is not None or request.command != mav.MAV_CMD_INJECT_FAILURE:
             return result
@@ -289,7 +282,7 @@ class SimVehicle:
         return sent
 
     def _announce(self) -> bytes:
-        """What is told at once, unasked: a new mode, a new home, status texts."""
+        """Return what is sent unasked: a new mode, a new home, status texts."""
         ap = self._ap
         if not (ap.mode_changed or ap.home_changed or ap.texts):
             return b""
@@ -308,7 +301,7 @@ class SimVehicle:
         return bytes(sent)
 
     def _spend(self, dt_s: float) -> None:
-        """Battery: drawn from by the motors, swapped by the crew."""
+        """Draw from the battery, or let the crew swap it."""
         body, spec = self._body, self.spec
         if body.motors_on:
             self._resting_s = 0.0
@@ -337,7 +330,7 @@ class SimVehicle:
         return east + self.fail.gust_m_s[0], north + self.fail.gust_m_s[1]
 
     def _expose(self, index: int) -> Exposure:
-        """Note what the camera sees now: truth for the picture, belief for its announcement."""
+        """Note the truth for the picture, and the estimate for its announcement."""
         body, now = self._body, self._ap.estimate
         camera, open_s = self.spec.camera, self.spec.camera.exposure_s
         roll, pitch = body.roll_pitch

@@ -1,8 +1,4 @@
-"""What a simulated vehicle is made of, what is really the case with it, and its autopilot.
-
-This is the one place where an autopilot is chosen. Body, physics, battery, camera, links, faults
-and signing are the same for all.
-"""
+"""What a simulated vehicle consists of, its true state, and the choice of its autopilot."""
 
 from __future__ import annotations
 
@@ -35,12 +31,14 @@ MOST_DRIFT = 0.5
 class Equipment:
     """What vehicles have on board.
 
-    `autopilot` is a name in `FLAVOURS`.
-    `swap_after_s`: landed, disarmed and not full for so long, it gets a fresh battery (a ground
-    crew); 0 never. `gps_sigma_m` and `gps_tau_s`: size and correlation time of the horizontal
-    position error. `optical_flow`: without satellites it flies on by optical flow, whose way errs
-    by the share `odometry_drift` of the distance. `ready_after_s`: from boot until arming is
-    allowed.
+    Attributes:
+        autopilot: A name in `FLAVOURS`.
+        swap_after_s: How long it stands disarmed before the crew swaps its battery; 0: never.
+        gps_sigma_m: Standard deviation of the horizontal position error.
+        gps_tau_s: Correlation time of that error.
+        optical_flow: Without satellites it navigates by optical flow, which errs by the share
+            `odometry_drift` of the distance.
+        ready_after_s: From boot until arming is allowed.
     """
 
     autopilot: str = "ardupilot"
@@ -97,7 +95,7 @@ class VehicleSpec(Equipment):
 
 @dataclass(frozen=True, slots=True)
 class VehicleTruth:
-    """What is really the case; no client sees it.
+    """The true state, which no client sees.
 
     `velocity_m_s` is (east, north, up), `yaw_rad` true bearing, `height_m` over the ground.
     """
@@ -118,11 +116,11 @@ class VehicleTruth:
     failsafe: bool
     """One of its own failsafes is on."""
     estimate_error_m: tuple[float, float] = (0.0, 0.0)
-    """What the autopilot's estimate of its position errs by (east, north)."""
+    """Error of the autopilot's position estimate (east, north)."""
 
 
 class Flavour(NamedTuple):
-    """An autopilot and its ways on the wire."""
+    """The classes of one autopilot."""
 
     aircraft: Callable[
         [Body, Estimator, Battery, Airframe, Quirks, tuple[int, int]], Autopilot | Px4Autopilot

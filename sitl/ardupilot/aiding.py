@@ -1,7 +1,7 @@
-"""What ArduPilot's EKF3 lets count for its position.
+"""What ArduPilot's EKF3 fuses into its position.
 
-Three sets of sources (EK3_SRCn_POSXY), of which SET_EKF_SOURCE_SET chooses one; a second receiver
-by GPS_INPUT; positions of a companion by VISO_TYPE; and one at a time by
+SET_EKF_SOURCE_SET chooses one of three sets of sources (EK3_SRCn_POSXY). Besides it takes a second
+receiver by GPS_INPUT, a companion's positions by VISO_TYPE, and one position at a time by
 EXTERNAL_POSITION_ESTIMATE, once no position has been fused for a second.
 """
 
@@ -27,7 +27,7 @@ _LARGEST_SIGMA_M = 100.0
 
 
 class Ek3Aiding(Aiding):
-    """An ArduCopter's."""
+    """ArduCopter's."""
 
     most_delay_s = 5.0
 
@@ -41,11 +41,11 @@ class Ek3Aiding(Aiding):
 
     @property
     def absolute(self) -> bool:
-        """It is so for some seconds without a position, too."""
+        """Whether a position was fused in the last seconds."""
         return self._error.no_fix_s < _ABSOLUTE_S
 
     def step(self, t_s: float) -> None:
-        """Satellites, or the second receiver, or the companion, as the set of sources has it."""
+        """Take satellites, the second receiver or the companion, by the set of sources."""
         self._t_s = t_s
         error = self._error
         if self._version != self._get.version:
@@ -81,7 +81,7 @@ class Ek3Aiding(Aiding):
         )
 
     def vision(self, east_m: float, north_m: float, sigma_m: float, resets: int) -> None:
-        """Fused where the set of sources says so; a leap of the companion's is one here, too."""
+        """Fuse it where the set of sources has it; a leap of the companion's is a reset here."""
         if self._get["VISO_TYPE"] <= 0.0 or not self._is_somewhere(east_m, north_m):
             return
         leapt, self._vision_s = self._leapt(resets), self._t_s
@@ -90,7 +90,7 @@ class Ek3Aiding(Aiding):
             self._take(east_m, north_m, sigma_m, leapt)
 
     def receiver(self, east_m: float, north_m: float, sigma_m: float, fix_type: int) -> None:
-        """GPS_INPUT: of use where it has a fix and the first receiver has none."""
+        """Fuse GPS_INPUT where it has a fix and the first receiver has none."""
         if fix_type < _FIX_3D or not self._is_somewhere(east_m, north_m):
             return
         self._receiver_s = self._t_s
@@ -109,7 +109,7 @@ class Ek3Aiding(Aiding):
     def told(
         self, east_m: float, north_m: float, sigma_m: float | None, delay_s: float, *, flying: bool
     ) -> Answer:
-        """A reset of the horizontal position; refused while positions are fused anyway."""
+        """Reset the horizontal position; refuse while positions are fused anyway."""
         error = self._error
         if not self._is_somewhere(east_m, north_m):
             return Answer.NOWHERE
@@ -121,7 +121,7 @@ class Ek3Aiding(Aiding):
         return Answer.TAKEN
 
     def choose_sources(self, number: int) -> bool:
-        """One of three."""
+        """Choose one of three."""
         if not 1 <= number <= 3:
             return False
         self._set = number

@@ -65,18 +65,18 @@ class Autopilot(Aircraft):
 
     @property
     def navigating(self) -> bool:
-        """In the air in a mode that needs a position."""
+        """Whether it is in the air in a mode that needs a position."""
         return self.armed and self.airborne and self.mode not in LEVEL
 
     @property
     def in_mission(self) -> bool:
-        """AUTO."""
+        """Whether it is in AUTO."""
         return self.mode == Mode.AUTO
 
     # --- what can be asked for ------------------------------------------------------------------
 
     def arm(self, force: bool = False) -> str | None:
-        """Start the motors; the reason for a refusal, or None."""
+        """Start the motors; return the reason for a refusal, or None."""
         if self.armed:
             return None
         refusal = self._arm_refusal(force)
@@ -107,7 +107,7 @@ class Autopilot(Aircraft):
         return None
 
     def prearm_refusal(self) -> str | None:
-        """What the checks before arming object to, or None."""
+        """Return what the checks before arming object to, or None."""
         if not self.prearm_ok:
             return (
                 "PreArm: GPS 1: Bad fix" if self.satellites_lost else "PreArm: Gyros still settling"
@@ -138,7 +138,7 @@ class Autopilot(Aircraft):
         return None
 
     def set_mode(self, mode: Mode) -> str | None:
-        """Change the mode; the heartbeat tells at once."""
+        """Change the mode; the heartbeat reports it at once."""
         if mode == self.mode:
             return None
         if (reason := self._mode_refusal(mode)) is not None:
@@ -175,7 +175,7 @@ class Autopilot(Aircraft):
         return None
 
     def start_mission(self) -> str | None:
-        """MISSION_START: into AUTO, and off the ground."""
+        """Enter AUTO, and take off (MISSION_START)."""
         if not self.armed:
             return "Mission start: not armed"
         if (refusal := self.set_mode(Mode.AUTO)) is not None:
@@ -188,13 +188,13 @@ class Autopilot(Aircraft):
         return None
 
     def pause_mission(self, pause: bool) -> bool:
-        """DO_PAUSE_CONTINUE; False when there is nothing to pause or to go on with."""
+        """Execute DO_PAUSE_CONTINUE; return False if there is nothing to pause or to resume."""
         if self.mode != Mode.AUTO or not self.airborne:
             return False
         return self.route.pause(self) if pause else self.route.proceed(self)
 
     def mission_done(self) -> None:
-        """The last item is behind it: stay here, or stop the motors on the ground."""
+        """Stay here, or stop the motors on the ground."""
         if not self.airborne:
             self.disarm()
 
@@ -208,7 +208,7 @@ class Autopilot(Aircraft):
     def go_to(
         self, east_m: float, north_m: float, up_m: float, yaw_rad: float | None = None
     ) -> bool:
-        """A guided target; False when it is dropped (not GUIDED, not flying, outside a fence)."""
+        """Fly to a guided target; return False if it is dropped (not GUIDED, outside a fence)."""
         place = (east_m, north_m, up_m)
         if self.mode != Mode.GUIDED or not self.airborne:
             return False
@@ -219,7 +219,7 @@ class Autopilot(Aircraft):
         return True
 
     def go_along(self, setpoint: Setpoint, yaw_rad: float | None = None) -> bool:
-        """A guided velocity, with or without a place, kept for GUID_TIMEOUT."""
+        """Follow a guided velocity for GUID_TIMEOUT; return False if it is dropped."""
         place = setpoint.place
         if self.mode != Mode.GUIDED or not self.airborne:
             return False
@@ -230,7 +230,7 @@ class Autopilot(Aircraft):
         return True
 
     def _enter_submode(self, submode: str) -> None:
-        """What a speed was changed to is lost with a change: WPNAV_SPEED is read then."""
+        """Drop a changed speed if the submode changes: it reads WPNAV_SPEED again."""
         if submode == self._submode:
             return
         self._submode = submode
@@ -245,11 +245,11 @@ class Autopilot(Aircraft):
         return True
 
     def enable_fence(self, on: bool) -> None:
-        """FENCE_ENABLE."""
+        """Set FENCE_ENABLE."""
         self.parameters.change("FENCE_ENABLE", float(on))
 
     def count_items(self, kind: int, items: list[Item]) -> None:
-        """MIS_TOTAL, FENCE_TOTAL, RALLY_TOTAL."""
+        """Set MIS_TOTAL, FENCE_TOTAL or RALLY_TOTAL."""
         self.parameters.change(_TOTALS[kind], len(items))
 
     # --- time -----------------------------------------------------------------------------------

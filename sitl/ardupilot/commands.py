@@ -25,7 +25,7 @@ _FORCE_ARM, _FORCE_DISARM = 2989.0, 21196.0
 
 
 class ArduPilotCommands(Commands):
-    """An ArduCopter's."""
+    """ArduCopter's."""
 
     ap: Autopilot
 
@@ -60,7 +60,7 @@ class ArduPilotCommands(Commands):
         return self.set_mode(number)
 
     def set_mode(self, number: int) -> Reply:
-        """A custom mode by its number, as DO_SET_MODE and SET_MODE ask for it."""
+        """Change to a custom mode by its number."""
         try:
             mode = Mode(number)
         except ValueError:
@@ -119,7 +119,7 @@ class ArduPilotCommands(Commands):
         )
 
     def _external_position(self, request: Request) -> Reply:
-        """In a frame of the globe alone."""
+        """Take it in global frames only."""
         if request.place is not None and request.place[0] not in _GLOBAL_FRAMES:
             return Reply(UNSUPPORTED)
         return super()._external_position(request)

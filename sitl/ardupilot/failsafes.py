@@ -1,8 +1,8 @@
-"""What an ArduCopter does by itself when something fails, and the parameters that say so.
+"""An ArduCopter's failsafes, and the parameters that set them.
 
 Battery low and critical (BATT_*), no ground station (FS_GCS_*), no radio control (FS_THR_ENABLE),
-no position (FS_EKF_ACTION), a broken fence (FENCE_*). Each acts once when it begins; afterwards
-the pilot may change the mode again. All times are the vehicle's own.
+no position (FS_EKF_ACTION), a broken fence (FENCE_*). Each acts once when it begins; then the
+pilot may change the mode again. All times are the vehicle's own.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _FENCE_ACTIONS = {1: Mode.RTL, 2: Mode.LAND, 3: Mode.RTL, 4: Mode.BRAKE, 5: Mode
 
 
 class ArduPilotFailsafes(Failsafes):
-    """Which failsafes of an ArduCopter are active. Each acts once when it begins."""
+    """The active failsafes of an ArduCopter."""
 
     ended: ClassVar = {
         STATION: (WARNING, "GCS Failsafe Cleared"),
@@ -61,7 +61,7 @@ class ArduPilotFailsafes(Failsafes):
 
     @property
     def active(self) -> bool:
-        """Any of them: the heartbeat says CRITICAL."""
+        """Whether any of them is active: the heartbeat reports CRITICAL."""
         return self.charge_state != CHARGE_OK or bool(self.lost) or self._broken_fence
 
     def step(self, craft: Autopilot) -> None:
@@ -79,7 +79,7 @@ class ArduPilotFailsafes(Failsafes):
     # --- one each -------------------------------------------------------------------------------
 
     def _is_below(self, craft: Autopilot, state: int, name: str) -> bool:
-        """Below the charge, or for BATT_LOW_TIMER below the voltage; 0 switches either off."""
+        """Return whether charge, or for BATT_LOW_TIMER voltage, is too low; 0 disables either."""
         battery, get = craft.battery, craft.parameters
         volts, mah = get[f"BATT_{name}_VOLT"], get[f"BATT_{name}_MAH"]
         if mah > 0.0 and get["BATT_CAPACITY"] - battery.consumed_mah < mah:

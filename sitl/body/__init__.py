@@ -1,1 +1,1 @@
-"""The airframe: dynamics, trajectory shaping, battery, sensors. No MAVLink, no autopilot."""
+"""The airframe: dynamics, battery, sensors. No MAVLink, no autopilot."""

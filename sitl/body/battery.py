@@ -1,4 +1,4 @@
-"""A battery by power: energy in, energy out, and the voltage that a pilot would read."""
+"""A battery by power: its energy, and the voltage that a pilot would read."""
 
 from __future__ import annotations
 
@@ -10,13 +10,7 @@ _NOMINAL_V = CELLS * (_CELL_FULL_V + _CELL_EMPTY_V) / 2.0
 
 
 class Battery:
-    """Charge of one pack; `draw` it, `swap` it.
-
-    >>> battery = Battery(capacity_wh=1.0)
-    >>> battery.draw(power_w=360.0, dt_s=5.0)
-    >>> battery.remaining_percent
-    50
-    """
+    """Charge of one pack."""
 
     def __init__(self, capacity_wh: float) -> None:
         if not capacity_wh > 0.0:
@@ -31,7 +25,7 @@ class Battery:
         self._unnoticed_wh = 0.0  # gone with a cell, but the autopilot only counts what flows
 
     def draw(self, power_w: float, dt_s: float) -> None:
-        """Take `power_w` for `dt_s`; an empty battery stays empty."""
+        """Draw `power_w` for `dt_s`; an empty battery stays empty."""
         self.power_w = power_w
         if power_w <= 0.0:
             return
@@ -49,7 +43,7 @@ class Battery:
         self._unnoticed_wh = 0.0
 
     def fail_cell(self) -> None:
-        """A cell becomes a wire: its voltage and its share of the energy are gone."""
+        """Short a cell: its voltage and its share of the energy are gone."""
         living = CELLS - self._dead_cells
         lost_wh = self.energy_wh / living
         self.energy_wh -= lost_wh
@@ -57,18 +51,17 @@ class Battery:
         self._dead_cells = min(CELLS - 1, self._dead_cells + 1)
 
     def disturb(self, *, sag_v: float, set_v: float) -> None:
-        """Faults: the voltage is lower by `sag_v`; at rest it is `set_v`, if not 0, whatever the
-        charge."""
+        """Lower the voltage by `sag_v`; at rest it is `set_v`, if not 0, whatever the charge."""
         self._sag_v, self._set_v = sag_v, set_v
 
     @property
     def empty(self) -> bool:
-        """No energy left: the motors stop."""
+        """Whether no energy is left: the motors stop."""
         return self.energy_wh <= 0.0
 
     @property
     def full(self) -> bool:
-        """Never drawn from since the last swap."""
+        """Whether it was not drawn from since the last swap."""
         return self.energy_wh >= self.capacity_wh
 
     @property

@@ -1,15 +1,11 @@
-"""What the autopilot believes of its position, and by what: satellites, optical flow, others' word.
+"""The autopilot's position estimate: satellites, optical flow, positions of others.
 
-`PositionError` is satellite navigation, whose error changes slowly, and its loss. `Estimator` has
-what real navigation filters have besides: the way measured by optical flow while there are no
-satellites, and positions that a companion computer tells. Which of them count is the autopilot's
-(`sitl.copter.aiding`).
+`PositionError` is satellite navigation, whose error changes slowly, and its loss. `Estimator` adds
+optical flow while there are no satellites, and a companion's positions. The autopilot decides
+which of them count (`sitl.copter.aiding`).
 
-How the way errs that is measured by optical flow: by a scale, a rotation, and a little more.
-
-Flow tells the speed over ground: its scale is wrong by the height that it is taken from, its
-direction by the compass. Both are the same for a whole outage, so what is flown out and back
-cancels out; a small part changes all the time and does not.
+Flow measures the speed over ground: the assumed height scales it, the compass turns it. Both errors
+hold for a whole outage, so a flight out and back cancels them; a small part changes all the time.
 """
 
 from __future__ import annotations
@@ -29,9 +25,7 @@ class PositionError:
     """Error of the estimated position, metres (east, north, up), zero at the beginning.
 
     A Gauss-Markov process of standard deviation `sigma_m` and correlation time `tau_s`, smoothed
-    so that its rate is finite: the estimate moves, it does not jitter. The vertical error (a
-    barometer's) has a third of the deviation. `disturb` makes it worse: `lost` says that there is
-    no satellite navigation.
+    so that its rate is finite. The vertical error (a barometer's) has a third of the deviation.
     """
 
     def __init__(self, rng: np.random.Generator, sigma_m: float, tau_s: float) -> None:
@@ -57,7 +51,7 @@ class PositionError:
     def disturb(
         self, *, lost: bool, glitch_m: tuple[float, float], drift_m_s: tuple[float, float]
     ) -> None:
-        """Satellite navigation is gone, wrong by `glitch_m`, moves off with `drift_m_s`."""
+        """Lose satellites, shift them by `glitch_m`, or move them with `drift_m_s`."""
         self.disturbed |= lost or glitch_m != (0.0, 0.0) or drift_m_s != (0.0, 0.0)
         if lost and not self.lost:
             self._lost_s = 0.0
@@ -78,7 +72,7 @@ class PositionError:
         self._follow_to(self._fix(dt_s))
 
     def _fix(self, dt_s: float) -> tuple[float, float, float]:
-        """What the receiver's position errs by, after another `dt_s`."""
+        """Return the error of the receiver's position after another `dt_s`."""
         if self._at + 3 > len(self._noise):
             # drawn in blocks: one call of numpy a step would cost more than the physics
             self._noise = self._rng.standard_normal(3 * _FIX_BLOCK).tolist()
@@ -116,7 +110,7 @@ class PositionError:
         self.up += follow * v_up
 
     def _wander_off(self, dt_s: float) -> None:
-        """Dead reckoning: ever faster away, height still known from the air's pressure."""
+        """Reckon by accelerations: ever faster away; the barometer gives the height."""
         self._lost_s += dt_s
         speed = _LOST_M_S + _LOST_M_S2 * self._lost_s
         self.v_east, self.v_north = speed * self._wander[0], speed * self._wander[1]
@@ -133,17 +127,10 @@ _FLOW_BLOCK = 256
 
 
 class DeadReckoning:
-    """Error of a velocity that is measured by optical flow, one outage after the other.
+    """Error of a velocity that optical flow measures, outage by outage.
 
-    `drift` is the share of the distance flown over ground that the position errs by: the root mean
-    square over outages, of a straight leg. No outage errs by more than `MOST` times that, apart
-    from the wander.
-
-    >>> flow = DeadReckoning([1], drift=0.02)
-    >>> flow.begin()
-    >>> east, north = flow.error_m_s(10.0, 0.0, 0.05)
-    >>> 0.0 < math.hypot(east, north) < 10.0 * 0.02 * DeadReckoning.MOST + 0.1
-    True
+    `drift` is the error as a share of the distance over ground: the root mean square over outages,
+    of a straight leg. No outage errs by more than `MOST` times that, apart from the wander.
     """
 
     MOST = _MOST_SIGMAS + math.sqrt(2.0) * _MOST_WANDER * _CHANGING_SHARE
@@ -157,18 +144,18 @@ class DeadReckoning:
         self._at = 0
 
     def begin(self) -> None:
-        """Another outage: another scale, another rotation."""
+        """Draw scale and rotation of another outage."""
         each = self.drift / math.sqrt(2.0)
         drawn = np.clip(self._rng.standard_normal(2), -_MOST_SIGMAS, _MOST_SIGMAS)
         self._scale, self._rotation = (each * drawn).tolist()
         self._wander = (0.0, 0.0)
 
     def bearing_rad(self) -> float:
-        """Any direction."""
+        """Draw any direction."""
         return math.tau * float(self._rng.random())
 
     def error_m_s(self, v_east: float, v_north: float, dt_s: float) -> tuple[float, float]:
-        """What the measured velocity (east, north) errs by, over ground at this true one."""
+        """Return the error of the measured velocity (east, north) at this true one over ground."""
         if self._at + 2 > len(self._noise):
             self._noise, self._at = self._rng.standard_normal(2 * _FLOW_BLOCK).tolist(), 0
         keep = math.exp(-dt_s / _WANDER_TAU_S)
@@ -201,9 +188,9 @@ _LEAST_M2, _MOST_M2 = 1e-6, 1e6
 class Estimator(PositionError):  # noqa: N818 - an error of a position is no exception
     """Error of the estimated position, metres (east, north, up).
 
-    Until something else than satellites is used it is `PositionError`, number for number. `flow`:
-    there is optical flow, whose way errs by the share `drift` of the distance. `satellites_used`
-    and `aided` say what the autopilot lets count, from one step to the next.
+    With satellites alone it is `PositionError`, number for number. `flow`: there is optical flow,
+    which errs by the share `drift` of the distance. The autopilot sets `satellites_used` and
+    `aided` between steps.
     """
 
     def __init__(
@@ -220,17 +207,17 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
         self.flow = flow
         self.satellites_used = True
         self.aided = False
-        """A second receiver or a companion tells positions that are used."""
+        """The positions of a second receiver or a companion are used."""
         self.fix = (0.0, 0.0)
-        """Of the receiver alone, once something else is used."""
+        """Error of the receiver alone, once something else is used."""
         self.no_fix_s = 0.0
-        """Since the last absolute position of any kind was fused."""
+        """Since an absolute position of any kind was fused."""
         self.outage_s = 0.0
         """Since satellites were last fused."""
         self.still_near = True
-        """Satellites come back to an estimate that has stayed near them: no reset is needed."""
+        """The estimate has stayed near the satellites: their return needs no reset."""
         self.resets = 0
-        """How often the position has leapt to another."""
+        """Count of leaps of the position."""
         self._plain = not flow
         self._reckoning = DeadReckoning([*seed, _FLOW_SEED], drift)
         self._regained_s = _REGAINED_S
@@ -243,36 +230,36 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
 
     @property
     def calm(self) -> bool:
-        """There are satellites, and there has never been anything else."""
+        """Whether there are satellites, and there was never anything else."""
         return self._plain and not self.lost and self.outage_s == 0.0
 
     @property
     def by_satellites(self) -> bool:
-        """Satellites are fused now."""
+        """Whether satellites are fused now."""
         return self.satellites_used and not self.lost and self._regained_s >= _REGAINED_S
 
     @property
     def unaided(self) -> bool:
-        """Nothing tells the position or the velocity."""
+        """Whether neither position nor velocity is measured."""
         if self.flow or self.aided:
             return False
         return self.lost or not self.satellites_used
 
     @property
     def accuracy_m(self) -> float:
-        """Standard deviation of the horizontal position, as the filter has it."""
+        """Standard deviation of the horizontal position by the filter."""
         return math.sqrt(2.0 * self._variance + self._by_flow_m2)
 
     @property
     def _by_flow_m2(self) -> float:
-        """Both axes together."""
+        """Variance by flow, of both axes together."""
         way_m = self._reckoning.drift * self._flow_m
         return way_m * way_m
 
     # --- what others tell ------------------------------------------------------------------------
 
     def fuse(self, east_m: float, north_m: float, sigma_m: float) -> None:
-        """A measured position that errs by this; it is drawn towards it as the variances say."""
+        """Fuse a measured position with this error, weighed by the variances."""
         self._leave_plain()
         variance = self._variance + 0.5 * self._by_flow_m2
         gain = variance / (variance + max(sigma_m * sigma_m, _LEAST_M2))
@@ -284,7 +271,7 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
         self._variance, self._flow_m = (1.0 - gain) * variance, 0.0
 
     def reset_to(self, east_m: float, north_m: float, sigma_m: float) -> None:
-        """From now on the position errs by this."""
+        """Set the error of the position."""
         self._leave_plain()
         self.east, self.north = east_m, north_m
         self._pending = (0.0, 0.0)
@@ -292,7 +279,7 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
         self.resets += 1
 
     def far_off(self, east_m: float, north_m: float, sigma_m: float, gate: float) -> bool:
-        """Whether such a measurement is more than `gate` standard deviations away."""
+        """Return whether a measurement is more than `gate` standard deviations away."""
         variance = self._variance + 0.5 * self._by_flow_m2 + sigma_m * sigma_m
         away = math.hypot(east_m - self.east, north_m - self.north)
         return away * away > gate * gate * variance
@@ -364,7 +351,7 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
         self._variance = min(self._variance + variance_m2, _MOST_M2)
 
     def _correct(self, dt_s: float) -> None:
-        """A part of what measurements have told and the position has not followed yet."""
+        """Follow a part of what measurements have left pending."""
         east, north = self._pending
         if east == 0.0 == north:
             return

@@ -1,8 +1,8 @@
-"""The device: a point mass on a tilting thrust, in air that moves, above the ground.
+"""The device: a point mass on a tilting thrust, in moving air, above the ground.
 
 Axes are true east, true north and up, metres from the world's origin. The ground below is level;
-who moves the body over a slope says how high it is (`Body.ground`). The body knows nothing of
-messages, modes or where it should be: it is given a wanted thrust and turn rate, and time.
+over a slope the caller sets its height (`Body.ground`). The body has no messages, modes or targets:
+its input is thrust, turn rate and time.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _TUMBLE_SINK_M_S2, _TUMBLE_RATE_RAD_S = 0.6 * GRAVITY_M_S2, 10.0
 
 
 class Command(NamedTuple):
-    """What the autopilot asks of the motors.
+    """The autopilot's command to the motors.
 
     `east_m_s2`, `north_m_s2`: horizontal thrust, which tilts the body. `up_m_s2`: thrust over
     weight. `yaw_rate_rad_s`: clockwise from above.
@@ -81,17 +81,17 @@ class Body:
 
     @property
     def heading(self) -> float:
-        """The bearing that the compass says, 0 to 2 pi."""
+        """Bearing by the compass, 0 to 2 pi."""
         return (self.yaw + self.off_rad) % math.tau
 
     @property
     def off_rad(self) -> float:
-        """What its heading is off by, radians."""
+        """Error of the heading, radians."""
         return self.compass_rad + self.attitude_error.heading
 
     @property
     def told_roll_pitch(self) -> tuple[float, float]:
-        """Roll and pitch as the autopilot has them, radians."""
+        """Roll and pitch by the autopilot, radians."""
         roll, pitch = self.roll_pitch
         return roll + self.attitude_error.roll, pitch + self.attitude_error.pitch
 
@@ -101,7 +101,7 @@ class Body:
         return _roll_pitch(self.thrust_east, self.thrust_north, self.yaw)
 
     def turned(self, after_s: float) -> tuple[float, float, float]:
-        """Roll, pitch and yaw a little later, if it goes on turning as it does; radians."""
+        """Return roll, pitch and yaw a little later at the present rates, radians."""
         yaw = self.yaw + self.yaw_rate * after_s
         east = self.thrust_east + self.thrust_east_rate * after_s
         north = self.thrust_north + self.thrust_north_rate * after_s
@@ -139,7 +139,7 @@ class Body:
             self.on_ground = False
 
     def _misled(self, command: Command) -> Command:
-        """The thrust goes where the nose really points: the wrong heading turned back."""
+        """Turn the thrust by the error of the heading."""
         sin, cos = math.sin(self.off_rad), math.cos(self.off_rad)
         east, north = command.east_m_s2, command.north_m_s2
         return Command(
@@ -150,7 +150,7 @@ class Body:
         )
 
     def _weakened(self, command: Command) -> Command:
-        """One motor of four is weak: its opposite has to be too, or the body tumbles."""
+        """Limit the thrust to that of a weak motor and its opposite, or let the body tumble."""
         if self.motor_share < _CONTROLLABLE_SHARE:
             tilt = self.max_tilt_m_s2
             return Command(
@@ -168,7 +168,7 @@ class Body:
         )
 
     def _turn(self, command: Command, dt_s: float) -> None:
-        """Tilt, thrust and yaw follow their commands with first-order lags."""
+        """Follow the command for tilt, thrust and yaw with first-order lags."""
         if dt_s != self._lag_step_s:
             self._lag_step_s = dt_s
             self._tilt_share = -math.expm1(-dt_s / _TILT_TAU_S)
@@ -190,7 +190,7 @@ class Body:
             self.yaw = (self.yaw + self.yaw_rate * dt_s) % math.tau
 
     def _touch(self) -> None:
-        """Meet the ground: stand, or break when too fast; the motors turn on, and lift nothing."""
+        """Stand on the ground, or crash if too fast; the motors go on turning."""
         if self.v_up < -_SURVIVABLE_IMPACT_M_S:
             self.crashed = True
         self.up = self.ground
@@ -201,7 +201,7 @@ class Body:
 
 
 def _roll_pitch(east_m_s2: float, north_m_s2: float, yaw_rad: float) -> tuple[float, float]:
-    """The tilt that gives a horizontal thrust."""
+    """Return the tilt that gives a horizontal thrust."""
     sin_yaw, cos_yaw = math.sin(yaw_rad), math.cos(yaw_rad)
     forward = north_m_s2 * cos_yaw + east_m_s2 * sin_yaw
     right = east_m_s2 * cos_yaw - north_m_s2 * sin_yaw

@@ -1,11 +1,11 @@
-"""How a vehicle's own sensors err: its height above the sea, and its attitude.
+"""Errors of a vehicle's own sensors: its height above the sea, and its attitude.
 
 Heights by satellites differ by metres from receiver to receiver, and wander. On the ground the
-autopilot follows them; from arming on its height is that of arming and what the barometer adds.
+autopilot follows them; armed its height is that of arming and what the barometer adds.
 
-The attitude errs in roll and pitch for seconds, in the heading for longer. A PX4 1.17 in flight,
-held against its simulator's truth: heading 2 degrees (standard deviation), for some 20 s alike, up
-to 4; roll and pitch 0.8 degrees, for 3 s.
+The attitude errs in roll and pitch for seconds, in the heading for longer. Measured on a PX4 1.17
+in flight against its simulator's truth: heading 2 degrees (standard deviation, at most 4),
+correlated over some 20 s; roll and pitch 0.8 degrees, over 3 s.
 """
 
 from __future__ import annotations
@@ -17,21 +17,16 @@ import numpy as np
 
 WORST_M = 8.0
 _HEIGHT_TAU_S = 300.0
-"""How slowly a receiver's height wanders."""
+"""Correlation time of a receiver's height, s."""
 _FOLLOWS_M_S = 0.2  # on the ground
 _HEIGHT_BLOCK = 64
 
 
 class Altimeter:
-    """What heights above the sea err by: `receiver_m` the receiver's, `datum_m` the autopilot's.
+    """Errors of heights above the sea: `receiver_m` the receiver's, `datum_m` the autopilot's.
 
     `sea_m` is the height of the world's plane. The receiver's error has the standard deviation
-    `sigma_m` and is never beyond `WORST_M`.
-
-    >>> exact = Altimeter(500.0, [1], 0.0)
-    >>> exact.step(10.0, armed=False)
-    >>> exact.amsl_m, exact.receiver_m
-    (500.0, 0.0)
+    `sigma_m` and never exceeds `WORST_M`.
     """
 
     def __init__(self, sea_m: float, seed: Sequence[int], sigma_m: float) -> None:
@@ -47,11 +42,11 @@ class Altimeter:
 
     @property
     def amsl_m(self) -> float:
-        """The height of the world's plane above the sea, as the autopilot has it."""
+        """Height of the world's plane above the sea by the autopilot."""
         return self.sea_m + self.datum_m
 
     def start(self) -> None:
-        """The vehicle is switched on, or has been given a battery: another error than before."""
+        """Draw another error: the vehicle is switched on, or has another battery."""
         if self.sigma_m > 0.0:
             self._to_m = self._held(self.sigma_m * float(self._rng.standard_normal()))
             self._next()
@@ -71,7 +66,7 @@ class Altimeter:
             self.datum_m += max(-most_m, min(most_m, self.receiver_m - self.datum_m))
 
     def _next(self) -> None:
-        """Where it will be in a second."""
+        """Draw the error in a second."""
         if not self._kicks:
             self._kicks = self._rng.standard_normal(_HEIGHT_BLOCK).tolist()
         keep = math.exp(-1.0 / _HEIGHT_TAU_S)
@@ -89,13 +84,7 @@ _ATTITUDE_BLOCK = 3 * 64
 
 
 class AttitudeError:
-    """Errors of roll, pitch and heading, radians: each a Gauss-Markov process.
-
-    >>> exact = AttitudeError([1], 0.0, 0.0)
-    >>> exact.step(10.0)
-    >>> exact.roll, exact.pitch, exact.heading
-    (0.0, 0.0, 0.0)
-    """
+    """Errors of roll, pitch and heading, radians: each a Gauss-Markov process."""
 
     def __init__(self, seed: Sequence[int], tilt_rad: float, heading_rad: float) -> None:
         self._sigmas = tilt_rad, tilt_rad, heading_rad

@@ -1,9 +1,7 @@
-"""Geotags as a DJI writes them: EXIF and XMP put into a JPEG that is encoded already.
+"""Geotags as a DJI writes them: EXIF and XMP in an encoded JPEG; and pictures of a failing camera.
 
-And the pictures of a camera that fails: black ones, and files that are no whole JPEG.
-
-The pixels stay as they are: two APP1 segments are inserted before the first quantization table.
-EXIF holds place, date and angle of view, XMP (`drone-dji:*`) the heights and angles.
+Two APP1 segments before the first quantization table leave the pixels as they are. EXIF holds
+place, date and angle of view, XMP (`drone-dji:*`) the heights and angles.
 """
 
 from __future__ import annotations
@@ -19,7 +17,7 @@ import numpy as np
 from missions.units import LatLon, Quaternion
 
 EPOCH_UTC_S = 1_577_836_800
-"""When the world's time is 0: 2020-01-01T00:00:00Z. A fixed date, so that bytes repeat."""
+"""The world's time 0: 2020-01-01T00:00:00Z. A fixed date, so that bytes repeat."""
 
 _FILM_WIDTH_MM = 36  # FocalLengthIn35mmFilm refers to a frame of this width
 _SECOND_PARTS = 100_000  # of arc: a third of a millimetre on the ground
@@ -45,7 +43,7 @@ _XMP = (
 
 @dataclass(frozen=True, slots=True)
 class Geotag:
-    """What a picture says of itself.
+    """The metadata of a picture.
 
     `height_m` is above home, `camera` turns the camera's axes (forward, right, down) to NED,
     `body_rad` is roll, pitch and yaw of the aircraft, `taken_s` the world's time.
@@ -62,10 +60,7 @@ class Geotag:
 
 
 def tagged(jpeg: bytes, tag: Geotag) -> bytes:
-    """The same picture with its geotag.
-
-    Raises `ValueError` when the data are no JPEG.
-    """
+    """Return the picture with its geotag; raises `ValueError` if it is no JPEG."""
     if jpeg[:3] != b"\xff\xd8\xff":
         raise ValueError("only a JPEG can be tagged")
     # JFIF wants its APP0 first, EXIF its APP1: readers take APP1 behind APP0, few the reverse
@@ -76,14 +71,10 @@ def tagged(jpeg: bytes, tag: Geotag) -> bytes:
 
 
 def camera_angles(attitude: Quaternion) -> tuple[float, float, float]:
-    """Yaw, pitch and roll in radians of a camera in NED, applied in this order.
+    """Return yaw, pitch and roll in radians of a camera in NED, applied in this order.
 
-    Straight down, where yaw and roll are one rotation, all of it is yaw: the true bearing of the
+    Straight down, where yaw and roll are one rotation, it is all yaw: the true bearing of the
     picture's upper edge.
-
-    >>> yaw, pitch, roll = camera_angles(Quaternion.from_euler(0.0, -math.pi / 2, 0.5))
-    >>> round(yaw, 9), round(pitch, 4), roll
-    (0.5, -1.5708, 0.0)
     """
     w, x, y, z = attitude
     sine = max(-1.0, min(1.0, 2.0 * (w * y - z * x)))
@@ -159,7 +150,7 @@ _UNIT_BYTES = {_BYTE: 1, _ASCII: 1, _SHORT: 2, _LONG: 4, _RATIONAL: 8, _UNDEFINE
 
 
 def _directory(entries: list[_Entry], at: int) -> bytes:
-    """An image file directory at an offset, with the values that do not fit into it behind."""
+    """Return an image file directory at an offset, with the values that do not fit behind it."""
     table, values = [len(entries).to_bytes(2, "little")], bytearray()
     behind = at + 2 + 12 * len(entries) + 4
     for number, kind, value in entries:
@@ -177,7 +168,7 @@ def _text(text: str) -> bytes:
 
 
 def _sexagesimal(degrees: float) -> bytes:
-    """Degrees, minutes and seconds as three rationals; the sign goes elsewhere."""
+    """Return degrees, minutes and seconds as three rationals, without a sign."""
     parts = round(abs(degrees) * 3600.0 * _SECOND_PARTS)
     minutes, seconds = divmod(parts, 60 * _SECOND_PARTS)
     return struct.pack("<6I", minutes // 60, 1, minutes % 60, 1, seconds, _SECOND_PARTS)
@@ -192,9 +183,5 @@ def black(jpeg: bytes) -> bytes:
 
 
 def broken(jpeg: bytes) -> bytes:
-    """As a write that was cut short leaves it: the first half.
-
-    >>> broken(bytes(8))
-    b'\\x00\\x00\\x00\\x00'
-    """
+    """Return the first half, as an interrupted write leaves it."""
     return jpeg[: len(jpeg) // 2]

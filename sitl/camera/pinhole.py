@@ -1,4 +1,4 @@
-"""The simulated camera as a pinhole of its own: how it is mounted, where it was, what falls where.
+"""The simulated camera, a pinhole of its own: its mounting, its pose, its pixels.
 
 Frames: NED (true north, true east, down) with its origin on the ground; the camera's axes are
 forward (optical axis), right, down (lower edge of the picture). Pixels: u to the right, v down,
@@ -26,10 +26,13 @@ _MAX_HALF_DIAGONAL_DEG = 55.0  # with the tilt limit this keeps the horizon out 
 class CameraSpec:
     """A camera on a multicopter, looking down.
 
-    `hfov_deg` is the horizontal field of view over the whole width. `fixed`: bolted to the body,
-    so it tilts along; else a gimbal holds it at nadir and only the heading turns it. `yaw_deg`:
-    bearing of the picture's upper edge relative to the nose. `min_interval_s`: shortest time
-    between two pictures. `exposure_s`: how long the shutter is open, which blurs what moves.
+    Attributes:
+        hfov_deg: Horizontal field of view over the whole width.
+        fixed: It tilts with the body; otherwise a gimbal holds it at nadir, and it turns with the
+        nose.
+        yaw_deg: Bearing of the picture's upper edge relative to the nose.
+        min_interval_s: Shortest time between two pictures.
+        exposure_s: How long the shutter is open, which blurs what moves.
     """
 
     hfov_deg: float = 70.0
@@ -51,11 +54,7 @@ class CameraSpec:
 
     @property
     def focal_px(self) -> float:
-        """Focal length in pixels.
-
-        >>> round(CameraSpec(hfov_deg=90.0, width_px=640).focal_px, 9)
-        320.0
-        """
+        """Focal length in pixels."""
         return self.width_px / 2.0 / math.tan(math.radians(self.hfov_deg) / 2.0)
 
     @property
@@ -65,7 +64,7 @@ class CameraSpec:
         return np.array([[centre[0], focal, 0.0], [centre[1], 0.0, focal], [1.0, 0.0, 0.0]])
 
     def attitude(self, roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
-        """Camera axes to NED for the body's attitude, as in CAMERA_IMAGE_CAPTURED."""
+        """Return the camera's axes to NED for the body's attitude, as in CAMERA_IMAGE_CAPTURED."""
         mounting = Quaternion.from_euler(0.0, -math.pi / 2.0, 0.0)
         turned = Quaternion.from_euler(0.0, 0.0, math.radians(self.yaw_deg))
         if not self.fixed:
@@ -76,12 +75,14 @@ class CameraSpec:
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """The true moment of an exposure: place in the world's plane, attitude, time.
+    """The truth in the middle of an exposure.
 
-    That is the middle of the time for which the shutter is open. `moved_m` (east, north, up) is how
-    far the camera moves in all of that time, `turned` the attitude that the same time would turn it
-    to; None where it does not turn. `height_m` is over the ground below, which is `ground_m` above
-    the plane. `tags` are the markers of the other vehicles.
+    Attributes:
+        east_m, north_m: In the world's plane.
+        height_m: Over the ground below, which is `ground_m` above the plane.
+        moved_m: Motion of the camera (east, north, up) while the shutter is open.
+        turned: Its attitude after that time; None: it does not turn.
+        tags: The markers of the other vehicles.
     """
 
     east_m: float
@@ -97,15 +98,15 @@ class Shot:
 
 
 def lens_height_m(shot: Shot) -> float:
-    """How high the lens is over the ground below."""
+    """Return the height of the lens over the ground below."""
     return max(shot.height_m, 0.0) + _LENS_OVER_GROUND_M
 
 
 def ground_to_pixel(camera: CameraSpec, shot: Shot) -> Matrix:
-    """The homography from ground (east, north, 1), metres *relative to the camera's foot point*,
-    to homogeneous pixels.
+    """Return the homography from ground (east, north, 1) to homogeneous pixels.
 
-    The point's pixel is the first two components divided by the third, which is its depth.
+    The ground is in metres from the camera's foot point. The point's pixel is the first two
+    components divided by the third, which is its depth.
     """
     rotation = axes_to_ned(shot.attitude)  # columns: forward, right, down of the camera in NED
     height = lens_height_m(shot)
@@ -115,10 +116,10 @@ def ground_to_pixel(camera: CameraSpec, shot: Shot) -> Matrix:
 
 
 def image_motion_px(camera: CameraSpec, shot: Shot) -> tuple[float, float]:
-    """How far the ground in the middle of the picture moves over it in an exposure: right, down.
+    """Return the motion of the ground in the middle of the picture in an exposure: right, down.
 
-    Towards the rim it differs: by what the camera turns about its axis (0.2 px at 20 degrees a
-    second, 1/500 s and 300 px from the middle), and by the tilt. That is neglected.
+    The difference towards the rim is neglected: the turn about the axis (0.2 px at 20 degrees a
+    second, 1/500 s and 300 px from the middle), and the tilt.
     """
     east, north, up = shot.moved_m
     middle = (camera.width_px - 1) / 2.0, (camera.height_px - 1) / 2.0
@@ -132,7 +133,7 @@ def image_motion_px(camera: CameraSpec, shot: Shot) -> tuple[float, float]:
 
 
 def axes_to_ned(q: Quaternion) -> Matrix:
-    """The rotation matrix of a unit quaternion: its columns are the axes in NED."""
+    """Return the rotation matrix of a unit quaternion: its columns are the axes in NED."""
     w, x, y, z = q
     return np.array(
         [
@@ -162,7 +163,7 @@ _LEAST, _MOST = 0.05, 8.0  # of the way to the plane through the ground below
 def seen_ground(
     camera: CameraSpec, shot: Shot, to_ground: Matrix, relief: Relief
 ) -> tuple[Matrix, Matrix]:
-    """East and north of the ground in every pixel, metres from the camera's foot point.
+    """Return east and north of the ground in every pixel, metres from the camera's foot point.
 
     `to_ground` takes pixels to the level plane through the ground below the camera.
     """
@@ -199,7 +200,7 @@ def seen_ground(
 def pixels_of(
     homography: Matrix, shot: Shot, relief: Relief, east_m: Matrix, north_m: Matrix
 ) -> Matrix:
-    """Pixels, (n, 2), of ground points given in metres from the camera's foot point."""
+    """Return pixels, (n, 2), of ground points in metres from the camera's foot point."""
     lens_m = lens_height_m(shot)
     rise = relief.heights_m(shot.east_m + east_m, shot.north_m + north_m) - shot.ground_m
     points = homography @ np.stack([east_m, north_m, (lens_m - rise) / lens_m])

@@ -1,7 +1,4 @@
-"""What a camera on a tilted vehicle sees of the world, rendered as JPEG.
-
-Frames and pixels are those of `sitl.camera.pinhole`.
-"""
+"""What a camera on a tilted vehicle sees of the world, rendered as JPEG."""
 
 from __future__ import annotations
 
@@ -51,7 +48,7 @@ _GRASS_BGR = (0.80, 1.06, 0.9603)
 
 
 def render(world: World, camera: CameraSpec, shot: Shot) -> bytes:
-    """The JPEG that the camera takes; the same arguments give the same bytes."""
+    """Return the JPEG that the camera takes; the same arguments give the same bytes."""
     homography = ground_to_pixel(camera, shot)
     view = _paint(world, camera, shot, homography)
     view = _smeared(view, *image_motion_px(camera, shot))
@@ -74,7 +71,7 @@ def render(world: World, camera: CameraSpec, shot: Shot) -> bytes:
 
 
 def _smeared(picture: Picture, right_px: float, down_px: float) -> Picture:
-    """A picture that has moved so far, evenly, while the shutter was open."""
+    """Blur a picture by an even motion while the shutter is open."""
     length_px = math.hypot(right_px, down_px)
     if length_px < _SHARP_PX:
         return picture
@@ -100,7 +97,7 @@ def _coloured(world: World, gray: Gray) -> Picture:
 
 
 def _paint(world: World, camera: CameraSpec, shot: Shot, homography: Matrix) -> Picture:
-    """Ground and ROI without light or noise: gray, or in colour over an orthophoto."""
+    """Return ground and ROI without light or noise: gray, or in colour over an orthophoto."""
     size = (camera.width_px, camera.height_px)
     to_ground = np.asarray(np.linalg.inv(homography), dtype=np.float64)
     if world.spec.relief is not None:
@@ -128,7 +125,7 @@ def _paint_relief(
     homography: Matrix,
     to_ground: Matrix,
 ) -> Picture:
-    """The same over ground that is not level."""
+    """Return the same over ground that is not level."""
     east, north = seen_ground(camera, shot, to_ground, relief)
     ground = _wrapped(world.ground_texture, east + shot.east_m, north + shot.north_m)
     drift_east, drift_north = world.drift_at(shot.t_s)
@@ -157,7 +154,7 @@ def _paint_relief(
 
 
 def _fixed(pixels: Matrix) -> npt.NDArray[np.int32]:
-    """Pixels in fixed point, as polygons are filled."""
+    """Return pixels in fixed point, as polygons are filled."""
     return np.round(pixels * (1 << _SHIFT)).astype(np.int32)
 
 
@@ -190,7 +187,7 @@ def _tinted(gray: Gray, mean: float, rgb: Rgb) -> Picture:
 
 
 def _wrapped(tile: Gray, east_m: Matrix, north_m: Matrix) -> Gray:
-    """A wrapping tile, fixed to the plane, at the places of all pixels."""
+    """Return a wrapping tile, fixed to the plane, at the places of all pixels."""
     scale = 1.0 / METRES_PER_PIXEL
     columns = (TILE_PX / 2.0 + (east_m % TILE_M) * scale).astype(np.float32)
     rows = (TILE_PX * 1.5 - (north_m % TILE_M) * scale).astype(np.float32)
@@ -199,7 +196,7 @@ def _wrapped(tile: Gray, east_m: Matrix, north_m: Matrix) -> Gray:
 
 
 def _blend(upper: Picture, lower: Picture, mask: Gray) -> Picture:
-    """`upper` where the mask is 255, `lower` where it is 0."""
+    """Return `upper` where the mask is 255, `lower` where it is 0."""
     share = mask.astype(np.float32) * np.float32(1.0 / 255.0)
     blended = cv2.blendLinear(upper, lower, share, np.float32(1.0) - share)
     return np.asarray(blended, dtype=np.uint8)
@@ -213,7 +210,7 @@ def _photographed(
     to_ground: Matrix,
     meadow: Gray,
 ) -> Picture:
-    """The orthophoto from above, in colour, and the meadow where it does not reach."""
+    """Return the orthophoto from above, in colour, and the meadow where it does not reach."""
     corners = _corners(camera)
     ground = to_ground @ corners
     east, north = ground[:2] / ground[2]
@@ -227,7 +224,7 @@ def _photographed(
 
 
 def _corners(camera: CameraSpec) -> Matrix:
-    """The outer corners of the picture, (3, 4), homogeneous pixels."""
+    """Return the outer corners of the picture, (3, 4), homogeneous pixels."""
     right, low = camera.width_px - 0.5, camera.height_px - 0.5
     return np.array([[-0.5, right, right, -0.5], [-0.5, -0.5, low, low], [1.0] * 4])
 
@@ -235,10 +232,10 @@ def _corners(camera: CameraSpec) -> Matrix:
 def _warp(
     tile: Gray, to_ground: Matrix, east_m: float, north_m: float, size: tuple[int, int]
 ) -> Gray:
-    """A wrapping tile, fixed to the plane, as seen from above (east_m, north_m).
+    """Return a wrapping tile, fixed to the plane, seen from above (east_m, north_m).
 
-    `tile` is its own pattern twice by twice, and the camera is placed in the middle half of it:
-    footprints up to the pattern's size never touch an edge, where OpenCV is three times slower.
+    The camera is placed in the middle half of `tile`, which holds its pattern twice by twice: a
+    footprint up to the pattern's size never touches an edge, where OpenCV is three times slower.
     """
     scale = 1.0 / METRES_PER_PIXEL
     middle = TILE_PX / 2.0
@@ -297,7 +294,7 @@ def _rings(parts: Iterable[object]) -> Iterable[Matrix]:
 
 
 def _noise(camera: CameraSpec, std: float, world_seed: int, seed: int) -> npt.NDArray[np.int16]:
-    """A frame of sensor noise: a window of a large noise picture, placed by the shot's seed."""
+    """Return a frame of sensor noise: a window of a large noise picture, placed by the seed."""
     bank = _noise_bank(camera.width_px, camera.height_px, std, world_seed)
     rng = np.random.default_rng([world_seed, _NOISE_SEED, seed])
     row, column = rng.integers(0, _NOISE_MARGIN_PX, 2)
@@ -313,7 +310,7 @@ def _noise_bank(width: int, height: int, std: float, seed: int) -> npt.NDArray[n
 
 @lru_cache(maxsize=4)
 def _palette(roi_intensity: float, ground_intensity: float) -> Gray:
-    """Gray level to BGR: gray up to the ROI's brightness, greenish at the ground's."""
+    """Return gray level to BGR: gray up to the ROI's brightness, greenish at the ground's."""
     levels = np.arange(256, dtype=np.float64)
     span = ground_intensity - roi_intensity
     grass = np.clip((levels - roi_intensity) / (span if abs(span) > 1.0 else 1.0), 0.0, 1.0)

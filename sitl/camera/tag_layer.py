@@ -1,8 +1,8 @@
 """Markers on the vehicles below, put into a picture.
 
-Every pixel is the mean of a lattice of points in it, and of instants while the shutter is open:
-each point's ray is met with the plane of the marker. So edges are as soft as a sensor makes them,
-and a marker is blurred by its own motion over the picture, not by that of the ground.
+A pixel is the mean over a lattice of points in it, and over instants while the shutter is open:
+each point's ray is met with the plane of the marker. So edges are as soft as a sensor's, and a
+marker is blurred by its own motion over the picture, not by that of the ground.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ _NEAREST_M = 0.05
 def with_tags(
     view: Picture, camera: CameraSpec, shot: Shot, tag_m: float, dictionary: str
 ) -> Picture:
-    """The picture, gray or in colour, with the markers that the shot notes; before light and noise.
+    """Put the shot's markers into a picture, gray or in colour, before light and noise.
 
-    `tag_m` is the side of a marker's black square. What is higher hides what is lower.
+    `tag_m` is the side of a marker's black square. Higher markers hide lower ones.
     """
     painted = view
     for tag in sorted(shot.tags, key=lambda tag: tag.up_m):
@@ -49,7 +49,7 @@ def with_tags(
 
 
 def shows_tag(camera: CameraSpec, shot: Shot, tag_m: float) -> bool:
-    """Whether any marker may be in the picture."""
+    """Return whether any marker may be in the picture."""
     return any(_outline(camera, shot, tag, _reach_m(tag_m)) is not None for tag in shot.tags)
 
 
@@ -60,7 +60,7 @@ def _reach_m(tag_m: float) -> float:
 def _layer(
     camera: CameraSpec, shot: Shot, tag: TagPose, tag_m: float, dictionary: str
 ) -> tuple[tuple[slice, slice], npt.NDArray[np.float32], npt.NDArray[np.float32]] | None:
-    """Where a marker is in the picture, its brightness times its share of each pixel, the share."""
+    """Return a marker's window, its brightness times its share of each pixel, and the share."""
     white = modules(dictionary, tag.number)
     count = len(white)
     half_m = tag_m / (count - 2) * count / 2.0
@@ -97,7 +97,7 @@ def _layer(
 
 
 def _plane_to_pixel(camera: CameraSpec, shot: Shot, tag: TagPose) -> Matrix:
-    """The homography from metres (forward, right, 1) on a marker to homogeneous pixels."""
+    """Return the homography from metres (forward, right, 1) on a marker to homogeneous pixels."""
     lens_up = shot.ground_m + lens_height_m(shot)
     middle = (tag.north_m - shot.north_m, tag.east_m - shot.east_m, lens_up - tag.up_m)
     body = axes_to_ned(tag.attitude)
@@ -106,7 +106,7 @@ def _plane_to_pixel(camera: CameraSpec, shot: Shot, tag: TagPose) -> Matrix:
 
 
 def _outline(camera: CameraSpec, shot: Shot, tag: TagPose, half_m: float) -> Matrix | None:
-    """Pixels, (4, 2), of a square's corners; None where no part of its upper side is in view."""
+    """Return pixels, (4, 2), of a square's corners; None if its upper side is out of view."""
     matrix = _plane_to_pixel(camera, shot, tag)
     corners = half_m * np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
     points = np.column_stack([corners, np.ones(4)]) @ matrix.T
@@ -120,7 +120,7 @@ def _outline(camera: CameraSpec, shot: Shot, tag: TagPose, half_m: float) -> Mat
 
 
 def _motion_px(camera: CameraSpec, shot: Shot, tag: TagPose) -> tuple[float, float]:
-    """How far a marker's middle moves over the picture in an exposure: right, down."""
+    """Return how far a marker's middle moves over the picture in an exposure: right, down."""
     moved, open_s = shot.moved_m, camera.exposure_s
     east, north, up = (speed * open_s for speed in tag.velocity_m_s)
     later = replace(

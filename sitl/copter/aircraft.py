@@ -1,7 +1,6 @@
-"""What every simulated autopilot has: an estimate, home, readiness, plans, a voice, time.
+"""What every simulated autopilot has: an estimate, home, readiness, plans, texts, time.
 
-What it decides is a subclass's: `sitl.ardupilot.autopilot` is an ArduCopter,
-`sitl.px4.autopilot` a PX4.
+A subclass decides: `sitl.ardupilot.autopilot` is an ArduCopter, `sitl.px4.autopilot` a PX4.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ _BOUNCE_M_S, _BOUNCE_S = 2.5, 0.7  # of one that lies there, its motors turning
 
 
 class Notice(NamedTuple):
-    """What the autopilot reports in words, and the event that goes with it.
+    """A status text, and the event that goes with it.
 
     `event` is its name and `arguments` are packed; without a name it follows from the text.
     """
@@ -42,14 +41,14 @@ class Notice(NamedTuple):
 
 
 class Aircraft(Motion, ABC):
-    """One autopilot; `step` moves it on, the methods are what a pilot can ask for.
+    """One autopilot; `step` advances it, the other methods are what a pilot can request.
 
-    It sees the world through an estimate of its position and moves it through `Body`. It speaks
-    no MAVLink: requests are method calls that return None or the reason for a refusal.
+    It sees the world through an estimate of its position and moves it through `Body`. It knows no
+    MAVLink: requests are method calls that return None or the reason for a refusal.
     """
 
     first_item: ClassVar[int]
-    """The item of a mission that is flown first: an ArduPilot's item 0 is home."""
+    """The first item of a mission that is flown: an ArduPilot's item 0 is home."""
     failsafes: Failsafes
 
     def __init__(
@@ -75,7 +74,7 @@ class Aircraft(Motion, ABC):
         self.mode_changed = False
         self.home_changed = False
         self.home_known = False
-        """Satellite navigation has had a fix and home is set."""
+        """There was a fix, and home is set."""
         self._resets = 0  # of the position that have been planned anew for
 
     # --- what it knows of itself ---------------------------------------------------------------
@@ -90,19 +89,19 @@ class Aircraft(Motion, ABC):
 
     @property
     def position_ok(self) -> bool:
-        """The navigation filter has an absolute position."""
+        """Whether the navigation filter has an absolute position."""
         return self.t_s >= self._airframe.ready_after_s and not self.failsafes.position_gone(
             self.t_s
         )
 
     @property
     def position_lost(self) -> bool:
-        """No satellites, and nothing in their place."""
+        """Whether there are no satellites, and nothing in their place."""
         return self.error.unaided
 
     @property
     def satellites_lost(self) -> bool:
-        """No satellites, although the position is meant to come from them."""
+        """Whether there are no satellites, although the position depends on them."""
         return self.error.lost and self.error.satellites_used
 
     @property
@@ -113,16 +112,16 @@ class Aircraft(Motion, ABC):
     # --- what can be asked for ------------------------------------------------------------------
 
     def say(self, severity: int, text: str) -> None:
-        """Tell whoever listens."""
+        """Send a status text."""
         self.texts.append(Notice(severity, text))
 
     @abstractmethod
     def arm(self, force: bool = False) -> str | None:
-        """Start the motors; the reason for a refusal, or None."""
+        """Start the motors; return the reason for a refusal, or None."""
 
     @abstractmethod
     def prearm_refusal(self) -> str | None:
-        """What the checks before arming object to, or None."""
+        """Return what the checks before arming object to, or None."""
 
     @abstractmethod
     def disarm(self, force: bool = False) -> str | None:
@@ -132,33 +131,33 @@ class Aircraft(Motion, ABC):
     def go_to(
         self, east_m: float, north_m: float, up_m: float, yaw_rad: float | None = None
     ) -> bool:
-        """A target by SET_POSITION_TARGET_*; False when it is dropped."""
+        """Fly to a target of SET_POSITION_TARGET_*; return False if it is dropped."""
 
     @abstractmethod
     def go_along(self, setpoint: Setpoint, yaw_rad: float | None = None) -> bool:
-        """A setpoint of a stream by SET_POSITION_TARGET_*; False when it is dropped."""
+        """Follow a setpoint of SET_POSITION_TARGET_*; return False if it is dropped."""
 
     @abstractmethod
     def mission_done(self) -> None:
-        """The last item of the mission is behind it."""
+        """Act on the end of the mission."""
 
     @abstractmethod
     def enable_fence(self, on: bool) -> None:
-        """DO_FENCE_ENABLE."""
+        """Execute DO_FENCE_ENABLE."""
 
     @abstractmethod
     def count_items(self, kind: int, items: list[Item]) -> None:
-        """A list of this MAV_MISSION_TYPE has changed."""
+        """Count the items of a list that has changed, by its MAV_MISSION_TYPE."""
 
     def set_home(self, east_m: float, north_m: float, up_m: float) -> None:
-        """DO_SET_HOME."""
+        """Execute DO_SET_HOME."""
         self.home = (east_m, north_m, up_m)
         self.home_known = self.home_changed = True
 
     # --- what follows from it -------------------------------------------------------------------
 
     def _start_motors(self, text: str) -> None:
-        """Arm, where home is from now on."""
+        """Arm; home is here from now on."""
         self.armed = self.body.motors_on = True
         self.home = (self.estimate.east, self.estimate.north, self.estimate.up)
         self.home_changed = True
@@ -182,7 +181,7 @@ class Aircraft(Motion, ABC):
     # --- time -----------------------------------------------------------------------------------
 
     def step(self, wind: tuple[float, float], dt_s: float) -> None:
-        """One step of estimate, decision, control, physics and battery."""
+        """Advance estimate, decision, control, physics and battery."""
         self.t_s += dt_s
         if not self.home_known and self.t_s >= _HOME_SHARE * self._airframe.ready_after_s:
             self.home_known = self.home_changed = True
@@ -213,8 +212,8 @@ class Aircraft(Motion, ABC):
 
     @abstractmethod
     def _watch_failsafes(self) -> None:
-        """Look at everything once."""
+        """Let the failsafes look once."""
 
     @abstractmethod
     def _decide(self, dt_s: float) -> Command:
-        """What the motors are told."""
+        """Return the command for the motors."""

@@ -1,8 +1,8 @@
-"""From where the vehicle is and should be to thrust and turn rate: the autopilot's inner loops.
+"""The autopilot's inner loops, from position and target to thrust and turn rate.
 
-The shape follows ArduCopter: a square-root controller turns a distance into a speed from which
-one can still stop, the speed is slewed at the permitted acceleration, and a velocity loop with a
-slow estimate of the disturbance (wind) turns it into thrust.
+As in ArduCopter a square-root controller turns a distance into a speed from which the vehicle can
+still stop, the speed is slewed at the permitted acceleration, and a velocity loop with a slow
+estimate of the disturbance (wind) turns it into thrust.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _BRAKING_SHARE = 0.85
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What the parameters allow, in SI units, held to what can be flown."""
+    """What the parameters allow, in SI units, limited to what can be flown."""
 
     speed_m_s: float
     climb_m_s: float
@@ -41,8 +41,8 @@ class Limits:
 class Tuning:
     """Lengths in metres, heights above home, times in seconds, speeds in m/s.
 
-    `return_height_m` gives the height of the way home from a distance and a height,
-    `landing_m_s` the descent of a landing by what the limits are now and at a height.
+    `return_height_m` gives the height of the return path from a distance and a height,
+    `landing_m_s` the descent rate of a landing from the present limits and a height.
     """
 
     limits: Limits
@@ -60,9 +60,9 @@ class Tuning:
 
 
 def sqrt_controller(error: float, p_1_s: float, accel_m_s2: float) -> float:
-    """Speed at which to approach over a distance `error >= 0` metres and still stop.
+    """Return the speed at which to approach over `error >= 0` metres and still stop.
 
-    Proportional near the target, with constant deceleration further out; the two meet smoothly.
+    It is proportional near the target, with constant deceleration further out.
 
     >>> sqrt_controller(1.0, p_1_s=1.0, accel_m_s2=2.0)
     1.0
@@ -76,7 +76,7 @@ def sqrt_controller(error: float, p_1_s: float, accel_m_s2: float) -> float:
 
 
 def held(east: float, north: float, most: float) -> tuple[float, float]:
-    """A vector of at most this length."""
+    """Limit the length of a vector."""
     length = math.hypot(east, north)
     if length <= most:
         return east, north
@@ -84,13 +84,13 @@ def held(east: float, north: float, most: float) -> tuple[float, float]:
 
 
 def _within(value: float, most: float) -> float:
-    """A value held to `-most` to `most`."""
+    """Limit a value to `-most` to `most`."""
     return most if value > most else -most if value < -most else value
 
 
 @dataclass(slots=True)
 class Estimate:
-    """Where the autopilot believes to be: metres and m/s (east, north, up)."""
+    """Position and velocity by the autopilot: metres and m/s (east, north, up)."""
 
     east: float = 0.0
     north: float = 0.0
@@ -108,7 +108,7 @@ class Controller:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all wanted motion: on the ground."""
+        """Forget all wanted motion: it is on the ground."""
         self._ref_east = self._ref_north = self._ref_up = 0.0
         self._wind_east = self._wind_north = 0.0
         self.yaw_target = None
@@ -116,7 +116,7 @@ class Controller:
     def velocity_towards(
         self, east_m: float, north_m: float, limits: Limits
     ) -> tuple[float, float]:
-        """Wanted horizontal velocity for a target that lies (east, north) metres away."""
+        """Return the horizontal velocity towards a target (east, north) metres away."""
         distance = math.hypot(east_m, north_m)
         if distance < 1e-6:
             return 0.0, 0.0
@@ -125,7 +125,7 @@ class Controller:
         return east_m / distance * speed, north_m / distance * speed
 
     def climb_towards(self, up_m: float, limits: Limits) -> float:
-        """Wanted climb rate for a target that lies `up_m` higher."""
+        """Return the climb rate towards a target `up_m` higher."""
         speed = sqrt_controller(abs(up_m), limits.p_z, 0.7 * limits.accel_z_m_s2)
         return min(limits.climb_m_s, speed) if up_m >= 0.0 else -min(limits.descent_m_s, speed)
 
@@ -139,9 +139,9 @@ class Controller:
         dt_s: float,
         wind_tau_s: float = WIND_TAU_S,
     ) -> Command:
-        """Thrust and turn rate for a wanted velocity; `body` gives what an IMU measures.
+        """Return thrust and turn rate for a wanted velocity; `body` gives what an IMU measures.
 
-        What the air does to it is made up for after some `wind_tau_s`.
+        The loop compensates the force of the air after some `wind_tau_s`.
         """
         east, north, up = self._ref_east, self._ref_north, self._ref_up
         d_east, d_north = velocity[0] - east, velocity[1] - north

@@ -1,7 +1,7 @@
-"""What the failsafes of every autopilot share: what is watched, and when each begins and ends.
+"""What the failsafes of every autopilot share: what they watch, when they begin and end.
 
-What an autopilot does about it is a subclass's: `sitl.ardupilot.failsafes`, `sitl.px4.failsafes`.
-All times are the vehicle's own.
+A subclass decides what follows: `sitl.ardupilot.failsafes`, `sitl.px4.failsafes`. All times are the
+vehicle's own.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ STATION, RADIO, POSITION = "ground station", "radio control", "position"
 
 
 class Failsafes(ABC):
-    """Which failsafes are active on one vehicle."""
+    """The active failsafes of one vehicle."""
 
     ended: ClassVar[Mapping[str, tuple[int, str]]]
-    """Severity and text that the autopilot sends when a loss ends, by what was lost."""
+    """Severity and text when a loss ends, by what was lost."""
 
     def __init__(self) -> None:
         self.charge_state = CHARGE_OK
         self.lost: set[str] = set()
-        """What is lost at present: `STATION`, `RADIO`, `POSITION`."""
+        """The present losses: `STATION`, `RADIO`, `POSITION`."""
         self._station_s: float | None = None  # last heartbeat of the ground station
         self._position_s: float | None = None  # since when nothing helps the filter
         self._gone_after_s = 0.0
@@ -42,10 +42,10 @@ class Failsafes(ABC):
     @property
     @abstractmethod
     def active(self) -> bool:
-        """The heartbeat says CRITICAL."""
+        """Whether the heartbeat reports CRITICAL."""
 
     def hear_station(self, now_s: float) -> None:
-        """A heartbeat of the ground station."""
+        """Note a heartbeat of the ground station."""
         self._station_s = now_s
 
     def silent_s(self, now_s: float) -> float:
@@ -53,7 +53,7 @@ class Failsafes(ABC):
         return -1.0 if self._station_s is None else now_s - self._station_s
 
     def position_gone(self, now_s: float) -> bool:
-        """The filter has no position any more."""
+        """Whether the filter has no position any more."""
         return self._position_s is not None and now_s - self._position_s >= self._gone_after_s
 
     def is_fresh_pack(self, craft: Aircraft) -> bool:
@@ -79,8 +79,8 @@ class Failsafes(ABC):
     def loses_position(self, craft: Aircraft, holds_out_s: float, *, matters: bool = True) -> bool:
         """Return whether the loss of the position begins.
 
-        Without any help the filter holds out for `holds_out_s`, at most the shortest time given
-        since. `matters`: it is in the air, and no pilot has it.
+        Without aiding the filter holds out for `holds_out_s`, at most the shortest time given
+        since. `matters`: it is in the air, under the autopilot's control.
         """
         if not craft.position_lost:
             self._position_s = None

@@ -20,19 +20,14 @@ Place = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Zone:
-    """A polygon (`ring`) or a circle (one point and a radius) to stay inside, or outside of."""
+    """A polygon (`ring`) or a circle (a point and a radius) to stay inside, or outside of."""
 
     ring: tuple[tuple[float, float], ...]
     radius_m: float
     inclusion: bool
 
     def broken_at(self, east_m: float, north_m: float) -> bool:
-        """Whether being here is forbidden.
-
-        >>> zone = Zone(((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)), 0.0, inclusion=True)
-        >>> zone.broken_at(1.0, 1.0), zone.broken_at(5.0, 1.0)
-        (False, True)
-        """
+        """Return whether a place is forbidden."""
         return self._holds(east_m, north_m) != self.inclusion
 
     def _holds(self, east_m: float, north_m: float) -> bool:
@@ -53,7 +48,7 @@ class Zone:
 def zones(
     items: list[Item], to_plane: Callable[[int, int], tuple[float, float]]
 ) -> tuple[Zone, ...]:
-    """Zones of an accepted fence; `to_plane` takes latitude and longitude in 1e-7 degrees."""
+    """Return the zones of an accepted fence; `to_plane` takes degrees times 1e7."""
     found, at = [], 0
     while at < len(items):
         item = items[at]
@@ -68,7 +63,7 @@ def zones(
 
 
 class Fence:
-    """The zones, and whether they are broken at present."""
+    """The zones, and which of them are broken at present."""
 
     def __init__(self) -> None:
         self.zones: tuple[Zone, ...] = ()
@@ -78,19 +73,19 @@ class Fence:
         self._risen = False
 
     def enabled(self, parameters: Parameters) -> bool:
-        """FENCE_ENABLE."""
+        """Whether FENCE_ENABLE is set."""
         return parameters["FENCE_ENABLE"] != 0.0
 
     def floor_m(self, parameters: Parameters) -> float:
-        """Height above home that has to be passed once before it is watched."""
+        """Return the height above home that the vehicle has to pass before it is watched."""
         return parameters["FENCE_ALT_MIN"]
 
     def violations(
         self, parameters: Parameters, home: Place, place: Place, *, low: bool = True
     ) -> int:
-        """Bits of the fences that a place breaks; 0 while the fence is off.
+        """Return the bits of the fences that a place breaks; 0 while the fence is off.
 
-        `low` looks at FENCE_ALT_MIN too.
+        `low`: look at FENCE_ALT_MIN too.
         """
         if not self.enabled(parameters):
             return 0
@@ -105,14 +100,14 @@ class Fence:
         return broken & wanted
 
     def _limits(self, parameters: Parameters) -> tuple[int, float, float, float]:
-        """Which fences there are, the lowest and the highest height, the farthest distance."""
+        """Return which fences there are, the lowest and highest height, the farthest distance."""
         low_m, high_m = parameters["FENCE_ALT_MIN"], parameters["FENCE_ALT_MAX"]
         return int(parameters["FENCE_TYPE"]), low_m, high_m, parameters["FENCE_RADIUS"]
 
     def watch(
         self, parameters: Parameters, home: Place, place: Place, now_s: float, *, flying: bool
     ) -> int:
-        """Bits that have been broken since the last look; call it as time passes."""
+        """Return the bits that were broken since the last call."""
         if not (flying and self.enabled(parameters)):
             self.broken, self._risen = 0, False
             return 0
@@ -136,9 +131,5 @@ class Fence:
 
 
 def names(bits: int) -> str:
-    """In words.
-
-    >>> names(ALT_MAX | POLYGON)
-    'Max Alt, Polygon'
-    """
+    """Return the names of the fences."""
     return ", ".join(name for bit, name in _NAMES.items() if bits & bit)

@@ -81,7 +81,7 @@ _PLACES = (
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """One item as it came: `x` and `y` are 1e-7 degrees where the command has a place."""
+    """One item as received: `x` and `y` are 1e-7 degrees where the command has a place."""
 
     command: int
     frame: int = mav.MAV_FRAME_GLOBAL_RELATIVE_ALT
@@ -93,7 +93,7 @@ class Item:
 
     @classmethod
     def of(cls, m: Message) -> Item:
-        """From a MISSION_ITEM_INT, or from a MISSION_ITEM with its coordinates in degrees."""
+        """Read a MISSION_ITEM_INT, or a MISSION_ITEM with its coordinates in degrees."""
         x, y = m.x, m.y
         if m.get_type() == "MISSION_ITEM":
             scale = 1e7 if m.command in _PLACES else 1.0
@@ -104,7 +104,7 @@ class Item:
     def message(
         self, seq: int, kind: int, partner: tuple[int, int], *, current: bool, exact: bool
     ) -> Message:
-        """MISSION_ITEM_INT (`exact`) or MISSION_ITEM for a partner (system, component)."""
+        """Return MISSION_ITEM_INT (`exact`) or MISSION_ITEM for a partner (system, component)."""
         head = (*partner, seq, self.frame, self.command, int(current), self.autocontinue, *self.p)
         if exact:
             return mav.MAVLink_mission_item_int_message(*head, self.x, self.y, self.z, kind)
@@ -114,7 +114,7 @@ class Item:
 
     @property
     def here(self) -> bool:
-        """No place given: 0, 0 is where the vehicle is."""
+        """Whether it has no place: 0, 0 is where the vehicle is."""
         return self.x == 0 and self.y == 0
 
 
@@ -123,13 +123,7 @@ def _whole(value: float) -> int:
 
 
 def check(kind: int, item: Item) -> int:
-    """MAV_MISSION_RESULT for one item of a list of this kind.
-
-    >>> check(MISSION, Item(mav.MAV_CMD_NAV_RETURN_TO_LAUNCH))
-    0
-    >>> check(MISSION, Item(mav.MAV_CMD_NAV_VTOL_LAND)) == mav.MAV_MISSION_UNSUPPORTED
-    True
-    """
+    """Return the MAV_MISSION_RESULT for one item of a list of this kind."""
     if kind == MISSION:
         known = item.command in NAMES
     elif kind == FENCE:
@@ -159,7 +153,7 @@ def check(kind: int, item: Item) -> int:
 
 
 def check_fence(items: list[Item]) -> int:
-    """Whether polygons are complete: as many vertices in a row as each of them says."""
+    """Return MAV_MISSION_INVALID unless each polygon has as many vertices in a row as they say."""
     at = 0
     while at < len(items):
         item = items[at]

@@ -20,7 +20,7 @@ class Mode(IntEnum):
 
 
 LEVEL = (Mode.STABILIZE, Mode.ALT_HOLD)
-"""With the stick centred these keep level and the height, and go wherever the wind takes them."""
+"""With the stick centred these keep level and the height, and drift with the wind."""
 UNARMABLE = (Mode.RTL, Mode.LAND, Mode.AUTO, Mode.BRAKE)
 
 

@@ -1,4 +1,4 @@
-"""From a decision to motion: the phases of a flight, speeds, the place that is held."""
+"""From a decision to motion: phases of a flight, speeds, the hold position."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ _STANDING = (_LANDED, _SPOOL)
 
 
 class Airframe(NamedTuple):
-    """What an autopilot is built into, whatever its parameters say: m/s, m/s^2, s from boot.
+    """Limits of the airframe, whatever the parameters: m/s, m/s^2, s from boot.
 
-    `stick`: a pilot's radio control is on.
+    `stick`: the pilot's radio control is on.
     """
 
     max_speed_m_s: float
@@ -41,10 +41,10 @@ class Airframe(NamedTuple):
 
 
 class Motion:
-    """What is flown now; the autopilot on top of it decides what that is."""
+    """The present motion; the autopilot on top of it decides."""
 
     tune: ClassVar[staticmethod[[Parameters], Tuning]]
-    """What the parameters say, as one record."""
+    """The parameters as one record."""
     speed_law: ClassVar[staticmethod[[float, float, float], float]]
     mode: IntEnum
 
@@ -63,7 +63,7 @@ class Motion:
         self.home: Place = (body.east, body.north, body.up)
         self.rally: tuple[Place, ...] = ()
         self.rally_unknown: frozenset[Place] = frozenset()
-        """Rally points in a frame that a return does not know."""
+        """Rally points in a frame that a return does not support."""
         self.target: Place | None = None
         self.stream: Setpoint | None = None
         self.hold: Place = self.home
@@ -82,7 +82,7 @@ class Motion:
 
     @property
     def tuning(self) -> Tuning:
-        """What the parameters say now."""
+        """The parameters at present."""
         if self._tuned_version != self.parameters.version:
             self._tuned_version = self.parameters.version
             self._tuning = self.tune(self.parameters)
@@ -90,34 +90,34 @@ class Motion:
 
     @property
     def airborne(self) -> bool:
-        """Off the ground, as the autopilot sees it."""
+        """Whether it is off the ground by its own estimate."""
         return self.phase not in _STANDING
 
     @property
     def by_hand(self) -> bool:
-        """A pilot's radio control is on; its sticks are centred."""
+        """Whether the pilot's radio control is on; its sticks are centred."""
         return self._airframe.stick and not self.radio_lost
 
     @property
     def yaw_goal(self) -> float:
-        """The bearing that the nose is to have."""
+        """The commanded bearing of the nose."""
         goal = self._control.yaw_target
         return self.body.heading if goal is None else goal
 
     @property
     def turned(self) -> bool:
-        """The nose has its bearing, within 2 degrees."""
+        """Whether the nose is within 2 degrees of its bearing."""
         return abs(math.remainder(self.yaw_goal - self.body.heading, math.tau)) < math.radians(2.0)
 
     def distance_to(self, place: Place) -> float:
-        """Metres between the estimate and a place."""
+        """Return the metres between the estimate and a place."""
         now = self.estimate
         return math.dist((now.east, now.north, now.up), place)
 
     # --- what can be flown ----------------------------------------------------------------------
 
     def climb_to(self, up_m: float) -> None:
-        """Take off, or climb from where it is, to a height over the plane."""
+        """Take off, or climb from the present position, to a height over the plane."""
         if self.airborne:
             east, north, up = self._stopping_point()
             self.hold = (east, north, max(up_m, up))
@@ -128,7 +128,7 @@ class Motion:
             self._enter(_SPOOL)
 
     def fly_to(self, place: Place, yaw_rad: float | None = None) -> None:
-        """Fly there and stay, in the air; far places turn the nose."""
+        """Fly to a place and stay; the nose turns to a far one."""
         east, north = place[0] - self.estimate.east, place[1] - self.estimate.north
         if yaw_rad is not None:
             self._control.yaw_target = yaw_rad
@@ -140,7 +140,7 @@ class Motion:
             self._enter(_FLY)
 
     def follow(self, setpoint: Setpoint, until_s: float, yaw_rad: float | None = None) -> None:
-        """Fly a setpoint of a stream, in the air; after `until_s` without a further one stop."""
+        """Fly a setpoint of a stream; stop after `until_s` without another one."""
         if yaw_rad is not None:
             self._control.yaw_target = yaw_rad
         v_east, v_north, v_up = setpoint.velocity
@@ -155,7 +155,7 @@ class Motion:
             self._enter(_FLY)
 
     def stop_stream(self) -> None:
-        """Whatever is flown now, it is no stream."""
+        """End the stream of setpoints."""
         if self.stream is not None:
             self.stream = None
             self._follower.stop()
@@ -168,12 +168,12 @@ class Motion:
         self._enter(_FLY)
 
     def _replan(self) -> None:
-        """The position has leapt: go on from where it is now."""
+        """Go on from here: the position has leapt."""
         self._shaper.active = False
         self._follower.stop()
 
     def land(self) -> None:
-        """Come down on the place that is held."""
+        """Descend on the hold position."""
         self.target = None
         if self.airborne:
             self._enter(_DESCEND)
@@ -203,7 +203,7 @@ class Motion:
     # --- inside ---------------------------------------------------------------------------------
 
     def _nearest_return(self) -> Place:
-        """Home, or the rally point that is nearest."""
+        """Return home, or the nearest rally point."""
         now, limit_m = self.estimate, self.tuning.rally_within_m
 
         def away(place: Place) -> float:
@@ -215,7 +215,7 @@ class Motion:
         return min(near, key=away)
 
     def _pass_phases(self, dt_s: float) -> bool:
-        """Phases that follow one another by themselves; False while the motors only idle."""
+        """Pass to the phases that follow by themselves; return False while the motors idle."""
         if self.phase is _SPOOL:
             if self.t_s - self._since_s < _SPOOL_S:
                 return False
@@ -258,7 +258,7 @@ class Motion:
             self._enter(_DESCEND)
 
     def _fly(self, dt_s: float, *, position: bool) -> Command:
-        """Thrust and turn rate; without a position only level, wherever the wind takes it."""
+        """Return thrust and turn rate; without a position it keeps level and drifts in the wind."""
         if self._limits_version != self.parameters.version:
             self._refresh_limits()
         now, limits, hold = self.estimate, self._limits, self.hold

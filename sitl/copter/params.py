@@ -1,5 +1,7 @@
-"""The parameters of the simulated ArduCopter: those that change what it does or that clients
-ask for, with the names, defaults and types of ArduCopter 4.6."""
+"""The parameters of the simulated ArduCopter, with the names, defaults and types of 4.6.
+
+Only those that change what it does or that clients ask for.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ from sitl.copter.control import Limits, Tuning, sqrt_controller
 class Parameter:
     """Name, default and MAV_PARAM_TYPE (2 INT8, 4 INT16, 6 INT32, 9 REAL32).
 
-    A `fixed` one is the autopilot's own: asked to change it, it answers with what it has.
+    A `fixed` one cannot be changed: the autopilot answers with its value.
     """
 
     name: str
@@ -119,14 +121,7 @@ _LARGEST = 3.4028234e38  # of a REAL32
 
 
 class Parameters:
-    """Values by name and by index, in the order of `table`, which is ArduCopter's.
-
-    >>> parameters = Parameters()
-    >>> parameters.set("RTL_ALT", 2000.7)
-    True
-    >>> parameters["RTL_ALT"]
-    2000.0
-    """
+    """Values by name and by index, in the order of `table`."""
 
     def __init__(self, table: tuple[Parameter, ...] = TABLE) -> None:
         self.table = table
@@ -149,7 +144,7 @@ class Parameters:
     def set(self, name: str, value: float) -> bool:
         """Set as ArduPilot does: no range check, fractions of integers cut.
 
-        False, and nothing changed, for an unknown name or a value that is not a finite number.
+        Returns False, and changes nothing, for an unknown name or a value that is not finite.
         """
         parameter = self.by_name.get(name)
         if parameter is None or not math.isfinite(value):
@@ -161,12 +156,7 @@ class Parameters:
         return True
 
     def set_up(self, values: Iterable[tuple[str, float]]) -> None:
-        """What the owner of the vehicle has set. Raises `ValueError` for what cannot be set.
-
-        >>> Parameters().set_up([("RTL_ALTT", 2000.0)])
-        Traceback (most recent call last):
-        ValueError: parameters: the autopilot has no 'RTL_ALTT' that can be set; near: RTL_ALT
-        """
+        """Set what the owner of the vehicle has set; raises `ValueError` for what cannot be set."""
         for name, value in values:
             if name not in self or self.by_name[name].fixed:
                 names = [parameter.name for parameter in self.table if not parameter.fixed]
@@ -178,11 +168,11 @@ class Parameters:
             self.set(name, value)
 
     def preset(self, name: str, value: float) -> None:
-        """The autopilot's own knowledge, at the start: nobody is told."""
+        """Set a value at the start, without a message to clients."""
         self._keep(self.by_name[name], value)
 
     def change(self, name: str, value: float) -> None:
-        """A change that no client has asked for: told with the index 65535."""
+        """Change a value that no client has set; it is sent with the index 65535."""
         before = self._values[name]
         self._keep(self.by_name[name], value)
         if self._values[name] != before and name not in self.untold:
@@ -198,7 +188,7 @@ class Parameters:
         self.version += 1
 
     def positive(self, name: str, low: float, high: float) -> float:
-        """A value held to a range in which flying is possible."""
+        """Return a value limited to a range in which flying is possible."""
         return max(low, min(high, self._values[name]))
 
 
@@ -206,7 +196,7 @@ _LOWEST_RETURN_M = 2.0
 
 
 def copter_tuning(parameters: Parameters) -> Tuning:
-    """ArduCopter's.
+    """Return ArduCopter's tuning.
 
     >>> tuning = copter_tuning(Parameters())
     >>> tuning.return_height_m(100.0, 12.0), tuning.return_height_m(4.5, 12.0)
@@ -241,7 +231,7 @@ def copter_tuning(parameters: Parameters) -> Tuning:
 
 
 def _return_height(parameters: Parameters, away_m: float, height_m: float) -> float:
-    """RTL_ALT, less inside a cone over home, and at least RTL_CLIMB_MIN higher than it is."""
+    """Return RTL_ALT, less inside a cone over home, at least RTL_CLIMB_MIN above the height."""
     wanted = parameters["RTL_ALT"] / 100.0
     slope = parameters["RTL_CONE_SLOPE"]
     if slope > 0.0:
@@ -250,7 +240,7 @@ def _return_height(parameters: Parameters, away_m: float, height_m: float) -> fl
 
 
 def _landing_speed(parameters: Parameters, limits: Limits, height_m: float) -> float:
-    """Slow below LAND_ALT_LOW, braking towards it above."""
+    """Return the descent rate: slow below LAND_ALT_LOW, braking towards it above."""
     slow = parameters.positive("LAND_SPEED", 30, 200) / 100.0
     above_m = height_m - parameters["LAND_ALT_LOW"] / 100.0
     if above_m <= 0.0:

@@ -1,7 +1,7 @@
-"""A mission being flown: AUTO's items, one navigation item at a time, the rest on the way.
+"""A mission in flight: one navigation item at a time.
 
-After a navigation item has been reached, the items behind it are done while the next one is being
-flown to; a condition holds back what comes behind it.
+The items behind a reached navigation item are done on the way to the next one; a condition delays
+those behind it.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ class Progress(IntEnum):
 
 
 class Route:
-    """The mission `plan` and how far it has been flown.
+    """The mission `plan` and its progress.
 
-    Items before `first` are not flown: an ArduPilot's item 0 is home.
-    `locate` puts an item into the world's plane, `camera` takes the parameters of
-    IMAGE_START_CAPTURE (interval, count) or None to stop.
+    Items before `first` are not flown: an ArduPilot's item 0 is home. `locate` puts an item into
+    the world's plane; `camera` takes the interval and count of IMAGE_START_CAPTURE, or None to
+    stop.
     """
 
     def __init__(self, plan: list[Item], first: int = 1) -> None:
@@ -63,12 +63,12 @@ class Route:
 
     @property
     def total(self) -> int:
-        """Items that are flown."""
+        """Count of items that are flown."""
         return max(0, len(self.plan) - self.first)
 
     @property
     def begins_with_takeoff(self) -> bool:
-        """The navigation item that would be flown next is a take-off."""
+        """Whether the next navigation item is a take-off."""
         start = self.current if self.progress == Progress.PAUSED else self.first
         ahead = self.plan[max(self.first, start) :]
         following = (item.command for item in ahead if item.command in NAVIGATION)
@@ -77,7 +77,7 @@ class Route:
     # --- what can be asked for ------------------------------------------------------------------
 
     def jump_to(self, seq: int, pilot: Aircraft) -> bool:
-        """MISSION_SET_CURRENT; False when there is no such item. Home stands for the first."""
+        """Execute MISSION_SET_CURRENT; home stands for the first item. False: no such item."""
         if not 0 <= seq < len(self.plan):
             return False
         seq = max(self.first, seq)
@@ -91,7 +91,7 @@ class Route:
         return True
 
     def begin(self, pilot: Aircraft) -> None:
-        """Start, or go on with the item that was being flown."""
+        """Start, or resume the item that was flown."""
         fresh = self.progress != Progress.PAUSED or pilot.tuning.mission_restarts
         if fresh:
             self.reset()
@@ -99,7 +99,7 @@ class Route:
         self._search(self.first if fresh else max(self.first, self.current), pilot)
 
     def pause(self, pilot: Aircraft) -> bool:
-        """DO_PAUSE_CONTINUE: stay where it is, in AUTO; False when nothing is being flown."""
+        """Hold position (DO_PAUSE_CONTINUE); return False if no item is being flown."""
         if self.progress != Progress.ACTIVE or not pilot.airborne:
             return False
         self.progress = Progress.PAUSED
@@ -107,7 +107,7 @@ class Route:
         return True
 
     def proceed(self, pilot: Aircraft) -> bool:
-        """Go on after a pause; False when there is none."""
+        """Resume after a pause; return False if there is none."""
         if self.progress != Progress.PAUSED:
             return False
         self.progress = Progress.ACTIVE
@@ -115,13 +115,13 @@ class Route:
         return True
 
     def stop(self) -> None:
-        """Another mode flies."""
+        """Pause: another mode flies."""
         self._every_m = 0.0
         if self.progress == Progress.ACTIVE:
             self.progress = Progress.PAUSED
 
     def reset(self) -> None:
-        """From the beginning next time."""
+        """Begin with the first item next time."""
         self.current = 0
         self._jumps.clear()
         self._pending.clear()
@@ -131,7 +131,7 @@ class Route:
             self.progress = Progress.NOT_STARTED
 
     def plan_changed(self) -> None:
-        """The plan was replaced, perhaps while it is flown: what is being flown goes on."""
+        """Note that the plan was replaced; a mission in flight goes on."""
         if self.progress == Progress.ACTIVE:
             return
         self.progress = Progress.NOT_STARTED
@@ -140,7 +140,7 @@ class Route:
     # --- time -----------------------------------------------------------------------------------
 
     def step(self, pilot: Aircraft) -> None:
-        """Look whether the present item is done; begin what follows."""
+        """Advance to the next item once the present one is done."""
         if self.progress != Progress.ACTIVE:
             return
         self._do_pending(pilot)
@@ -154,7 +154,7 @@ class Route:
             self._search(self.current + 1, pilot)
 
     def _search(self, index: int, pilot: Aircraft) -> None:
-        """The next navigation item from `index` on; what lies between is to be done."""
+        """Start the next navigation item from `index` on; note the items before it."""
         self._pending.clear()
         self._held_since = None
         self._item = None
@@ -207,7 +207,7 @@ class Route:
                 pilot.fly_to(self._goal)
 
     def _place(self, item: Item, pilot: Aircraft) -> Place:
-        """Where an item lies. Latitude and longitude 0 are here; landing keeps the height."""
+        """Return where an item lies: 0, 0 is here, and landing keeps the height."""
         place = self.locate(item)
         east, north, up = pilot.hold
         if place is None or (item.here and item.z == 0.0):

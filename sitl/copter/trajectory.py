@@ -1,14 +1,12 @@
 """How an autopilot flies to a place, and along a stream of setpoints.
 
-A path to a place is limited in jerk: the shaped point runs ahead as the limits allow; the vehicle
-follows it, and may for a while be faster than the limit while it makes up for its lag, as the real
-one is.
+A path to a place is limited in jerk: a shaped point runs ahead within the limits, and the vehicle
+follows it. While it makes up for its lag it may exceed the limit, as the real one does.
 
-A setpoint of a stream has a place and a velocity, or a velocity alone. ArduCopter shapes what it is
-given with limits on acceleration and jerk: it answers a velocity accel / jerk (0.5 s by default)
-late, and draws to a place with half of that rate. So it follows a stream on a curve without a lag
-when the velocity is sent 0.5 s ahead of the place. PX4 flies a setpoint as it is, some time after
-it was sent.
+A setpoint has a place and a velocity, or a velocity alone. ArduCopter shapes it with limits on
+acceleration and jerk: it follows a velocity accel / jerk (0.5 s by default) late, and approaches a
+place at half of that rate. It follows a curve without a lag if the velocity is sent 0.5 s ahead of
+the place. PX4 flies a setpoint as it is, some time after it was sent.
 """
 
 from __future__ import annotations
@@ -30,7 +28,7 @@ MOST_JERK_M_S3 = 20.0
 
 
 def shaping_jerk(parameter: float) -> float:
-    """PSC_JERK_XY, held to a range in which flying is possible."""
+    """Return PSC_JERK_XY, limited to a range in which flying is possible."""
     return max(1.0, min(MOST_JERK_M_S3, parameter))
 
 
@@ -39,7 +37,7 @@ SpeedLaw = Callable[[float, float, float], float]
 
 
 def copter_speed(distance_m: float, accel_m_s2: float, jerk_m_s3: float) -> float:
-    """ArduCopter's.
+    """Return ArduCopter's speed.
 
     >>> round(copter_speed(4.0, 2.5, 5.0), 2)
     3.21
@@ -49,10 +47,9 @@ def copter_speed(distance_m: float, accel_m_s2: float, jerk_m_s3: float) -> floa
 
 
 def px4_speed(distance_m: float, accel_m_s2: float, jerk_m_s3: float) -> float:
-    """PX4's: from which it stops with the acceleration ramped up and down again.
+    """Return PX4's speed, from which it stops with the acceleration ramped up and down again.
 
-    Near the target it is proportional to the distance, with jerk / (2 accel) a second, so the last
-    metre takes long.
+    Near the target it is proportional to the distance, jerk / (2 accel) a second.
 
     >>> round(px4_speed(4.0, 3.0, 4.0), 2), round(px4_speed(0.5, 3.0, 4.0), 2)
     (2.15, 0.32)
@@ -62,7 +59,7 @@ def px4_speed(distance_m: float, accel_m_s2: float, jerk_m_s3: float) -> float:
 
 
 class Shaper:
-    """Place, velocity and acceleration of the point that is followed, metres and seconds."""
+    """Place, velocity and acceleration of the shaped point, metres and seconds."""
 
     def __init__(self, law: SpeedLaw = copter_speed) -> None:
         self._law = law
@@ -77,7 +74,7 @@ class Shaper:
         jerk_m_s3: float,
         dt_s: float,
     ) -> tuple[float, float]:
-        """Wanted velocity (east, north) of the vehicle; `active` tells whether it goes on."""
+        """Return the vehicle's wanted velocity (east, north); `active`: the path goes on."""
         if not self.active:
             self.active = True
             self._place, self._velocity = (now.east, now.north), (now.v_east, now.v_north)
@@ -108,7 +105,7 @@ class Shaper:
         )
 
     def stopping_point(self, limits: Limits, jerk_m_s3: float) -> tuple[float, float]:
-        """Where (east, north) the path can come to rest without coming back."""
+        """Return where (east, north) the path can come to rest without coming back."""
         a_east, a_north = self._acceleration
         # what is still gained until the acceleration is taken back
         gain_s = math.hypot(a_east, a_north) / (2.0 * jerk_m_s3)
@@ -134,10 +131,7 @@ class Setpoint(NamedTuple):
 def _cornered(
     along: tuple[float, float], accel: tuple[float, float], most: float
 ) -> tuple[float, float]:
-    """An acceleration of at most `most`: of speeding up and turning, turning comes first.
-
-    Of braking and turning, braking does.
-    """
+    """Limit an acceleration: turning comes before speeding up, braking before turning."""
     length = math.hypot(*accel)
     speed = math.hypot(*along)
     if length <= most or speed < 1e-6:
@@ -156,9 +150,9 @@ def _cornered(
 
 
 class ShapedFollower:
-    """ArduCopter's: place, velocity and acceleration of the point that is followed.
+    """ArduCopter's: place, velocity and acceleration of the shaped point.
 
-    After `wind_tau_s` the loop below makes up for what the air does.
+    After `wind_tau_s` the loop below compensates the force of the air.
     """
 
     # A real one at 6 m/s, at 6 m/s in a wind of 3.6, and at 10 m/s is within 0.54, 0.60 and 0.94 m
@@ -172,18 +166,18 @@ class ShapedFollower:
         self._target = (0.0, 0.0)
 
     def hear(self, setpoint: Setpoint, now_s: float) -> None:
-        """From here its place moves on with its velocity."""
+        """Take a setpoint, whose place moves on with its velocity."""
         if setpoint.place is not None:
             self._target = setpoint.place[:2]
 
     def stop(self) -> None:
-        """It begins anew where the vehicle will be then."""
+        """End the stream; the next begins where the vehicle is then."""
         self._active = False
 
     def velocity(
         self, setpoint: Setpoint, now: Estimate, limits: Limits, now_s: float, dt_s: float
     ) -> tuple[float, float]:
-        """Of the point, and towards it."""
+        """Return the velocity of the point, and towards it."""
         jerk_m_s3 = self._jerk_m_s3()
         if not self._active:
             self._active = True
@@ -223,9 +217,9 @@ class ShapedFollower:
 
 
 class DelayedFollower:
-    """PX4's: each setpoint as it is, some time after it came; its place moves on meanwhile.
+    """PX4's: each setpoint as it is, delayed; its place moves on meanwhile.
 
-    At the beginning of a stream that is `first_s`, in the end `delay_s`.
+    The delay is `first_s` at the beginning of a stream and approaches `delay_s`.
     """
 
     wind_tau_s = WIND_TAU_S
@@ -237,7 +231,7 @@ class DelayedFollower:
         self._flown: tuple[float, Setpoint] | None = None
 
     def hear(self, setpoint: Setpoint, now_s: float) -> None:
-        """It counts in a while; the first of a stream at once."""
+        """Take a setpoint, delayed; the first of a stream counts at once."""
         if self._flown is None:
             self._flown, self._begun_s = (now_s, setpoint), now_s
         more = math.exp(-(now_s - self._begun_s) / _SETTLES_S)
@@ -245,14 +239,14 @@ class DelayedFollower:
         self._coming.append((now_s + delay_s, setpoint))
 
     def stop(self) -> None:
-        """What is under way counts no more."""
+        """End the stream, and drop the delayed setpoints."""
         self._coming.clear()
         self._flown = None
 
     def velocity(
         self, setpoint: Setpoint, now: Estimate, limits: Limits, now_s: float, dt_s: float
     ) -> tuple[float, float]:
-        """Of the setpoint that counts by now, and towards its place."""
+        """Return the velocity of the present setpoint, and towards its place."""
         now_s -= dt_s  # the estimate is that before this step
         while self._coming and self._coming[0][0] <= now_s:
             self._flown = self._coming.popleft()

@@ -1,10 +1,9 @@
-"""Missions, fences and rally points over the link: MAVLink's mission protocol, vehicle's side.
+"""The vehicle's side of MAVLink's mission protocol: missions, fences and rally points.
 
-A pure state machine: messages and the time in, messages out. The vehicle drives an upload: it
-asks for each item, again after a second, and gives up when nothing has come for eight. What has
-come of a mission until then stays: a stalled upload leaves a truncated mission behind, as on the
-real one. A fence takes effect only when it is complete. (This is ArduPilot's way; what PX4 does
-otherwise are arguments of `Transfer`.)
+A pure state machine of messages and time. The vehicle drives an upload: it requests each item,
+again after a second, and gives up after eight without one. A stalled upload leaves a truncated
+mission behind, as on the real vehicle; a fence takes effect only when it is complete. This is
+ArduPilot's behaviour; PX4's differences are arguments of `Transfer`.
 """
 
 from __future__ import annotations
@@ -48,16 +47,18 @@ class _Upload:
 
 @dataclass(kw_only=True)
 class Transfer:
-    """Answers the messages of the mission protocol, and asks for what is missing.
+    """Answers the messages of the mission protocol, and requests missing items.
 
-    `home` gives the present home as an item, `running` whether the mission is being flown,
-    `changed` is told the kind of a list that has changed, `say` a severity and a text.
-    `ask_int` asks with MISSION_REQUEST_INT instead of MISSION_REQUEST. Without a `home` item 0 is
-    an item as any other; `whole`: a list takes effect only when it is complete, as fences always.
-    `int_frames`: a MISSION_ITEM_INT has the frame of that kind, 5 for 0 and 6 for 3, whatever was
-    sent. `answers_copies`: a second copy of an item is answered by INVALID_SEQUENCE, and the
-    upload goes on.
-    `check` gives the MAV_MISSION_RESULT for an item of a list.
+    Attributes:
+        home: Returns home as an item; without it item 0 is an item as any other.
+        running: Whether the mission is being flown.
+        changed: Receives the kind of a list that has changed.
+        say: Receives severity and text.
+        ask_int: Request with MISSION_REQUEST_INT instead of MISSION_REQUEST.
+        whole: A list takes effect only when it is complete, as fences always do.
+        int_frames: A MISSION_ITEM_INT has the frame of that kind, 5 for 0 and 6 for 3.
+        answers_copies: A second copy of an item is answered by INVALID_SEQUENCE.
+        check: Returns the MAV_MISSION_RESULT for an item of a list.
     """
 
     plans: Plans
@@ -91,7 +92,7 @@ class Transfer:
         self.handled = tuple(self._handlers)
 
     def receive(self, message: Message, now_s: float) -> list[Message]:
-        """A message of the protocol that is for this vehicle; the answers."""
+        """Return the answers to a message of the protocol for this vehicle."""
         known = message.mission_type in self.plans
         if not known and not (
             message.mission_type == ALL and message.get_type() == "MISSION_CLEAR_ALL"
@@ -100,7 +101,7 @@ class Transfer:
         return self._handlers[message.get_type()](message, now_s)
 
     def step(self, now_s: float) -> list[Message]:
-        """Ask again for a missing item, or give up."""
+        """Request a missing item again, or give up."""
         upload = self._upload
         if upload is None:
             return []
@@ -137,10 +138,10 @@ class Transfer:
         return [self._ask(upload, now_s)]
 
     def _repeated(self, m: Message, upload: _Upload, now_s: float) -> bool:
-        """Whether a count is a second copy of the one that began an upload.
+        """Return whether a count is a second copy of the one that began an upload.
 
-        A client whose items have just come does not begin again: that would lose them. After a
-        silence it may, and with other items; what has come is not mixed with those.
+        It does not begin the upload again, which would lose the items that have come. After a
+        silence it does, perhaps with other items.
         """
         same = (m.mission_type, m.count) == (upload.kind, upload.count)
         return same and now_s - upload.heard_s < self.retry_s
@@ -185,13 +186,13 @@ class Transfer:
         return [_ack(m, result)]
 
     def _break_off(self, upload: _Upload) -> None:
-        """What has come of a mission or of rally points stays."""
+        """End an upload; what has come of a mission or of rally points stays."""
         self._upload = None
         if upload.kind in self._at_once:
             self.changed(upload.kind)
 
     def _keep(self, upload: _Upload) -> int:
-        """The upload is complete."""
+        """Keep a complete upload."""
         result = check_fence(upload.received) if upload.kind == FENCE else OK
         if result == OK:
             self.plans[upload.kind][:] = upload.received
@@ -235,7 +236,7 @@ class Transfer:
         return [_ack(m, OK)]
 
     def _partial(self, m: Message, _now_s: float) -> list[Message]:
-        """Refused: part of a mission cannot be replaced."""
+        """Refuse to replace a part of a mission."""
         return [_ack(m, int(mav.MAV_MISSION_UNSUPPORTED))]
 
 

@@ -1,1 +1,1 @@
-"""What goes wrong on demand: kinds of faults, schedules, injection over MAVLink."""
+"""Faults on demand: kinds, schedules, injection over MAVLink."""

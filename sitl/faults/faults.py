@@ -1,13 +1,13 @@
-"""Faults on demand: what goes wrong with a vehicle, and when.
+"""Faults of a vehicle on demand.
 
     vehicle.fail.gps(after_s=30.0, for_s=20.0)     # in half a minute of vehicle time
     vehicle.fail.link(loss=0.2, jitter_s=0.1)      # from now on
-    vehicle.fail.clear("link")                     # mended
+    vehicle.fail.clear("link")                     # ended
 
 Each method schedules one fault of the kind of its name: it begins `after_s` from now and lasts
-`for_s` (None: until cleared), in the vehicle's time. Faults of one kind that overlap add up, or
-the worst of them counts. The same kinds are set off by MAV_CMD_INJECT_FAILURE and by SIM_*
-parameters (`sitl.faults.injection`) and by `[[sim.faults]]` of a mission file.
+`for_s` (None: until cleared), in vehicle time. Faults of one kind that overlap add up, or the worst
+of them counts. MAV_CMD_INJECT_FAILURE, SIM_* parameters (`sitl.faults.injection`) and
+`[[sim.faults]]` of a mission file begin the same kinds.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ Way: TypeAlias = Literal["both", "up", "down"]
 
 @dataclass(frozen=True, slots=True)
 class LinkQuality:
-    """What happens to the frames of one direction.
+    """Quality of one direction of a link.
 
-    `loss`, `duplicate`, `reorder`, `corrupt` are probabilities for each frame. Frames come
-    `delay_s` late, and up to `jitter_s` more, in order; a reordered one is held back until others
-    have passed it. `silent`: nothing comes at all, nor what was under way.
+    `loss`, `duplicate`, `reorder`, `corrupt` are probabilities for each frame. Frames arrive in
+    order, `delay_s` late and up to `jitter_s` more; a reordered one waits until others have passed
+    it. `silent`: no frame arrives, nor those on the way.
     """
 
     loss: float = 0.0
@@ -55,11 +55,7 @@ class LinkQuality:
             raise ValueError(f"delay_s and jitter_s are 0 to 3600: {self}")
 
     def worse(self, other: LinkQuality) -> LinkQuality:
-        """Both at once: the larger of each.
-
-        >>> LinkQuality(loss=0.2).worse(LinkQuality(loss=0.1, delay_s=0.5)).loss
-        0.2
-        """
+        """Return the larger of each number."""
         return LinkQuality(*map(max, astuple(self), astuple(other)))
 
 
@@ -70,8 +66,8 @@ CLEAN = LinkQuality()
 class Fault:
     """One fault: from `begin_s` to before `end_s`, vehicle time.
 
-    `numbers` are the kind's own: metres, m/s, volts, radians. `source` names a parameter that
-    holds the fault, which replaces what it held before.
+    `numbers` are the kind's own: metres, m/s, volts, radians. `source` names the parameter that
+    holds the fault.
     """
 
     kind: Kind
@@ -83,20 +79,20 @@ class Fault:
 
 
 def towards(size: float, bearing_deg: float) -> tuple[float, float]:
-    """East and north of a length towards a true bearing."""
+    """Return east and north of a length towards a true bearing."""
     bearing = math.radians(finite(bearing_deg))
     return size * math.sin(bearing), size * math.cos(bearing)
 
 
 def finite(value: float) -> float:
-    """The number, if it is one."""
+    """Return a finite number; raises `ValueError` for another."""
     if not math.isfinite(value):
         raise ValueError(f"not a number to fly with: {value}")
     return value
 
 
 def kinds_of(kind: str) -> tuple[str, ...]:
-    """What a name stands for: "link" is both ways."""
+    """Return the kinds of a name: "link" is both directions."""
     if kind == "link":
         return "link_up", "link_down"
     if kind not in get_args(Kind):
@@ -114,22 +110,22 @@ class Faults:
     def __init__(self) -> None:
         self.t_s = 0.0
         self.up = CLEAN
-        """What happens to frames from the clients."""
+        """Of the frames from the clients."""
         self.down = CLEAN
-        """What happens to frames to the clients."""
+        """Of the frames to the clients."""
         self.gust_m_s = (0.0, 0.0)
         """Wind besides the world's: towards east, towards north."""
         self.camera_stalled = False
         self.picture: Literal["", "black", "corrupt"] = ""
-        """What becomes of a picture taken now."""
+        """Damage of a picture taken now."""
         self.rc_lost = False
-        """The radio control's signal is gone."""
+        """The signal of the radio control is lost."""
         self.reboots = 0
-        """How often the companion's connections have been cut."""
+        """Count of cuts of the companion's connections."""
         # a test may set faults while another thread serves the vehicle
         self._lock = threading.RLock()
         self.scheduled: list[Fault] = []
-        """The faults that are on or to come."""
+        """The active faults and those to come."""
         self._active: list[Fault] = []
         self._rejections: dict[int, int] = {}
         self._cells_to_fail = 0
@@ -139,7 +135,7 @@ class Faults:
     # --- what can go wrong -----------------------------------------------------------------------
 
     def gps(self, after_s: float = 0.0, for_s: float | None = None) -> None:
-        """Satellite navigation is lost: the estimate wanders off, or drifts with optical flow."""
+        """Lose satellite navigation: the estimate wanders off, or drifts with optical flow."""
         self._add("gps", after_s, for_s)
 
     def gps_glitch(
@@ -149,7 +145,7 @@ class Faults:
         after_s: float = 0.0,
         for_s: float | None = None,
     ) -> None:
-        """Positions are wrong by `metres` towards a true bearing."""
+        """Shift positions by `metres` towards a true bearing."""
         self._add("gps_glitch", after_s, for_s, *towards(finite(metres), toward_deg))
 
     def gps_drift(
@@ -159,19 +155,19 @@ class Faults:
         after_s: float = 0.0,
         for_s: float | None = None,
     ) -> None:
-        """Positions move away by `m_s` towards a true bearing (spoofing)."""
+        """Move positions away by `m_s` towards a true bearing (spoofing)."""
         self._add("gps_drift", after_s, for_s, *towards(finite(m_s), toward_deg))
 
     def battery_sag(self, volts: float, after_s: float = 0.0, for_s: float | None = None) -> None:
-        """The voltage is lower by `volts`, until a swap at most; the charge stays."""
+        """Lower the voltage by `volts`, until a swap at most; the charge stays."""
         self._add("battery_sag", after_s, for_s, finite(volts))
 
     def battery_cell(self, after_s: float = 0.0) -> None:
-        """A cell of this pack fails: its voltage and its charge are gone until a swap."""
+        """Lose a cell of this pack, its voltage and its charge, until a swap."""
         self._add("battery_cell", after_s, 0.0)
 
     def compass(self, deg: float, after_s: float = 0.0, for_s: float | None = None) -> None:
-        """The heading reads `deg` too much, clockwise, and the vehicle flies by it."""
+        """Turn the compass by `deg` clockwise; the vehicle flies by it."""
         self._add("compass", after_s, for_s, math.radians(finite(deg)))
 
     def wind_gust(
@@ -181,35 +177,35 @@ class Faults:
         from_deg: float = 0.0,
         after_s: float = 0.0,
     ) -> None:
-        """More wind, `m_s` from a true bearing."""
+        """Add wind, `m_s` from a true bearing."""
         self._add("wind_gust", after_s, for_s, *towards(finite(m_s), from_deg + 180.0))
 
     def motor(self, share: float = 0.0, after_s: float = 0.0, for_s: float | None = None) -> None:
-        """A motor gives only `share` of its thrust: with less than half the vehicle is lost."""
+        """Reduce a motor to `share` of its thrust: with less than half the vehicle is lost."""
         if not 0.0 <= share <= 1.0:
             raise ValueError(f"share is 0 to 1: {share}")
         self._add("motor", after_s, for_s, share)
 
     def camera_stall(self, after_s: float = 0.0, for_s: float | None = None) -> None:
-        """The camera accepts commands and takes no pictures."""
+        """Let the camera accept commands and take no pictures."""
         self._add("camera_stall", after_s, for_s)
 
     def camera_black(self, after_s: float = 0.0, for_s: float | None = None) -> None:
-        """Pictures taken are black."""
+        """Take black pictures."""
         self._add("camera_black", after_s, for_s)
 
     def camera_corrupt(self, after_s: float = 0.0, for_s: float | None = None) -> None:
-        """The files of pictures taken are broken."""
+        """Break the files of pictures."""
         self._add("camera_corrupt", after_s, for_s)
 
     def rc(self, after_s: float = 0.0, for_s: float | None = None) -> None:
-        """The radio control falls silent."""
+        """Lose the radio control."""
         self._add("rc", after_s, for_s)
 
     def reject(
         self, command: int, result: int = 4, after_s: float = 0.0, for_s: float | None = None
     ) -> None:
-        """A MAV_CMD is answered with a MAV_RESULT (4: FAILED) and not carried out."""
+        """Answer a MAV_CMD with a MAV_RESULT (4: FAILED) instead of executing it."""
         self._add("reject", after_s, for_s, float(command), float(result))
 
     def link(
@@ -225,7 +221,7 @@ class Faults:
         after_s: float = 0.0,
         for_s: float | None = None,
     ) -> None:
-        """Every client's link is bad: `LinkQuality` has what each number does.
+        """Degrade every client's link by the numbers of `LinkQuality`.
 
         `way`: "up" is towards the vehicle, "down" towards the client.
         """
@@ -238,9 +234,9 @@ class Faults:
             self._add("link_down", after_s, for_s, quality=quality)
 
     def companion_reboot(self, after_s: float = 0.0, for_s: float = 20.0) -> None:
-        """The companion's end restarts: connections are cut, and nothing is heard for a while.
+        """Restart the companion's end: cut its connections, and silence its links for a while.
 
-        What the vehicle has been told (rates, mission, key) it keeps.
+        The vehicle keeps what it has received (rates, mission, key).
         """
         silent = LinkQuality(silent=True)
         self._add("companion_reboot", after_s, 0.0)
@@ -250,14 +246,14 @@ class Faults:
     # --- mending and looking ---------------------------------------------------------------------
 
     def clear(self, *kinds: str) -> None:
-        """End the faults of these kinds ("link" is both ways), scheduled ones too; none: all."""
+        """End active and scheduled faults of these kinds, by default of all."""
         wanted = {way for kind in kinds for way in kinds_of(kind)}
         with self._lock:
             self.scheduled = [f for f in self.scheduled if wanted and f.kind not in wanted]
             self._refresh()
 
     def swap_battery(self) -> None:
-        """What was wrong with the pack is wrong no more."""
+        """End the faults of the pack."""
         with self._lock:
             self.scheduled = [
                 f for f in self.scheduled if f.kind != "battery_sag" or f.begin_s > self.t_s
@@ -267,7 +263,7 @@ class Faults:
     def hold(
         self, source: str, kind: Kind, numbers: tuple[float, ...] = (), on: bool = True
     ) -> None:
-        """A fault that `source` (a parameter) sets and takes back; it replaces its last one."""
+        """Set, or end, the fault of a `source` (a parameter), which holds one at a time."""
         with self._lock:
             self.scheduled = [f for f in self.scheduled if f.source != source]
             if on:
@@ -275,21 +271,21 @@ class Faults:
             self._refresh()
 
     def held(self, source: str) -> tuple[float, ...] | None:
-        """The numbers of the fault that a source holds, None when it holds none."""
+        """Return the numbers of the fault that a source holds, None when it holds none."""
         return next((f.numbers for f in self.scheduled if f.source == source), None)
 
     def active(self, kind: Kind) -> Iterator[Fault]:
-        """The faults of a kind that are on now."""
+        """Return the active faults of a kind."""
         return (f for f in self._active if f.kind == kind)
 
     def rejection(self, command: int) -> int | None:
-        """The result that a command is answered with whatever it asks; None: carry it out."""
+        """Return the result that a fault answers to a command; None: execute it."""
         return self._rejections.get(command) if self._rejections else None
 
     # --- time ------------------------------------------------------------------------------------
 
     def step(self, t_s: float, error: PositionError, battery: Battery, body: Body) -> None:
-        """The time is `t_s`: begin and end what is due, and act on the device."""
+        """Begin and end the faults that are due at `t_s`, and act on the device."""
         self.t_s = t_s
         if t_s + _SOON_S < self._next_s and not self._changed:
             return
@@ -319,7 +315,7 @@ class Faults:
             self._refresh()
 
     def _refresh(self) -> None:
-        """Sort out what is on now, and when that changes next."""
+        """Find the active faults, and when they change next."""
         now_s = self.t_s + _SOON_S
         begun = [f for f in self.scheduled if f.begin_s <= now_s]
         self._cells_to_fail += sum(f.kind == "battery_cell" for f in begun)
@@ -332,7 +328,7 @@ class Faults:
         self._look()
 
     def _look(self) -> None:
-        """What follows from the active faults for links, air, camera and commands."""
+        """Set what the active faults do to links, air, camera and commands."""
         self.up, self.down = self._quality("link_up"), self._quality("link_down")
         self.gust_m_s = self._sum("wind_gust")
         self.camera_stalled = any(self.active("camera_stall"))

@@ -1,7 +1,7 @@
-"""Faults set off over the wire: MAV_CMD_INJECT_FAILURE (420) and SIM_* parameters.
+"""Faults injected over MAVLink: MAV_CMD_INJECT_FAILURE (420) and SIM_* parameters.
 
-420 takes a unit, a failure type and an instance, and is obeyed while SYS_FAILURE_EN is 1, as on
-PX4. The parameters are those with which ArduPilot's own tests break its simulator.
+420 takes a unit, a failure type and an instance, and needs SYS_FAILURE_EN 1, as on PX4. The
+parameters are those with which ArduPilot's own tests break its simulator.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _UNITS = {unit for unit, _ in _FAILURES}
 
 
 def inject(faults: Faults, unit: int | None, failure: int | None, enabled: bool) -> int:
-    """MAV_CMD_INJECT_FAILURE; the MAV_RESULT. Type OK mends the unit."""
+    """Execute MAV_CMD_INJECT_FAILURE; return its MAV_RESULT. Type OK ends the unit's fault."""
     if not enabled:
         return int(mav.MAV_RESULT_DENIED)
     source = f"420 {unit}"
@@ -69,7 +69,7 @@ def _glitch(axis: int) -> Callable[[Faults, float], None]:
 
 
 def _wind(faults: Faults, speed_m_s: float | None, from_deg: float | None) -> None:
-    """SIM_WIND_SPD and SIM_WIND_DIR: besides the world's own wind."""
+    """Set SIM_WIND_SPD and SIM_WIND_DIR, besides the world's wind."""
     old = faults.held("SIM_WIND") or (0.0, 0.0, 0.0, 180.0)
     speed = old[2] if speed_m_s is None else max(0.0, min(60.0, speed_m_s))
     bearing = old[3] if from_deg is None else from_deg
@@ -79,7 +79,7 @@ def _wind(faults: Faults, speed_m_s: float | None, from_deg: float | None) -> No
 
 
 def _engine(faults: Faults, share: float | None, failed: bool | None) -> None:
-    """SIM_ENGINE_MUL is the share of thrust that the motors in SIM_ENGINE_FAIL give."""
+    """Set SIM_ENGINE_MUL, the share of thrust of the motors in SIM_ENGINE_FAIL."""
     old = faults.held("SIM_ENGINE") or (1.0, 0.0, 0.0)
     mul = old[1] if share is None else max(0.0, min(1.0, share))
     on = bool(old[2]) if failed is None else failed
@@ -100,4 +100,4 @@ SIM_PARAMETERS: Mapping[str, Callable[[Faults, float], None]] = {
     "SIM_WIND_DIR": lambda f, v: _wind(f, None, v % 360.0),
     "SIM_WIND_SPD": lambda f, v: _wind(f, v, None),
 }
-"""What a parameter does when it is set."""
+"""Executes a change of a parameter."""

@@ -1,8 +1,8 @@
-"""The camera as a MAVLink component: takes pictures when told, announces them, keeps the last.
+"""The camera as a MAVLink component: takes pictures on command, announces them, keeps the last.
 
-Camera protocol v2: IMAGE_START_CAPTURE, CAMERA_IMAGE_CAPTURED with pose and `file_url`, a lost
-announcement asked for again by its index. Beside it an ArduPilot tells of each picture in
-CAMERA_FEEDBACK. The pictures carry geotags.
+Camera protocol v2: IMAGE_START_CAPTURE, CAMERA_IMAGE_CAPTURED with pose and `file_url`; a lost
+announcement can be requested by its index. An ArduPilot reports each picture in CAMERA_FEEDBACK
+too. The pictures carry geotags.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _SOON_S = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Exposure:
-    """Where the camera truly is, and where the autopilot believes it to be."""
+    """The true pose of the camera, and its pose by the autopilot's estimate."""
 
     shot: Shot
     believed: tuple[float, float, float]  # east, north, up in the world's plane, metres
@@ -81,11 +81,11 @@ class Payload:
     # --- commands -------------------------------------------------------------------------------
 
     def start(self, interval_s: float, count: float, sequence: float, now_s: float) -> int:
-        """IMAGE_START_CAPTURE; returns a MAV_RESULT.
+        """Execute IMAGE_START_CAPTURE; return its MAV_RESULT.
 
-        A zero count goes on until `stop`. An interval shorter than the camera can is lengthened.
-        A single picture with the sequence number of the one before is a repeated command: it is
-        accepted and not taken twice.
+        A zero count continues until `stop`. An interval below the camera's shortest is lengthened.
+        A single picture with the sequence number of the last is a repeated command: accepted, not
+        taken twice.
         """
         if not all(map(math.isfinite, (interval_s, count, sequence))) or count < 0:
             return int(mav.MAV_RESULT_DENIED)
@@ -103,14 +103,14 @@ class Payload:
         return int(mav.MAV_RESULT_ACCEPTED)
 
     def stop(self) -> int:
-        """IMAGE_STOP_CAPTURE."""
+        """Execute IMAGE_STOP_CAPTURE."""
         self._left = 0
         return int(mav.MAV_RESULT_ACCEPTED)
 
     # --- time -----------------------------------------------------------------------------------
 
     def step(self, now_s: float) -> Message | None:
-        """Take a picture if one is due; its announcement."""
+        """Take a picture if one is due; return its announcement."""
         due_s = now_s if self._next_s is None else self._next_s
         if self._left == 0 or now_s + _SOON_S < due_s:
             return None
@@ -154,10 +154,10 @@ class Payload:
     # --- what can be asked for ------------------------------------------------------------------
 
     def image(self, url: str) -> bytes | None:
-        """The JPEG announced under an address, None when unknown or no longer kept.
+        """Return the JPEG announced under an address, None if it is unknown or no longer kept.
 
-        It is rendered when first asked for, from what was noted at the exposure: the same bytes
-        as if rendered then, at no cost for pictures that nobody fetches.
+        It is rendered at the first request from the state at the exposure, with the same bytes as
+        if rendered then.
         """
         exposure = self._exposures.get(url)
         if exposure is None:
@@ -173,7 +173,7 @@ class Payload:
         return broken(data) if exposure.damage == "corrupt" else data
 
     def _geotag(self, exposure: Exposure) -> Geotag:
-        """What the autopilot believes, as the announcement says it."""
+        """Return the pose that the announcement reports."""
         lat_e7, lon_e7, amsl_mm = self._telemetry.place(*exposure.believed)
         return Geotag(
             LatLon(lat_e7 / 1e7, lon_e7 / 1e7), amsl_mm / 1000.0, exposure.believed_height_m,
@@ -182,7 +182,7 @@ class Payload:
         )  # fmt: skip
 
     def build(self, message_id: int, index: int) -> Message | None:
-        """A message that can be requested from the camera; None when there is no such."""
+        """Return a message that can be requested from the camera, None for others."""
         if message_id == mav.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED:
             return self._announcements.get(index)
         if message_id == mav.MAVLINK_MSG_ID_CAMERA_INFORMATION:

@@ -1,7 +1,6 @@
-"""MAV_CMD_*: a table of commands, each a small function; and places on the wire.
+"""A table of MAV_CMD_*, each a small function; and places on the wire.
 
-A function gets a `Request` and returns a `Reply`: the MAV_RESULT of the COMMAND_ACK and the
-messages that follow it.
+A function takes a `Request` and returns a `Reply`.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ class Request:
     place: tuple[int, int, int] | None
 
     def integer(self, index: int) -> int | None:
-        """Parameter `index` (from 1) as an integer, None when it is no finite number."""
+        """Return parameter `index` (from 1) as an integer, None if it is not finite."""
         value = self.p[index - 1]
         return int(value) if math.isfinite(value) and abs(value) < 2**31 else None
 
@@ -57,10 +56,9 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """Result of a command, and what is sent behind the ACK by whom.
+    """The MAV_RESULT of a command, and the messages after the ACK.
 
-    `before` are results that are told before that one, by whoever looks at the command first.
-    `by_autopilot`: the autopilot answers, although its camera was asked.
+    `before`: results sent before that one. `by_autopilot`: the autopilot answers for its camera.
     """
 
     result: int
@@ -72,7 +70,7 @@ class Reply:
 
 
 def statustext(severity: int, text: str) -> Message:
-    """STATUSTEXT of at most 50 bytes."""
+    """Return STATUSTEXT of at most 50 bytes."""
     return mav.MAVLink_statustext_message(severity, text.encode("ascii", "replace")[:50])
 
 
@@ -97,20 +95,20 @@ _TRIGGERS = (
 class Commands(ABC):
     """The commands of an autopilot and of its camera.
 
-    `camera`: see `sitl.quirks.Quirks`. `intercept` is asked first: the result of a command that a
-    fault answers, None for all others.
+    `camera`: see `sitl.quirks.Quirks`. `intercept` returns the result of a command that a fault
+    answers, None for others.
     """
 
     refused: ClassVar[int] = FAILED
-    """The MAV_RESULT of a command that is understood and cannot be done now."""
+    """The MAV_RESULT of a command that cannot be executed now."""
     nowhere: ClassVar[int] = DENIED
-    """The MAV_RESULT of EXTERNAL_POSITION_ESTIMATE for what is no place on earth."""
+    """The MAV_RESULT of EXTERNAL_POSITION_ESTIMATE for an invalid place."""
     unknown_rally_frames: ClassVar[tuple[int, ...]] = ()
-    """Frames of rally points that are taken, and that no return knows."""
+    """Frames of rally points that are accepted, and that a return does not support."""
     default_s: ClassVar[Mapping[int, float]] = {}
-    """The messages that are streamed unasked, and their intervals."""
+    """Intervals of the messages that are streamed by default, s."""
     answers_for_camera: ClassVar[bool] = True
-    """The autopilot answers what a camera is asked that is not there."""
+    """The autopilot answers for a missing camera."""
 
     ap: Aircraft
     telemetry: Telemetry
@@ -151,10 +149,10 @@ class Commands(ABC):
 
     @abstractmethod
     def _flight_table(self) -> dict[int, Callable[[Request], Reply]]:
-        """The commands that only this autopilot has, or has otherwise."""
+        """Return the commands that are this autopilot's own."""
 
     def carry_out(self, request: Request, for_camera: bool) -> Reply:
-        """Do it. The autopilot passes the camera's commands on, the camera knows only its own."""
+        """Execute it. The autopilot passes the camera's commands on; the camera has only those."""
         if (result := self.intercept(request)) is not None:
             return Reply(result)
         function = self._camera_table.get(request.command)
@@ -165,7 +163,7 @@ class Commands(ABC):
         return function(request) if function is not None else Reply(UNSUPPORTED)
 
     def _without_component(self, request: Request, for_camera: bool) -> Reply:
-        """What becomes of a camera's command where no camera is on the link."""
+        """Answer a camera's command where no camera is on the link."""
         if not self.answers_for_camera:
             return Reply(UNSUPPORTED, silent=for_camera)
         if self.camera == "none" or request.command not in _TRIGGERS:
@@ -215,7 +213,7 @@ class Commands(ABC):
         return Reply(self.payload.start(interval_s, count, sequence, self.ap.t_s))
 
     def _digicam(self, request: Request) -> Reply:
-        """DO_DIGICAM_CONTROL: a picture when parameter 5 is 1; there is nothing to zoom or focus.
+        """Execute DO_DIGICAM_CONTROL: a picture if parameter 5 is 1; no zoom or focus.
 
         In a COMMAND_INT that parameter is the field of the latitude, as it is.
         """
@@ -225,10 +223,7 @@ class Commands(ABC):
         return Reply(self.payload.start(0.0, 1.0, 0.0, self.ap.t_s))
 
     def _route_camera(self, series: tuple[float, int] | None) -> None:
-        """What a mission asks of the camera: interval and count, or None to stop.
-
-        A camera that is still busy loses the picture, and says so.
-        """
+        """Execute a mission's interval and count, None to stop; a busy camera loses the picture."""
         if series is None:
             self.payload.stop()
             return
@@ -246,10 +241,10 @@ class Commands(ABC):
 
     @abstractmethod
     def set_mode(self, number: int) -> Reply:
-        """A custom mode by its number, as SET_MODE asks for it."""
+        """Change to a custom mode by its number, as SET_MODE has it."""
 
     def answer(self, refusal: str | None) -> Reply:
-        """ACK, then (for a refusal) the text that explains it."""
+        """Return the ACK, and the text that explains a refusal."""
         if refusal is None:
             return Reply(ACCEPTED)
         return Reply(self.refused, (statustext(mav.MAV_SEVERITY_CRITICAL, refusal),))
@@ -259,10 +254,10 @@ class Commands(ABC):
         return () if refusal is None else (statustext(mav.MAV_SEVERITY_CRITICAL, refusal),)
 
     def target(self, frame: int, lat_e7: int, lon_e7: int, altitude_m: float) -> Place | None:
-        """A global position in the world's plane (east, north, up); None when it is nowhere.
+        """Return a global position in the world's plane (east, north, up); None if it is invalid.
 
-        Heights above terrain are taken from the home altitude's sea level without terrain data:
-        as on the real one, the vehicle then comes down.
+        There are no terrain data: heights above terrain are taken above sea level, and the vehicle
+        descends, as the real one does.
         """
         if not (math.isfinite(altitude_m) and abs(altitude_m) <= HIGHEST_M):
             return None
@@ -282,7 +277,7 @@ class Commands(ABC):
         return self.telemetry.plane.to_plane(LatLon(lat_e7 / 1e7, lon_e7 / 1e7))
 
     def locate(self, lat_e7: int, lon_e7: int) -> Place | None:
-        """Latitude and longitude in the world's plane; None when it is nowhere."""
+        """Return a latitude and longitude in the world's plane; None if it is invalid."""
         return self.target(mav.MAV_FRAME_GLOBAL, lat_e7, lon_e7, 0.0)
 
     def _item_place(self, item: Item) -> Place | None:
@@ -298,7 +293,7 @@ class Commands(ABC):
         return Reply(ACCEPTED)
 
     def _external_position(self, request: Request) -> Reply:
-        """EXTERNAL_POSITION_ESTIMATE: the delay, the accuracy, the place; its height is not used.
+        """Execute EXTERNAL_POSITION_ESTIMATE; its height is not used.
 
         The time of transmission is taken for the time of arrival.
         """
@@ -344,7 +339,7 @@ class Commands(ABC):
         return Reply(ACCEPTED)
 
     def plans_changed(self, kind: int) -> None:
-        """A mission, a fence or the rally points have come or gone."""
+        """Take over a mission, a fence or rally points that have changed."""
         ap = self.ap
         items = ap.plans[kind]
         if kind == FENCE:

@@ -1,7 +1,6 @@
-"""Messages in, messages out: everything a ground station or companion can say to the vehicle.
+"""The messages that a ground station or companion can send to the vehicle, and their answers.
 
-No message that arrives raises; what is not for this vehicle, or not understood, is passed over,
-except unknown commands, which are refused.
+No message raises. Messages to others, or unknown ones, are ignored; unknown commands are refused.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ _TO_ALL = {
     "HEARTBEAT", "PING", "TERRAIN_CHECK", "TIMESYNC", "GPS_INPUT", "VISION_POSITION_ESTIMATE",
     "ODOMETRY",
 }  # fmt: skip
-"""Messages that are for everybody; all others name the system that they are for."""
+"""Messages to all; others name their target system."""
 _NORTH_NORTH, _EAST_EAST = 0, 6  # in the upper triangle of a covariance
 _NO_ACCURACY: int = mav.GPS_INPUT_IGNORE_FLAG_HORIZONTAL_ACCURACY
 _BAD_QUALITY = -1  # of ODOMETRY
@@ -47,13 +46,13 @@ class Interpreter:
     """The vehicle's end of the link."""
 
     odometry_frames: ClassVar[tuple[int, ...]] = (mav.MAV_FRAME_LOCAL_FRD,)
-    """In which ODOMETRY is taken; they lie north here."""
+    """Accepted frames of ODOMETRY; they lie north here."""
     banner: ClassVar[bytes] = b"\r\n\r\nInit ArduCopter V4.6.0\r\n\r\nFree RAM: 131072\r\n"
-    """What a TCP client is greeted with."""
+    """The greeting of a TCP client."""
     tells_mode_at_once: ClassVar[bool] = True
     camera_feedback: ClassVar[bool] = True
     texts_to_stations: ClassVar[bool] = False
-    """Texts go to links on which a ground station was heard."""
+    """Texts go only to links on which a ground station was heard."""
 
     system_id: int
     ap: Aircraft
@@ -65,7 +64,7 @@ class Interpreter:
         self.heard = False
         self._reads = 0
         self._terrain_s: float | None = None
-        """When its terrain database has been read; nobody has asked for it yet."""
+        """When its terrain database has been read; None before the first request."""
         self._transfer = self._make_transfer()
         self.autopilot_wire = Packer(self.system_id, AUTOPILOT)
         self.camera_wire = Packer(self.system_id, CAMERA)
@@ -102,7 +101,7 @@ class Interpreter:
         )
 
     def handle(self, messages: Iterable[Message]) -> bytes:
-        """Handle received messages; the immediate replies."""
+        """Handle received messages; return the immediate replies."""
         for message in messages:
             self.heard = True
             kind = message.get_type()
@@ -112,7 +111,7 @@ class Interpreter:
         return self._sent_frames()
 
     def step(self) -> bytes:
-        """What the passing of time brings: missing mission items asked for again, news."""
+        """Return what is due: requests for missing mission items, news."""
         self._reads = 0
         ap = self.ap
         self._send(*self._transfer.step(ap.t_s))
@@ -125,25 +124,23 @@ class Interpreter:
         return self._sent_frames()
 
     def tell(self, notice: Notice) -> bytes:
-        """What the autopilot says, as a text."""
+        """Return a notice as a text."""
         return self.autopilot_wire.pack(statustext(notice.severity, notice.text))
 
     def _ours(self, message: Message) -> bool:
         return message.target_system in (0, self.system_id)
 
     def _send(self, *messages: Message) -> None:
-        """Send messages of the autopilot."""
         for message in messages:
             self._sent += self.autopilot_wire.pack(message)
 
     def _sent_frames(self) -> bytes:
-        """Return what was sent since the last call."""
         sent = bytes(self._sent)
         self._sent.clear()
         return sent
 
     def _terrain_check(self, m: Message) -> None:
-        """What its terrain database knows of a place; it takes a moment to be read."""
+        """Report the terrain at a place; its database takes a moment to be read."""
         now_s = self.ap.t_s
         if self._terrain_s is None:
             self._terrain_s = now_s + _TERRAIN_READ_S
@@ -182,7 +179,7 @@ class Interpreter:
             self._send(*self.commands.set_mode(m.custom_mode).messages)
 
     def _position_target(self, m: Message) -> None:
-        """Never acknowledged; outside guided flight dropped without a word."""
+        """Execute it, without an acknowledgement; outside guided flight it is dropped."""
         if m.target_component not in (0, AUTOPILOT):
             return
         if not m.type_mask & NO_POSITION:
@@ -215,7 +212,7 @@ class Interpreter:
             self._local_position(m, m.pose_covariance)
 
     def _local_position(self, m: Message, covariance: Sequence[float]) -> None:
-        """North and east of the origin (GPS_GLOBAL_ORIGIN)."""
+        """Take a position north and east of the origin (GPS_GLOBAL_ORIGIN)."""
         if math.isfinite(m.x) and math.isfinite(m.y) and self.ap.home_known:
             east, north, _ = self.telemetry.origin
             variance = 0.5 * (_told(covariance[_NORTH_NORTH]) + _told(covariance[_EAST_EAST]))
@@ -229,7 +226,7 @@ class Interpreter:
             self._send(*self._transfer.receive(m, self.ap.t_s))
 
     def _set_current(self, m: Message) -> None:
-        """MISSION_SET_CURRENT: answered with MISSION_CURRENT; an unknown item meets silence."""
+        """Answer MISSION_SET_CURRENT with MISSION_CURRENT; ignore an unknown item."""
         if self.ap.route.jump_to(m.seq, self.ap):
             self._send(self.telemetry.mission_current())
 
@@ -240,7 +237,7 @@ class Interpreter:
         )
 
     def _heartbeat(self, m: Message) -> None:
-        """Whoever has the number of its ground station is that, whatever it calls itself."""
+        """Note its ground station, known by its system id whatever its type."""
         if m.get_srcSystem() == int(self.ap.parameters["SYSID_MYGCS"]):
             self.ap.failsafes.hear_station(self.ap.t_s)
 
@@ -270,7 +267,7 @@ class Interpreter:
             self._send(self._param_value(name))
 
     def _param_set(self, m: Message) -> None:
-        """The new value is the answer; an unknown name or a NaN meets silence."""
+        """Answer with the new value; ignore an unknown name or a NaN."""
         if self.ap.parameters.set(m.param_id, m.param_value):
             self._send(self._param_value(m.param_id))
 
@@ -283,7 +280,7 @@ class Interpreter:
         )  # fmt: skip
 
     def _on_wire(self, parameter: Parameter, value: float) -> float:
-        """The field `param_value`: integers as numbers."""
+        """Return the field `param_value`."""
         return value
 
     # --- small talk -----------------------------------------------------------------------------
@@ -298,7 +295,7 @@ class Interpreter:
             self._send(mav.MAVLink_timesync_message(round(self.ap.t_s * 1e9), m.ts1))
 
     def _ftp(self, m: Message) -> None:
-        """Refused aloud: a client that meets silence waits for many seconds."""
+        """Refuse it: a client without an answer waits for many seconds."""
         request = bytes(m.payload)
         sequence = (int.from_bytes(request[:2], "little") + 1) & 0xFFFF
         payload = bytearray(len(request))
@@ -313,9 +310,5 @@ class Interpreter:
 
 
 def _told(value: float) -> float:
-    """A number that says something; 0 where it is not known.
-
-    >>> _told(math.nan), _told(0.25)
-    (0.0, 0.25)
-    """
+    """Return a positive finite number, 0 for others: it is not known."""
     return value if math.isfinite(value) and value > 0.0 else 0.0

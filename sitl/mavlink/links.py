@@ -1,16 +1,12 @@
-"""One client's link at the vehicle's end: framing, signing and a radio that may be bad.
+"""One client's link at the vehicle's end: radio, framing and signing.
 
-    bytes from the client -> radio -> frames -> signature -> the vehicle
-    the vehicle's frames -> signature -> radio -> bytes for the client
-
-A vehicle has a link a client, as an autopilot has ports; all hear the same telemetry.
+A vehicle has a link for each client, as an autopilot has ports; all carry the same telemetry.
 
 Signing is MAVLink 2's as an ArduPilot does it (mavlink.io, "Message Signing"). A signature is the
 link id, a timestamp of 48 bits (10 microseconds since 2015) and the first six bytes of a SHA-256
-over key and frame. Timestamps only rise within a stream (system, component, link id), which is what
-keeps a recorded frame from being played again. The vehicle has no clock that agrees with its
-clients': its own timestamp is the highest that it was given or has verified, one more with each
-frame it signs.
+over key and frame. Timestamps only rise within a stream (system, component, link id), so a recorded
+frame cannot be replayed. The vehicle's clock does not agree with its clients': its timestamp is the
+highest that it was given or has verified, plus one with each frame that it signs.
 """
 
 from __future__ import annotations
@@ -29,7 +25,7 @@ from sitl.faults.faults import CLEAN, Faults, LinkQuality
 
 KEY_BYTES = 32
 NEW_STREAM_BEHIND = 6_000_000
-"""A new stream may begin one minute before the newest timestamp."""
+"""By how much a new stream may begin behind the newest timestamp: one minute."""
 
 _SIGNED = mav.MAVLINK_IFLAG_SIGNED
 _MAX_STREAMS = 16  # as in the C library: further streams are refused
@@ -37,15 +33,7 @@ _MAX_TIMESTAMP = 2**48 - 1
 
 
 class Signing:
-    """Key, timestamp and streams of one vehicle, for all its links.
-
-    >>> signing = Signing()
-    >>> signing.active
-    False
-    >>> signing.set_up(b"k" * 32, timestamp=10)
-    >>> signing.active, signing.timestamp
-    (True, 10)
-    """
+    """Key, timestamp and streams of one vehicle, for all its links."""
 
     def __init__(self) -> None:
         self.timestamp = 0
@@ -54,11 +42,11 @@ class Signing:
 
     @property
     def active(self) -> bool:
-        """There is a key: everything sent is signed, what comes in has to be."""
+        """Whether there is a key: all frames are signed in both directions."""
         return self._key is not None
 
     def set_up(self, key: bytes, timestamp: int) -> None:
-        """Take a key of 32 bytes and the time it begins with.
+        """Take a key of 32 bytes and its first timestamp.
 
         A key of zeros with the time 0 ends signing; with another time it is a key.
         """
@@ -70,10 +58,9 @@ class Signing:
         self.timestamp = max(self.timestamp, min(timestamp, _MAX_TIMESTAMP))
 
     def accepts(self, frame: bytes | bytearray, trusted: bool) -> bool:
-        """Whether a whole frame with a right checksum may be heard.
+        """Return whether a whole frame with a right checksum is accepted.
 
-        `trusted`: on such a link (USB) everything is, and signatures are verified only to follow
-        the streams.
+        A `trusted` link (USB) accepts all, and verifies signatures only to follow the streams.
         """
         if self._key is None:
             return True
@@ -97,7 +84,7 @@ class Signing:
         return True
 
     def sign(self, frame: bytes, link_id: int) -> bytes:
-        """The signed frame of an unsigned one of ours; itself while there is no key."""
+        """Sign a frame; without a key return it as it is."""
         if self._key is None:
             return frame
         self.timestamp = min(self.timestamp + 1, _MAX_TIMESTAMP)
@@ -120,9 +107,9 @@ _MAX_WAITING = 20_000
 
 
 class Lossy:
-    """One direction of one link: frames are lost, doubled, late, overtaken or garbled, by a seed.
+    """One direction of one link: loses, doubles, delays, reorders or garbles frames, by a seed.
 
-    Frames go in with the time, and come out when they are due. Times are the vehicle's.
+    Times are the vehicle's.
 
     >>> radio = Lossy([1])
     >>> radio.put([b"one", b"two"], LinkQuality(delay_s=0.2), now_s=0.0)
@@ -138,11 +125,11 @@ class Lossy:
 
     @property
     def idle(self) -> bool:
-        """Nothing is under way."""
+        """Whether no frame is on its way."""
         return not self._waiting
 
     def put(self, frames: Iterable[bytes], quality: LinkQuality, now_s: float) -> None:
-        """Frames begin their way at `now_s`; a queue that is too long loses them."""
+        """Send frames at `now_s`; a queue that is too long loses them."""
         for frame in frames:
             # all fates are drawn for each frame, so that one setting does not shift another's
             lost, doubled, overtaken, garbled, late, where = self._rng.random(6).tolist()
@@ -161,19 +148,19 @@ class Lossy:
                     self._count += 1
 
     def due(self, now_s: float) -> list[bytes]:
-        """The frames that arrive until `now_s`, in the order of their arrival."""
+        """Return the frames that arrive until `now_s`, in order."""
         arrived = []
         while self._waiting and self._waiting[0][0] <= now_s + _SOON_S:
             arrived.append(heapq.heappop(self._waiting)[2])
         return arrived
 
     def drop(self) -> None:
-        """Lose all that is under way."""
+        """Lose all frames on the way."""
         self._waiting.clear()
 
 
 def _garble(frame: bytes, where: float) -> bytes:
-    """One byte changed; the place decides the value too."""
+    """Change one byte; the place decides the value too."""
     at = int(where * len(frame))
     flip = 1 + int(where * 7919.0 * len(frame)) % 255
     return frame[:at] + bytes([frame[at] ^ flip]) + frame[at + 1 :]
@@ -186,10 +173,10 @@ _MAX_OUTBOX = 1 << 20  # of a client that does not take what it is sent
 
 @dataclass(eq=False)
 class Link:
-    """Bytes in by `receive`, bytes out by `take`, in vehicle time.
+    """One client's bytes, in by `receive` and out by `take`, in vehicle time.
 
-    `link_id` marks its signatures. `trusted`: a USB cable, where unsigned frames are heard.
-    `texts_to_stations`: STATUSTEXT goes out only once a ground station's heartbeat came in.
+    `link_id` marks its signatures. `trusted`: a USB cable, where unsigned frames are accepted.
+    `texts_to_stations`: STATUSTEXT is sent only after a ground station's heartbeat.
     """
 
     link_id: int
@@ -209,7 +196,7 @@ class Link:
         self._outbox = bytearray()
 
     def receive(self, data: bytes) -> None:
-        """Bytes from the client, in any pieces."""
+        """Take bytes from the client, in any pieces."""
         quality = self.faults.up
         if quality is CLEAN and self._up.idle and self._cutter.empty:
             self._listen(data)
@@ -218,13 +205,13 @@ class Link:
         self._listen(b"".join(self._up.due(self.faults.t_s)))
 
     def take(self) -> bytes:
-        """What has arrived at the client since the last call: whole frames, if none is garbled."""
+        """Return the bytes that have arrived at the client since the last call."""
         data = bytes(self._outbox)
         self._outbox.clear()
         return data
 
     def send(self, frames: bytes) -> None:
-        """Whole unsigned frames from the vehicle; more than a client takes are lost."""
+        """Send whole unsigned frames; what exceeds the client's outbox is lost."""
         if not self._tells_texts:
             frames = b"".join(frame for frame in cut(frames) if not _is_text(frame))
         quality = self.faults.down
@@ -236,7 +223,7 @@ class Link:
         self._arrive(b"".join(self._down.due(self.faults.t_s)))
 
     def step(self) -> None:
-        """Let arrive what is due now, in both directions."""
+        """Deliver what is due, in both directions."""
         if not self._up.idle:
             if self.faults.up.silent:
                 self._up.drop()
@@ -265,7 +252,7 @@ class Link:
 
 
 def _is_text(frame: bytes) -> bool:
-    """STATUSTEXT; the vehicle's own frames are all of MAVLink 2."""
+    """Return whether it is STATUSTEXT; the vehicle's own frames are of MAVLink 2."""
     return bool(int.from_bytes(frame[7:10], "little") == mav.MAVLINK_MSG_ID_STATUSTEXT)
 
 

@@ -1,4 +1,4 @@
-"""Which message is due when: intervals on the vehicle's own time."""
+"""Intervals of streamed messages, in vehicle time."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STREAM_GROUPS = {
         mav.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
     ),
 }
-"""What REQUEST_DATA_STREAM's groups hold."""
+"""The groups of REQUEST_DATA_STREAM."""
 
 
 class Streams:
@@ -60,14 +60,11 @@ class Streams:
         self._earliest_s = min(self._next_s.values(), default=math.inf)
 
     def interval_s(self, message_id: int) -> float | None:
-        """The interval of a message, None while it is not streamed."""
+        """Return the interval of a message, None while it is not streamed."""
         return self._interval_s.get(message_id)
 
     def due(self, now_s: float) -> list[int]:
-        """The messages to send now, in a fixed order.
-
-        Intervals keep their phase. One shorter than the step sends once a step.
-        """
+        """Return the messages that are due, in a fixed order; an interval keeps its phase."""
         now_s += _SOON_S
         if now_s < self._earliest_s:
             return []

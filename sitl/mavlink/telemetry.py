@@ -1,7 +1,4 @@
-"""The autopilot's state as MAVLink messages, one method a message.
-
-Units are the messages' own: degrees times 1e7, millimetres, centimetres a second.
-"""
+"""The autopilot's state as MAVLink messages, a method for each, in the messages' own units."""
 
 from __future__ import annotations
 
@@ -64,19 +61,18 @@ _LANDED_STATE = {
 }
 
 IDENTITY = (0x5541, 0x534D)
-"""vendor_id and product_id in AUTOPILOT_VERSION: a client that knows them knows that nobody stands
-beside the propellers."""
+"""vendor_id and product_id in AUTOPILOT_VERSION: they identify a vehicle without propellers."""
 
 
 def _id_of(name: str) -> int:
-    """The number of a message; CURRENT_MODE is not in the dialect."""
+    """Return the number of a message; CURRENT_MODE is not in the dialect."""
     if name == "current_mode":
         return codec.CURRENT_MODE
     return int(getattr(mav, f"MAVLINK_MSG_ID_{name.upper()}"))
 
 
 class Telemetry:
-    """Builds messages, packed, from an autopilot."""
+    """Builds packed messages from an autopilot."""
 
     kinds: ClassVar[tuple[str, ...]] = (
         "heartbeat", "sys_status", "system_time", "gps_raw_int", "attitude", "local_position_ned",
@@ -84,7 +80,7 @@ class Telemetry:
         "position_target_global_int", "battery_status", "autopilot_version", "wind",
         "ekf_status_report", "home_position", "extended_sys_state", "fence_status",
     )  # fmt: skip
-    """The messages that it can send, each by the method of its name."""
+    """The messages that it sends, each by the method of its name."""
 
     def __init__(
         self,
@@ -101,7 +97,7 @@ class Telemetry:
         self._wind = wind
         self._clock_rate = 1.0 + quirks.clock_ppm * 1e-6  # beside time
         self.origin = autopilot.home
-        """Of LOCAL_POSITION_NED, in the world's plane: the place of booting."""
+        """Of LOCAL_POSITION_NED, in the world's plane: the boot position."""
         self._places: dict[tuple[float, float], tuple[int, int]] = {}
         self._builders: dict[int, Callable[[], Packed | None]] = {
             _id_of(name): getattr(self, name) for name in self.kinds
@@ -111,7 +107,7 @@ class Telemetry:
 
     @property
     def amsl_m(self) -> float:
-        """The height of the world's plane above the sea, as the autopilot has it."""
+        """Height of the world's plane above the sea by the autopilot."""
         return self._altimeter.amsl_m
 
     @property
@@ -120,11 +116,11 @@ class Telemetry:
         return self._builders.keys()
 
     def knows(self, message_id: int) -> bool:
-        """Whether this autopilot can send such a message."""
+        """Return whether this autopilot sends such a message."""
         return message_id in self._builders
 
     def build(self, message_id: int) -> Packed | None:
-        """The message, or None while there is nothing to say in it."""
+        """Return the message, or None while it has no content."""
         return self._builders[message_id]()
 
     @property
@@ -133,7 +129,7 @@ class Telemetry:
         return round(self._ap.t_s * self._clock_rate * 1000.0) & 0xFFFFFFFF
 
     def place(self, east_m: float, north_m: float, up_m: float) -> tuple[int, int, int]:
-        """Latitude, longitude (1e7 degrees) and AMSL (mm) of a place in the world's plane."""
+        """Return latitude, longitude (1e7 degrees) and AMSL (mm) of a place in the plane."""
         # several messages of one moment tell the same place, and a target stays for long
         found = self._places.get((east_m, north_m))
         if found is None:
@@ -145,7 +141,7 @@ class Telemetry:
         return found[0], found[1], int32((self.amsl_m + up_m) * 1000.0)
 
     def terrain_report(self, lat_e7: int, lon_e7: int, *, loaded: bool) -> Message:
-        """TERRAIN_REPORT of a place; what is still to be loaded from the card has no spacing."""
+        """Return TERRAIN_REPORT of a place; without spacing while the data load."""
         if not loaded:
             return mav.MAVLink_terrain_report_message(lat_e7, lon_e7, 0, 0.0, 0.0, 56, 0)
         east, north = self.plane.to_plane(LatLon(lat_e7 / 1e7, lon_e7 / 1e7))
@@ -181,7 +177,7 @@ class Telemetry:
         )
 
     def sys_status(self) -> Packed:
-        """SYS_STATUS, with the prearm bit that says ready (or not)."""
+        """SYS_STATUS, with the prearm bit."""
         ap = self._ap
         health = _SENSORS
         if not ap.fence.broken:
@@ -199,7 +195,7 @@ class Telemetry:
 
     @property
     def _percents(self) -> tuple[int, int]:
-        """What is left, in SYS_STATUS and in BATTERY_STATUS."""
+        """Remaining charge in SYS_STATUS and in BATTERY_STATUS."""
         percent = self._ap.battery.remaining_percent
         return percent, percent
 
@@ -245,7 +241,7 @@ class Telemetry:
 
     @property
     def _fix(self) -> tuple[float, float]:
-        """Where the first receiver is, as it says."""
+        """The first receiver's own position."""
         ap = self._ap
         if ap.error.by_satellites:
             return ap.estimate.east, ap.estimate.north
@@ -259,7 +255,7 @@ class Telemetry:
         return codec.attitude(self.boot_ms, roll, pitch, yaw, 0.0, 0.0, body.yaw_rate)
 
     def local_position_ned(self) -> Packed | None:
-        """LOCAL_POSITION_NED around the place of booting."""
+        """LOCAL_POSITION_NED around the boot position."""
         if not self._ap.home_known:
             return None
         now, (east, north, up) = self._ap.estimate, self.origin
@@ -344,7 +340,7 @@ class Telemetry:
         )
 
     def wind(self) -> Packed:
-        """WIND: where it comes from, degrees, and its speed."""
+        """WIND: the direction it comes from, degrees, and its speed."""
         east, north = self._wind()
         coming_from = math.degrees(math.atan2(-east, -north))
         return codec.wind(coming_from, math.hypot(east, north), 0.0)

@@ -1,1 +1,1 @@
-"""The PX4 flavour of the simulated autopilot: a multicopter of PX4 1.15, as its clients see it."""
+"""The PX4 flavour of the simulated autopilot: a multicopter of PX4 1.15."""

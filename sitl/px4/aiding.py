@@ -1,8 +1,8 @@
-"""What PX4's EKF2 lets count for its position, and how the height of home is corrected.
+"""What PX4's EKF2 fuses into its position, and how the height of home is corrected.
 
-EKF2_GPS_CTRL and EKF2_EV_CTRL (bit 0: horizontal position) say what is fused. Beside satellites a
-companion's positions only count by how they change: their offset is estimated. One position at a
-time is taken by EXTERNAL_POSITION_ESTIMATE, while nothing else helps.
+EKF2_GPS_CTRL and EKF2_EV_CTRL (bit 0: horizontal position) choose the sources. Beside satellites
+only the changes of a companion's positions count: their offset is estimated. It takes a position
+of EXTERNAL_POSITION_ESTIMATE while nothing else aids it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _GATE = 5.0
 
 
 class Ekf2Aiding(Aiding):
-    """A PX4's."""
+    """PX4's."""
 
     most_delay_s = 15.0
 
@@ -39,15 +39,15 @@ class Ekf2Aiding(Aiding):
         self._fuses_vision = False
         self._offset = (0.0, 0.0)
         self.just_stopped = self.just_started = False
-        """Fusion of satellites has, in this step."""
+        """Fusion of satellites stopped, or started, in this step."""
 
     @property
     def absolute(self) -> bool:
-        """By satellites, or by a companion."""
+        """Whether satellites or a companion give its position."""
         return self._fuses_satellites or self._fuses_vision
 
     def step(self, t_s: float) -> None:
-        """Fusion of satellites stops some time after the last fix, and begins with one."""
+        """Stop fusing satellites some time after the last fix; begin with one."""
         self._t_s = t_s
         error, get = self._error, self._get
         if error.calm and self._version == get.version:
@@ -68,7 +68,7 @@ class Ekf2Aiding(Aiding):
         error.aided = self._fuses_vision
 
     def vision(self, east_m: float, north_m: float, sigma_m: float, resets: int) -> None:
-        """Alone it is the position, from its first one on; beside satellites it has an offset."""
+        """Take its position as it is where it is alone, with an offset beside satellites."""
         error = self._error
         if not int(self._get["EKF2_EV_CTRL"]) & _POSITION:
             return
@@ -97,12 +97,12 @@ class Ekf2Aiding(Aiding):
         error.aided, error.no_fix_s = True, 0.0
 
     def receiver(self, east_m: float, north_m: float, sigma_m: float, fix_type: int) -> None:
-        """It does not hear GPS_INPUT."""
+        """Ignore GPS_INPUT."""
 
     def told(
         self, east_m: float, north_m: float, sigma_m: float | None, delay_s: float, *, flying: bool
     ) -> Answer:
-        """Refused while satellites, optical flow or a companion help."""
+        """Refuse while satellites, optical flow or a companion aid it."""
         error = self._error
         reckons = error.outage_s >= _DEAD_RECKONING_S and error.unaided
         if not (reckons or (not flying and not self._fuses_satellites)):
@@ -123,9 +123,7 @@ _EVERY_S = 2.0
 
 
 class HomeCorrection:
-    """By how much the height of home is off, as a seed has it, after each take-off.
-
-    For a while after take-off the height of home follows a better estimate of it.
+    """Error of the height of home after each take-off, while a better estimate corrects it.
 
     >>> home = HomeCorrection([1], most_m=1.5)
     >>> home.height_m(1.9)
@@ -145,7 +143,7 @@ class HomeCorrection:
         self._up = 0.0  # of home then
 
     def height_m(self, flown_s: float) -> float:
-        """The error so long after take-off."""
+        """Return the error `flown_s` after take-off."""
         at = min(int(flown_s / _EVERY_S + 1e-9), len(self._heights_m) - 1)
         return self._heights_m[max(at, 0)]
 

@@ -72,22 +72,22 @@ class Px4Autopilot(Aircraft):
 
     @property
     def intended(self) -> Px4Mode:
-        """The mode that somebody asked for, whatever a failsafe does meanwhile."""
+        """The mode that was requested last, whatever a failsafe does meanwhile."""
         return self._intended if self.failsafes.engaged else self.mode
 
     @property
     def in_mission(self) -> bool:
-        """AUTO.MISSION."""
+        """Whether it is in AUTO.MISSION."""
         return self.mode == Px4Mode.MISSION
 
     @property
     def position_lost(self) -> bool:
-        """Nothing helps, or the filter's own accuracy has passed COM_POS_FS_EPH."""
+        """Whether nothing aids it, or the filter's accuracy has passed COM_POS_FS_EPH."""
         return self.error.unaided or self.position_poor
 
     @property
     def position_poor(self) -> bool:
-        """The position by optical flow has become worse than COM_POS_FS_EPH; below 0: never."""
+        """Whether the position by optical flow is worse than COM_POS_FS_EPH; below 0: never."""
         if self.sources.absolute or not self.error.flow:
             return False
         limit_m = self.parameters["COM_POS_FS_EPH"]
@@ -95,7 +95,7 @@ class Px4Autopilot(Aircraft):
 
     @property
     def prearm_ok(self) -> bool:
-        """The prearm bit of SYS_STATUS: the checks pass."""
+        """Whether the checks before arming pass."""
         return self.prearm_refusal() is None
 
     def prearm_refusal(self) -> str | None:
@@ -161,7 +161,7 @@ class Px4Autopilot(Aircraft):
     # --- modes ----------------------------------------------------------------------------------
 
     def set_mode(self, mode: Px4Mode) -> str | None:
-        """The pilot's wish. Disarmed every mode can be chosen, and arming looks at it."""
+        """Change the mode for the pilot. Disarmed it takes every mode, but does not arm in some."""
         if self.armed and (reason := self._mode_refusal(mode)) is not None:
             return f"{mode.name} not possible: {reason}"
         self.failsafes.taken_over()
@@ -172,7 +172,7 @@ class Px4Autopilot(Aircraft):
         return None
 
     def fail_to(self, mode: Px4Mode) -> None:
-        """A failsafe's; without a position it comes down where it is."""
+        """Change the mode for a failsafe; without a position it lands."""
         if not self.position_ok:
             mode = Px4Mode.LAND
         if mode != self.mode:
@@ -205,7 +205,7 @@ class Px4Autopilot(Aircraft):
             self._begin_mode()
 
     def _begin_mode(self) -> None:
-        """What the mode does of itself, armed."""
+        """Begin what the mode does when armed."""
         mode = self.mode
         if mode == Px4Mode.TAKEOFF:
             self._begin_take_off()
@@ -219,7 +219,7 @@ class Px4Autopilot(Aircraft):
     # --- take-off -------------------------------------------------------------------------------
 
     def take_off(self, place: Wish) -> str | None:
-        """NAV_TAKEOFF: up from here, or to a place, to a height or MIS_TAKEOFF_ALT.
+        """Execute NAV_TAKEOFF: up from here, or to a place, to a height or MIS_TAKEOFF_ALT.
 
         Arming may come later.
         """
@@ -251,9 +251,9 @@ class Px4Autopilot(Aircraft):
     # --- targets --------------------------------------------------------------------------------
 
     def reposition(self, place: Wish, yaw_rad: float | None) -> str | None:
-        """DO_REPOSITION in Hold; None leaves a coordinate, or the heading, as it is.
+        """Execute DO_REPOSITION in Hold; None keeps a coordinate, or the heading.
 
-        In another mode, or on the ground, nothing comes of it; the text is for a fence only.
+        In another mode, or on the ground, it has no effect; the returned text is of a fence only.
         """
         if self.mode != Px4Mode.HOLD or not self.airborne:
             return None
@@ -268,7 +268,7 @@ class Px4Autopilot(Aircraft):
     def go_to(
         self, east_m: float, north_m: float, up_m: float, yaw_rad: float | None = None
     ) -> bool:
-        """A setpoint of the offboard stream; False when it is dropped (another mode, disarmed)."""
+        """Fly to a setpoint of the offboard stream; return False if it is dropped."""
         if self.mode != Px4Mode.OFFBOARD or not self.armed:
             return False
         if self.airborne:
@@ -278,7 +278,7 @@ class Px4Autopilot(Aircraft):
         return True
 
     def go_along(self, setpoint: Setpoint, yaw_rad: float | None = None) -> bool:
-        """A velocity of the offboard stream, with or without a place; on the ground it starts."""
+        """Follow a velocity of the offboard stream; on the ground it takes off."""
         place, velocity = setpoint
         if place is not None and not self.airborne:
             return self.go_to(*place, yaw_rad)
@@ -296,7 +296,7 @@ class Px4Autopilot(Aircraft):
     # --- missions -------------------------------------------------------------------------------
 
     def start_mission(self) -> str | None:
-        """MISSION_START: into Mission, and armed."""
+        """Enter Mission, and arm (MISSION_START)."""
         if self.route.total == 0:
             return "Mission start denied! No valid mission"
         return self.set_mode(Px4Mode.MISSION) or self.arm()
@@ -315,9 +315,9 @@ class Px4Autopilot(Aircraft):
         self._change(Px4Mode.HOLD)
 
     def go_home(self) -> None:
-        """A mission's return is the mode's.
+        """Return in RTL, also as an item of a mission.
 
-        It hangs where the nearest rally point is in a frame of the kind INT (`navigator/rtl.cpp`,
+        It hangs if the nearest rally point is in a frame of the kind INT (`navigator/rtl.cpp`,
         `setSafepointAsDestination`).
         """
         if self.mode == Px4Mode.RTL:
@@ -329,10 +329,10 @@ class Px4Autopilot(Aircraft):
             self.route.reset()
 
     def enable_fence(self, on: bool) -> None:
-        """Without effect: GF_ACTION says whether there is one."""
+        """Do nothing: GF_ACTION enables the fence."""
 
     def count_items(self, kind: int, items: list[Item]) -> None:
-        """No parameter counts them."""
+        """Do nothing: no parameter counts them."""
 
     # --- time -----------------------------------------------------------------------------------
 
@@ -352,7 +352,7 @@ class Px4Autopilot(Aircraft):
             self.home_changed = True
 
     def set_home(self, east_m: float, north_m: float, up_m: float) -> None:
-        """DO_SET_HOME: from then on it stays."""
+        """Execute DO_SET_HOME; from then on home stays."""
         super().set_home(east_m, north_m, up_m)
         self.correction.end()
 
@@ -378,7 +378,7 @@ class Px4Autopilot(Aircraft):
         return self._fly(dt_s, position=self.position_ok and self.mode not in LEVEL)
 
     def _disarm_in_time(self) -> None:
-        """After a landing, or when nothing comes of arming."""
+        """Disarm after a landing, or if no take-off follows arming."""
         if not self.armed:
             return
         name = "COM_DISARM_LAND" if self._has_flown else "COM_DISARM_PRFLT"

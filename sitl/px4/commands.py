@@ -1,8 +1,8 @@
 """MAV_CMD_* that fly a PX4.
 
-Refusals are TEMPORARILY_REJECTED with a text. The altitude of every command is above sea level,
-whatever the frame of a COMMAND_INT says: a PX4 of 2024 does not look at it; one of 2026 takes
-GLOBAL_INT only, which is right for all.
+It refuses with TEMPORARILY_REJECTED and a text. The altitude of every command is above sea level,
+whatever the frame of a COMMAND_INT: a PX4 of 2024 ignores the frame, one of 2026 takes GLOBAL_INT
+only.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _GLOBAL: int = mav.MAV_FRAME_GLOBAL
 
 
 class Px4Commands(Commands):
-    """A PX4's."""
+    """PX4's."""
 
     refused = int(mav.MAV_RESULT_TEMPORARILY_REJECTED)
     nowhere = FAILED
@@ -56,7 +56,7 @@ class Px4Commands(Commands):
         }
 
     def answer(self, refusal: str | None) -> Reply:
-        """ACK; the text that explains a refusal is told behind it, as any other."""
+        """Return the ACK; the text that explains a refusal follows as any other text."""
         if refusal is None:
             return Reply(ACCEPTED)
         self.ap.say(mav.MAV_SEVERITY_CRITICAL, refusal)
@@ -80,7 +80,7 @@ class Px4Commands(Commands):
         return replace(reply, before=(ACCEPTED,))
 
     def set_mode(self, number: int) -> Reply:
-        """SET_MODE: main mode and sub-mode in one number."""
+        """Execute SET_MODE: main mode and sub-mode in one number."""
         mode = wanted(number >> 16 & 0xFF, number >> 24 & 0xFF)
         return self.answer("Unsupported mode") if mode is None else self._mode(mode)
 
@@ -114,14 +114,14 @@ class Px4Commands(Commands):
         return Reply(ACCEPTED if changes_mode else UNSUPPORTED)
 
     def _flat_or_none(self, request: Request) -> tuple[float | None, float | None]:
-        """East and north of a command's place, None where it leaves them."""
+        """Return east and north of a command's place, None where it has none."""
         where = request.lat_lon_e7
         if where is None or abs(where[0]) > 900_000_000 or abs(where[1]) > 1_800_000_000:
             return None, None
         return self._flat(*where)
 
     def _external_position(self, request: Request) -> Reply:
-        """The delay has to be told."""
+        """Refuse it without a delay."""
         if not math.isfinite(request.p[1]):
             return Reply(self.refused)
         return super()._external_position(request)

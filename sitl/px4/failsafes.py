@@ -1,13 +1,12 @@
-"""What a PX4 does by itself when something fails, and the parameters that say so.
+"""A PX4's failsafes, and the parameters that set them.
 
 Battery (COM_LOW_BAT_ACT), ground station (NAV_DLL_ACT), radio control (NAV_RCL_ACT), position,
-geofence (GF_ACTION), a lost stream of setpoints (COM_OBL_RC_ACT). What is more than Hold waits in
-Hold for COM_FAIL_ACT_T first, but for a lost stream; a mode that the pilot asks for meanwhile calls
-it off. The vehicle stays in the mode of a failsafe until it is asked for another, or until the
-stream whose loss began it is back: then it is in OFFBOARD again, unasked. All times are the
-vehicle's own.
+geofence (GF_ACTION), a lost stream of setpoints (COM_OBL_RC_ACT). But for a lost stream, it holds
+for COM_FAIL_ACT_T before it returns or lands; a mode that the pilot selects meanwhile cancels the
+failsafe. The vehicle stays in the failsafe's mode until another is selected, or until the lost
+stream is back: then it enters OFFBOARD by itself. All times are the vehicle's own.
 
-The text of every failsafe is the same; why it came is in the arguments of its event alone.
+All failsafes have one text; the cause is in the arguments of the event only.
 """
 
 from __future__ import annotations
@@ -39,31 +38,25 @@ if TYPE_CHECKING:
     from sitl.px4.autopilot import Px4Autopilot
 
 FRESH_S = 0.5
-"""At least two setpoints a second: the last is no older than this when the mode is asked for."""
+"""Age limit of the last setpoint when OFFBOARD is selected: it needs two a second."""
 
 
 class Setpoints:
-    """When SET_POSITION_TARGET_* was heard last, whatever the mode.
-
-    >>> setpoints = Setpoints()
-    >>> setpoints.hear(3.0)
-    >>> setpoints.fresh(3.4), setpoints.fresh(3.6), setpoints.silent_s(4.0)
-    (True, False, 1.0)
-    """
+    """When SET_POSITION_TARGET_* was received last, whatever the mode."""
 
     def __init__(self) -> None:
         self._heard_s = -math.inf
 
     def hear(self, now_s: float) -> None:
-        """A setpoint has come."""
+        """Note a setpoint."""
         self._heard_s = now_s
 
     def silent_s(self, now_s: float) -> float:
-        """Seconds since the last one."""
+        """Return the seconds since the last one."""
         return now_s - self._heard_s
 
     def fresh(self, now_s: float) -> bool:
-        """Whether there is a stream to switch to."""
+        """Return whether there is a stream to switch to."""
         return self.silent_s(now_s) <= FRESH_S + 1e-6
 
 
@@ -87,13 +80,10 @@ _ACTIONS: Mapping[int, int] = {
 
 
 def failsafe(intended: Px4Mode, action: int, cause: Cause, holds_s: float = 0.0) -> Notice:
-    """A failsafe begins: one text for all of them, and an event that says why.
+    """Return the notice of a failsafe: one text for all, and an event with the cause.
 
-    Arguments (`failsafe/framework.cpp`, `notifyUser`): the mode that it was meant to be in, what
-    it does, after how many seconds where it holds first, and the cause where there is one.
-
-    >>> failsafe(Px4Mode.OFFBOARD, Px4Mode.RTL, Cause.GENERIC).text
-    'Failsafe activated'
+    Arguments (`failsafe/framework.cpp`, `notifyUser`): the intended mode, the action, the seconds
+    that it holds first, and the cause if there is one.
     """
     name, text = "commander_failsafe_enter", "Failsafe activated"
     arguments = struct.pack("<IB", int(intended), _ACTIONS[action])
@@ -133,7 +123,7 @@ _BATTERY_CAUSES = {
 
 
 class Px4Failsafes(Failsafes):
-    """Which failsafes of a PX4 are active."""
+    """The active failsafes of a PX4."""
 
     ended: ClassVar = {
         STATION: (INFO, "Connection to ground station regained"),
@@ -143,7 +133,7 @@ class Px4Failsafes(Failsafes):
     def __init__(self) -> None:
         super().__init__()
         self.engaged = False
-        """One of them has changed the mode, and nobody has since."""
+        """A failsafe has changed the mode, and no pilot since."""
         self._without_satellites = False  # it flies on, and has said so
         self._due: tuple[float, int] | None = None  # when the waiting in Hold ends, and what then
         self._action = 0
@@ -151,15 +141,15 @@ class Px4Failsafes(Failsafes):
 
     @property
     def active(self) -> bool:
-        """The heartbeat says CRITICAL."""
+        """Whether the heartbeat reports CRITICAL."""
         return self.engaged
 
     def hears_station(self, now_s: float, parameters: Parameters) -> bool:
-        """Whether a ground station is connected."""
+        """Return whether a ground station is connected."""
         return 0.0 <= self.silent_s(now_s) <= parameters.positive("COM_DL_LOSS_T", 5, 300)
 
     def taken_over(self) -> None:
-        """The pilot has asked for a mode, or the motors have stopped."""
+        """Note that the pilot has selected a mode, or that the motors have stopped."""
         self.engaged, self._due, self._action, self._streamless = False, None, 0, False
 
     def step(self, craft: Px4Autopilot) -> None:
@@ -207,7 +197,7 @@ class Px4Failsafes(Failsafes):
                 self._act(craft, Cause.RADIO, _LINK_ACTIONS.get(int(get["NAV_RCL_ACT"])))
 
     def _position(self, craft: Px4Autopilot) -> None:
-        """Satellites stop being fused, and it flies on until the filter has no position."""
+        """Stop fusing satellites, and fly on until the filter has no position."""
         if craft.sources.just_stopped and craft.armed and not craft.position_lost:
             self._without_satellites = True
             craft.say(WARNING, "GNSS data fusion stopped")
@@ -221,7 +211,7 @@ class Px4Failsafes(Failsafes):
             self._carry_out(craft, Px4Mode.LAND)  # there is nothing to wait in Hold with
 
     def _offboard(self, craft: Px4Autopilot) -> None:
-        """A stream that is lost, and one that is back while it still does what followed."""
+        """Act on a lost stream, and on one that is back."""
         if not craft.armed:
             return
         if self._streamless and craft.setpoints.fresh(craft.t_s) and craft.airborne:
@@ -242,7 +232,7 @@ class Px4Failsafes(Failsafes):
     def _act(
         self, craft: Px4Autopilot, cause: Cause, action: int | None, *, streamless: bool = False
     ) -> None:
-        """Begin an action, unless a graver one is on; `streamless`: for a lost stream, at once."""
+        """Begin an action unless a graver one is active; `streamless`: without a hold."""
         if action is None or not craft.armed:
             return
         rank = _SEVERITY_ORDER.index(action)

@@ -1,8 +1,8 @@
-"""What a PX4 makes of messages otherwise: bytewise parameters, setpoints, its mission protocol.
+"""PX4's differences in messages: bytewise parameters, setpoints, its mission protocol.
 
-Its texts go to ground stations only; what it reports to everybody is an EVENT (410). The number of
-an event is a hash of its name; what it means is in metadata that comes with the firmware. The
-ardupilotmega dialect does not know the message, so its payload is packed here.
+Its texts go to ground stations only; every client receives an EVENT (410). The number of an event
+is a hash of its name; the firmware's metadata explain it. The ardupilotmega dialect does not define
+the message, so its payload is packed here.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _FLOWN_BY = {
 
 
 def check(kind: int, item: Item) -> int:
-    """MAV_MISSION_RESULT for one item of a list of this kind.
+    """Return the MAV_MISSION_RESULT for one item of a list of this kind.
 
     >>> check(MISSION, Item(mav.MAV_CMD_NAV_TAKEOFF, p=(math.nan,) * 4))
     0
@@ -74,7 +74,7 @@ _OTHER = "commander_other"
 
 
 def number_of(name: str) -> int:
-    """The number of an event: 24 bits of FNV-1a below the component that tells it.
+    """Return the number of an event: 24 bits of FNV-1a below the component.
 
     >>> hex(number_of("commander_armed_by"))
     '0x190caf3'
@@ -92,7 +92,7 @@ class Events:
         self._sequence = 0
 
     def of(self, notice: Notice, t_s: float) -> Packed:
-        """The event that says the same as a text."""
+        """Return the event that goes with a text."""
         severity, text, name, arguments = notice
         name = name or next((name for begin, name in _NAMES if text.startswith(begin)), _OTHER)
         self._sequence = (self._sequence + 1) & 0xFFFF
@@ -124,7 +124,7 @@ class Px4Interpreter(Interpreter):
         del self._handlers["TERRAIN_CHECK"]
 
     def tell(self, notice: Notice) -> bytes:
-        """What the autopilot says: a text, and an event for everybody."""
+        """Return a text, and an event."""
         event = self._events.of(notice, self.ap.t_s)
         return super().tell(notice) + self.autopilot_wire.pack(event)
 
@@ -162,7 +162,7 @@ class Px4Interpreter(Interpreter):
         super()._position_target(m)
 
     def _local_target(self, m: Message) -> None:
-        """SET_POSITION_TARGET_LOCAL_NED, around the place of booting; BODY_NED for velocities."""
+        """Execute SET_POSITION_TARGET_LOCAL_NED around the boot position."""
         if not self._is_setpoint(m):
             return
         self.ap.setpoints.hear(self.ap.t_s)
@@ -184,7 +184,7 @@ class Px4Interpreter(Interpreter):
             self.ap.go_along(Setpoint(None, (v_east, v_north, -m.vz)))
 
     def _is_setpoint(self, m: Message) -> bool:
-        """For this vehicle, and of finite numbers only."""
+        """Return whether it is for this vehicle and all its numbers are finite."""
         if m.target_component not in (0, AUTOPILOT):
             return False
         numbers = [m.vx, m.vy, m.vz, m.afx, m.afy, m.afz, m.yaw]
@@ -195,7 +195,7 @@ class Px4Interpreter(Interpreter):
     # --- parameters -----------------------------------------------------------------------------
 
     def _param_set(self, m: Message) -> None:
-        """The new value is the answer; an unknown name is told, another type meets silence."""
+        """Answer with the new value; an unknown name with a text, another type not at all."""
         parameter = self.ap.parameters.by_name.get(m.param_id)
         if parameter is None:
             self.ap.say(mav.MAV_SEVERITY_ERROR, f"unknown param: {m.param_id}")
@@ -208,10 +208,10 @@ class Px4Interpreter(Interpreter):
             self._copies.append(self.autopilot_wire.pack(self._param_value(m.param_id)))
 
     def step(self) -> bytes:
-        """Besides, each parameter that was set is sent once more, up to 50 ms later.
+        """Send each parameter that was set once more, up to 50 ms later.
 
-        (`mavlink_parameters.cpp`, `send_untransmitted`.) With the value that was set, as a client
-        hears it whose next PARAM_SET is under way by then.
+        It has the value that was set (`mavlink_parameters.cpp`, `send_untransmitted`), although the
+        client's next PARAM_SET may be under way by then.
         """
         copies = b"".join(self._copies)
         self._copies.clear()

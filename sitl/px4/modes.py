@@ -9,16 +9,12 @@ SUB_MISSION = 4
 
 
 def packed(main: int, sub: int = 0) -> int:
-    """`custom_mode` of a HEARTBEAT and of SET_MODE.
-
-    >>> packed(4, 3) == Px4Mode.HOLD
-    True
-    """
+    """Return the `custom_mode` of HEARTBEAT and of SET_MODE."""
     return (main & 0xFF) << 16 | (sub & 0xFF) << 24
 
 
 class Px4Mode(IntEnum):
-    """What a HEARTBEAT says in `custom_mode`."""
+    """`custom_mode` of HEARTBEAT."""
 
     MANUAL = 1 << 16
     ALTITUDE = 2 << 16
@@ -34,7 +30,7 @@ class Px4Mode(IntEnum):
 
     @property
     def automatic(self) -> bool:
-        """One of the main mode AUTO."""
+        """Whether its main mode is AUTO."""
         return self >> 16 & 0xFF == MAIN_AUTO
 
 
@@ -45,14 +41,14 @@ BY_HAND = (
     Px4Mode.ACRO,
     Px4Mode.STABILIZED,
 )
-"""These need a radio control (`Quirks.stick`)."""
+"""Modes that need a radio control (`Quirks.stick`)."""
 LEVEL = tuple(mode for mode in BY_HAND if mode != Px4Mode.POSITION)
-"""With the stick centred these keep level and the height, and go wherever the wind takes them."""
+"""With the stick centred these keep level and the height, and drift with the wind."""
 UNARMABLE = (Px4Mode.RTL, Px4Mode.LAND)
 
 
 def wanted(main: int, sub: int) -> Px4Mode | None:
-    """The mode that DO_SET_MODE asks for; AUTO without a sub-mode is the mission.
+    """Return the mode that DO_SET_MODE requests; AUTO without a sub-mode is the mission.
 
     >>> wanted(4, 0).name, wanted(6, 0).name, wanted(4, 99)
     ('MISSION', 'OFFBOARD', None)

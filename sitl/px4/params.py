@@ -1,7 +1,7 @@
-"""The parameters of the simulated PX4: those that change what it does or that clients ask for.
+"""The parameters of the simulated PX4, with the names, defaults and types of 1.15.
 
-Names, defaults and types (there are only INT32 and REAL32) are those of PX4 1.15 on a multicopter.
-Integers travel bytewise: their four bytes lie in the float field `param_value`.
+Only those that change what it does or that clients ask for; all are INT32 or REAL32. Integers
+travel bytewise: their four bytes lie in the float field `param_value`.
 """
 
 from __future__ import annotations
@@ -80,21 +80,17 @@ _INT, _FLOAT = struct.Struct("<i"), struct.Struct("<f")
 
 
 def bytewise(value: int) -> float:
-    """The float whose four bytes are those of an integer.
+    """Return the float whose four bytes are those of an integer.
 
-    >>> bytewise(1)
-    1.401298464324817e-45
+    >>> bytewise(1), from_bytewise(bytewise(-1))
+    (1.401298464324817e-45, -1)
     """
     found: float = _FLOAT.unpack(_INT.pack(value))[0]
     return found
 
 
 def from_bytewise(value: float) -> int:
-    """The other way round; not-a-numbers are integers, too.
-
-    >>> from_bytewise(bytewise(-1))
-    -1
-    """
+    """Return the integer of a float's bytes, also of a NaN."""
     found: int = _INT.unpack(_FLOAT.pack(value))[0]
     return found
 
@@ -103,7 +99,7 @@ _NOSE_FORWARD = (0, 3, 4)  # MPC_YAW_MODE
 
 
 def px4_tuning(parameters: Parameters) -> Tuning:
-    """MPC_*, RTL_*, NAV_*.
+    """Return PX4's tuning by MPC_*, RTL_*, NAV_*.
 
     >>> tuning = px4_tuning(Parameters(TABLE))
     >>> tuning.return_height_m(100.0, 12.0), round(tuning.return_height_m(15.0, 12.0), 6)
@@ -133,7 +129,7 @@ def px4_tuning(parameters: Parameters) -> Tuning:
 
 
 def _return_height(parameters: Parameters, away_m: float, height_m: float) -> float:
-    """RTL_RETURN_ALT; inside the cone over home lower, down to RTL_DESCEND_ALT."""
+    """Return RTL_RETURN_ALT; inside the cone over home less, down to RTL_DESCEND_ALT."""
     wanted = parameters["RTL_RETURN_ALT"]
     angle = math.radians(parameters.positive("RTL_CONE_ANG", 0.0, 90.0))
     if angle > 0.0:
@@ -142,7 +138,7 @@ def _return_height(parameters: Parameters, away_m: float, height_m: float) -> fl
 
 
 def _landing_speed(parameters: Parameters, limits: Limits, height_m: float) -> float:
-    """MPC_LAND_SPEED below MPC_LAND_ALT2, faster from there up to MPC_LAND_ALT1."""
+    """Return MPC_LAND_SPEED below MPC_LAND_ALT2, more from there up to MPC_LAND_ALT1."""
     slow = parameters.positive("MPC_LAND_SPEED", 0.3, 2.0)
     low_m = parameters.positive("MPC_LAND_ALT2", 0.0, 100.0)
     high_m = max(low_m + 0.1, parameters["MPC_LAND_ALT1"])
@@ -154,16 +150,16 @@ class Px4Fence(Fence):
     """Uploaded polygons and circles, GF_MAX_HOR_DIST and GF_MAX_VER_DIST."""
 
     def enabled(self, parameters: Parameters) -> bool:
-        """Whether there is anything to break, and GF_ACTION says that it matters."""
+        """Return whether there is a limit, and GF_ACTION enables it."""
         there = self.zones or parameters["GF_MAX_HOR_DIST"] or parameters["GF_MAX_VER_DIST"]
         return bool(there) and parameters["GF_ACTION"] != 0.0
 
     def floor_m(self, parameters: Parameters) -> float:
-        """There is none."""
+        """Return none."""
         return -math.inf
 
     def _limits(self, parameters: Parameters) -> tuple[int, float, float, float]:
-        """Distances that are not positive are none."""
+        """Return the limits; a distance that is not positive is none."""
         farthest = (parameters[name] for name in ("GF_MAX_VER_DIST", "GF_MAX_HOR_DIST"))
         high_m, far_m = (limit_m if limit_m > 0.0 else math.inf for limit_m in farthest)
         return ALT_MAX | CIRCLE | POLYGON, -math.inf, high_m, far_m

@@ -1,4 +1,4 @@
-"""A PX4's state as MAVLink messages: what differs from the others, and what it streams unasked."""
+"""A PX4's state as MAVLink messages: differences to ArduPilot's, and what it streams by default."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ DEFAULT_HZ = {
     mav.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
     CURRENT_MODE: 0.5,
 }
-"""What a link to a ground station carries without a request, as PX4's mode "normal" has it."""
+"""What a link to a ground station carries without a request (PX4's mode "normal")."""
 
 _NOT_SENT = ("ekf_status_report", "wind", "fence_status")  # which an ArduPilot sends
 DEFAULT_S = {int(message_id): 1.0 / hz for message_id, hz in DEFAULT_HZ.items()}
@@ -77,13 +77,13 @@ class Px4Telemetry(Telemetry):
         return self._builders.keys() - {mav.MAVLINK_MSG_ID_HEARTBEAT}
 
     def current_mode(self) -> Packed:
-        """CURRENT_MODE, which the dialect does not know: the mode, and the one asked for."""
+        """CURRENT_MODE, which the dialect does not define: the mode and the intended mode."""
         payload = _CURRENT_MODE.pack(int(self.told_mode), int(self._ap.intended), 0)
         return CURRENT_MODE, crc_extra_of(CURRENT_MODE), payload
 
     @property
     def told_mode(self) -> Px4Mode:
-        """The mode; one that comes down blind out of OFFBOARD calls that ALTITUDE."""
+        """The mode; a blind descent out of OFFBOARD is reported as ALTITUDE."""
         ap = self._ap
         blind = ap.failsafes.engaged and ap.mode == Px4Mode.LAND and not ap.position_ok
         return Px4Mode.ALTITUDE if blind and ap.intended == Px4Mode.OFFBOARD else ap.mode

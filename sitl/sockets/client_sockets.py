@@ -1,7 +1,7 @@
 """A vehicle's sockets: UDP with several clients, TCP with one.
 
-Nothing here waits for a client. One that does not read loses frames, whole ones, and one that
-vanishes is forgotten; the vehicle and its other clients do not notice.
+No call waits for a client. A client that does not read loses whole frames, and one that vanishes
+is forgotten; the vehicle and its other clients do not notice.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Address = tuple[str, int]
 
 
 class UdpPort(asyncio.DatagramProtocol):
-    """One UDP socket that sends to a listening client and to those who have spoken to it."""
+    """One UDP socket that sends to a listening client and to those that have sent to it."""
 
     def __init__(self, vehicle: SimVehicle) -> None:
         self.url = ""
@@ -49,7 +49,7 @@ class UdpPort(asyncio.DatagramProtocol):
         self._transport = cast(asyncio.DatagramTransport, transport)
 
     def datagram_received(self, data: bytes, addr: Address) -> None:
-        """A client speaks; it is heard, and told from now on (asyncio)."""
+        """Take a client's bytes; a new client receives the telemetry from now on (asyncio)."""
         link = self._clients.get(addr)
         if link is None:
             link = self._clients[addr] = self._vehicle.connect()
@@ -60,18 +60,18 @@ class UdpPort(asyncio.DatagramProtocol):
         self.flush()
 
     def pause_writing(self) -> None:
-        """The system takes no more for now (asyncio): frames are dropped."""
+        """Drop frames while the system takes none (asyncio)."""
         self._full = True
 
     def resume_writing(self) -> None:
-        """It does again (asyncio)."""
+        """Send again (asyncio)."""
         self._full = False
 
     def error_received(self, exc: Exception) -> None:
-        """Nobody listens at the other end (asyncio): a link that is down, nothing more."""
+        """Ignore that no client listens at the other end (asyncio): the link is down."""
 
     def flush(self) -> None:
-        """To every client, in datagrams of whole frames."""
+        """Send to every client, in datagrams of whole frames."""
         if self._reboots != self._vehicle.fail.reboots:
             # it restarts with another port, so the old ones are nobody's
             self._reboots = self._vehicle.fail.reboots
@@ -99,7 +99,7 @@ class UdpPort(asyncio.DatagramProtocol):
 
 
 class TcpPort:
-    """A listening socket; who comes while a client is served hears nothing until that one goes."""
+    """A listening socket that serves one client; others wait until it goes."""
 
     def __init__(self, vehicle: SimVehicle) -> None:
         self.url = ""
@@ -117,7 +117,7 @@ class TcpPort:
         self.url = f"tcpout://{LOOPBACK}:{port}"
 
     def arrived(self, connection: Connection) -> None:
-        """A client has connected."""
+        """Serve a client, let it wait, or drop it."""
         if self._served is None:
             self._serve(connection)
         elif len(self._waiting) < _MAX_WAITING:
@@ -128,18 +128,18 @@ class TcpPort:
             connection.transport.abort()
 
     def _hold(self, connection: Connection) -> None:
-        """What a client says that waits, waits with it."""
+        """Stop reading from a client that waits."""
         if connection in self._waiting:
             connection.transport.pause_reading()
 
     def heard(self, connection: Connection, data: bytes) -> None:
-        """The client speaks."""
+        """Take the served client's bytes."""
         if connection is self._served:
             self._link.receive(data)
             self.flush()
 
     def gone(self, connection: Connection) -> None:
-        """A client has closed, or vanished: the next one is served."""
+        """Serve the next client, if the served one has gone."""
         if connection is not self._served:
             if connection in self._waiting:
                 self._waiting.remove(connection)
@@ -159,7 +159,7 @@ class TcpPort:
         connection.transport.write(self._vehicle.banner)
 
     def flush(self) -> None:
-        """To the client, as far as it reads."""
+        """Send to the served client, as far as it reads."""
         data = self._link.take()
         served = self._served
         if self._reboots != self._vehicle.fail.reboots:
@@ -199,16 +199,16 @@ class Connection(asyncio.Protocol):
         self._port.arrived(self)
 
     def data_received(self, data: bytes) -> None:
-        """The client speaks (asyncio)."""
+        """Take the client's bytes (asyncio)."""
         self._port.heard(self, data)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """It has gone (asyncio)."""
+        """Note that it has gone (asyncio)."""
         self._port.gone(self)
 
 
 def datagrams(data: bytes) -> list[bytes]:
-    """Whole frames put together to datagrams: a frame never spans two."""
+    """Join whole frames to datagrams: a frame never spans two."""
     made = [b""]
     for frame in cut(data):
         if made[-1] and len(made[-1]) + len(frame) > _MAX_DATAGRAM:

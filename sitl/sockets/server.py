@@ -1,9 +1,8 @@
-"""Simulated vehicles on real loopback sockets, in real time or at a speed-up.
+"""Simulated vehicles on loopback sockets, in real time or at a speed-up.
 
-UDP: a vehicle has one socket that sends to a port where a client listens (what MAVSDK calls
-`udpin://127.0.0.1:14550`), and also to whoever else has spoken to it. TCP: a vehicle listens and
-serves one client at a time (`tcpout://127.0.0.1:5760`), as ArduPilot's own simulator does. The
-announced pictures are served over HTTP.
+UDP: a vehicle sends to a port where a client listens (MAVSDK's `udpin://127.0.0.1:14550`), and to
+each client that has sent to it. TCP: a vehicle listens and serves one client at a time
+(`tcpout://127.0.0.1:5760`), as ArduPilot's own simulator does. HTTP serves the announced pictures.
 """
 
 from __future__ import annotations
@@ -26,10 +25,9 @@ _IDLE_S = 30.0
 
 
 class PictureServer:
-    """Serves over HTTP/1.1, GET only, what `find(path)` returns; `path` begins with a slash.
+    """Serves what `find(path)` returns over HTTP/1.1, GET only; `path` begins with a slash.
 
-    It runs between two steps of the vehicles, so a picture is looked up and rendered without a
-    lock.
+    It answers between two steps of the vehicles, so it renders a picture without a lock.
     """
 
     def __init__(self, find: Callable[[str], bytes | None]) -> None:
@@ -39,7 +37,7 @@ class PictureServer:
         self._talks: set[asyncio.Task[None]] = set()
 
     async def open(self, port: int) -> int:
-        """Listen on 127.0.0.1; port 0 takes any free one. Returns the port."""
+        """Listen on 127.0.0.1 at `port`, 0 for any free one; return the port."""
         self._server = await asyncio.start_server(
             self._talk, LOOPBACK, port, limit=_MAX_HEADER_BYTES
         )
@@ -76,7 +74,7 @@ class PictureServer:
             writer.close()
 
     async def _answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
-        """One request and its response; whether the connection stays open."""
+        """Answer one request; return whether the connection stays open."""
         async with asyncio.timeout(_IDLE_S):
             head = await reader.readuntil(b"\r\n\r\n")
         lines = head.decode("latin-1").split("\r\n")
@@ -135,18 +133,19 @@ async def serve(
     http_port: int | None,
     on_ready: Callable[[list[str]], None],
 ) -> None:
-    """Fly `vehicles` on loopback sockets until cancelled; then all sockets are closed.
+    """Fly `vehicles` of one world on loopback sockets until cancelled; then close all sockets.
 
-    "udp": the client listens, vehicle i sends to 127.0.0.1, port `base_port + 10 i` (14550 first),
-    and to up to seven others that speak to it. "tcp": the vehicle listens at that port (5760
-    first); it is its USB port, where unsigned frames are heard even when it signs. `on_ready` gets
-    the URLs to connect with, in the order of the vehicles.
+    Args:
+        transport: "udp": the client listens; vehicle i sends to 127.0.0.1, port `base_port + 10 i`
+            (14550 first), and to at most seven others that have sent to it. "tcp": the vehicle
+            listens at that port (5760 first), its USB port, where unsigned frames are accepted.
+        http_port: Of the pictures; the vehicles' `image_url_prefix` begins with its address. None:
+            pictures are not served.
+        on_ready: Receives the URLs to connect with, in the order of the vehicles.
 
-    Pictures are served at `http_port`, so the vehicles' `image_url_prefix` has to begin with that
-    address; with None they are not. All vehicles share a world, and are stepped together.
-
-    Raises `ValueError` for a speed-up or a picture address that cannot be served, `OSError` when
-    a port is taken.
+    Raises:
+        ValueError: A speed-up or a picture address that cannot be served.
+        OSError: A port is taken.
     """
     if not 0.0 < speedup <= 1000.0:
         raise ValueError(f"a speed-up is above 0 and at most 1000: {speedup}")
@@ -175,10 +174,9 @@ async def serve(
 
 
 async def _run(vehicles: Sequence[SimVehicle], ports: Sequence[Port], speedup: float) -> None:
-    """Keep the vehicles' time at `speedup` times the wall's.
+    """Keep the vehicles' time at `speedup` times real time.
 
-    A machine that is too slow lets the simulation fall behind; what it cannot catch up within a
-    burst is dropped, not hurried after.
+    On a slow machine the simulation falls behind: what a burst cannot catch up with is dropped.
     """
     started_s, owed_s = time.monotonic(), 0.0
     while True:
@@ -219,7 +217,7 @@ T = TypeVar("T")
 
 
 class Background:
-    """Serves vehicles in a thread of its own, until `close`; raises `OSError` when it cannot."""
+    """Serves vehicles in a thread of its own until `close`; raises `OSError` if it cannot."""
 
     def __init__(
         self, vehicles: Sequence[SimVehicle], *, speedup: float, tcp: bool = False
@@ -240,7 +238,7 @@ class Background:
             raise OSError(f"the simulator could not open its sockets: {self._failed}")
 
     def ask(self, question: Callable[[], T]) -> T:
-        """The answer to a question, put to the vehicles between two steps."""
+        """Return the answer to a question, put between two steps of the vehicles."""
         if not self._thread.is_alive():
             return question()
         answer: Future[T] = Future()
@@ -255,7 +253,7 @@ class Background:
         return answer.result(_PATIENCE_S)
 
     def check(self) -> None:
-        """Raise `RuntimeError` when the thread has died."""
+        """Raise `RuntimeError` if the thread has died."""
         if self._failed is not None or not self._thread.is_alive():
             raise RuntimeError("the simulator has stopped") from self._failed
 
@@ -299,7 +297,7 @@ class Background:
 
 
 def free_ports(vehicles: int, *, tcp: bool = False) -> tuple[int, int]:
-    """A port whose neighbours, those of further vehicles, are free too; and one for pictures."""
+    """Return a port that is free for each of `vehicles`, and one for pictures."""
     kind = socket.SOCK_STREAM if tcp else socket.SOCK_DGRAM
     for _ in range(100):
         with contextlib.ExitStack() as stack, contextlib.suppress(OSError, OverflowError):

@@ -39,7 +39,7 @@ _PIXEL_IS_POINT, _USER_DEFINED = 2, 32767
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """What lies on the ground: regions of interest, and the picture that is underneath."""
+    """Regions of interest, and the picture of the ground below them."""
 
     patches: tuple[Patch, ...] = ()
     orthophoto: Orthophoto | None = None
@@ -48,15 +48,15 @@ class Ground:
 def load_ground(
     paths: Sequence[Path | str], epsg: int | None = None, home: LatLon | None = None
 ) -> Ground:
-    """The ground of some files, at most one of them a picture.
+    """Load the ground from files, at most one of them a picture.
 
     Args:
         paths: GeoJSON (`.geojson`, `.json`) and pictures.
         epsg: System of the coordinates of a world file, by default WGS84 degrees.
-        home: Where the vehicles start; the ground has to be within 20 km.
+        home: Of the vehicles; the ground has to be within 20 km.
 
     Raises:
-        WorldError: naming the file and what is wrong with it.
+        WorldError: A file is wrong; names it and says why.
     """
     patches: list[Patch] = []
     orthophoto: Orthophoto | None = None
@@ -90,7 +90,7 @@ def _read(path: Path) -> bytes:
 
 # --- GeoJSON ------------------------------------------------------------------------------------
 def load_patches(path: Path) -> tuple[Patch, ...]:
-    """The polygons of a GeoJSON file. Raises `WorldError` also when there are none."""
+    """Return the polygons of a GeoJSON file; raises `WorldError` if there are none."""
     try:
         root = json.loads(_read(path))
     except (ValueError, RecursionError) as error:
@@ -110,7 +110,7 @@ def load_patches(path: Path) -> tuple[Patch, ...]:
 
 
 def _polygons(item: Any, path: Path) -> Iterator[Any]:
-    """The coordinates of every polygon, however deep."""
+    """Yield the coordinates of every polygon, however deep."""
     kind = item.get("type") if isinstance(item, dict) else None
     try:
         if kind == "FeatureCollection":
@@ -152,7 +152,7 @@ def _xy(ring: Sequence[LatLon]) -> list[tuple[float, float]]:
 
 # --- pictures -----------------------------------------------------------------------------------
 def load_orthophoto(path: Path, epsg: int | None = None) -> Orthophoto:
-    """A GeoTIFF, or a PNG or JPEG with a world file. Raises `WorldError`."""
+    """Load a GeoTIFF, or a PNG or JPEG with a world file; raises `WorldError`."""
     try:
         with warnings.catch_warnings():
             # Pillow warns of large pictures, and refuses the largest
@@ -183,7 +183,7 @@ def load_orthophoto(path: Path, epsg: int | None = None) -> Orthophoto:
 def _pixels(
     picture: Image.Image, path: Path
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
-    """Blue-green-red, and where there is data."""
+    """Return blue-green-red, and where there are data."""
     if picture.mode not in ("1", "L", "LA", "P", "RGB", "RGBA", "CMYK", "YCbCr"):
         raise WorldError(f"{path}: its pixels are {picture.mode}; save it with 8 bits a channel")
     rgba = np.asarray(picture.convert("RGBA"))
@@ -191,7 +191,7 @@ def _pixels(
 
 
 def _place(path: Path, kind: str, tags: Mapping[int, Any]) -> tuple[Matrix, int | None]:
-    """Pixels to coordinates, and the system of these if the file names it."""
+    """Return the matrix from pixels to coordinates, and their system if the file names it."""
     if _TRANSFORMATION in tags or (_PIXEL_SCALE in tags and _TIE_POINT in tags):
         return _geotiff(path, tags)
     for suffix in (*_SUFFIXES[kind], f"{path.suffix}w", ".wld"):
@@ -239,6 +239,6 @@ def _geotiff(path: Path, tags: Mapping[int, Any]) -> tuple[Matrix, int | None]:
 
 
 def _geo_keys(directory: Sequence[int]) -> dict[int, int]:
-    """The keys whose values are in the directory itself, which all codes are."""
+    """Return the keys whose values are in the directory itself, as all codes are."""
     entries = [directory[i : i + 4] for i in range(4, len(directory) - 3, 4)]
     return {int(key): int(value) for key, place, _, value in entries if place == 0}

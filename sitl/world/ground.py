@@ -1,8 +1,8 @@
-"""The ground of a simulated world: how high it is, its patterns, a picture that lies on it.
+"""The ground of a simulated world: its height, its patterns, a picture that lies on it.
 
 Heights are in metres above the ground at the world's origin, in the plane's true east and north.
-Patterns are square tiles of gray levels that continue at their own far edge: a tile covers `TILE_M`
-metres, and the arrays hold it twice in each direction.
+Patterns are square tiles of gray levels that wrap around: a tile covers `TILE_M` metres, and the
+arrays hold it twice in each direction.
 """
 
 from __future__ import annotations
@@ -48,12 +48,8 @@ class HeightField:
 class Relief:
     """A slope that rises towards a true bearing, smooth hills by seed, and measured heights.
 
-    `slope` is rise over way (0.1: 10 %). The hills are waves of `hills_long_m` and more, and of
-    `hills_high_m` from the deepest valley to the highest top at most.
-
-    >>> slope = Relief(slope=0.1, rises_toward_deg=90.0)
-    >>> round(slope.height_m(50.0, 7.0), 9)
-    5.0
+    `slope` is a tangent. The hills are waves of `hills_long_m` and more, and of at most
+    `hills_high_m` from the deepest valley to the highest top.
     """
 
     slope: float = 0.0
@@ -88,7 +84,7 @@ class Relief:
         return self.slope * math.sin(toward), self.slope * math.cos(toward)
 
     def height_m(self, east_m: float, north_m: float) -> float:
-        """The height at one place."""
+        """Return the height at one place."""
         rise_east, rise_north = self._rise
         height = east_m * rise_east + north_m * rise_north - self._origin_m
         for amplitude, k_east, k_north, phase in self._waves:
@@ -98,7 +94,7 @@ class Relief:
         return height
 
     def heights_m(self, east_m: Numbers, north_m: Numbers) -> Numbers:
-        """The heights at many places: arrays of one shape."""
+        """Return the heights at many places: arrays of one shape."""
         rise_east, rise_north = self._rise
         height = east_m * rise_east + north_m * rise_north - self._origin_m
         for amplitude, k_east, k_north, phase in self._waves:
@@ -133,10 +129,9 @@ _GAP_DEPTH = 0.42  # a bare spot's darkening at its centre, of the ground's brig
 
 @lru_cache(maxsize=4)  # worlds of one seed, one after the other
 def ground_tile(seed: tuple[int, ...], mean: float, std: float) -> Gray:
-    """Meadow: `mean` and `std` in gray levels, with small dark bare spots. Not to be written to.
+    """Return a meadow of `mean` and `std` in gray levels, with small dark spots; read-only.
 
-    The spots fall below what separates ROI from ground, as real grass does: a detector has to
-    close them (the paper dilates).
+    The spots are as dark as a ROI: a detector has to close them (the paper dilates).
     """
     rng = np.random.default_rng(seed)
     tile = mean + std * _fractal(rng, slope=0.75)
@@ -146,23 +141,20 @@ def ground_tile(seed: tuple[int, ...], mean: float, std: float) -> Gray:
 
 @lru_cache(maxsize=4)
 def roi_tile(seed: tuple[int, ...], mean: float, std: float) -> Gray:
-    """Asphalt or oil: `mean` and `std` in gray levels, without spots. Not to be written to."""
+    """Return asphalt or oil of `mean` and `std` in gray levels, without spots; read-only."""
     rng = np.random.default_rng(seed)
     return _twice(mean + std * _fractal(rng, slope=0.6))
 
 
 def _twice(tile: npt.NDArray[np.float64]) -> Gray:
-    """As gray levels, repeated twice in both directions: see `sitl.camera.render`."""
+    """Return gray levels, repeated twice in both directions (see `sitl.camera.render`)."""
     twice = np.tile(np.clip(np.round(tile), 0, 255).astype(np.uint8), (2, 2))
     twice.setflags(write=False)
     return twice
 
 
 def _fractal(rng: np.random.Generator, slope: float) -> npt.NDArray[np.float64]:
-    """Noise of unit variance whose amplitude falls with frequency to the power `slope`.
-
-    The discrete Fourier transform is periodic, therefore so is the tile.
-    """
+    """Return periodic noise of unit variance; its amplitude falls with frequency to `slope`."""
     white = np.fft.rfft2(rng.standard_normal((TILE_PX, TILE_PX)))
     fy = np.fft.fftfreq(TILE_PX, METRES_PER_PIXEL)[:, None]
     fx = np.fft.rfftfreq(TILE_PX, METRES_PER_PIXEL)[None, :]
@@ -173,7 +165,7 @@ def _fractal(rng: np.random.Generator, slope: float) -> npt.NDArray[np.float64]:
 
 
 def _spots(rng: np.random.Generator) -> npt.NDArray[np.float64]:
-    """Gaussian spots of height 1 at random places, wrapped around the edges."""
+    """Return Gaussian spots of height 1 at random places, wrapped around the edges."""
     count = int(_GAPS_PER_M2 * TILE_M * TILE_M)
     field = np.zeros((TILE_PX, TILE_PX))
     rows, columns = rng.integers(0, TILE_PX, (2, count))
@@ -233,13 +225,13 @@ class Orthophoto:
         return levels
 
     def position(self, column: float, row: float) -> LatLon:
-        """Where a pixel lies."""
+        """Return where a pixel lies."""
         x, y, _ = self.to_crs @ (column, row, 1.0)
         lon, lat = self._to_wgs84.transform(x, y)
         return LatLon(float(lat), float(lon))
 
     def pixel(self, position: LatLon) -> tuple[float, float]:
-        """Column and row of a position, also outside the picture."""
+        """Return column and row of a position, also outside the picture."""
         x, y = self._to_wgs84.transform(position.lon_deg, position.lat_deg, direction="INVERSE")
         column, row, _ = self._from_crs @ (x, y, 1.0)
         return float(column), float(row)
@@ -247,11 +239,11 @@ class Orthophoto:
     def seen(
         self, corners: Sequence[LatLon], at_px: Matrix, size: tuple[int, int]
     ) -> tuple[Picture, Picture]:
-        """A view of the ground: what is seen, and 255 where it is known.
+        """Return a view of the ground, and 255 where it is known.
 
         `corners` are four places on the ground and `at_px` (4, 2) their pixels in the view of
-        `size` (columns, rows). The four are projected exactly, what is between them follows the
-        homography: over a footprint a map projection is as good as linear.
+        `size` (columns, rows). The four are projected exactly; between them the view follows the
+        homography, which over a footprint is as good as the map projection.
         """
         source = np.array([self.pixel(p) for p in corners])
         view = cv2.contourArea(at_px.astype(np.float32))

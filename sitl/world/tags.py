@@ -1,4 +1,4 @@
-"""Markers on top of vehicles: what each carries, and where all of them are at an instant.
+"""Markers on top of vehicles, and where all of them are at an instant.
 
 A marker is a square of a dictionary of OpenCV's ArUco module. It lies flat on the vehicle, its
 upper edge towards the nose, with a white margin of one module around its black border.
@@ -18,7 +18,7 @@ import numpy.typing as npt
 from missions.units import Quaternion
 
 TAG_OVER_FEET_M: Final = 0.3
-"""How high the marker lies over what a standing vehicle stands on."""
+"""Height of the marker over the vehicle's feet, m."""
 DICTIONARIES: Final = (
     "DICT_4X4_50", "DICT_4X4_100", "DICT_4X4_250", "DICT_5X5_50", "DICT_5X5_100",
     "DICT_6X6_50", "DICT_APRILTAG_36h11",
@@ -27,7 +27,7 @@ DICTIONARIES: Final = (
 
 @dataclass(frozen=True, slots=True)
 class TagPose:
-    """A marker at an instant: its middle in the world's plane, in metres; how it turns and moves.
+    """A marker at an instant: its middle in the world's plane, in metres.
 
     `attitude` turns the vehicle's axes (forward, right, down) to NED; `velocity_m_s` is (east,
     north, up).
@@ -48,22 +48,16 @@ class Carriers:
         self._where: dict[int, Callable[[float], TagPose]] = {}
 
     def join(self, number: int, where: Callable[[float], TagPose]) -> None:
-        """Vehicle `number` carries its marker; `where(t_s)` says where that is at a time.
-
-        It is asked for times that differ from the vehicle's own by a step at most.
-        """
+        """Add a vehicle; `where(t_s)` gives its marker, at most a step from its own time."""
         self._where[number] = where
 
     def others(self, number: int, t_s: float) -> tuple[TagPose, ...]:
-        """The markers of all vehicles but one."""
+        """Return the markers of all vehicles but one."""
         return tuple(where(t_s) for other, where in self._where.items() if other != number)
 
 
 def check_number(dictionary: str, number: int) -> None:
-    """Raises `ValueError` where a dictionary is not known, or has no marker of that number.
-
-    >>> check_number("DICT_4X4_50", 49)
-    """
+    """Raise `ValueError` for an unknown dictionary, or one without a marker of that number."""
     if dictionary not in DICTIONARIES:
         raise ValueError(f"tag_dictionary {dictionary!r}: there is {', '.join(DICTIONARIES)}")
     last = len(_dictionary(dictionary).bytesList) - 1
@@ -76,11 +70,7 @@ def check_number(dictionary: str, number: int) -> None:
 
 @lru_cache(maxsize=64)
 def modules(dictionary: str, number: int) -> npt.NDArray[np.uint8]:
-    """A marker with its margin: 1 where a module is white; the first row is the upper edge.
-
-    >>> modules("DICT_4X4_50", 1).shape
-    (8, 8)
-    """
+    """Return a marker with its margin: 1 where a module is white; the first row is the top."""
     check_number(dictionary, number)
     known = _dictionary(dictionary)
     picture = cv2.aruco.generateImageMarker(known, number, known.markerSize + 2)

@@ -1,7 +1,6 @@
 """The ground truth: where the region of interest lies and drifts, the wind and the light.
 
-Everything is a function of the world's time `t_s`, which starts at 0, and of the seed: two worlds
-of the same specification are the same world.
+All is a function of the world's time `t_s`, which starts at 0, and of the seed.
 """
 
 from __future__ import annotations
@@ -39,15 +38,17 @@ class Patch:
 
 @dataclass(frozen=True, kw_only=True)
 class Conditions:
-    """What the ground looks like and how the air moves.
+    """The look of the ground, and the motion of the air.
 
-    The patches move rigidly with `drift_speed_m_s` towards the true bearing `drift_toward_deg`.
-    Gray levels are 0 to 255: `texture` is the standard deviation of the ground's and the ROI's own
-    pattern, `sensor_noise` that of a frame's noise, `illumination` the largest relative change of
-    the light, which is slow. `gust_m_s` is the standard deviation of each component of the wind
-    around its mean. The ground is a level plane, or has a `relief` above it.
-    `tag_m` is the side of the marker that each vehicle carries on its top, of `tag_dictionary` of
-    OpenCV, with the vehicle's number; 0: none.
+    Attributes:
+        drift_speed_m_s: The patches move rigidly towards the true bearing `drift_toward_deg`.
+        gust_m_s: Standard deviation of each component of the wind around its mean.
+        roi_intensity, ground_intensity: Gray levels, 0 to 255.
+        texture: Standard deviation of the ground's and the ROI's pattern, gray levels.
+        sensor_noise: The same of a frame's noise.
+        illumination: Largest relative change of the light, which is slow.
+        relief: Of the ground; None: a level plane.
+        tag_m: Side of the marker on top of each vehicle, 0 for none; `tag_dictionary` is OpenCV's.
     """
 
     drift_speed_m_s: float = 0.0
@@ -68,11 +69,12 @@ class Conditions:
 
 @dataclass(frozen=True)
 class WorldSpec(Conditions):
-    """One world: conditions at a place.
+    """Conditions at a place.
 
-    The plane of the ground is at `origin_amsl_m`; `pads` are places whose surroundings have a
-    height above it, which aircraft stand on and cameras miss. `orthophoto` is what the camera sees
-    instead of a meadow, where it reaches; it does not drift.
+    Attributes:
+        origin_amsl_m: Height of the plane of the ground.
+        orthophoto: What the camera sees instead of a meadow, where it reaches; it does not drift.
+        pads: Places whose surroundings have a height above the plane; cameras do not see it.
     """
 
     origin: LatLon
@@ -90,7 +92,7 @@ class _Swell:
 
     @classmethod
     def of(cls, rng: np.random.Generator, shortest_s: float, longest_s: float, n: int) -> _Swell:
-        """`n` waves of unit total variance, periods spread geometrically."""
+        """Draw `n` waves of unit total variance, periods spread geometrically."""
         periods = np.geomspace(shortest_s, longest_s, n) * rng.uniform(0.9, 1.1, n)
         phases = rng.uniform(0.0, math.tau, n)
         # longer waves carry more of the energy, as in real wind and passing clouds
@@ -105,11 +107,11 @@ class _Swell:
 
     @property
     def peak(self) -> float:
-        """A bound that is never passed."""
+        """Bound of its values."""
         return sum(a for a, _, _ in self.waves)
 
     def at(self, t_s: float) -> float:
-        """Value at a time; zero mean, unit variance."""
+        """Return the value at a time; zero mean, unit variance."""
         sin, value = math.sin, 0.0
         for amplitude, rate, phase in self.waves:
             value += amplitude * sin(rate * t_s + phase)
@@ -117,7 +119,7 @@ class _Swell:
 
 
 class World:
-    """A world that can be asked about any time `t_s >= 0`.
+    """A world at any time `t_s >= 0`.
 
     >>> world = World(WorldSpec(LatLon(48.0, 11.0), 500.0, (), wind_speed_m_s=2.0))
     >>> east, north = world.wind_at(10.0)  # from the north, so towards the south
@@ -129,7 +131,7 @@ class World:
         self.spec = spec
         self.plane = LocalPlane(spec.origin)
         self.carriers = Carriers()
-        """The vehicles with a marker on their top; none where `tag_m` is 0."""
+        """The vehicles with a marker on their top."""
         self._pads = [(*self.plane.to_plane(place), height_m) for place, height_m in spec.pads]
         toward = math.radians(spec.drift_toward_deg)
         self._drift = (
@@ -165,7 +167,7 @@ class World:
         return [(rgb, shapely.union_all(some)) for rgb, some in polygons.items()]
 
     def ground_m(self, east_m: float, north_m: float) -> float:
-        """How high the ground is above the plane."""
+        """Return the height of the ground above the plane."""
         for east, north, height_m in self._pads:
             if math.hypot(east_m - east, north_m - north) <= _PAD_M:
                 return height_m
@@ -173,11 +175,11 @@ class World:
         return 0.0 if relief is None else relief.height_m(east_m, north_m)
 
     def drift_at(self, t_s: float) -> tuple[float, float]:
-        """How far the ROI has moved since time 0, metres (true east, true north)."""
+        """Return how far the ROI has moved since time 0, metres (true east, true north)."""
         return self._drift[0] * t_s, self._drift[1] * t_s
 
     def wind_at(self, t_s: float) -> tuple[float, float]:
-        """The velocity of the air, m/s (east, north), the same everywhere."""
+        """Return the velocity of the air, m/s (east, north), the same everywhere."""
         gust = self.spec.gust_m_s
         if gust == 0.0:
             return self._wind
@@ -192,7 +194,7 @@ class World:
         return cached
 
     def illumination_at(self, t_s: float) -> float:
-        """Factor on all brightness, within 1 - illumination and 1 + illumination."""
+        """Return the factor on all brightness, within 1 - illumination and 1 + illumination."""
         return 1.0 + self.spec.illumination * self._light.at(t_s) / self._light.peak
 
     @cached_property
