@@ -139,7 +139,7 @@ class SimVehicle:
             raise ValueError(f"time goes forward: {dt_s}")
         count = max(1, math.ceil(dt_s / MAX_STEP_S - 1e-9)) if dt_s > 0.0 else 0
         for _ in range(count):
-            self._tell(self._small_step(dt_s / count))
+            self._broadcast(self._small_step(dt_s / count))
             for link in self._links:
                 link.step()
         return self._main.take()
@@ -156,7 +156,7 @@ class SimVehicle:
         if link_id is None:
             raise ValueError(f"a vehicle has at most {_MAX_LINKS} links")
         link = Link(
-            link_id, self._seed, self.fail, self._signing, self._hear, trusted=trusted,
+            link_id, self._seed, self.fail, self._signing, self._handle, trusted=trusted,
             texts_to_stations=self._interpreter.texts_to_stations,
         )  # fmt: skip
         self._links.append(link)
@@ -213,13 +213,13 @@ class SimVehicle:
             estimate_error_m=(self._error.east, self._error.north),
         )
 
-    def _hear(self, messages: list[Message]) -> None:
+    def _handle(self, messages: list[Message]) -> None:
         for message in messages:
             if message.get_msgId() == mav.MAVLINK_MSG_ID_SETUP_SIGNING:
                 self._set_up_signing(message)
-        self._tell(self._interpreter.handle(messages) + self._announce())
+        self._broadcast(self._interpreter.handle(messages) + self._announce())
 
-    def _tell(self, frames: bytes) -> None:
+    def _broadcast(self, frames: bytes) -> None:
         if frames:
             for link in self._links:
                 link.send(frames)
@@ -241,7 +241,7 @@ class SimVehicle:
             return
         if self._ap.armed:
             text = "ERROR: Can't setup signing while armed"
-            self._ap.say(mav.MAV_SEVERITY_CRITICAL, text)
+            self._ap.send_text(mav.MAV_SEVERITY_CRITICAL, text)
             return
         self._signing.set_up(bytes(m.secret_key), m.initial_timestamp)
 
@@ -288,14 +288,14 @@ class SimVehicle:
             return b""
         wire = self._interpreter.autopilot_wire
         sent = bytearray()
-        if ap.mode_changed and self._interpreter.tells_mode_at_once:
+        if ap.mode_changed and self._interpreter.sends_mode_at_once:
             sent += wire.pack(self._telemetry.heartbeat())
         if ap.home_changed and ap.home_known:
             sent += wire.pack(self._telemetry.gps_global_origin())
             sent += wire.pack(self._telemetry.home_position())
-        if self._interpreter.heard:  # nobody has listened before: no texts
+        if self._interpreter.heard:  # before that no client listens
             for notice in ap.texts:
-                sent += self._interpreter.tell(notice)
+                sent += self._interpreter.pack_notice(notice)
         ap.mode_changed = ap.home_changed = False
         ap.texts.clear()
         return bytes(sent)
@@ -350,7 +350,7 @@ class SimVehicle:
             shot,
             (now.east, now.north, now.up),
             now.up - self._ap.home[2],
-            (*body.told_roll_pitch, body.heading),
-            self.spec.camera.attitude(*body.told_roll_pitch, body.heading),
+            (*body.estimated_roll_pitch, body.heading),
+            self.spec.camera.attitude(*body.estimated_roll_pitch, body.heading),
             self.fail.picture,
         )

@@ -18,7 +18,7 @@ _GPS, _EXTERNAL_NAV = 3, 6  # EK3_SRCn_POSXY
 _BY_MAVLINK = 14  # GPS2_TYPE
 _SWITCHES = (1, 4)  # GPS_AUTO_SWITCH: the best, the first while it has a fix
 _FIX_3D = 3
-_RECEIVER_S = 4.0  # a receiver that was not heard for so long is gone
+_RECEIVER_S = 4.0  # without a message for so long a receiver is gone
 _VISION_S = 0.3  # a companion's positions come at 4 Hz at least
 _DEAD_RECKONING_S = 1.0  # without a position for so long it takes one by command
 _ABSOLUTE_S = 10.0  # so long it goes on to call its position absolute
@@ -106,7 +106,7 @@ class Ek3Aiding(Aiding):
             error.fuse(*errs_by, sigma_m)
         self._changed, error.aided, error.no_fix_s = False, True, 0.0
 
-    def told(
+    def external_position(
         self, east_m: float, north_m: float, sigma_m: float | None, delay_s: float, *, flying: bool
     ) -> Answer:
         """Reset the horizontal position; refuse while positions are fused anyway."""

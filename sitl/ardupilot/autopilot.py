@@ -26,7 +26,7 @@ from sitl.quirks import Quirks
 
 _LANDED, _AUTO = Phase.LANDED, Mode.AUTO  # looked up once, not at every step
 _ARM_IN_AUTO, _TAKE_OFF_IN_AUTO = 1, 2  # AUTO_OPTIONS
-_PREARM_EVERY_S = 30.0  # so often a vehicle that would not arm says why
+_PREARM_EVERY_S = 30.0  # interval at which a vehicle that cannot arm reports why
 _TOTALS = {MISSION: "MIS_TOTAL", FENCE: "FENCE_TOTAL", RALLY: "RALLY_TOTAL"}
 
 
@@ -134,7 +134,7 @@ class Autopilot(Aircraft):
         self.route.reset()
         self._mission_started = False
         self._enter(Phase.LANDED)
-        self.say(INFO, "Disarming motors")
+        self.send_text(INFO, "Disarming motors")
         return None
 
     def set_mode(self, mode: Mode) -> str | None:
@@ -261,7 +261,7 @@ class Autopilot(Aircraft):
             if not self.armed and self.parameters["ARMING_CHECK"] != 0.0:
                 refusal = self.prearm_refusal()
                 if refusal is not None:
-                    self.say(CRITICAL, refusal)
+                    self.send_text(CRITICAL, refusal)
 
     def _decide(self, dt_s: float) -> Command:
         if self.mode == _AUTO and self.armed and self._mission_started:

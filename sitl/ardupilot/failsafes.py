@@ -93,7 +93,7 @@ class ArduPilotFailsafes(Failsafes):
     def _battery_low(self, craft: Autopilot, state: int, name: str) -> None:
         self.charge_state = state
         battery, word = craft.battery, "low" if state == CHARGE_LOW else "critical"
-        craft.say(
+        craft.send_text(
             WARNING,
             f"Battery 1 is {word} {battery.voltage_v:.2f}V used {battery.consumed_mah:.0f} mAh",
         )
@@ -101,7 +101,7 @@ class ArduPilotFailsafes(Failsafes):
         if action is None:
             return
         if self._keeps_landing(craft):
-            craft.say(WARNING, "Battery Failsafe - Continuing Landing")
+            craft.send_text(WARNING, "Battery Failsafe - Continuing Landing")
             return
         self._act(craft, "Battery", action)
 
@@ -113,11 +113,11 @@ class ArduPilotFailsafes(Failsafes):
             return
         options = int(get["FS_OPTIONS"])
         if craft.mode == Mode.AUTO and (options & _CONTINUE_AUTO or enabled == 2):
-            craft.say(WARNING, "GCS Failsafe - Continuing Auto Mode")
+            craft.send_text(WARNING, "GCS Failsafe - Continuing Auto Mode")
         elif craft.mode in _BY_HAND and options & _CONTINUE_PILOT:
-            craft.say(WARNING, "GCS Failsafe - Continuing Pilot Control")
+            craft.send_text(WARNING, "GCS Failsafe - Continuing Pilot Control")
         elif self._keeps_landing(craft):
-            craft.say(WARNING, "GCS Failsafe - Continuing Landing")
+            craft.send_text(WARNING, "GCS Failsafe - Continuing Landing")
         else:
             self._act(craft, "GCS", _GCS_ACTIONS.get(enabled, Mode.RTL))
 
@@ -129,21 +129,23 @@ class ArduPilotFailsafes(Failsafes):
     def _position(self, craft: Autopilot) -> None:
         if craft.satellites_lost != self._glitch:
             self._glitch = not self._glitch
-            craft.say(CRITICAL, "GPS Glitch or Compass error" if self._glitch else "Glitch cleared")
+            craft.send_text(
+                CRITICAL, "GPS Glitch or Compass error" if self._glitch else "Glitch cleared"
+            )
         if not self.loses_position(craft, _POSITION_LOST_S, matters=craft.navigating):
             return
         if craft.parameters["FS_EKF_ACTION"] != 0.0:
             craft.set_mode(Mode.LAND)
-            craft.say(CRITICAL, "EKF Failsafe: changed to LAND Mode")
+            craft.send_text(CRITICAL, "EKF Failsafe: changed to LAND Mode")
         else:
-            craft.say(CRITICAL, "EKF variance")
+            craft.send_text(CRITICAL, "EKF variance")
 
     def _fence(self, craft: Autopilot) -> None:
         fresh = self.breaks_fences(craft)
         self._broken_fence = craft.fence.broken != 0
         if not fresh:
             return
-        craft.say(mav.MAV_SEVERITY_NOTICE, f"{names(fresh)} fence breached")
+        craft.send_text(mav.MAV_SEVERITY_NOTICE, f"{names(fresh)} fence breached")
         action = _FENCE_ACTIONS.get(int(craft.parameters["FENCE_ACTION"]))
         if action is not None and craft.mode not in (Mode.LAND, action):
             self._act(craft, "Fence", action, announce=False)
@@ -158,7 +160,7 @@ class ArduPilotFailsafes(Failsafes):
     @staticmethod
     def _act(craft: Autopilot, what: str, action: int, *, announce: bool = True) -> None:
         if announce:
-            craft.say(WARNING, f"{what} Failsafe")
+            craft.send_text(WARNING, f"{what} Failsafe")
         if not craft.armed:
             return
         if not craft.airborne or action == _TERMINATE:

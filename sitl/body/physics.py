@@ -90,7 +90,7 @@ class Body:
         return self.compass_rad + self.attitude_error.heading
 
     @property
-    def told_roll_pitch(self) -> tuple[float, float]:
+    def estimated_roll_pitch(self) -> tuple[float, float]:
         """Roll and pitch by the autopilot, radians."""
         roll, pitch = self.roll_pitch
         return roll + self.attitude_error.roll, pitch + self.attitude_error.pitch

@@ -61,7 +61,7 @@ class Aiding(ABC):
         """Receive a second receiver's position, by GPS_INPUT."""
 
     @abstractmethod
-    def told(
+    def external_position(
         self, east_m: float, north_m: float, sigma_m: float | None, delay_s: float, *, flying: bool
     ) -> Answer:
         """Receive EXTERNAL_POSITION_ESTIMATE, `delay_s` old."""

@@ -111,7 +111,7 @@ class Aircraft(Motion, ABC):
 
     # --- what can be asked for ------------------------------------------------------------------
 
-    def say(self, severity: int, text: str) -> None:
+    def send_text(self, severity: int, text: str) -> None:
         """Send a status text."""
         self.texts.append(Notice(severity, text))
 
@@ -163,7 +163,7 @@ class Aircraft(Motion, ABC):
         self.home_changed = True
         self._control.reset()
         self._enter(Phase.LANDED)
-        self.say(INFO, text)
+        self.send_text(INFO, text)
 
     def _leave_mode(self) -> None:
         """Drop target, stream and changed speeds; in the air, brake to a hold."""
@@ -194,10 +194,10 @@ class Aircraft(Motion, ABC):
         self._watch_failsafes()
         if self.body.motors_on and self.battery.empty:
             self.body.motors_on = False
-            self.say(CRITICAL, "Battery 1 is empty")
+            self.send_text(CRITICAL, "Battery 1 is empty")
         command = self._decide(dt_s)
         self.body.step(command, wind, dt_s)
-        self._look()  # what is told from here on is of this moment, as the picture that is taken
+        self._look()  # telemetry and pictures are of this moment
         if self.armed and not self.body.motors_on and self.body.on_ground:
             self.disarm(force=True)
 

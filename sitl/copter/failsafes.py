@@ -73,7 +73,7 @@ class Failsafes(ABC):
         else:
             self.lost.remove(what)
             if what in self.ended:
-                craft.say(*self.ended[what])
+                craft.send_text(*self.ended[what])
         return lost
 
     def loses_position(self, craft: Aircraft, holds_out_s: float, *, matters: bool = True) -> bool:

@@ -150,7 +150,7 @@ class Motion:
             self._control.yaw_target = math.atan2(v_east, v_north)
         self.target = None
         self.stream, self._stream_until_s = setpoint, until_s
-        self._follower.hear(setpoint, self.t_s)
+        self._follower.accept(setpoint, self.t_s)
         if self.phase is not _FLY:
             self._enter(_FLY)
 
@@ -220,7 +220,7 @@ class Motion:
             if self.t_s - self._since_s < _SPOOL_S:
                 return False
             self._enter(_CLIMB)
-        stands = self.body.on_ground and not self.body.crashed  # who lies there never has landed
+        stands = self.body.on_ground and not self.body.crashed  # a wreck never counts as landed
         self._contact_s = self._contact_s + dt_s if stands else 0.0
         if self._contact_s >= _CONTACT_S and self.phase is not _CLIMB:
             self._enter(_LANDED)

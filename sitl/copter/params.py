@@ -50,7 +50,7 @@ _ROWS = (
     Parameter("EK3_SRC1_POSXY", 3, INT8),  # 0 none, 3 satellites, 6 a companion
     Parameter("EK3_SRC2_POSXY", 0, INT8),
     Parameter("EK3_SRC3_POSXY", 0, INT8),
-    Parameter("EK3_SRC_OPTIONS", 0, INT16),  # 1: all velocities are fused; told only
+    Parameter("EK3_SRC_OPTIONS", 0, INT16),  # 1: all velocities are fused; no effect here
     Parameter("FENCE_ACTION", 1, INT8),
     Parameter("FENCE_ALT_MAX", 100.0, REAL32),  # m
     Parameter("FENCE_ALT_MIN", -10.0, REAL32),  # m
@@ -58,7 +58,7 @@ _ROWS = (
     Parameter("FENCE_RADIUS", 150.0, REAL32),  # m
     Parameter("FENCE_TOTAL", 0, INT8, fixed=True),
     Parameter("FENCE_TYPE", 7, INT8),  # 1 top, 2 circle, 4 polygons, 8 bottom
-    Parameter("FLOW_TYPE", 0, INT8),  # not 0: an optical flow sensor; told only
+    Parameter("FLOW_TYPE", 0, INT8),  # not 0: an optical flow sensor; no effect
     Parameter("FORMAT_VERSION", 120, INT16, fixed=True),
     Parameter("FRAME_CLASS", 1, INT8, fixed=True),
     Parameter("FRAME_TYPE", 0, INT8, fixed=True),
@@ -104,7 +104,7 @@ _ROWS = (
     Parameter("SIM_WIND_SPD", 0.0, REAL32),  # m/s besides the world's
     Parameter("SYS_FAILURE_EN", 0, INT8),  # 1: MAV_CMD_INJECT_FAILURE is obeyed
     Parameter("VISO_POS_M_NSE", 0.2, REAL32),  # m
-    Parameter("VISO_TYPE", 0, INT8),  # not 0: positions of a companion are heard
+    Parameter("VISO_TYPE", 0, INT8),  # not 0: positions of a companion are used
     Parameter("WPNAV_ACCEL", 250.0, REAL32),  # cm/s^2
     Parameter("WPNAV_ACCEL_Z", 100.0, REAL32),  # cm/s^2
     Parameter("WPNAV_RADIUS", 200.0, REAL32),  # cm
@@ -130,10 +130,10 @@ class Parameters:
         self._values = {p.name: float(p.default) for p in table}
         # raised at every change, so that what is derived from parameters can be cached
         self.version = 0
-        # told of what a client has set: simulated faults
+        # called with what a client has set: simulated faults
         self.watch: Callable[[str, float], None] | None = None
-        # names of what the autopilot has changed by itself and has not told yet
-        self.untold: list[str] = []
+        # names of what the autopilot has changed by itself and has not sent yet
+        self.unsent: list[str] = []
 
     def __getitem__(self, name: str) -> float:
         return self._values[name]
@@ -175,8 +175,8 @@ class Parameters:
         """Change a value that no client has set; it is sent with the index 65535."""
         before = self._values[name]
         self._keep(self.by_name[name], value)
-        if self._values[name] != before and name not in self.untold:
-            self.untold.append(name)
+        if self._values[name] != before and name not in self.unsent:
+            self.unsent.append(name)
 
     def _keep(self, parameter: Parameter, value: float) -> None:
         limit = _INTEGER_RANGE.get(parameter.type)

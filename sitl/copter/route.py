@@ -47,7 +47,7 @@ class Route:
         self.first = first
         self.progress = Progress.NOT_STARTED
         self.current = 0
-        self.reached: list[int] = []  # not yet told
+        self.reached: list[int] = []  # not yet sent
         self.locate: Callable[[Item], Place | None] = lambda _: None
         self.camera: Callable[[tuple[float, int] | None], None] = lambda _: None
         self._item: Item | None = None
@@ -191,7 +191,7 @@ class Route:
     # --- navigation -----------------------------------------------------------------------------
 
     def _start(self, item: Item, pilot: Aircraft) -> None:
-        pilot.say(INFO, f"Mission: {self.current} {NAMES[item.command]}")
+        pilot.send_text(INFO, f"Mission: {self.current} {NAMES[item.command]}")
         self._arrived_s, self._goal, self._landing = None, None, False
         self._begun_s = pilot.t_s
         command = item.command
@@ -260,7 +260,7 @@ class Route:
             if self._held_since is None:
                 text = f"Mission: {index} {NAMES[item.command]}"
                 idle = item.command in IDLE_COMMANDS
-                pilot.say(INFO, text + " has no effect" * idle)
+                pilot.send_text(INFO, text + " has no effect" * idle)
                 now = pilot.estimate
                 self._held_since = (pilot.t_s, (now.east, now.north, now.up))
                 self._do(item, pilot)

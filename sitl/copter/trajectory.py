@@ -165,7 +165,7 @@ class ShapedFollower:
         self._place = self._velocity = self._acceleration = (0.0, 0.0)
         self._target = (0.0, 0.0)
 
-    def hear(self, setpoint: Setpoint, now_s: float) -> None:
+    def accept(self, setpoint: Setpoint, now_s: float) -> None:
         """Take a setpoint, whose place moves on with its velocity."""
         if setpoint.place is not None:
             self._target = setpoint.place[:2]
@@ -230,7 +230,7 @@ class DelayedFollower:
         self._coming: deque[tuple[float, Setpoint]] = deque()
         self._flown: tuple[float, Setpoint] | None = None
 
-    def hear(self, setpoint: Setpoint, now_s: float) -> None:
+    def accept(self, setpoint: Setpoint, now_s: float) -> None:
         """Take a setpoint, delayed; the first of a stream counts at once."""
         if self._flown is None:
             self._flown, self._begun_s = (now_s, setpoint), now_s

@@ -53,7 +53,7 @@ class Transfer:
         home: Returns home as an item; without it item 0 is an item as any other.
         running: Whether the mission is being flown.
         changed: Receives the kind of a list that has changed.
-        say: Receives severity and text.
+        send_text: Receives severity and text.
         ask_int: Request with MISSION_REQUEST_INT instead of MISSION_REQUEST.
         whole: A list takes effect only when it is complete, as fences always do.
         int_frames: A MISSION_ITEM_INT has the frame of that kind, 5 for 0 and 6 for 3.
@@ -65,7 +65,7 @@ class Transfer:
     home: Callable[[], Item] | None
     running: Callable[[], bool]
     changed: Callable[[int], None]
-    say: Callable[[int, str], None]
+    send_text: Callable[[int, str], None]
     ask_int: bool = False
     retry_s: float = _RETRY_S
     give_up_s: float = _GIVE_UP_S
@@ -107,7 +107,7 @@ class Transfer:
             return []
         if now_s - upload.heard_s >= self.give_up_s - _SOON_S:
             self._break_off(upload)
-            self.say(mav.MAV_SEVERITY_WARNING, f"{_NAMES[upload.kind]} upload timeout")
+            self.send_text(mav.MAV_SEVERITY_WARNING, f"{_NAMES[upload.kind]} upload timeout")
             result = mav.MAV_MISSION_OPERATION_CANCELLED
             return [mav.MAVLink_mission_ack_message(*upload.partner, result, upload.kind)]
         if now_s - upload.asked_s >= self.retry_s - _SOON_S:
@@ -197,7 +197,7 @@ class Transfer:
         if result == OK:
             self.plans[upload.kind][:] = upload.received
             self.changed(upload.kind)
-            self.say(mav.MAV_SEVERITY_INFO, _DONE[upload.kind])
+            self.send_text(mav.MAV_SEVERITY_INFO, _DONE[upload.kind])
         return result
 
     # --- download -------------------------------------------------------------------------------

@@ -127,11 +127,11 @@ class Payload:
         exposure = self._expose(index)
         url = f"{self.url_prefix}{index}.jpg"
         place = self._telemetry.place(*exposure.believed)
-        told = (*place, round(exposure.believed_height_m * 1000.0), list(exposure.attitude))
+        reported = (*place, round(exposure.believed_height_m * 1000.0), list(exposure.attitude))
         if not self._tells_pose:
-            told = (0, 0, 0, 0, [0.0] * 4)
+            reported = (0, 0, 0, 0, [0.0] * 4)
         message = mav.MAVLink_camera_image_captured_message(
-            self.boot_ms, 0, 0, *told, index, 1, url.encode("ascii")
+            self.boot_ms, 0, 0, *reported, index, 1, url.encode("ascii")
         )
         self.feedback = self._feedback(index, exposure, place)
         self._exposures[url] = exposure

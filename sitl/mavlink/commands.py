@@ -229,7 +229,7 @@ class Commands(ABC):
             return
         result = self.payload.start(series[0], series[1], 0.0, self.ap.t_s)
         if result != ACCEPTED:
-            self.ap.say(mav.MAV_SEVERITY_WARNING, "Camera: not ready, picture lost")
+            self.ap.send_text(mav.MAV_SEVERITY_WARNING, "Camera: not ready, picture lost")
 
     def _camera_message(self, message_id: int, index: int) -> Reply:
         message = self.payload.build(message_id, index)
@@ -305,7 +305,7 @@ class Commands(ABC):
         if not ap.home_known:
             return Reply(self.refused)
         delay_s = delay_s if math.isfinite(delay_s) else 0.0
-        answer = ap.aiding.told(
+        answer = ap.aiding.external_position(
             place[0], place[1], sigma_m if math.isfinite(sigma_m) else None,
             max(0.0, min(ap.aiding.most_delay_s, delay_s)), flying=ap.airborne,
         )  # fmt: skip

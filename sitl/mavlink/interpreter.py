@@ -30,7 +30,7 @@ NO_YAW = 0x400
 _FTP_NAK, _FTP_FAIL = 129, 1
 _READS_A_STEP = 24  # parameters asked for one by one: what comes faster is lost
 _TERRAIN_READ_S = 1.0
-_UNASKED = 65535  # index of a parameter that nobody has asked for
+_UNASKED = 65535  # index of a parameter that is sent without a request
 _TO_ALL = {
     "HEARTBEAT", "PING", "TERRAIN_CHECK", "TIMESYNC", "GPS_INPUT", "VISION_POSITION_ESTIMATE",
     "ODOMETRY",
@@ -49,7 +49,7 @@ class Interpreter:
     """Accepted frames of ODOMETRY; they lie north here."""
     banner: ClassVar[bytes] = b"\r\n\r\nInit ArduCopter V4.6.0\r\n\r\nFree RAM: 131072\r\n"
     """The greeting of a TCP client."""
-    tells_mode_at_once: ClassVar[bool] = True
+    sends_mode_at_once: ClassVar[bool] = True
     camera_feedback: ClassVar[bool] = True
     texts_to_stations: ClassVar[bool] = False
     """Texts go only to links on which a ground station was heard."""
@@ -97,7 +97,7 @@ class Interpreter:
             home=self._home_item,
             running=lambda: ap.in_mission and ap.armed,
             changed=self.commands.plans_changed,
-            say=ap.say,
+            send_text=ap.send_text,
         )
 
     def handle(self, messages: Iterable[Message]) -> bytes:
@@ -115,15 +115,15 @@ class Interpreter:
         self._reads = 0
         ap = self.ap
         self._send(*self._transfer.step(ap.t_s))
-        if ap.route.reached or ap.parameters.untold:
+        if ap.route.reached or ap.parameters.unsent:
             if self.heard:
                 self._send(*map(mav.MAVLink_mission_item_reached_message, ap.route.reached))
-                self._send(*(self._param_value(n, _UNASKED) for n in ap.parameters.untold))
+                self._send(*(self._param_value(n, _UNASKED) for n in ap.parameters.unsent))
             ap.route.reached.clear()
-            ap.parameters.untold.clear()
+            ap.parameters.unsent.clear()
         return self._sent_frames()
 
-    def tell(self, notice: Notice) -> bytes:
+    def pack_notice(self, notice: Notice) -> bytes:
         """Return a notice as a text."""
         return self.autopilot_wire.pack(statustext(notice.severity, notice.text))
 
@@ -200,7 +200,7 @@ class Interpreter:
     def _gps_input(self, m: Message) -> None:
         place = self.commands.locate(m.lat, m.lon)
         if place is not None:
-            sigma_m = 0.0 if m.ignore_flags & _NO_ACCURACY else _told(m.horiz_accuracy)
+            sigma_m = 0.0 if m.ignore_flags & _NO_ACCURACY else _positive(m.horiz_accuracy)
             self.ap.aiding.receiver(place[0], place[1], sigma_m, m.fix_type)
 
     def _vision(self, m: Message) -> None:
@@ -215,7 +215,9 @@ class Interpreter:
         """Take a position north and east of the origin (GPS_GLOBAL_ORIGIN)."""
         if math.isfinite(m.x) and math.isfinite(m.y) and self.ap.home_known:
             east, north, _ = self.telemetry.origin
-            variance = 0.5 * (_told(covariance[_NORTH_NORTH]) + _told(covariance[_EAST_EAST]))
+            variance = 0.5 * (
+                _positive(covariance[_NORTH_NORTH]) + _positive(covariance[_EAST_EAST])
+            )
             sigma_m = math.sqrt(variance)
             self.ap.aiding.vision(east + m.y, north + m.x, sigma_m, m.reset_counter)
 
@@ -271,12 +273,12 @@ class Interpreter:
         if self.ap.parameters.set(m.param_id, m.param_value):
             self._send(self._param_value(m.param_id))
 
-    def _param_value(self, name: str, told_index: int | None = None) -> Message:
+    def _param_value(self, name: str, index: int | None = None) -> Message:
         parameters = self.ap.parameters
-        parameter, index = parameters.by_name[name], parameters.index[name]
+        parameter = parameters.by_name[name]
         return mav.MAVLink_param_value_message(
             name.encode("ascii"), self._on_wire(parameter, parameters[name]), parameter.type,
-            len(parameters.table), index if told_index is None else told_index,
+            len(parameters.table), parameters.index[name] if index is None else index,
         )  # fmt: skip
 
     def _on_wire(self, parameter: Parameter, value: float) -> float:
@@ -286,7 +288,7 @@ class Interpreter:
     # --- small talk -----------------------------------------------------------------------------
 
     def _ping(self, m: Message) -> None:
-        if m.target_system == 0:  # or it is somebody's answer
+        if m.target_system == 0:  # otherwise it is an answer
             asker = m.get_srcSystem(), m.get_srcComponent()
             self._send(mav.MAVLink_ping_message(m.time_usec, m.seq, *asker))
 
@@ -309,6 +311,6 @@ class Interpreter:
         self._send(mav.MAVLink_file_transfer_protocol_message(0, *asker, list(payload)))
 
 
-def _told(value: float) -> float:
+def _positive(value: float) -> float:
     """Return a positive finite number, 0 for others: it is not known."""
     return value if math.isfinite(value) and value > 0.0 else 0.0

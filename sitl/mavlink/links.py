@@ -188,7 +188,7 @@ class Link:
     texts_to_stations: bool
 
     def __post_init__(self) -> None:
-        self._tells_texts = not self.texts_to_stations
+        self._sends_texts = not self.texts_to_stations
         self._framer = Framer()
         self._cutter = Cutter()
         self._up = Lossy((*self.seed, _LINK_SEED, self.link_id, _UP))
@@ -212,7 +212,7 @@ class Link:
 
     def send(self, frames: bytes) -> None:
         """Send whole unsigned frames; what exceeds the client's outbox is lost."""
-        if not self._tells_texts:
+        if not self._sends_texts:
             frames = b"".join(frame for frame in cut(frames) if not _is_text(frame))
         quality = self.faults.down
         if quality is CLEAN and self._down.idle and not self.signing.active:
@@ -242,7 +242,7 @@ class Link:
                 for message in messages
                 if self.signing.accepts(message.get_msgbuf(), self.trusted)
             ]
-        self._tells_texts = self._tells_texts or any(map(_is_station, messages))
+        self._sends_texts = self._sends_texts or any(map(_is_station, messages))
         if messages:
             self.hear(messages)
 

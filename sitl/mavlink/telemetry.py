@@ -250,7 +250,7 @@ class Telemetry:
     def attitude(self) -> Packed:
         """ATTITUDE."""
         body = self._ap.body
-        roll, pitch = body.told_roll_pitch
+        roll, pitch = body.estimated_roll_pitch
         yaw = math.remainder(body.heading, math.tau)
         return codec.attitude(self.boot_ms, roll, pitch, yaw, 0.0, 0.0, body.yaw_rate)
 

@@ -99,7 +99,7 @@ class Ekf2Aiding(Aiding):
     def receiver(self, east_m: float, north_m: float, sigma_m: float, fix_type: int) -> None:
         """Ignore GPS_INPUT."""
 
-    def told(
+    def external_position(
         self, east_m: float, north_m: float, sigma_m: float | None, delay_s: float, *, flying: bool
     ) -> Answer:
         """Refuse while satellites, optical flow or a companion aid it."""

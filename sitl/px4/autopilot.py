@@ -155,7 +155,7 @@ class Px4Autopilot(Aircraft):
         self.route.stop()
         self._enter(Phase.LANDED)
         self.failsafes.taken_over()
-        self.say(INFO, f"Disarmed by {why}")
+        self.send_text(INFO, f"Disarmed by {why}")
         self._change(self._after_disarming)
 
     # --- modes ----------------------------------------------------------------------------------
@@ -238,7 +238,7 @@ class Px4Autopilot(Aircraft):
         if up_m is None:
             up_m = self._usual_take_off_m
         if up_m <= self.estimate.up:
-            self.say(WARNING, "Already higher than takeoff altitude")
+            self.send_text(WARNING, "Already higher than takeoff altitude")
             return
         self.climb_to(up_m)
         if east is not None and north is not None:
@@ -341,7 +341,7 @@ class Px4Autopilot(Aircraft):
         hangs = self._hangs and self.armed and self.mode == Px4Mode.RTL
         if hangs and self.t_s >= self._complains_s:
             self._complains_s = self.t_s + 1.0
-            self.say(CRITICAL, "RTL: unsupported MAV_FRAME")
+            self.send_text(CRITICAL, "RTL: unsupported MAV_FRAME")
         self.failsafes.step(self)
 
     def _correct_home(self) -> None:

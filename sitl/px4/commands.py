@@ -59,7 +59,7 @@ class Px4Commands(Commands):
         """Return the ACK; the text that explains a refusal follows as any other text."""
         if refusal is None:
             return Reply(ACCEPTED)
-        self.ap.say(mav.MAV_SEVERITY_CRITICAL, refusal)
+        self.ap.send_text(mav.MAV_SEVERITY_CRITICAL, refusal)
         return Reply(self.refused)
 
     def _arm_disarm(self, request: Request) -> Reply:
@@ -106,11 +106,11 @@ class Px4Commands(Commands):
         up = amsl_m - self.telemetry.amsl_m if abs(amsl_m) <= HIGHEST_M else None
         text = self.ap.reposition((east, north, up), yaw_rad if math.isfinite(yaw_rad) else None)
         if text is not None:
-            self.ap.say(mav.MAV_SEVERITY_CRITICAL, text)
+            self.ap.send_text(mav.MAV_SEVERITY_CRITICAL, text)
             return Reply(ACCEPTED)
         if math.isfinite(speed_m_s) and speed_m_s > 0.0:
             self.ap.set_speed("speed_m_s", speed_m_s)
-        # without the flag it flies there in Hold, and says that it does not
+        # without the flag it flies there in Hold, and answers that it does not
         return Reply(ACCEPTED if changes_mode else UNSUPPORTED)
 
     def _flat_or_none(self, request: Request) -> tuple[float | None, float | None]:

@@ -158,7 +158,7 @@ class Px4Failsafes(Failsafes):
         self._links(craft)
         self._position(craft)
         if fresh := self.breaks_fences(craft):
-            craft.say(CRITICAL, f"Geofence violated: {names(fresh)}")
+            craft.send_text(CRITICAL, f"Geofence violated: {names(fresh)}")
             wanted = _FENCE_ACTIONS.get(int(craft.parameters["GF_ACTION"]))
             self._act(craft, Cause.GENERIC, wanted)
         self._offboard(craft)
@@ -178,7 +178,7 @@ class Px4Failsafes(Failsafes):
         if row is None or row[0] <= self.charge_state:
             return
         self.charge_state, _, words, severity = row
-        craft.say(severity, f"{words} level")
+        craft.send_text(severity, f"{words} level")
         wanted = int(get["COM_LOW_BAT_ACT"])
         if self.charge_state == CHARGE_EMERGENCY and wanted in (2, 3):
             self._act(craft, _BATTERY_CAUSES[CHARGE_EMERGENCY], Px4Mode.LAND)
@@ -189,10 +189,10 @@ class Px4Failsafes(Failsafes):
         get = craft.parameters
         known = self.silent_s(craft.t_s) >= 0.0
         if self.begins(craft, STATION, known and not self.hears_station(craft.t_s, get)):
-            craft.say(WARNING, "Connection to ground station lost")
+            craft.send_text(WARNING, "Connection to ground station lost")
             self._act(craft, Cause.STATION, _LINK_ACTIONS.get(int(get["NAV_DLL_ACT"])))
         if self.begins(craft, RADIO, craft.radio_lost):
-            craft.say(CRITICAL, "Manual control lost")
+            craft.send_text(CRITICAL, "Manual control lost")
             if not int(get["COM_RCL_EXCEPT"]) & _RADIO_EXCEPT.get(craft.mode, 0):
                 self._act(craft, Cause.RADIO, _LINK_ACTIONS.get(int(get["NAV_RCL_ACT"])))
 
@@ -200,10 +200,10 @@ class Px4Failsafes(Failsafes):
         """Stop fusing satellites, and fly on until the filter has no position."""
         if craft.sources.just_stopped and craft.armed and not craft.position_lost:
             self._without_satellites = True
-            craft.say(WARNING, "GNSS data fusion stopped")
+            craft.send_text(WARNING, "GNSS data fusion stopped")
         elif craft.sources.just_started and self._without_satellites:
             self._without_satellites = False
-            craft.say(INFO, "GNSS data fusion started")
+            craft.send_text(INFO, "GNSS data fusion started")
         holds_out_s = craft.parameters.positive("EKF2_NOAID_TOUT", 5e5, 1e7) / 1e6
         begins = self.loses_position(craft, 0.0 if craft.position_poor else holds_out_s)
         if begins and craft.armed and craft.airborne:

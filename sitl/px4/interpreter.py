@@ -64,7 +64,7 @@ _AUTOPILOT = 1 << 24
 # number, time, sequence; to component and system (all); the log levels
 _LAYOUT = struct.Struct("<IIHBBB")
 
-# by the beginning of the text that says the same
+# by the beginning of the text
 _NAMES = (
     ("Arming denied", "commander_arm_denied_resolve_failures"),
     ("Armed by", "commander_armed_by"),
@@ -111,7 +111,7 @@ class Px4Interpreter(Interpreter):
     ap: Px4Autopilot
     odometry_frames = (mav.MAV_FRAME_LOCAL_FRD, mav.MAV_FRAME_LOCAL_NED)
     banner = b""
-    tells_mode_at_once = False
+    sends_mode_at_once = False
     camera_feedback = False
     texts_to_stations = True
 
@@ -123,24 +123,24 @@ class Px4Interpreter(Interpreter):
         del self._handlers["REQUEST_DATA_STREAM"]
         del self._handlers["TERRAIN_CHECK"]
 
-    def tell(self, notice: Notice) -> bytes:
+    def pack_notice(self, notice: Notice) -> bytes:
         """Return a text, and an event."""
         event = self._events.of(notice, self.ap.t_s)
-        return super().tell(notice) + self.autopilot_wire.pack(event)
+        return super().pack_notice(notice) + self.autopilot_wire.pack(event)
 
     def _make_transfer(self) -> Transfer:
         ap = self.ap
 
         def complain(severity: int, text: str) -> None:
-            if severity < mav.MAV_SEVERITY_INFO:  # it does not tell when all is well
-                ap.say(severity, text)
+            if severity < mav.MAV_SEVERITY_INFO:  # no text when all is well
+                ap.send_text(severity, text)
 
         return Transfer(
             plans=ap.plans,
             home=None,
             running=lambda: False,
             changed=self.commands.plans_changed,
-            say=complain,
+            send_text=complain,
             ask_int=True,
             retry_s=_RETRY_S,
             give_up_s=_GIVE_UP_S,
@@ -198,7 +198,7 @@ class Px4Interpreter(Interpreter):
         """Answer with the new value; an unknown name with a text, another type not at all."""
         parameter = self.ap.parameters.by_name.get(m.param_id)
         if parameter is None:
-            self.ap.say(mav.MAV_SEVERITY_ERROR, f"unknown param: {m.param_id}")
+            self.ap.send_text(mav.MAV_SEVERITY_ERROR, f"unknown param: {m.param_id}")
             return
         if m.param_type != parameter.type:
             return

@@ -38,7 +38,7 @@ _ROWS = (
     Parameter("EKF2_EV_CTRL", 0, INT32),  # 1: positions of a companion are fused
     Parameter("EKF2_GPS_CTRL", 7, INT32),  # 1: positions by satellites are fused
     Parameter("EKF2_NOAID_TOUT", 5000000, INT32),  # us
-    Parameter("EKF2_OF_CTRL", 0, INT32),  # 1: optical flow is fused; told only
+    Parameter("EKF2_OF_CTRL", 0, INT32),  # 1: optical flow is fused; no effect
     Parameter("GF_ACTION", 2, INT32),  # 0, 1 warn, 2 hold, 3 return, 4 motors off, 5 land
     Parameter("GF_MAX_HOR_DIST", 0.0, REAL32),  # m, 0: none
     Parameter("GF_MAX_VER_DIST", 0.0, REAL32),  # m, 0: none

@@ -148,7 +148,7 @@ class Px4Telemetry(Telemetry):
     def attitude_quaternion(self) -> Message:
         """ATTITUDE_QUATERNION, from the body to north, east and down."""
         body = self._ap.body
-        roll, pitch = body.told_roll_pitch
+        roll, pitch = body.estimated_roll_pitch
         attitude = Quaternion.from_euler(roll, pitch, body.heading)
         return mav.MAVLink_attitude_quaternion_message(
             self.boot_ms, *attitude, 0.0, 0.0, body.yaw_rate

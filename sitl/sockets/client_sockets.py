@@ -32,7 +32,7 @@ class UdpPort(asyncio.DatagramProtocol):
         self._vehicle = vehicle
         self._reboots = vehicle.fail.reboots
         self._listener: Address = (LOOPBACK, 0)
-        self._clients: OrderedDict[Address, Link] = OrderedDict()  # who spoke last comes last
+        self._clients: OrderedDict[Address, Link] = OrderedDict()  # the last sender comes last
         self._transport: asyncio.DatagramTransport | None = None
         self._full = False
 
@@ -73,7 +73,7 @@ class UdpPort(asyncio.DatagramProtocol):
     def flush(self) -> None:
         """Send to every client, in datagrams of whole frames."""
         if self._reboots != self._vehicle.fail.reboots:
-            # it restarts with another port, so the old ones are nobody's
+            # it restarts with another port, so the old ones are void
             self._reboots = self._vehicle.fail.reboots
             for client in list(self._clients):
                 if client != self._listener:
@@ -116,7 +116,7 @@ class TcpPort:
         self._server = await loop.create_server(lambda: Connection(self), LOOPBACK, port)
         self.url = f"tcpout://{LOOPBACK}:{port}"
 
-    def arrived(self, connection: Connection) -> None:
+    def connected(self, connection: Connection) -> None:
         """Serve a client, let it wait, or drop it."""
         if self._served is None:
             self._serve(connection)
@@ -132,13 +132,13 @@ class TcpPort:
         if connection in self._waiting:
             connection.transport.pause_reading()
 
-    def heard(self, connection: Connection, data: bytes) -> None:
+    def received(self, connection: Connection, data: bytes) -> None:
         """Take the served client's bytes."""
         if connection is self._served:
             self._link.receive(data)
             self.flush()
 
-    def gone(self, connection: Connection) -> None:
+    def disconnected(self, connection: Connection) -> None:
         """Serve the next client, if the served one has gone."""
         if connection is not self._served:
             if connection in self._waiting:
@@ -196,15 +196,15 @@ class Connection(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Keep the socket (asyncio)."""
         self.transport = cast(asyncio.Transport, transport)
-        self._port.arrived(self)
+        self._port.connected(self)
 
     def data_received(self, data: bytes) -> None:
         """Take the client's bytes (asyncio)."""
-        self._port.heard(self, data)
+        self._port.received(self, data)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Note that it has gone (asyncio)."""
-        self._port.gone(self)
+        self._port.disconnected(self)
 
 
 def datagrams(data: bytes) -> list[bytes]:

@@ -269,7 +269,7 @@ class Background:
                 runner.run(self._serve())
         except asyncio.CancelledError:
             pass
-        except BaseException as error:  # told to whoever waits
+        except BaseException as error:  # raised in the thread that waits
             self._failed = error
         finally:
             self._ready.set()

@@ -95,4 +95,4 @@ def test_changes_by_itself_are_told_once():
     parameters.change("MIS_TOTAL", 4)
     parameters.change("MIS_TOTAL", 5)
     parameters.change("RALLY_TOTAL", 0)
-    assert parameters.untold == ["MIS_TOTAL"]
+    assert parameters.unsent == ["MIS_TOTAL"]

@@ -257,7 +257,7 @@ def test_any_messages_leave_a_sane_state(messages, pauses):
     plans, changes = {MISSION: [], FENCE: [], RALLY: []}, []
     transfer = Transfer(
         plans=plans, home=lambda: Item(WP), running=lambda: False, changed=changes.append,
-        say=lambda *_: None,
+        send_text=lambda *_: None,
     )  # fmt: skip
     link, now_s = mav.MAVLink(None, 255, 190), 0.0
     for i, message in enumerate(messages):
