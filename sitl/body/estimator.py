@@ -256,7 +256,7 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
         way_m = self._reckoning.drift * self._flow_m
         return way_m * way_m
 
-    # --- positions of others ------------------------------------------------------------------------
+    # --- positions of others ----------------------------------------------------------------------
 
     def fuse(self, east_m: float, north_m: float, sigma_m: float) -> None:
         """Fuse a measured position with this error, weighed by the variances."""
