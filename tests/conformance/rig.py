@@ -22,10 +22,8 @@ from uavmap.mavlink.session import GROUND_SYSTEM_ID, Session
 from uavmap.runner.simulation import STEP_S
 
 SPEEDUP = 10.0
-SLOW_MACHINE_S = 3.0
-"""Real seconds by which it may be late."""
-PATIENCE_S = 300.0
-"""Real seconds for a flight that takes 10."""
+SLOW_MACHINE_S = 3.0  # real seconds by which it may be late
+PATIENCE_S = 300.0  # real seconds for a flight that takes 10
 
 DRIVERS = ("pymavlink", "mavsdk")
 AUTOPILOTS = ("ardupilot", "px4")

@@ -48,8 +48,8 @@ from uavmap.journal.flight_plan import DRIVERS as OFFERED
 from uavmap.mavlink.links.signing import Signing, ticks_now
 from uavmap.runner.vehicles import STREAMED_SPEEDUP
 
+# the mode that a pilot selects to take the vehicle, and the parameters that select it
 HOLDS = {"ardupilot": (Mode.BRAKE, (int(Mode.BRAKE),)), "px4": (Px4Mode.RTL, (4, 5))}
-"""What a pilot turns to who wants the vehicle: the mode, and the parameters that ask for it."""
 
 
 def commands(flight: Flight, since: int = 0) -> list[int]:

@@ -21,7 +21,6 @@ from tests.support.small_missions import mission_text, square
 BOX = square(0.0, -4.0, 48.0, 36.0)
 FENCE = square(-30.0, -40.0, 130.0, 120.0)
 ROI = frozenset(Cell(east, north) for east in range(6, 10) for north in range(3, 7))
-"""One patch; for a strategy that ends with the first that is all."""
 
 
 def made(strategy: str, vehicles: int) -> Mission:

@@ -1,6 +1,4 @@
-"""A fleet without MAVLink for driving `missions.flight.step` to the end, in a kind or an unkind
-world.
-"""
+"""A fleet without MAVLink that drives `missions.flight.step` in a kind or an unkind world."""
 
 from .fleet import TICK_S, Fleet, fleet
 

@@ -1,8 +1,7 @@
-"""One multicopter as it really is: a point with a velocity, a battery, and an autopilot.
+"""The truth of one multicopter: a point with a velocity, a battery, and an autopilot.
 
-It flies by what it believes (`believed`), which satellite navigation, a wandering error and a
-compass may falsify. Heights are above its own home. Nothing here knows the mission. The air has a
-given wind, gusts, and storms that nobody gave.
+It flies by its own estimate (`believed`), which satellites, a wandering error and a compass may
+falsify. Heights are above its own home. The air has a given wind, gusts, and storms.
 """
 
 from __future__ import annotations
@@ -14,25 +13,17 @@ from dataclasses import dataclass, field
 from missions.guardian import Mode
 from missions.units import GridPoint
 
-ROUGHNESS_M = 0.03
-"""Of a meadow: the wind is weaker near the ground."""
-REFERENCE_M = 12.0
-"""Winds are told for this height."""
-STRONGEST_M_S = 25.0
-"""At any height, gusts included."""
-RAMP_S = 3.0
-"""A storm comes up within this time."""
+ROUGHNESS_M = 0.03  # of a meadow: the wind is weaker near the ground
+REFERENCE_M = 12.0  # winds are told for this height
+STRONGEST_M_S = 25.0  # at any height, gusts included
+RAMP_S = 3.0  # a storm comes up within this time
 GUST_TAU_S = 4.0
 
 Vector = tuple[float, float]
 
 
 def profile(height_m: float) -> float:
-    """The logarithmic wind profile: the share of the wind at the reference height.
-
-    >>> round(profile(12.0), 2), round(profile(1.0), 2)
-    (1.0, 0.59)
-    """
+    """Return the share of the wind at the reference height, by a logarithmic profile."""
     at_m = min(max(height_m, 0.5), 60.0)
     return math.log(at_m / ROUGHNESS_M) / math.log(REFERENCE_M / ROUGHNESS_M)
 
@@ -46,14 +37,11 @@ class Storm:
     wind_m_s: Vector
 
     def share(self, t_s: float) -> float:
-        """How much of it blows now."""
         return min(max((t_s - self.begin_s) / RAMP_S, 0.0), 1.0) if t_s < self.end_s else 0.0
 
 
 @dataclass(slots=True)
 class Air:
-    """Wind by time and height; gusts wander by `rng`."""
-
     given_m_s: Vector = (0.0, 0.0)
     gust_m_s: float = 0.0
     storms: list[Storm] = field(default_factory=list)
@@ -61,17 +49,10 @@ class Air:
     _gust: Vector = (0.0, 0.0)
 
     def step(self, dt_s: float) -> None:
-        """Let the gusts wander."""
         if self.gust_m_s > 0.0:
-            keep = math.exp(-dt_s / GUST_TAU_S)
-            kick = self.gust_m_s * math.sqrt(1.0 - keep * keep)
-            self._gust = (
-                keep * self._gust[0] + kick * self.rng.gauss(0.0, 1.0),
-                keep * self._gust[1] + kick * self.rng.gauss(0.0, 1.0),
-            )
+            self._gust = _wandered(self._gust, self.gust_m_s, GUST_TAU_S, dt_s, self.rng)
 
     def wind(self, t_s: float, height_m: float) -> Vector:
-        """The wind now, towards east and north."""
         east, north = self.given_m_s[0] + self._gust[0], self.given_m_s[1] + self._gust[1]
         for storm in self.storms:
             share = storm.share(t_s)
@@ -85,26 +66,20 @@ class Air:
 
 
 ACCEL_M_S2 = 2.5
-AIRSPEED_M_S = 13.0
-"""What the airframe can fly."""
+AIRSPEED_M_S = 13.0  # what the airframe can fly
 CLIMB_M_S = 1.5
 DESCENT_M_S = 1.5
-DESCENT_M_S2 = 1.0
-"""How soon it sinks faster than that, where it was asked to; so it brakes, too."""
-SINK_M_S = 0.75
-"""On landing."""
+DESCENT_M_S2 = 1.0  # how soon it sinks faster than that, where it was asked to; so it brakes, too
+SINK_M_S = 0.75  # on landing
 SPIN_UP_S = 2.0
 DISARM_S = 1.0
 STOP_M = 0.7
 FALL_M_S = 12.0
 LIFTED_M = 0.3
 NOISE_TAU_S = 20.0
-AIRSPEED_DRAW = 0.1
-"""So much more than hovering does flying at 12 m/s draw."""
-STREAM_TIMEOUT_S = 1.0
-"""It brakes when a stream of setpoints has been silent for so long."""
-STREAM_GAIN_1_S = 0.6
-"""How eagerly it makes up for being off a streamed place."""
+AIRSPEED_DRAW = 0.1  # so much more than hovering does flying at 12 m/s draw
+STREAM_TIMEOUT_S = 1.0  # it brakes when a stream of setpoints has been silent for so long
+STREAM_GAIN_1_S = 0.6  # how eagerly it makes up for being off a streamed place
 
 
 @dataclass(slots=True)
@@ -117,46 +92,33 @@ class Aircraft:
     wh: float
     speed_m_s: float
     hover_w: float
-    level_m: float = 0.0
-    """Height of home above the first vehicle's home."""
+    level_m: float = 0.0  # height of home above the first vehicle's home
     height_m: float = 0.0
     velocity_m_s: Vector = (0.0, 0.0)
     wind_m_s: Vector = (0.0, 0.0)
     armed: bool = False
-    flying: bool = False
-    """Off the ground, whoever flies it."""
+    flying: bool = False  # off the ground, whoever flies it
     mode: Mode = "follow"
-    failsafe: bool = False
-    """It returns or lands by a failsafe of its own."""
-    unasked: bool = False
-    """Nobody told it to return, though it says nothing of a failsafe."""
-    piloted: bool = False
-    """A pilot chose the mode that it is in."""
-    taken_back: bool = False
-    """Somebody else changed a mode that a pilot had chosen in flight."""
-    sea_error_m: float = 0.0
-    """What its receiver's height above the sea errs by."""
+    failsafe: bool = False  # it returns or lands by a failsafe of its own
+    unasked: bool = False  # nobody told it to return, though it says nothing of a failsafe
+    piloted: bool = False  # a pilot chose the mode that it is in
+    taken_back: bool = False  # somebody else changed a mode that a pilot had chosen in flight
+    sea_error_m: float = 0.0  # what its receiver's height above the sea errs by
     target: GridPoint | None = None
     target_height_m: float = 0.0
-    streamed: tuple[GridPoint, Vector] | None = None
-    """Place and velocity that were told last, while it follows a stream."""
+    streamed: tuple[GridPoint, Vector] | None = None  # place and velocity of the last setpoint
     streamed_s: float = 0.0
-    descent_m_s: float = DESCENT_M_S
-    """The speed that it was told to sink at, until its mode changes."""
+    descent_m_s: float = DESCENT_M_S  # commanded, until its mode changes
     sink_m_s: float = 0.0
     return_height_m: float = 15.0
     returning: str = ""
     crashed: bool = False
     crash_height_m: float = 0.0
-    unseen: bool = False
-    """Nobody heard all of its fall."""
+    unseen: bool = False  # nobody heard all of its fall
     motors_failed: bool = False
-    stays_armed: bool = False
-    """After a crash its motors go on turning: no crash detection."""
-    low_wh: float = -1.0
-    """From this charge on its own battery failsafe brings it home; -1: it has none."""
-    offset_m: Vector = (0.0, 0.0)
-    """How far satellite navigation is off."""
+    stays_armed: bool = False  # after a crash its motors go on turning: no crash detection
+    low_wh: float = -1.0  # charge of its own battery failsafe; -1: none
+    offset_m: Vector = (0.0, 0.0)  # how far satellite navigation is off
     drift_m_s: Vector = (0.0, 0.0)
     compass_rad: float = 0.0
     noise_m: float = 0.0
@@ -170,49 +132,45 @@ class Aircraft:
     # --- what its telemetry says -----------------------------------------------------------
     @property
     def error_m(self) -> Vector:
-        """How far what it believes is off the truth."""
         return self.offset_m[0] + self._noise[0], self.offset_m[1] + self._noise[1]
 
     @property
     def believed(self) -> GridPoint:
-        """Where it says it is."""
         east, north = self.error_m
         return GridPoint(self.position.east_m + east, self.position.north_m + north)
 
     @property
     def ground_speed_m_s(self) -> float:
-        """How fast it says it is: who falsifies positions falsifies velocities, too."""
+        """By its own estimate: spoofed positions come with spoofed velocities."""
         (east, north), drift = self.velocity_m_s, self.drift_m_s
         return math.hypot(east + drift[0], north + drift[1]) if self.flying else 0.0
 
     # --- what it can be told ---------------------------------------------------------------
     def take_off(self, height_m: float) -> None:
-        """Arm, and climb after the motors have spun up."""
         if not self.armed:
             self.armed, self._armed_s = True, self.clock_s
         self.mode, self.target, self.target_height_m = "follow", self.believed, height_m
         self.streamed, self.piloted = None, False
 
     def aim(self, point: GridPoint, height_m: float) -> bool:
-        """Fly to a point; refused unless it follows."""
+        """Fly to a point; return False unless it follows."""
         if self.mode != "follow" or not self.armed:
             return False
         self.target, self.target_height_m, self.streamed = point, height_m, None
         return True
 
     def stream(self, place: GridPoint, velocity_m_s: Vector, height_m: float) -> None:
-        """Be at a place with a velocity now; ignored unless it follows."""
+        """Follow a setpoint; ignored unless it follows."""
         if self.mode == "follow" and self.armed:
             self.streamed, self.streamed_s = (place, velocity_m_s), self.clock_s
             self.target_height_m = height_m
 
     def brake(self) -> None:
-        """Come to rest where that is, after a stream."""
         if self.streamed is not None:
             self.streamed_s = -math.inf
 
     def switch(self, mode: Mode) -> None:
-        """Another mode; returning and landing begin where it is."""
+        """Change the mode; returning and landing begin here."""
         if mode == self.mode:
             return
         self.taken_back = self.taken_back or (self.piloted and self.flying)
@@ -224,14 +182,14 @@ class Aircraft:
             self.target_height_m = max(self.height_m, self.return_height_m)
 
     def turn_switch(self, mode: Mode) -> None:
-        """The pilot's mode switch, which ends a failsafe."""
+        """Change the mode for the pilot, which ends a failsafe."""
         self.piloted = self.failsafe = False
         changes = mode != self.mode
         self.switch(mode)
         self.piloted = changes
 
     def give_back(self) -> None:
-        """The pilot's switch is turned to the mode in which it follows; it stops here."""
+        """Return to the mode in which it follows; it stops here."""
         self.mode, self.piloted = "follow", False
         self.target, self.target_height_m = self.believed, self.height_m
 
@@ -262,12 +220,7 @@ class Aircraft:
             east, north = self.offset_m
             self.offset_m = (east + drift[0] * dt_s, north + drift[1] * dt_s)
         if self.noise_m > 0.0:
-            keep = math.exp(-dt_s / NOISE_TAU_S)
-            kick = self.noise_m * math.sqrt(1.0 - keep * keep)
-            self._noise = (
-                keep * self._noise[0] + kick * self.rng.gauss(0.0, 1.0),
-                keep * self._noise[1] + kick * self.rng.gauss(0.0, 1.0),
-            )
+            self._noise = _wandered(self._noise, self.noise_m, NOISE_TAU_S, dt_s, self.rng)
 
     def _stand(self, dt_s: float) -> None:
         self.velocity_m_s = (0.0, 0.0)
@@ -304,7 +257,7 @@ class Aircraft:
             self.returning = "land"
 
     def _wanted(self, dt_s: float) -> Vector:
-        """The velocity over ground that it would have: along its stream, or towards its target."""
+        """Return the velocity over ground, along its stream or towards its target."""
         here, target = self.believed, self.target
         east = north = 0.0
         if self.streamed is not None:
@@ -324,7 +277,6 @@ class Aircraft:
         return east, north
 
     def _fly(self, dt_s: float, wind: Vector) -> None:
-        """As it would, at no more than its speed and as far as the wind lets it."""
         east, north = self._wanted(dt_s)
         east, north = east - self.drift_m_s[0], north - self.drift_m_s[1]
         east, north = _through_air(east, north, wind)
@@ -357,8 +309,15 @@ class Aircraft:
             self._touch(ground_m)
 
 
+def _wandered(now: Vector, sigma: float, tau_s: float, dt_s: float, rng: random.Random) -> Vector:
+    """Return the next value of a Gauss-Markov process."""
+    keep = math.exp(-dt_s / tau_s)
+    kick = sigma * math.sqrt(1.0 - keep * keep)
+    return keep * now[0] + kick * rng.gauss(0.0, 1.0), keep * now[1] + kick * rng.gauss(0.0, 1.0)
+
+
 def _through_air(east_m_s: float, north_m_s: float, wind: Vector) -> Vector:
-    """A velocity over ground, as far as the airframe can fly it through the wind."""
+    """Return a velocity over ground, limited to the airspeed of the airframe."""
     through = math.hypot(east_m_s - wind[0], north_m_s - wind[1])
     if through <= AIRSPEED_M_S:
         return east_m_s, north_m_s

@@ -1,7 +1,7 @@
-"""The driver's part for one aircraft: carries out orders, reports events, feeds the guardian.
+"""The driver of one aircraft: carries out orders, reports events, runs the guardian.
 
-As `uavmap.fly` does over MAVLink, but with a link whose moods are plain switches, and with orders
-that can be refused, fail half-way, or be carried out without an acknowledgement.
+It does without MAVLink what `uavmap.aircraft` does; switches set the state of its link, and orders
+can be refused, fail half-way, or be carried out without an acknowledgement.
 """
 
 from __future__ import annotations
@@ -68,151 +68,118 @@ if TYPE_CHECKING:
 
 TRACK_S = 1.0
 WATCH_S = 0.5
-PATH_TRACK_S = 0.4
-"""On a path that is flown without stopping."""
-LEAD_S = 0.3
-"""Velocities are told for so long ahead, which leaves it half a metre off its path, as a real one
-is."""
+PATH_TRACK_S = 0.4  # on a path that is flown without stopping
+LEAD_S = 0.3  # velocities are sent so far ahead: it is half a metre off its path, as a real one
 LINK_LOST_S = 5.0
-PATIENCE_S = 120.0
-"""How long the crew waits for a silent vehicle that stands on the ground."""
+PATIENCE_S = 120.0  # how long the crew waits for a silent vehicle that stands on the ground
 SPARE_S = 60.0
-WORST_HEIGHT_M = 8.0
-"""A receiver's height above the sea is never worse."""
-NO_ACK_S = 7.5
-"""After so long without an acknowledgement a command counts as failed."""
+WORST_HEIGHT_M = 8.0  # a receiver's height above the sea is never worse
+NO_ACK_S = 7.5  # after so long without an acknowledgement a command counts as failed
 REFUSED_S = 0.5
 CLIMB_TOLERANCE_M = 0.4
 PASS_M = 2.0
 CORNER_M = 2.0
 BRISK_M_S = 1.0
-LEAP_M = 8.0
-"""A position that leaps farther is noticed."""
+LEAP_M = 8.0  # a position that leaps farther is noticed
 SLOW_M_S = 0.5
 FRESH = 0.9
 WIND_WINDOW = 8
-LEAST_WINDS = 7
-"""The wind is the mean of so many looks, and none is told of fewer."""
+LEAST_WINDS = 7  # the wind is the mean of so many looks, and none is told of fewer
 
 Link = Literal["good", "silent", "commands lost", "acks lost"]
 Camera = Literal["good", "silent", "lost", "slow", "drops"]
-COMMANDS = (TakeOff, Look, Land)
-"""Orders that end with a command which must be acknowledged; a leg is asked for again and again."""
+COMMANDS = (TakeOff, Look, Land)  # which end with a command that must be acknowledged
 
 
 def rounded(point: GridPoint) -> GridPoint:
-    """To a centimetre, as events tell positions."""
     return GridPoint(round(point.east_m, 2), round(point.north_m, 2))
 
 
 @dataclass(slots=True)
 class Driver:
-    """One vehicle of the mission at the ground's end of its link."""
-
     craft: Aircraft
     fleet: Fleet
     link: Link = "good"
     camera: Camera = "good"
-    refuses: tuple[str, ...] = ()
-    """Orders by name that the vehicle refuses."""
-    poor_batteries: list[float] = field(default_factory=list)
-    """Shares of the capacity that the next swaps bring."""
+    refuses: tuple[str, ...] = ()  # orders by name that the vehicle refuses
+    poor_batteries: list[float] = field(default_factory=list)  # shares of capacity of the next
     swap_s: float = 10.0
-    swaps: int = 0
-    """In the present wait."""
+    swaps: int = 0  # in the present wait
     waited_s: float = 0.0
-    hides_wh: float = 0.0
-    """So much less than the truth its battery monitor says."""
+    hides_wh: float = 0.0  # so much less than the truth its battery monitor says
     tells_wind: bool = False
     order: Order | None = None
     clock_s: float = 0.0
     frames: int = 0
     begun: bool = False
-    course: Course | None = None
-    """While it flies a path."""
-    photographed_s: float = 0.0
-    """When the next picture on a path is due."""
+    course: Course | None = None  # while it flies a path
+    photographed_s: float = 0.0  # when the next picture on a path is due
     tracked_s: float = -math.inf
     way: list[GridPoint] = field(default_factory=list)
     guard: Guard = field(default_factory=Guard)
     connected: bool = False
-    hurry: bool = False
-    """The guardian has it descend before it lands."""
+    hurry: bool = False  # the guardian has it descend before it lands
     overridden: bool = False
-    reported_mode: str = ""
-    """The mode of a pilot or a failsafe that was reported last."""
+    reported_mode: str = ""  # the mode of a pilot or a failsafe that was reported last
     was_airborne: bool = False
     silent_s: float = 0.0
     known_wh: float = 0.0
     given_up: bool = False
-    asked: Mode = "follow"
-    """The mode that this driver commanded last: any other is a pilot's or a failsafe's."""
-    sent_up: bool = False
-    """It was commanded to take off, and no landing was told since."""
+    asked: Mode = "follow"  # the mode commanded last; another is a pilot's or a failsafe's
+    sent_up: bool = False  # it was commanded to take off, and no landing was told since
     receiver_sigma_m: float = 0.0
     receivers: random.Random = field(default_factory=lambda: random.Random(0))
     winds: list[Vector] = field(default_factory=list)
     late: list[tuple[float, Event]] = field(default_factory=list)
+    # when and where, in truth, frames were judged, and how far they show the ground, m
     seen_from: list[tuple[float, GridPoint, float]] = field(default_factory=list)
-    """When and where, in truth, frames were judged, and how far they show the ground, m."""
-    misplaced: bool = False
-    """A frame was judged while satellite navigation was off by more than half a cell."""
+    misplaced: bool = False  # a frame was judged while positions were off by half a cell
     corners: list[GridPoint] | None = None
-    stops: bool = False
-    """Where to turn on the way home after the mission has failed; None before."""
-    fail_in_s: float = math.inf
-    """The present order fails after so long."""
-    least_off_m: float = math.inf
-    """Of its height above the ground, in truth, less its layer: the least in all its legs."""
+    stops: bool = False  # where to turn on the way home after the mission has failed; None before
+    fail_in_s: float = math.inf  # the present order fails after so long
+    least_off_m: float = math.inf  # least true height above ground, less that of its layer
 
     @property
     def number(self) -> int:
-        """The vehicle's number."""
         return self.craft.number
 
     @property
     def remaining_wh(self) -> float:
-        """What its battery monitor says."""
         return round(max(self.craft.wh - self.hides_wh, 0.0), 3)
 
     @property
     def position(self) -> GridPoint:
-        """What its telemetry says."""
         return rounded(self.craft.believed)
 
     @property
     def height_m(self) -> float:
-        """What its telemetry says, above the ground where a mission flies above that."""
+        """By its telemetry, above the ground where a mission flies above that."""
         return round(self.craft.height_m - self.lift_m(self.craft.believed), 2)
 
     def lift_m(self, point: GridPoint) -> float:
-        """How much higher the ground is there than at its home; 0 where it is flat."""
+        """Return how much higher the ground is there than at its home; 0 where it is flat."""
         ground = self.fleet.setting.ground
         return 0.0 if ground is None else ground.height_m(point) - ground.height_m(self.craft.home)
 
     def _note_height(self, order: Order) -> None:
-        """How far it was below its layer, in truth, over the ground."""
         if isinstance(order, FlyTo | Sweep | Look | FlyPath):
             above_m = self.craft.height_m - self.lift_m(self.craft.position)
             self.least_off_m = min(self.least_off_m, above_m - order.height_m)
 
     @property
     def hears(self) -> bool:
-        """Whether anything comes from the vehicle."""
         return self.link != "silent"
 
     @property
     def obeys(self) -> bool:
-        """Whether commands reach the vehicle."""
         return self.link in ("good", "acks lost")
 
     @property
     def home_amsl_m(self) -> float:
-        """What it tells of its home's height, with its receiver's error."""
         return self.craft.level_m + self.craft.sea_error_m
 
     def switch_on(self) -> None:
-        """Its receiver begins with an error of its own, as after each change of battery."""
+        """Draw the error of its receiver, as after each change of battery."""
         error_m = self.receivers.gauss(0.0, self.receiver_sigma_m)
         self.craft.sea_error_m = max(-WORST_HEIGHT_M, min(WORST_HEIGHT_M, error_m))
 
@@ -247,17 +214,16 @@ class Driver:
             self.guard = self.guard.told(self._task(order, t_s))
 
     def _report(self, kind: Callable[..., Event], *what: object, **more: object) -> None:
-        """Hand an event of this vehicle and this moment to the mission."""
         self.fleet.post(kind(self.number, self.fleet.now_s, *what, **more))
 
     def leapt(self, by_m: float) -> None:
-        """Its position has leapt, which telemetry shows: the mission is told."""
+        """Report that its position has leapt, as telemetry shows."""
         told = self.connected and self.hears and not self.overridden and self.guard.action is None
         if by_m > LEAP_M and self.craft.flying and told and self.order is not None:
             self._fail(f"its position has leapt by {by_m:.0f} m")
 
     def _given_path(self, order: FlyPath) -> None:
-        """After a path it goes on with this one from its beginning on; else it begins at rest."""
+        """Continue the present path with this one, or begin it at rest."""
         if self.course is not None and isinstance(self.order, FlyPath):
             self.course = self.course.then(order.trajectory, self.fleet.t_s)
         else:
@@ -276,7 +242,6 @@ class Driver:
         return grid.to_fixed(grid.centre_of(cell), self.fleet.t_s)
 
     def _task(self, order: Order, t_s: float) -> Task:
-        """What the guardian is told of an order."""
         here, name = self.position, type(order).__name__
         homeward, energy = self.fleet.homeward(self.number), self.fleet.setting.energy
         drift_m_s = self.fleet.setting.grid.drift_speed_m_s
@@ -305,7 +270,6 @@ class Driver:
         return Task("hold", t_s, (here,), homeward, self.height_m, name=name)
 
     def _begin(self) -> None:
-        """Send the command that an order begins with."""
         self.begun = True
         craft, order = self.craft, self.order
         if isinstance(order, TakeOff):
@@ -320,7 +284,6 @@ class Driver:
                 craft.aim(craft.believed, craft.height_m)
 
     def carry_out(self, dt_s: float) -> None:
-        """Go on with the present order."""
         order = self.order
         if self.corners is not None and not self.overridden:
             self.bring_home()
@@ -448,7 +411,7 @@ class Driver:
 
     # --- the camera ------------------------------------------------------------------------
     def _frame(self, vantage: Cell | None) -> None:
-        """Take a picture: it shows the ground below, and is filed under where it seems to be.
+        """Take a picture of the ground below, filed under the estimated position.
 
         Without a vantage it judges every cell that it shows whole.
         """
@@ -479,12 +442,10 @@ class Driver:
             self.fleet.post(event)
 
     def _reach_m(self) -> float:
-        """How far a picture of now shows the ground to all sides."""
         optics = self.fleet.setting.mission.camera.optics
         return 0.5 * optics.footprint(max(self.height_m, 0.1)).short_m
 
     def _shown(self) -> tuple[Cell, ...]:
-        """The cells that a picture of now shows whole, by what the vehicle believes."""
         setting, craft = self.fleet.setting, self.craft
         camera, grid = setting.mission.camera, setting.grid
         yaw_rad = math.radians(setting.yaw_deg + camera.yaw_deg) - grid.convergence_rad
@@ -493,7 +454,6 @@ class Driver:
         return whole_cells(footprint, below, yaw_rad, grid.cell_m, camera.pose_error_m)
 
     def deliver_late(self) -> None:
-        """Hand over the pictures that have been fetched by now."""
         due = [event for at_s, event in self.late if at_s <= self.fleet.t_s]
         self.late = [(at_s, event) for at_s, event in self.late if at_s > self.fleet.t_s]
         for event in due:
@@ -501,7 +461,6 @@ class Driver:
 
     # --- what happens by itself ------------------------------------------------------------
     def connect(self) -> None:
-        """Report that the vehicle answers."""
         craft = self.craft
         self.connected, self.given_up, self.silent_s = True, False, 0.0
         self.was_airborne = craft.flying
@@ -549,7 +508,7 @@ class Driver:
 
     @property
     def _flew(self) -> bool:
-        """Whether a landing is still to be told: it flew, or its guardian had taken it."""
+        """Whether a landing is still to be reported: it flew, or its guardian had acted."""
         return self.was_airborne or (self.guard.action is not None and not self.guard.down)
 
     def _mode_name(self) -> str:
@@ -580,15 +539,12 @@ class Driver:
 
     @property
     def responsible(self) -> bool:
-        """Whether its guardian has to bring it home: in the air, as far as anybody knows, ours.
-
-        Until its end was told: who lies there is looked at once more.
-        """
+        """Whether its guardian has to bring it home, until its end was reported."""
         in_air = self.craft.flying or (self.was_airborne and not self.guard.down)
         return in_air and not self.overridden and not self.given_up
 
     def bring_home(self) -> None:
-        """By the corners of the fence, as far as it takes targets; then its autopilot returns."""
+        """Fly home along corners of the fence while it takes targets; then by RTL."""
         craft, t_s, way = self.craft, self.fleet.now_s, self.corners
         if self.guard.action is not None:
             return
@@ -617,7 +573,6 @@ class Driver:
         return list(corners_home(self.fleet.limits.fence, self.position, home))
 
     def _turn(self, way: list[GridPoint]) -> None:
-        """The next corner on the way home."""
         if not way:
             return
         path = (self.position, way[0])
@@ -628,7 +583,6 @@ class Driver:
         )  # fmt: skip
 
     def track(self) -> None:
-        """Once a second: where it is, and whether all is well."""
         craft, self.tracked_s = self.craft, self.fleet.t_s
         measures = craft.flying and craft.height_m > 2.0
         self.winds = [*self.winds[-WIND_WINDOW:], craft.wind_m_s] if measures else []
@@ -637,14 +591,13 @@ class Driver:
         self.watch_over()
 
     def _measured_m_s(self) -> float | None:
-        """The mean wind of the last seconds, None while nothing can be said."""
         if not self.tells_wind or len(self.winds) < LEAST_WINDS:
             return None
         east, north = (sum(parts) / len(self.winds) for parts in zip(*self.winds, strict=True))
         return round(math.hypot(east, north), 1)
 
     def watch_over(self) -> bool:
-        """Let the guardian look, twice a second; whether it found the vehicle down."""
+        """Let the guardian look; return whether it found the vehicle down."""
         craft, now_s = self.craft, self.fleet.now_s
         mode: Mode = "other" if self.overridden else craft.mode
         wind_m_s = self._measured_m_s()
@@ -671,7 +624,7 @@ class Driver:
         return False
 
     def _insist(self) -> None:
-        """What the guardian has taken over is commanded until the vehicle does it."""
+        """Repeat the guardian's command until the vehicle executes it."""
         action, craft = self.guard.action, self.craft
         named = {"rtl": "ReturnToLaunch", "land": "Land"}
         if action is None or self.overridden or not self.obeys or not craft.flying:

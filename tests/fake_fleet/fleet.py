@@ -1,10 +1,8 @@
 """A fleet without MAVLink: aircraft that carry out orders on time, for driving `step` to the end.
 
-In the kind world nothing goes wrong. In the unkind one troubles begin in phases of the flight
-(`tests.fake_fleet.troubles`): wind, positions that lie, links, refused orders, cameras, pilots,
-failsafes, batteries, the end of the process. The fleet plays the driver's part
-(`tests.fake_fleet.driver`), the guardian in it, and every tick the referee
-(`tests.fake_fleet.referee`) holds the truth against what must never happen.
+In the unkind world troubles begin in phases of the flight (`tests.fake_fleet.troubles`). The fleet
+plays the driver (`tests.fake_fleet.driver`) with its guardian, and each tick the referee
+(`tests.fake_fleet.referee`) compares the truth with what must never happen.
 """
 
 from __future__ import annotations
@@ -32,17 +30,14 @@ from .troubles import ACTS, Pilot, Trouble, in_phase
 
 TICK_S = 0.25
 HANDS_OFF = (Phase.YIELDED, Phase.FAILED, Phase.OFFLINE, Phase.DOWN, Phase.LOST)
-SETTLED_S = 10.0
-"""The service ends so long after its last vehicle: what was started late shows by then."""
-OPERATOR_S = 600.0
-"""After so long without a battery the operator calls everybody home."""
-NEAR_HOME_M = 6.0
-"""So far around a home the ground is as high as there."""
+SETTLED_S = 10.0  # after its last vehicle the service goes on: what started late shows
+OPERATOR_S = 600.0  # after so long without a battery the operator calls everybody home
+NEAR_HOME_M = 6.0  # so far around a home the ground is as high as there
 
 
 @dataclass(slots=True)
 class Fleet:
-    """The fleet, the state that the mission has of it, and what went wrong."""
+    """The fleet, the mission's state of it, and its troubles."""
 
     setting: Setting
     roi: Collection[Cell]
@@ -50,29 +45,23 @@ class Fleet:
     seed: int = 0
     troubles: list[Trouble] = field(default_factory=list)
     air: Air = field(default_factory=Air)
-    stand_off_m: Sequence[tuple[float, float]] = ()
-    """How far from their planned homes the vehicles stand."""
-    receiver_sigma_m: float = 3.0
-    """Standard deviation of their receivers' heights above the sea, another after each swap."""
+    stand_off_m: Sequence[tuple[float, float]] = ()  # from their planned homes
+    receiver_sigma_m: float = 3.0  # of heights above the sea, drawn anew after each swap
     t_s: float = 0.0
     state: State = field(init=False)
     vehicles: dict[int, Aircraft] = field(init=False)
     drivers: dict[int, Driver] = field(init=False)
     pilots: dict[int, Pilot] = field(default_factory=dict)
     link_failsafes: dict[int, float] = field(default_factory=dict)
-    emptied: dict[int, float] = field(default_factory=dict)
-    """Whose battery lost which part of its charge at once."""
+    emptied: dict[int, float] = field(default_factory=dict)  # shares of charge lost at once
     rng: random.Random = field(init=False)
     limits: Limits = field(init=False)
     referee: Referee = field(default_factory=Referee)
     events: list[Event] = field(default_factory=list)
     orders: list[tuple[float, int, Order]] = field(default_factory=list)
-    dead: bool = False
-    """The mission has ended, and nothing is taken in."""
-    homing: bool = False
-    """It failed, and the process goes on until its guardians have brought everybody down."""
-    back_s: float = math.inf
-    """When it is started again."""
+    dead: bool = False  # the mission has ended, and nothing is taken in
+    homing: bool = False  # it failed, and its guardians still bring vehicles down
+    back_s: float = math.inf  # when it is started again
     failure: Exception | None = None
     settled_s: float = 0.0
 
@@ -102,7 +91,6 @@ class Fleet:
             self.drivers[number].switch_on()
 
     def _level_m(self, number: int, place: GridPoint) -> float:
-        """How high a home lies."""
         ground = self.setting.ground
         if ground is not None:
             return ground.height_m(place)
@@ -110,22 +98,18 @@ class Fleet:
 
     @property
     def faults(self) -> list[str]:
-        """What went wrong, in words."""
         return [f"{kind}: {text}" for kind, text in self.referee.found]
 
     @property
     def stood_outside(self) -> bool:
-        """Whether somebody stood outside of the fence before anything began."""
         contains = self.setting.fence.contains
         return not all(contains(craft.home) for craft in self.vehicles.values())
 
     @property
     def now_s(self) -> float:
-        """Mission time, to a millisecond."""
         return round(self.t_s, 3)
 
     def homeward(self, number: int) -> bool:
-        """Whether a vehicle is on its way home."""
         return self.state.vehicles[number].return_reason is not None
 
     # --- the mission ---------------------------------------------------------------------
@@ -153,9 +137,9 @@ class Fleet:
             self.drivers[number].give(order)
 
     def die(self, *, kill: bool, away_s: float) -> None:
-        """The process ends: killed, or by an error, after which everybody is brought home first.
+        """End the process: killed, or by an error, after which all vehicles are brought home first.
 
-        It is started again `away_s` later, or once everybody is down if that is later.
+        It starts again `away_s` later, or once all are down if that is later.
         """
         if self.dead:
             return
@@ -163,17 +147,16 @@ class Fleet:
 
     @property
     def gone(self) -> bool:
-        """Whether no process looks after anybody."""
+        """Whether no process controls the vehicles."""
         return self.dead and not self.homing
 
     def revive(self) -> None:
-        """The operator resumes: all that there is is the journal."""
+        """Resume from the journal, as the operator does."""
         if fold(self.setting, self.events) != self.state:
             self.referee.note(self.t_s, "fold", "the journal tells another state")
         self._take_up()
 
     def _take_up(self) -> None:
-        """A new process begins with the state that the journal tells."""
         self.dead, self.homing, self.back_s = False, False, math.inf
         for driver in self.drivers.values():
             driver.order, driver.course, driver.guard, driver.late = None, None, Guard(), []
@@ -185,15 +168,11 @@ class Fleet:
 
     # --- running -------------------------------------------------------------------------
     def start(self) -> None:
-        """Everybody answers."""
         for driver in self.drivers.values():
             driver.connect()
 
     def run(self, limit_s: float = 6000.0, *, until: Callable[[Fleet], bool] | None = None) -> None:
-        """Go on until the mission is over, or until a condition holds.
-
-        Raises AssertionError when it does not come to an end.
-        """
+        """Fly until the mission is over, or a condition holds; fail after `limit_s`."""
         end_s = self.t_s + limit_s
         while not self.ended and not (until is not None and until(self)):
             assert self.t_s < end_s, f"no end after {limit_s:g} s\n{self.describe()}"
@@ -201,14 +180,13 @@ class Fleet:
 
     @property
     def ended(self) -> bool:
-        """Whether the process ends: nobody flies, or nobody will do anything more."""
+        """Whether the process ends: no vehicle flies, or none will do anything more."""
         if self.dead:
             flying = any(craft.flying for craft in self.vehicles.values())
             return not flying and not math.isfinite(self.back_s)
         return self.state.over and self.t_s >= self.settled_s
 
     def tick(self) -> None:
-        """One tick of everybody, then the checks."""
         self.t_s += TICK_S
         self.air.step(TICK_S)
         if self.troubles:
@@ -255,7 +233,7 @@ class Fleet:
             self.settled_s = self.t_s + (SETTLED_S if self.troubles else 0.0)
 
     def _bring_home(self) -> None:
-        """The guardians go on alone until everybody is down, or somebody else's."""
+        """Let the guardians act alone until all vehicles are down, or under other control."""
         for driver in self.drivers.values():
             driver.listen(TICK_S)
             if driver.responsible and driver.hears:
@@ -267,7 +245,7 @@ class Fleet:
         self.homing = any(driver.responsible for driver in self.drivers.values())
 
     def _due(self, driver: Driver) -> bool:
-        """Whether a vehicle tells where it is: each second, or faster along a path."""
+        """Whether a vehicle reports its position: each second, or faster along a path."""
         if driver.course is None:
             return abs(self.t_s % TRACK_S - TICK_S * (driver.number % 4)) < 1e-6
         return self.t_s - driver.tracked_s >= PATH_TRACK_S - 1e-6
@@ -312,7 +290,7 @@ class Fleet:
 
     # --- interruptions by hand -----------------------------------------------------------
     def take_over(self, number: int) -> None:
-        """A pilot takes the vehicle, and keeps it where it is."""
+        """Let a pilot take the vehicle and hold it where it is."""
         craft = self.vehicles[number]
         if not craft.armed:
             return
@@ -321,36 +299,31 @@ class Fleet:
         self.drivers[number].listen(0.0)
 
     def put_down(self, number: int) -> None:
-        """The pilot lands it where it is, and leaves it there."""
+        """Let the pilot land it where it is, and leave it there."""
         self.pilots[number].ending = "land"
 
     def give_back(self, number: int) -> None:
-        """The pilot gives it back."""
         if self.pilots.pop(number, None) is None:
             return
         self.vehicles[number].give_back()
         self.drivers[number].listen(0.0)
 
     def cut_link(self, number: int) -> None:
-        """Nothing is heard from a vehicle; it flies on with what it was told last."""
         self.drivers[number].link = "silent"
 
     def mend_link(self, number: int) -> None:
-        """The vehicle is heard again."""
         self.drivers[number].link = "good"
 
     def recall(self) -> None:
-        """The operator calls everybody home."""
         self.post(Recalled(self.now_s))
 
     def crash_and_resume(self) -> None:
-        """The service dies and comes back at once: all that it has is its journal."""
+        """Kill the service and resume it at once from its journal."""
         assert fold(self.setting, self.events) == self.state
         self.die(kill=True, away_s=0.0)
         self._take_up()
 
     def describe(self) -> str:
-        """Where everybody stands, for messages."""
         lines = [f"{self.t_s:.2f} s, {len(self.events)} events", *map(str, self.troubles)]
         lines += [str(v) for v in self.state.vehicles.values()]
         lines += [str(v) for v in self.vehicles.values()]
@@ -360,5 +333,5 @@ class Fleet:
 
 
 def fleet(mission: Mission, roi: Collection[Cell], *, draw: float = 1.08) -> Fleet:
-    """A fleet for a mission on a true ROI, in the kind world."""
+    """Return a fleet for a mission on a true ROI, in the kind world."""
     return Fleet(setting_of(mission), roi, draw)

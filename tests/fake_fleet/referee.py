@@ -1,4 +1,4 @@
-"""The referee: holds every instant of a flight, in truth, against what must never happen."""
+"""The referee: compares every instant of a flight, in truth, with what must never happen."""
 
 from __future__ import annotations
 
@@ -30,19 +30,14 @@ if TYPE_CHECKING:
     from .driver import Driver
     from .fleet import Fleet
 
-LIES_M: Final = 1.5
-"""Positions that are off by more lie."""
+LIES_M: Final = 1.5  # positions that are off by more lie
 COMPASS_RAD: Final = math.radians(30.0)
-FORGIVEN_S: Final = 60.0
-"""Who left the fence by what no rule can see is landing or returning by then."""
+FORGIVEN_S: Final = 60.0  # after leaving the fence unknowingly it lands or returns by then
 FAR_M: Final = 150.0
-ALONE_S: Final = 8.0
-"""So long nobody may be responsible: reports come once a second, a lost link takes five."""
-REACTION_S: Final = 12.0
-"""To leave the air that a failsafe takes takes the others so long."""
+ALONE_S: Final = 8.0  # reports come once a second, a lost link takes five
+REACTION_S: Final = 12.0  # to leave the air that a failsafe takes takes the others so long
 CRASH_M: Final = 2.0
-PAD_CRASH_M: Final = 5.0
-"""A fall from less is a hard landing; on its pad telemetry does not tell them apart."""
+PAD_CRASH_M: Final = 5.0  # on its pad telemetry does not tell a fall from a hard landing
 
 Kind = str
 
@@ -51,29 +46,21 @@ Kind = str
 class Notes:
     """What the referee remembers of one vehicle."""
 
-    blind_s: float = -math.inf
-    """When it last suffered what no rule can see."""
-    hands_s: float = -math.inf
-    """When a pilot or a failsafe flew it last."""
-    known_s: float = -math.inf
-    """Since when the mission knows of that."""
-    mode: str = ""
-    """That it had when it was looked at last."""
+    blind_s: float = -math.inf  # when it last suffered what no rule can see
+    hands_s: float = -math.inf  # when a pilot or a failsafe flew it last
+    known_s: float = -math.inf  # since when the mission knows of that
+    mode: str = ""  # that it had when it was looked at last
     guarded_s: float = -math.inf
-    only_rtl_s: float = -math.inf
-    """When it obeyed no target last."""
-    deaf_s: float = -math.inf
-    """When no command reached it last."""
+    only_rtl_s: float = -math.inf  # when it obeyed no target last
+    deaf_s: float = -math.inf  # when no command reached it last
     outside_s: float | None = None
     far_told: bool = False
     breach_told: bool = False
     alone_s: float | None = None
-    sortie_free: bool = False
-    """Something in this sortie took its energy or its landing out of the mission's hands."""
+    sortie_free: bool = False  # its energy or landing is out of the mission's hands
     known_wind_m_s: float = 0.0
     was_flying: bool = False
-    lied: bool = False
-    """Its positions lied when it landed last."""
+    lied: bool = False  # its positions lied when it landed last
     spoofed_s: float = -math.inf
     fell: bool = False
 
@@ -88,12 +75,10 @@ class Referee:
     _close: set[tuple[int, int]] = field(default_factory=set)
 
     def note(self, t_s: float, kind: Kind, text: str) -> None:
-        """Note what must not happen."""
         self.found.append((kind, f"{t_s:.2f} s: {text}"))
 
     # --- every tick ------------------------------------------------------------------------
     def check(self, fleet: Fleet) -> None:
-        """Look at everybody at one instant."""
         for number, craft in fleet.vehicles.items():
             notes = self.notes.setdefault(number, Notes())
             self._remember(fleet, craft, fleet.drivers[number], notes)
@@ -186,8 +171,7 @@ class Referee:
             self.note(fleet.t_s, "reserve", text)
 
     def _fall_forgiven(self, fleet: Fleet, craft: Aircraft, notes: Notes) -> bool:
-        """Whether nobody could have brought it down: it was deaf until late, obeyed nothing that
-        leads down, or was not ours."""
+        """Whether it was deaf until late, obeyed no descent, or was under other control."""
         theirs = craft.mode == "other" or craft.failsafe or craft.piloted
         refuses = {"FlyTo", "Land", "ReturnToLaunch"} <= {*fleet.drivers[craft.number].refuses}
         return refuses or (
@@ -230,7 +214,7 @@ class Referee:
             self.note(fleet.t_s, "near", text)
 
     def _unforeseen(self, fleet: Fleet, craft: Aircraft) -> bool:
-        """Whether nobody could reckon with where a vehicle is: docs/safety.md argues each line."""
+        """Whether its position could not be foreseen: docs/safety.md argues each line."""
         t_s, notes = fleet.t_s, self.notes[craft.number]
         if craft.mode == "other" or craft.motors_failed or fleet.dead:
             return True
@@ -245,7 +229,7 @@ class Referee:
 
     # --- at the end ------------------------------------------------------------------------
     def conclude(self, fleet: Fleet, *, twice: bool) -> None:
-        """What must hold once a flight is over. `twice`: also by its journal's text."""
+        """Check what must hold once a flight is over. `twice`: also by its journal's text."""
         state, t_s = fleet.state, fleet.t_s
         for number, craft in fleet.vehicles.items():
             phase = state.vehicles[number].phase
@@ -325,7 +309,7 @@ class Referee:
 
 
 def _alone(fleet: Fleet, craft: Aircraft, driver: Driver) -> str:
-    """Why nobody is responsible for a vehicle in the air; empty if somebody is."""
+    """Return why no part is responsible for a vehicle in the air; empty if one is."""
     vehicle = fleet.state.vehicles[craft.number]
     theirs = craft.mode == "other" or craft.failsafe or craft.piloted or craft.motors_failed
     match vehicle.phase:
@@ -350,7 +334,7 @@ def _alone(fleet: Fleet, craft: Aircraft, driver: Driver) -> str:
 
 
 def _unseen_lanes(fleet: Fleet) -> Iterator[str]:
-    """Stretches of lanes, in truth, that no judged frame lies near, or shows from on high."""
+    """Yield points on lanes, in truth, that no judged frame lies near, or shows from on high."""
     cell_m = fleet.setting.grid.cell_m
     seen = [
         (place, max(reach_m, 2.0 * cell_m))
@@ -366,5 +350,5 @@ def _unseen_lanes(fleet: Fleet) -> Iterator[str]:
 
 
 def _obeys_no_target(fleet: Fleet, craft: Aircraft) -> bool:
-    """Whether it can be brought home by RTL only, which is straight, also past a hole."""
+    """Whether only RTL brings it home, which is straight, also past a hole."""
     return "FlyTo" in fleet.drivers[craft.number].refuses

@@ -6,7 +6,7 @@ import math
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal, cast
 
 from missions.flight.state import Phase
 from missions.orders import AwaitBattery, FlyPath, FlyTo, Land, Look, Sweep, TakeOff
@@ -24,8 +24,7 @@ PHASES: Final[tuple[FlightPhase, ...]] = (
 
 
 Ending = Literal["release", "land", "keep", "LAND", "RTL"]
-LOW_SHARE = 0.25
-"""With less of its battery a pilot lands, wherever the vehicle is."""
+LOW_SHARE = 0.25  # with less of its battery a pilot lands, wherever the vehicle is
 
 
 @dataclass(slots=True)
@@ -39,13 +38,11 @@ class Pilot:
     done: bool = False
 
     def take(self, craft: Aircraft) -> None:
-        """The mode switch turns; the vehicle stops."""
         craft.turn_switch("other")
         if not self.way:
             self._end_by_mode(craft)
 
     def fly(self, craft: Aircraft, dt_s: float) -> None:
-        """One tick at the sticks."""
         if self.done:
             return
         if craft.crashed or not (craft.flying or craft.armed):
@@ -81,8 +78,8 @@ class Pilot:
 class Trouble:
     """One thing that goes wrong with one vehicle.
 
-    It begins `after_s` after the vehicle is first in `phase`, and lasts `for_s`. What the numbers
-    and words mean is the kind's.
+    It begins `after_s` after the vehicle is first in `phase`, and lasts `for_s`. Numbers and word
+    are the kind's.
     """
 
     kind: str
@@ -98,12 +95,10 @@ class Trouble:
 
     @property
     def towards(self) -> Vector:
-        """Its size towards its bearing."""
         return self.size * math.sin(self.toward_rad), self.size * math.cos(self.toward_rad)
 
 
 def in_phase(fleet: Fleet, trouble: Trouble) -> bool:
-    """Whether the trouble's vehicle is in the trouble's phase of flight."""
     vehicle = fleet.state.vehicles[trouble.vehicle]
     order, home = vehicle.order, vehicle.return_reason is not None
     found = fleet.state.tree is not None
@@ -133,12 +128,10 @@ Act = Callable[["Fleet", Trouble], None]
 
 
 def _craft(name: str, value: Callable[[Trouble], object]) -> Act:
-    """Set what an aircraft has."""
     return lambda fleet, trouble: setattr(fleet.vehicles[trouble.vehicle], name, value(trouble))
 
 
 def _driver(name: str, value: Callable[[Trouble], object]) -> Act:
-    """Set what a driver has."""
     return lambda fleet, trouble: setattr(fleet.drivers[trouble.vehicle], name, value(trouble))
 
 
@@ -154,10 +147,6 @@ def _storm(fleet: Fleet, trouble: Trouble) -> None:
 def _jump(fleet: Fleet, trouble: Trouble) -> None:
     fleet.vehicles[trouble.vehicle].offset_m = trouble.towards
     fleet.drivers[trouble.vehicle].leapt(trouble.size)
-
-
-def _drift(fleet: Fleet, trouble: Trouble) -> None:
-    fleet.vehicles[trouble.vehicle].drift_m_s = trouble.towards
 
 
 def _drift_ends(fleet: Fleet, trouble: Trouble) -> None:
@@ -190,11 +179,8 @@ def _pilot(fleet: Fleet, trouble: Trouble) -> None:
             )
             for _ in range(0 if where == "here" else 3)
         ]
-    endings: dict[str, Ending] = {
-        "release": "release", "land": "land", "LAND": "LAND", "RTL": "RTL",
-    }  # fmt: skip
     full_wh = fleet.setting.mission.battery.capacity_wh
-    pilot = Pilot(way, endings[ending], full_wh, keeps_s=rng.uniform(1.0, 20.0))
+    pilot = Pilot(way, cast(Ending, ending), full_wh, keeps_s=rng.uniform(1.0, 20.0))
     pilot.take(craft)
     fleet.pilots[trouble.vehicle] = pilot
 
@@ -209,7 +195,7 @@ def _failsafe(fleet: Fleet, trouble: Trouble) -> None:
 
 
 def _link_failsafe(fleet: Fleet, trouble: Trouble) -> None:
-    """Silent; after some seconds its own failsafe brings it home."""
+    """Silence it; after some seconds its own failsafe brings it home."""
     _cut(fleet, replace(trouble, word="silent"))
     fleet.link_failsafes[trouble.vehicle] = fleet.t_s + trouble.size
 
@@ -240,14 +226,6 @@ def _poor_swaps(fleet: Fleet, trouble: Trouble) -> None:
     fleet.drivers[trouble.vehicle].poor_batteries = shares
 
 
-def _dies(fleet: Fleet, trouble: Trouble) -> None:
-    fleet.die(kill=trouble.word == "killed", away_s=trouble.size)
-
-
-def _recall(fleet: Fleet, trouble: Trouble) -> None:
-    fleet.recall()
-
-
 def _nothing(fleet: Fleet, trouble: Trouble) -> None:
     pass
 
@@ -256,7 +234,7 @@ ACTS: Final[dict[str, tuple[Act, Act]]] = {
     "none": (_nothing, _nothing),
     "storm": (_storm, _nothing),
     "gnss jump": (_jump, _craft("offset_m", lambda _: (0.0, 0.0))),
-    "gnss drift": (_drift, _drift_ends),
+    "gnss drift": (_craft("drift_m_s", lambda t: t.towards), _drift_ends),
     "compass": (
         _craft("compass_rad", lambda t: math.radians(t.size)),
         _craft("compass_rad", lambda _: 0.0),
@@ -278,13 +256,20 @@ ACTS: Final[dict[str, tuple[Act, Act]]] = {
     "battery cell": (_cell, _nothing),
     "battery sag": (_sag, _driver("hides_wh", lambda _: 0.0)),
     "poor swaps": (_poor_swaps, _nothing),
-    "process ends": (_dies, _nothing),
-    "recall": (_recall, _nothing),
+    "process ends": (
+        lambda fleet, t: fleet.die(kill=t.word == "killed", away_s=t.size),
+        _nothing,
+    ),
+    "recall": (lambda fleet, _: fleet.recall(), _nothing),
 }
 
 
+REFUSED = (
+    "FlyTo Sweep FlyPath", "Look FlyPath", "Land", "TakeOff", "ReturnToLaunch", "FlyTo Land",
+)  # fmt: skip
+
+
 def drawn(kind: str, vehicle: int, phase: FlightPhase, rng: random.Random) -> Trouble:
-    """A trouble of a kind with random size, bearing and duration."""
     made = Trouble(kind, vehicle, phase, rng.uniform(0.0, 8.0), toward_rad=rng.uniform(0, math.tau))
     short = rng.choice([rng.uniform(1, 8), rng.uniform(8, 60), rng.uniform(60, 200), math.inf])
     match kind:
@@ -304,15 +289,7 @@ def drawn(kind: str, vehicle: int, phase: FlightPhase, rng: random.Random) -> Tr
         case "link failsafe":
             return replace(made, size=rng.uniform(5, 30), for_s=rng.choice([short, math.inf]))
         case "order refused":
-            names = [
-                "FlyTo Sweep FlyPath",
-                "Look FlyPath",
-                "Land",
-                "TakeOff",
-                "ReturnToLaunch",
-                "FlyTo Land",
-            ]
-            return replace(made, word=rng.choice(names), for_s=short)
+            return replace(made, word=rng.choice(REFUSED), for_s=short)
         case "camera silent" | "camera lost" | "camera slow" | "camera drops":
             return replace(made, word=kind.removeprefix("camera "), for_s=short)
         case "pilot":
