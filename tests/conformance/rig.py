@@ -33,7 +33,6 @@ Story = Callable[[Flight, str], Coroutine[Any, Any, None]]
 
 
 def over(autopilot: str) -> Mission:
-    """A small mission for an autopilot."""
     made = small_mission()
     return made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
 

@@ -1,5 +1,3 @@
-"""What every detector promises, whichever it is."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -1,5 +1,3 @@
-"""What every driver promises, against both autopilots."""
-
 from __future__ import annotations
 
 import asyncio
@@ -53,12 +51,10 @@ HOLDS = {"ardupilot": (Mode.BRAKE, (int(Mode.BRAKE),)), "px4": (Px4Mode.RTL, (4,
 
 
 def commands(flight: Flight, since: int = 0) -> list[int]:
-    """The commands that were sent, from a point on."""
     return [m.command for _, m in flight.sent[since:] if m.get_type().startswith("COMMAND_")]
 
 
 def nothing_flew_it(flight: Flight, since: int) -> None:
-    """Nothing was sent since then that could move a vehicle or change its mode."""
     harmless: set[int] = {
         mav.MAV_CMD_IMAGE_STOP_CAPTURE, mav.MAV_CMD_REQUEST_MESSAGE,
         mav.MAV_CMD_SET_MESSAGE_INTERVAL,

@@ -1,5 +1,3 @@
-"""What only the driver by MAVSDK has to show: its process, what it may send, what it has read."""
-
 from __future__ import annotations
 
 import asyncio
@@ -31,7 +29,6 @@ def by_mavsdk(flight: Flight) -> MavsdkSession:
 
 @flown(drivers=("mavsdk",))
 async def test_both_decoders_read_the_same(flight: Flight, autopilot: str) -> None:
-    """What MAVSDK has read of each frame is what pymavlink reads of it, field by field."""
     logged: list[bytes] = []
     read: list[Message] = []
     session = by_mavsdk(flight)

@@ -1,5 +1,3 @@
-"""What holds of every strategy, whoever wrote it: in the lanes that it lays, and in flight."""
-
 from __future__ import annotations
 
 import copy

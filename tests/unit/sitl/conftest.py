@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
 from sitl.camera.pinhole import CameraSpec
-from sitl.vehicle import SimVehicle, VehicleSpec
+from sitl.vehicle import SimVehicle, VehicleSpec, VehicleTruth
 from sitl.world.world import Patch, World, WorldSpec
 
 ORIGIN = LatLon(37.2, -80.4)
@@ -28,7 +28,6 @@ def plain_vehicle(system_id: int = 1, world: World | None = None, **spec: Any) -
 
 
 def decoded(jpeg: bytes, flags: int = cv2.IMREAD_GRAYSCALE) -> npt.NDArray[np.uint8]:
-    """The pixels of a picture."""
     picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), flags)
     assert picture is not None
     return np.asarray(picture, dtype=np.uint8)
@@ -75,17 +74,14 @@ class Client:
         return int(next(m for m in self.send(message) if m.get_type() == "COMMAND_ACK").result)
 
     def target(self, east_m: float, north_m: float, height_m: float) -> list[Any]:
-        """A place to fly to."""
         return self._setpoint(0xDF8, (east_m, north_m), height_m)
 
     def along(
         self, place: tuple[float, float], velocity: tuple[float, float], height_m: float = 12.0
     ) -> list[Any]:
-        """A setpoint of place and velocity, each east and north."""
         return self._setpoint(0xDC0, place, height_m, velocity)
 
     def velocity(self, east_m_s: float, north_m_s: float) -> list[Any]:
-        """A setpoint of velocity alone."""
         return self._setpoint(0xDC7, velocity=(east_m_s, north_m_s))
 
     def _setpoint(
@@ -130,6 +126,22 @@ class Client:
                 watch()
         return [m for _, m in self.log[begin:]]
 
+    def watch(self, seconds: float) -> list[tuple[tuple[float, float, float], VehicleTruth]]:
+        """Where it is, and its truth, after each step."""
+        seen: list[tuple[tuple[float, float, float], VehicleTruth]] = []
+        self.run(seconds, lambda: seen.append((self.where, self.vehicle.truth)))
+        return seen
+
+    def put(self, **values: float) -> None:
+        """Set parameters."""
+        for name, value in values.items():
+            answer = self.send(mav.MAVLink_param_set_message(1, 1, name.encode(), value, 9))
+            assert answer[0].get_type() == "PARAM_VALUE", name
+
+    @property
+    def texts(self) -> list[str]:
+        return [m.text for m in self.seen("STATUSTEXT")]
+
     def seen(self, kind: str, component: int | None = None) -> list[Any]:
         return [
             m
@@ -143,12 +155,16 @@ class Client:
         return (*self.vehicle.world.plane.to_plane(truth.position), truth.height_m)
 
     def take_off(self, height_m: float = 12.0) -> None:
-        """Wait until ready, arm and climb."""
         self.run(max(0.0, 6.0 - self.vehicle.t_s))
         assert self.result(mav.MAV_CMD_DO_SET_MODE, 1, 4) == 0
         assert self.result(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1) == 0
         assert self.result(mav.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m) == 0
         self.run(4.0 + height_m / 2.0 + 3.0)
+
+
+def speed_m_s(truth: VehicleTruth) -> float:
+    """Over ground."""
+    return math.hypot(*truth.velocity_m_s[:2])
 
 
 @pytest.fixture

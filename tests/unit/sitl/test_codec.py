@@ -1,5 +1,3 @@
-"""Frames packed from numbers are, byte for byte, what pymavlink makes of the same values."""
-
 from __future__ import annotations
 
 import random

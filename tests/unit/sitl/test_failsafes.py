@@ -1,5 +1,3 @@
-"""Failsafes, and the fence: what the vehicle does by itself."""
-
 from __future__ import annotations
 
 import math
@@ -12,14 +10,7 @@ GUIDED, RTL, LAND, BRAKE = 4, 6, 9, 17
 CRITICAL = mav.MAV_STATE_CRITICAL
 
 
-def put(client, **values):
-    for name, value in values.items():
-        answer = client.send(mav.MAVLink_param_set_message(1, 1, name.encode(), value, 9))
-        assert len(answer) == 1, name
-
-
 def when(client, mode):
-    """When the heartbeat has first said this mode."""
     return next(
         t for t, m in client.log
         if m.get_type() == "HEARTBEAT" and m.type == 2 and m.custom_mode == mode
@@ -28,10 +19,6 @@ def when(client, mode):
 
 def last_heartbeat(client):
     return client.seen("HEARTBEAT", 1)[-1]
-
-
-def texts(client):
-    return [m.text for m in client.seen("STATUSTEXT")]
 
 
 def beat(client, seconds, kind=mav.MAV_TYPE_GCS):
@@ -50,24 +37,24 @@ def test_nothing_is_enabled_that_is_not_on_the_real_one(flying):
 def test_low_battery_returns_after_ten_seconds_then_critical_lands(make_client):
     client = make_client()
     client.every(mav.MAVLINK_MSG_ID_BATTERY_STATUS, 0.5)
-    put(client, BATT_FS_LOW_ACT=2, BATT_FS_CRT_ACT=1, BATT_LOW_VOLT=5.0)
+    client.put(BATT_FS_LOW_ACT=2, BATT_FS_CRT_ACT=1, BATT_LOW_VOLT=5.0)
     client.take_off()
     client.target(30.0, 0.0, 12.0)
     client.run(10.0)
     begin_s = client.vehicle.t_s
-    put(client, BATT_LOW_VOLT=25.0)  # as good as a sag
+    client.put(BATT_LOW_VOLT=25.0)  # as good as a sag
     client.run(9.5)
     assert last_heartbeat(client).custom_mode == GUIDED
     client.run(1.0)
     assert when(client, RTL) - begin_s == pytest.approx(10.0, abs=0.2)
     assert last_heartbeat(client).system_status == CRITICAL
     assert client.seen("BATTERY_STATUS")[-1].charge_state == 2
-    assert any(text.startswith("Battery 1 is low 2") for text in texts(client))
+    assert any(text.startswith("Battery 1 is low 2") for text in client.texts)
     # GUIDED is accepted in a failsafe, and it does not act twice
     assert client.result(MODE, 1, GUIDED) == 0
     client.run(15.0)
     assert last_heartbeat(client).custom_mode == GUIDED
-    put(client, BATT_CRT_MAH=1e6)
+    client.put(BATT_CRT_MAH=1e6)
     client.run(0.1)
     assert last_heartbeat(client).custom_mode == LAND
     client.run(1.0)
@@ -82,13 +69,13 @@ def test_low_battery_returns_after_ten_seconds_then_critical_lands(make_client):
 
 def test_a_fresh_battery_ends_the_failsafe(make_client):
     client = make_client(swap_after_s=20.0)
-    put(client, BATT_FS_CRT_ACT=1)
+    client.put(BATT_FS_CRT_ACT=1)
     client.take_off()
-    put(client, BATT_CRT_MAH=1e6)
+    client.put(BATT_CRT_MAH=1e6)
     client.run(40.0)
     assert not client.vehicle.truth.armed
     assert last_heartbeat(client).system_status == CRITICAL
-    put(client, BATT_CRT_MAH=0)
+    client.put(BATT_CRT_MAH=0)
     client.run(22.0)
     assert client.vehicle.truth.swaps == 1
     assert last_heartbeat(client).system_status == mav.MAV_STATE_STANDBY
@@ -98,7 +85,7 @@ def test_a_fresh_battery_ends_the_failsafe(make_client):
 
 def test_a_silent_ground_station_brings_it_home(make_client):
     client = make_client()
-    put(client, FS_GCS_ENABLE=1)
+    client.put(FS_GCS_ENABLE=1)
     client.take_off()
     client.run(10.0)  # never heard: no failsafe
     assert last_heartbeat(client).custom_mode == GUIDED
@@ -109,10 +96,10 @@ def test_a_silent_ground_station_brings_it_home(make_client):
     client._out.srcSystem = 255
     assert when(client, RTL) - begin_s == pytest.approx(5.0, abs=0.11)
     assert last_heartbeat(client).system_status == CRITICAL
-    assert texts(client)[-1] == "GCS Failsafe"
+    assert client.texts[-1] == "GCS Failsafe"
     beat(client, 2)
     assert last_heartbeat(client).system_status == mav.MAV_STATE_ACTIVE
-    assert texts(client)[-1] == "GCS Failsafe Cleared"
+    assert client.texts[-1] == "GCS Failsafe Cleared"
     assert last_heartbeat(client).custom_mode == RTL
 
 
@@ -127,7 +114,7 @@ def test_a_silent_ground_station_brings_it_home(make_client):
 )
 def test_its_ground_station_is_known_by_its_number(make_client, settings, beats, kind, then):
     client = make_client()
-    put(client, **settings)
+    client.put(**settings)
     client.take_off()
     beat(client, beats, kind)
     client.run(6.0)
@@ -149,7 +136,7 @@ def test_without_satellites_it_lands_after_eight_seconds(make_client):
     assert client.seen("GPS_RAW_INT")[-1].fix_type < 3
     assert client.seen("EKF_STATUS_REPORT")[-1].flags & 0x80
     assert last_heartbeat(client).system_status == CRITICAL
-    assert "EKF Failsafe: changed to LAND Mode" in texts(client)
+    assert "EKF Failsafe: changed to LAND Mode" in client.texts
     assert client.result(MODE, 1, GUIDED) == 4  # requires position
     client.run(45.0)
     assert client.vehicle.truth.landed
@@ -183,7 +170,7 @@ def test_targets_outside_the_fence_are_dropped_without_a_word(flying):
     hole = ((5.0, 5.0), (15.0, 5.0), (15.0, 15.0), (5.0, 15.0))
     fence(flying, (INSIDE, 4.0, SQUARE), (OUTSIDE_OF, 4.0, hole),
           (OUTSIDE_CIRCLE, 3.0, ((-10.0, 0.0),)))  # fmt: skip
-    assert flying.send(mav.MAVLink_param_set_message(1, 1, b"FENCE_ENABLE", 1, 2))
+    flying.put(FENCE_ENABLE=1)
     for east, north, height in (
         (25.0, 0.0, 12.0), (10.0, 10.0, 12.0), (-10.0, 1.0, 12.0), (0.0, 0.0, 120.0),
     ):  # fmt: skip
@@ -199,7 +186,7 @@ def test_targets_outside_the_fence_are_dropped_without_a_word(flying):
 @pytest.mark.parametrize(("action", "mode"), [(0, GUIDED), (1, RTL), (2, LAND), (4, BRAKE)])
 def test_a_breach_acts_once(make_client, action, mode):
     client = make_client()
-    put(client, FENCE_ACTION=action)
+    client.put(FENCE_ACTION=action)
     client.every(mav.MAVLINK_MSG_ID_FENCE_STATUS, 0.2)
     client.every(mav.MAVLINK_MSG_ID_SYS_STATUS, 0.2)
     client.take_off()
@@ -218,7 +205,7 @@ def test_a_breach_acts_once(make_client, action, mode):
     status = client.seen("FENCE_STATUS")[-1]
     assert (status.breach_status, status.breach_count, status.breach_type) == (1, 1, 3)
     assert last_heartbeat(client).custom_mode == mode
-    assert "Polygon fence breached" in texts(client)
+    assert "Polygon fence breached" in client.texts
     health = client.seen("SYS_STATUS")[-1].onboard_control_sensors_health
     assert not health & mav.MAV_SYS_STATUS_GEOFENCE
     assert client.result(MODE, 1, GUIDED) == 0
@@ -228,19 +215,19 @@ def test_a_breach_acts_once(make_client, action, mode):
 
 def test_height_and_radius(make_client):
     client = make_client()
-    put(client, FENCE_ENABLE=1, FENCE_RADIUS=30.0, FENCE_ALT_MAX=40.0)
+    client.put(FENCE_ENABLE=1, FENCE_RADIUS=30.0, FENCE_ALT_MAX=40.0)
     client.take_off()
     assert client.reposition(31.0, 0.0, 12.0) == mav.MAV_RESULT_FAILED
     assert client.reposition(0.0, 0.0, 41.0) == mav.MAV_RESULT_FAILED
-    put(client, FENCE_ALT_MAX=8.0)
+    client.put(FENCE_ALT_MAX=8.0)
     client.run(0.1)
     assert last_heartbeat(client).custom_mode == RTL
-    assert "Max Alt fence breached" in texts(client)
+    assert "Max Alt fence breached" in client.texts
 
 
 def test_arming_outside_the_fence_is_refused(ready):
     fence(ready, (INSIDE, 4.0, tuple((e + 50.0, n) for e, n in SQUARE)))
-    put(ready, FENCE_ENABLE=1)
+    ready.put(FENCE_ENABLE=1)
     ready.command(MODE, 1, GUIDED)
     refused = ready.command(ARM, 1)
     assert refused[0].result == 4

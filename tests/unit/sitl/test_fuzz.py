@@ -1,5 +1,3 @@
-"""Bytes that no client should send: nothing raises, nothing changes, nothing grows."""
-
 from __future__ import annotations
 
 import pytest
@@ -12,14 +10,12 @@ SIZE = 400_000
 
 
 def ask(client):
-    """The vehicle still answers."""
     client.run(1.0)
     messages = client.command(mav.MAV_CMD_REQUEST_MESSAGE, mav.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
     return [m.get_type() for m in messages]
 
 
 def flush(client):
-    """End a frame that garbage may have begun."""
     client.vehicle.receive(bytes(300))
 
 

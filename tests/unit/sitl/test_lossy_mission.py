@@ -1,5 +1,3 @@
-"""A mission of 60 items through a bad radio: whole or refused aloud, never cut short in silence."""
-
 from __future__ import annotations
 
 import pytest
@@ -21,7 +19,6 @@ class Radio:
         self.inbox += self.client.send(message)
 
     def wait(self, kinds, seconds):
-        """The next message of some kinds, None when none comes in time."""
         for _ in range(round(seconds / 0.05)):
             while self.inbox:
                 message = self.inbox.pop(0)
@@ -31,7 +28,6 @@ class Radio:
         return None
 
     def upload(self, items):
-        """How it ended, as far as the client knows."""
         last, silent = mav.MAVLink_mission_count_message(1, 1, len(items), 0), 0
         self.say(last)
         while silent < RETRIES:
@@ -49,7 +45,6 @@ class Radio:
         return TIMEOUT
 
     def ask(self, request, kind, fits):
-        """Ask until the answer comes; None when it never does."""
         for _ in range(RETRIES):
             self.say(request)
             m = self.wait((kind,), 0.5)
@@ -60,7 +55,6 @@ class Radio:
         return None
 
     def download(self):
-        """The items, None when the client knows that it has not got them all."""
         asked = mav.MAVLink_mission_request_list_message(1, 1, 0)
         count = self.ask(asked, "MISSION_COUNT", lambda m: True)
         if count is None:
@@ -77,7 +71,6 @@ class Radio:
 
 
 def survey():
-    """Home, a take-off and waypoints."""
     made = []
     for n in range(COUNT):
         command = mav.MAV_CMD_NAV_TAKEOFF if n == 1 else mav.MAV_CMD_NAV_WAYPOINT

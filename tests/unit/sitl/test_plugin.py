@@ -1,5 +1,3 @@
-"""The pytest plugin as its users have it: their tests in a pytest of their own."""
-
 from __future__ import annotations
 
 import os
@@ -12,7 +10,6 @@ ROOT = Path(__file__).resolve().parents[3]
 
 
 def run_pytest(folder, text, *options, name="test_theirs.py"):
-    """Run a test file of somebody else's, in a process that has only this plugin."""
     (folder / name).write_text(text)
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     only_ours = ["-p", "sitl.pytest_plugin", "-p", "no:cacheprovider", "--strict-markers"]
@@ -32,7 +29,6 @@ def outcome(done):
 
 
 def test_the_examples_of_the_documentation(tmp_path):
-    """Every test in docs/simulator.md runs, and passes."""
     page = (ROOT / "docs" / "simulator.md").read_text("utf-8")
     blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     text = "\n".join(block for block in blocks if "def test_" in block or "import" in block)

@@ -1,5 +1,3 @@
-"""The autopilot's conversation: readiness, commands and their answers, streams, robustness."""
-
 from __future__ import annotations
 
 import math
@@ -80,13 +78,7 @@ def test_a_whole_flight(ready):
     assert targets[-1].alt == pytest.approx(612.0, abs=0.01)
     assert ready.result(mav.MAV_CMD_NAV_RETURN_TO_LAUNCH) == ACCEPTED
     assert ready.seen("HEARTBEAT", 1)[-1].custom_mode == 6
-    highest = 0.0
-
-    def watch():
-        nonlocal highest
-        highest = max(highest, ready.where[2])
-
-    ready.run(60.0, watch)
+    highest = max(where[2] for where, _ in ready.watch(60.0))
     truth = ready.vehicle.truth
     assert highest == pytest.approx(15.0, abs=0.2)  # RTL_ALT
     assert truth.landed
@@ -184,7 +176,7 @@ def test_the_nose_is_turned_in_flight_and_a_stream_only_followed_where_it_may(fl
     assert flying.result(YAW, 30, 0, -1, 1) == ACCEPTED
     flying.run(4.0)
     assert math.degrees(flying.vehicle.truth.yaw_rad) == pytest.approx(60.0, abs=2.0)
-    flying.send(mav.MAVLink_param_set_message(1, 1, b"FENCE_ENABLE", 1.0, 2))
+    flying.put(FENCE_ENABLE=1.0)
     for _ in range(10):
         flying.along((500.0, 0.0), (3.0, 0.0))  # outside the fence
         flying.run(0.1)

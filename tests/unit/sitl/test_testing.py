@@ -1,5 +1,3 @@
-"""What the fixtures hand out, on virtual time and on sockets."""
-
 from __future__ import annotations
 
 import socket
@@ -15,7 +13,6 @@ from sitl.testing import Fleet
 
 @pytest.fixture
 def threads():
-    """How many there are before anything is made: whoever runs the tests may have some."""
     return threading.active_count()
 
 

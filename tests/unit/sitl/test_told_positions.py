@@ -1,5 +1,3 @@
-"""Positions that a companion tells: who takes which, when, and how they are followed."""
-
 from __future__ import annotations
 
 import math
@@ -33,7 +31,6 @@ ONLY_VISION = {"EKF2_EV_CTRL": 1.0, "EKF2_GPS_CTRL": 0.0}
 
 
 def tell(vehicle, at, *, delay_s=0.0, sigma_m=0.5, frame=0):
-    """EXTERNAL_POSITION_ESTIMATE of a place in the world's plane; the result."""
     return tell_lat_lon(vehicle, *place(vehicle, *at), delay_s, sigma_m, frame)
 
 
@@ -49,7 +46,6 @@ def tell_lat_lon(vehicle, lat_e7, lon_e7, delay_s=0.0, sigma_m=0.5, frame=0):
 
 
 def see(vehicle, error=(0.0, 0.0), sigma_m=0.1, resets=0):
-    """VISION_POSITION_ESTIMATE that errs by so much."""
     east, north = where(vehicle)
     vehicle.send(
         mav.MAVLink_vision_position_estimate_message(
@@ -77,7 +73,6 @@ def spread(sigma_m):
 
 
 def receive(vehicle, error=(0.0, 0.0), fix_type=3, accuracy_m=0.5):
-    """GPS_INPUT that errs by so much."""
     east, north = where(vehicle)
     lat, lon = place(vehicle, east + error[0], north + error[1])
     vehicle.send(

@@ -1,5 +1,3 @@
-"""Flying on without satellites: optical flow, how far it errs, what the autopilot says of it."""
-
 from __future__ import annotations
 
 import math

@@ -1,5 +1,3 @@
-"""Heights above the sea: receivers differ by metres and wander; armed, the barometer rules."""
-
 from __future__ import annotations
 
 import math

@@ -1,5 +1,3 @@
-"""What moves while the shutter is open is blurred, by as much as it moves in the picture."""
-
 from __future__ import annotations
 
 import math
@@ -58,7 +56,6 @@ def test_turning_can_make_up_for_flying():
 
 @pytest.fixture(scope="module")
 def world():
-    """The quarter north-east of the middle is dark; no texture, no noise."""
     plane = World(WorldSpec(ORIGIN, 600.0, ())).plane
     corners = tuple(plane.to_wgs84(e, n) for e, n in ((0, 0), (40, 0), (40, 40), (0, 40)))
     spec = WorldSpec(

@@ -1,5 +1,3 @@
-"""The tags in the pictures, read back by the reader of recorded photographs and by Pillow."""
-
 from __future__ import annotations
 
 import io

@@ -1,5 +1,3 @@
-"""What the camera sees, against numbers derived by hand, and how it is commanded."""
-
 from __future__ import annotations
 
 import math

@@ -1,5 +1,3 @@
-"""The parameter table and its conversation."""
-
 from __future__ import annotations
 
 import math

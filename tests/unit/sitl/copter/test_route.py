@@ -1,5 +1,3 @@
-"""Missions being flown, by real bytes."""
-
 from __future__ import annotations
 
 import math
@@ -9,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from tests.unit.sitl.conftest import plain_vehicle
+from tests.unit.sitl.conftest import plain_vehicle, speed_m_s
 
 ARM, MODE, START = 400, 176, 300
 AUTO, GUIDED, RTL, BRAKE = 3, 4, 6, 17
@@ -18,8 +16,6 @@ PAUSED, ACTIVE, COMPLETE = 4, 3, 5
 
 
 class Planner:
-    """Uploads missions of rows and begins them."""
-
     def __init__(self, client):
         self.client = client
 
@@ -35,10 +31,6 @@ class Planner:
     @property
     def reached(self):
         return [m.seq for m in self.client.seen("MISSION_ITEM_REACHED")]
-
-    @property
-    def texts(self):
-        return [m.text for m in self.client.seen("STATUSTEXT")]
 
     @property
     def current(self):
@@ -68,16 +60,11 @@ def test_a_mission_from_take_off_to_the_ground(planner):
     )
     assert (planner.current.total, planner.current.mission_state) == (5, 2)
     planner.begin()
-    visited = []
-
-    def watch():
-        visited.append(client.where)
-
-    client.run(90.0, watch)
+    visited = client.watch(90.0)
     truth = client.vehicle.truth
     assert planner.reached == [1, 2, 3, 4, 5]
     for goal in ((20, 0, 10), (20, 20, 15), (0, 20, 15)):
-        assert min(math.dist(goal, place) for place in visited) < 2.0
+        assert min(math.dist(goal, place) for place, _ in visited) < 2.0
     assert truth.landed
     assert not truth.armed
     assert math.hypot(*client.where[:2]) < 0.5
@@ -85,7 +72,7 @@ def test_a_mission_from_take_off_to_the_ground(planner):
     assert planner.current.mission_state == COMPLETE
     times = [t for t, m in client.log if m.get_type() == "MISSION_ITEM_REACHED"]
     assert times[3] - times[2] > 3.0
-    assert planner.texts[:4] == [
+    assert client.texts[:4] == [
         "Flight plan received", "Arming motors", "Mission: 1 Takeoff", "Mission: 2 WP",
     ]  # fmt: skip
 
@@ -108,7 +95,7 @@ def test_auto_is_refused_with_a_reason(planner):
     assert client.result(START) == 4
     assert client.result(START, 2, 3) == 2
     client.result(ARM, 0)
-    client.send(mav.MAVLink_param_set_message(1, 1, b"AUTO_OPTIONS", 1, 6))
+    client.put(AUTO_OPTIONS=1)
     assert client.result(MODE, 1, AUTO) == 0
     assert client.result(ARM, 1) == 0
     assert client.command(START)[1].text == "Auto: Missing Takeoff Cmd"
@@ -124,7 +111,7 @@ def test_auto_waits_on_the_ground_for_the_start(planner):
     assert client.where[2] == 0.0
     client.run(7.0)
     assert not client.vehicle.truth.armed  # and disarms itself
-    client.send(mav.MAVLink_param_set_message(1, 1, b"AUTO_OPTIONS", 3, 6))
+    client.put(AUTO_OPTIONS=3)
     assert client.result(ARM, 1) == 0
     assert client.result(START) == 0
     client.run(20.0)
@@ -145,7 +132,7 @@ def test_a_mission_in_flight_is_left_and_taken_up_again(planner):
     assert client.result(MODE, 1, AUTO) == 0
     client.run(20.0)
     assert planner.reached == [1, 2, 3]
-    client.send(mav.MAVLink_param_set_message(1, 1, b"MIS_RESTART", 1, 2))
+    client.put(MIS_RESTART=1)
     client.command(MODE, 1, BRAKE)
     client.command(MODE, 1, AUTO)
     client.run(1.0)
@@ -186,21 +173,14 @@ def test_on_the_way(planner):
         row(LAND),
     )
     planner.begin()
-    fastest, yaws = 0.0, []
-
-    def watch():
-        nonlocal fastest
-        truth = client.vehicle.truth
-        fastest = max(fastest, math.hypot(*truth.velocity_m_s[:2]))
-        yaws.append(abs(math.remainder(truth.yaw_rad, math.tau)))
-
-    client.run(60.0, watch)
-    assert fastest == pytest.approx(2.0, abs=0.2)
+    truths = [truth for _, truth in client.watch(60.0)]
+    yaws = [abs(math.remainder(truth.yaw_rad, math.tau)) for truth in truths]
+    assert max(map(speed_m_s, truths)) == pytest.approx(2.0, abs=0.2)
     assert max(yaws) == pytest.approx(math.pi, abs=0.1)
     assert len(client.seen("CAMERA_IMAGE_CAPTURED")) == 4
     assert client.vehicle.truth.landed
     assert planner.reached == [1, 8, 10, 12]
-    assert "Mission: 11 MountControl has no effect" in planner.texts
+    assert "Mission: 11 MountControl has no effect" in client.texts
     times = {m.seq: t for t, m in client.log if m.get_type() == "MISSION_ITEM_REACHED"}
     assert times[10] - times[8] > 5.0
 
@@ -277,14 +257,8 @@ def test_a_delivery(planner):
     client = planner.client
     planner.upload(UP, row(LAND, at=(0.0, 20.0, 0.0)), row(93, 3.0), UP, row(HOME))
     planner.begin()
-    truths = []
-
-    def watch():
-        truth = client.vehicle.truth
-        truths.append((truth.landed, truth.armed, client.where[1]))
-
-    client.run(130.0, watch)
-    assert any(landed and armed and north > 19.0 for landed, armed, north in truths)
+    seen = client.watch(130.0)
+    assert any(truth.landed and truth.armed and where[1] > 19.0 for where, truth in seen)
     assert planner.reached == [1, 2, 3, 4, 5]
     assert not client.vehicle.truth.armed
     assert math.hypot(*client.where[:2]) < 0.5

@@ -1,5 +1,3 @@
-"""Streams of place and velocity by real bytes, beside what a real ArduCopter was measured to do."""
-
 from __future__ import annotations
 
 import math
@@ -83,13 +81,13 @@ def test_on_raw_corners_the_target_runs_away(client):
 @pytest.mark.parametrize("timeout_s", [0.5, 1.0, 3.0])
 def test_a_stream_that_ends_stops_the_vehicle(client, timeout_s):
     """Measured from 6 m/s: 12 and 15 m after 0.5 and 1 s, 27 m by default; and then back."""
-    client.send(mav.MAVLink_param_set_message(1, 1, b"GUID_TIMEOUT", timeout_s, 9))
+    client.put(GUID_TIMEOUT=timeout_s)
     plan = rounded_path(
         [GridPoint(0, 0), GridPoint(300, 0)], client.vehicle.t_s + 1.0, speed_m_s=6.0
     )
     fly(client, plan, until_s=plan.begin_s + 10.0)
-    begin, along = client.where[0], []
-    client.run(15.0, lambda: along.append(client.where[0] - begin))
+    begin = client.where[0]
+    along = [where[0] - begin for where, _ in client.watch(15.0)]
     expected_m = {0.5: 12.0, 1.0: 15.0, 3.0: 27.0}[timeout_s]
     assert max(along) == pytest.approx(expected_m, abs=2.0)
     assert along[-1] == pytest.approx(6.0 * timeout_s, abs=1.0)
@@ -98,24 +96,19 @@ def test_a_stream_that_ends_stops_the_vehicle(client, timeout_s):
 
 
 @pytest.mark.parametrize(
-    ("speed_m_s", "time_s", "way_m"), [(3.0, 1.7, 3.1), (6.0, 2.9, 9.8), (10.0, 4.2, 23.9)]
+    ("speed", "time_s", "way_m"), [(3.0, 1.7, 3.1), (6.0, 2.9, 9.8), (10.0, 4.2, 23.9)]
 )
-def test_velocity_zero_is_the_way_to_stop(client, speed_m_s, time_s, way_m):
+def test_velocity_zero_is_the_way_to_stop(client, speed, time_s, way_m):
     for _ in range(90):
-        client.velocity(speed_m_s, 0.0)
+        client.velocity(speed, 0.0)
         client.run(0.1)
-    begin, begin_s = client.where[0], client.vehicle.t_s
-    stopped_s, along = [], []
-
-    def watch():
-        along.append(client.where[0] - begin)
-        if client.vehicle.truth.velocity_m_s[0] < 0.3:
-            stopped_s.append(client.vehicle.t_s - begin_s)
-
+    begin, begin_s, seen = client.where[0], client.vehicle.t_s, []
     for _ in range(70):
         client.velocity(0.0, 0.0)
-        client.run(0.1, watch)
-    assert stopped_s[0] == pytest.approx(time_s, rel=0.25)
+        seen += client.watch(0.1)
+    along = [where[0] - begin for where, _ in seen]
+    stopped_s = next(truth.t_s for _, truth in seen if truth.velocity_m_s[0] < 0.3)
+    assert stopped_s - begin_s == pytest.approx(time_s, rel=0.25)
     assert max(along) == pytest.approx(way_m, rel=0.2)
     assert max(along) - along[-1] < 0.5
 

@@ -1,5 +1,3 @@
-"""Missions, fences and rally points over the link."""
-
 from __future__ import annotations
 
 import math

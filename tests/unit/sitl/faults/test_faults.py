@@ -1,5 +1,3 @@
-"""Faults on demand: by the Python API, by command 420, by SIM_* parameters and by a scenario."""
-
 from __future__ import annotations
 
 import math
@@ -27,12 +25,7 @@ GPS, BATTERY, MOTOR, COMPASS = (
 OK, OFF, WRONG = mav.FAILURE_TYPE_OK, mav.FAILURE_TYPE_OFF, mav.FAILURE_TYPE_WRONG
 
 
-def set_parameter(client, name, value):
-    return client.send(mav.MAVLink_param_set_message(1, 1, name.encode(), value, 9))
-
-
 def believed(client):
-    """East and north as the vehicle says them."""
     client.command(mav.MAV_CMD_REQUEST_MESSAGE, mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
     m = client.seen("GLOBAL_POSITION_INT")[-1]
     return client.vehicle.world.plane.to_plane(LatLon(m.lat / 1e7, m.lon / 1e7))
@@ -254,7 +247,7 @@ def test_injection_needs_the_parameter(make_client):
     client = make_client()
     client.run(1.0)
     assert client.result(INJECT, GPS, OFF) == mav.MAV_RESULT_DENIED
-    set_parameter(client, "SYS_FAILURE_EN", 1.0)
+    client.put(SYS_FAILURE_EN=1.0)
     assert client.result(INJECT, GPS, OFF) == mav.MAV_RESULT_ACCEPTED
     client.run(0.1)
     assert client.vehicle._error.lost
@@ -278,45 +271,45 @@ def test_injection_needs_the_parameter(make_client):
 )
 def test_what_can_be_injected(make_client, unit, failure, kind):
     client = make_client()
-    set_parameter(client, "SYS_FAILURE_EN", 1.0)
+    client.put(SYS_FAILURE_EN=1.0)
     assert client.result(INJECT, unit, failure) == mav.MAV_RESULT_ACCEPTED
     assert [f.kind for f in client.vehicle.fail.active(kind)] == [kind]
 
 
 def test_simulator_parameters(ready):
     vehicle = ready.vehicle
-    set_parameter(ready, "SIM_GPS_DISABLE", 1.0)
+    ready.put(SIM_GPS_DISABLE=1.0)
     ready.run(0.1)
     assert vehicle._error.lost
-    set_parameter(ready, "SIM_GPS_DISABLE", 0.0)
-    set_parameter(ready, "SIM_GPS1_ENABLE", 0.0)
+    ready.put(SIM_GPS_DISABLE=0.0)
+    ready.put(SIM_GPS1_ENABLE=0.0)
     ready.run(0.1)
     assert vehicle._error.lost
-    set_parameter(ready, "SIM_GPS1_ENABLE", 1.0)
+    ready.put(SIM_GPS1_ENABLE=1.0)
     ready.run(0.1)
     assert not vehicle._error.lost
-    set_parameter(ready, "SIM_BATT_VOLTAGE", 20.0)
+    ready.put(SIM_BATT_VOLTAGE=20.0)
     ready.run(0.1)
     assert voltage(ready) == pytest.approx(20.0)
-    set_parameter(ready, "SIM_WIND_SPD", 5.0)
-    set_parameter(ready, "SIM_WIND_DIR", 270.0)
+    ready.put(SIM_WIND_SPD=5.0)
+    ready.put(SIM_WIND_DIR=270.0)
     assert vehicle.fail.gust_m_s == (pytest.approx(5.0), pytest.approx(0.0, abs=1e-9))
-    set_parameter(ready, "SIM_GPS_GLITCH_Y", 0.0001)
+    ready.put(SIM_GPS_GLITCH_Y=0.0001)
     ready.run(30.0)
     assert believed(ready)[0] == pytest.approx(11.1, abs=0.3)
-    set_parameter(ready, "SIM_RC_FAIL", 1.0)
+    ready.put(SIM_RC_FAIL=1.0)
     assert vehicle.fail.rc_lost
     before = ready.seen("PARAM_VALUE")
-    set_parameter(ready, "SIM_SPEEDUP", 5.0)
+    ready.put(SIM_SPEEDUP=5.0)
     answer = ready.seen("PARAM_VALUE")[len(before)]
     assert (answer.param_id, answer.param_value) == ("SIM_SPEEDUP", 1.0)
 
 
 def test_an_engine_by_parameters(flying):
-    set_parameter(flying, "SIM_ENGINE_MUL", 0.0)
+    flying.put(SIM_ENGINE_MUL=0.0)
     flying.run(3.0)
     assert flying.where[2] == pytest.approx(12.0, abs=0.5)
-    set_parameter(flying, "SIM_ENGINE_FAIL", 1.0)
+    flying.put(SIM_ENGINE_FAIL=1.0)
     flying.run(6.0)
     assert flying.vehicle.truth.crashed
 

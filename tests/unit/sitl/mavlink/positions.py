@@ -19,7 +19,6 @@ HOME_AMSL_M = 488.0
 
 
 def fleet_in_the_air(autopilot, vehicles=1, **setup):
-    """Ten metres up, in GUIDED or Hold."""
     setup = {
         "optical_flow": True, "gps_sigma_m": 0.0, "quirks": Quirks(home_moves_m=0.0), **setup,
     }  # fmt: skip
@@ -42,7 +41,6 @@ def in_the_air(autopilot, **setup):
 
 
 def place(vehicle, east_m, north_m):
-    """Latitude and longitude (1e7) so far from where the first vehicle stood."""
     at = vehicle._vehicle.world.plane.to_wgs84(east_m, north_m)
     return round(at.lat_deg * 1e7), round(at.lon_deg * 1e7)
 
@@ -68,7 +66,6 @@ def fly_to(vehicle, east_m, north_m):
 
 
 def ask(vehicle, kind):
-    """The message as it is now."""
     vehicle.receive()
     message_id = getattr(mav, f"MAVLINK_MSG_ID_{kind}")
     vehicle.send(
@@ -80,7 +77,6 @@ def ask(vehicle, kind):
 
 
 def flags(vehicle):
-    """Of the filter's report."""
     return ask(vehicle, REPORT[vehicle.fleet.setup.autopilot]).flags
 
 
@@ -89,7 +85,6 @@ def off_m(vehicle):
 
 
 def put(vehicle, **values):
-    """Set parameters of an ArduPilot; of a PX4 those of whole numbers are sent bytewise."""
     for name, value in values.items():
         parameter = vehicle._vehicle._ap.parameters.by_name[name]
         vehicle.send(

@@ -1,5 +1,3 @@
-"""MAVLink 2 signing against pymavlink's own implementation as the client; and a bad radio."""
-
 from __future__ import annotations
 
 from itertools import pairwise
@@ -20,8 +18,6 @@ START = 3 * 365 * 1440 * MINUTE
 
 
 class Signer:
-    """A client with pymavlink's signing at one link of a vehicle."""
-
     def __init__(self, link, key=KEY, link_id=7, timestamp=START, system=255):
         self.link = link
         self.out = mav.MAVLink(None, srcSystem=system, srcComponent=190)
@@ -38,7 +34,6 @@ class Signer:
         return message.pack(self.out, force_mavlink1=version_1)
 
     def give(self, data):
-        """The types of the messages that come back, each verified."""
         self.link.receive(data)
         return [m.get_type() for m in self.into.parse_buffer(self.link.take()) or []]
 

@@ -1,5 +1,3 @@
-"""A PX4 in a pilot's hands, and what it does when a stream of setpoints ends, as measured."""
-
 from __future__ import annotations
 
 import math

@@ -1,5 +1,3 @@
-"""What a real PX4 1.17 was measured to do, and the simulated one does: a fact each."""
-
 from __future__ import annotations
 
 import itertools
@@ -30,7 +28,6 @@ from tests.unit.sitl.px4.flying import (
 
 @pytest.fixture
 def sitl():
-    """A PX4 that has found its position, to a client that is no ground station."""
     return px4()
 
 

@@ -1,5 +1,3 @@
-"""The PX4 flavour on virtual time: modes, arming, targets, offboard flight, missions, failsafes."""
-
 from __future__ import annotations
 
 import struct
@@ -41,7 +39,6 @@ from tests.unit.sitl.px4.flying import (
 
 @pytest.fixture
 def sitl():
-    """A PX4 that has found its position, and a ground station, which reads what it says."""
     vehicle = px4()
     vehicle.ground_station()
     vehicle.receive()

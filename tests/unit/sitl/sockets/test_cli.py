@@ -1,5 +1,3 @@
-"""`uavmap sitl`: what it serves, and what it says of input that it cannot serve."""
-
 from __future__ import annotations
 
 import json

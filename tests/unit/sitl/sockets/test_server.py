@@ -1,5 +1,3 @@
-"""Several clients on UDP, one on TCP; those that vanish or stop reading harm no other."""
-
 from __future__ import annotations
 
 import asyncio
@@ -21,7 +19,6 @@ GLOBAL_POSITION_INT = mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
 
 
 def in_a_loop(test):
-    """Run a test that waits for sockets."""
 
     @functools.wraps(test)
     def run(*given, **named):
@@ -32,7 +29,6 @@ def in_a_loop(test):
 
 @contextlib.asynccontextmanager
 async def served(transport, count=1, speedup=20.0):
-    """Vehicles on sockets and their first port."""
     world = World(WorldSpec(ORIGIN, 500.0, ()))
     vehicles = [plain_vehicle(i + 1, world) for i in range(count)]
     port, _ = free_ports(count, tcp=transport == "tcp")
@@ -53,8 +49,6 @@ async def served(transport, count=1, speedup=20.0):
 
 
 class Udp(asyncio.DatagramProtocol):
-    """A client on UDP, listening or speaking first."""
-
     def __init__(self):
         self.messages = asyncio.Queue()
         self.link = mav.MAVLink(None, srcSystem=255, srcComponent=190)
@@ -88,8 +82,6 @@ class Udp(asyncio.DatagramProtocol):
 
 
 class Tcp:
-    """A client on TCP."""
-
     @classmethod
     async def open(cls, port):
         self = cls()
@@ -223,8 +215,6 @@ async def test_a_tcp_client_that_stops_reading_harms_nobody():
 
 
 class FullTransport:
-    """A connection whose other end does not read."""
-
     def __init__(self):
         self.unsent = 0
 

@@ -1,5 +1,3 @@
-"""Worlds from files: what the camera then sees, and what is said of files that are none."""
-
 from __future__ import annotations
 
 import json

@@ -1,5 +1,3 @@
-"""The simulated ground: bodies land on it, telemetry tells of it, the camera sees it."""
-
 from __future__ import annotations
 
 import math

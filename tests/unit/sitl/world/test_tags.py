@@ -1,5 +1,3 @@
-"""Markers on vehicles as a camera above sees them, against numbers derived by hand."""
-
 from __future__ import annotations
 
 import math

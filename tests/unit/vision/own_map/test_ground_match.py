@@ -1,5 +1,3 @@
-"""How far a camera moved, by two pictures: rendered ones, photographs, and ones that cannot say."""
-
 from __future__ import annotations
 
 import math

@@ -1,5 +1,3 @@
-"""Where a vehicle is by its own pictures, which the simulator has rendered."""
-
 from __future__ import annotations
 
 import math

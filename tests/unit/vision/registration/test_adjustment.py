@@ -1,5 +1,3 @@
-"""The equations under a registration, and registration over ground from an elevation model."""
-
 from __future__ import annotations
 
 import math
