@@ -58,18 +58,15 @@ class Ek3Aiding(Aiding):
         error.still_near = self.absolute and not self._changed
         if error.by_satellites:
             self._changed = False
-        error.aided = self._hears_companion if self._source == _EXTERNAL_NAV else (
-            by_gps and not error.by_satellites and self._has_second_receiver
-        )  # fmt: skip
+        if self._source == _EXTERNAL_NAV:
+            error.aided = t_s - self._vision_s <= _VISION_S
+        else:
+            error.aided = by_gps and not error.by_satellites and self._has_second_receiver
 
     def _look_at_source(self) -> None:
         source = int(self._get[f"EK3_SRC{self._set}_POSXY"])
         if source != self._source:
             self._source, self._changed = source, True
-
-    @property
-    def _hears_companion(self) -> bool:
-        return self._t_s - self._vision_s <= _VISION_S
 
     @property
     def _has_second_receiver(self) -> bool:

@@ -50,11 +50,8 @@ def with_tags(
 
 def shows_tag(camera: CameraSpec, shot: Shot, tag_m: float) -> bool:
     """Return whether any marker may be in the picture."""
-    return any(_outline(camera, shot, tag, _reach_m(tag_m)) is not None for tag in shot.tags)
-
-
-def _reach_m(tag_m: float) -> float:
-    return tag_m  # more than half a marker with its margin, for every dictionary
+    reach_m = tag_m  # more than half a marker with its margin, for every dictionary
+    return any(_outline(camera, shot, tag, reach_m) is not None for tag in shot.tags)
 
 
 def _layer(

@@ -141,13 +141,11 @@ class Aircraft(Motion, ABC):
     def mission_done(self) -> None:
         """Act on the end of the mission."""
 
-    @abstractmethod
     def enable_fence(self, on: bool) -> None:
-        """Execute DO_FENCE_ENABLE."""
+        """Execute DO_FENCE_ENABLE, where the autopilot has it."""
 
-    @abstractmethod
     def count_items(self, kind: int, items: list[Item]) -> None:
-        """Count the items of a list that has changed, by its MAV_MISSION_TYPE."""
+        """Count the items of a changed list in a parameter, where there is one."""
 
     def set_home(self, east_m: float, north_m: float, up_m: float) -> None:
         """Execute DO_SET_HOME."""

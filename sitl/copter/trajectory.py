@@ -61,7 +61,7 @@ def px4_speed(distance_m: float, accel_m_s2: float, jerk_m_s3: float) -> float:
 class Shaper:
     """Place, velocity and acceleration of the shaped point, metres and seconds."""
 
-    def __init__(self, law: SpeedLaw = copter_speed) -> None:
+    def __init__(self, law: SpeedLaw) -> None:
         self._law = law
         self.active = False
         self._place = self._velocity = self._acceleration = (0.0, 0.0)

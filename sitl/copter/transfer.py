@@ -25,6 +25,7 @@ _DONE = {
     MISSION: "Flight plan received", FENCE: "Fence received", RALLY: "Rally points received",
 }  # fmt: skip
 _DENIED: int = mav.MAV_MISSION_DENIED
+_UNSUPPORTED: int = mav.MAV_MISSION_UNSUPPORTED
 _INT_FRAMES: dict[int, int] = {
     mav.MAV_FRAME_GLOBAL: mav.MAV_FRAME_GLOBAL_INT,
     mav.MAV_FRAME_GLOBAL_RELATIVE_ALT: mav.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
@@ -87,7 +88,8 @@ class Transfer:
             "MISSION_REQUEST": self._request,
             "MISSION_REQUEST_INT": self._request,
             "MISSION_CLEAR_ALL": self._clear,
-            "MISSION_WRITE_PARTIAL_LIST": self._partial,
+            # part of a mission cannot be replaced
+            "MISSION_WRITE_PARTIAL_LIST": lambda m, _: [_ack(m, _UNSUPPORTED)],
         }
         self.handled = tuple(self._handlers)
 
@@ -97,7 +99,7 @@ class Transfer:
         if not known and not (
             message.mission_type == ALL and message.get_type() == "MISSION_CLEAR_ALL"
         ):
-            return [_ack(message, int(mav.MAV_MISSION_UNSUPPORTED))]
+            return [_ack(message, _UNSUPPORTED)]
         return self._handlers[message.get_type()](message, now_s)
 
     def step(self, now_s: float) -> list[Message]:
@@ -234,10 +236,6 @@ class Transfer:
             self.changed(kind)
         self._finished = None
         return [_ack(m, OK)]
-
-    def _partial(self, m: Message, _now_s: float) -> list[Message]:
-        """Refuse to replace a part of a mission."""
-        return [_ack(m, int(mav.MAV_MISSION_UNSUPPORTED))]
 
 
 def _sender(m: Message) -> tuple[int, int]:

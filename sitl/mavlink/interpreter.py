@@ -75,7 +75,9 @@ class Interpreter:
             "SET_MODE": self._set_mode,
             "SET_POSITION_TARGET_GLOBAL_INT": self._position_target,
             "REQUEST_DATA_STREAM": self._data_stream,
-            "PARAM_REQUEST_LIST": self._param_list,
+            "PARAM_REQUEST_LIST": lambda _: self._send(
+                *(self._param_value(p.name) for p in self.ap.parameters.table)
+            ),
             "PARAM_REQUEST_READ": self._param_read,
             "PARAM_SET": self._param_set,
             "PING": self._ping,
@@ -86,7 +88,7 @@ class Interpreter:
             "MISSION_SET_CURRENT": self._set_current,
             **dict.fromkeys(self._transfer.handled, self._mission),
             "GPS_INPUT": self._gps_input,
-            "VISION_POSITION_ESTIMATE": self._vision,
+            "VISION_POSITION_ESTIMATE": lambda m: self._local_position(m, m.covariance),
             "ODOMETRY": self._odometry,
         }
 
@@ -203,9 +205,6 @@ class Interpreter:
             sigma_m = 0.0 if m.ignore_flags & _NO_ACCURACY else _positive(m.horiz_accuracy)
             self.ap.aiding.receiver(place[0], place[1], sigma_m, m.fix_type)
 
-    def _vision(self, m: Message) -> None:
-        self._local_position(m, m.covariance)
-
     def _odometry(self, m: Message) -> None:
         bodily = m.child_frame_id == mav.MAV_FRAME_BODY_FRD
         if m.frame_id in self.odometry_frames and bodily and m.quality != _BAD_QUALITY:
@@ -255,9 +254,6 @@ class Interpreter:
                 self.streams.set(message_id, interval_s, self.ap.t_s)
 
     # --- parameters -----------------------------------------------------------------------------
-
-    def _param_list(self, m: Message) -> None:
-        self._send(*(self._param_value(p.name) for p in self.ap.parameters.table))
 
     def _param_read(self, m: Message) -> None:
         self._reads += 1

@@ -8,7 +8,6 @@ from sitl.body.physics import IDLE, Body, Command
 from sitl.copter.aircraft import Aircraft
 from sitl.copter.failsafes import CHARGE_CRITICAL, CRITICAL, INFO, WARNING
 from sitl.copter.fence import names
-from sitl.copter.mission_items import Item
 from sitl.copter.modes import Phase
 from sitl.copter.motion import Airframe
 from sitl.copter.params import Parameters
@@ -327,12 +326,6 @@ class Px4Autopilot(Aircraft):
         else:
             self._change(Px4Mode.RTL)
             self.route.reset()
-
-    def enable_fence(self, on: bool) -> None:
-        """Do nothing: GF_ACTION enables the fence."""
-
-    def count_items(self, kind: int, items: list[Item]) -> None:
-        """Do nothing: no parameter counts them."""
 
     # --- time -----------------------------------------------------------------------------------
 

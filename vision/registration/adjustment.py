@@ -243,9 +243,7 @@ _KEPT = 1e-6  # against singular equations: far below what any tag or tie point 
 _CHUNK = 40_000  # tie points whose derivatives are in memory at once
 
 
-def adjust(
-    start: Cameras, ties: Ties, tags: Tags, limits_px: Sequence[float] = HUBER_PX
-) -> Solution:
+def adjust(start: Cameras, ties: Ties, tags: Tags, limits_px: Sequence[float]) -> Solution:
     """Return the poses under which tie points and tags agree best."""
     solution = Solution(start, np.zeros(SHARED), np.median(tags.place_m, axis=0), math.inf)
     for limit_px in limits_px:
