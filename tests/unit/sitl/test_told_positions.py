@@ -7,31 +7,27 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.scenario import Setup
-from sitl.testing import Fleet
-from tests.unit.sitl.mavlink.positions import (
+from tests.unit.sitl.piloted import (
     ABSOLUTE,
+    ACCEPTED,
     AUTOPILOTS,
+    DENIED,
     NAN,
+    REJECTED,
     RELATIVE,
-    flags,
-    fly_to,
+    UNSUPPORTED,
     in_the_air,
-    off_m,
-    place,
-    put,
-    where,
+    piloted,
 )
 
-ACCEPTED, FAILED, DENIED = mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_FAILED, mav.MAV_RESULT_DENIED
-REJECTED, UNSUPPORTED = mav.MAV_RESULT_TEMPORARILY_REJECTED, mav.MAV_RESULT_UNSUPPORTED
+FAILED = mav.MAV_RESULT_FAILED
 COMPANION = 6.0  # EK3_SRCn_POSXY
 VISION = {"VISO_TYPE": 1.0, "EK3_SRC1_POSXY": COMPANION}
 ONLY_VISION = {"EKF2_EV_CTRL": 1.0, "EKF2_GPS_CTRL": 0.0}
 
 
 def tell(vehicle, at, *, delay_s=0.0, sigma_m=0.5, frame=0):
-    return tell_lat_lon(vehicle, *place(vehicle, *at), delay_s, sigma_m, frame)
+    return tell_lat_lon(vehicle, *vehicle.place(*at), delay_s, sigma_m, frame)
 
 
 def tell_lat_lon(vehicle, lat_e7, lon_e7, delay_s=0.0, sigma_m=0.5, frame=0):
@@ -46,7 +42,7 @@ def tell_lat_lon(vehicle, lat_e7, lon_e7, delay_s=0.0, sigma_m=0.5, frame=0):
 
 
 def see(vehicle, error=(0.0, 0.0), sigma_m=0.1, resets=0):
-    east, north = where(vehicle)
+    east, north = vehicle.where
     vehicle.send(
         mav.MAVLink_vision_position_estimate_message(
             0, north + error[1], east + error[0], -10.0, 0.0, 0.0, 0.0, spread(sigma_m), resets
@@ -56,7 +52,7 @@ def see(vehicle, error=(0.0, 0.0), sigma_m=0.1, resets=0):
 
 def odometry(vehicle, frame, quality=0):
     """ODOMETRY that errs by 3 m east and 1 m north."""
-    east, north = where(vehicle)
+    east, north = vehicle.where
     vehicle.send(
         mav.MAVLink_odometry_message(
             0, frame, mav.MAV_FRAME_BODY_FRD, north + 1.0, east + 3.0, -10.0,
@@ -73,8 +69,8 @@ def spread(sigma_m):
 
 
 def receive(vehicle, error=(0.0, 0.0), fix_type=3, accuracy_m=0.5):
-    east, north = where(vehicle)
-    lat, lon = place(vehicle, east + error[0], north + error[1])
+    east, north = vehicle.where
+    lat, lon = vehicle.place(east + error[0], north + error[1])
     vehicle.send(
         mav.MAVLink_gps_input_message(
             0, 1, 0, 0, 0, fix_type, lat, lon, 498.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.3, accuracy_m,
@@ -100,75 +96,75 @@ def often(vehicle, say, seconds, hz=10.0):
 
 def test_an_ardupilot_takes_a_position_while_it_reckons_by_flow():
     vehicle = in_the_air("ardupilot", odometry_drift=0.05)
-    assert tell(vehicle, where(vehicle)) == FAILED  # it has satellites
+    assert tell(vehicle, vehicle.where) == FAILED  # it has satellites
     vehicle.fail.gps()
     vehicle.run(0.9)
-    assert tell(vehicle, where(vehicle)) == FAILED  # less than a second ago
-    fly_to(vehicle, 0.0, 60.0)
+    assert tell(vehicle, vehicle.where) == FAILED  # less than a second ago
+    vehicle.fly_to(0.0, 60.0)
     vehicle.run(20.0)
-    assert off_m(vehicle) > 0.5
-    east, north = where(vehicle)
+    assert vehicle.off_m > 0.5
+    east, north = vehicle.where
     assert tell(vehicle, (east + 0.2, north), sigma_m=5.0) == ACCEPTED
     assert vehicle.truth.estimate_error_m == pytest.approx((0.2, 0.0), abs=0.05)
     assert tell(vehicle, (east, north)) == ACCEPTED  # as often as one likes
-    assert off_m(vehicle) < 0.05
-    assert not flags(vehicle) & ABSOLUTE  # it is none the wiser of where on earth it is
-    assert flags(vehicle) & RELATIVE
+    assert vehicle.off_m < 0.05
+    assert not vehicle.flags & ABSOLUTE  # it is none the wiser of where on earth it is
+    assert vehicle.flags & RELATIVE
 
 
 def test_a_position_that_is_old_is_moved_on():
     vehicle = in_the_air("ardupilot")
     vehicle.fail.gps()
-    fly_to(vehicle, 200.0, 200.0)
+    vehicle.fly_to(200.0, 200.0)
     vehicle.run(6.0)
     v_east, v_north, _ = vehicle.truth.velocity_m_s
     assert min(v_east, v_north) > 3.0
-    east, north = where(vehicle)
+    east, north = vehicle.where
     then = (east - 2.0 * v_east, north - 2.0 * v_north)
     assert tell(vehicle, then, delay_s=2.0) == ACCEPTED
     assert vehicle.truth.estimate_error_m == pytest.approx((0.0, 0.0), abs=0.5)
     assert tell(vehicle, (east, north), delay_s=NAN, sigma_m=NAN) == ACCEPTED
-    assert off_m(vehicle) < 0.1
+    assert vehicle.off_m < 0.1
 
 
 def test_an_ardupilot_without_any_help_takes_one_until_it_gives_its_position_up():
     vehicle = in_the_air("ardupilot", optical_flow=False)
     vehicle.fail.gps()
     vehicle.run(5.0)
-    assert tell(vehicle, where(vehicle)) == ACCEPTED
-    assert off_m(vehicle) < 0.05
+    assert tell(vehicle, vehicle.where) == ACCEPTED
+    assert vehicle.off_m < 0.05
     vehicle.run(11.0)
-    assert tell(vehicle, where(vehicle)) == FAILED
+    assert tell(vehicle, vehicle.where) == FAILED
 
 
 def test_a_px4_takes_one_while_nothing_helps():
     helped = in_the_air("px4")
-    assert tell(helped, where(helped)) == REJECTED
+    assert tell(helped, helped.where) == REJECTED
     helped.fail.gps()
     helped.run(10.0)
-    assert tell(helped, where(helped)) == REJECTED  # by optical flow
+    assert tell(helped, helped.where) == REJECTED  # by optical flow
     vehicle = in_the_air("px4", optical_flow=False)
     vehicle.fail.gps()
     vehicle.run(0.9)
-    assert tell(vehicle, where(vehicle)) == REJECTED
+    assert tell(vehicle, vehicle.where) == REJECTED
     vehicle.run(2.0)
-    wrong = tuple(a + 5.0 for a in where(vehicle))
+    wrong = tuple(a + 5.0 for a in vehicle.where)
     assert tell(vehicle, wrong, delay_s=NAN) == REJECTED
     assert tell(vehicle, wrong, sigma_m=0.5) == ACCEPTED  # a good one is taken as it is
-    assert off_m(vehicle) == pytest.approx(math.sqrt(50.0), abs=0.05)
-    assert tell(vehicle, where(vehicle), sigma_m=5.0) == ACCEPTED  # this one is weighed
+    assert vehicle.off_m == pytest.approx(math.sqrt(50.0), abs=0.05)
+    assert tell(vehicle, vehicle.where, sigma_m=5.0) == ACCEPTED  # this one is weighed
     vehicle.run(1.5)
-    assert 3.0 < off_m(vehicle) < 9.0
+    assert 3.0 < vehicle.off_m < 9.0
 
 
 def test_a_px4_on_the_ground_takes_one_without_satellites():
-    vehicle = Fleet(Setup(autopilot="px4", gps_sigma_m=0.0))[0]
+    vehicle = piloted(autopilot="px4")[0]
     vehicle.run(6.0)
     assert tell(vehicle, (3.0, 4.0)) == REJECTED
     vehicle.fail.gps()
     vehicle.run(8.0)
     assert tell(vehicle, (3.0, 4.0)) == ACCEPTED
-    assert off_m(vehicle) == pytest.approx(5.0, abs=0.05)
+    assert vehicle.off_m == pytest.approx(5.0, abs=0.05)
 
 
 @pytest.mark.parametrize(
@@ -182,7 +178,7 @@ def test_what_is_no_place_changes_nothing(autopilot, nowhere):
     assert tell_lat_lon(vehicle, 910_000_000, 0) == nowhere
     assert tell_lat_lon(vehicle, 0, 0) == nowhere  # thousands of kilometres away
     if autopilot == "ardupilot":
-        assert tell(vehicle, where(vehicle), frame=3) == UNSUPPORTED
+        assert tell(vehicle, vehicle.where, frame=3) == UNSUPPORTED
     assert vehicle.truth.estimate_error_m == before
 
 
@@ -190,7 +186,7 @@ def test_it_may_come_as_a_command_long():
     vehicle = in_the_air("ardupilot")
     vehicle.fail.gps()
     vehicle.run(2.0)
-    lat, lon = place(vehicle, *where(vehicle))
+    lat, lon = vehicle.place(*vehicle.where)
     command = mav.MAV_CMD_EXTERNAL_POSITION_ESTIMATE
     assert vehicle.command(command, 0, 0, 0.5, 0, lat / 1e7, lon / 1e7, NAN) == ACCEPTED
     assert vehicle.command(command, 0, 0, 0.5, 0, NAN, NAN, NAN) == DENIED
@@ -202,15 +198,15 @@ def test_it_may_come_as_a_command_long():
 @pytest.mark.parametrize("flow", [True, False])
 def test_a_second_receiver_of_an_ardupilot_stands_in(flow):
     vehicle = in_the_air("ardupilot", optical_flow=flow)
-    put(vehicle, GPS2_TYPE=14.0)
+    vehicle.put(GPS2_TYPE=14.0)
     often(vehicle, lambda: receive(vehicle, (3.0, 0.0)), 3.0, hz=5.0)
-    assert off_m(vehicle) < 0.05  # the first has a fix
+    assert vehicle.off_m < 0.05  # the first has a fix
     vehicle.fail.gps()
     leap_m = often(vehicle, lambda: receive(vehicle, (3.0, 0.0)), 4.0, hz=5.0)
     assert vehicle.truth.estimate_error_m == pytest.approx((3.0, 0.0), abs=0.2)
     assert leap_m < 0.5
     often(vehicle, lambda: receive(vehicle, (3.0, 0.0)), 12.0, hz=5.0)
-    assert flags(vehicle) & ABSOLUTE
+    assert vehicle.flags & ABSOLUTE
     assert vehicle.truth.mode.name == "GUIDED"
 
 
@@ -225,7 +221,7 @@ def test_a_second_receiver_of_an_ardupilot_stands_in(flow):
 )
 def test_a_second_receiver_needs_a_fix_a_type_and_a_switch(autopilot, setting, fix_type):
     vehicle = in_the_air(autopilot, optical_flow=False)
-    put(vehicle, **setting)
+    vehicle.put(**setting)
     vehicle.fail.gps()
     often(vehicle, lambda: receive(vehicle, fix_type=fix_type), 14.0, hz=5.0)
     assert vehicle.truth.mode.name == "LAND"
@@ -233,7 +229,7 @@ def test_a_second_receiver_needs_a_fix_a_type_and_a_switch(autopilot, setting, f
 
 def test_a_second_receiver_needs_to_be_heard():
     vehicle = in_the_air("ardupilot", optical_flow=False)
-    put(vehicle, GPS2_TYPE=14.0, GPS_AUTO_SWITCH=4.0)
+    vehicle.put(GPS2_TYPE=14.0, GPS_AUTO_SWITCH=4.0)
     vehicle.fail.gps()
     often(vehicle, lambda: receive(vehicle), 14.0, hz=5.0)
     assert vehicle.truth.mode.name == "GUIDED"
@@ -253,24 +249,24 @@ def choose(vehicle, number):
 def test_an_ardupilot_follows_a_companion_by_its_set_of_sources():
     vehicle = in_the_air("ardupilot", parameters={"VISO_TYPE": 1, "EK3_SRC2_POSXY": COMPANION})
     often(vehicle, lambda: see(vehicle, (2.0, 0.0)), 2.0)
-    assert off_m(vehicle) < 0.05  # satellites are the source
+    assert vehicle.off_m < 0.05  # satellites are the source
     assert choose(vehicle, 0) == choose(vehicle, 4) == choose(vehicle, NAN) == DENIED
     assert choose(vehicle, 2) == ACCEPTED
     often(vehicle, lambda: see(vehicle, (2.0, 0.0)), 0.2)
     assert vehicle.truth.estimate_error_m == pytest.approx((2.0, 0.0), abs=0.05)  # a reset
     leap_m = often(vehicle, lambda: see(vehicle, (0.0, 0.0)), 1.0)
-    assert off_m(vehicle) < 0.4  # within about a second
+    assert vehicle.off_m < 0.4  # within about a second
     assert leap_m < 0.5
     see(vehicle, (5.0, 5.0), resets=1)  # it says itself that it leaps
     assert vehicle.truth.estimate_error_m == pytest.approx((5.0, 5.0), abs=0.05)
     vehicle.fail.gps()
     often(vehicle, lambda: see(vehicle, resets=1), 12.0, hz=4.0)
-    assert flags(vehicle) & ABSOLUTE
-    assert off_m(vehicle) < 0.1
+    assert vehicle.flags & ABSOLUTE
+    assert vehicle.off_m < 0.1
     vehicle.fail.clear()
     assert choose(vehicle, 1) == ACCEPTED
     vehicle.run(1.5)
-    assert off_m(vehicle) < 0.05
+    assert vehicle.off_m < 0.05
 
 
 def test_satellites_that_lie_do_not_count_where_the_companion_is_the_source():
@@ -278,7 +274,7 @@ def test_satellites_that_lie_do_not_count_where_the_companion_is_the_source():
     choose(vehicle, 2)
     vehicle.fail.gps_drift(1.0)
     often(vehicle, lambda: see(vehicle), 10.0)
-    assert off_m(vehicle) < 0.1
+    assert vehicle.off_m < 0.1
     choose(vehicle, 1)
     vehicle.run(0.2)
     assert vehicle.truth.estimate_error_m[0] == pytest.approx(10.0, abs=0.5)
@@ -294,7 +290,7 @@ def test_a_companion_of_an_ardupilot_that_falls_silent(flow):
     vehicle.run(9.0)
     assert vehicle.truth.mode.name == ("GUIDED" if flow else "LAND")
     vehicle.run(2.0)
-    assert not flags(vehicle) & ABSOLUTE
+    assert not vehicle.flags & ABSOLUTE
 
 
 @pytest.mark.parametrize(
@@ -310,24 +306,24 @@ def test_a_companion_of_an_ardupilot_that_falls_silent(flow):
 )
 def test_odometry_by_its_frame_its_quality_and_who_wants_it(autopilot, setting, frame, heard):
     vehicle = in_the_air(autopilot)
-    put(vehicle, **setting)
+    vehicle.put(**setting)
     vehicle.run(0.2)
     odometry(vehicle, frame, quality=-1)
-    assert off_m(vehicle) < 0.2
+    assert vehicle.off_m < 0.2
     odometry(vehicle, frame)
-    assert (off_m(vehicle) > 3.0) == heard
+    assert (vehicle.off_m > 3.0) == heard
 
 
 def test_a_px4_knows_a_companion_by_its_changes_while_it_has_satellites():
     vehicle = in_the_air("px4", optical_flow=False)
-    put(vehicle, EKF2_EV_CTRL=1.0)
+    vehicle.put(EKF2_EV_CTRL=1.0)
     often(vehicle, lambda: see(vehicle, (4.0, 0.0)), 3.0)
-    assert off_m(vehicle) < 0.1
+    assert vehicle.off_m < 0.1
     vehicle.fail.gps()
     often(vehicle, lambda: see(vehicle, (4.0, 0.0)), 10.0)
-    assert off_m(vehicle) < 0.3  # its offset is kept
+    assert vehicle.off_m < 0.3  # its offset is kept
     assert vehicle.truth.mode.name == "HOLD"
-    assert flags(vehicle) & ABSOLUTE
+    assert vehicle.flags & ABSOLUTE
     often(vehicle, lambda: see(vehicle, (5.0, 0.0)), 2.0)
     assert vehicle.truth.estimate_error_m[0] == pytest.approx(1.0, abs=0.2)
     vehicle.run(1.0)  # it falls silent, and begins anew: now its positions are the position
@@ -339,18 +335,18 @@ def test_a_px4_knows_a_companion_by_its_changes_while_it_has_satellites():
 
 def test_a_px4_can_be_told_to_leave_satellites_alone():
     vehicle = in_the_air("px4")
-    put(vehicle, EKF2_GPS_CTRL=0.0)
+    vehicle.put(EKF2_GPS_CTRL=0.0)
     vehicle.fail.gps_glitch(30.0)
     vehicle.run(3.0)
-    assert off_m(vehicle) < 0.5
-    assert not flags(vehicle) & ABSOLUTE
-    put(vehicle, EKF2_EV_CTRL=1.0)
+    assert vehicle.off_m < 0.5
+    assert not vehicle.flags & ABSOLUTE
+    vehicle.put(EKF2_EV_CTRL=1.0)
     often(vehicle, lambda: see(vehicle), 2.0)
-    assert off_m(vehicle) < 0.1
-    assert flags(vehicle) & ABSOLUTE
-    put(vehicle, EKF2_GPS_CTRL=7.0)
+    assert vehicle.off_m < 0.1
+    assert vehicle.flags & ABSOLUTE
+    vehicle.put(EKF2_GPS_CTRL=7.0)
     vehicle.run(0.3)
-    assert off_m(vehicle) == pytest.approx(30.0, abs=0.5)
+    assert vehicle.off_m == pytest.approx(30.0, abs=0.5)
 
 
 def test_a_poorer_position_is_followed_more_slowly():
@@ -374,7 +370,7 @@ def test_whatever_is_told_the_estimate_stays_a_number(numbers, lat, lon, autopil
     parameters = {"EKF2_EV_CTRL": 1}
     if autopilot == "ardupilot":
         parameters = {**VISION, "GPS2_TYPE": 14}
-    vehicle = Fleet(Setup(autopilot=autopilot, optical_flow=True, parameters=parameters))[0]
+    vehicle = piloted(autopilot=autopilot, optical_flow=True, parameters=parameters)[0]
     vehicle.run(6.0)
     vehicle.fail.gps()
     vehicle.run(8.0)

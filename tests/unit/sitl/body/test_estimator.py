@@ -9,28 +9,17 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.body.estimator import DeadReckoning, Estimator, PositionError
-from sitl.scenario import Setup
-from sitl.testing import Fleet
 from tests.unit.sitl.copter.test_route import UP, WP, Planner, row
-from tests.unit.sitl.mavlink.positions import (
+from tests.unit.sitl.piloted import (
     ABSOLUTE,
     AUTOPILOTS,
     CONSTANT,
     RELATIVE,
     VELOCITY,
-    ask,
-    flags,
     fleet_in_the_air,
-    fly_to,
     in_the_air,
-    off_m,
-    place,
-    put,
-    texts,
-    told,
-    where,
+    piloted,
 )
-from tests.unit.sitl.px4.flying import upload as upload_to_px4
 
 
 def straight(seed, drift, legs, dt_s=0.05, speed_m_s=5.0):
@@ -109,36 +98,36 @@ def test_it_flies_on_and_drifts_as_stated(autopilot):
         vehicle.fail.gps()
     fleet.run(0.2)
     for vehicle in fleet:
-        fly_to(vehicle, *(a + b for a, b in zip(where(vehicle), (0.0, 60.0), strict=True)))
+        vehicle.fly_to(*(a + b for a, b in zip(vehicle.where, (0.0, 60.0), strict=True)))
     fleet.run(22.0)
     for vehicle in fleet:
         assert vehicle.truth.mode.name in ("GUIDED", "HOLD")
         assert not vehicle.truth.failsafe
-        apart = math.dist(told(vehicle), where(vehicle))
-        assert apart == pytest.approx(off_m(vehicle), abs=0.02)
+        apart = math.dist(vehicle.reported, vehicle.where)
+        assert apart == pytest.approx(vehicle.off_m, abs=0.02)
         assert 0.1 < apart < 0.02 * 60.0 * DeadReckoning.MOST
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_what_it_says_in_an_outage_and_afterwards(autopilot):
     vehicle = in_the_air(autopilot)
-    assert flags(vehicle) & (ABSOLUTE | RELATIVE) == ABSOLUTE | RELATIVE
-    fix = ask(vehicle, "GPS_RAW_INT")
+    assert vehicle.flags & (ABSOLUTE | RELATIVE) == ABSOLUTE | RELATIVE
+    fix = vehicle.ask("GPS_RAW_INT")
     assert (fix.fix_type, fix.satellites_visible) == (3, 10)
     vehicle.fail.gps(for_s=15.0)
     vehicle.run(0.2)
-    fix = ask(vehicle, "GPS_RAW_INT")
+    fix = vehicle.ask("GPS_RAW_INT")
     assert (fix.fix_type, fix.satellites_visible) == (1, 0)
-    fly_to(vehicle, 0.0, 40.0)
+    vehicle.fly_to(0.0, 40.0)
     vehicle.run(14.0)  # ArduPilot calls its position absolute for ten seconds, a PX4 for seven
-    assert flags(vehicle) & (ABSOLUTE | RELATIVE | VELOCITY | CONSTANT) == RELATIVE | VELOCITY
-    before_m = off_m(vehicle)
+    assert vehicle.flags & (ABSOLUTE | RELATIVE | VELOCITY | CONSTANT) == RELATIVE | VELOCITY
+    before_m = vehicle.off_m
     assert before_m > 0.1
     vehicle.run(2.5)
-    assert off_m(vehicle) < 0.05  # a reset
+    assert vehicle.off_m < 0.05  # a reset
     vehicle.run(0.2)
-    assert flags(vehicle) & (ABSOLUTE | CONSTANT) == ABSOLUTE
-    assert ask(vehicle, "GPS_RAW_INT").fix_type == 3
+    assert vehicle.flags & (ABSOLUTE | CONSTANT) == ABSOLUTE
+    assert vehicle.ask("GPS_RAW_INT").fix_type == 3
     assert vehicle.truth.mode.name in ("GUIDED", "HOLD")
 
 
@@ -148,20 +137,20 @@ def test_the_texts_of_an_outage():
         ("px4", ["GNSS data fusion stopped", "GNSS data fusion started"]),
     ):
         vehicle = in_the_air(autopilot)
-        texts(vehicle)
+        vehicle.texts()
         vehicle.fail.gps(for_s=9.0)
         said = []
         for _ in range(12):
             vehicle.ground_station()
             vehicle.run(1.0)
-            said += texts(vehicle)
+            said += vehicle.texts()
         assert [text for text in said if "G" in text] == wanted
 
 
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_it_returns_and_lands_without_satellites(autopilot):
     vehicle = in_the_air(autopilot, odometry_drift=0.01)
-    fly_to(vehicle, 0.0, 30.0)
+    vehicle.fly_to(0.0, 30.0)
     vehicle.run(15.0)
     vehicle.fail.gps()
     vehicle.run(12.0)
@@ -169,24 +158,24 @@ def test_it_returns_and_lands_without_satellites(autopilot):
     assert vehicle.command(mav.MAV_CMD_DO_SET_MODE, *mode) == mav.MAV_RESULT_ACCEPTED
     vehicle.until(lambda: vehicle.truth.landed, timeout_s=150.0)
     assert not vehicle.truth.crashed
-    assert math.hypot(*where(vehicle)) < 1.5
+    assert math.hypot(*vehicle.where) < 1.5
 
 
 def test_a_px4_lands_once_its_own_accuracy_is_gone():
     vehicle = in_the_air("px4", odometry_drift=0.04)
-    put(vehicle, COM_POS_FS_EPH=2.0)
+    vehicle.put(COM_POS_FS_EPH=2.0)
     vehicle.fail.gps()
-    fly_to(vehicle, 0.0, 100.0)
+    vehicle.fly_to(0.0, 100.0)
     vehicle.run(8.5)
     assert vehicle.truth.mode.name == "HOLD"
     vehicle.until(lambda: vehicle.truth.mode.name == "LAND", timeout_s=30.0)
-    assert where(vehicle)[1] == pytest.approx(2.0 / 0.04, abs=6.0)  # as it reckons
-    assert not flags(vehicle) & (ABSOLUTE | RELATIVE)
-    assert ask(vehicle, "ESTIMATOR_STATUS").pos_horiz_accuracy == pytest.approx(2.0, abs=0.1)
+    assert vehicle.where[1] == pytest.approx(2.0 / 0.04, abs=6.0)  # as it reckons
+    assert not vehicle.flags & (ABSOLUTE | RELATIVE)
+    assert vehicle.ask("ESTIMATOR_STATUS").pos_horiz_accuracy == pytest.approx(2.0, abs=0.1)
     patient = in_the_air("px4", odometry_drift=0.04)
-    put(patient, COM_POS_FS_EPH=-1.0)
+    patient.put(COM_POS_FS_EPH=-1.0)
     patient.fail.gps()
-    fly_to(patient, 0.0, 100.0)
+    patient.fly_to(0.0, 100.0)
     patient.run(30.0)
     assert patient.truth.mode.name == "HOLD"
 
@@ -195,11 +184,11 @@ def test_at_rest_it_wanders_by_some_centimetres_a_second():
     vehicle = in_the_air("ardupilot")
     vehicle.fail.gps()
     vehicle.run(60.0)
-    assert 0.02 < off_m(vehicle) < 2.0
+    assert 0.02 < vehicle.off_m < 2.0
 
 
 def test_it_does_not_arm_without_satellites():
-    vehicle = Fleet(Setup(optical_flow=True))[0]
+    vehicle = piloted(optical_flow=True)[0]
     vehicle.fail.gps()
     vehicle.run(7.0)
     assert vehicle.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1) == mav.MAV_RESULT_FAILED
@@ -224,11 +213,11 @@ def test_an_ardupilot_in_auto_and_in_loiter_goes_on(make_client):
 
 def test_a_px4_in_offboard_and_in_a_mission_goes_on():
     vehicle = in_the_air("px4")
-    points = [(WP, *place(vehicle, 0.0, north_m), 10.0) for north_m in (30.0, 0.0)]
-    assert upload_to_px4(vehicle, points) == mav.MAV_MISSION_ACCEPTED
+    points = [(WP, *vehicle.place(0.0, north_m), 10.0) for north_m in (30.0, 0.0)]
+    assert vehicle.upload(points) == mav.MAV_MISSION_ACCEPTED
     vehicle.fail.gps()
     assert vehicle.command(mav.MAV_CMD_DO_SET_MODE, 1, 4, 4) == mav.MAV_RESULT_ACCEPTED
-    vehicle.until(lambda: where(vehicle)[1] > 29.0, timeout_s=30.0)
+    vehicle.until(lambda: vehicle.where[1] > 29.0, timeout_s=30.0)
     setpoint = mav.MAVLink_set_position_target_local_ned_message(
         0, 1, 1, mav.MAV_FRAME_LOCAL_NED, 0xDF8, 5.0, 15.0, -10.0, *[0.0] * 8
     )
@@ -238,4 +227,4 @@ def test_a_px4_in_offboard_and_in_a_mission_goes_on():
         if tick == 5:
             vehicle.command(mav.MAV_CMD_DO_SET_MODE, 1, 6)
     assert vehicle.truth.mode.name == "OFFBOARD"
-    assert told(vehicle) == pytest.approx((15.0, 5.0), abs=0.3)
+    assert vehicle.reported == pytest.approx((15.0, 5.0), abs=0.3)

@@ -6,23 +6,10 @@ import struct
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from sitl.codec import EVENT
 from sitl.px4.interpreter import number_of
 from sitl.px4.modes import Px4Mode
-from tests.unit.sitl.px4.flying import (
-    ACCEPTED,
-    ARM,
-    MAIN,
-    REJECTED,
-    SET_MODE,
-    events,
-    local,
-    mode,
-    px4,
-    said,
-    set_param,
-    stream,
-    take_off,
-)
+from tests.unit.sitl.piloted import ACCEPTED, ARM, MAIN, REJECTED, SET_MODE, frames_of, local, px4
 
 NORTHWARD = local(0, 0, 0, 0xDC7, 1, (5.0, 0.0, 0.0))
 
@@ -37,10 +24,10 @@ def heard(**setup):
 
 def streaming(**quirks):
     vehicle = heard(**quirks)
-    take_off(vehicle)
-    stream(vehicle, NORTHWARD, 0.5)
-    assert mode(vehicle, "OFFBOARD") == ACCEPTED
-    stream(vehicle, NORTHWARD, 4.0)
+    vehicle.take_off()
+    vehicle.stream(NORTHWARD, 0.5)
+    assert vehicle.set_mode("OFFBOARD") == ACCEPTED
+    vehicle.stream(NORTHWARD, 4.0)
     vehicle.receive()
     return vehicle
 
@@ -49,8 +36,8 @@ def streaming(**quirks):
 def test_modes_by_hand_with_the_stick_centred_keep_the_height(name):
     """Race of the measurements: POSITION and ALTITUDE in mid-path were kept 16 of 16 times."""
     sitl = heard(wind_m_s=3.0)
-    take_off(sitl)
-    assert mode(sitl, name) == ACCEPTED
+    sitl.take_off()
+    assert sitl.set_mode(name) == ACCEPTED
     before = sitl.truth.position
     sitl.run(10.0)
     assert sitl.truth.mode.name == name
@@ -63,8 +50,8 @@ def test_modes_by_hand_with_the_stick_centred_keep_the_height(name):
 @pytest.mark.parametrize("name", ["HOLD", "RTL", "LAND"])
 def test_the_pilots_automatic_modes_are_not_failsafes(name):
     sitl = heard()
-    take_off(sitl)
-    assert mode(sitl, name) == ACCEPTED
+    sitl.take_off()
+    assert sitl.set_mode(name) == ACCEPTED
     sitl.receive()
     beat = sitl.expect("HEARTBEAT", autopilot=12)
     assert (beat.custom_mode, beat.system_status) == (Px4Mode[name], mav.MAV_STATE_ACTIVE)
@@ -80,12 +67,12 @@ def test_the_pilots_automatic_modes_are_not_failsafes(name):
 def test_where_a_lost_stream_leads_depends_on_the_stick(stick, action, then):
     """kill -9 at 6.2 m/s in OFFBOARD, stick centred, COM_OBL_RC_ACT 0: POSITION 0.9 s later."""
     sitl = streaming(stick=stick)
-    set_param(sitl, "COM_OBL_RC_ACT", action)
+    sitl.put(COM_OBL_RC_ACT=action)
     began_s = sitl.t_s
     sitl.until(lambda: sitl.truth.mode != Px4Mode.OFFBOARD, timeout_s=2.0)
     assert sitl.truth.mode.name == then
     assert 0.8 <= sitl.t_s - began_s <= 1.3
-    said(sitl, "Failsafe activated")
+    sitl.said("Failsafe activated")
     assert sitl.expect("HEARTBEAT", autopilot=12).system_status == mav.MAV_STATE_CRITICAL
 
 
@@ -96,16 +83,15 @@ def test_offboard_is_regained_unasked_when_the_stream_returns(stick):
     sitl.run(2.0)
     assert sitl.truth.mode == (Px4Mode.POSITION if stick else Px4Mode.RTL)
     assert sitl.truth.failsafe
-    texts = [m.text for m in sitl.receive() if m.get_type() == "STATUSTEXT"]
-    assert texts == ["Failsafe activated"]  # it names no cause
-    stream(sitl, NORTHWARD, 0.3)
+    assert sitl.texts() == ["Failsafe activated"]  # it names no cause
+    sitl.stream(NORTHWARD, 0.3)
     assert sitl.truth.mode == Px4Mode.OFFBOARD
     assert not sitl.truth.failsafe
     sitl.run(2.0)
     # a mode that the pilot chooses meanwhile is kept; by hand there is none without a stick
-    assert mode(sitl, "POSITION") == (ACCEPTED if stick else REJECTED)
-    assert mode(sitl, "HOLD") == ACCEPTED
-    stream(sitl, NORTHWARD, 2.0)
+    assert sitl.set_mode("POSITION") == (ACCEPTED if stick else REJECTED)
+    assert sitl.set_mode("HOLD") == ACCEPTED
+    sitl.stream(NORTHWARD, 2.0)
     assert sitl.truth.mode == Px4Mode.HOLD
 
 
@@ -134,7 +120,7 @@ def failsafes(data):
     names = {number_of(f"commander_failsafe_enter{end}") & 0xFFFFFF: end
              for end in ("", "_hold", "_generic", "_generic_hold")}  # fmt: skip
     found = []
-    for frame in events(data):
+    for frame in frames_of(data, EVENT):
         payload = frame[10 : 10 + frame[1]].ljust(25, b"\0")
         number = struct.unpack_from("<I", payload)[0] & 0xFFFFFF
         if number in names:
@@ -157,10 +143,10 @@ HOLDS, RETURNS, LANDS = 5, 6, 7  # failsafe_action_t
 def test_why_a_failsafe_came_is_in_the_arguments_of_its_event_alone(what, text, name, arguments):
     """`failsafe/framework.cpp`, `notifyUser`: the text is the same for all."""
     sitl = heard()
-    set_param(sitl, "COM_LOW_BAT_ACT", 3)
-    take_off(sitl)
+    sitl.put(COM_LOW_BAT_ACT=3)
+    sitl.take_off()
     sitl.ground_station()
-    set_param(sitl, "NAV_DLL_ACT", 2 if what == "station" else 0)
+    sitl.put(NAV_DLL_ACT=2 if what == "station" else 0)
     sitl.receive()
     if what == "radio":
         sitl.fail.rc()
@@ -188,7 +174,7 @@ def test_who_comes_down_blind_out_of_offboard_calls_it_altitude():
     """DESCEND, told as ALTITUDE with status 5, when satellites were switched off in OFFBOARD."""
     sitl = streaming()
     sitl.fail.gps()
-    stream(sitl, NORTHWARD, 6.0)
+    sitl.stream(NORTHWARD, 6.0)
     sitl.receive()
     beat = sitl.expect("HEARTBEAT", autopilot=12)
     assert (beat.custom_mode, beat.system_status) == (Px4Mode.ALTITUDE, mav.MAV_STATE_CRITICAL)

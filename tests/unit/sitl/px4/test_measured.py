@@ -7,23 +7,10 @@ import struct
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from sitl.codec import CURRENT_MODE, cut
+from sitl.codec import CURRENT_MODE, EVENT
 from sitl.px4.modes import Px4Mode
 from sitl.px4.params import bytewise
-from tests.unit.sitl.px4.flying import (
-    ACCEPTED,
-    ARM,
-    MAIN,
-    REJECTED,
-    SET_MODE,
-    events,
-    mode,
-    px4,
-    reposition,
-    set_param,
-    take_off,
-    upload,
-)
+from tests.unit.sitl.piloted import ACCEPTED, ARM, MAIN, REJECTED, SET_MODE, frames_of, px4
 
 
 @pytest.fixture
@@ -31,34 +18,24 @@ def sitl():
     return px4()
 
 
-def acks(sitl, command):
-    sitl.run(0.05)
-    return [
-        m.result for m in sitl.receive() if m.get_type() == "COMMAND_ACK" and m.command == command
-    ]
-
-
-def kinds(sitl):
-    return [m.get_type() for m in sitl.receive()]
-
-
 @pytest.mark.parametrize(("name", "commander"), [("OFFBOARD", REJECTED), ("LAND", ACCEPTED)])
 def test_the_first_answer_to_a_mode_is_always_yes_and_the_commanders_follows(sitl, name, commander):
-    take_off(sitl)
+    sitl.take_off()
     sitl.receive()
-    sitl.send(mav.MAVLink_command_long_message(1, 1, SET_MODE, 0, 1, *MAIN[name], 0, 0, 0, 0))
-    assert acks(sitl, SET_MODE) == [ACCEPTED, commander]
+    sitl.give(SET_MODE, 1, *MAIN[name])
+    sitl.run(0.05)
+    assert [m.result for m in sitl.received("COMMAND_ACK")] == [ACCEPTED, commander]
     assert (sitl.truth.mode.name == name) == (commander == ACCEPTED)
 
 
 def test_texts_go_only_where_a_ground_station_was_heard_and_events_everywhere(sitl):
     quiet = sitl._vehicle.connect()
-    assert mode(sitl, "LAND") == ACCEPTED
+    assert sitl.set_mode("LAND") == ACCEPTED
     sitl.send(mav.MAVLink_heartbeat_message(mav.MAV_TYPE_ONBOARD_CONTROLLER, 8, 0, 0, 4, 3))
     sitl.receive()
-    sitl.send(mav.MAVLink_command_long_message(1, 1, ARM, 0, 1, 0, 0, 0, 0, 0, 0))
+    sitl.give(ARM, 1)
     data = sitl.receive_bytes()
-    assert len(events(data)) == 1
+    assert len(frames_of(data, EVENT)) == 1
     heard = mav.MAVLink(None)
     heard.robust_parsing = True
     answers = [m for m in heard.parse_buffer(data) if m.get_type() in ("COMMAND_ACK", "STATUSTEXT")]
@@ -67,18 +44,18 @@ def test_texts_go_only_where_a_ground_station_was_heard_and_events_everywhere(si
     quiet.take()
     assert sitl.command(ARM, 1) == REJECTED
     assert "Arming denied" in sitl.expect("STATUSTEXT").text
-    told = cut(quiet.take())  # the other link is told nothing of it
+    told = quiet.take()  # the other link is told nothing of it
     assert told
-    assert not [f for f in told if int.from_bytes(f[7:10], "little") == 253]
+    assert not frames_of(told, mav.MAVLINK_MSG_ID_STATUSTEXT)
 
 
 def test_home_moves_for_two_minutes_after_take_off(sitl):
-    take_off(sitl)
+    sitl.take_off()
     told = []
     for _ in range(75):
         sitl.receive()
         sitl.run(2.0)
-        m = [m for m in sitl.receive() if m.get_type() == "GLOBAL_POSITION_INT"][-1]
+        m = sitl.received("GLOBAL_POSITION_INT")[-1]
         told.append((sitl.t_s, (m.alt - m.relative_alt) / 1000.0, sitl.truth.height_m))
     heights_m = [home_m for _, home_m, _ in told]
     assert max(map(abs, (b - a for a, b in itertools.pairwise(heights_m)))) > 0.7
@@ -90,10 +67,10 @@ def test_home_moves_for_two_minutes_after_take_off(sitl):
 def test_home_that_moves_is_seeded_and_can_be_had_still():
     def homes(**quirks):
         vehicle = px4(**quirks)
-        take_off(vehicle, 4.0)
+        vehicle.take_off(4.0)
         vehicle.receive()
         vehicle.run(20.0)
-        return [m.altitude for m in vehicle.receive() if m.get_type() == "HOME_POSITION"]
+        return [m.altitude for m in vehicle.received("HOME_POSITION")]
 
     assert homes() == homes()
     assert len(set(homes())) > 3
@@ -101,19 +78,19 @@ def test_home_that_moves_is_seeded_and_can_be_had_still():
 
 
 def test_home_that_is_set_in_flight_moves_no_more(sitl):
-    take_off(sitl)
+    sitl.take_off()
     sitl.run(5.0)
     assert sitl.command(mav.MAV_CMD_DO_SET_HOME, 1) == ACCEPTED
     sitl.receive()
     sitl.run(20.0)
-    told = {m.altitude for m in sitl.receive() if m.get_type() == "HOME_POSITION"}
+    told = {m.altitude for m in sitl.received("HOME_POSITION")}
     assert len(told) == 1
     assert told.pop() / 1000.0 == pytest.approx(498.0, abs=1.0)
 
 
 def test_a_battery_failsafe_breaks_a_landing_off_holds_and_lands(sitl):
-    set_param(sitl, "COM_LOW_BAT_ACT", 3)
-    take_off(sitl)
+    sitl.put(COM_LOW_BAT_ACT=3)
+    sitl.take_off()
     assert sitl.command(21) == ACCEPTED
     sitl.until(lambda: sitl.truth.height_m < 3.0)
     sitl.fail.battery_sag(8.0)
@@ -132,11 +109,11 @@ def test_disarmed_it_stands_by_only_where_it_could_arm(sitl):
         return sitl.expect("HEARTBEAT", autopilot=12).system_status
 
     assert status() == mav.MAV_STATE_STANDBY
-    assert mode(sitl, "RTL") == ACCEPTED
+    assert sitl.set_mode("RTL") == ACCEPTED
     assert status() == mav.MAV_STATE_UNINIT
-    assert mode(sitl, "HOLD") == ACCEPTED
+    assert sitl.set_mode("HOLD") == ACCEPTED
     assert status() == mav.MAV_STATE_STANDBY
-    set_param(sitl, "NAV_DLL_ACT", 2)
+    sitl.put(NAV_DLL_ACT=2)
     assert sitl.command(ARM, 1) == REJECTED  # it needs a ground station
     sitl.ground_station()
     assert sitl.command(ARM, 1) == ACCEPTED
@@ -147,10 +124,10 @@ def test_disarmed_it_stands_by_only_where_it_could_arm(sitl):
 
 
 def test_no_current_no_energy_and_whole_percents(sitl):
-    take_off(sitl)
+    sitl.take_off()
     sitl.receive()
     sitl.run(5.0)
-    told = [m for m in sitl.receive() if m.get_type() in ("BATTERY_STATUS", "SYS_STATUS")]
+    told = sitl.received("BATTERY_STATUS", "SYS_STATUS")
     batteries = [m for m in told if m.get_type() == "BATTERY_STATUS"]
     assert 2 <= len(batteries) <= 3  # 0.5 Hz
     for m in told:
@@ -168,7 +145,7 @@ def leg_s(sitl, north_m):
     goal = plane.to_wgs84(east, north + north_m)
     begin_s = sitl.t_s
     place = round(goal.lat_deg * 1e7), round(goal.lon_deg * 1e7)
-    assert reposition(sitl, *place, 498.0, flags=0) == mav.MAV_RESULT_UNSUPPORTED
+    assert sitl.reposition(*place, 498.0, flags=0) == mav.MAV_RESULT_UNSUPPORTED
 
     def there():
         off = math.dist(plane.to_plane(sitl.truth.position), (east, north + north_m))
@@ -180,7 +157,7 @@ def leg_s(sitl, north_m):
 
 def test_short_legs_take_long_by_its_jerk_limit(sitl):
     """A real one took 4.0 s for 4 m with all that a mission does around it; 2.35 s is too few."""
-    take_off(sitl)
+    sitl.take_off()
     sitl.run(2.0)
     assert 2.9 <= leg_s(sitl, 4.0) <= 4.0
     sitl.run(5.0)
@@ -193,8 +170,7 @@ def test_short_legs_take_long_by_its_jerk_limit(sitl):
 
 def modes_told(data):
     """(mode, intended mode) of each CURRENT_MODE."""
-    frames = [f for f in cut(data) if int.from_bytes(f[7:10], "little") == CURRENT_MODE]
-    payloads = [f[10 : 10 + f[1]].ljust(9, b"\0") for f in frames]
+    payloads = [f[10 : 10 + f[1]].ljust(9, b"\0") for f in frames_of(data, CURRENT_MODE)]
     return [struct.unpack_from("<II", payload) for payload in payloads]
 
 
@@ -202,34 +178,29 @@ def test_heartbeats_keep_their_second_and_current_mode_takes_an_interval(sitl):
     """`set_message_interval` refuses HEARTBEAT; no heartbeat comes with a change of mode."""
     assert sitl.command(511, 0, 200_000) == mav.MAV_RESULT_DENIED
     assert sitl.command(511, CURRENT_MODE, 100_000) == ACCEPTED
-    take_off(sitl)
+    sitl.take_off()
     sitl.until(lambda: sitl.t_s % 1.0 < 0.04)
     sitl.receive_bytes()
-    sitl.send(mav.MAVLink_command_long_message(1, 1, SET_MODE, 0, 1, 4, 5, 0, 0, 0, 0))
+    sitl.give(SET_MODE, 1, 4, 5)
     sitl.run(0.3)
     data = sitl.receive_bytes()
-    assert not [f for f in cut(data) if int.from_bytes(f[7:10], "little") == 0]
+    assert not frames_of(data, mav.MAVLINK_MSG_ID_HEARTBEAT)
     assert modes_told(data)[-1] == (Px4Mode.RTL, Px4Mode.RTL)
     assert len(modes_told(data)) == 3
 
 
 def test_a_parameter_that_was_set_is_told_once_more_up_to_50_ms_later(sitl):
     """Set to 3, answered, told again, set to 1: who takes any PARAM_VALUE reads the 3."""
-    set_param(sitl, "GF_ACTION", 3)
-    set_param(sitl, "GF_ACTION", 1)
+    sitl.put(GF_ACTION=3)
+    sitl.put(GF_ACTION=1)
     sitl.run(0.05)
-    copies = [m.param_value for m in sitl.receive() if m.get_type() == "PARAM_VALUE"]
+    copies = [m.param_value for m in sitl.received("PARAM_VALUE")]
     assert copies == [bytewise(3), bytewise(1)]
     sitl.run(1.0)
-    assert "PARAM_VALUE" not in kinds(sitl)
+    assert not sitl.received("PARAM_VALUE")
 
 
 NEAR = (5100, 473977420 + 500, 85455940, 2.0)  # 5.6 m to the north
-
-
-def rally_points(sitl):
-    sitl.send(mav.MAVLink_mission_request_int_message(1, 1, 0, 2))
-    return sitl.expect("MISSION_ITEM_INT")
 
 
 @pytest.mark.parametrize(("frame", "told", "hangs"), [(0, 5, False), (3, 6, False), (6, 6, True)])
@@ -238,14 +209,15 @@ def test_rally_points_are_told_in_int_frames_in_which_no_return_knows_them(
 ):
     """A dry run put the owner's rally point back as it was told; the RTL to it hung for 55 s."""
     height_m = 490.0 if frame == 0 else 2.0
-    assert upload(sitl, [(*NEAR[:3], height_m)], kind=2, frame=frame) == 0
-    assert rally_points(sitl).frame == told
-    take_off(sitl)
-    assert reposition(sitl, NEAR[1], NEAR[2], 498.0) == ACCEPTED
+    assert sitl.upload([(*NEAR[:3], height_m)], kind=2, frame=frame) == 0
+    sitl.send(mav.MAVLink_mission_request_int_message(1, 1, 0, 2))
+    assert sitl.expect("MISSION_ITEM_INT").frame == told
+    sitl.take_off()
+    assert sitl.reposition(NEAR[1], NEAR[2], 498.0) == ACCEPTED
     sitl.run(8.0)
     sitl.ground_station()
     sitl.receive()
-    assert mode(sitl, "RTL") == ACCEPTED
+    assert sitl.set_mode("RTL") == ACCEPTED
     sitl.run(55.0)
     complaints = [m for m in sitl.receive() if "MAV_FRAME" in getattr(m, "text", "")]
     assert (len(complaints) > 50) == hangs
@@ -259,12 +231,12 @@ def test_a_second_copy_of_an_item_is_passed_over(sitl):
         sitl.send(
             mav.MAVLink_mission_item_int_message(1, 1, 0, 3, 5100, 0, 1, 0, 0, 0, 0, *NEAR[1:], 2)
         )
-    assert "MISSION_ACK" not in kinds(sitl)
+    assert not sitl.received("MISSION_ACK")
 
 
 def test_its_two_battery_messages_round_differently(sitl):
     """BATTERY_STATUS said 78 while SYS_STATUS said 79, for seconds at each percent."""
-    take_off(sitl)
+    sitl.take_off()
     sitl.receive()
     said: dict[str, int] = {}
     differ = agree = 0
@@ -285,5 +257,5 @@ def test_a_charge_that_is_low_is_told_in_both_flavours(sitl):
     """ArduPilot's failsafe: charge_state 2; critical 3. A PX4's comes from its thresholds."""
     sitl.fail.battery_sag(8.0)
     sitl.run(4.0)
-    told = [m for m in sitl.receive() if m.get_type() == "BATTERY_STATUS"]
+    told = sitl.received("BATTERY_STATUS")
     assert told[-1].charge_state == mav.MAV_BATTERY_CHARGE_STATE_EMERGENCY

@@ -7,33 +7,23 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.px4.modes import Px4Mode, packed, wanted
 from sitl.px4.params import TABLE
-from sitl.scenario import Setup
-from sitl.testing import Fleet
 from tests.support.hostile import bombard
 from tests.unit.sitl.conftest import plain_vehicle
-from tests.unit.sitl.px4.flying import (
+from tests.unit.sitl.piloted import (
     ACCEPTED,
     AMSL_M,
     ARM,
-    INT32,
     LAT,
     LON,
     NAN,
     NORTH,
-    REAL32,
     REJECTED,
     RTL,
     TAKEOFF,
     UNSUPPORTED,
     local,
-    mode,
+    piloted,
     px4,
-    reposition,
-    said,
-    set_param,
-    stream,
-    take_off,
-    upload,
 )
 
 
@@ -76,20 +66,20 @@ def test_heartbeat_and_version(sitl):
 
 
 def test_parameters_of_both_types(sitl):
-    set_param(sitl, "COM_OBL_RC_ACT", 5)
-    set_param(sitl, "RTL_RETURN_ALT", 22.5)
+    sitl.put(COM_OBL_RC_ACT=5)
+    sitl.put(RTL_RETURN_ALT=22.5)
     sitl.send(mav.MAVLink_param_request_list_message(1, 1))
-    values = {m.param_id: m for m in sitl.receive() if m.get_type() == "PARAM_VALUE"}
+    values = {m.param_id: m for m in sitl.received("PARAM_VALUE")}
     assert len(values) == len(TABLE) == values["GF_ACTION"].param_count
-    assert {m.param_type for m in values.values()} == {INT32, REAL32}
+    assert {m.param_type for m in values.values()} == {6, 9}  # INT32, REAL32
     assert struct.pack("<f", values["COM_OBL_RC_ACT"].param_value) == b"\5\0\0\0"
 
 
 def test_a_parameter_of_another_type_stays(sitl):
-    sitl.send(mav.MAVLink_param_set_message(1, 1, b"GF_ACTION", 3.0, REAL32))
-    assert not [m for m in sitl.receive() if m.get_type() == "PARAM_VALUE"]
-    sitl.send(mav.MAVLink_param_set_message(1, 1, b"NO_SUCH", 3.0, REAL32))
-    said(sitl, "unknown param: NO_SUCH")
+    sitl.send(mav.MAVLink_param_set_message(1, 1, b"GF_ACTION", 3.0, 9))
+    assert not sitl.received("PARAM_VALUE")
+    sitl.send(mav.MAVLink_param_set_message(1, 1, b"NO_SUCH", 3.0, 9))
+    sitl.said("unknown param: NO_SUCH")
 
 
 def test_modes_are_packed():
@@ -102,11 +92,11 @@ def test_modes_are_packed():
 
 
 def test_arming_without_a_position_is_rejected_with_a_reason():
-    sitl = Fleet(Setup(autopilot="px4"))[0]
+    sitl = piloted(autopilot="px4", gps_sigma_m=0.3)[0]
     sitl.ground_station()
     sitl.run(1.0)
     assert sitl.command(ARM, 1) == REJECTED
-    said(sitl, "Arming denied! Preflight Fail: no global position")
+    sitl.said("Arming denied! Preflight Fail: no global position")
 
 
 def test_disarmed_every_mode_can_be_chosen_but_not_armed_in(sitl):
@@ -115,13 +105,13 @@ def test_disarmed_every_mode_can_be_chosen_but_not_armed_in(sitl):
         ("OFFBOARD", "no offboard signal"),
         ("MISSION", "no valid mission"),
     ):
-        assert mode(sitl, name) == ACCEPTED
+        assert sitl.set_mode(name) == ACCEPTED
         assert sitl.command(ARM, 1) == REJECTED
-        said(sitl, reason)
+        sitl.said(reason)
 
 
 def test_take_off_by_the_parameter_then_hold(sitl):
-    set_param(sitl, "MIS_TAKEOFF_ALT", 6.0)
+    sitl.put(MIS_TAKEOFF_ALT=6.0)
     assert sitl.command(ARM, 1) == ACCEPTED
     assert sitl.command(TAKEOFF, 0, 0, 0, NAN, NAN, NAN, NAN) == ACCEPTED
     sitl.until(lambda: sitl.truth.mode == Px4Mode.HOLD)
@@ -140,7 +130,7 @@ def test_take_off_may_be_asked_for_before_arming(sitl):
 def test_a_height_that_is_not_above_the_sea_does_not_lift_it_and_it_disarms(sitl):
     assert sitl.command(ARM, 1) == ACCEPTED
     assert sitl.command(TAKEOFF, 0, 0, 0, NAN, NAN, NAN, 10.0) == ACCEPTED
-    said(sitl, "Already higher than takeoff altitude")
+    sitl.said("Already higher than takeoff altitude")
     sitl.run(8.5)
     assert sitl.truth.armed
     sitl.run(3.5)
@@ -157,62 +147,62 @@ def test_a_take_off_to_nowhere_goes_there(sitl):
 
 
 def test_reposition_is_amsl_whatever_the_frame(sitl):
-    take_off(sitl)
+    sitl.take_off()
     for frame in (mav.MAV_FRAME_GLOBAL, mav.MAV_FRAME_GLOBAL_RELATIVE_ALT, 5):
-        assert reposition(sitl, NORTH, LON, AMSL_M + 15.0, frame=frame) == ACCEPTED
+        assert sitl.reposition(NORTH, LON, AMSL_M + 15.0, frame=frame) == ACCEPTED
         sitl.run(15.0)
         assert sitl.truth.height_m == pytest.approx(15.0, abs=0.3)
         assert sitl.truth.position.lat_deg == pytest.approx(NORTH / 1e7, abs=3e-6)
-    assert reposition(sitl, NORTH, LON, 15.0) == ACCEPTED  # 473 m below the ground
+    assert sitl.reposition(NORTH, LON, 15.0) == ACCEPTED  # 473 m below the ground
     sitl.until(lambda: sitl.truth.landed, timeout_s=60.0)
 
 
 def test_reposition_leaves_what_it_is_not_told(sitl):
-    take_off(sitl)
+    sitl.take_off()
     far = 2**31 - 1
-    assert reposition(sitl, far, far, AMSL_M + 14.0) == ACCEPTED
+    assert sitl.reposition(far, far, AMSL_M + 14.0) == ACCEPTED
     sitl.run(10.0)
     assert sitl.truth.height_m == pytest.approx(14.0, abs=0.3)
     assert sitl.truth.position.lat_deg == pytest.approx(LAT / 1e7, abs=3e-6)
-    assert reposition(sitl, NORTH, LON, NAN, yaw=1.0) == ACCEPTED
+    assert sitl.reposition(NORTH, LON, NAN, yaw=1.0) == ACCEPTED
     sitl.run(15.0)
     assert sitl.truth.height_m == pytest.approx(14.0, abs=0.3)
     assert sitl.truth.yaw_rad == pytest.approx(1.0, abs=0.05)
 
 
 def test_reposition_without_its_flag_is_flown_in_hold_alone_and_answered_by_unsupported(sitl):
-    take_off(sitl)
-    assert reposition(sitl, NORTH, LON, AMSL_M + 15.0, flags=0) == UNSUPPORTED
+    sitl.take_off()
+    assert sitl.reposition(NORTH, LON, AMSL_M + 15.0, flags=0) == UNSUPPORTED
     sitl.run(15.0)
     assert sitl.truth.position.lat_deg == pytest.approx(NORTH / 1e7, abs=3e-6)
-    assert mode(sitl, "RTL") == ACCEPTED
-    assert reposition(sitl, NORTH, LON, AMSL_M + 15.0, flags=0) == UNSUPPORTED
+    assert sitl.set_mode("RTL") == ACCEPTED
+    assert sitl.reposition(NORTH, LON, AMSL_M + 15.0, flags=0) == UNSUPPORTED
     assert sitl.truth.mode == Px4Mode.RTL
-    assert reposition(sitl, NORTH, LON, AMSL_M + 15.0, flags=1) == ACCEPTED
+    assert sitl.reposition(NORTH, LON, AMSL_M + 15.0, flags=1) == ACCEPTED
     assert sitl.truth.mode == Px4Mode.HOLD
-    assert mode(sitl, "MISSION") == REJECTED
-    said(sitl, "no valid mission")
+    assert sitl.set_mode("MISSION") == REJECTED
+    sitl.said("no valid mission")
     assert sitl.truth.mode == Px4Mode.HOLD
 
 
 def test_at_rest_its_estimator_says_that_the_position_is_constant(sitl):
     assert sitl.expect("ESTIMATOR_STATUS").flags == 1023
-    take_off(sitl)
+    sitl.take_off()
     sitl.receive()
     assert not sitl.expect("ESTIMATOR_STATUS").flags & 0x80
 
 
 def test_in_the_air_it_does_not_disarm_but_by_force(sitl):
-    take_off(sitl)
+    sitl.take_off()
     assert sitl.command(ARM, 0) == REJECTED
-    said(sitl, "Not landed")
+    sitl.said("Not landed")
     assert sitl.command(ARM, 0, 21196) == ACCEPTED
     sitl.until(lambda: sitl.truth.crashed, timeout_s=10.0)
 
 
 def test_return_lands_disarms_and_can_be_armed_again(sitl):
-    take_off(sitl)
-    assert reposition(sitl, NORTH, LON, AMSL_M + 10.0) == ACCEPTED
+    sitl.take_off()
+    assert sitl.reposition(NORTH, LON, AMSL_M + 10.0) == ACCEPTED
     sitl.run(12.0)
     assert sitl.command(RTL) == ACCEPTED
     heights_m = []
@@ -233,17 +223,17 @@ def test_return_lands_disarms_and_can_be_armed_again(sitl):
 
 
 def test_offboard_needs_a_stream(sitl):
-    take_off(sitl)
-    assert mode(sitl, "OFFBOARD") == REJECTED
-    said(sitl, "no offboard signal")
+    sitl.take_off()
+    assert sitl.set_mode("OFFBOARD") == REJECTED
+    sitl.said("no offboard signal")
     sitl.send(local(0, 10, -12))
     sitl.run(0.6)
-    assert mode(sitl, "OFFBOARD") == REJECTED  # one in more than half a second is no stream
+    assert sitl.set_mode("OFFBOARD") == REJECTED  # one in more than half a second is no stream
     sitl.send(local(0, 10, -12))
-    assert mode(sitl, "OFFBOARD") == ACCEPTED
-    stream(sitl, local(0, 10, -12), 11.0)
+    assert sitl.set_mode("OFFBOARD") == ACCEPTED
+    sitl.stream(local(0, 10, -12), 11.0)
     sitl.receive()
-    stream(sitl, local(0, 10, -12), 1.0)
+    sitl.stream(local(0, 10, -12), 1.0)
     beat = sitl.expect("HEARTBEAT", autopilot=12)
     assert (beat.base_mode, beat.custom_mode) == (1 | 128, int(Px4Mode.OFFBOARD))
     assert sitl.truth.height_m == pytest.approx(12.0, abs=0.3)
@@ -251,8 +241,8 @@ def test_offboard_needs_a_stream(sitl):
 
 
 def test_setpoints_outside_offboard_are_ignored(sitl):
-    take_off(sitl)
-    stream(sitl, local(0, 30, -20), 5.0)
+    sitl.take_off()
+    sitl.stream(local(0, 30, -20), 5.0)
     assert sitl.truth.mode == Px4Mode.HOLD
     assert sitl.truth.height_m == pytest.approx(10.0, abs=0.4)
     assert sitl.truth.position.lon_deg == pytest.approx(LON / 1e7, abs=1e-5)
@@ -266,7 +256,7 @@ def test_a_stream_of_places_and_velocities_is_followed_late_and_latest_at_its_be
 
     In the middle of long lanes 0.17 to 0.19 s, in both kinds of message.
     """
-    take_off(sitl)
+    sitl.take_off()
     far = mav.MAV_FRAME_GLOBAL_INT
     metres = 1e7 / 111_319.49  # a metre north, in 1e-7 degrees
     lags: dict[float, float] = {}
@@ -284,7 +274,7 @@ def test_a_stream_of_places_and_velocities_is_followed_late_and_latest_at_its_be
     for _ in range(6):
         send(0.0, 0.0)
         sitl.run(0.1)
-    assert mode(sitl, "OFFBOARD") == ACCEPTED
+    assert sitl.set_mode("OFFBOARD") == ACCEPTED
     for tick in range(160):
         t_s = tick / 10.0
         speed = min(3.0 * t_s, 6.0)
@@ -302,20 +292,20 @@ def test_a_stream_of_places_and_velocities_is_followed_late_and_latest_at_its_be
 
 
 def test_velocities_to_the_nose(sitl):
-    take_off(sitl)
+    sitl.take_off()
     mask = 0xDC7
     forward = local(0, 0, 0, mask, mav.MAV_FRAME_BODY_NED, (3.0, 0.0, 0.0))
-    stream(sitl, forward, 0.5)
-    assert mode(sitl, "OFFBOARD") == ACCEPTED
-    stream(sitl, forward, 4.0)
+    sitl.stream(forward, 0.5)
+    assert sitl.set_mode("OFFBOARD") == ACCEPTED
+    sitl.stream(forward, 4.0)
     assert sitl.truth.velocity_m_s[1] == pytest.approx(3.0, abs=0.3)  # it looks north
 
 
 def test_offboard_takes_off_from_the_ground(sitl):
-    stream(sitl, local(0, 0, -5), 1.0)
-    assert mode(sitl, "OFFBOARD") == ACCEPTED
+    sitl.stream(local(0, 0, -5), 1.0)
+    assert sitl.set_mode("OFFBOARD") == ACCEPTED
     assert sitl.command(ARM, 1) == ACCEPTED
-    stream(sitl, local(0, 0, -5), 15.0)
+    sitl.stream(local(0, 0, -5), 15.0)
     assert sitl.truth.height_m == pytest.approx(5.0, abs=0.3)
 
 
@@ -329,9 +319,9 @@ MISSION = [
 
 
 def test_a_mission_by_its_mode_alone(sitl):
-    assert upload(sitl, MISSION) == 0
+    assert sitl.upload(MISSION) == 0
     assert sitl.command(ARM, 1) == ACCEPTED
-    assert mode(sitl, "MISSION") == ACCEPTED
+    assert sitl.set_mode("MISSION") == ACCEPTED
     reached = [sitl.expect("MISSION_ITEM_REACHED", 60.0).seq for _ in MISSION]
     assert reached == [0, 1, 2]
     sitl.until(lambda: not sitl.truth.armed)
@@ -341,8 +331,8 @@ def test_a_mission_by_its_mode_alone(sitl):
 
 def test_mission_start_arms_too_and_takes_off_before_a_waypoint(sitl):
     assert sitl.command(300) == mav.MAV_RESULT_DENIED
-    said(sitl, "No valid mission")
-    assert upload(sitl, MISSION[1:]) == 0
+    sitl.said("No valid mission")
+    assert sitl.upload(MISSION[1:]) == 0
     assert sitl.command(300) == ACCEPTED
     assert sitl.truth.armed
     assert sitl.expect("MISSION_ITEM_REACHED", 60.0).seq == 0
@@ -350,27 +340,27 @@ def test_mission_start_arms_too_and_takes_off_before_a_waypoint(sitl):
 
 
 def test_a_mission_goes_on_after_a_pause_in_hold(sitl):
-    assert upload(sitl, MISSION) == 0
+    assert sitl.upload(MISSION) == 0
     assert sitl.command(300) == ACCEPTED
     assert sitl.expect("MISSION_ITEM_REACHED", 60.0).seq == 0
-    assert mode(sitl, "HOLD") == ACCEPTED
+    assert sitl.set_mode("HOLD") == ACCEPTED
     sitl.run(5.0)
     before = sitl.truth.position
     sitl.run(3.0)
     assert sitl.truth.position.lat_deg == pytest.approx(before.lat_deg, abs=2e-6)
-    assert mode(sitl, "MISSION") == ACCEPTED
+    assert sitl.set_mode("MISSION") == ACCEPTED
     assert sitl.expect("MISSION_ITEM_REACHED", 60.0).seq == 1
 
 
 def test_items_are_asked_for_again_after_a_quarter_of_a_second(sitl):
     sitl.send(mav.MAVLink_mission_count_message(1, 1, 3, 0))
     sitl.run(1.02)
-    asked = [m for m in sitl.receive() if m.get_type() == "MISSION_REQUEST_INT"]
+    asked = sitl.received("MISSION_REQUEST_INT")
     assert [m.seq for m in asked] == [0] * 5
 
 
 def test_an_upload_that_stalls_leaves_the_old_mission(sitl):
-    assert upload(sitl, MISSION) == 0
+    assert sitl.upload(MISSION) == 0
     sitl.send(mav.MAVLink_mission_count_message(1, 1, 3, 0))
     sitl.run(6.0)
     sitl.receive()
@@ -388,28 +378,28 @@ def square(d=3000):
 
 
 def test_the_fence_refuses_targets_and_stops_what_leaves(sitl):
-    set_param(sitl, "GF_ACTION", 3)
-    assert upload(sitl, square(), kind=1) == 0
-    take_off(sitl)
-    assert reposition(sitl, LAT + 9000, LON, AMSL_M + 10.0) == ACCEPTED
-    said(sitl, "Reposition is outside geofence")
+    sitl.put(GF_ACTION=3)
+    assert sitl.upload(square(), kind=1) == 0
+    sitl.take_off()
+    assert sitl.reposition(LAT + 9000, LON, AMSL_M + 10.0) == ACCEPTED
+    sitl.said("Reposition is outside geofence")
     forward = local(0, 0, 0, 0xDC7, 1, (4.0, 0.0, 0.0))
-    stream(sitl, forward, 0.5)
-    assert mode(sitl, "OFFBOARD") == ACCEPTED
-    stream(sitl, forward, 13.0)
+    sitl.stream(forward, 0.5)
+    assert sitl.set_mode("OFFBOARD") == ACCEPTED
+    sitl.stream(forward, 13.0)
     assert sitl.truth.mode in (Px4Mode.HOLD, Px4Mode.RTL)
-    said(sitl, "Geofence violated")
+    sitl.said("Geofence violated")
     sitl.run(6.0)
     assert sitl.truth.mode == Px4Mode.RTL
     assert sitl.expect("HEARTBEAT", autopilot=12).system_status == mav.MAV_STATE_CRITICAL
 
 
 def test_the_pilot_calls_off_a_failsafe_while_it_waits_in_hold(sitl):
-    set_param(sitl, "NAV_RCL_ACT", 2)
-    take_off(sitl)
+    sitl.put(NAV_RCL_ACT=2)
+    sitl.take_off()
     sitl.fail.rc()
     sitl.run(2.0)
-    assert mode(sitl, "HOLD") == ACCEPTED
+    assert sitl.set_mode("HOLD") == ACCEPTED
     sitl.run(8.0)
     assert sitl.truth.mode == Px4Mode.HOLD
     assert sitl.expect("HEARTBEAT", autopilot=12).system_status == mav.MAV_STATE_ACTIVE
@@ -417,12 +407,12 @@ def test_the_pilot_calls_off_a_failsafe_while_it_waits_in_hold(sitl):
 
 @pytest.mark.parametrize(("action", "then"), [(0, "HOLD"), (2, "LAND"), (3, "RTL")])
 def test_the_battery_ends(action, then):
-    sitl = Fleet(Setup(autopilot="px4", battery_wh=6.0))[0]
+    sitl = piloted(autopilot="px4", gps_sigma_m=0.3, battery_wh=6.0)[0]
     sitl.run(6.0)
-    set_param(sitl, "COM_LOW_BAT_ACT", action)
-    set_param(sitl, "BAT_CRIT_THR", 0.3)
-    set_param(sitl, "BAT_EMERGEN_THR", 0.2 if action == 2 else 0.01)
-    take_off(sitl, 4.0)
+    sitl.put(COM_LOW_BAT_ACT=action)
+    sitl.put(BAT_CRIT_THR=0.3)
+    sitl.put(BAT_EMERGEN_THR=0.2 if action == 2 else 0.01)
+    sitl.take_off(4.0)
     sitl.until(lambda: sitl.truth.energy_wh < 1.1)
     assert sitl.truth.mode.name == ("HOLD" if then == "LAND" else then)
     sitl.run(5.5)
@@ -431,8 +421,8 @@ def test_the_battery_ends(action, then):
 
 def test_failure_injection_wants_its_parameter(sitl):
     assert sitl.command(420, mav.FAILURE_UNIT_SENSOR_GPS, mav.FAILURE_TYPE_OFF) != ACCEPTED
-    set_param(sitl, "SYS_FAILURE_EN", 1)
-    take_off(sitl)
+    sitl.put(SYS_FAILURE_EN=1)
+    sitl.take_off()
     assert sitl.command(420, mav.FAILURE_UNIT_SENSOR_GPS, mav.FAILURE_TYPE_OFF) == ACCEPTED
     sitl.until(lambda: sitl.truth.mode == Px4Mode.LAND, timeout_s=6.0)
 
@@ -440,10 +430,10 @@ def test_failure_injection_wants_its_parameter(sitl):
 @pytest.mark.parametrize("flying", [False, True])
 def test_garbage(flying):
     """On the ground any mode may be chosen by it, so only what matters is looked at."""
-    sitl = Fleet(Setup(autopilot="px4", gps_sigma_m=0.0))[0]
+    sitl = piloted(autopilot="px4")[0]
     sitl.run(6.0)
     if flying:
-        take_off(sitl)
+        sitl.take_off()
     outcome = bombard(sitl._vehicle, 200_000, seed=4, well_addressed=not flying)
     assert outcome.crashes == []
     assert sitl.truth.armed is flying
