@@ -55,8 +55,14 @@ class Piloted(Vehicle):
         return round(at.lat_deg * 1e7), round(at.lon_deg * 1e7)
 
     def received(self, *kinds):
-        """What was sent since the last call, of some kinds."""
-        return [m for m in self.receive() if m.get_type() in kinds]
+        """What was sent since the last call, of some kinds or of all."""
+        return [m for m in self.receive() if not kinds or m.get_type() in kinds]
+
+    def during(self, seconds, *kinds):
+        """What is sent in the next seconds."""
+        self.receive()
+        self.run(seconds)
+        return self.received(*kinds)
 
     def texts(self):
         return [m.text for m in self.received("STATUSTEXT")]
@@ -72,10 +78,10 @@ class Piloted(Vehicle):
         self.give(mav.MAV_CMD_REQUEST_MESSAGE, message_id)
         return self.received(kind)[0]
 
-    def give(self, command, *p):
+    def give(self, command, *p, component=1):
         """Send a command without waiting for its answer."""
         p = (*p, *([0.0] * (7 - len(p))))
-        self.send(mav.MAVLink_command_long_message(self.system_id, 1, command, 0, *p))
+        self.send(mav.MAVLink_command_long_message(self.system_id, component, command, 0, *p))
 
     def put(self, **values):
         """Set parameters; whole numbers of a PX4 are sent bytewise."""

@@ -12,43 +12,22 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.errors import UavmapError
 from sitl.copter.modes import Mode
 from sitl.quirks import Quirks
-from sitl.scenario import Setup
-from sitl.testing import Fleet
+from tests.unit.sitl.piloted import ACCEPTED, AUTOPILOTS, DENIED, UNSUPPORTED, piloted
 
-ACCEPTED, FAILED, UNSUPPORTED = (
-    mav.MAV_RESULT_ACCEPTED,
-    mav.MAV_RESULT_FAILED,
-    mav.MAV_RESULT_UNSUPPORTED,
-)
-CAMERA = 100
+FAILED = mav.MAV_RESULT_FAILED
 START, STOP = mav.MAV_CMD_IMAGE_START_CAPTURE, mav.MAV_CMD_IMAGE_STOP_CAPTURE
-REJECTED = mav.MAV_RESULT_TEMPORARILY_REJECTED
 
 
 def copter(autopilot="ardupilot", ready_after_s=5.0, **quirks):
-    setup = Setup(
-        autopilot=autopilot, gps_sigma_m=0.0, ready_after_s=ready_after_s, quirks=Quirks(**quirks)
-    )
-    return Fleet(setup)[0]
-
-
-def told(vehicle, seconds):
-    """The messages of some seconds, none of those before."""
-    vehicle.receive()
-    vehicle.run(seconds)
-    return vehicle.receive()
-
-
-def of(messages, kind):
-    return [m for m in messages if m.get_type() == kind]
+    quirks = Quirks(**quirks)
+    return piloted(autopilot=autopilot, ready_after_s=ready_after_s, quirks=quirks)[0]
 
 
 def ask_camera(vehicle, command, *p):
     """What a command to component 100 is answered by whom."""
     vehicle.receive()
-    filled = (*p, *([0.0] * (7 - len(p))))
-    vehicle.send(mav.MAVLink_command_long_message(1, CAMERA, command, 0, *filled))
-    return [(m.get_srcComponent(), m.result) for m in of(vehicle.receive(), "COMMAND_ACK")]
+    vehicle.give(command, *p, component=mav.MAV_COMP_ID_CAMERA)
+    return [(m.get_srcComponent(), m.result) for m in vehicle.received("COMMAND_ACK")]
 
 
 # --- arming --------------------------------------------------------------------------------------
@@ -58,7 +37,7 @@ def test_who_would_not_arm_says_why_every_30_seconds():
     said_s = []
     for _ in range(140):
         said_s += [
-            vehicle.t_s for m in of(told(vehicle, 1.0), "STATUSTEXT") if m.text.startswith("PreArm")
+            vehicle.t_s for m in vehicle.during(1.0, "STATUSTEXT") if m.text.startswith("PreArm")
         ]
     assert said_s == pytest.approx([30.0, 60.0, 90.0], abs=1.1)
 
@@ -68,12 +47,13 @@ def test_an_autopilots_own_camera_answers_as_the_autopilot_and_shows_no_picture(
     vehicle = copter(camera="autopilot")
     vehicle.run(6.0)
     assert ask_camera(vehicle, START, 0, 1.0, 0, 0) == [(1, ACCEPTED)]
-    heard = told(vehicle, 5.0)
-    assert len(of(heard, "CAMERA_FEEDBACK")) >= 4
-    assert not of(heard, "CAMERA_IMAGE_CAPTURED")
+    heard = vehicle.during(5.0)
+    kinds = [m.get_type() for m in heard]
+    assert kinds.count("CAMERA_FEEDBACK") >= 4
+    assert "CAMERA_IMAGE_CAPTURED" not in kinds
     assert {m.get_srcComponent() for m in heard} == {1}
     assert ask_camera(vehicle, STOP) == [(1, ACCEPTED)]
-    assert not of(told(vehicle, 5.0), "CAMERA_FEEDBACK")
+    assert not vehicle.during(5.0, "CAMERA_FEEDBACK")
     vehicle.send(mav.MAVLink_param_request_read_message(1, 1, b"CAM1_TYPE", -1))
     assert vehicle.expect("PARAM_VALUE").param_value == 1.0
 
@@ -88,7 +68,7 @@ def test_without_a_camera_an_ardupilot_refuses_for_it_and_a_px4_does_not_answer(
     for one in (vehicle, px4):
         one.run(6.0)
     assert ask_camera(vehicle, START, 0, 1.0, 0, 0) == [(1, FAILED)]
-    assert {m.get_srcComponent() for m in told(vehicle, 3.0)} == {1}
+    assert {m.get_srcComponent() for m in vehicle.during(3.0)} == {1}
     assert ask_camera(px4, START, 0, 1.0, 0, 0) == []
     assert px4.command(START, 0, 1.0, 0, 0) == UNSUPPORTED
 
@@ -109,23 +89,23 @@ def test_heartbeats_come_at_a_requested_interval_and_at_once_with_a_mode():
     vehicle = copter()
     vehicle.run(6.0)
     assert vehicle.command(511, 0, 200_000) == ACCEPTED
-    beats = [m for m in of(told(vehicle, 4.0), "HEARTBEAT") if m.get_srcComponent() == 1]
+    beats = [m for m in vehicle.during(4.0, "HEARTBEAT") if m.get_srcComponent() == 1]
     assert len(beats) == 20
-    vehicle.send(mav.MAVLink_command_long_message(1, 1, 176, 0, 1, Mode.GUIDED, 0, 0, 0, 0, 0))
-    (beat,) = of(vehicle.receive(), "HEARTBEAT")
+    vehicle.give(176, 1, Mode.GUIDED)
+    (beat,) = vehicle.received("HEARTBEAT")
     assert beat.custom_mode == Mode.GUIDED
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_one_without_a_landed_state_refuses_to_tell_it(autopilot):
     """EXTENDED_SYS_STATE is in no stream of an ArduPilot, and some links never carry it."""
     vehicle = copter(autopilot, landed_state=False)
-    assert vehicle.command(511, 245, 200_000) == mav.MAV_RESULT_DENIED
-    assert of(told(vehicle, 5.0), "EXTENDED_SYS_STATE") == []
+    assert vehicle.command(511, 245, 200_000) == DENIED
+    assert vehicle.during(5.0, "EXTENDED_SYS_STATE") == []
 
 
 # --- clocks --------------------------------------------------------------------------------------
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
 @pytest.mark.parametrize("ppm", [0.0, 2000.0, -2000.0])
 def test_a_clock_that_drifts(autopilot, ppm):
     vehicle = copter(autopilot, clock_ppm=ppm)
@@ -136,13 +116,13 @@ def test_a_clock_that_drifts(autopilot, ppm):
 
 
 def test_what_its_owner_has_set_holds_from_the_start():
-    vehicle = Fleet(Setup(parameters={"RTL_ALT": 2500, "SIM_RC_FAIL": 1}))[0]
+    vehicle = piloted(parameters={"RTL_ALT": 2500, "SIM_RC_FAIL": 1})[0]
     vehicle.send(mav.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1))
     assert vehicle.expect("PARAM_VALUE").param_value == 2500.0
     vehicle.run(1.0)
     assert vehicle.fail.rc_lost
     with pytest.raises(UavmapError, match="no 'RTL_ALTT' that can be set; near: RTL_ALT"):
-        Fleet(Setup(parameters={"RTL_ALTT": 1.0}))
+        piloted(parameters={"RTL_ALTT": 1.0})
 
 
 @pytest.mark.parametrize("wrong", [{"home_moves_m": -1.0}, {"clock_ppm": 1e7}])

@@ -9,12 +9,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.body.sensors import WORST_M, Altimeter
 from sitl.quirks import Quirks
-from sitl.scenario import Setup
-from sitl.testing import Fleet
 from sitl.world.ground import Relief
-
-AMSL_M = 488.0
-HOME, POSITION, GPS = 242, 33, 24
+from tests.unit.sitl.piloted import AMSL_M, AUTOPILOTS, piloted
 
 
 def heights(seed, seconds, sigma_m=3.0, armed=False):
@@ -59,22 +55,16 @@ def test_armed_it_keeps_the_height_of_arming():
 
 def fleet_of(autopilot, **setup):
     quirks = Quirks(height_sigma_m=3.0, home_moves_m=0.0)
-    made = Fleet(Setup(autopilot=autopilot, gps_sigma_m=0.01, quirks=quirks, **setup))
+    made = piloted(autopilot=autopilot, gps_sigma_m=0.01, quirks=quirks, **setup)
     made.run(8.0)
     return made
 
 
-def ask(vehicle, message_id, kind):
-    vehicle.receive()
-    assert vehicle.command(512, message_id) == 0
-    return vehicle.expect(kind)
-
-
 def home_m(vehicle):
-    return ask(vehicle, HOME, "HOME_POSITION").altitude / 1000.0
+    return vehicle.ask("HOME_POSITION").altitude / 1000.0
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_vehicles_side_by_side_on_level_ground_tell_other_heights_of_home(autopilot):
     fleet = fleet_of(autopilot, vehicles=3, seed=2)
     told = [home_m(vehicle) for vehicle in fleet]
@@ -84,7 +74,7 @@ def test_vehicles_side_by_side_on_level_ground_tell_other_heights_of_home(autopi
     assert max(abs(home_m(v) - before_m) for v, before_m in zip(fleet, told, strict=True)) > 0.3
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_what_flies_by_heights_above_the_sea_flies_by_its_own(autopilot):
     """The truth is 12 m above the pad, whatever it calls that; GPS_RAW_INT goes on wandering."""
     (vehicle,) = fleet_of(autopilot, seed=2)
@@ -97,7 +87,7 @@ def test_what_flies_by_heights_above_the_sea_flies_by_its_own(autopilot):
     up = (0, 0, 0, 0, 0, 0, 10.0) if autopilot == "ardupilot" else (0, 0, 0, *place)
     assert vehicle.command(22, *up) == 0
     vehicle.run(14.0)
-    told = ask(vehicle, POSITION, "GLOBAL_POSITION_INT")
+    told = vehicle.ask("GLOBAL_POSITION_INT")
     frame, flags = mav.MAV_FRAME_GLOBAL_INT, 0
     vehicle.send(
         mav.MAVLink_command_int_message(
@@ -108,18 +98,17 @@ def test_what_flies_by_heights_above_the_sea_flies_by_its_own(autopilot):
     assert vehicle.truth.height_m == pytest.approx(12.0, abs=0.3)
     raw = []
     for _ in range(4):
-        told = ask(vehicle, POSITION, "GLOBAL_POSITION_INT")
+        told = vehicle.ask("GLOBAL_POSITION_INT")
         assert (told.alt - told.relative_alt) / 1000.0 == pytest.approx(datum_m, abs=0.01)
-        raw.append(ask(vehicle, GPS, "GPS_RAW_INT").alt / 1000.0)
+        raw.append(vehicle.ask("GPS_RAW_INT").alt / 1000.0)
         vehicle.run(60.0)
     assert max(raw) - min(raw) > 0.5
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_on_a_slope_each_tells_the_height_of_its_own_home_before_arming(autopilot):
     relief = Relief(0.1, 90.0, 0.0, 150.0, 0)  # 10 % up to the east, where they stand in a row
-    setup = Setup(autopilot=autopilot, vehicles=3, gps_sigma_m=0.0, relief=relief)
-    fleet = Fleet(setup)
+    fleet = piloted(autopilot=autopilot, vehicles=3, relief=relief)
     fleet.run(8.0)
     told = [home_m(vehicle) for vehicle in fleet]
     assert told == pytest.approx([AMSL_M, AMSL_M + 0.3, AMSL_M + 0.6], abs=0.02)

@@ -102,9 +102,7 @@ def test_after_a_failsafe_landing_it_stands_in_offboard_and_cannot_arm():
     assert sitl.truth.mode == Px4Mode.OFFBOARD
 
     def told():
-        sitl.receive()
-        sitl.run(1.1)
-        heard = {m.get_type(): m for m in sitl.receive() if m.get_srcComponent() == 1}
+        heard = {m.get_type(): m for m in sitl.during(1.1) if m.get_srcComponent() == 1}
         ready = heard["SYS_STATUS"].onboard_control_sensors_health & 0x1000_0000
         return bool(ready), heard["HEARTBEAT"].system_status
 

@@ -53,9 +53,7 @@ def test_home_moves_for_two_minutes_after_take_off(sitl):
     sitl.take_off()
     told = []
     for _ in range(75):
-        sitl.receive()
-        sitl.run(2.0)
-        m = sitl.received("GLOBAL_POSITION_INT")[-1]
+        m = sitl.during(2.0, "GLOBAL_POSITION_INT")[-1]
         told.append((sitl.t_s, (m.alt - m.relative_alt) / 1000.0, sitl.truth.height_m))
     heights_m = [home_m for _, home_m, _ in told]
     assert max(map(abs, (b - a for a, b in itertools.pairwise(heights_m)))) > 0.7
@@ -68,9 +66,7 @@ def test_home_that_moves_is_seeded_and_can_be_had_still():
     def homes(**quirks):
         vehicle = px4(**quirks)
         vehicle.take_off(4.0)
-        vehicle.receive()
-        vehicle.run(20.0)
-        return [m.altitude for m in vehicle.received("HOME_POSITION")]
+        return [m.altitude for m in vehicle.during(20.0, "HOME_POSITION")]
 
     assert homes() == homes()
     assert len(set(homes())) > 3
@@ -81,9 +77,7 @@ def test_home_that_is_set_in_flight_moves_no_more(sitl):
     sitl.take_off()
     sitl.run(5.0)
     assert sitl.command(mav.MAV_CMD_DO_SET_HOME, 1) == ACCEPTED
-    sitl.receive()
-    sitl.run(20.0)
-    told = {m.altitude for m in sitl.received("HOME_POSITION")}
+    told = {m.altitude for m in sitl.during(20.0, "HOME_POSITION")}
     assert len(told) == 1
     assert told.pop() / 1000.0 == pytest.approx(498.0, abs=1.0)
 
@@ -125,9 +119,7 @@ def test_disarmed_it_stands_by_only_where_it_could_arm(sitl):
 
 def test_no_current_no_energy_and_whole_percents(sitl):
     sitl.take_off()
-    sitl.receive()
-    sitl.run(5.0)
-    told = sitl.received("BATTERY_STATUS", "SYS_STATUS")
+    told = sitl.during(5.0, "BATTERY_STATUS", "SYS_STATUS")
     batteries = [m for m in told if m.get_type() == "BATTERY_STATUS"]
     assert 2 <= len(batteries) <= 3  # 0.5 Hz
     for m in told:

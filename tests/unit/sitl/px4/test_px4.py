@@ -50,9 +50,7 @@ def test_what_is_streamed_unasked(sitl):
 def test_an_interval_of_zero_is_the_default_and_less_stops(sitl):
     for interval_us, in_four_seconds in ((100_000, 40), (0, 20), (-1, 0)):
         assert sitl.command(511, 33, interval_us) == ACCEPTED
-        sitl.receive()
-        sitl.run(4.0)
-        seen = [m.get_type() for m in sitl.receive()]
+        seen = [m.get_type() for m in sitl.during(4.0)]
         assert seen.count("GLOBAL_POSITION_INT") == in_four_seconds
 
 
