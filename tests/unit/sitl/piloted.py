@@ -148,10 +148,12 @@ def piloted(**setup):
     return fleet
 
 
-def px4(wind_m_s=0.0, **quirks):
-    """One that has found its position, to a client that is no ground station."""
+def px4(*, wind_m_s=0.0, station=False, **quirks):
+    """One that has found its position; `station`: its client is a ground station."""
     (vehicle,) = piloted(autopilot="px4", wind_speed_m_s=wind_m_s, quirks=Quirks(**quirks))
     vehicle.run(6.0)
+    if station:
+        vehicle.ground_station()
     vehicle.receive()
     return vehicle
 

@@ -38,8 +38,13 @@ class Planner:
 
 
 @pytest.fixture
-def planner(ready):
-    return Planner(ready)
+def client(ready):
+    return ready
+
+
+@pytest.fixture
+def planner(client):
+    return Planner(client)
 
 
 def row(command, *p, at=(None, None, 0.0)):
@@ -49,8 +54,7 @@ def row(command, *p, at=(None, None, 0.0)):
 UP = row(TAKEOFF, at=(None, None, 10.0))
 
 
-def test_a_mission_from_take_off_to_the_ground(planner):
-    client = planner.client
+def test_a_mission_from_take_off_to_the_ground(client, planner):
     planner.upload(
         UP,
         row(WP, at=(20.0, 0.0, 10.0)),
@@ -77,8 +81,7 @@ def test_a_mission_from_take_off_to_the_ground(planner):
     ]  # fmt: skip
 
 
-def test_auto_is_refused_with_a_reason(planner):
-    client = planner.client
+def test_auto_is_refused_with_a_reason(client, planner):
     refused = client.command(MODE, 1, AUTO)
     assert refused[0].result == 4
     assert refused[1].text == "Mode change to AUTO failed: no mission"
@@ -101,8 +104,7 @@ def test_auto_is_refused_with_a_reason(planner):
     assert client.command(START)[1].text == "Auto: Missing Takeoff Cmd"
 
 
-def test_auto_waits_on_the_ground_for_the_start(planner):
-    client = planner.client
+def test_auto_waits_on_the_ground_for_the_start(client, planner):
     planner.upload(UP, row(WP, at=(5.0, 5.0, 10.0)))
     client.command(MODE, 1, GUIDED)
     client.command(ARM, 1)
@@ -119,8 +121,7 @@ def test_auto_waits_on_the_ground_for_the_start(planner):
     assert planner.current.mission_state == COMPLETE  # the end of a mission in the air: stay
 
 
-def test_a_mission_in_flight_is_left_and_taken_up_again(planner):
-    client = planner.client
+def test_a_mission_in_flight_is_left_and_taken_up_again(client, planner):
     planner.upload(UP, row(WP, at=(0.0, 40.0, 10.0)), row(WP, at=(40.0, 40.0, 10.0)))
     planner.begin()
     client.run(12.0)
@@ -140,8 +141,7 @@ def test_a_mission_in_flight_is_left_and_taken_up_again(planner):
     assert planner.current.seq == 2
 
 
-def test_set_current(planner):
-    client = planner.client
+def test_set_current(client, planner):
     planner.upload()
     assert client.send(mav.MAVLink_mission_set_current_message(1, 1, 0)) == []
     planner.upload(UP, row(WP, at=(0.0, 40.0, 10.0)), row(WP, at=(30.0, 0.0, 10.0)))
@@ -156,8 +156,7 @@ def test_set_current(planner):
     assert client.result(224, 2) == 0
 
 
-def test_on_the_way(planner):
-    client = planner.client
+def test_on_the_way(client, planner):
     planner.upload(
         UP,
         row(178, 1.0, 2.0),
@@ -185,16 +184,14 @@ def test_on_the_way(planner):
     assert times[10] - times[8] > 5.0
 
 
-def test_pictures_by_distance(planner):
-    client = planner.client
+def test_pictures_by_distance(client, planner):
     planner.upload(UP, row(206, 5.0), row(WP, at=(0.0, 31.0, 10.0)), row(206, 0.0), row(HOME))
     planner.begin()
     client.run(40.0)
     assert len(client.seen("CAMERA_IMAGE_CAPTURED")) in (6, 7)
 
 
-def test_jumps_are_counted(planner):
-    client = planner.client
+def test_jumps_are_counted(client, planner):
     planner.upload(
         UP,
         row(WP, at=(0.0, 5.0, 10.0)),
@@ -214,8 +211,7 @@ def test_endless_jumps_end(planner):
     assert planner.current.mission_state == COMPLETE
 
 
-def test_conditions_hold_back_what_follows(planner):
-    client = planner.client
+def test_conditions_hold_back_what_follows(client, planner):
     planner.upload(
         UP, row(112, 4.0), row(203), row(114, 10.0), row(203), row(WP, at=(0.0, 60.0, 10.0))
     )
@@ -233,8 +229,7 @@ def test_conditions_hold_back_what_follows(planner):
     assert second == pytest.approx(50.0, abs=0.8)  # where the next look at it falls, at speed
 
 
-def test_pausing_in_auto(planner):
-    client = planner.client
+def test_pausing_in_auto(client, planner):
     planner.upload(UP, row(WP, at=(0.0, 40.0, 10.0)))
     assert client.result(193, 0) == 4
     planner.begin()
@@ -253,8 +248,7 @@ def test_pausing_in_auto(planner):
     assert planner.reached == [1, 2]
 
 
-def test_a_delivery(planner):
-    client = planner.client
+def test_a_delivery(client, planner):
     planner.upload(UP, row(LAND, at=(0.0, 20.0, 0.0)), row(93, 3.0), UP, row(HOME))
     planner.begin()
     seen = client.watch(130.0)
@@ -264,8 +258,7 @@ def test_a_delivery(planner):
     assert math.hypot(*client.where[:2]) < 0.5
 
 
-def test_a_running_mission_is_not_cleared(planner):
-    client = planner.client
+def test_a_running_mission_is_not_cleared(client, planner):
     planner.upload(UP, row(WP, at=(0.0, 40.0, 10.0)))
     planner.begin()
     client.run(5.0)
@@ -278,8 +271,7 @@ def test_a_running_mission_is_not_cleared(planner):
     assert planner.current.mission_state == COMPLETE
 
 
-def test_return_to_a_rally_point(planner):
-    client = planner.client
+def test_return_to_a_rally_point(client, planner):
     client.upload([(5100, 3, (), (60.0, 0.0), 10.0)], kind=2)
     client.take_off()
     client.target(50.0, 0.0, 12.0)

@@ -14,16 +14,8 @@ from tests.unit.sitl.piloted import ACCEPTED, ARM, MAIN, REJECTED, SET_MODE, fra
 NORTHWARD = local(0, 0, 0, 0xDC7, 1, (5.0, 0.0, 0.0))
 
 
-def heard(**setup):
-    """One that a ground station speaks to."""
-    vehicle = px4(**setup)
-    vehicle.ground_station()
-    vehicle.receive()
-    return vehicle
-
-
 def streaming(**quirks):
-    vehicle = heard(**quirks)
+    vehicle = px4(**quirks, station=True)
     vehicle.take_off()
     vehicle.stream(NORTHWARD, 0.5)
     assert vehicle.set_mode("OFFBOARD") == ACCEPTED
@@ -35,7 +27,7 @@ def streaming(**quirks):
 @pytest.mark.parametrize("name", ["POSITION", "ALTITUDE", "MANUAL"])
 def test_modes_by_hand_with_the_stick_centred_keep_the_height(name):
     """Race of the measurements: POSITION and ALTITUDE in mid-path were kept 16 of 16 times."""
-    sitl = heard(wind_m_s=3.0)
+    sitl = px4(wind_m_s=3.0, station=True)
     sitl.take_off()
     assert sitl.set_mode(name) == ACCEPTED
     before = sitl.truth.position
@@ -49,7 +41,7 @@ def test_modes_by_hand_with_the_stick_centred_keep_the_height(name):
 
 @pytest.mark.parametrize("name", ["HOLD", "RTL", "LAND"])
 def test_the_pilots_automatic_modes_are_not_failsafes(name):
-    sitl = heard()
+    sitl = px4(station=True)
     sitl.take_off()
     assert sitl.set_mode(name) == ACCEPTED
     sitl.receive()
@@ -140,7 +132,7 @@ HOLDS, RETURNS, LANDS = 5, 6, 7  # failsafe_action_t
 )
 def test_why_a_failsafe_came_is_in_the_arguments_of_its_event_alone(what, text, name, arguments):
     """`failsafe/framework.cpp`, `notifyUser`: the text is the same for all."""
-    sitl = heard()
+    sitl = px4(station=True)
     sitl.put(COM_LOW_BAT_ACT=3)
     sitl.take_off()
     sitl.ground_station()

@@ -29,10 +29,7 @@ from tests.unit.sitl.piloted import (
 
 @pytest.fixture
 def sitl():
-    vehicle = px4()
-    vehicle.ground_station()
-    vehicle.receive()
-    return vehicle
+    return px4(station=True)
 
 
 # --- on the wire --------------------------------------------------------------------------------
