@@ -282,7 +282,6 @@ class SimVehicle:
         return sent
 
     def _announce(self) -> bytes:
-        """Return what is sent unasked: a new mode, a new home, status texts."""
         ap = self._ap
         if not (ap.mode_changed or ap.home_changed or ap.texts):
             return b""
@@ -301,7 +300,6 @@ class SimVehicle:
         return bytes(sent)
 
     def _spend(self, dt_s: float) -> None:
-        """Draw from the battery, or let the crew swap it."""
         body, spec = self._body, self.spec
         if body.motors_on:
             self._resting_s = 0.0
@@ -330,7 +328,6 @@ class SimVehicle:
         return east + self.fail.gust_m_s[0], north + self.fail.gust_m_s[1]
 
     def _expose(self, index: int) -> Exposure:
-        """Note the truth for the picture, and the estimate for its announcement."""
         body, now = self._body, self._ap.estimate
         camera, open_s = self.spec.camera, self.spec.camera.exposure_s
         roll, pitch = body.roll_pitch

@@ -72,7 +72,6 @@ class PositionError:
         self._follow_to(self._fix(dt_s))
 
     def _fix(self, dt_s: float) -> tuple[float, float, float]:
-        """Return the error of the receiver's position after another `dt_s`."""
         if self._at + 3 > len(self._noise):
             # drawn in blocks: one call of numpy a step would cost more than the physics
             self._noise = self._rng.standard_normal(3 * _FIX_BLOCK).tolist()
@@ -99,7 +98,6 @@ class PositionError:
         return raw_east, raw_north, raw_up
 
     def _follow_to(self, fix: tuple[float, float, float]) -> None:
-        """Draw the estimate towards the receiver's position, for the step of the last `_fix`."""
         raw_east, raw_north, raw_up = fix
         follow = self._follow
         self.v_east = v_east = (raw_east - self.east) / _SMOOTHING_S
@@ -351,7 +349,6 @@ class Estimator(PositionError):  # noqa: N818 - an error of a position is no exc
         self._variance = min(self._variance + variance_m2, _MOST_M2)
 
     def _correct(self, dt_s: float) -> None:
-        """Follow a part of what measurements have left pending."""
         east, north = self._pending
         if east == 0.0 == north:
             return

@@ -139,7 +139,6 @@ class Body:
             self.on_ground = False
 
     def _misled(self, command: Command) -> Command:
-        """Turn the thrust by the error of the heading."""
         sin, cos = math.sin(self.off_rad), math.cos(self.off_rad)
         east, north = command.east_m_s2, command.north_m_s2
         return Command(
@@ -168,7 +167,6 @@ class Body:
         )
 
     def _turn(self, command: Command, dt_s: float) -> None:
-        """Follow the command for tilt, thrust and yaw with first-order lags."""
         if dt_s != self._lag_step_s:
             self._lag_step_s = dt_s
             self._tilt_share = -math.expm1(-dt_s / _TILT_TAU_S)
@@ -190,7 +188,6 @@ class Body:
             self.yaw = (self.yaw + self.yaw_rate * dt_s) % math.tau
 
     def _touch(self) -> None:
-        """Stand on the ground, or crash if too fast; the motors go on turning."""
         if self.v_up < -_SURVIVABLE_IMPACT_M_S:
             self.crashed = True
         self.up = self.ground

@@ -66,7 +66,6 @@ class Altimeter:
             self.datum_m += max(-most_m, min(most_m, self.receiver_m - self.datum_m))
 
     def _next(self) -> None:
-        """Draw the error in a second."""
         if not self._kicks:
             self._kicks = self._rng.standard_normal(_HEIGHT_BLOCK).tolist()
         keep = math.exp(-1.0 / _HEIGHT_TAU_S)

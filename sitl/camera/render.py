@@ -71,7 +71,6 @@ def render(world: World, camera: CameraSpec, shot: Shot) -> bytes:
 
 
 def _smeared(picture: Picture, right_px: float, down_px: float) -> Picture:
-    """Blur a picture by an even motion while the shutter is open."""
     length_px = math.hypot(right_px, down_px)
     if length_px < _SHARP_PX:
         return picture
@@ -125,7 +124,6 @@ def _paint_relief(
     homography: Matrix,
     to_ground: Matrix,
 ) -> Picture:
-    """Return the same over ground that is not level."""
     east, north = seen_ground(camera, shot, to_ground, relief)
     ground = _wrapped(world.ground_texture, east + shot.east_m, north + shot.north_m)
     drift_east, drift_north = world.drift_at(shot.t_s)
@@ -154,7 +152,6 @@ def _paint_relief(
 
 
 def _fixed(pixels: Matrix) -> npt.NDArray[np.int32]:
-    """Return pixels in fixed point, as polygons are filled."""
     return np.round(pixels * (1 << _SHIFT)).astype(np.int32)
 
 
@@ -210,7 +207,6 @@ def _photographed(
     to_ground: Matrix,
     meadow: Gray,
 ) -> Picture:
-    """Return the orthophoto from above, in colour, and the meadow where it does not reach."""
     corners = _corners(camera)
     ground = to_ground @ corners
     east, north = ground[:2] / ground[2]

@@ -84,6 +84,5 @@ class Aiding(ABC):
         return math.hypot(east_m - self._body.east, north_m - self._body.north) <= FURTHEST_M
 
     def _leapt(self, resets: int) -> bool:
-        """Return whether the companion's estimate has leapt since its last position."""
         before, self._resets = self._resets, resets
         return before is not None and before != resets

@@ -84,7 +84,6 @@ def held(east: float, north: float, most: float) -> tuple[float, float]:
 
 
 def _within(value: float, most: float) -> float:
-    """Limit a value to `-most` to `most`."""
     return most if value > most else -most if value < -most else value
 
 

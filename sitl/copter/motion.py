@@ -168,7 +168,6 @@ class Motion:
         self._enter(_FLY)
 
     def _replan(self) -> None:
-        """Go on from here: the position has leapt."""
         self._shaper.active = False
         self._follower.stop()
 
@@ -203,7 +202,6 @@ class Motion:
     # --- inside ---------------------------------------------------------------------------------
 
     def _nearest_return(self) -> Place:
-        """Return home, or the nearest rally point."""
         now, limit_m = self.estimate, self.tuning.rally_within_m
 
         def away(place: Place) -> float:

@@ -154,7 +154,6 @@ class Route:
             self._search(self.current + 1, pilot)
 
     def _search(self, index: int, pilot: Aircraft) -> None:
-        """Start the next navigation item from `index` on; note the items before it."""
         self._pending.clear()
         self._held_since = None
         self._item = None

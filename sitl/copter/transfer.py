@@ -194,7 +194,6 @@ class Transfer:
             self.changed(upload.kind)
 
     def _keep(self, upload: _Upload) -> int:
-        """Keep a complete upload."""
         result = check_fence(upload.received) if upload.kind == FENCE else OK
         if result == OK:
             self.plans[upload.kind][:] = upload.received

@@ -315,7 +315,6 @@ class Faults:
             self._refresh()
 
     def _refresh(self) -> None:
-        """Find the active faults, and when they change next."""
         now_s = self.t_s + _SOON_S
         begun = [f for f in self.scheduled if f.begin_s <= now_s]
         self._cells_to_fail += sum(f.kind == "battery_cell" for f in begun)
@@ -328,7 +327,6 @@ class Faults:
         self._look()
 
     def _look(self) -> None:
-        """Set what the active faults do to links, air, camera and commands."""
         self.up, self.down = self._quality("link_up"), self._quality("link_down")
         self.gust_m_s = self._sum("wind_gust")
         self.camera_stalled = any(self.active("camera_stall"))

@@ -69,7 +69,6 @@ def _glitch(axis: int) -> Callable[[Faults, float], None]:
 
 
 def _wind(faults: Faults, speed_m_s: float | None, from_deg: float | None) -> None:
-    """Set SIM_WIND_SPD and SIM_WIND_DIR, besides the world's wind."""
     old = faults.held("SIM_WIND") or (0.0, 0.0, 0.0, 180.0)
     speed = old[2] if speed_m_s is None else max(0.0, min(60.0, speed_m_s))
     bearing = old[3] if from_deg is None else from_deg

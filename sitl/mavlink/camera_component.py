@@ -173,7 +173,6 @@ class Payload:
         return broken(data) if exposure.damage == "corrupt" else data
 
     def _geotag(self, exposure: Exposure) -> Geotag:
-        """Return the pose that the announcement reports."""
         lat_e7, lon_e7, amsl_mm = self._telemetry.place(*exposure.believed)
         return Geotag(
             LatLon(lat_e7 / 1e7, lon_e7 / 1e7), amsl_mm / 1000.0, exposure.believed_height_m,

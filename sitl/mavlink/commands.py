@@ -163,7 +163,6 @@ class Commands(ABC):
         return function(request) if function is not None else Reply(UNSUPPORTED)
 
     def _without_component(self, request: Request, for_camera: bool) -> Reply:
-        """Answer a camera's command where no camera is on the link."""
         if not self.answers_for_camera:
             return Reply(UNSUPPORTED, silent=for_camera)
         if self.camera == "none" or request.command not in _TRIGGERS:

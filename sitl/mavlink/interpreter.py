@@ -278,7 +278,6 @@ class Interpreter:
         )  # fmt: skip
 
     def _on_wire(self, parameter: Parameter, value: float) -> float:
-        """Return the field `param_value`."""
         return value
 
     # --- small talk -----------------------------------------------------------------------------

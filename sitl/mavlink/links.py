@@ -160,7 +160,6 @@ class Lossy:
 
 
 def _garble(frame: bytes, where: float) -> bytes:
-    """Change one byte; the place decides the value too."""
     at = int(where * len(frame))
     flip = 1 + int(where * 7919.0 * len(frame)) % 255
     return frame[:at] + bytes([frame[at] ^ flip]) + frame[at + 1 :]

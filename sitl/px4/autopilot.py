@@ -204,7 +204,6 @@ class Px4Autopilot(Aircraft):
             self._begin_mode()
 
     def _begin_mode(self) -> None:
-        """Begin what the mode does when armed."""
         mode = self.mode
         if mode == Px4Mode.TAKEOFF:
             self._begin_take_off()
@@ -371,7 +370,6 @@ class Px4Autopilot(Aircraft):
         return self._fly(dt_s, position=self.position_ok and self.mode not in LEVEL)
 
     def _disarm_in_time(self) -> None:
-        """Disarm after a landing, or if no take-off follows arming."""
         if not self.armed:
             return
         name = "COM_DISARM_LAND" if self._has_flown else "COM_DISARM_PRFLT"

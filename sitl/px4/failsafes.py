@@ -197,7 +197,6 @@ class Px4Failsafes(Failsafes):
                 self._act(craft, Cause.RADIO, _LINK_ACTIONS.get(int(get["NAV_RCL_ACT"])))
 
     def _position(self, craft: Px4Autopilot) -> None:
-        """Stop fusing satellites, and fly on until the filter has no position."""
         if craft.sources.just_stopped and craft.armed and not craft.position_lost:
             self._without_satellites = True
             craft.send_text(WARNING, "GNSS data fusion stopped")
@@ -211,7 +210,6 @@ class Px4Failsafes(Failsafes):
             self._carry_out(craft, Px4Mode.LAND)  # there is nothing to wait in Hold with
 
     def _offboard(self, craft: Px4Autopilot) -> None:
-        """Act on a lost stream, and on one that is back."""
         if not craft.armed:
             return
         if self._streamless and craft.setpoints.fresh(craft.t_s) and craft.airborne:

@@ -162,7 +162,6 @@ class Px4Interpreter(Interpreter):
         super()._position_target(m)
 
     def _local_target(self, m: Message) -> None:
-        """Execute SET_POSITION_TARGET_LOCAL_NED around the boot position."""
         if not self._is_setpoint(m):
             return
         self.ap.setpoints.hear(self.ap.t_s)
@@ -184,7 +183,6 @@ class Px4Interpreter(Interpreter):
             self.ap.go_along(Setpoint(None, (v_east, v_north, -m.vz)))
 
     def _is_setpoint(self, m: Message) -> bool:
-        """Return whether it is for this vehicle and all its numbers are finite."""
         if m.target_component not in (0, AUTOPILOT):
             return False
         numbers = [m.vx, m.vy, m.vz, m.afx, m.afy, m.afz, m.yaw]

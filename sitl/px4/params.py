@@ -159,7 +159,6 @@ class Px4Fence(Fence):
         return -math.inf
 
     def _limits(self, parameters: Parameters) -> tuple[int, float, float, float]:
-        """Return the limits; a distance that is not positive is none."""
         farthest = (parameters[name] for name in ("GF_MAX_VER_DIST", "GF_MAX_HOR_DIST"))
         high_m, far_m = (limit_m if limit_m > 0.0 else math.inf for limit_m in farthest)
         return ALT_MAX | CIRCLE | POLYGON, -math.inf, high_m, far_m

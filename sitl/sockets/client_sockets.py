@@ -128,7 +128,6 @@ class TcpPort:
             connection.transport.abort()
 
     def _hold(self, connection: Connection) -> None:
-        """Stop reading from a client that waits."""
         if connection in self._waiting:
             connection.transport.pause_reading()
 

@@ -110,7 +110,6 @@ def load_patches(path: Path) -> tuple[Patch, ...]:
 
 
 def _polygons(item: Any, path: Path) -> Iterator[Any]:
-    """Yield the coordinates of every polygon, however deep."""
     kind = item.get("type") if isinstance(item, dict) else None
     try:
         if kind == "FeatureCollection":

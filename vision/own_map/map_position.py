@@ -271,7 +271,6 @@ class OwnMap:
         return None if seen is None else replace(seen, certain=reach.within_m <= _CERTAIN_M)
 
     def _go_on(self, t_s: float, key: int, seen: _Seen, patch: Patch) -> None:
-        """Note place and velocity: the ground has just been recognised."""
         before = self._way
         if before is None or (self._leap is not None and self._leap.t_s == t_s):
             self._way = OwnWay(t_s, key, *seen.moved_m, patch)  # it may be of another place
@@ -279,7 +278,6 @@ class OwnMap:
             self._way = before.on(t_s, key, *seen.moved_m, patch)
 
     def _compared(self, key: int, patch: Patch, seen: _Seen, zoom: complex) -> _Seen:
-        """Add the zoom between both, where it is known."""
         pitch_m = patch.metres_per_pixel
         moved = complex(*seen.moved_m) / pitch_m * (1.0 - zoom / 2.0)
         found = compare(self._patches[key], patch, moved, zoom)

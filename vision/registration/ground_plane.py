@@ -185,7 +185,6 @@ def to_ground(cameras: Cameras, views: Ints, pixels: Floats) -> Floats:
 
 
 def _rays(cameras: Cameras, views: Ints, pixels: Floats) -> tuple[Floats, Floats]:
-    """Return rays in camera axes, and in (east, north, up)."""
     inner = np.concatenate(
         [pixels / cameras.focal(views)[:, None], np.ones((len(pixels), 1))], axis=1
     )
@@ -214,7 +213,6 @@ def to_pixels(cameras: Cameras, views: Ints, ground: Floats) -> Floats:
 
 
 def _offset(cameras: Cameras, ground: Floats, centre: Floats) -> Floats:
-    """Return vectors from cameras to ground points, (n, 3)."""
     up = -centre[:, 2]
     if cameras.relief is not None:
         up = up + cameras.relief.at(ground)

@@ -69,7 +69,6 @@ class Normal:
         return x * scale[0], y * scale[1]
 
     def _scaled(self) -> tuple[tuple[Floats, Floats], Normal]:
-        """Return the scales, and the system with ones on the diagonal."""
         own = 1.0 / np.sqrt(np.maximum(np.einsum("nii->ni", self.diagonal), 1e-300))
         shared = 1.0 / np.sqrt(np.maximum(np.einsum("ii->i", self.corner), 1e-300))
         i, j = self.pairs[:, 0], self.pairs[:, 1]

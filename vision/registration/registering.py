@@ -126,7 +126,6 @@ class _Registering:
         self._nets(usable, pairs, _MENDS)
 
     def _nets(self, members: list[int], pairs: list[Pair], mends: int) -> None:
-        """Adjust each group of `members` that `pairs` connect."""
         place = {k: at for at, k in enumerate(members)}
         links = [(place[p.first], place[p.second]) for p in pairs]
         for group in components(len(members), links):
@@ -169,7 +168,6 @@ class _Registering:
         tags: Tags,
         cameras: list[str],
     ) -> None:
-        """Keep the poses of a net, but for views that do not fit."""
         ties = [0] * len(members)
         misses: list[list[Floats]] = [[] for _ in members]
         for p in local:
