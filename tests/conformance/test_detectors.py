@@ -44,7 +44,7 @@ def picture(rows: int, columns: int, seed: int = 7) -> np.ndarray:
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("shape", [(48, 64), (97, 131), (33, 20)])
-def test_a_detector_keeps_the_protocol(name: str, shape: tuple[int, int]) -> None:
+def test_a_detector_keeps_the_protocol(name, shape):
     image = picture(*shape)
     before = image.copy()
     detector = made(name)
@@ -64,7 +64,7 @@ def test_a_detector_keeps_the_protocol(name: str, shape: tuple[int, int]) -> Non
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_mask_is_what_is_most_probable(name: str) -> None:
+def test_a_mask_is_what_is_most_probable(name):
     image = picture(60, 80)
     detector = made(name)
     marked = detector.mask(image) > 0
@@ -75,7 +75,7 @@ def test_a_mask_is_what_is_most_probable(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_picture_that_is_a_view_of_another_is_the_same(name: str) -> None:
+def test_a_picture_that_is_a_view_of_another_is_the_same(name):
     image = picture(48, 128)
     part = image[:, 32:96]
     assert not part.flags["C_CONTIGUOUS"]
@@ -83,6 +83,6 @@ def test_a_picture_that_is_a_view_of_another_is_the_same(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_unknown_parameter_is_named(name: str) -> None:
+def test_an_unknown_parameter_is_named(name):
     with pytest.raises(MissionFileError, match=r"^detector\.nonsense is not a parameter"):
         make_detector(name, **PARAMETERS.get(name, {}), nonsense=1)

@@ -76,7 +76,7 @@ async def taken_while_it_waits(flight: Flight, autopilot: str) -> None:
 
 
 @flown()
-async def test_every_order_ends_with_its_event(flight: Flight, autopilot: str) -> None:
+async def test_every_order_ends_with_its_event(flight, autopilot):
     assert flight.seen(Connected)[0].airborne is False
     await flight.after(TakeOff(UP_M), Airborne)
     assert flight.vehicle.truth.height_m == pytest.approx(UP_M, abs=0.7)
@@ -100,9 +100,7 @@ async def test_every_order_ends_with_its_event(flight: Flight, autopilot: str) -
 
 
 @flown()
-async def test_the_autopilot_returns_by_itself_when_it_is_told_to(
-    flight: Flight, autopilot: str
-) -> None:
+async def test_the_autopilot_returns_by_itself_when_it_is_told_to(flight, autopilot):
     await flight.after(TakeOff(UP_M), Airborne)
     await flight.after(to(12.0, 0.0), Arrived)
     await flight.after(ReturnToLaunch(), Landed)
@@ -115,7 +113,7 @@ async def test_the_autopilot_returns_by_itself_when_it_is_told_to(
 
 
 @flown()
-async def test_what_does_not_return_is_told_to_land(flight: Flight, autopilot: str) -> None:
+async def test_what_does_not_return_is_told_to_land(flight, autopilot):
     await flight.after(TakeOff(UP_M), Airborne)
     for command in (mav.MAV_CMD_NAV_RETURN_TO_LAUNCH, mav.MAV_CMD_DO_SET_MODE):
         flight.vehicle.fail.reject(command, mav.MAV_RESULT_DENIED)
@@ -125,7 +123,7 @@ async def test_what_does_not_return_is_told_to_land(flight: Flight, autopilot: s
 
 
 @flown(speedup=STREAMED_SPEEDUP)
-async def test_a_path_is_flown_without_a_halt(flight: Flight, autopilot: str) -> None:
+async def test_a_path_is_flown_without_a_halt(flight, autopilot):
     corners = [GridPoint(0, 0), GridPoint(24, 0), GridPoint(24, 24)]
     off_m: list[float] = []
     if autopilot == "px4":  # a slow machine is not what is tested
@@ -149,7 +147,7 @@ async def test_a_path_is_flown_without_a_halt(flight: Flight, autopilot: str) ->
 
 
 @flown()
-async def test_a_pilot_has_the_last_word(flight: Flight, autopilot: str) -> None:
+async def test_a_pilot_has_the_last_word(flight, autopilot):
     mode, asked = HOLDS[autopilot]
     await flight.after(TakeOff(UP_M), Airborne)
     flight.driver.give(to(60.0, 0.0))
@@ -166,9 +164,7 @@ async def test_a_pilot_has_the_last_word(flight: Flight, autopilot: str) -> None
 
 
 @flown()
-async def test_a_command_that_is_waited_for_ends_with_its_order(
-    flight: Flight, autopilot: str
-) -> None:
+async def test_a_command_that_is_waited_for_ends_with_its_order(flight, autopilot):
     """Nobody acknowledges it, and a pilot takes the vehicle: it is not repeated once more."""
     await taken_while_it_waits(flight, autopilot)
     await flight.sees(Overridden)
@@ -178,7 +174,7 @@ async def test_a_command_that_is_waited_for_ends_with_its_order(
 
 
 @flown()
-async def test_what_is_refused_is_said_and_not_asked_again(flight: Flight, autopilot: str) -> None:
+async def test_what_is_refused_is_said_and_not_asked_again(flight, autopilot):
     await flight.after(TakeOff(UP_M), Airborne)
     flight.vehicle.fail.reject(mav.MAV_CMD_DO_REPOSITION, mav.MAV_RESULT_DENIED)
     before = len(flight.sent)
@@ -188,9 +184,7 @@ async def test_what_is_refused_is_said_and_not_asked_again(flight: Flight, autop
 
 
 @flown()
-async def test_an_arming_that_is_refused_is_said_with_its_reason(
-    flight: Flight, autopilot: str
-) -> None:
+async def test_an_arming_that_is_refused_is_said_with_its_reason(flight, autopilot):
     flight.vehicle.fail.reject(mav.MAV_CMD_COMPONENT_ARM_DISARM, mav.MAV_RESULT_DENIED)
     failed = await flight.after(TakeOff(UP_M), OrderFailed)
     assert "denied" in failed.reason
@@ -198,7 +192,7 @@ async def test_an_arming_that_is_refused_is_said_with_its_reason(
 
 
 @flown(autopilots=("ardupilot",))
-async def test_a_silent_link_is_lost_and_found_again(flight: Flight, autopilot: str) -> None:
+async def test_a_silent_link_is_lost_and_found_again(flight, autopilot):
     await flight.after(TakeOff(UP_M), Airborne)
     flight.to_vehicle = flight.to_driver = _swallowed
     await flight.sees(LinkLost)
@@ -209,7 +203,7 @@ async def test_a_silent_link_is_lost_and_found_again(flight: Flight, autopilot: 
 
 
 @flown(autopilots=("ardupilot",))
-async def test_a_fifth_of_all_frames_lost(flight: Flight, autopilot: str) -> None:
+async def test_a_fifth_of_all_frames_lost(flight, autopilot):
     """The second of every five of a kind: no command is lost as often as it is repeated."""
     numbers: dict[str, Iterator[int]] = defaultdict(itertools.count)
     flight.to_driver = flight.to_vehicle = lambda message: (
@@ -223,7 +217,7 @@ async def test_a_fifth_of_all_frames_lost(flight: Flight, autopilot: str) -> Non
 
 
 @flown(autopilots=("ardupilot",))
-async def test_a_link_is_signed_in_both_directions(flight: Flight, autopilot: str) -> None:
+async def test_a_link_is_signed_in_both_directions(flight, autopilot):
     """With a key nothing unsigned goes out, and what is not signed is not heard."""
     begun: list[int] = []
     session, feed = flight.session, flight.session.feed
@@ -245,7 +239,7 @@ async def test_a_link_is_signed_in_both_directions(flight: Flight, autopilot: st
 
 
 @flown(autopilots=("ardupilot",))
-async def test_no_number_that_does_not_fit_is_sent(flight: Flight, autopilot: str) -> None:
+async def test_no_number_that_does_not_fit_is_sent(flight, autopilot):
     for bad_m in (math.nan, math.inf, 1e300):
         with pytest.raises(LinkError, match=r"cannot be sent|no place"):
             await flight.session.command_at(
@@ -264,5 +258,5 @@ def _passed(message: Message) -> bool:
     return True
 
 
-def test_each_driver_that_can_be_asked_for_is_tested_here() -> None:
+def test_each_driver_that_can_be_asked_for_is_tested_here():
     assert tuple(OFFERED) == DRIVERS

@@ -6,7 +6,6 @@ import os
 import signal
 from collections import Counter
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -28,7 +27,7 @@ def by_mavsdk(flight: Flight) -> MavsdkSession:
 
 
 @flown(drivers=("mavsdk",))
-async def test_both_decoders_read_the_same(flight: Flight, autopilot: str) -> None:
+async def test_both_decoders_read_the_same(flight, autopilot):
     logged: list[bytes] = []
     read: list[Message] = []
     session = by_mavsdk(flight)
@@ -58,9 +57,7 @@ def between(wire: list[Message], read: list[Message]) -> tuple[list[Message], li
 
 
 @flown(drivers=("mavsdk",))
-async def test_what_mavsdk_repeats_of_a_dead_order_does_not_leave_this_machine(
-    flight: Flight, autopilot: str
-) -> None:
+async def test_what_mavsdk_repeats_of_a_dead_order_does_not_leave_this_machine(flight, autopilot):
     await taken_while_it_waits(flight, autopilot)
     outbox = by_mavsdk(flight).outbox
     await flight.until(lambda: outbox.held_back["COMMAND_INT"] > 0)
@@ -71,7 +68,7 @@ async def test_what_mavsdk_repeats_of_a_dead_order_does_not_leave_this_machine(
 
 
 @pytest.mark.parametrize("blow", [signal.SIGKILL, signal.SIGSTOP], ids=["dies", "hangs"])
-def test_a_mavsdk_that_fails_in_flight_is_started_again(blow: signal.Signals) -> None:
+def test_a_mavsdk_that_fails_in_flight_is_started_again(blow):
     async def body(flight: Flight) -> None:
         process = by_mavsdk(flight).process
         await flight.after(TakeOff(UP_M), Airborne)
@@ -109,9 +106,7 @@ def _nothing(_: object) -> None:
         ("print('hello'); import os; os.write(1, b'x' * 99); os._exit(0)", "what is nothing"),
     ],
 )
-def test_a_mavsdk_that_does_not_start_is_said_with_the_remedy(
-    source: str, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_mavsdk_that_does_not_start_is_said_with_the_remedy(source, why, tmp_path, monkeypatch):
     package = tmp_path / "mavsdk"
     package.mkdir()
     (package / "__init__.py").write_text(source, "utf-8")
@@ -128,7 +123,7 @@ def test_a_mavsdk_that_does_not_start_is_said_with_the_remedy(
     run(main(), ScaledClock())
 
 
-def test_what_is_asked_of_a_mavsdk_that_has_ended_is_a_lost_link() -> None:
+def test_what_is_asked_of_a_mavsdk_that_has_ended_is_a_lost_link():
     async def main() -> None:
         process = MavsdkProcess(245, 191, _nothing, _nothing, _nothing)
         await process.start()
@@ -149,7 +144,7 @@ def _fail(pid: int | None) -> None:
     os.kill(pid, signal.SIGKILL)
 
 
-def test_a_session_hears_nobody_before_mavsdk_does() -> None:
+def test_a_session_hears_nobody_before_mavsdk_does():
     """Bytes that are no MAVLink, and messages that MAVSDK cannot have read, change nothing."""
     told: list[str] = []
     sent: list[bytes] = []

@@ -40,9 +40,7 @@ each = pytest.mark.parametrize(("strategy", "vehicles"), EACH)
 
 
 @each
-def test_lanes_lie_in_the_fence_and_leave_no_cell_of_the_box_out(
-    strategy: str, vehicles: int
-) -> None:
+def test_lanes_lie_in_the_fence_and_leave_no_cell_of_the_box_out(strategy, vehicles):
     setting = setting_of(made(strategy, vehicles))
     assert setting.lanes
     for lane in setting.lanes:
@@ -57,7 +55,7 @@ def test_lanes_lie_in_the_fence_and_leave_no_cell_of_the_box_out(
 
 
 @each
-def test_each_lane_is_somebodys_and_nobody_elses(strategy: str, vehicles: int) -> None:
+def test_each_lane_is_somebodys_and_nobody_elses(strategy, vehicles):
     setting = setting_of(made(strategy, vehicles))
     shares = setting.shares
     assert len(shares) == vehicles
@@ -67,9 +65,7 @@ def test_each_lane_is_somebodys_and_nobody_elses(strategy: str, vehicles: int) -
 
 
 @each
-def test_a_flight_maps_the_region_ends_at_home_and_may_be_flown_again(
-    strategy: str, vehicles: int
-) -> None:
+def test_a_flight_maps_the_region_ends_at_home_and_may_be_flown_again(strategy, vehicles):
     setting = setting_of(made(strategy, vehicles))
     before = copy.deepcopy(vars(setting.strategy))
     flight = Fleet(setting, ROI)

@@ -62,7 +62,7 @@ def level(gray: np.ndarray) -> Frame:
 # --- what can be said -----------------------------------------------------------------------
 @pytest.mark.parametrize("height_m", [12.0, 24.0, 40.0])
 @pytest.mark.parametrize("gain", [1.0, 0.75])
-def test_it_moves_as_far_as_the_ground_says(height_m: float, gain: float) -> None:
+def test_it_moves_as_far_as_the_ground_says(height_m, gain):
     rng = np.random.default_rng(round(height_m))
     errors = []
     for k in range(4):
@@ -81,7 +81,7 @@ def test_it_moves_as_far_as_the_ground_says(height_m: float, gain: float) -> Non
     assert np.abs(errors).max() < 0.25 * resolution_m(CAMERA, height_m)
 
 
-def test_a_heading_that_is_three_degrees_off_and_blur_still_match() -> None:
+def test_a_heading_that_is_three_degrees_off_and_blur_still_match():
     a = frame(0.0, 0.0, 12.0, (0.0, 0.0, 0.5))
     b = frame(3.0, 2.0, 12.0, (0.0, 0.0, 0.5), told_yaw_rad=0.5 + math.radians(3.0), seed=2)
     b = replace(b, image=np.asarray(cv2.blur(b.image, (5, 5)), np.uint8))
@@ -91,7 +91,7 @@ def test_a_heading_that_is_three_degrees_off_and_blur_still_match() -> None:
     assert math.dist(found.moved_m, (3.0, 2.0)) < 0.25
 
 
-def test_photographs_cut_twice() -> None:
+def test_photographs_cut_twice():
     if not PHOTOGRAPHS.is_dir():
         pytest.skip(f"no photographs in {PHOTOGRAPHS}")
     rng = np.random.default_rng(3)
@@ -116,7 +116,7 @@ def matched(a: np.ndarray, b: np.ndarray, expected_m: tuple[float, float] = (0.0
     return match(shown(level(a)), shown(level(b)), expected_m, 3.0)
 
 
-def test_a_sensors_own_pattern_says_nothing() -> None:
+def test_a_sensors_own_pattern_says_nothing():
     """Nor does a lens that darkens its corners."""
     v, u = np.mgrid[-1:1:480j, -1:1:640j]
     pattern = np.random.default_rng(1).normal(0.0, 4.0, (480, 640)) - 60.0 * (u * u + v * v)
@@ -134,12 +134,12 @@ GROUNDS = {
 
 
 @pytest.mark.parametrize("kind", GROUNDS)
-def test_ground_that_is_alike_everywhere_says_nothing(kind: str) -> None:
+def test_ground_that_is_alike_everywhere_says_nothing(kind):
     rng, ground = np.random.default_rng(2), GROUNDS[kind]
     assert matched(*(ground + rng.normal(0.0, 3.0, ground.shape) for _ in range(2))) is None
 
 
-def test_water_says_nothing() -> None:
+def test_water_says_nothing():
     rng = np.random.default_rng(4)
     waves = [
         cv2.GaussianBlur(rng.normal(0.0, 1.0, (480, 640)), (0, 0), 6.0) * 400.0 for _ in range(2)
@@ -147,7 +147,7 @@ def test_water_says_nothing() -> None:
     assert matched(120.0 + waves[0], 120.0 + waves[1]) is None
 
 
-def test_other_ground_says_nothing() -> None:
+def test_other_ground_says_nothing():
     said = [
         match(
             shown(frame(k, -10.0, 12.0, seed=k)), shown(frame(k, 15.0, 12.0, seed=9)), (0.0, 0.0),
@@ -158,20 +158,20 @@ def test_other_ground_says_nothing() -> None:
     assert said == [None] * 6
 
 
-def test_too_little_in_common_says_nothing() -> None:
+def test_too_little_in_common_says_nothing():
     a, b = shown(frame(0.0, 0.0, 12.0)), shown(frame(0.0, 14.5, 12.0, seed=2))
     assert match(a, b, (0.0, 14.5), 2.0) is None
     assert match(a, b, (0.0, 40.0), 2.0) is None
 
 
-def test_what_shows_no_ground_is_no_patch() -> None:
+def test_what_shows_no_ground_is_no_patch():
     grounded = replace(frame(0.0, 0.0, 12.0), pose=Pose(ORIGIN, 0.0, DOWN))
     assert patch(grounded) is None
     ahead = replace(grounded, pose=Pose(ORIGIN, 12.0, Quaternion.from_euler(0.0, -0.3, 0.0)))
     assert patch(ahead) is None
 
 
-def test_patches_with_other_pixels_are_refused() -> None:
+def test_patches_with_other_pixels_are_refused():
     a, b = frame(0.0, 0.0, 12.0), frame(0.0, 0.0, 24.0)
     with pytest.raises(ValueError, match=r"0\.2 and 0\.4"):
         match(shown(a), shown(b), (0.0, 0.0), 3.0)
@@ -184,7 +184,7 @@ def test_patches_with_other_pixels_are_refused() -> None:
 
 @pytest.mark.parametrize("height", [-0.03, 0.0, 0.02])
 @pytest.mark.parametrize("turned_rad", [0.0, -0.03])
-def test_a_height_or_heading_that_wanders_is_seen(height: float, turned_rad: float) -> None:
+def test_a_height_or_heading_that_wanders_is_seen(height, turned_rad):
     earlier = taken(0.0, 0.0, 0.0, 12.0)
     later = taken(1.5, 4.0, 2.8, 12.0 * (1.0 + height), -turned_rad)
     near = match(earlier, later, (1.5, 4.0), 1.0)
@@ -198,7 +198,7 @@ def test_a_height_or_heading_that_wanders_is_seen(height: float, turned_rad: flo
     assert abs(found.moved_px * 0.2 - way_m) < 0.05
 
 
-def test_what_is_much_larger_is_found_once_it_is_made_alike() -> None:
+def test_what_is_much_larger_is_found_once_it_is_made_alike():
     earlier, later = taken(0.0, 0.0, 0.0, 12.0), taken(0.0, 4.0, 2.8, 13.8)
     alike = resized(later, 0.14 + 0j)
     near = match(earlier, alike, (0.0, 4.0), 1.0)
@@ -208,7 +208,7 @@ def test_what_is_much_larger_is_found_once_it_is_made_alike() -> None:
     assert found.zoom == pytest.approx(0.15, abs=0.004)
 
 
-def test_other_ground_has_no_size() -> None:
+def test_other_ground_has_no_size():
     here = taken(0.0, 0.0, 0.0, 12.0)
     assert compare(here, taken(15.0, 9.0, 6.3, 12.0), 0j) is None
     assert compare(here, here, complex(0.0, 70.0)) is None

@@ -43,7 +43,7 @@ def there_and_back(k: int) -> tuple[float, float]:
     return 0.4 * (k >= 30), 2.0 * min(k, 60 - k)
 
 
-def test_it_stays_small() -> None:
+def test_it_stays_small():
     """Over the same ground for long: what is kept is bounded, and what it knows stays."""
     own = OwnMap(ERRORS, most_keyframes=25)
     rng = np.random.default_rng(1)
@@ -58,7 +58,7 @@ def test_it_stays_small() -> None:
     assert estimate.sigma_m < 0.2
 
 
-def test_a_position_that_leaps_is_noticed_at_once() -> None:
+def test_a_position_that_leaps_is_noticed_at_once():
     own = OwnMap(ERRORS)
     for k in range(42):
         off = 0.0 if k < 40 else 25.0
@@ -68,7 +68,7 @@ def test_a_position_that_leaps_is_noticed_at_once() -> None:
 
 @pytest.mark.parametrize("leap_m", [(2.0, 0.0), (-14.0, 14.0), (0.0, -200.0)])
 @pytest.mark.parametrize("slides_s", [0.1, 1.0])
-def test_a_leap_is_not_taken_for_movement(leap_m: tuple[float, float], slides_s: float) -> None:
+def test_a_leap_is_not_taken_for_movement(leap_m, slides_s):
     """A filter smooths it, and the vehicle brakes meanwhile: it is told by nobody that it does."""
     own = OwnMap(ERRORS)
     north, speed = 0.0, 6.0
@@ -87,7 +87,7 @@ def test_a_leap_is_not_taken_for_movement(leap_m: tuple[float, float], slides_s:
 
 
 @pytest.mark.parametrize("off_m", [(3.0, -2.0), (-6.0, 4.0)])
-def test_it_is_found_anew_after_a_time_without_pictures(off_m: tuple[float, float]) -> None:
+def test_it_is_found_anew_after_a_time_without_pictures(off_m):
     own = OwnMap(ERRORS)
     for k in range(40):
         east, north = 8.0 * (k // 10), 4.0 * (k % 10 if k // 10 % 2 == 0 else 9 - k % 10)
@@ -102,7 +102,7 @@ def test_it_is_found_anew_after_a_time_without_pictures(off_m: tuple[float, floa
     assert found.sigma_m < 0.5
 
 
-def test_it_finds_back_to_the_map_made_before() -> None:
+def test_it_finds_back_to_the_map_made_before():
     own = OwnMap(ERRORS)
     for k in range(60):
         east, north = there_and_back(k)
@@ -113,7 +113,7 @@ def test_it_finds_back_to_the_map_made_before() -> None:
     assert estimate.sigma_m < 0.4
 
 
-def test_it_finds_satellites_that_lie() -> None:
+def test_it_finds_satellites_that_lie():
     own = OwnMap(ERRORS)
     found_s = None
     for k in range(60):

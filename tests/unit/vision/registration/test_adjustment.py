@@ -59,7 +59,7 @@ def with_ground(views: list[View], ground: Relief) -> list[View]:
     ]
 
 
-def test_a_ray_meets_the_ground_where_it_is() -> None:
+def test_a_ray_meets_the_ground_where_it_is():
     ground = relief_of(terrain(0.25, 0.5))
     cameras = Cameras(
         np.array([[3.0, -4.0, 15.0]]), np.array([tilted_axes(0.7, (0.2, -0.1))]),
@@ -71,7 +71,7 @@ def test_a_ray_meets_the_ground_where_it_is() -> None:
     assert to_pixels(cameras, views, places) == pytest.approx(pixels, abs=0.01)
 
 
-def test_pictures_over_hills_agree_on_them() -> None:
+def test_pictures_over_hills_agree_on_them():
     """Positions alone, 0.6 m off; on a plane the same pictures agree less or not at all."""
     ground = relief_of(terrain(0.1, 1.0))
     shots = flown(ground, 1)
@@ -91,7 +91,7 @@ def test_pictures_over_hills_agree_on_them() -> None:
     assert math.degrees(float(np.median(tilts))) < 3.0
 
 
-def test_poses_over_a_slope_come_back_above_the_start() -> None:
+def test_poses_over_a_slope_come_back_above_the_start():
     ground = terrain(0.25, 0.0)
     relief = relief_of(ground)
     shots = flown(relief, 3)
@@ -138,22 +138,22 @@ def random_system(views: int, seed: int) -> tuple[Normal, np.ndarray]:
     return normal, dense
 
 
-def test_the_sparse_equations_are_solved() -> None:
+def test_the_sparse_equations_are_solved():
     normal, dense = random_system(9, seed=1)
     x, shared = normal.solve()
     wanted = np.linalg.solve(dense, np.concatenate([normal.right.ravel(), normal.right_shared]))
     assert np.concatenate([x.ravel(), shared]) == pytest.approx(wanted, abs=1e-6)
 
 
-def test_uncertainties_are_those_of_the_whole_system() -> None:
+def test_uncertainties_are_those_of_the_whole_system():
     normal, dense = random_system(9, seed=2)
     wanted = np.sqrt(np.diag(np.linalg.inv(dense)))[: 9 * UNKNOWNS]
     assert sigmas(normal).ravel() == pytest.approx(wanted, rel=1e-9)
 
 
 def test_of_a_large_net_they_are_those_beside_the_views_around(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     normal, _ = random_system(40, seed=3)
     whole = sigmas(normal)
     monkeypatch.setattr(normal_equations, "MOST_EXACT", 10)
@@ -163,7 +163,7 @@ def test_of_a_large_net_they_are_those_beside_the_views_around(
 
 
 @pytest.mark.parametrize("slope", [None, 0.3])
-def test_derivatives_of_a_transfer(slope: float | None) -> None:
+def test_derivatives_of_a_transfer(slope):
     axes = np.array([tilted_axes(0.3, (0.1, -0.05)), tilted_axes(-2.0, (0.02, 0.15))])
     centre = np.array([[0.0, 0.0, 40.0], [10.0, 5.0, 42.0]])
     relief = None if slope is None else relief_of(terrain(slope, 0.0))
