@@ -14,7 +14,7 @@ from missions.guardian import Mode
 from missions.units import GridPoint
 
 ROUGHNESS_M = 0.03  # of a meadow: the wind is weaker near the ground
-REFERENCE_M = 12.0  # winds are told for this height
+REFERENCE_M = 12.0  # height of given winds
 STRONGEST_M_S = 25.0  # at any height, gusts included
 RAMP_S = 3.0  # a storm comes up within this time
 GUST_TAU_S = 4.0
@@ -78,7 +78,7 @@ FALL_M_S = 12.0
 LIFTED_M = 0.3
 NOISE_TAU_S = 20.0
 AIRSPEED_DRAW = 0.1  # so much more than hovering does flying at 12 m/s draw
-STREAM_TIMEOUT_S = 1.0  # it brakes when a stream of setpoints has been silent for so long
+STREAM_TIMEOUT_S = 1.0  # without a setpoint it brakes
 STREAM_GAIN_1_S = 0.6  # how eagerly it makes up for being off a streamed place
 
 
@@ -97,12 +97,12 @@ class Aircraft:
     velocity_m_s: Vector = (0.0, 0.0)
     wind_m_s: Vector = (0.0, 0.0)
     armed: bool = False
-    flying: bool = False  # off the ground, whoever flies it
+    flying: bool = False  # off the ground, under any control
     mode: Mode = "follow"
     failsafe: bool = False  # it returns or lands by a failsafe of its own
-    unasked: bool = False  # nobody told it to return, though it says nothing of a failsafe
+    unasked: bool = False  # it returns by itself, without a failsafe in its telemetry
     piloted: bool = False  # a pilot chose the mode that it is in
-    taken_back: bool = False  # somebody else changed a mode that a pilot had chosen in flight
+    taken_back: bool = False  # a mode that a pilot had chosen in flight was changed
     sea_error_m: float = 0.0  # what its receiver's height above the sea errs by
     target: GridPoint | None = None
     target_height_m: float = 0.0
@@ -114,7 +114,7 @@ class Aircraft:
     returning: str = ""
     crashed: bool = False
     crash_height_m: float = 0.0
-    unseen: bool = False  # nobody heard all of its fall
+    unseen: bool = False  # telemetry does not show all of its fall
     motors_failed: bool = False
     stays_armed: bool = False  # after a crash its motors go on turning: no crash detection
     low_wh: float = -1.0  # charge of its own battery failsafe; -1: none
@@ -129,7 +129,7 @@ class Aircraft:
     _down_s: float = 0.0
     _fall_m_s: float = 0.0
 
-    # --- what its telemetry says -----------------------------------------------------------
+    # --- its telemetry ---------------------------------------------------------------------
     @property
     def error_m(self) -> Vector:
         return self.offset_m[0] + self._noise[0], self.offset_m[1] + self._noise[1]
@@ -145,7 +145,7 @@ class Aircraft:
         (east, north), drift = self.velocity_m_s, self.drift_m_s
         return math.hypot(east + drift[0], north + drift[1]) if self.flying else 0.0
 
-    # --- what it can be told ---------------------------------------------------------------
+    # --- commands --------------------------------------------------------------------------
     def take_off(self, height_m: float) -> None:
         if not self.armed:
             self.armed, self._armed_s = True, self.clock_s

@@ -74,7 +74,7 @@ LINK_LOST_S = 5.0
 PATIENCE_S = 120.0  # how long the crew waits for a silent vehicle that stands on the ground
 SPARE_S = 60.0
 WORST_HEIGHT_M = 8.0  # a receiver's height above the sea is never worse
-NO_ACK_S = 7.5  # after so long without an acknowledgement a command counts as failed
+NO_ACK_S = 7.5  # without an acknowledgement a command has failed
 REFUSED_S = 0.5
 CLIMB_TOLERANCE_M = 0.4
 PASS_M = 2.0
@@ -84,7 +84,7 @@ LEAP_M = 8.0  # a position that leaps farther is noticed
 SLOW_M_S = 0.5
 FRESH = 0.9
 WIND_WINDOW = 8
-LEAST_WINDS = 7  # the wind is the mean of so many looks, and none is told of fewer
+LEAST_WINDS = 7  # fewest measurements of a wind that is reported
 
 Link = Literal["good", "silent", "commands lost", "acks lost"]
 Camera = Literal["good", "silent", "lost", "slow", "drops"]
@@ -106,7 +106,7 @@ class Driver:
     swap_s: float = 10.0
     swaps: int = 0  # in the present wait
     waited_s: float = 0.0
-    hides_wh: float = 0.0  # so much less than the truth its battery monitor says
+    hides_wh: float = 0.0  # by which its battery monitor reads too little
     tells_wind: bool = False
     order: Order | None = None
     clock_s: float = 0.0
@@ -126,7 +126,7 @@ class Driver:
     known_wh: float = 0.0
     given_up: bool = False
     asked: Mode = "follow"  # the mode commanded last; another is a pilot's or a failsafe's
-    sent_up: bool = False  # it was commanded to take off, and no landing was told since
+    sent_up: bool = False  # a take-off was commanded, and no landing reported since
     receiver_sigma_m: float = 0.0
     receivers: random.Random = field(default_factory=lambda: random.Random(0))
     winds: list[Vector] = field(default_factory=list)
@@ -136,7 +136,7 @@ class Driver:
     misplaced: bool = False  # a frame was judged while positions were off by half a cell
     corners: list[GridPoint] | None = None
     stops: bool = False  # where to turn on the way home after the mission has failed; None before
-    fail_in_s: float = math.inf  # the present order fails after so long
+    fail_in_s: float = math.inf  # until the present order fails
     least_off_m: float = math.inf  # least true height above ground, less that of its layer
 
     @property
@@ -518,7 +518,7 @@ class Driver:
         self.was_airborne = self.sent_up = False
         self.asked = self.craft.mode
         if self.watch_over():
-            return  # it lies there: that is told already
+            return  # its crash is reported already
         self.guard, self.order = self.guard.released(), None
         self._report(Landed, self.remaining_wh, position=self.position)
 
@@ -552,7 +552,7 @@ class Driver:
             self.order = self.course = None
             way = self.corners = self._corners()
             self.stops = bool(way) and craft.ground_speed_m_s > BRISK_M_S
-            if self.stops:  # who flies fast flies on for a while, perhaps over a corner
+            if self.stops:  # a fast vehicle flies on for a while, perhaps over a corner
                 way[:] = [self.position]
             self._turn(way)
         if way and craft.mode == "follow" and "FlyTo" not in self.refuses:

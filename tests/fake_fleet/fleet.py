@@ -31,7 +31,7 @@ from .troubles import ACTS, Pilot, Trouble, in_phase
 TICK_S = 0.25
 HANDS_OFF = (Phase.YIELDED, Phase.FAILED, Phase.OFFLINE, Phase.DOWN, Phase.LOST)
 SETTLED_S = 10.0  # after its last vehicle the service goes on: what started late shows
-OPERATOR_S = 600.0  # after so long without a battery the operator calls everybody home
+OPERATOR_S = 600.0  # without a battery the operator recalls all vehicles
 NEAR_HOME_M = 6.0  # so far around a home the ground is as high as there
 
 
@@ -126,7 +126,7 @@ class Fleet:
             self.referee.note(self.t_s, "traceback", text)
             self.die(kill=False, away_s=math.inf)
             return
-        if self.dead:  # the guardians' last words: kept, and nobody acts on them
+        if self.dead:  # the guardians' last events are kept, without orders
             return
         for number, order in orders:
             self.orders.append((self.t_s, number, order))

@@ -35,7 +35,7 @@ COMPASS_RAD: Final = math.radians(30.0)
 FORGIVEN_S: Final = 60.0  # after leaving the fence unknowingly it lands or returns by then
 FAR_M: Final = 150.0
 ALONE_S: Final = 8.0  # reports come once a second, a lost link takes five
-REACTION_S: Final = 12.0  # to leave the air that a failsafe takes takes the others so long
+REACTION_S: Final = 12.0  # others need it to leave the airspace of a failsafe
 CRASH_M: Final = 2.0
 PAD_CRASH_M: Final = 5.0  # on its pad telemetry does not tell a fall from a hard landing
 
@@ -136,7 +136,7 @@ class Referee:
             notes.outside_s = t_s
         out_m = float(outer.distance(Point(at)))
         if out_m < 0.01 or fleet.stood_outside or t_s - notes.spoofed_s < FORGIVEN_S:
-            return  # who is led away by positions and velocities that agree cannot know it
+            return  # it cannot notice positions and velocities that agree
         forgiven = max(notes.blind_s, notes.hands_s) >= notes.outside_s - FORGIVEN_S
         only_rtl = craft.mode == "rtl" and t_s - notes.only_rtl_s < FORGIVEN_S
         if not notes.breach_told and not forgiven and not only_rtl:
@@ -295,7 +295,7 @@ class Referee:
         if root not in roi:
             yield f"the root {root} is no ROI"
         elif setting.grid.drift_speed_m_s > 0.0 or not setting.strategy.stops:
-            # (who does not stop judges cells from beside, over which the fence allows nobody)
+            # without a stop it judges cells from beside, also those beyond the fence
             if missing := component(roi, root) - state.belief.roi:
                 yield f"completed without {sorted(missing)}"
         else:
