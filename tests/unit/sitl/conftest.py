@@ -18,6 +18,7 @@ from sitl.vehicle import SimVehicle, VehicleSpec, VehicleTruth
 from sitl.world.world import Patch, World, WorldSpec
 
 ORIGIN = LatLon(37.2, -80.4)
+PATIENCE = 16  # requests without an answer
 
 
 def plain_vehicle(system_id: int = 1, world: World | None = None, **spec: Any) -> SimVehicle:
@@ -39,6 +40,7 @@ class Client:
     def __init__(self, vehicle: SimVehicle) -> None:
         self.vehicle = vehicle
         self.log: list[tuple[float, Any]] = []
+        self._read = 0
         self._out = mav.MAVLink(None, srcSystem=255, srcComponent=190)
         self._in = mav.MAVLink(None)
         self._in.robust_parsing = True
@@ -101,19 +103,72 @@ class Client:
 
     def upload(self, rows: list[tuple[Any, ...]], kind: int = 0) -> None:
         """Send a list of (command, frame, parameters, place in metres or None, height)."""
-        self.send(mav.MAVLink_mission_count_message(1, 1, len(rows), kind))
+        items = []
         for seq, (command, frame, p, place, z) in enumerate(rows):
             x, y = int(command == mav.MAV_CMD_DO_DIGICAM_CONTROL), 0  # which shoots with a 1
             if place is not None:
                 at = self.vehicle.world.plane.to_wgs84(*place)
                 x, y = round(at.lat_deg * 1e7), round(at.lon_deg * 1e7)
             p = (*p, *([0.0] * (4 - len(p))))
-            answer = self.send(
+            items.append(
                 mav.MAVLink_mission_item_int_message(
                     1, 1, seq, frame, command, 0, 1, *p, x, y, z, kind
                 )
             )
-        assert answer[0].type == 0, answer
+        assert self.transfer(items, kind) == mav.MAV_MISSION_ACCEPTED
+
+    def unread(self, kinds: tuple[str, ...], seconds: float) -> Any:
+        """The next message of some kinds that was not read yet, None if none comes in time."""
+        for _ in range(round(seconds / 0.05) + 1):
+            while self._read < len(self.log):
+                message = self.log[self._read][1]
+                self._read += 1
+                if message.get_type() in kinds:
+                    return message
+            self.run(0.05)
+        return None
+
+    def transfer(self, items: list[Any], kind: int = 0) -> int | None:
+        """The result of an upload, repeated as ground stations do; None without an answer."""
+        self._read, silent = len(self.log), 0
+        last = mav.MAVLink_mission_count_message(1, 1, len(items), kind)
+        self.send(last)
+        while silent < PATIENCE:
+            m = self.unread(("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK"), 1.0)
+            if m is None:
+                silent += 1
+            elif m.get_type() != "MISSION_ACK":
+                silent, last = 0, items[m.seq]
+            elif m.type == mav.MAV_MISSION_INVALID_SEQUENCE:
+                continue  # to a second copy; it goes on asking
+            else:
+                return int(m.type)
+            self.send(last)
+        return None
+
+    def fetch(self, kind: int = 0, exact: bool = True) -> list[Any] | None:
+        """A list of items; None when the client knows that it has not got all."""
+        self._read = len(self.log)
+        count = self._ask(mav.MAVLink_mission_request_list_message(1, 1, kind), "MISSION_COUNT")
+        item, build = "MISSION_ITEM_INT", mav.MAVLink_mission_request_int_message
+        if not exact:
+            item, build = "MISSION_ITEM", mav.MAVLink_mission_request_message
+        items = []
+        for seq in range(0 if count is None else count.count):
+            items.append(self._ask(build(1, 1, seq, kind), item, seq))
+            if items[-1] is None:
+                return None
+        if items:
+            self.send(mav.MAVLink_mission_ack_message(1, 1, mav.MAV_MISSION_ACCEPTED, kind))
+        return None if count is None else items
+
+    def _ask(self, request: Any, kind: str, seq: int | None = None) -> Any:
+        for _ in range(PATIENCE):
+            self.send(request)
+            while (m := self.unread((kind,), 0.5)) is not None:
+                if seq in (None, getattr(m, "seq", None)):
+                    return m
+        return None
 
     def every(self, message_id: int, interval_s: float) -> int:
         return self.result(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_s * 1e6)

@@ -24,28 +24,6 @@ def count(n, kind=0):
     return mav.MAVLink_mission_count_message(1, 1, n, kind)
 
 
-def upload(client, items, kind=0):
-    """Items are made for a sequence number; the final MAV_MISSION_RESULT."""
-    messages = client.send(count(len(items), kind))
-    for _ in range(len(items)):
-        request = messages[-1]
-        if request.get_type() != "MISSION_REQUEST":
-            break
-        messages = client.send(items[request.seq])
-        messages = [m for m in messages if m.get_type() != "STATUSTEXT"]
-    assert messages[-1].get_type() == "MISSION_ACK"
-    return messages[-1].type
-
-
-def download(client, kind=0, exact=True):
-    (answer,) = client.send(mav.MAVLink_mission_request_list_message(1, 1, kind))
-    assert (answer.get_type(), answer.mission_type) == ("MISSION_COUNT", kind)
-    build = (
-        mav.MAVLink_mission_request_int_message if exact else mav.MAVLink_mission_request_message
-    )
-    return [client.send(build(1, 1, seq, kind))[0] for seq in range(answer.count)]
-
-
 @pytest.fixture
 def client(ready):
     return ready
@@ -53,19 +31,19 @@ def client(ready):
 
 def test_a_mission_goes_up_and_comes_down(client):
     items = [item(i, x=372000000 + i, z=10.0 + i, p=(i, 0, 0, math.nan)) for i in range(60)]
-    assert upload(client, items) == ACCEPTED
+    assert client.transfer(items) == ACCEPTED
     assert client.seen("STATUSTEXT")[-1].text == "Flight plan received"
     assert {m.get_type() for m in client.seen("MISSION_REQUEST")} == {"MISSION_REQUEST"}
     told = [m for m in client.run(0.1) if m.get_type() == "PARAM_VALUE"]
     assert [(m.param_id, m.param_value, m.param_index) for m in told] == [("MIS_TOTAL", 60, 65535)]
-    back = download(client)
+    back = client.fetch()
     assert len(back) == 60
     # item 0 is home, whatever was sent
     assert (back[0].command, back[0].frame, back[0].z) == (WP, 0, 600.0)
     for sent, got in zip(items[1:], back[1:], strict=True):
         assert (got.seq, got.x, got.y, got.z) == (sent.seq, sent.x, sent.y, sent.z)
         assert (got.param1, got.frame, got.command) == (sent.param1, 6, WP)
-    floats = download(client, exact=False)
+    floats = client.fetch(exact=False)
     assert floats[5].get_type() == "MISSION_ITEM"
     assert floats[5].x == pytest.approx(37.2000005, abs=1e-5)
 
@@ -75,8 +53,8 @@ def test_old_clients_send_floats(client):
         mav.MAVLink_mission_item_message(1, 1, i, 3, WP, 0, 1, 0, 0, 0, 0, 37.25, -80.4, 12.0)
         for i in range(2)
     ]
-    assert upload(client, old) == ACCEPTED
-    assert download(client)[1].x == pytest.approx(372500000, abs=20)
+    assert client.transfer(old) == ACCEPTED
+    assert client.fetch()[1].x == pytest.approx(372500000, abs=20)
 
 
 def test_missing_items_are_asked_for_again_every_second(client):
@@ -87,7 +65,7 @@ def test_missing_items_are_asked_for_again_every_second(client):
 
 
 def test_a_stalled_upload_leaves_a_truncated_mission(client):
-    assert upload(client, [item(i) for i in range(5)]) == ACCEPTED
+    assert client.transfer([item(i) for i in range(5)]) == ACCEPTED
     client.send(count(10))
     client.send(item(0))
     client.send(item(1))
@@ -97,11 +75,11 @@ def test_a_stalled_upload_leaves_a_truncated_mission(client):
     assert ack[1].type == CANCELLED
     assert ack[0] - begin_s == pytest.approx(8.0, abs=0.06)
     assert client.seen("STATUSTEXT")[-1].text == "Mission upload timeout"
-    assert len(download(client)) == 2
+    assert len(client.fetch()) == 2
 
 
 def test_a_duplicate_last_item_is_acknowledged_again(client):
-    assert upload(client, [item(0), item(1)]) == ACCEPTED
+    assert client.transfer([item(0), item(1)]) == ACCEPTED
     (ack,) = client.send(item(1))
     assert (ack.get_type(), ack.type) == ("MISSION_ACK", ACCEPTED)
     (ack,) = client.send(item(0))
@@ -128,7 +106,7 @@ def test_a_second_copy_of_the_count_does_not_begin_again(client):
     assert (request.get_type(), request.seq) == ("MISSION_REQUEST", 1)
     client.send(item(1, x=371000000))
     assert client.send(item(2))[0].type == ACCEPTED
-    assert [m.x for m in download(client)[1:]] == [371000000, 372000000]
+    assert [m.x for m in client.fetch()[1:]] == [371000000, 372000000]
 
 
 @pytest.mark.parametrize(
@@ -157,8 +135,8 @@ def test_another_count_begins_again_and_after_a_silence_the_same(client, pause_s
     ],
 )
 def test_invalid_items_are_refused_with_a_reason(client, bad, result):
-    assert upload(client, [item(0), bad, item(2)]) == result
-    assert len(download(client)) == 1
+    assert client.transfer([item(0), bad, item(2)]) == result
+    assert len(client.fetch()) == 1
 
 
 def test_refusals(client):
@@ -176,11 +154,11 @@ def test_refusals(client):
 
 def test_clearing(client):
     client.run(0.1)
-    assert upload(client, [item(i) for i in range(3)]) == ACCEPTED
-    assert upload(client, [item(0, 5100, kind=RALLY)], RALLY) == ACCEPTED
+    assert client.transfer([item(i) for i in range(3)]) == ACCEPTED
+    assert client.transfer([item(0, 5100, kind=RALLY)], RALLY) == ACCEPTED
     (ack,) = client.send(mav.MAVLink_mission_clear_all_message(1, 1, 255))
     assert (ack.type, ack.mission_type) == (ACCEPTED, 255)
-    assert download(client) == download(client, RALLY) == []
+    assert client.fetch() == client.fetch(RALLY) == []
     assert client.send(count(0))[0].type == ACCEPTED
 
 
@@ -193,17 +171,17 @@ def square(kind=mav.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION, n=4):
 
 
 def test_a_fence_takes_effect_only_when_complete(client):
-    assert upload(client, square(), FENCE) == ACCEPTED
-    back = download(client, FENCE)
+    assert client.transfer(square(), FENCE) == ACCEPTED
+    back = client.fetch(FENCE)
     assert [m.param1 for m in back] == [4.0] * 4
     # a polygon that is not finished is refused as a whole, and the old fence stays
-    assert upload(client, square(n=5), FENCE) == mav.MAV_MISSION_INVALID
+    assert client.transfer(square(n=5), FENCE) == mav.MAV_MISSION_INVALID
     client.send(count(4, FENCE))
     client.send(square()[0])
     client.run(9.0)
-    assert len(download(client, FENCE)) == 4
+    assert len(client.fetch(FENCE)) == 4
     circle = item(0, mav.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION, kind=FENCE, p=(-1, 0, 0, 0))
-    assert upload(client, [circle], FENCE) == mav.MAV_MISSION_INVALID_PARAM1
+    assert client.transfer([circle], FENCE) == mav.MAV_MISSION_INVALID_PARAM1
 
 
 def test_another_client_cannot_break_into_an_upload(client):
