@@ -61,7 +61,7 @@ _LANDED_STATE = {
 }
 
 IDENTITY = (0x5541, 0x534D)
-"""vendor_id and product_id in AUTOPILOT_VERSION: they identify a vehicle without propellers."""
+"""vendor_id and product_id in AUTOPILOT_VERSION: a simulated vehicle, which can hurt no person."""
 
 
 def _id_of(name: str) -> int:

@@ -131,7 +131,8 @@ _GAP_DEPTH = 0.42  # a bare spot's darkening at its centre, of the ground's brig
 def ground_tile(seed: tuple[int, ...], mean: float, std: float) -> Gray:
     """Return a meadow of `mean` and `std` in gray levels, with small dark spots; read-only.
 
-    The spots are as dark as a ROI: a detector has to close them (the paper dilates).
+    The spots are darker than the threshold between ROI and ground, as in real grass: a detector
+    has to close them (the paper dilates).
     """
     rng = np.random.default_rng(seed)
     tile = mean + std * _fractal(rng, slope=0.75)
