@@ -8,17 +8,14 @@ something waits in the vehicle's time for longer than a busy machine needs.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Sequence
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.mission.schema import Mission
 from tests.support.flights import Flight, running, small_mission, under_way
 from uavmap.base.clock import ScaledClock, VirtualClock, run
 from uavmap.mavlink.mavsdk.mavsdk_session import MavsdkSession
-from uavmap.mavlink.session import GROUND_SYSTEM_ID, Session
+from uavmap.mavlink.session import GROUND_SYSTEM_ID
 from uavmap.runner.simulation import STEP_S
 
 SPEEDUP = 10.0
@@ -28,34 +25,26 @@ PATIENCE_S = 300.0  # real seconds for a flight that takes 10
 DRIVERS = ("pymavlink", "mavsdk")
 AUTOPILOTS = ("ardupilot", "px4")
 
-Body = Callable[[Flight], Coroutine[Any, Any, None]]
-Story = Callable[[Flight, str], Coroutine[Any, Any, None]]
 
-
-def over(autopilot: str) -> Mission:
+def over(autopilot):
     made = small_mission()
     return made.model_copy(update={"sim": made.sim.model_copy(update={"autopilot": autopilot})})
 
 
-def fly(body: Body, driver: str, autopilot: str, speedup: float = SPEEDUP) -> Flight:
+def fly(body, driver, autopilot, speedup=SPEEDUP):
     """Run a test with a connected vehicle on the ground; `speedup` is that of MAVSDK's flights."""
     if driver == "mavsdk":
         return _fly_mavsdk(body, autopilot, speedup)
     return _fly_ours(body, autopilot)
 
 
-def flown(
-    *,
-    drivers: Sequence[str] = DRIVERS,
-    autopilots: Sequence[str] = AUTOPILOTS,
-    speedup: float = SPEEDUP,
-) -> Callable[[Story], Callable[[str, str], None]]:
+def flown(*, drivers=DRIVERS, autopilots=AUTOPILOTS, speedup=SPEEDUP):
     """Make a test of what happens to a connected vehicle on the ground, by each driver."""
 
-    def decorate(test: Story) -> Callable[[str, str], None]:
+    def decorate(test):
         @pytest.mark.parametrize("autopilot", autopilots)
         @pytest.mark.parametrize("driver", drivers)
-        def run(driver: str, autopilot: str) -> None:
+        def run(driver, autopilot):
             fly(lambda flight: test(flight, autopilot), driver, autopilot, speedup)
 
         run.__name__, run.__doc__ = test.__name__, test.__doc__
@@ -64,10 +53,10 @@ def flown(
     return decorate
 
 
-def _fly_ours(body: Body, autopilot: str) -> Flight:
+def _fly_ours(body, autopilot):
     flight = Flight(over(autopilot))
 
-    async def main() -> None:
+    async def main():
         async with under_way(flight):
             await body(flight)
 
@@ -75,12 +64,12 @@ def _fly_ours(body: Body, autopilot: str) -> Flight:
     return checked(flight)
 
 
-def _fly_mavsdk(body: Body, autopilot: str, speedup: float) -> Flight:
-    async def main() -> Flight:
-        told: list[str] = []
+def _fly_mavsdk(body, autopilot, speedup):
+    async def main():
+        told = []
         slack_s = SLOW_MACHINE_S * speedup
 
-        def driver(send: Callable[[bytes], None]) -> Session:
+        def driver(send):
             return MavsdkSession(send, lambda frame: None, say=told.append, speedup=speedup)
 
         flight = Flight(
@@ -89,7 +78,6 @@ def _fly_mavsdk(body: Body, autopilot: str, speedup: float) -> Flight:
         )  # fmt: skip
         flight.told = told
         spoken_to = flight.session
-        assert isinstance(spoken_to, MavsdkSession)
         await spoken_to.process.start()
         try:
             while spoken_to.view.autopilot is None:  # however long MAVSDK takes to find it
@@ -106,13 +94,13 @@ def _fly_mavsdk(body: Body, autopilot: str, speedup: float) -> Flight:
     return checked(run(main(), ScaledClock(speedup)))
 
 
-def checked(flight: Flight) -> Flight:
+def checked(flight):
     """What holds of every flight: all that was sent was ours to send."""
     assert {m.get_srcSystem() for _, m in flight.sent} == {GROUND_SYSTEM_ID}
     return flight
 
 
-async def turned_to(flight: Flight, mode: int, *params: float) -> None:
+async def turned_to(flight, mode, *params):
     """The pilot turns the mode switch; returns when that is heard."""
     flight.pilot(mav.MAV_CMD_DO_SET_MODE, 1, *params)
     await flight.until(lambda: flight.session.view.mode == mode)

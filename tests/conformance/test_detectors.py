@@ -34,11 +34,11 @@ PARAMETERS: Mapping[str, Mapping[str, Any]] = {
 NAMES = detector_names()
 
 
-def made(name: str) -> Detector:
+def made(name):
     return make_detector(name, **PARAMETERS.get(name, {}))
 
 
-def picture(rows: int, columns: int, seed: int = 7) -> np.ndarray:
+def picture(rows, columns, seed=7):
     return np.random.default_rng(seed).integers(0, 256, (rows, columns, 3), dtype=np.uint8)
 
 

@@ -4,7 +4,6 @@ import asyncio
 import itertools
 import math
 from collections import defaultdict
-from collections.abc import Iterator
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -40,7 +39,7 @@ from missions.units import Cell, GridPoint, LatLon
 from sitl.copter.modes import Mode
 from sitl.px4.modes import Px4Mode
 from tests.conformance.rig import DRIVERS, flown, turned_to
-from tests.support.flights import UP_M, Flight, Message, to
+from tests.support.flights import UP_M, to
 from tests.unit.uavmap.mavlink.links.test_signing import KEY, Memory
 from uavmap.journal.flight_plan import DRIVERS as OFFERED
 from uavmap.mavlink.links.signing import Signing, ticks_now
@@ -50,12 +49,12 @@ from uavmap.runner.vehicles import STREAMED_SPEEDUP
 HOLDS = {"ardupilot": (Mode.BRAKE, (int(Mode.BRAKE),)), "px4": (Px4Mode.RTL, (4, 5))}
 
 
-def commands(flight: Flight, since: int = 0) -> list[int]:
+def commands(flight, since=0):
     return [m.command for _, m in flight.sent[since:] if m.get_type().startswith("COMMAND_")]
 
 
-def nothing_flew_it(flight: Flight, since: int) -> None:
-    harmless: set[int] = {
+def nothing_flew_it(flight, since):
+    harmless = {
         mav.MAV_CMD_IMAGE_STOP_CAPTURE, mav.MAV_CMD_REQUEST_MESSAGE,
         mav.MAV_CMD_SET_MESSAGE_INTERVAL,
     }  # fmt: skip
@@ -64,7 +63,7 @@ def nothing_flew_it(flight: Flight, since: int) -> None:
     assert kinds <= {"HEARTBEAT", "COMMAND_LONG"}
 
 
-async def taken_while_it_waits(flight: Flight, autopilot: str) -> None:
+async def taken_while_it_waits(flight, autopilot):
     """A pilot takes the vehicle while a target waits for its acknowledgement, which is lost."""
     mode, asked = HOLDS[autopilot]
     await flight.after(TakeOff(UP_M), Airborne)
@@ -125,7 +124,7 @@ async def test_what_does_not_return_is_told_to_land(flight, autopilot):
 @flown(speedup=STREAMED_SPEEDUP)
 async def test_a_path_is_flown_without_a_halt(flight, autopilot):
     corners = [GridPoint(0, 0), GridPoint(24, 0), GridPoint(24, 24)]
-    off_m: list[float] = []
+    off_m = []
     if autopilot == "px4":  # a slow machine is not what is tested
         flight.vehicle._ap.parameters.preset("COM_OF_LOSS_T", 10.0)
     await flight.after(TakeOff(UP_M), Airborne)
@@ -205,7 +204,7 @@ async def test_a_silent_link_is_lost_and_found_again(flight, autopilot):
 @flown(autopilots=("ardupilot",))
 async def test_a_fifth_of_all_frames_lost(flight, autopilot):
     """The second of every five of a kind: no command is lost as often as it is repeated."""
-    numbers: dict[str, Iterator[int]] = defaultdict(itertools.count)
+    numbers = defaultdict(itertools.count)
     flight.to_driver = flight.to_vehicle = lambda message: (
         next(numbers[message.get_type()]) % 5 != 1
     )
@@ -219,11 +218,11 @@ async def test_a_fifth_of_all_frames_lost(flight, autopilot):
 @flown(autopilots=("ardupilot",))
 async def test_a_link_is_signed_in_both_directions(flight, autopilot):
     """With a key nothing unsigned goes out, and what is not signed is not heard."""
-    begun: list[int] = []
+    begun = []
     session, feed = flight.session, flight.session.feed
     theirs, parser = Signing(KEY, Memory(), ticks_now), mav.MAVLink(None)
 
-    def signed(data: bytes) -> bool:
+    def signed(data):
         frames = [bytes(m.get_msgbuf()) for m in parser.parse_buffer(data) or ()]
         return feed(b"".join(map(theirs.sign, frames)))
 
@@ -250,11 +249,11 @@ async def test_no_number_that_does_not_fit_is_sent(flight, autopilot):
     assert mav.MAV_CMD_DO_REPOSITION not in commands(flight)
 
 
-def _swallowed(message: Message) -> bool:
+def _swallowed(message):
     return False
 
 
-def _passed(message: Message) -> bool:
+def _passed(message):
     return True
 
 

@@ -5,7 +5,6 @@ import contextlib
 import os
 import signal
 from collections import Counter
-from collections.abc import Callable
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -15,22 +14,17 @@ from missions.events import Airborne, Arrived, Connected, Landed, OrderFailed
 from missions.orders import Land, TakeOff
 from tests.conformance.rig import flown, fly
 from tests.conformance.test_drivers import taken_while_it_waits
-from tests.support.flights import UP_M, Flight, Message, to
+from tests.support.flights import UP_M, to
 from uavmap.base.clock import ScaledClock, run
 from uavmap.mavlink.mavsdk.driver_process import MavsdkProcess
 from uavmap.mavlink.mavsdk.mavsdk_session import MavsdkSession
 
 
-def by_mavsdk(flight: Flight) -> MavsdkSession:
-    assert isinstance(flight.session, MavsdkSession)
-    return flight.session
-
-
 @flown(drivers=("mavsdk",))
 async def test_both_decoders_read_the_same(flight, autopilot):
-    logged: list[bytes] = []
-    read: list[Message] = []
-    session = by_mavsdk(flight)
+    logged = []
+    read = []
+    session = flight.session
     session.listen(read.append)
     session._record = logged.append
     await flight.after(TakeOff(UP_M), Airborne)
@@ -44,11 +38,11 @@ async def test_both_decoders_read_the_same(flight, autopilot):
         assert kinds[kind] > 2
 
 
-def between(wire: list[Message], read: list[Message]) -> tuple[list[Message], list[Message]]:
+def between(wire, read):
     """Both between the first and the last position that both have: some are always on the way."""
     common = {str(message) for message in wire} & {str(message) for message in read}
 
-    def is_mark(message: Message) -> bool:
+    def is_mark(message):
         return message.get_type() == "GLOBAL_POSITION_INT" and str(message) in common
 
     marks = [[index for index, m in enumerate(all_) if is_mark(m)] for all_ in (wire, read)]
@@ -59,7 +53,7 @@ def between(wire: list[Message], read: list[Message]) -> tuple[list[Message], li
 @flown(drivers=("mavsdk",))
 async def test_what_mavsdk_repeats_of_a_dead_order_does_not_leave_this_machine(flight, autopilot):
     await taken_while_it_waits(flight, autopilot)
-    outbox = by_mavsdk(flight).outbox
+    outbox = flight.session.outbox
     await flight.until(lambda: outbox.held_back["COMMAND_INT"] > 0)
     # no heartbeat but the guardian's: they would go on when it does not
     assert outbox.held_back["HEARTBEAT"] > 0
@@ -69,8 +63,8 @@ async def test_what_mavsdk_repeats_of_a_dead_order_does_not_leave_this_machine(f
 
 @pytest.mark.parametrize("blow", [signal.SIGKILL, signal.SIGSTOP], ids=["dies", "hangs"])
 def test_a_mavsdk_that_fails_in_flight_is_started_again(blow):
-    async def body(flight: Flight) -> None:
-        process = by_mavsdk(flight).process
+    async def body(flight):
+        process = flight.session.process
         await flight.after(TakeOff(UP_M), Airborne)
         flight.driver.give(to(20.0, 0.0))
         first = process.pid
@@ -87,14 +81,14 @@ def test_a_mavsdk_that_fails_in_flight_is_started_again(blow):
     assert all(connected.ours for connected in flight.seen(Connected)[1:])
 
 
-def _lives(pid: int) -> bool:
+def _lives(pid):
     with contextlib.suppress(ProcessLookupError):
         os.kill(pid, 0)
         return True
     return False
 
 
-def _nothing(_: object) -> None:
+def _nothing(_):
     pass
 
 
@@ -112,7 +106,7 @@ def test_a_mavsdk_that_does_not_start_is_said_with_the_remedy(source, why, tmp_p
     (package / "__init__.py").write_text(source, "utf-8")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.getcwd()]))
 
-    async def main() -> None:
+    async def main():
         process = MavsdkProcess(245, 191, _nothing, _nothing, _nothing)
         with pytest.raises(LinkError, match="MAVSDK does not start") as raised:
             await process.start()
@@ -124,7 +118,7 @@ def test_a_mavsdk_that_does_not_start_is_said_with_the_remedy(source, why, tmp_p
 
 
 def test_what_is_asked_of_a_mavsdk_that_has_ended_is_a_lost_link():
-    async def main() -> None:
+    async def main():
         process = MavsdkProcess(245, 191, _nothing, _nothing, _nothing)
         await process.start()
         assert (await process.ask(do="arm"))["result"] == "NO_SYSTEM"
@@ -139,19 +133,19 @@ def test_what_is_asked_of_a_mavsdk_that_has_ended_is_a_lost_link():
     run(main(), ScaledClock())
 
 
-def _fail(pid: int | None) -> None:
+def _fail(pid):
     assert pid is not None
     os.kill(pid, signal.SIGKILL)
 
 
 def test_a_session_hears_nobody_before_mavsdk_does():
     """Bytes that are no MAVLink, and messages that MAVSDK cannot have read, change nothing."""
-    told: list[str] = []
-    sent: list[bytes] = []
+    told = []
+    sent = []
     session = MavsdkSession(sent.append, lambda frame: None, say=told.append)
-    take: Callable[[dict[str, object]], None] = session._hear
+    take = session._hear
 
-    async def main() -> None:
+    async def main():
         assert session.feed(b"\xfd\x00garbage" * 9) is False
         for fields in ({}, {"autopilot": None}, {"autopilot": [1]}, {"type": "x"}):
             take({"name": "HEARTBEAT", "system": 1, "component": 1, "fields": fields})

@@ -11,7 +11,6 @@ from missions.flight.state import State
 from missions.flight.step import step
 from missions.flight.strategy.interface import strategy_of
 from missions.mission.checks import FLOWN, parse_mission
-from missions.mission.schema import Mission
 from missions.units import Cell
 from tests.fake_fleet import Fleet
 from tests.support.small_missions import mission_text, square
@@ -21,7 +20,7 @@ FENCE = square(-30.0, -40.0, 130.0, 120.0)
 ROI = frozenset(Cell(east, north) for east in range(6, 10) for north in range(3, 7))
 
 
-def made(strategy: str, vehicles: int) -> Mission:
+def made(strategy, vehicles):
     name, _, find = strategy.partition(" ")
     text = mission_text(
         BOX, FENCE, vehicles=vehicles, strategy=name, capacity_wh=60.0, layer_m=12.0

@@ -3,32 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
 from sitl.camera.pinhole import CameraSpec
-from sitl.vehicle import SimVehicle, VehicleSpec, VehicleTruth
+from sitl.vehicle import SimVehicle, VehicleSpec
 from sitl.world.world import Patch, World, WorldSpec
 
 ORIGIN = LatLon(37.2, -80.4)
 PATIENCE = 16  # requests without an answer
 
 
-def plain_vehicle(system_id: int = 1, world: World | None = None, **spec: Any) -> SimVehicle:
+def plain_vehicle(system_id=1, world=None, **spec):
     """A vehicle with nothing to see below it, just switched on."""
     return SimVehicle(
         VehicleSpec(system_id, ORIGIN, **spec), world or World(WorldSpec(ORIGIN, 600.0, ()))
     )
 
 
-def decoded(jpeg: bytes, flags: int = cv2.IMREAD_GRAYSCALE) -> npt.NDArray[np.uint8]:
+def decoded(jpeg, flags=cv2.IMREAD_GRAYSCALE):
     picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), flags)
     assert picture is not None
     return np.asarray(picture, dtype=np.uint8)
@@ -37,37 +34,35 @@ def decoded(jpeg: bytes, flags: int = cv2.IMREAD_GRAYSCALE) -> npt.NDArray[np.ui
 class Client:
     """Speaks to a vehicle in bytes, remembers every message with the time it came."""
 
-    def __init__(self, vehicle: SimVehicle) -> None:
+    def __init__(self, vehicle):
         self.vehicle = vehicle
-        self.log: list[tuple[float, Any]] = []
+        self.log = []
         self._read = 0
         self._out = mav.MAVLink(None, srcSystem=255, srcComponent=190)
         self._in = mav.MAVLink(None)
         self._in.robust_parsing = True
 
-    def _note(self, data: bytes) -> list[Any]:
+    def _note(self, data):
         messages = self._in.parse_buffer(data) or []
         self.log += [(self.vehicle.t_s, m) for m in messages]
         return messages
 
-    def send(self, message: Any) -> list[Any]:
+    def send(self, message):
         data = message.pack(self._out)
         self._out.seq = (self._out.seq + 1) % 256
         return self._note(self.vehicle.receive(data))
 
-    def command(self, command: int, *p: float, system: int = 1, component: int = 1) -> list[Any]:
+    def command(self, command, *p, system=1, component=1):
         p = (*p, *([0.0] * (7 - len(p))))
         return self.send(mav.MAVLink_command_long_message(system, component, command, 0, *p))
 
-    def result(self, command: int, *p: float, **where: int) -> int:
+    def result(self, command, *p, **where):
         acks = [m for m in self.command(command, *p, **where) if m.get_type() == "COMMAND_ACK"]
         assert len(acks) == 1
         assert acks[0].command == command
         return int(acks[0].result)
 
-    def reposition(
-        self, east_m: float, north_m: float, altitude_m: float, frame: int = 6, flags: int = 0
-    ) -> int:
+    def reposition(self, east_m, north_m, altitude_m, frame=6, flags=0):
         place = self.vehicle.world.plane.to_wgs84(east_m, north_m)
         message = mav.MAVLink_command_int_message(
             1, 1, frame, mav.MAV_CMD_DO_REPOSITION, 0, 0, -1.0, flags, 0.0, math.nan,
@@ -75,24 +70,22 @@ class Client:
         )  # fmt: skip
         return int(next(m for m in self.send(message) if m.get_type() == "COMMAND_ACK").result)
 
-    def target(self, east_m: float, north_m: float, height_m: float) -> list[Any]:
+    def target(self, east_m, north_m, height_m):
         return self._setpoint(0xDF8, (east_m, north_m), height_m)
 
-    def along(
-        self, place: tuple[float, float], velocity: tuple[float, float], height_m: float = 12.0
-    ) -> list[Any]:
+    def along(self, place, velocity, height_m=12.0):
         return self._setpoint(0xDC0, place, height_m, velocity)
 
-    def velocity(self, east_m_s: float, north_m_s: float) -> list[Any]:
+    def velocity(self, east_m_s, north_m_s):
         return self._setpoint(0xDC7, velocity=(east_m_s, north_m_s))
 
     def _setpoint(
         self,
-        mask: int,
-        place: tuple[float, float] | None = None,
-        height_m: float = 0.0,
-        velocity: tuple[float, float] = (0.0, 0.0),
-    ) -> list[Any]:
+        mask,
+        place=None,
+        height_m=0.0,
+        velocity=(0.0, 0.0),
+    ):
         at = LatLon(0.0, 0.0) if place is None else self.vehicle.world.plane.to_wgs84(*place)
         return self.send(
             mav.MAVLink_set_position_target_global_int_message(
@@ -101,7 +94,7 @@ class Client:
             )
         )  # fmt: skip
 
-    def upload(self, rows: list[tuple[Any, ...]], kind: int = 0) -> None:
+    def upload(self, rows, kind=0):
         """Send a list of (command, frame, parameters, place in metres or None, height)."""
         items = []
         for seq, (command, frame, p, place, z) in enumerate(rows):
@@ -117,7 +110,7 @@ class Client:
             )
         assert self.transfer(items, kind) == mav.MAV_MISSION_ACCEPTED
 
-    def unread(self, kinds: tuple[str, ...], seconds: float) -> Any:
+    def unread(self, kinds, seconds):
         """The next message of some kinds that was not read yet, None if none comes in time."""
         for _ in range(round(seconds / 0.05) + 1):
             while self._read < len(self.log):
@@ -128,7 +121,7 @@ class Client:
             self.run(0.05)
         return None
 
-    def transfer(self, items: list[Any], kind: int = 0) -> int | None:
+    def transfer(self, items, kind=0):
         """The result of an upload, repeated as ground stations do; None without an answer."""
         self._read, silent = len(self.log), 0
         last = mav.MAVLink_mission_count_message(1, 1, len(items), kind)
@@ -146,7 +139,7 @@ class Client:
             self.send(last)
         return None
 
-    def fetch(self, kind: int = 0, exact: bool = True) -> list[Any] | None:
+    def fetch(self, kind=0, exact=True):
         """A list of items; None when the client knows that it has not got all."""
         self._read = len(self.log)
         count = self._ask(mav.MAVLink_mission_request_list_message(1, 1, kind), "MISSION_COUNT")
@@ -162,7 +155,7 @@ class Client:
             self.send(mav.MAVLink_mission_ack_message(1, 1, mav.MAV_MISSION_ACCEPTED, kind))
         return None if count is None else items
 
-    def _ask(self, request: Any, kind: str, seq: int | None = None) -> Any:
+    def _ask(self, request, kind, seq=None):
         for _ in range(PATIENCE):
             self.send(request)
             while (m := self.unread((kind,), 0.5)) is not None:
@@ -170,10 +163,10 @@ class Client:
                     return m
         return None
 
-    def every(self, message_id: int, interval_s: float) -> int:
+    def every(self, message_id, interval_s):
         return self.result(mav.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_s * 1e6)
 
-    def run(self, seconds: float, watch: Callable[[], None] | None = None) -> list[Any]:
+    def run(self, seconds, watch=None):
         begin = len(self.log)
         for _ in range(round(seconds / 0.05)):
             self._note(self.vehicle.step(0.05))
@@ -181,23 +174,23 @@ class Client:
                 watch()
         return [m for _, m in self.log[begin:]]
 
-    def watch(self, seconds: float) -> list[tuple[tuple[float, float, float], VehicleTruth]]:
+    def watch(self, seconds):
         """Where it is, and its truth, after each step."""
-        seen: list[tuple[tuple[float, float, float], VehicleTruth]] = []
+        seen = []
         self.run(seconds, lambda: seen.append((self.where, self.vehicle.truth)))
         return seen
 
-    def put(self, **values: float) -> None:
+    def put(self, **values):
         """Set parameters."""
         for name, value in values.items():
             answer = self.send(mav.MAVLink_param_set_message(1, 1, name.encode(), value, 9))
             assert answer[0].get_type() == "PARAM_VALUE", name
 
     @property
-    def texts(self) -> list[str]:
+    def texts(self):
         return [m.text for m in self.seen("STATUSTEXT")]
 
-    def seen(self, kind: str, component: int | None = None) -> list[Any]:
+    def seen(self, kind, component=None):
         return [
             m
             for _, m in self.log
@@ -205,11 +198,11 @@ class Client:
         ]
 
     @property
-    def where(self) -> tuple[float, float, float]:
+    def where(self):
         truth = self.vehicle.truth
         return (*self.vehicle.world.plane.to_plane(truth.position), truth.height_m)
 
-    def take_off(self, height_m: float = 12.0) -> None:
+    def take_off(self, height_m=12.0):
         self.run(max(0.0, 6.0 - self.vehicle.t_s))
         assert self.result(mav.MAV_CMD_DO_SET_MODE, 1, 4) == 0
         assert self.result(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1) == 0
@@ -217,17 +210,17 @@ class Client:
         self.run(4.0 + height_m / 2.0 + 3.0)
 
 
-def speed_m_s(truth: VehicleTruth) -> float:
+def speed_m_s(truth):
     """Over ground."""
     return math.hypot(*truth.velocity_m_s[:2])
 
 
 @pytest.fixture
-def make_client() -> Callable[..., Client]:
+def make_client():
     """Client of a fresh vehicle: `make_client(world={...}, **vehicle)`."""
 
-    def make(world: dict[str, Any] | None = None, **vehicle: Any) -> Client:
-        settings: dict[str, Any] = {"patches": (), "seed": 7, **(world or {})}
+    def make(world=None, **vehicle):
+        settings = {"patches": (), "seed": 7, **(world or {})}
         spec = WorldSpec(ORIGIN, 600.0, **settings)
         vehicle = {"system_id": 1, "home": ORIGIN, "gps_sigma_m": 0.0, **vehicle}
         return Client(SimVehicle(VehicleSpec(**vehicle), World(spec)))
@@ -236,7 +229,7 @@ def make_client() -> Callable[..., Client]:
 
 
 @pytest.fixture
-def ready(make_client: Callable[..., Client]) -> Client:
+def ready(make_client):
     """Client of a vehicle that has found its position."""
     client = make_client()
     client.run(6.0)
@@ -244,7 +237,7 @@ def ready(make_client: Callable[..., Client]) -> Client:
 
 
 @pytest.fixture
-def flying(make_client: Callable[..., Client]) -> Client:
+def flying(make_client):
     """Client of a vehicle that hovers at 12 m, in GUIDED."""
     client = make_client()
     client.take_off()
@@ -252,13 +245,13 @@ def flying(make_client: Callable[..., Client]) -> Client:
 
 
 @pytest.fixture
-def square() -> Patch:
+def square():
     """A ROI of 20 m by 20 m, its south-west corner at the origin."""
     plane = World(WorldSpec(ORIGIN, 600.0, ())).plane
     return Patch(tuple(plane.to_wgs84(e, n) for e, n in ((0, 0), (20, 0), (20, 20), (0, 20))))
 
 
 @pytest.fixture
-def camera() -> CameraSpec:
+def camera():
     """A picture of 400 by 300 pixels whose focal length is 200 pixels."""
     return CameraSpec(hfov_deg=90.0, width_px=400, height_px=300)

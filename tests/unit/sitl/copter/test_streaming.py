@@ -5,14 +5,14 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from missions.geo.trajectory import Trajectory, rounded_path
+from missions.geo.trajectory import rounded_path
 from missions.units import GridPoint
 
 CUT_M = 2.5
 SMOOTH_S = 0.5
 
 
-def lanes(begin_s: float, speed_m_s: float, cut_m: float = CUT_M, **how: float) -> Trajectory:
+def lanes(begin_s, speed_m_s, cut_m=CUT_M, **how):
     corners = [(0, 0), (60, 0), (60, 12), (0, 12), (0, 24), (30, 24), (30, 28), (34, 28), (40, 34)]
     points = [GridPoint(*corner) for corner in corners]
     return rounded_path(points, begin_s, speed_m_s=speed_m_s, cut_m=cut_m, **how)

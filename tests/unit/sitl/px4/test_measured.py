@@ -230,7 +230,7 @@ def test_its_two_battery_messages_round_differently(sitl):
     """BATTERY_STATUS said 78 while SYS_STATUS said 79, for seconds at each percent."""
     sitl.take_off()
     sitl.receive()
-    said: dict[str, int] = {}
+    said = {}
     differ = agree = 0
     for _ in range(60):
         sitl.run(1.0)

@@ -254,7 +254,7 @@ def test_a_stream_of_places_and_velocities_is_followed_late_and_latest_at_its_be
     sitl.take_off()
     far = mav.MAV_FRAME_GLOBAL_INT
     metres = 1e7 / 111_319.49  # a metre north, in 1e-7 degrees
-    lags: dict[float, float] = {}
+    lags = {}
 
     def send(north_m, v_north_m_s):
         velocity = (v_north_m_s, 0.0, 0.0)

@@ -17,7 +17,7 @@ from tests.unit.vision.own_map.test_own_map import taken
 from tests.unit.vision.scene import decoded
 from vision.camera import Camera
 from vision.own_map.ground_match import Match, compare, match, resized
-from vision.own_map.ground_patch import Patch, patch, resolution_m
+from vision.own_map.ground_patch import patch, resolution_m
 from vision.projection import Frame
 
 PHOTOGRAPHS = Path(__file__).resolve().parents[4] / "../shared/data/brighton_beach"
@@ -33,27 +33,27 @@ DOWN = Quaternion.from_euler(0.0, -math.pi / 2.0, 0.0)
 
 
 def frame(
-    east_m: float,
-    north_m: float,
-    height_m: float,
-    attitude: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    told_yaw_rad: float | None = None,
-    seed: int = 1,
-    world: World = WORLD,
-) -> Frame:
+    east_m,
+    north_m,
+    height_m,
+    attitude=(0.0, 0.0, 0.0),
+    told_yaw_rad=None,
+    seed=1,
+    world=WORLD,
+):
     data = render(world, SPEC, Shot(east_m, north_m, height_m, SPEC.attitude(*attitude), 0.0, seed))
     roll, pitch, yaw = attitude
     told = SPEC.attitude(roll, pitch, yaw if told_yaw_rad is None else told_yaw_rad)
     return Frame(decoded(data), Pose(ORIGIN, height_m + 0.1, told), 0.0, CAMERA)
 
 
-def shown(taken: Frame) -> Patch:
+def shown(taken):
     found = patch(taken)
     assert found is not None
     return found
 
 
-def level(gray: np.ndarray) -> Frame:
+def level(gray):
     """A picture of level ground from 12 m: a pixel is 0.0315 m."""
     image = np.repeat(np.clip(gray, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
     return Frame(image, Pose(ORIGIN, 12.0, DOWN), 0.0, CAMERA)
@@ -112,7 +112,7 @@ def test_photographs_cut_twice():
 
 
 # --- what cannot ----------------------------------------------------------------------------
-def matched(a: np.ndarray, b: np.ndarray, expected_m: tuple[float, float] = (0.0, 0.0)) -> object:
+def matched(a, b, expected_m=(0.0, 0.0)):
     return match(shown(level(a)), shown(level(b)), expected_m, 3.0)
 
 

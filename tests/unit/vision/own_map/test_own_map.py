@@ -13,7 +13,7 @@ from sitl.camera.render import render
 from sitl.world.world import World, WorldSpec
 from tests.unit.vision.scene import decoded
 from vision.camera import Camera
-from vision.own_map.ground_patch import Patch, patch
+from vision.own_map.ground_patch import patch
 from vision.own_map.map_position import OwnMap
 from vision.projection import Frame
 
@@ -25,9 +25,7 @@ ERRORS = ToldErrors(satellites_m=0.3, pointing_m=0.03)
 
 
 @lru_cache(maxsize=512)
-def taken(
-    east_m: float, north_m: float, seed: float, height_m: float = 12.1, heading_rad: float = 0.0
-) -> Patch:
+def taken(east_m, north_m, seed, height_m=12.1, heading_rad=0.0):
     """From 12 m, level and towards north, whatever height and heading are told."""
     shot = Shot(east_m, north_m, 12.0, SPEC.attitude(0.0, 0.0, 0.0), 0.0, round(10 * seed))
     told = Pose(ORIGIN, height_m, SPEC.attitude(0.0, 0.0, heading_rad))
@@ -38,7 +36,7 @@ def taken(
     return found
 
 
-def there_and_back(k: int) -> tuple[float, float]:
+def there_and_back(k):
     """Thirty steps of 2 m to the north, and back over the same ground."""
     return 0.4 * (k >= 30), 2.0 * min(k, 60 - k)
 

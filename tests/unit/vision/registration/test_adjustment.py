@@ -10,7 +10,7 @@ import pytest
 from missions.geo.geodesy import LocalPlane
 from missions.geo.terrain import Terrain
 from missions.units import GridPoint
-from tests.unit.vision.scene import CAMERA, GRID, Shot, made_up, passes
+from tests.unit.vision.scene import CAMERA, GRID, made_up, passes
 from uavmap.photos.registration.refinement import Taken, refine
 from uavmap.photos.sources.photo_file import FileContent
 from uavmap.photos.sources.picture_record import Picture
@@ -27,13 +27,13 @@ from vision.registration.ground_plane import (
 )
 from vision.registration.normal_equations import Normal, sigmas
 from vision.registration.registering import register
-from vision.registration.views import Measured, View
+from vision.registration.views import Measured
 
 SIDE_M, STEP_M = 60.0, 2.0
 PLANE = LocalPlane(GRID.position(GridPoint(0.0, 0.0)))
 
 
-def terrain(slope: float, hill_m: float) -> Terrain:
+def terrain(slope, hill_m):
     """Rising towards the north-east, with hills 40 m long; 0 at the start."""
     steps = np.arange(-SIDE_M, SIDE_M + 1.0, STEP_M)
     east, north = np.meshgrid(steps, steps)
@@ -42,18 +42,18 @@ def terrain(slope: float, hill_m: float) -> Terrain:
     return Terrain(-SIDE_M, -SIDE_M, STEP_M, heights)
 
 
-def relief_of(ground: Terrain) -> Relief:
+def relief_of(ground):
     return Relief.of(ground, 0.0, lambda e, n: GRID.fixed(PLANE.to_wgs84(e, n)))
 
 
-def flown(ground: Relief, seed: int) -> list[Shot]:
+def flown(ground, seed):
     """Above the ground below by what the shots had above flat ground."""
     shots = passes(2, 4, 5.0, seed)
     level = ground.at(np.array([[s.east_m, s.north_m] for s in shots]))
     return [replace(s, height_m=s.height_m + h) for s, h in zip(shots, level, strict=True)]
 
 
-def with_ground(views: list[View], ground: Relief) -> list[View]:
+def with_ground(views, ground):
     return [
         replace(v, ground_m=float(ground.at(np.array([[v.east_m, v.north_m]]))[0])) for v in views
     ]
@@ -115,7 +115,7 @@ def test_poses_over_a_slope_come_back_above_the_start():
     assert np.abs(off).max() < 1.2  # up a tenth: the scale of the set is that of its geotags
 
 
-def random_system(views: int, seed: int) -> tuple[Normal, np.ndarray]:
+def random_system(views, seed):
     """Normal equations of made-up rows, and the same as one dense matrix."""
     rng = np.random.default_rng(seed)
     pairs = np.array([(i, j) for i in range(views) for j in range(i + 1, min(i + 3, views))])
@@ -173,7 +173,7 @@ def test_derivatives_of_a_transfer(slope):
     there = transfer(cameras, source, target, pixels)
     small = 1e-5 if slope is None else 1e-4
 
-    def slopes(step: np.ndarray, focal: np.ndarray) -> np.ndarray:
+    def slopes(step, focal):
         ahead, behind = (
             transfer(moved(cameras, way * step, way * focal), source, target, pixels).pixels
             for way in (small, -small)
