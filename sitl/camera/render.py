@@ -200,12 +200,7 @@ def _blend(upper: Picture, lower: Picture, mask: Gray) -> Picture:
 
 
 def _photographed(
-    world: World,
-    photo: Orthophoto,
-    camera: CameraSpec,
-    shot: Shot,
-    to_ground: Matrix,
-    meadow: Gray,
+    world: World, photo: Orthophoto, camera: CameraSpec, shot: Shot, to_ground: Matrix, meadow: Gray
 ) -> Picture:
     corners = _corners(camera)
     ground = to_ground @ corners

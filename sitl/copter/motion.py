@@ -49,11 +49,7 @@ class Motion:
     mode: IntEnum
 
     def __init__(
-        self,
-        body: Body,
-        airframe: Airframe,
-        parameters: Parameters,
-        follower: Follower,
+        self, body: Body, airframe: Airframe, parameters: Parameters, follower: Follower
     ) -> None:
         self.body = body
         self.parameters = parameters

@@ -149,11 +149,7 @@ class Faults:
         self._add("gps_glitch", after_s, for_s, *towards(finite(metres), toward_deg))
 
     def gps_drift(
-        self,
-        m_s: float,
-        toward_deg: float = 90.0,
-        after_s: float = 0.0,
-        for_s: float | None = None,
+        self, m_s: float, toward_deg: float = 90.0, after_s: float = 0.0, for_s: float | None = None
     ) -> None:
         """Move positions away by `m_s` towards a true bearing (spoofing)."""
         self._add("gps_drift", after_s, for_s, *towards(finite(m_s), toward_deg))
@@ -171,11 +167,7 @@ class Faults:
         self._add("compass", after_s, for_s, math.radians(finite(deg)))
 
     def wind_gust(
-        self,
-        m_s: float,
-        for_s: float | None = 5.0,
-        from_deg: float = 0.0,
-        after_s: float = 0.0,
+        self, m_s: float, for_s: float | None = 5.0, from_deg: float = 0.0, after_s: float = 0.0
     ) -> None:
         """Add wind, `m_s` from a true bearing."""
         self._add("wind_gust", after_s, for_s, *towards(finite(m_s), from_deg + 180.0))

@@ -34,13 +34,7 @@ class Px4Mode(IntEnum):
         return self >> 16 & 0xFF == MAIN_AUTO
 
 
-BY_HAND = (
-    Px4Mode.MANUAL,
-    Px4Mode.ALTITUDE,
-    Px4Mode.POSITION,
-    Px4Mode.ACRO,
-    Px4Mode.STABILIZED,
-)
+BY_HAND = (Px4Mode.MANUAL, Px4Mode.ALTITUDE, Px4Mode.POSITION, Px4Mode.ACRO, Px4Mode.STABILIZED)
 """Modes that need a radio control (`Quirks.stick`)."""
 LEVEL = tuple(mode for mode in BY_HAND if mode != Px4Mode.POSITION)
 """With the stick centred these keep level and the height, and drift with the wind."""

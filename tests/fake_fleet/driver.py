@@ -35,16 +35,7 @@ from missions.events import (
     Vote,
 )
 from missions.geo.braking import Course
-from missions.guardian import (
-    HASTE_M_S,
-    Guard,
-    Mode,
-    Seen,
-    Task,
-    corners_home,
-    quick_aim_m,
-    watch,
-)
+from missions.guardian import HASTE_M_S, Guard, Mode, Seen, Task, corners_home, quick_aim_m, watch
 from missions.orders import (
     AwaitBattery,
     FlyPath,

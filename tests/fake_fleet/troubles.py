@@ -256,10 +256,7 @@ ACTS: Final[dict[str, tuple[Act, Act]]] = {
     "battery cell": (_cell, _nothing),
     "battery sag": (_sag, _driver("hides_wh", lambda _: 0.0)),
     "poor swaps": (_poor_swaps, _nothing),
-    "process ends": (
-        lambda fleet, t: fleet.die(kill=t.word == "killed", away_s=t.size),
-        _nothing,
-    ),
+    "process ends": (lambda fleet, t: fleet.die(kill=t.word == "killed", away_s=t.size), _nothing),
     "recall": (lambda fleet, _: fleet.recall(), _nothing),
 }
 

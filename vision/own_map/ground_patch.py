@@ -160,10 +160,7 @@ def side_m(patch: Patch) -> float:
 
 
 def overlaps(
-    patch: Patch,
-    others: Iterable[Patch],
-    sides_m: Iterable[float],
-    away_m: NDArray[np.float64],
+    patch: Patch, others: Iterable[Patch], sides_m: Iterable[float], away_m: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the part of a patch that each of some others covers, as squares, 0 to 1.
 

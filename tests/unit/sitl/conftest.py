@@ -79,13 +79,7 @@ class Client:
     def velocity(self, east_m_s, north_m_s):
         return self._setpoint(0xDC7, velocity=(east_m_s, north_m_s))
 
-    def _setpoint(
-        self,
-        mask,
-        place=None,
-        height_m=0.0,
-        velocity=(0.0, 0.0),
-    ):
+    def _setpoint(self, mask, place=None, height_m=0.0, velocity=(0.0, 0.0)):
         at = LatLon(0.0, 0.0) if place is None else self.vehicle.world.plane.to_wgs84(*place)
         return self.send(
             mav.MAVLink_set_position_target_global_int_message(
