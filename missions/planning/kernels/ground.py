@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.planning.kernels.jit import kernel
+from missions.planning.kernels.jit import kernel, part
 from missions.planning.kernels.routes import Floats, Ints
 
 Picture = NDArray[np.int8]
@@ -13,7 +13,7 @@ Picture = NDArray[np.int8]
 UNLOOKED, LOOKED, IMAGINED = 1, 2, 3
 
 
-@kernel
+@part
 def unobserved(picture: Picture, width: int, cell: int) -> bool:
     """Whether nobody can say of a cell if it is ROI: not known, and next to none that was looked
     from."""
@@ -26,15 +26,15 @@ def unobserved(picture: Picture, width: int, cell: int) -> bool:
     )
 
 
-@kernel
+@part
 def is_compact(picture: Picture, width: int) -> bool:
     """Whether of the 2 x 2 squares with three cells of ROI at least a third is ROI altogether."""
-    known = np.flatnonzero(picture)
     whole, torn = 0, 0
-    for i in range(known.size):
+    for cell in range(picture.size):
+        if picture[cell] == 0:
+            continue
         for up in (-width, width):
             for right in (-1, 1):  # the known cell's square, and the corner across
-                cell = int(known[i])
                 if picture[cell + up] != 0 and picture[cell + right] != 0:
                     across = cell + up + right
                     if picture[across] != 0:
@@ -50,10 +50,11 @@ def imagine(picture: Picture, width: int) -> None:
     neighbours that are in it. Not where the ROI has not been compact so far."""
     if not is_compact(picture, width):
         return
-    unlooked = np.flatnonzero(picture == UNLOOKED)
-    for i in range(unlooked.size):
+    for cell in range(picture.size):
+        if picture[cell] != UNLOOKED:
+            continue
         for side in range(4):
-            there = int(unlooked[i]) + (width, 1, -width, -1)[side]
+            there = cell + (width, 1, -width, -1)[side]
             beside = 0
             for step in (width, 1, -width, -1):
                 if picture[there + step] != 0:
@@ -69,10 +70,15 @@ def survey(picture: Picture, width: int) -> tuple[Ints, Ints, Ints]:
 
     The outer three rows and columns of the picture are empty.
     """
-    cells = np.flatnonzero(picture).astype(np.int32)
     number = np.full(picture.size, -1, np.int32)
-    for i in range(cells.size):
-        number[cells[i]] = i
+    known = np.empty(picture.size, np.int32)
+    count = 0
+    for cell in range(picture.size):
+        if picture[cell] != 0:
+            known[count] = cell
+            number[cell] = count
+            count += 1
+    cells = known[:count].copy()
     near = np.empty((cells.size, 4), np.int32)
     unseen = np.zeros(cells.size, np.int32)
     for i in range(cells.size):

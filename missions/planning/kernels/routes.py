@@ -15,10 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.planning.kernels.jit import kernel
+from missions.planning.kernels.jit import copy_piece, kernel, part
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+Longs = NDArray[np.int64]
+"""Indices and counts, which add up with others; of both kinds a part would be compiled twice."""
 
 NEAR, ONE_FAR = 8, 8
 """How many nodes and robots are near a node; one attempt in so many takes any other instead."""
@@ -37,20 +39,20 @@ class Outlays(NamedTuple):
     """The weight of such a longer tour beside the tour as it is known."""
 
 
-@kernel
+@part
 def draw(state: int) -> int:
     """The next state of a small congruential generator; its upper bits, `state >> 8`, are drawn."""
     return (state * 1103515245 + 12345) & 0x7FFFFFFF
 
 
-@kernel
+@part
 def sixth(length: float) -> float:
     """What a tour of a length costs: (length + 1)^6."""
     square = (length + 1.0) * (length + 1.0)
     return square * square * square
 
 
-@kernel
+@part
 def price(
     outlays: Outlays,
     route: Ints,
@@ -71,11 +73,11 @@ def price(
     return cost + sixth(length + legs[last, home])
 
 
-@kernel
+@part
 def insert(
     outlays: Outlays,
     routes: Ints,
-    counts: Ints,
+    counts: Longs,
     costs: Floats,
     node: int,
 ) -> None:
@@ -84,7 +86,7 @@ def insert(
     best, best_robot, best_place = np.inf, 0, 0
     for robot in range(counts.size):
         count = counts[robot]
-        trial[1 : count + 1] = routes[robot, :count]
+        copy_piece(routes[robot], 0, count, trial, 1)
         for place in range(count + 1):
             trial[place] = node
             cost = price(outlays, trial, count + 1, robot) - costs[robot]
@@ -99,35 +101,35 @@ def insert(
     costs[best_robot] += best
 
 
-@kernel
+@part
 def _without(route: Ints, count: int, i: int, many: int, out: Ints) -> int:
     """Copy a route without its nodes i .. i+many-1."""
-    out[:i] = route[:i]
-    out[i : count - many] = route[i + many : count]
+    copy_piece(route, 0, i, out, 0)
+    copy_piece(route, i + many, count, out, i)
     return count - many
 
 
-@kernel
+@part
 def _spliced(
     route: Ints, count: int, j: int, piece: Ints, many: int, turned: bool, out: Ints
 ) -> int:
     """Copy a route with a piece of `many` nodes put before its place j, perhaps turned round."""
-    out[:j] = route[:j]
+    copy_piece(route, 0, j, out, 0)
     for place in range(many):
         out[j + place] = piece[many - 1 - place] if turned else piece[place]
-    out[j + many : count + many] = route[j:count]
+    copy_piece(route, j, count, out, j + many)
     return count + many
 
 
-@kernel
+@part
 def _crossed(left: Ints, i: int, right: Ints, j: int, count: int, out: Ints) -> int:
     """Copy the first i nodes of one route and what comes from place j of another."""
-    out[:i] = left[:i]
-    out[i : i + count - j] = right[j:count]
+    copy_piece(left, 0, i, out, 0)
+    copy_piece(right, j, count, out, i)
     return i + count - j
 
 
-@kernel
+@part
 def _reversed(route: Ints, count: int, i: int, j: int, out: Ints) -> int:
     """Copy a route with its nodes i .. j turned round."""
     for place in range(count):
@@ -135,9 +137,9 @@ def _reversed(route: Ints, count: int, i: int, j: int, out: Ints) -> int:
     return count
 
 
-@kernel
+@part
 def _take(
-    routes: Ints, counts: Ints, robot: int, trial: Ints, count: int, owner: Ints, place_of: Ints
+    routes: Ints, counts: Longs, robot: int, trial: Ints, count: int, owner: Longs, place_of: Longs
 ) -> None:
     counts[robot] = count
     for place in range(count):
@@ -147,7 +149,7 @@ def _take(
         place_of[node] = place
 
 
-@kernel
+@part
 def nearest(legs: Floats, nodes: int, starts: int, many: int) -> Ints:
     """For each node the `many` nearest of the other nodes and the `starts` robots, nearest first.
 
@@ -156,7 +158,8 @@ def nearest(legs: Floats, nodes: int, starts: int, many: int) -> Ints:
     found = np.zeros((nodes, many), np.int32)
     cost = np.empty(many)
     for node in range(nodes):
-        cost[:] = np.inf
+        for place in range(many):
+            cost[place] = np.inf
         for other in range(nodes + starts):
             if other == node or legs[node, other] >= cost[many - 1]:
                 continue
@@ -170,7 +173,7 @@ def nearest(legs: Floats, nodes: int, starts: int, many: int) -> Ints:
     return found
 
 
-@kernel
+@part
 def attempt(near: Ints, starts: int, state: int) -> tuple[int, int, bool, int, bool, float, int]:
     """What the local search tries next: bring a node beside another one or a robot, by relocating
     up to so many nodes, perhaps turned round, or else by turning or swapping pieces; the part of
@@ -192,11 +195,11 @@ def attempt(near: Ints, starts: int, state: int) -> tuple[int, int, bool, int, b
     return node, other, relocates, many, turned, (state >> 8) / 8388608.0, state
 
 
-@kernel
+@part
 def improve(
     outlays: Outlays,
     routes: Ints,
-    counts: Ints,
+    counts: Longs,
     costs: Floats,
     moves: int,
     heat: float,
@@ -210,12 +213,13 @@ def improve(
     cools down to nothing after four fifths of the attempts.
     """
     legs, nodes = outlays.legs, outlays.loads.size
-    owner, place_of = np.zeros(nodes, np.int32), np.zeros(nodes, np.int32)
+    owner, place_of = np.zeros(nodes, np.int64), np.zeros(nodes, np.int64)
     a, b, c = np.empty(nodes, np.int32), np.empty(nodes, np.int32), np.empty(nodes, np.int32)
+    total = 0.0
     for robot in range(counts.size):
-        _take(routes, counts, robot, routes[robot].copy(), counts[robot], owner, place_of)
+        _take(routes, counts, robot, routes[robot], counts[robot], owner, place_of)
+        total += costs[robot]
     near = nearest(legs, nodes, counts.size, min(NEAR, nodes + counts.size - 1))
-    total = costs.sum()
     for move in range(moves):
         node, other, relocates, many, turned, warmth, state = attempt(near, counts.size, state)
         warmth *= heat * (1.0 - 1.25 * move / moves)
@@ -235,7 +239,7 @@ def improve(
             piece = routes[mine, i : i + many]
             left = _without(routes[mine], count, i, many, a)
             if mine == theirs:
-                c[:left] = a[:left]
+                copy_piece(a, 0, left, c, 0)
                 left = _spliced(c, left, j - many if j > i else j, piece, many, turned, a)
             else:
                 right = _spliced(routes[theirs], other_count, j, piece, many, turned, b)
@@ -260,7 +264,7 @@ def improve(
                 _take(routes, counts, theirs, b, right, owner, place_of)
 
 
-@kernel
+@part
 def improve_alone(
     legs: Floats, route: Ints, length: float, moves: int, heat: float, state: int
 ) -> None:
@@ -271,9 +275,11 @@ def improve_alone(
     """
     nodes = route.size
     way = np.empty(nodes + 2, np.int32)  # from the robot through the nodes home
-    way[0], way[1 : nodes + 1], way[nodes + 1] = nodes, route, nodes + 1
-    place_of = np.empty(nodes + 1, np.int32)
-    place_of[way[: nodes + 1]] = np.arange(nodes + 1)
+    way[0], way[nodes + 1] = nodes, nodes + 1
+    copy_piece(route, 0, nodes, way, 1)
+    place_of = np.empty(nodes + 1, np.int64)
+    for place in range(nodes + 1):
+        place_of[way[place]] = place
     near = nearest(legs, nodes, 1, min(NEAR, nodes))
     for move in range(moves):
         node, other, relocates, many, turned, warmth, state = attempt(near, 1, state)
@@ -297,12 +303,12 @@ def improve_alone(
             )
             begin, end = min(i, j), max(last + 1, j)
             if gain < allowed:
-                if turned:
-                    way[i : last + 1] = way[i : last + 1][::-1].copy()
-                if j > last:
-                    _rotate(way, i, last + 1, j)
-                else:
-                    _rotate(way, j, i, last + 1)
+                # the piece and what it changes places with: each turned round, and both together
+                if not turned:
+                    _turn(way, i, last)
+                _turn(way, last + 1, j - 1)
+                _turn(way, j, i - 1)
+                _turn(way, begin, end - 1)
         else:  # the piece between the two turned round
             first, last = min(i + 1, j), max(i, j - 1)
             if first >= last:
@@ -315,31 +321,51 @@ def improve_alone(
             )
             begin, end = first, last + 1
             if gain < allowed:
-                way[first : last + 1] = way[first : last + 1][::-1].copy()
+                _turn(way, first, last)
         if gain < allowed:
             length += gain
             for place in range(begin, end):
                 place_of[way[place]] = place
-    route[:] = way[1 : nodes + 1]
+    copy_piece(way, 1, nodes + 1, route, 0)
 
 
-@kernel
-def _rotate(way: Ints, start: int, middle: int, end: int) -> None:
-    """Swap the neighbouring pieces start .. middle-1 and middle .. end-1."""
-    piece = way[start:middle].copy()
-    way[start : start + end - middle] = way[middle:end].copy()
-    way[start + end - middle : end] = piece
+@part
+def _turn(way: Ints, first: int, last: int) -> None:
+    """Turn the places first .. last round; nothing where last is before first."""
+    while first < last:
+        held = way[first]
+        way[first] = way[last]
+        way[last] = held
+        first += 1
+        last -= 1
+
+
+@part
+def _begin(
+    outlays: Outlays, last: Ints, last_counts: Longs, routes: Ints, counts: Longs, costs: Floats
+) -> None:
+    """Take over the last routes, and insert the nodes that they lack."""
+    placed = np.zeros(outlays.loads.size, np.bool_)
+    for robot in range(counts.size):
+        counts[robot] = last_counts[robot]
+        for place in range(counts[robot]):
+            routes[robot, place] = last[robot, place]
+            placed[last[robot, place]] = True
+        costs[robot] = price(outlays, routes[robot], counts[robot], robot)
+    for node in range(outlays.loads.size):
+        if not placed[node]:
+            insert(outlays, routes, counts, costs, node)
 
 
 @kernel
 def arrange(
     outlays: Outlays,
     last: Ints,
-    last_counts: Ints,
+    last_counts: Longs,
     moves: int,
     heat: float,
     state: int,
-) -> tuple[Ints, Ints]:
+) -> tuple[Ints, Longs]:
     """Routes through all nodes, and how many nodes each has.
 
     Args:
@@ -352,18 +378,13 @@ def arrange(
     """
     nodes, robots = outlays.loads.size, last_counts.size
     routes = np.zeros((robots, nodes), np.int32)
-    counts = last_counts.copy()
+    counts = np.empty(robots, np.int64)
     costs = np.zeros(robots, np.float64)
-    placed = np.zeros(nodes, np.bool_)
-    for robot in range(robots):
-        for place in range(counts[robot]):
-            routes[robot, place] = last[robot, place]
-            placed[last[robot, place]] = True
-        costs[robot] = price(outlays, routes[robot], counts[robot], robot)
+    _begin(outlays, last, last_counts, routes, counts, costs)
+    behind = 0.0
     for node in range(nodes):
-        if not placed[node]:
-            insert(outlays, routes, counts, costs, node)
-    if nodes > 1 and robots == 1 and not outlays.behind.any():
+        behind = max(behind, outlays.behind[node])
+    if nodes > 1 and robots == 1 and behind == 0.0:
         length = costs[0] ** (1.0 / 6.0) - 1.0
         improve_alone(outlays.legs, routes[0], length, moves, heat, state)
     elif nodes > 1:

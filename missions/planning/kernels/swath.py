@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.planning.kernels.jit import draw, kernel, team_s, uniform
+from missions.planning.kernels.jit import draw, kernel, part, team_s, uniform
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -133,7 +133,7 @@ class _Trial(NamedTuple):
     block: Floats
 
 
-@kernel
+@part
 def new_room() -> Room:
     """Empty arrays for one path."""
     return Room(
@@ -145,7 +145,7 @@ def new_room() -> Room:
     )
 
 
-@kernel
+@part
 def _wrap(angle: float) -> float:
     """The same angle between -pi and pi."""
     while angle > math.pi:
@@ -155,13 +155,13 @@ def _wrap(angle: float) -> float:
     return angle
 
 
-@kernel
+@part
 def _length(x: float, y: float) -> float:
     """The length of a vector; a compiled `math.hypot` would round otherwise than Python's."""
     return math.sqrt(x * x + y * y)
 
 
-@kernel
+@part
 def _append(rows: Floats, n: int, row: tuple[float, ...]) -> int:
     """Write row `n` of pieces or segments, in the order of the columns; returns `n` + 1."""
     for column in range(len(row)):
@@ -169,8 +169,16 @@ def _append(rows: Floats, n: int, row: tuple[float, ...]) -> int:
     return n + 1
 
 
+@part
+def _copy_rows(source: Floats, begin: int, end: int, target: Floats, at: int) -> None:
+    """Copy the rows `begin` to `end` - 1 to the rows of `target` from `at` on."""
+    for k in range(begin, end):
+        for column in range(source.shape[1]):
+            target[at + k - begin, column] = source[k, column]
+
+
 # --- paths --------------------------------------------------------------------------------------
-@kernel
+@part
 def _turn_towards(
     par: Floats,
     pieces: Floats,
@@ -211,7 +219,7 @@ def _turn_towards(
     return n, x, y, toward, length
 
 
-@kernel
+@part
 def _cut_corner(
     par: Floats,
     pieces: Floats,
@@ -246,7 +254,7 @@ def _cut_corner(
     return n, x, y, after - ahead
 
 
-@kernel
+@part
 def lay_pieces(
     par: Floats,
     lead: Floats,
@@ -268,7 +276,7 @@ def lay_pieces(
     """
     if n_lead < 0:
         return -1
-    pieces[:n_lead] = lead[:n_lead]
+    _copy_rows(lead, 0, n_lead, pieces, 0)
     n = n_lead
     if turn_v < SLOW:
         if n > 0:
@@ -312,7 +320,7 @@ def lay_pieces(
 
 
 # --- profiles -----------------------------------------------------------------------------------
-@kernel
+@part
 def _limit_speeds(par: Floats, pieces: Floats, n: int, caps: Floats) -> None:
     """The highest speed before each piece, from which all that follows can be flown."""
     for i in range(n):
@@ -327,7 +335,7 @@ def _limit_speeds(par: Floats, pieces: Floats, n: int, caps: Floats) -> None:
         caps[i] = min(caps[i], ahead)
 
 
-@kernel
+@part
 def _fly_line(
     segs: Floats, n: int, t: float, piece: Floats, start: float, end: float, accel: float
 ) -> tuple[int, float]:
@@ -352,7 +360,7 @@ def _fly_line(
     return n, t
 
 
-@kernel
+@part
 def profile(
     par: Floats, pieces: Floats, n: int, v0: float, caps: Floats, segs: Floats
 ) -> tuple[int, float]:
@@ -386,7 +394,7 @@ def profile(
     return count, t
 
 
-@kernel
+@part
 def place(segs: Floats, i: int, dt: float, out: Floats) -> None:
     """Into `out`: x, y, v_x, v_y, a_x, a_y in segment `i`, `dt` seconds after its begin."""
     v = segs[i, S_V] + segs[i, S_A] * dt
@@ -410,7 +418,7 @@ def place(segs: Floats, i: int, dt: float, out: Floats) -> None:
     out[3] = v * sin
 
 
-@kernel
+@part
 def _along(piece: Floats, way: float) -> tuple[float, float, float]:
     """(x, y, heading) `way` metres into a piece."""
     x, y, h, curve = piece[P_X], piece[P_Y], piece[P_HEADING], piece[P_CURVE]
@@ -535,7 +543,7 @@ def frames(
     return count
 
 
-@kernel
+@part
 def _cover(
     shown: Indices, times: Singles, n: int, cells: Cells, urgent: float, fade: float, step: int
 ) -> float:
@@ -586,7 +594,7 @@ def worth_of_rest(
     return _cover(shown, times, count, cells, urgent, par[FADE_1_S], 1)
 
 
-@kernel
+@part
 def _forbidden(segs: Floats, n: int, total_s: float, cells: Cells, out: Floats) -> bool:
     """Whether a profile leads over a cell that is not allowed."""
     west, south, width, height, cell_m = cells.grid
@@ -605,7 +613,7 @@ def _forbidden(segs: Floats, n: int, total_s: float, cells: Cells, out: Floats) 
 
 
 # --- what a plan costs --------------------------------------------------------------------------
-@kernel
+@part
 def _evaluate(
     v: int,
     choice: int,
@@ -632,7 +640,7 @@ def _evaluate(
 
 
 # --- what is tried ------------------------------------------------------------------------------
-@kernel
+@part
 def _cheapest(
     way: Floats, m: int, start_x: float, start_y: float, x: float, y: float
 ) -> tuple[int, float]:
@@ -648,7 +656,7 @@ def _cheapest(
     return best, best_m
 
 
-@kernel
+@part
 def _insert(way: Floats, m: int, at: int, x: float, y: float, cut: float) -> int:
     for k in range(m, at, -1):
         for axis in range(3):
@@ -659,24 +667,22 @@ def _insert(way: Floats, m: int, at: int, x: float, y: float, cut: float) -> int
     return m + 1
 
 
-@kernel
+@part
 def _remove(way: Floats, m: int, at: int, length: int) -> int:
-    for k in range(at, m - length):
-        for axis in range(3):
-            way[k, axis] = way[k + length, axis]
+    _copy_rows(way, at + length, m, way, at)
     return m - length
 
 
-@kernel
+@part
 def _begin_trial(trial: _Trial, side: int, v: int, ways: Ways) -> None:
     """Copy the waypoints of a vehicle to a side of the trial."""
     m = ways.counts[v]
     trial.who[side] = v
     trial.counts[side] = m
-    trial.points[side, :m] = ways.points[v, :m]
+    _copy_rows(ways.points[v], 0, m, trial.points[side], 0)
 
 
-@kernel
+@part
 def _most_missed(cells: Cells, candidates: Ints, random: Ints) -> int:
     """Of six drawn cells the one whose missing frames are worth most; -1 where none misses any."""
     worst, found = 0.0, -1
@@ -690,7 +696,7 @@ def _most_missed(cells: Cells, candidates: Ints, random: Ints) -> int:
     return found
 
 
-@kernel
+@part
 def _show(
     c: int, v: int, nearest: bool, team: Team, ways: Ways, cells: Cells, random: Ints, trial: _Trial
 ) -> bool:
@@ -721,18 +727,7 @@ def _show(
     return True
 
 
-@kernel
-def _begin_otherwise(v: int, team: Team, ways: Ways, random: Ints, trial: _Trial) -> bool:
-    """Take another lead-in."""
-    choice = draw(random, LEADS)
-    if team.v0[v] < SLOW or choice == ways.choices[v]:
-        return False
-    _begin_trial(trial, 0, v, ways)
-    trial.choice[0] = choice
-    return True
-
-
-@kernel
+@part
 def _bend(trial: _Trial, random: Ints) -> bool:
     """Cut a corner twice as far, or half."""
     k = draw(random, trial.counts[0] - 1)
@@ -740,7 +735,7 @@ def _bend(trial: _Trial, random: Ints) -> bool:
     return bool(0.2 <= trial.points[0, k, 2] <= 20.0)
 
 
-@kernel
+@part
 def _shift(trial: _Trial, lattice: float, random: Ints) -> bool:
     """Move a waypoint a little."""
     k = draw(random, trial.counts[0] - 1)
@@ -750,7 +745,7 @@ def _shift(trial: _Trial, lattice: float, random: Ints) -> bool:
     return True
 
 
-@kernel
+@part
 def _turn_round(trial: _Trial, random: Ints) -> bool:
     """Fly a part of the way the other way round."""
     m = trial.counts[0]
@@ -766,18 +761,18 @@ def _turn_round(trial: _Trial, random: Ints) -> bool:
     return True
 
 
-@kernel
+@part
 def _take_block(trial: _Trial, random: Ints) -> int:
     """Cut some waypoints out of the first way into the block; returns their number."""
     m = trial.counts[0]
     k = draw(random, m - 1)
     length: int = min(1 + draw(random, _BLOCK), m - 1 - k)
-    trial.block[:length] = trial.points[0, k : k + length]
+    _copy_rows(trial.points[0], k, k + length, trial.block, 0)
     trial.counts[0] = _remove(trial.points[0], m, k, length)
     return length
 
 
-@kernel
+@part
 def _put_block(trial: _Trial, side: int, at: int, length: int, random: Ints) -> None:
     """Insert the block, forwards or backwards."""
     back = uniform(random) < 0.5
@@ -788,7 +783,7 @@ def _put_block(trial: _Trial, side: int, at: int, length: int, random: Ints) -> 
         )
 
 
-@kernel
+@part
 def _hand_over(u: int, team: Team, ways: Ways, random: Ints, trial: _Trial) -> bool:
     """Give some waypoints of the first vehicle to `u`."""
     if ways.counts[u] + _BLOCK >= MOST_WAYPOINTS:
@@ -803,7 +798,7 @@ def _hand_over(u: int, team: Team, ways: Ways, random: Ints, trial: _Trial) -> b
     return True
 
 
-@kernel
+@part
 def _swap_tails(v: int, u: int, ways: Ways, random: Ints, trial: _Trial) -> bool:
     """Exchange the later waypoints of two vehicles; each keeps its own end."""
     m, m2 = ways.counts[v], ways.counts[u]
@@ -812,30 +807,50 @@ def _swap_tails(v: int, u: int, ways: Ways, random: Ints, trial: _Trial) -> bool
     if new_m >= MOST_WAYPOINTS or new_m2 >= MOST_WAYPOINTS:
         return False
     _begin_trial(trial, 1, u, ways)
-    trial.points[0, k : new_m - 1] = ways.points[u, k2 : m2 - 1]
-    trial.points[1, k2 : new_m2 - 1] = ways.points[v, k : m - 1]
-    trial.points[0, new_m - 1] = ways.points[v, m - 1]
-    trial.points[1, new_m2 - 1] = ways.points[u, m2 - 1]
+    _copy_rows(ways.points[u], k2, m2 - 1, trial.points[0], k)
+    _copy_rows(ways.points[v], k, m - 1, trial.points[1], k2)
+    _copy_rows(ways.points[v], m - 1, m, trial.points[0], new_m - 1)
+    _copy_rows(ways.points[u], m2 - 1, m2, trial.points[1], new_m2 - 1)
     trial.counts[0], trial.counts[1] = new_m, new_m2
     return True
 
 
-@kernel
-def _try_something(
-    team: Team, ways: Ways, cells: Cells, candidates: Ints, random: Ints, trial: _Trial
+@part
+def _propose(
+    turn: int,
+    team: Team,
+    ways: Ways,
+    cells: Cells,
+    candidates: Ints,
+    urgent: float,
+    random: Ints,
+    trial: _Trial,
 ) -> bool:
-    """Draw a change into the trial; returns whether there is one."""
+    """Draw a change into the trial, first to show each candidate in its turn.
+
+    Returns whether there is a change.
+    """
+    trial.who[1] = -1
+    trial.choice[0] = -1
+    if turn < candidates.shape[0]:
+        c = candidates[turn]
+        return bool(
+            cells.worth[c] >= urgent
+            and cells.cover[c] < cells.need[c]
+            and _show(c, 0, True, team, ways, cells, random, trial)
+        )
     vehicles = ways.counts.shape[0]
     kind = uniform(random)
     v = draw(random, vehicles) if vehicles > 1 else 0
     if kind < 0.3:
         c = _most_missed(cells, candidates, random)
         nearest = uniform(random) < 0.5
-        return c >= 0 and _show(c, v, nearest, team, ways, cells, random, trial)
+        return bool(c >= 0 and _show(c, v, nearest, team, ways, cells, random, trial))
     m = ways.counts[v]
-    if kind < 0.33 or m < 2:
-        return _begin_otherwise(v, team, ways, random, trial)
     _begin_trial(trial, 0, v, ways)
+    if kind < 0.33 or m < 2:  # another lead-in
+        trial.choice[0] = draw(random, LEADS)
+        return bool(team.v0[v] >= SLOW and trial.choice[0] != ways.choices[v])
     if kind < 0.4:
         return _bend(trial, random)
     if kind < 0.65:
@@ -860,11 +875,12 @@ def _try_something(
 
 
 # --- the search ---------------------------------------------------------------------------------
-@kernel
+@part
 def _keep_trial(trial: _Trial, after: Floats, ways: Ways, hits: _Hits) -> None:
     """Make the trial the plan; the rows of `hits` change places."""
     vehicles = ways.counts.shape[0]
-    ways.total[:] = after
+    for v in range(vehicles):
+        ways.total[v] = after[v]
     if trial.choice[0] >= 0:
         ways.choices[trial.who[0]] = trial.choice[0]
     for side in range(2):
@@ -872,27 +888,46 @@ def _keep_trial(trial: _Trial, after: Floats, ways: Ways, hits: _Hits) -> None:
         if w < 0:
             continue
         m = trial.counts[side]
-        ways.points[w, :m] = trial.points[side, :m]
+        _copy_rows(trial.points[side], 0, m, ways.points[w], 0)
         ways.counts[w] = m
         spare = hits.row[vehicles + side]
         hits.row[vehicles + side] = hits.row[w]
         hits.row[w] = spare
 
 
-@kernel
+@part
 def _copy(source: Ways, target: Ways) -> None:
-    target.points[:] = source.points
-    target.counts[:] = source.counts
-    target.choices[:] = source.choices
-    target.total[:] = source.total
+    for v in range(source.counts.shape[0]):
+        _copy_rows(source.points[v], 0, source.counts[v], target.points[v], 0)
+        target.counts[v] = source.counts[v]
+        target.choices[v] = source.choices[v]
+        target.total[v] = source.total[v]
 
 
-@kernel
+@part
 def _cover_row(hits: _Hits, row: int, cells: Cells, urgent: float, fade: float, step: int) -> float:
     return _cover(hits.cells[row], hits.times[row], hits.counts[row], cells, urgent, fade, step)
 
 
-@kernel
+@part
+def _cover_plan(
+    hits: _Hits, vehicles: int, cells: Cells, urgent: float, fade: float, step: int
+) -> float:
+    gain = 0.0
+    for v in range(vehicles):
+        gain += _cover_row(hits, hits.row[v], cells, urgent, fade, step)
+    return gain
+
+
+@part
+def _evaluate_plan(team: Team, ways: Ways, cells: Cells, room: Room, hits: _Hits) -> None:
+    for v in range(ways.counts.shape[0]):
+        ways.total[v] = _evaluate(
+            v, ways.choices[v], ways.points[v], ways.counts[v], team, cells, room, hits, v
+        )
+
+
+@part
 def _weigh(
     trial: _Trial,
     team: Team,
@@ -910,7 +945,8 @@ def _weigh(
     vehicles = ways.counts.shape[0]
     fade = team.pars[0, FADE_1_S]
     gain = 0.0
-    after[:] = ways.total
+    for v in range(vehicles):
+        after[v] = ways.total[v]
     for side in range(2):
         w = trial.who[side]
         if w >= 0:
@@ -930,7 +966,7 @@ def _weigh(
     return gain
 
 
-@kernel
+@part
 def _undo(
     trial: _Trial, cells: Cells, hits: _Hits, vehicles: int, urgent: float, fade: float
 ) -> None:
@@ -979,12 +1015,8 @@ def improve(
         np.zeros(1, np.int64),
         np.empty((_BLOCK, 3)),
     )
-    gain = 0.0
-    for v in range(vehicles):
-        ways.total[v] = _evaluate(
-            v, ways.choices[v], ways.points[v], ways.counts[v], team, cells, room, hits, v
-        )
-        gain += _cover_row(hits, v, cells, urgent, fade, 1)
+    _evaluate_plan(team, ways, cells, room, hits)
+    gain = _cover_plan(hits, vehicles, cells, urgent, fade, 1)
     cost = team_s(ways.total, last) - gain
     best = Ways(ways.points.copy(), ways.counts.copy(), ways.choices.copy(), ways.total.copy())
     best_cost = cost
@@ -992,18 +1024,10 @@ def improve(
     temperature = hot
     cooling = (cold / hot) ** (1.0 / max(1, moves))
     for turn in range(candidates.shape[0] + moves):
-        trial.who[1] = -1
-        trial.choice[0] = -1
-        if turn < candidates.shape[0]:
-            c = candidates[turn]
-            if cells.worth[c] < urgent or cells.cover[c] >= cells.need[c]:
-                continue
-            if not _show(c, 0, True, team, ways, cells, random, trial):
-                continue
-        else:
+        if turn >= candidates.shape[0]:
             temperature *= cooling
-            if not _try_something(team, ways, cells, candidates, random, trial):
-                continue
+        if not _propose(turn, team, ways, cells, candidates, urgent, random, trial):
+            continue
         more = _weigh(trial, team, ways, cells, room, hits, urgent, after)
         new_cost = team_s(after, last) - gain - more
         rise = new_cost - cost
@@ -1019,7 +1043,6 @@ def improve(
         if cost < best_cost - 1e-9:
             best_cost = cost
             _copy(ways, best)
-    for v in range(vehicles):
-        _cover_row(hits, hits.row[v], cells, urgent, fade, -1)
+    _cover_plan(hits, vehicles, cells, urgent, fade, -1)
     _copy(best, ways)
     return best_cost

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.planning.kernels.jit import draw, kernel, team_s, uniform
+from missions.planning.kernels.jit import copy_piece, draw, kernel, part, team_s, uniform
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -44,6 +44,16 @@ class Crew(NamedTuple):
     """By how much corners are cut."""
 
 
+@part
+def _richest(row: Ints) -> int:
+    """The first place of the largest number."""
+    best = 0
+    for j in range(1, row.shape[0]):
+        if row[j] > row[best]:
+            best = j
+    return best
+
+
 @kernel
 def look_from(
     work: Flags, columns: int, rows: int, wide: int, high: int, places: Floats, of: Ints
@@ -67,7 +77,7 @@ def look_from(
                         seen[i, j] += 1
     best = np.zeros(tall, np.int64)  # the best of each row of rectangles
     for i in range(tall):
-        best[i] = np.argmax(seen[i])
+        best[i] = _richest(seen[i])
     count = 0
     while count < places.shape[0]:
         at = 0
@@ -87,14 +97,14 @@ def look_from(
                         for j in range(max(0, c - wide + 1), min(broad, c + 1)):
                             seen[i, j] -= 1
         for i in range(max(0, at - high + 1), min(tall, at + high)):
-            best[i] = np.argmax(seen[i])
+            best[i] = _richest(seen[i])
         places[count, 0] = j0 + 0.5 * (wide - 1)
         places[count, 1] = at + 0.5 * (high - 1)
         count += 1
     return count
 
 
-@kernel
+@part
 def _corner_v(
     speed: float,
     accel: float,
@@ -121,7 +131,7 @@ def _corner_v(
     return min(speed, math.sqrt(accel * radius))
 
 
-@kernel
+@part
 def _leg_s(length: float, first: float, last: float, speed: float, accel: float) -> float:
     """The time of a leg between two speeds, as if either could be reached."""
     if length < 1e-6:
@@ -136,7 +146,7 @@ def _leg_s(length: float, first: float, last: float, speed: float, accel: float)
     return (up + down) / accel + max(0.0, flat) / peak
 
 
-@kernel
+@part
 def tour_s(crew: Crew, v: int, places: Floats, order: Ints, m: int) -> float:
     """How long a vehicle flies past `m` places, and to its end; its delay is counted."""
     speed, accel, cut = crew.speed[v], crew.accel, crew.cut_m
@@ -176,7 +186,8 @@ def begin_with(crew: Crew, places: Floats, n: int, order: Ints, counts: Ints) ->
     at = crew.start.copy()
     busy = crew.begin_s.copy()
     free = np.ones(n, np.uint8)
-    counts[:] = 0
+    for v in range(vehicles):
+        counts[v] = 0
     for _ in range(n):
         v, soonest, least = 0, _NOWHERE, -1
         for w in range(vehicles):
@@ -200,7 +211,7 @@ def begin_with(crew: Crew, places: Floats, n: int, order: Ints, counts: Ints) ->
         free[least] = 0
 
 
-@kernel
+@part
 def neighbours(places: Floats, n: int, near: Ints) -> None:
     """Into each row of `near` the numbers of those places that are nearest to a place."""
     many = near.shape[1]
@@ -224,7 +235,7 @@ def neighbours(places: Floats, n: int, near: Ints) -> None:
             found = min(found + 1, many)
 
 
-@kernel
+@part
 def _move(
     order: Ints, counts: Ints, v: int, i: int, length: int, u: int, j: int, back: bool,
     first: Ints, second: Ints, new: Ints,
@@ -247,18 +258,16 @@ def _move(
                 at += 1
         new[0] = m
         return
-    for k in range(rest):
-        first[k] = order[v, k if k < i else k + length]
-    for k in range(j):
-        second[k] = order[u, k]
+    copy_piece(order[v], 0, i, first, 0)
+    copy_piece(order[v], i + length, m, first, i)
+    copy_piece(order[u], 0, j, second, 0)
     for b in range(length):
         second[j + b] = order[v, i + (length - 1 - b if back else b)]
-    for k in range(j, counts[u]):
-        second[k + length] = order[u, k]
+    copy_piece(order[u], j, counts[u], second, j + length)
     new[0], new[1] = rest, counts[u] + length
 
 
-@kernel
+@part
 def _change(
     order: Ints, counts: Ints, v: int, i: int, u: int, j: int, random: Ints,
     first: Ints, second: Ints, new: Ints,
@@ -270,17 +279,17 @@ def _change(
         low, high = (i + 1, j) if i < j else (j, i - 1)
         if low >= high:
             return False
-        first[:m] = order[v, :m]
+        copy_piece(order[v], 0, m, first, 0)
         for k in range(high - low + 1):
             first[low + k] = order[v, high - k]
         new[0] = m
         return True
     if u != v and kind < 0.3:  # each goes on with what the other would have done
         m2 = counts[u]
-        first[: i + 1] = order[v, : i + 1]
-        first[i + 1 : i + 1 + m2 - j] = order[u, j:m2]
-        second[:j] = order[u, :j]
-        second[j : j + m - i - 1] = order[v, i + 1 : m]
+        copy_piece(order[v], 0, i + 1, first, 0)
+        copy_piece(order[u], j, m2, first, i + 1)
+        copy_piece(order[u], 0, j, second, 0)
+        copy_piece(order[v], i + 1, m, second, j)
         new[0], new[1] = i + 1 + m2 - j, j + m - i - 1
         return True
     length = min(m - i, 1 + int(_LONGEST * uniform(random) ** 4))
@@ -291,6 +300,30 @@ def _change(
     to = j + (1 if uniform(random) < 0.5 else 0)
     _move(order, counts, v, i, length, u, to, uniform(random) < 0.5, first, second, new)
     return True
+
+
+@part
+def _propose(
+    order: Ints, counts: Ints, near: Ints, who: Ints, which: Ints, random: Ints,
+    first: Ints, second: Ints, new: Ints,
+) -> tuple[int, int]:  # fmt: skip
+    """Draw other tours for two vehicles, or twice the same one; (-1, -1) where there are none."""
+    a = draw(random, near.shape[0])
+    v, i = who[a], which[a]
+    kind = uniform(random)
+    if near.shape[1] > 0 and kind < 0.95:
+        b = near[a, draw(random, near.shape[1])]
+        u = who[b]
+        if not _change(order, counts, v, i, u, which[b], random, first, second, new):
+            return -1, -1
+        return v, u
+    u = draw(random, counts.shape[0])  # anywhere, also to one that has no places
+    if u == v:
+        return -1, -1
+    length = min(counts[v] - i, 1 + int(_LONGEST * uniform(random) ** 2))
+    j = draw(random, counts[u] + 1)
+    _move(order, counts, v, i, length, u, j, kind < 0.975, first, second, new)
+    return v, u
 
 
 @kernel
@@ -305,42 +338,34 @@ def anneal(
     last: float,
     random: Ints,
 ) -> float:
-    """Search tours that take less time, in place; returns the seconds of the team."""
+    """Search tours that take less time, in place; returns the seconds of the team.
+
+    `order` has a row for each vehicle, a column more than there are places; `counts` says how many
+    of a row are meant. Each place is in one tour.
+    """
     vehicles = counts.shape[0]
     total = np.empty(vehicles)
     for v in range(vehicles):
         total[v] = tour_s(crew, v, places, order[v], counts[v])
     cost = team_s(total, last)
-    best, best_counts, best_cost = order.copy(), counts.copy(), cost
+    best, best_counts, best_cost = np.empty(order.shape, np.int64), np.empty_like(counts), cost
+    _copy(order, counts, best, best_counts)
     first, second = np.empty(order.shape[1], np.int64), np.empty(order.shape[1], np.int64)
     new = np.zeros(2, np.int64)
     after = np.empty(vehicles)
-    n = int(counts.sum())
-    near = np.zeros((n, min(_NEAR, n - 1)), np.int64)
+    n = order.shape[1] - 1
+    near = np.empty((n, min(_NEAR, n - 1)), np.int64)
     neighbours(places, n, near)
     who, which = np.empty(n, np.int64), np.empty(n, np.int64)
     for v in range(vehicles):
-        for k in range(counts[v]):
-            who[order[v, k]], which[order[v, k]] = v, k
+        _keep(order, counts, v, order[v], counts[v], who, which)
     temperature, cooling = hot, (cold / hot) ** (1.0 / max(1, moves))
     for _ in range(moves):
         temperature *= cooling
-        a = draw(random, n)
-        v, i = who[a], which[a]
-        kind = uniform(random)
-        if near.shape[1] > 0 and kind < 0.95:
-            b = near[a, draw(random, near.shape[1])]
-            u, j = who[b], which[b]
-            if not _change(order, counts, v, i, u, j, random, first, second, new):
-                continue
-        else:  # anywhere, also to one that has no places
-            u = draw(random, vehicles)
-            if u == v:
-                continue
-            length = min(counts[v] - i, 1 + int(_LONGEST * uniform(random) ** 2))
-            j = draw(random, counts[u] + 1)
-            _move(order, counts, v, i, length, u, j, kind < 0.975, first, second, new)
-        after[:] = total
+        v, u = _propose(order, counts, near, who, which, random, first, second, new)
+        if v < 0:
+            continue
+        copy_piece(total, 0, vehicles, after, 0)
         after[v] = tour_s(crew, v, places, first, new[0])
         if u != v:
             after[u] = tour_s(crew, u, places, second, new[1])
@@ -348,20 +373,28 @@ def anneal(
         if rise >= 0.0 and uniform(random) >= math.exp(-rise / temperature):
             continue
         cost += rise
-        total[:] = after
-        counts[v] = new[0]
-        for k in range(new[0]):
-            order[v, k] = first[k]
-            who[first[k]], which[first[k]] = v, k
+        copy_piece(after, 0, vehicles, total, 0)
+        _keep(order, counts, v, first, new[0], who, which)
         if u != v:
-            counts[u] = new[1]
-            for k in range(new[1]):
-                order[u, k] = second[k]
-                who[second[k]], which[second[k]] = u, k
+            _keep(order, counts, u, second, new[1], who, which)
         if cost < best_cost - 1e-9:
             best_cost = cost
-            best[:] = order
-            best_counts[:] = counts
-    order[:] = best
-    counts[:] = best_counts
+            _copy(order, counts, best, best_counts)
+    _copy(best, best_counts, order, counts)
     return best_cost
+
+
+@part
+def _keep(order: Ints, counts: Ints, v: int, tour: Ints, m: int, who: Ints, which: Ints) -> None:
+    """Make the first `m` places of `tour` those of a vehicle."""
+    counts[v] = m
+    for k in range(m):
+        order[v, k] = tour[k]
+        who[tour[k]], which[tour[k]] = v, k
+
+
+@part
+def _copy(order: Ints, counts: Ints, to: Ints, to_counts: Ints) -> None:
+    for v in range(counts.shape[0]):
+        copy_piece(order[v], 0, counts[v], to[v], 0)
+        to_counts[v] = counts[v]

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from missions.planning.kernels.jit import kernel
+from missions.planning.kernels.jit import kernel, part
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -19,7 +19,7 @@ Flags = NDArray[np.uint8]
 _NEAR = 2  # cells each way that say what a cell beside them may be
 
 
-@kernel
+@part
 def _beside(c: int, side: int, width: int, height: int) -> int:
     """The neighbour of a cell on a side (0 to 3), or -1 outside of the window; 4 is itself."""
     i = c % width + (1 if side == 0 else -1 if side == 1 else 0)
@@ -29,13 +29,14 @@ def _beside(c: int, side: int, width: int, height: int) -> int:
     return j * width + i
 
 
-@kernel
+@part
 def flood(positive: Flags, root: int, width: int, height: int, member: Flags, queue: Ints) -> int:
     """Mark in `member` the cells of `positive` that are connected with `root`; how many.
 
     They are in `queue`, nearest first.
     """
-    member[:] = 0
+    for c in range(width * height):
+        member[c] = 0
     if root < 0 or positive[root] == 0:
         return 0
     member[root] = 1
@@ -53,12 +54,12 @@ def flood(positive: Flags, root: int, width: int, height: int, member: Flags, qu
     return tail
 
 
-@kernel
+@part
 def _decided(yes: Ints, no: Ints, c: int, majority: int, against: int) -> bool:
     return bool(yes[c] >= majority or no[c] >= against)
 
 
-@kernel
+@part
 def chance_of_roi(yes: Ints, no: Ints, c: int, width: int, height: int) -> float:
     """The chance of a cell to be ROI by those around it: Laplace's rule over 5 x 5."""
     roi, other = 0, 0
@@ -73,7 +74,7 @@ def chance_of_roi(yes: Ints, no: Ints, c: int, width: int, height: int) -> float
     return (1.0 + roi) / (2.0 + roi + other)
 
 
-@kernel
+@part
 def _chance_to_be_work(
     d: int, yes: Ints, no: Ints, width: int, height: int, chance: Floats
 ) -> float:
@@ -120,11 +121,9 @@ def value(
     against = frames - majority + 1
     positive = np.zeros(cells, np.uint8)
     for c in range(cells):
+        worth[c], need[c], chance[c] = 0.0, 0, 0.0
         if yes[c] > no[c] or (c == root and yes[c] >= no[c]):
             positive[c] = 1
-    worth[:] = 0.0
-    need[:] = 0
-    chance[:] = 0.0
     region = np.empty(cells, np.int64)
     if root >= 0:
         members = flood(positive, root, width, height, member, region)

@@ -194,7 +194,7 @@ class Sites:
         before = np.zeros((len(rows), max(map(len, rows))), np.int32)
         for row, nodes in zip(before, rows, strict=True):
             row[: len(nodes)] = nodes
-        lengths = np.array([len(nodes) for nodes in rows], np.int32)
+        lengths = np.array([len(nodes) for nodes in rows], np.int64)
         each = ATTEMPTS_PER_NODE_SINGLE
         if len(self.places) > 1:
             each = min(MOVES_EACH, ATTEMPTS_PER_NODE_TEAM + ATTEMPTS_EXTRA * len(self.places))

@@ -100,7 +100,7 @@ def test_on_few_sites_the_search_finds_the_shortest_round(seed: int, nodes: int)
     """Against every order there is."""
     legs, loads, _ = sites(seed, nodes, 1)
     outlays = routing.Outlays(legs, loads, np.zeros(nodes), 0.0)
-    none, empty = np.zeros((1, 1), np.int32), np.zeros(1, np.int32)
+    none, empty = np.zeros((1, 1), np.int32), np.zeros(1, np.int64)
     routes, counts = routing.arrange(outlays, none, empty, 4000, 0.05, seed)
 
     def length(order: list[int]) -> float:
@@ -124,7 +124,7 @@ def test_every_node_is_on_one_route_and_searching_pays(seed: int) -> None:
     places = rng.random((nodes + robots + 1, 2)) * 20.0
     legs = np.hypot(*(places[:, None, :] - places[None, :, :]).transpose(2, 0, 1))
     outlays = Outlays(legs, rng.random(nodes), rng.integers(0, 3, nodes) * 4.0, 0.3)
-    last, counts = np.zeros((robots, 1), np.int32), np.zeros(robots, np.int32)
+    last, counts = np.zeros((robots, 1), np.int32), np.zeros(robots, np.int64)
     costs = []
     for moves in (0, 3000):
         routes, many = arrange(outlays, last, counts, moves, 0.02, seed)
@@ -164,7 +164,7 @@ def test_the_search_for_one_robot_is_that_for_a_team(seed: int) -> None:
     places = rng.integers(0, 12, (nodes + 2, 2))
     legs = np.abs(places[:, None, :] - places[None, :, :]).sum(axis=2).astype(np.float64)
     outlays = Outlays(legs, rng.integers(0, 3, nodes).astype(np.float64), np.zeros(nodes), 0.3)
-    routes, counts = rng.permutation(nodes).astype(np.int32)[None, :], np.array([nodes], np.int32)
+    routes, counts = rng.permutation(nodes).astype(np.int32)[None, :], np.array([nodes], np.int64)
     costs = np.array([price(outlays, routes[0], nodes, 0)])
     alone, length = routes[0].copy(), costs[0] ** (1.0 / 6.0) - 1.0
     improve(outlays, routes, counts, costs, 2000, 0.0, seed)
@@ -180,7 +180,7 @@ def test_the_search_for_one_robot_warms_up_as_that_for_a_team() -> None:
         rng = np.random.default_rng(seed)
         places = rng.integers(0, 12, (32, 2))
         legs = np.abs(places[:, None, :] - places[None, :, :]).sum(axis=2).astype(np.float64)
-        outlays, counts = Outlays(legs, np.zeros(30), np.zeros(30), 0.3), np.array([30], np.int32)
+        outlays, counts = Outlays(legs, np.zeros(30), np.zeros(30), 0.3), np.array([30], np.int64)
         routes = rng.permutation(30).astype(np.int32)[None, :]
         costs = np.array([price(outlays, routes[0], 30, 0)])
         alone, length = routes[0].copy(), costs[0] ** (1.0 / 6.0) - 1.0
