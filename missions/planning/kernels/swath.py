@@ -910,6 +910,13 @@ def _cover_row(hits: _Hits, row: int, cells: Cells, urgent: float, fade: float, 
 
 
 @part
+def _count_row(hits: _Hits, row: int, cover: Ints, step: int) -> None:
+    """Add the frames of a row to what is covered, or take them back, whatever they are worth."""
+    for k in range(hits.counts[row]):
+        cover[hits.cells[row, k]] += step
+
+
+@part
 def _cover_plan(
     hits: _Hits, vehicles: int, cells: Cells, urgent: float, fade: float, step: int
 ) -> float:
@@ -967,16 +974,14 @@ def _weigh(
 
 
 @part
-def _undo(
-    trial: _Trial, cells: Cells, hits: _Hits, vehicles: int, urgent: float, fade: float
-) -> None:
+def _undo(trial: _Trial, cells: Cells, hits: _Hits, vehicles: int) -> None:
     """Cover the frames of the plan instead of the trial's."""
     for side in range(1, -1, -1):
         if trial.who[side] >= 0:
-            _cover_row(hits, hits.row[vehicles + side], cells, urgent, fade, -1)
+            _count_row(hits, hits.row[vehicles + side], cells.cover, -1)
     for side in range(2):
         if trial.who[side] >= 0:
-            _cover_row(hits, hits.row[trial.who[side]], cells, urgent, fade, 1)
+            _count_row(hits, hits.row[trial.who[side]], cells.cover, 1)
 
 
 @kernel
@@ -1036,7 +1041,7 @@ def improve(
             rise < 0.0 or uniform(random) < math.exp(-rise / temperature)
         )
         if rise >= 0.0 and not uphill:
-            _undo(trial, cells, hits, vehicles, urgent, fade)
+            _undo(trial, cells, hits, vehicles)
             continue
         cost, gain = new_cost, gain + more
         _keep_trial(trial, after, ways, hits)

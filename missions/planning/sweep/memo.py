@@ -100,7 +100,7 @@ def _key(kind: str, known: Known, team: Sequence[Flyer], *others: object) -> byt
 def warm_up() -> None:
     """Make two small plans, one from rest and one from a path under way, and forget them.
 
-    That loads every kernel; the first time on a machine it compiles them, which takes some twenty
+    That loads every kernel; the first time on a machine it compiles them, which takes some ten
     seconds on a fast one. Without numba it takes a fraction of a second.
     """
     planner = Planner(Tuning(moves=20))

@@ -12,22 +12,8 @@ from hypothesis import strategies as st
 
 from missions.lab.arena.roi import KINDS
 from missions.mapping.tree import distances
-from missions.planning.kernels import routes as routing
-from missions.planning.kernels.ground import (
-    IMAGINED,
-    LOOKED,
-    UNLOOKED,
-    imagine,
-    is_compact,
-)
-from missions.planning.kernels.routes import (
-    Outlays,
-    arrange,
-    improve,
-    improve_alone,
-    nearest,
-    price,
-)
+from missions.planning.kernels.ground import IMAGINED, LOOKED, UNLOOKED, imagine, is_compact
+from missions.planning.kernels.routes import Outlays, arrange, nearest, price
 from missions.units import Cell
 
 RIM = 3  # empty rows and columns round the picture, as the kernels want them
@@ -99,9 +85,9 @@ def sites(seed: int, nodes: int, robots: int) -> tuple[np.ndarray, np.ndarray, n
 def test_on_few_sites_the_search_finds_the_shortest_round(seed: int, nodes: int) -> None:
     """Against every order there is."""
     legs, loads, _ = sites(seed, nodes, 1)
-    outlays = routing.Outlays(legs, loads, np.zeros(nodes), 0.0)
+    outlays = Outlays(legs, loads, np.zeros(nodes), 0.0)
     none, empty = np.zeros((1, 1), np.int32), np.zeros(1, np.int64)
-    routes, counts = routing.arrange(outlays, none, empty, 4000, 0.05, seed)
+    routes, counts = arrange(outlays, none, empty, 4000, 0.05, seed)
 
     def length(order: list[int]) -> float:
         way = [nodes, *order, nodes + 1]
@@ -155,40 +141,41 @@ def test_the_nearest_are_the_first_by_cost_then_by_number(
         assert found[node].tolist() == sorted(rest, key=lambda o: (legs[node, o], o))[:many]
 
 
-@pytest.mark.parametrize("seed", range(30))
-def test_the_search_for_one_robot_is_that_for_a_team(seed: int) -> None:
-    """`improve_alone` takes what `improve` takes, attempt by attempt. Legs are whole numbers, as on
-    a grid: sums of others hang on their order."""
+def both_searches(
+    seed: int, nodes: int, loads: float, moves: int, heat: float
+) -> tuple[list[list[int]], list[float]]:
+    """The routes of `improve_alone` and of `improve` from the same beginning, and their lengths.
+
+    What lies behind a node is for `improve`; with a share of 0 it costs nothing. Legs are whole
+    numbers, as on a grid: sums of others hang on their order.
+    """
     rng = np.random.default_rng(seed)
-    nodes = int(rng.integers(2, 40))
     places = rng.integers(0, 12, (nodes + 2, 2))
     legs = np.abs(places[:, None, :] - places[None, :, :]).sum(axis=2).astype(np.float64)
-    outlays = Outlays(legs, rng.integers(0, 3, nodes).astype(np.float64), np.zeros(nodes), 0.3)
-    routes, counts = rng.permutation(nodes).astype(np.int32)[None, :], np.array([nodes], np.int64)
-    costs = np.array([price(outlays, routes[0], nodes, 0)])
-    alone, length = routes[0].copy(), costs[0] ** (1.0 / 6.0) - 1.0
-    improve(outlays, routes, counts, costs, 2000, 0.0, seed)
-    improve_alone(legs, alone, length, 2000, 0.0, seed)
-    assert alone.tolist() == routes[0].tolist()
-    assert costs[0] < (length + 1.0) ** 6 or nodes < 4
+    load = rng.integers(0, 3, nodes) * loads
+    last, counts = rng.permutation(nodes).astype(np.int32)[None, :], np.array([nodes], np.int64)
+    routes, lengths = [], []
+    for behind in (np.zeros(nodes), np.ones(nodes)):
+        outlays = Outlays(legs, load, behind, 0.0)
+        ((route,), _) = arrange(outlays, last, counts, moves, heat, seed)
+        routes.append(route.tolist())
+        lengths.append(price(outlays, route, nodes, 0) ** (1.0 / 6.0) - 1.0)
+    return routes, lengths
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_search_for_one_robot_is_that_for_a_team(seed: int) -> None:
+    nodes = 2 + seed * 37 // 29
+    (alone, team), _ = both_searches(seed, nodes, 1.0, 2000, 0.0)
+    assert alone == team
+    (before, _), _ = both_searches(seed, nodes, 1.0, 0, 0.0)
+    assert alone != before or nodes < 4
 
 
 def test_the_search_for_one_robot_warms_up_as_that_for_a_team() -> None:
     """With heat the two differ in rounding only: in the mean their routes are as long."""
-    ends = np.zeros(2)
-    for seed in range(30):
-        rng = np.random.default_rng(seed)
-        places = rng.integers(0, 12, (32, 2))
-        legs = np.abs(places[:, None, :] - places[None, :, :]).sum(axis=2).astype(np.float64)
-        outlays, counts = Outlays(legs, np.zeros(30), np.zeros(30), 0.3), np.array([30], np.int64)
-        routes = rng.permutation(30).astype(np.int32)[None, :]
-        costs = np.array([price(outlays, routes[0], 30, 0)])
-        alone, length = routes[0].copy(), costs[0] ** (1.0 / 6.0) - 1.0
-        improve(outlays, routes, counts, costs, 3000, 0.1, seed)
-        improve_alone(legs, alone, length, 3000, 0.1, seed)
-        for k, route in enumerate((routes[0], alone)):
-            ends[k] += price(outlays, route, 30, 0) ** (1.0 / 6.0) - 1.0
-    assert abs(ends[1] / ends[0] - 1.0) < 0.01
+    alone, team = np.sum([both_searches(seed, 30, 0.0, 3000, 0.1)[1] for seed in range(30)], axis=0)
+    assert abs(alone / team - 1.0) < 0.01
 
 
 def test_a_nook_is_imagined_where_the_roi_is_compact() -> None:
