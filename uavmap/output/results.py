@@ -146,19 +146,9 @@ class Replayed:
     copies: int
 
     @property
-    def pictures(self) -> int:
-        """All different pictures."""
-        return len(self.taken) + self.refused
-
-    @property
     def end_s(self) -> float:
         """The time of the map: of the last picture, in seconds since the first."""
         return max((t_s for t_s, _, _ in self.taken), default=0.0)
-
-    @property
-    def complete(self) -> bool:
-        """Whether most pictures are in the map."""
-        return len(self.cells) > 0 and len(self.taken) > self.refused
 
 
 def write_replay(
@@ -221,9 +211,9 @@ def _replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:
     return {
         "mission": setting.mission.name,
         "strategy": KIND,
-        "completed": replayed.complete,
+        "completed": len(replayed.cells) > 0 and used > replayed.refused,
         "finding": _finding(replayed, roi, roi * cell_m2),
-        "photographs": replayed.pictures,
+        "photographs": used + replayed.refused,
         "photographs_judged": used,
         "photographs_refused": replayed.refused,
         "photographs_twice": replayed.copies,
@@ -242,7 +232,7 @@ def _replay_summary(setting: Setting, replayed: Replayed) -> dict[str, Any]:
 def _finding(replayed: Replayed, roi: int, area_m2: float) -> str:
     used = len(replayed.taken)
     if not used:
-        return f"none of {replayed.pictures} pictures can be used; pictures.csv says why"
+        return f"none of {replayed.refused} pictures can be used; pictures.csv says why"
     what = f"a region of {roi} cells ({area_m2:,.0f} sq m)" if roi else "no region"
     text = f"{what} in {used} pictures"
     if replayed.refused:

@@ -100,12 +100,12 @@ def figures_of(setting: Setting, state: State, counter: Counter) -> Figures:
         battery_swaps=sum(c.swaps for c in everybody),
         exploration_s=round(max(c.on_task_s for c in everybody), 1),
         lower_bound_s=_lower_bound_s(setting, state, max(c.stints for c in everybody) - 1),
-        bound_makespan_s=_bound_s(setting, state),
+        bound_makespan_s=None
+        if state.tree is None
+        else setting.strategy.bound_s(setting, state.tree),
         tracks={number: tuple(c.points) for number, c in counter.vehicles.items()},
         navigation={
-            number: told
-            for number, c in counter.vehicles.items()
-            if (told := c.navigation.figures())
+            n: told for n, c in counter.vehicles.items() if (told := c.navigation.figures())
         },
         lift_off_s=counter.first_s or 0.0,
     )
@@ -163,10 +163,6 @@ def _passing_bound_s(setting: Setting, state: State, found_s: float, breaks: int
         turned=state.falls_back,
     )
     return round(bound_s, 1)
-
-
-def _bound_s(setting: Setting, state: State) -> float | None:
-    return None if state.tree is None else setting.strategy.bound_s(setting, state.tree)
 
 
 def frames_judged(state: State) -> int:

@@ -21,6 +21,13 @@ WARNING: Final = 4
 """MAV_SEVERITY from which on a text of a vehicle is a fault."""
 
 
+_ORDERS: Final[Mapping[type[Event], str]] = {
+    ev.VehicleRecalled: "called home",
+    ev.Recalled: "everybody called home",
+    ev.Paused: "paused",
+    ev.Continued: "gone on",
+    ev.Resumed: "resumed after an interruption",
+}
 _GNSS: Final = {
     "good": "satellite navigation is back",
     "lost": "satellite navigation is lost",
@@ -183,16 +190,8 @@ def _trouble(event: Event) -> Trouble | None:
             kind, text = "words", f"{said} ({times} times)" if times > 1 else said
         case ev.CellSkipped(cell=cell):
             kind, text = "operator", f"cell {cell.east}, {cell.north} skipped"
-        case ev.VehicleRecalled():
-            kind, text = "operator", "called home"
-        case ev.Recalled():
-            kind, text = "operator", "everybody called home"
-        case ev.Paused():
-            kind, text = "operator", "paused"
-        case ev.Continued():
-            kind, text = "operator", "gone on"
-        case ev.Resumed():
-            kind, text = "operator", "resumed after an interruption"
+        case _ if type(event) in _ORDERS:
+            kind, text = "operator", _ORDERS[type(event)]
         case _:
             return None
     return Trouble(event.t_s, getattr(event, "vehicle", 0), kind, printable(text))

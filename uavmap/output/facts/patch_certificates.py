@@ -141,7 +141,7 @@ def certificates(
     """
     judged = _Judged.of(setting, state, lift_off_s)
     frames, found = judged.frames, patches(state.belief.roi)
-    beside = [_beside(patch) for patch in found]
+    beside = [{near for cell in patch for near in cell.neighbours()} - patch for patch in found]
     open_cells = {cell for cells in beside for cell in cells if cell not in frames}
     seen_s = _first_seen_s(state)
     reasons = _reasons(setting, state, open_cells, seen_s)
@@ -169,14 +169,10 @@ def certificates(
         **_size(setting, len(state.belief.roi)),
         "complete": bool(found) and not open_cells,
         "open": counts,
-        **judged.times(state.belief.roi, frozenset[Cell]().union(*beside)),
+        **judged.times(state.belief.roi, set[Cell]().union(*beside)),
         "box": _box(setting, state, frames, seen_s),
     }
     return told, in_all
-
-
-def _beside(patch: frozenset[Cell]) -> frozenset[Cell]:
-    return frozenset(near for cell in patch for near in cell.neighbours()) - patch
 
 
 def _size(setting: Setting, cells: int) -> dict[str, Any]:

@@ -27,7 +27,11 @@ def encode(flown: Flown, layers: Sequence[Layer]) -> bytes:
     file.description = "; ".join(f"{name} {text_of(value)}" for name, value in about)
     file.time = _date(flown, flown.data.t_s)
     if "places" in known:
-        file.waypoints.extend(_homes(flown, known["places"]))
+        shapes, names = in_degrees(known["places"], flown.data), known["places"].column("name")
+        file.waypoints.extend(
+            gpx.GPXWaypoint(latitude=shape.y, longitude=_turned(shape.x), name=str(name))
+            for shape, name in zip(shapes, names, strict=True)
+        )
     if "tracks" in known:
         file.tracks.extend(_tracks(flown, known["tracks"]))
     if "region" in known:
@@ -47,14 +51,6 @@ def _turned(lon_deg: float) -> float:
     (-180.0, -12.5, -179.75)
     """
     return lon_deg if -180.0 <= lon_deg < 180.0 else round((lon_deg + 180.0) % 360.0 - 180.0, 7)
-
-
-def _homes(flown: Flown, layer: Layer) -> list[gpx.GPXWaypoint]:
-    shapes = in_degrees(layer, flown.data)
-    return [
-        gpx.GPXWaypoint(latitude=shape.y, longitude=_turned(shape.x), name=str(name))
-        for shape, name in zip(shapes, layer.column("name"), strict=True)
-    ]
 
 
 def _tracks(flown: Flown, layer: Layer) -> list[gpx.GPXTrack]:

@@ -6,9 +6,9 @@ to WGS84. Column names have at most ten letters, the limit of a Shapefile.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple, Self
 
 import numpy as np
 import shapely
@@ -55,6 +55,21 @@ class Layer:
     heights: bool
     fields: tuple[Field, ...]
     parts: Callable[[], Iterable[tuple[Shapes, Iterable[Row]]]]
+
+    @classmethod
+    def whole(
+        cls,
+        name: str,
+        title: str,
+        geometry: Geometry,
+        fields: tuple[Field, ...],
+        shapes: Shapes,
+        rows: Sequence[Row],
+        *,
+        heights: bool = False,
+    ) -> Self:
+        """Create a layer that is in memory as a whole."""
+        return cls(name, title, geometry, heights, fields, lambda: [(shapes, rows)])
 
     @property
     def shapes(self) -> Shapes:

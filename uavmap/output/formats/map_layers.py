@@ -57,8 +57,6 @@ def _of_region(flown: Flown, shapes: Any) -> Shapes:
 
 def _of_ground(flown: Flown, shapes: Sequence[Any], *, heights: bool = False) -> Shapes:
     grid = flown.data.grid
-    if not shapes:
-        return np.array([], dtype=object)
     array = np.empty(len(shapes), dtype=object)
     array[:] = shapes
     moved: Shapes = shapely.transform(
@@ -68,9 +66,7 @@ def _of_ground(flown: Flown, shapes: Sequence[Any], *, heights: bool = False) ->
 
 
 def _points(flown: Flown, points: Sequence[tuple[float, ...]]) -> Shapes:
-    if not points:
-        return np.array([], dtype=object)
-    places = np.array(points, dtype=np.float64)
+    places = np.array(points, dtype=np.float64).reshape(-1, 3)
     return np.array(shapely.points(_projected(flown.data.grid, places)), dtype=object)
 
 
@@ -118,7 +114,7 @@ def _region(flown: Flown) -> Layer:
         f"open_cells begun_utc simulated {_ABOUT}"
     )
     rows = [(*row, *_about(flown))]
-    return Layer("region", "Region", "MultiPolygon", False, fields, lambda: [(shapes, rows)])
+    return Layer.whole("region", "Region", "MultiPolygon", fields, shapes, rows)
 
 
 def _boundary(flown: Flown, told: BoundaryTold) -> Layer:
@@ -130,9 +126,7 @@ def _boundary(flown: Flown, told: BoundaryTold) -> Layer:
         "boundary", told.area_m2, told.low_m2, told.high_m2, told.length_m, told.uncertainty_m,
         told.open_m, *_about(flown),
     )]  # fmt: skip
-    return Layer(
-        "boundary", "Boundary by pixels", "MultiPolygon", False, fields, lambda: [(shapes, rows)]
-    )
+    return Layer.whole("boundary", "Boundary by pixels", "MultiPolygon", fields, shapes, rows)
 
 
 def _cells(flown: Flown) -> Layer:
@@ -192,7 +186,7 @@ def _tracks(flown: Flown) -> Layer:
             round(length_m, 1),
         ))  # fmt: skip
     shapes = _of_ground(flown, lines, heights=True)
-    return Layer("tracks", "Tracks", "LineString", True, fields, lambda: [(shapes, rows)])
+    return Layer.whole("tracks", "Tracks", "LineString", fields, shapes, rows, heights=True)
 
 
 def track_parts(flown: Flown) -> list[tuple[int, int, list[Fix]]]:
@@ -218,7 +212,7 @@ def _track_points(flown: Flown) -> Layer:
             utc = flown.calendar.utc(fix.t_s)
             rows.append((vehicle, sortie, round(fix.t_s, 3), utc, round(fix.height_m, 2), charge))
     shapes = _points(flown, points)
-    return Layer("track_points", "Track points", "Point", True, fields, lambda: [(shapes, rows)])
+    return Layer.whole("track_points", "Track points", "Point", fields, shapes, rows, heights=True)
 
 
 def _frames(flown: Flown) -> Layer:
@@ -248,7 +242,7 @@ def _frames(flown: Flown) -> Layer:
             frame.cells, frame.positive, printable(name) or None, by,
         ))  # fmt: skip
     shapes = _points(flown, points)
-    return Layer("frames", "Judged frames", "Point", True, fields, lambda: [(shapes, rows)])
+    return Layer.whole("frames", "Judged frames", "Point", fields, shapes, rows, heights=True)
 
 
 def kept_by_time(flown: Flown) -> dict[tuple[int, float], KeptFrame]:
@@ -274,14 +268,9 @@ def kept_by_time(flown: Flown) -> dict[tuple[int, float], KeptFrame]:
 def _unsearched(flown: Flown) -> Layer:
     fixed = flown.data.grid.fixed
     lines = [shapely.linestrings(list(map(fixed, lane))) for lane in flown.data.unsearched]
-    rows: list[Row] = [
-        (f"lane {number}, without a judged frame",) for number in range(1, len(lines) + 1)
-    ]
+    rows = [(f"lane {number}, without a judged frame",) for number in range(1, len(lines) + 1)]
     shapes = _of_ground(flown, lines)
-    fields = _fields("name")
-    return Layer(
-        "unsearched", "Not searched", "LineString", False, fields, lambda: [(shapes, rows)]
-    )
+    return Layer.whole("unsearched", "Not searched", "LineString", _fields("name"), shapes, rows)
 
 
 def _fence(flown: Flown) -> Layer:
@@ -292,12 +281,9 @@ def _fence(flown: Flown) -> Layer:
     box = orient(Polygon(list(map(fixed, data.box))))
     named: list[Row] = [("geofence", "fence"), ("search box", "box")]
     drawn = [(s, row) for s, row in zip((fence, box), named, strict=True) if not s.is_empty]
-    rows = [row for _, row in drawn]
+    shapes, rows = _of_ground(flown, [shape for shape, _ in drawn]), [row for _, row in drawn]
     fields = _fields("name kind")
-    shapes = _of_ground(flown, [shape for shape, _ in drawn])
-    return Layer(
-        "fence", "Geofence and search box", "Polygon", False, fields, lambda: [(shapes, rows)]
-    )
+    return Layer.whole("fence", "Geofence and search box", "Polygon", fields, shapes, rows)
 
 
 def _places(flown: Flown) -> Layer:
@@ -306,12 +292,9 @@ def _places(flown: Flown) -> Layer:
     fields = _fields("name vehicle")
     if flown.recorded:
         shapes = _of_ground(flown, [Point(grid.fixed(flown.data.start))])
-        return Layer(
-            "places", "Start", "Point", False, fields, lambda: [(shapes, [("start", None)])]
-        )
+        return Layer.whole("places", "Start", "Point", fields, shapes, [("start", None)])
     shown = {number: grid.fixed(place) for number, place in enumerate(planned, start=1)}
     shown |= flown.log.homes
     points = [Point(place) for place in shown.values()]
     rows: list[Row] = [(f"home of vehicle {number}", number) for number in shown]
-    shapes = _of_ground(flown, points)
-    return Layer("places", "Homes", "Point", False, fields, lambda: [(shapes, rows)])
+    return Layer.whole("places", "Homes", "Point", fields, _of_ground(flown, points), rows)

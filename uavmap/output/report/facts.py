@@ -209,14 +209,10 @@ def trouble_rows(flown: Flown) -> tuple[list[Row], int]:
         told.append((times[0], vehicle, f"{frames} lost: {reason}"))
     told.sort()
     rows: list[Row] = [
-        ("" if flown.recorded else minutes(t_s), _whose(flown, who), what)
+        ("", "", what) if flown.recorded else (minutes(t_s), f"vehicle {who}" if who else "", what)
         for t_s, who, what in told[:_MOST_TROUBLES]
     ]
     return rows, max(0, len(told) - _MOST_TROUBLES)
-
-
-def _whose(flown: Flown, vehicle: int) -> str:
-    return f"vehicle {vehicle}" if vehicle and not flown.recorded else ""
 
 
 def notes(flown: Flown) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from contextlib import AbstractContextManager, nullcontext
 from datetime import datetime
 from typing import Final
 
@@ -82,16 +83,13 @@ def replay(
         refine=refine,
         rasters=Wishes(ortho, None if gsd_m is None else number("gsd_m", gsd_m, 0.005, 10.0)),
     )
-    with muted() if quiet else shown_on(Terminal()):
-        if scheduler is not None:
-            with Cluster(scheduler) as cluster:
-                return _replayed(wanted, cluster)
-        count = None if workers is None else whole("workers", workers, 1, 256)
-        return _replayed(wanted, Threads(count))
-
-
-def _replayed(wanted: Wanted, crew: Crew) -> Results:
-    done = replay_pictures(wanted, crew, _LOG.info)
+    count = None if workers is None else whole("workers", workers, 1, 256)
+    by: AbstractContextManager[Crew] = nullcontext(Threads(count))
+    with (
+        muted() if quiet else shown_on(Terminal()),
+        by if scheduler is None else Cluster(scheduler) as crew,
+    ):
+        done = replay_pictures(wanted, crew, _LOG.info)
     if done.interrupted:
         raise KeyboardInterrupt(f"the GeoTIFFs are not written; all else is in {done.folder}")
     return open_results(done.folder)

@@ -20,15 +20,7 @@ from uavmap.base.arguments import Paths, path_text
 from uavmap.base.extras import install_command
 from uavmap.base.text_files import read_text
 from uavmap.journal.flight_plan import JOURNAL
-from uavmap.output.drawing.palette import (
-    LINES,
-    STATE_NAMES,
-    STATES,
-    TRACK_PX,
-    Colour,
-    Style,
-    track_colour,
-)
+from uavmap.output.drawing import palette
 
 if TYPE_CHECKING:
     import geopandas
@@ -211,17 +203,22 @@ class Results:
         for cell in self.features("cell"):
             corners = shapely.get_coordinates(self.to_utm(_shape(cell)))
             squares.setdefault(cell["properties"]["state"], []).append(corners)
-        for state, colour in STATES.items():
+        for state, colour in palette.STATES.items():
             if own := squares.get(state):
                 cells = PolyCollection(own, facecolor=_rgb(colour), edgecolor="white")
-                cells.set(linewidth=0.3, label=f"{STATE_NAMES[state]} ({len(own)})")
+                cells.set(linewidth=0.3, label=f"{palette.STATE_NAMES[state]} ({len(own)})")
                 ax.add_collection(cells)
         for region, line in ((self.region, "outline"), (self.boundary, "boundary")):
             if region is not None:
-                _plot_lines(ax, shapely.boundary(self.to_utm(region)), *LINES[line])
+                _plot_lines(ax, shapely.boundary(self.to_utm(region)), *palette.LINES[line])
         for number, track in self.tracks.items():
             label = "track" if len(self.tracks) == 1 else f"track of vehicle {number}"
-            _plot_lines(ax, self.to_utm(track), label, Style(track_colour(number), TRACK_PX))
+            _plot_lines(
+                ax,
+                self.to_utm(track),
+                label,
+                palette.Style(palette.track_colour(number), palette.TRACK_PX),
+            )
         ax.autoscale_view()
         ax.set_aspect("equal")
         ax.ticklabel_format(useOffset=False, style="plain")
@@ -233,7 +230,7 @@ class Results:
         return ax
 
 
-def _plot_lines(ax: Axes, lines: BaseGeometry, label: str, style: Style) -> None:
+def _plot_lines(ax: Axes, lines: BaseGeometry, label: str, style: palette.Style) -> None:
     width = _POINTS_A_PIXEL * style.width_px
     for part in shapely.get_parts(lines):
         places = shapely.get_coordinates(part)
@@ -241,7 +238,7 @@ def _plot_lines(ax: Axes, lines: BaseGeometry, label: str, style: Style) -> None
         label = "_"  # the first alone is in the legend
 
 
-def _rgb(colour: Colour) -> tuple[float, float, float]:
+def _rgb(colour: palette.Colour) -> tuple[float, float, float]:
     red, green, blue = (channel / 255.0 for channel in colour)
     return red, green, blue
 

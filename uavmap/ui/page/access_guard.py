@@ -44,11 +44,14 @@ class Guard:
             await self.app(scope, receive, send)
             return
         asked = HTTPConnection(scope)
-        if scope["type"] == "http" and self._has_token(asked):
+        given, origin = asked.query_params.getlist("token"), asked.headers.get("origin")
+        own = not origin or urlsplit(origin).netloc == asked.headers.get("host", "")
+        first = scope["type"] == "http" and scope["path"] == "/" and bool(given)
+        if first and self._right(given[-1]):
             cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Lax"
             entered = Response(None, 303, {"location": "/", "set-cookie": cookie, **_HEADERS})
             await entered(scope, receive, send)
-        elif self._right(asked.cookies.get(self._cookie, "")) and _same_origin(asked):
+        elif own and self._right(asked.cookies.get(self._cookie, "")):
             await self.app(scope, receive, _with_headers(send))
         elif scope["type"] == "websocket":
             await receive()
@@ -57,18 +60,8 @@ class Guard:
             refused = Response(REFUSED, 403, {"content-type": "text/plain", **_HEADERS})
             await refused(scope, receive, send)
 
-    def _has_token(self, asked: HTTPConnection) -> bool:
-        given = asked.query_params.getlist("token")
-        return asked.scope["path"] == "/" and bool(given) and self._right(given[-1])
-
     def _right(self, token: str) -> bool:
         return hmac.compare_digest(token.encode(), self._token.encode())
-
-
-def _same_origin(asked: HTTPConnection) -> bool:
-    """Whether a request is of the page itself, as far as a browser says where it is from."""
-    origin = asked.headers.get("origin")
-    return not origin or urlsplit(origin).netloc == asked.headers.get("host", "")
 
 
 def _with_headers(send: Send) -> Send:

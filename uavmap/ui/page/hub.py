@@ -155,13 +155,12 @@ class Hub:
         plain = PurePath(name).name == name and not name.startswith(".")
         if self._frames is None or not plain or not name.endswith(_SUFFIXES):
             return b""
-        path = self._frames / name
-        return await asyncio.to_thread(lambda: _shown(path.read_bytes() if path.is_file() else b""))
+        return await asyncio.to_thread(_shown, self._frames / name)
 
 
-def _shown(data: bytes) -> bytes:
+def _shown(path: Path) -> bytes:
     """A picture small enough for a page, as JPEG; nothing for what cannot be decoded."""
-    image = _decoded(data, None)
+    image = _decoded(path.read_bytes() if path.is_file() else b"", None)
     return b"" if image is None else _small(image)
 
 

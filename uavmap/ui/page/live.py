@@ -143,7 +143,9 @@ class FlightPage(Onlooker):
         def hear() -> None:
             with self._harmless():
                 for order in self._feed.orders():
-                    self._obey(service, order)
+                    answer = carry_out(service, order)
+                    _LOG.info(f"page: {answer}")
+                    self._feed.put({"kind": "answer", "id": order.get("id"), "text": answer})
             if self._feed.dead or self._broken:
                 loop.remove_reader(file)
 
@@ -157,11 +159,6 @@ class FlightPage(Onlooker):
             with contextlib.suppress(OSError, ValueError):
                 loop.remove_reader(file)
             self._set("hands_off", LANDED)
-
-    def _obey(self, service: Service, order: Words) -> None:
-        answer = carry_out(service, order)
-        _LOG.info(f"page: {answer}")
-        self._feed.put({"kind": "answer", "id": order.get("id"), "text": answer})
 
     # --- out -------------------------------------------------------------------------------
     def _set(self, name: str, value: Any) -> None:

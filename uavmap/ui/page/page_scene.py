@@ -21,6 +21,7 @@ from missions.geo.grid import Grid
 from missions.mission.schema import positions
 from missions.units import GridPoint, LatLon
 from uavmap.journal.kept_frames import KeptFrame
+from uavmap.output.drawing import palette
 from uavmap.output.drawing.palette import (
     HOME_DOT,
     INK,
@@ -31,7 +32,6 @@ from uavmap.output.drawing.palette import (
     TRACKS,
     css,
 )
-from uavmap.output.drawing.palette import STATES as COLOURS
 from uavmap.output.drawing.scene import bounds_of
 from uavmap.output.facts.map_model import State
 from uavmap.photos.ground.rasters import there
@@ -219,7 +219,7 @@ def _tiles(
                 yield (x, y), image.astype(np.uint8)
 
 
-STATES: Final[tuple[State, ...]] = tuple(COLOURS)
+STATES: Final[tuple[State, ...]] = tuple(palette.STATES)
 """The states of a cell; on a board each is told by its place in here."""
 
 
@@ -256,7 +256,7 @@ def scene_of(
         "box": box,
         "fence": fence,
         "holes": holes,
-        "states": [[names[state], css(COLOURS[state])] for state in STATES],
+        "states": [[names[state], css(palette.STATES[state])] for state in STATES],
         "lines": {
             key: {"name": name, "colour": css(style.colour), "dash": style.dash_px}
             for key, (name, style) in LINES.items()

@@ -9,31 +9,13 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, Final
 
 from shapely.geometry import LineString, Point
 
-from missions.events import (
-    Connected,
-    Continued,
-    Event,
-    FrameLost,
-    FrameSeen,
-    GivenUp,
-    Landed,
-    LiftedOff,
-    LinkLost,
-    OrderFailed,
-    Paused,
-    Recalled,
-    Resumed,
-    Told,
-    Tracked,
-    VehicleRecalled,
-    Weighed,
-)
+from missions import events as ev
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State, VehicleState
 from missions.geo.trajectory import Piece, Trajectory
@@ -61,7 +43,7 @@ DEAR_S: Final = 0.02
 STEP_M: Final = 0.5
 """Points of a track lie no closer."""
 _LEVELS: Final = {0: "grave", 1: "grave", 2: "grave", 3: "grave", 4: "warning"}
-_WARNINGS: Final = (LinkLost, GivenUp, OrderFailed, FrameLost)
+_WARNINGS: Final = (ev.LinkLost, ev.GivenUp, ev.OrderFailed, ev.FrameLost)
 _CODES: Final = {state: code for code, state in enumerate(STATES)}
 
 
@@ -109,22 +91,22 @@ class Watcher:
         self._due_s = self._certificate_due_s = float("-inf")
 
     # --- events ----------------------------------------------------------------------------
-    def take_in(self, event: Event, state: State) -> None:
+    def take_in(self, event: ev.Event, state: State) -> None:
         """Note what an event changes; `state` is that after it."""
         self._counter.before(event, self.state)
         self._counter.after(event)
         self.state = state
         judged = self._cells.note(event)
-        if isinstance(event, FrameSeen):
+        if isinstance(event, ev.FrameSeen):
             self._judged += 1
             if (news := self._fit.take(event)) and not self._recorded:
                 self.say(news.text, "warning" if news.warns else "event")
             self._mark(judged)
-        elif isinstance(event, Weighed):
+        elif isinstance(event, ev.Weighed):
             self._marked.update(dict.fromkeys(judged))
-        elif isinstance(event, FrameLost):
+        elif isinstance(event, ev.FrameLost):
             self._lost += 1
-        elif isinstance(event, Tracked | Connected):
+        elif isinstance(event, ev.Tracked | ev.Connected):
             self._track(event)
         self._tell(event, state)
 
@@ -143,7 +125,7 @@ class Watcher:
         for line in text.splitlines():
             self.board.add_line(round(self.state.t_s, 1), level, printable(line))
 
-    def _track(self, event: Tracked | Connected) -> None:
+    def _track(self, event: ev.Tracked | ev.Connected) -> None:
         if event.height_m < LIFT_OFF_M:
             return
         place = self.setting.grid.to_moving(event.position, event.t_s)
@@ -152,8 +134,8 @@ class Watcher:
             self._last[event.vehicle] = (place.east_m, place.north_m)
             self.board.add_point(event.vehicle, round(place.east_m, 2), round(place.north_m, 2))
 
-    def _tell(self, event: Event, state: State) -> None:
-        if isinstance(event, Told):
+    def _tell(self, event: ev.Event, state: State) -> None:
+        if isinstance(event, ev.Told):
             if self._words:
                 again = f" ({event.times} times)" if event.times > 1 else ""
                 self.say(
@@ -162,7 +144,8 @@ class Watcher:
                 )
             if event.cause is None:
                 return
-        if text := remarkable(event, state) or _ordered(event):
+        ordered = _ORDERED.get(type(event), "").format(getattr(event, "vehicle", 0))
+        if text := remarkable(event, state) or ordered:
             self.say(text, "warning" if isinstance(event, _WARNINGS) else "event")
 
     # --- the board -------------------------------------------------------------------------
@@ -278,24 +261,16 @@ class Watcher:
         )
 
 
-def _ordered(event: Event) -> str:
-    """What the operator, or a vehicle, did that the terminal shows elsewhere."""
-    match event:
-        case Paused():
-            return "paused: everybody holds"
-        case Continued():
-            return "the mission goes on"
-        case Recalled():
-            return "everybody is called home"
-        case VehicleRecalled(vehicle=number):
-            return f"vehicle {number} is called home"
-        case Resumed():
-            return "the mission was interrupted, and is resumed"
-        case LiftedOff(vehicle=number):
-            return f"vehicle {number} has taken off"
-        case Landed(vehicle=number):
-            return f"vehicle {number} has landed"
-    return ""
+_ORDERED: Final[Mapping[type[ev.Event], str]] = {
+    ev.Paused: "paused: everybody holds",
+    ev.Continued: "the mission goes on",
+    ev.Recalled: "everybody is called home",
+    ev.VehicleRecalled: "vehicle {} is called home",
+    ev.Resumed: "the mission was interrupted, and is resumed",
+    ev.LiftedOff: "vehicle {} has taken off",
+    ev.Landed: "vehicle {} has landed",
+}
+"""What the operator, or a vehicle, did that the terminal shows elsewhere."""
 
 
 UNTIMED_S: Final = 1e9

@@ -21,8 +21,8 @@ examples:
 """
 _FOLDERS: Final = ("DIR", "IMAGES")
 _FILES: Final = ("AREA", "FILE", "IMAGE", "PATH", "MISSION|DIR")
-
-
+_MISSIONS: Final = "_uavmap_missions"
+"""The function of a shell that completes a shipped mission, or a file."""
 DESCRIPTION: Final = "Print the script by which a shell completes uavmap's commands."
 
 
@@ -35,20 +35,17 @@ def run(options: argparse.Namespace) -> int:
     """Print it."""
     from uavmap.ui.cli import parser  # noqa: PLC0415 - which imports this module, like each command
 
-    top = parser()
-    for name, command in _commands(top).items():
+    top, names = parser(), " ".join(shipped_missions())
+    (commands,) = (a for a in top._actions if isinstance(a, argparse._SubParsersAction))
+    for name, command in commands.choices.items():
         for action in command._actions:
             _complete(action, name)
-    print(shtab.complete(top, options.shell, preamble=_preamble().get(options.shell, "")))
+    preamble = {
+        "bash": f'{_MISSIONS}() {{ compgen -W "{names}" -- "$1"; compgen -f -- "$1"; }}',
+        "zsh": f"{_MISSIONS}() {{ _alternative 'm:mission:({names})' 'f:file:_files' }}",
+    }
+    print(shtab.complete(top, options.shell, preamble=preamble.get(options.shell, "")))
     return 0
-
-
-def _commands(top: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    return next(
-        dict(action.choices)
-        for action in top._actions
-        if isinstance(action, argparse._SubParsersAction)
-    )
 
 
 def _complete(action: argparse.Action, command: str) -> None:
@@ -57,22 +54,10 @@ def _complete(action: argparse.Action, command: str) -> None:
     if "--strategy" in action.option_strings and command != "simulate":
         action.choices = [*(OF_FLEETS if command == "onboard" else FLOWN)]
     elif named == "MISSION":
-        action.complete = _missions()  # type: ignore[attr-defined]
+        fish = f"{' '.join(shipped_missions())} {shtab.FILE['fish']}"
+        missions = {"bash": _MISSIONS, "zsh": _MISSIONS, "fish": fish}
+        action.complete = missions  # type: ignore[attr-defined]
     elif named in _FOLDERS:
         action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
     elif named.startswith(_FILES):
         action.complete = shtab.FILE  # type: ignore[attr-defined]
-
-
-def _missions() -> dict[str, str]:
-    """How a mission is completed: a shipped one, or a file."""
-    function = "_uavmap_missions"
-    fish = f"{' '.join(shipped_missions())} {shtab.FILE['fish']}"
-    return {"bash": function, "zsh": function, "fish": fish}
-
-
-def _preamble() -> dict[str, str]:
-    names = " ".join(shipped_missions())
-    bash = f'_uavmap_missions() {{ compgen -W "{names}" -- "$1"; compgen -f -- "$1"; }}'
-    zsh = f"_uavmap_missions() {{ _alternative 'm:mission:({names})' 'f:file:_files' }}"
-    return {"bash": bash, "zsh": zsh}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import AbstractContextManager, nullcontext
 from typing import Final
 
 from uavmap.base.messages import shown_on
@@ -95,13 +96,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Replay."""
-    if options.scheduler is None:
-        return _replay(options, Threads(options.workers))
-    with Cluster(options.scheduler) as cluster:
-        return _replay(options, cluster)
-
-
-def _replay(options: argparse.Namespace, crew: Crew) -> int:
     wanted = Wanted(
         path=options.path,
         mission=options.mission,
@@ -113,7 +107,10 @@ def _replay(options: argparse.Namespace, crew: Crew) -> int:
         refine=options.refine == "on",
         rasters=Wishes(options.ortho, options.gsd),
     )
-    with shown_on(Terminal()):
+    by: AbstractContextManager[Crew] = nullcontext(Threads(options.workers))
+    if options.scheduler is not None:
+        by = Cluster(options.scheduler)
+    with by as crew, shown_on(Terminal()):
         done = replay_pictures(wanted, crew, complain)
     code = report(done.summary, done.folder, as_json=options.json, verbose=options.verbose)
     return code or (INTERRUPTED if done.interrupted else 0)
