@@ -10,6 +10,7 @@ from markupsafe import Markup, escape
 from numpy.typing import ArrayLike
 
 from missions.units import GridPoint
+from uavmap.output.drawing import sheet
 from uavmap.output.drawing.palette import FAINT, LAND, PAPER, Style, css
 from uavmap.output.drawing.scene import (
     Area,
@@ -23,21 +24,13 @@ from uavmap.output.drawing.scene import (
     Shape,
     View,
 )
-from uavmap.output.drawing.sheet import (
-    ARROW_HEIGHT_PX,
-    BAR_HEIGHT_PX,
-    SAMPLE_PX,
-    legend_sample,
-    north_arrow,
-    scale_bar,
-)
 from uavmap.output.facts.map_model import runs
 
 LEFT_PX: Final = 84
 """Margin of a map on its left, px: labels of a graticule stand there."""
 RIGHT_PX: Final = 24
-_ABOVE_PX: Final = 8 + int(ARROW_HEIGHT_PX)
-_BELOW_PX: Final = 36 + int(BAR_HEIGHT_PX)
+_ABOVE_PX: Final = 8 + int(sheet.ARROW_HEIGHT_PX)
+_BELOW_PX: Final = 36 + int(sheet.BAR_HEIGHT_PX)
 _LEAST_PX: Final = 0.4
 """Minimum distance of two neighbours in a line that are both kept, px."""
 
@@ -63,8 +56,8 @@ def map_drawing(scene: Scene, over: Iterable[Shape] = (), around: Iterable[Shape
     beside = [
         Line.through(frame, Style(FAINT, 1.0), closed=True),
         *around,
-        *scale_bar((0.0, high + 30.0), view.px_per_m),
-        *north_arrow((wide - 100.0, -ARROW_HEIGHT_PX - 4.0)),
+        *sheet.scale_bar((0.0, high + 30.0), view.px_per_m),
+        *sheet.north_arrow((wide - 100.0, -sheet.ARROW_HEIGHT_PX - 4.0)),
     ]
     rect = f'<rect width="{wide}" height="{high}"'
     inside = (
@@ -79,8 +72,8 @@ def map_drawing(scene: Scene, over: Iterable[Shape] = (), around: Iterable[Shape
 
 def sample(entry: Entry) -> Markup:
     """Write the sample of an entry of the legend."""
-    wide, high = int(SAMPLE_PX), 18
-    inside = _joined(legend_sample(entry, 0.0, high / 2), View.page(wide, high))
+    wide, high = int(sheet.SAMPLE_PX), 18
+    inside = _joined(sheet.legend_sample(entry, 0.0, high / 2), View.page(wide, high))
     return Markup(f'<svg class="sample" viewBox="0 0 {wide} {high}">{inside}</svg>')
 
 

@@ -22,16 +22,6 @@ from missions.mission.schema import positions
 from missions.units import GridPoint, LatLon
 from uavmap.journal.kept_frames import KeptFrame
 from uavmap.output.drawing import palette
-from uavmap.output.drawing.palette import (
-    HOME_DOT,
-    INK,
-    LAND,
-    LINES,
-    RECORDED_NAMES,
-    STATE_NAMES,
-    TRACKS,
-    css,
-)
 from uavmap.output.drawing.scene import bounds_of
 from uavmap.output.facts.map_model import State
 from uavmap.photos.ground.rasters import there
@@ -244,7 +234,7 @@ def scene_of(
     (home,) = ring([mission.home])
     rings = (mission.search.box, mission.fence.polygon, *mission.fence.holes)
     box, fence, *holes = (ring(positions(one)) if drawn else [] for one in rings)
-    names = RECORDED_NAMES if recorded else STATE_NAMES
+    names = palette.RECORDED_NAMES if recorded else palette.STATE_NAMES
     return {
         "mission": mission.name,
         "strategy": "recorded pictures" if recorded else mission.strategy,
@@ -252,20 +242,22 @@ def scene_of(
         "cell_m": grid.cell_m,
         "drift_m_s": [round(grid.drift_east_m_s, 6), round(grid.drift_north_m_s, 6)],
         "home": home,
-        "home_mark": [] if recorded else [[radius, css(colour)] for radius, colour in HOME_DOT],
+        "home_mark": []
+        if recorded
+        else [[radius, palette.css(colour)] for radius, colour in palette.HOME_DOT],
         "box": box,
         "fence": fence,
         "holes": holes,
-        "states": [[names[state], css(palette.STATES[state])] for state in STATES],
+        "states": [[names[state], palette.css(palette.STATES[state])] for state in STATES],
         "lines": {
-            key: {"name": name, "colour": css(style.colour), "dash": style.dash_px}
-            for key, (name, style) in LINES.items()
+            key: {"name": name, "colour": palette.css(style.colour), "dash": style.dash_px}
+            for key, (name, style) in palette.LINES.items()
             if key in ("box", "fence") and drawn
         },
-        "ink": css(INK),
-        "land": css(LAND),
+        "ink": palette.css(palette.INK),
+        "land": palette.css(palette.LAND),
         "background": None if background is None else background.place,
-        "tracks": [css(colour) for colour in TRACKS],
+        "tracks": [palette.css(colour) for colour in palette.TRACKS],
     }
 
 

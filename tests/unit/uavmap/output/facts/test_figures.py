@@ -7,17 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from missions.events import (
-    Airborne,
-    BatterySwapped,
-    Connected,
-    Event,
-    FrameSeen,
-    Landed,
-    Resumed,
-    Tracked,
-    Vote,
-)
+from missions import events as ev
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
@@ -38,16 +28,18 @@ def setting(vehicles: int = 1) -> Setting:
     )
 
 
-def connected(vehicle: int, t_s: float, *, airborne: bool = False, north_m: float = 0.0) -> Event:
+def connected(
+    vehicle: int, t_s: float, *, airborne: bool = False, north_m: float = 0.0
+) -> ev.Event:
     place = GridPoint(0.0, north_m)
-    return Connected(vehicle, t_s, HOME, place, 12.0 * airborne, airborne, True, 25.0)
+    return ev.Connected(vehicle, t_s, HOME, place, 12.0 * airborne, airborne, True, 25.0)
 
 
-def track(vehicle: int, t_s: float, east_m: float, north_m: float, up_m: float) -> Event:
-    return Tracked(vehicle, t_s, GridPoint(east_m, north_m), up_m, 20.0)
+def track(vehicle: int, t_s: float, east_m: float, north_m: float, up_m: float) -> ev.Event:
+    return ev.Tracked(vehicle, t_s, GridPoint(east_m, north_m), up_m, 20.0)
 
 
-def of(events: list[Event], vehicles: int = 1) -> Figures:
+def of(events: list[ev.Event], vehicles: int = 1) -> Figures:
     return figures(setting(vehicles), events)[1]
 
 
@@ -56,37 +48,37 @@ SORTIE = [
     track(1, 1.0, 0, 0, 0.0),
     track(1, 10.0, 0, 0, 0.0),  # lifts off after this
     track(1, 12.0, 0, 0, 5.0),
-    Airborne(1, 14.0),
+    ev.Airborne(1, 14.0),
     track(1, 15.0, 3, 4, 12.0),  # 5 m
     track(1, 20.0, 3, 16, 12.0),  # 12 m
     track(1, 30.0, 0, 20, 12.0),  # 5 m
     track(1, 40.0, 0, 0, 6.0),  # 20 m
-    Landed(1, 50.0, 10.0),
+    ev.Landed(1, 50.0, 10.0),
 ]
 
 
 SWAP = [
-    BatterySwapped(1, 110.0, 25.0),
+    ev.BatterySwapped(1, 110.0, 25.0),
     track(1, 120.0, 0, 0, 0.0),
     track(1, 122.0, 0, 0, 4.0),
     track(1, 130.0, 0, 10, 12.0),  # 10 m
-    Landed(1, 150.0, 20.0),
+    ev.Landed(1, 150.0, 20.0),
 ]
 SECOND = [
     connected(2, 0.5),
     track(2, 30.0, 6, 0, 0.0),
     track(2, 32.0, 6, 0, 6.0),
     track(2, 60.0, 6, 30, 18.0),  # 30 m
-    Landed(2, 80.0, 10.0),
+    ev.Landed(2, 80.0, 10.0),
 ]
 TAKEN_UP = [  # killed in flight, taken up in the air somewhere else
-    Resumed(100.0),
+    ev.Resumed(100.0),
     connected(1, 101.0, airborne=True, north_m=60.0),
     track(1, 102.0, 0, 60, 12.0),
     track(1, 110.0, 0, 50, 12.0),  # 10 m
-    Landed(1, 120.0, 10.0),
+    ev.Landed(1, 120.0, 10.0),
 ]
-NIGHT = [Resumed(80_000.0), connected(1, 80_001.0)]  # a failsafe landed the vehicle meanwhile
+NIGHT = [ev.Resumed(80_000.0), connected(1, 80_001.0)]  # a failsafe landed the vehicle meanwhile
 
 
 @pytest.mark.parametrize(
@@ -101,7 +93,7 @@ NIGHT = [Resumed(80_000.0), connected(1, 80_001.0)]  # a failsafe landed the veh
     ids=["one sortie", "a swap", "two vehicles", "a way that nobody saw", "a night on the ground"],
 )
 def test_a_flight_has_its_figures(
-    events: list[Event],
+    events: list[ev.Event],
     distance_m: float,
     flight_s: float,
     makespan_s: float,
@@ -119,9 +111,9 @@ def test_a_flight_has_its_figures(
 
 def test_a_search_that_finds_the_region_has_a_bound() -> None:
     cell = Cell(0, 4)
-    votes = tuple(Vote(c, c == cell, 0.9 * (c == cell)) for c in cell.cross())
-    events: list[Event] = list(SORTIE[:6])
-    events += [FrameSeen(1, 16.0 + n, cell, votes) for n in range(3)]
+    votes = tuple(ev.Vote(c, c == cell, 0.9 * (c == cell)) for c in cell.cross())
+    events: list[ev.Event] = list(SORTIE[:6])
+    events += [ev.FrameSeen(1, 16.0 + n, cell, votes) for n in range(3)]
     state, found = figures(setting(), [*events, *SORTIE[6:]])
     assert state.belief.roi in (frozenset(), frozenset({cell}))
     values = summary(setting(), state, found, 7)

@@ -13,17 +13,7 @@ from missions.units import Cell, GridPoint
 from tests.support.small_missions import mission, square
 from tests.unit.uavmap.output.film.runs import START, explored, small_film, small_roi, tree_until
 from uavmap.lab.run_film import film_of_run
-from uavmap.output.film.film import (
-    FPS,
-    HOLD_S,
-    LONGEST_S,
-    Film,
-    Fix,
-    Place,
-    Reel,
-    Unit,
-    film_of_flight,
-)
+from uavmap.output.film import film as films
 
 
 @settings(max_examples=25, deadline=None)
@@ -32,7 +22,7 @@ def test_a_film_shows_the_tree_as_it_was(seed, robots, part):
     roi = small_roi(20, seed)
     run = explored(roi, robots)
     t = part * run.makespan
-    reel, tree = Reel(film_of_run(run, roi, "")), tree_until(run, roi, t)
+    reel, tree = films.Reel(film_of_run(run, roi, "")), tree_until(run, roi, t)
     list(reel.forward(t))
     assert reel.states == {cell: tree.state(cell).value for cell in tree.vertices}
     parents = {cell: vertex.parent for cell, vertex in tree.vertices.items()}
@@ -45,7 +35,7 @@ def test_robots_that_only_meet_know_what_any_of_them_saw(seed, robots):
     roi = small_roi(20, seed)
     run = explored(roi, robots, Comms.MEETING)
     film = film_of_run(run, roi, "")
-    reel, seen = Reel(film), {START}
+    reel, seen = films.Reel(film), {START}
     for t in sorted({leg.end_t for leg in run.legs}):
         seen |= {leg.end for leg in run.legs if leg.end_t <= t}
         list(reel.forward(t))
@@ -76,21 +66,21 @@ def test_robots_move_along_their_legs_and_wait_between():
         assert film.fix(robot, film.end_t + 1.0).place == pytest.approx(spot[robot])
 
 
-@pytest.mark.parametrize("unit", list(Unit))
+@pytest.mark.parametrize("unit", list(films.Unit))
 @pytest.mark.parametrize("end_t", [0.0, 0.5, 7.0, 300.0, 1e6])
 def test_no_film_is_longer_than_twenty_seconds(unit, end_t):
-    film = Film("", unit, end_t, frozenset(), (), {}, Place(0.0, 0.0))
+    film = films.Film("", unit, end_t, frozenset(), (), {}, films.Place(0.0, 0.0))
     times = film.times()
     assert (times[0], times[-1]) == (0.0, end_t)
-    assert len(times) / FPS + HOLD_S <= LONGEST_S
+    assert len(times) / films.FPS + films.HOLD_S <= films.LONGEST_S
     assert times == sorted(times)
 
 
 def test_a_trail_goes_round_the_corners():
-    corner, end = Place(1.0, 0.0), Place(1.0, 1.0)
-    track = (Fix(0.0, Place(0.0, 0.0)), Fix(1.0, corner), Fix(2.0, end))
-    film = Film("", Unit.STEPS, 2.0, frozenset(), (), {0: track}, Place(0.0, 0.0))
-    assert film.trail(0, 0.5, 1.5) == [Place(0.5, 0.0), corner, Place(1.0, 0.5)]
+    corner, end = films.Place(1.0, 0.0), films.Place(1.0, 1.0)
+    track = (films.Fix(0.0, films.Place(0.0, 0.0)), films.Fix(1.0, corner), films.Fix(2.0, end))
+    film = films.Film("", films.Unit.STEPS, 2.0, frozenset(), (), {0: track}, films.Place(0.0, 0.0))
+    assert film.trail(0, 0.5, 1.5) == [films.Place(0.5, 0.0), corner, films.Place(1.0, 0.5)]
 
 
 # --- of a journal, from events alone -------------------------------------------------------------
@@ -112,8 +102,8 @@ def test_what_was_judged_and_where_the_vehicle_was_as_seen_from_the_roi():
         seen(10.2, True),
         seen(10.4, True),
     ]
-    film, state = film_of_flight(setting, events, "a flight")
-    assert film.unit is Unit.SECONDS
+    film, state = films.film_of_flight(setting, events, "a flight")
+    assert film.unit is films.Unit.SECONDS
     assert film.end_t == 10.4
     first, second = film.tracks[1]
     assert not first.aloft
@@ -132,9 +122,9 @@ def test_what_was_judged_and_where_the_vehicle_was_as_seen_from_the_roi():
 def test_of_photographs_there_are_cells_and_no_tracks():
     setting = setting_of(mission(BOX, FENCE))
     events = [seen(0.1 * i, True) for i in range(5)]
-    film, _ = film_of_flight(setting, events, "photographs", recorded=True)
+    film, _ = films.film_of_flight(setting, events, "photographs", recorded=True)
     assert film.tracks == {}
-    assert film.start == Place(0.0, 0.0)
+    assert film.start == films.Place(0.0, 0.0)
     assert {change.cell: change.state for change in film.changes} == {
         Cell(2, 0): "explored",
         Cell(3, 0): "non-roi",

@@ -17,16 +17,7 @@ from missions.mapping.tree import Tree, Vertex
 from missions.units import Cell
 from tests.unit.uavmap.output.film.runs import START, explored, small_roi, tree_until
 from uavmap.output.drawing.palette import STATES
-from uavmap.output.film.tree_picture import (
-    BACKBONE,
-    HEAD_PX,
-    MARGIN_PX,
-    backbone,
-    draw_tree,
-    ribs,
-    spread,
-    tree_shapes,
-)
+from uavmap.output.film import tree_picture
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -42,13 +33,13 @@ def trees(draw: st.DrawFn) -> Tree:
 @settings(max_examples=40, deadline=None)
 @given(trees())
 def test_backbone_and_ribs_make_up_the_tree(tree):
-    spine = backbone(tree)
+    spine = tree_picture.backbone(tree)
     assert spine[0] == tree.root
     assert not tree.children(spine[-1])
     assert len(spine) == tree.depth + 1
     assert all(tree.parent(below) == above for above, below in pairwise(spine))
     found = list(spine)
-    todo = list(ribs(tree, spine))
+    todo = list(tree_picture.ribs(tree, spine))
     assert all(tree.parent(cell) in spine for cell in todo)
     while todo:
         cell = todo.pop()
@@ -60,11 +51,11 @@ def test_backbone_and_ribs_make_up_the_tree(tree):
 @settings(max_examples=25, deadline=None)
 @given(trees())
 def test_by_depth_no_edges_cross_and_no_vertices_meet(tree):
-    spots = spread(tree)
+    spots = tree_picture.spread(tree)
     assert spots.keys() == tree.vertices.keys()
     assert len(set(spots.values())) == len(tree)
     assert all(spot.depth == tree.vertices[cell].depth for cell, spot in spots.items())
-    assert {spots[cell].row for cell in backbone(tree)} == {0}
+    assert {spots[cell].row for cell in tree_picture.backbone(tree)} == {0}
     edges = [
         (LineString([spots[v.parent], spots[cell]]), {cell, v.parent})
         for cell, v in tree.vertices.items()
@@ -83,7 +74,7 @@ def half_explored() -> Tree:
 
 def test_a_png_shows_states_and_backbone_where_they_are(tmp_path):
     tree, path = half_explored(), tmp_path / "tree.png"
-    draw_tree(tree, path, title="half way")
+    tree_picture.draw_tree(tree, path, title="half way")
     west = min(c.east for c in tree.vertices)
     north = max(c.north for c in tree.vertices)
     up = north - min(c.north for c in tree.vertices) + 1
@@ -92,21 +83,21 @@ def test_a_png_shows_states_and_backbone_where_they_are(tmp_path):
 
     def pixel(east: float, north_: float) -> tuple[int, int]:
         x, y = (east - west + 0.5) * step, (north - north_ + 0.5) * step
-        return int(MARGIN_PX + x), int(HEAD_PX + y)
+        return int(tree_picture.MARGIN_PX + x), int(tree_picture.HEAD_PX + y)
 
     with Image.open(path) as picture:
         for cell in tree.vertices:
             if cell != tree.root:
                 assert picture.getpixel(pixel(*cell)) == STATES[tree.state(cell).value]
-        spine = backbone(tree)
+        spine = tree_picture.backbone(tree)
         for one, other in pairwise(spine):
             middle = pixel((one.east + other.east) / 2, (one.north + other.north) / 2)
-            assert picture.getpixel(middle) == BACKBONE
+            assert picture.getpixel(middle) == tree_picture.BACKBONE
 
 
 def test_an_svg_holds_every_vertex_twice_and_says_what_it_shows(tmp_path):
     tree, path = half_explored(), tmp_path / "tree.SVG"
-    draw_tree(tree, path, title="half <way> & on")
+    tree_picture.draw_tree(tree, path, title="half <way> & on")
     drawing = ElementTree.fromstring(path.read_text("utf-8"))
     counts = dict.fromkeys(STATES, 0)
     for disc in drawing.iter(f"{SVG}circle"):
@@ -127,16 +118,16 @@ def test_an_svg_holds_every_vertex_twice_and_says_what_it_shows(tmp_path):
 def test_the_same_tree_gives_the_same_bytes(tmp_path, name):
     draws = []
     for title in ("one", "one", "other"):
-        draw_tree(half_explored(), tmp_path / name, title=title)
+        tree_picture.draw_tree(half_explored(), tmp_path / name, title=title)
         draws.append((tmp_path / name).read_bytes())
     assert draws[0] == draws[1] != draws[2]
 
 
 def test_a_tree_of_one_vertex_is_drawn(tmp_path):
-    draw_tree(Tree.rooted(START), tmp_path / "one.png", title="one")
+    tree_picture.draw_tree(Tree.rooted(START), tmp_path / "one.png", title="one")
     with Image.open(io.BytesIO((tmp_path / "one.png").read_bytes())) as picture:
         assert picture.width > 100
-    _, shapes = tree_shapes(Tree.rooted(START), "one")
+    _, shapes = tree_picture.tree_shapes(Tree.rooted(START), "one")
     assert any("1 vertex " in getattr(shape, "text", "") for shape in shapes)
 
 
@@ -146,8 +137,8 @@ def test_a_tree_too_large_to_draw_and_bad_names_are_refused(tmp_path):
     }
     long = Tree.of(START, vertices)
     with pytest.raises(OutputError, match="2000 vertices and depth 1999 is too large to draw"):
-        draw_tree(long, tmp_path / "long.png", title="long")
+        tree_picture.draw_tree(long, tmp_path / "long.png", title="long")
     for name, why in {"tree.jpg": "must end in .png or .svg", "no/tree.png": "no folder"}.items():
         with pytest.raises(OutputError, match=why):
-            draw_tree(half_explored(), tmp_path / name, title="")
+            tree_picture.draw_tree(half_explored(), tmp_path / name, title="")
     assert list(tmp_path.iterdir()) == []

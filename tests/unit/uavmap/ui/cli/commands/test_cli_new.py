@@ -36,13 +36,7 @@ from uavmap.load.areas.mission_text import section_of
 from uavmap.load.mission_source import load
 from uavmap.output.drawing.palette import FENCE
 from uavmap.ui.cli import main
-from vision.detectors import FINDS, Detector, detector_names, detector_parameters
-from vision.detectors.threshold import (
-    AdaptiveDetector,
-    IndexDetector,
-    PavedDetector,
-    ThresholdDetector,
-)
+from vision.detectors import FINDS, Detector, detector_names, detector_parameters, threshold
 
 SVG = "http://www.w3.org/2000/svg"
 """The name of a language, and nothing to load."""
@@ -177,7 +171,7 @@ def test_what_is_missing_is_asked_at_a_terminal(
     assert "what is the region (number, name, or a folder of `uavmap tune`):" in err
     mission = load("area.toml")
     assert mission.battery.capacity_wh == 60.0
-    assert detector_of(mission) == PavedDetector()
+    assert detector_of(mission) == threshold.PavedDetector()
 
 
 def test_new_answer_is_no_detector_says_which_there_are(
@@ -221,7 +215,7 @@ def test_new_without_a_terminal_names_no_detector_and_only_the_simulator_flies_i
     assert "region = not chosen yet; the simulator takes threshold: darker than 150" in told
     assert "next: uavmap fly a.toml --sim" in told
     assert load("a.toml").detector.name == LATER
-    assert detector_of(load("a.toml")) == ThresholdDetector()
+    assert detector_of(load("a.toml")) == threshold.ThresholdDetector()
     reason = 'a.toml: detector.name = "later": no detector is chosen'
     for command in (
         ["check", "a.toml"],
@@ -239,10 +233,10 @@ def test_new_without_a_terminal_names_no_detector_and_only_the_simulator_flies_i
 @pytest.mark.parametrize(
     ("name", "made"),
     [
-        ("threshold", ThresholdDetector()),
-        ("paved", PavedDetector()),
-        ("adaptive", AdaptiveDetector()),
-        ("index", IndexDetector()),
+        ("threshold", threshold.ThresholdDetector()),
+        ("paved", threshold.PavedDetector()),
+        ("adaptive", threshold.AdaptiveDetector()),
+        ("index", threshold.IndexDetector()),
     ],
 )
 def test_new_detector_by_name_has_its_parameters_in_the_mission(
@@ -259,7 +253,7 @@ def test_new_detector_by_name_has_its_parameters_in_the_mission(
 
 def test_a_detector_by_name_judges_in_place_of_the_missions(field: str) -> None:
     new(field, "--drone", "sim", "--out", "a.toml")
-    assert detector_of(load("a.toml", "paved")) == PavedDetector()
+    assert detector_of(load("a.toml", "paved")) == threshold.PavedDetector()
 
 
 def test_every_detector_is_explained_to_those_who_choose() -> None:
