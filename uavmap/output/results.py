@@ -268,7 +268,7 @@ class Votes:
     roi: set[Cell] = field(default_factory=set)
     _ballots: dict[tuple[Cell, Cell], tuple[int, int]] = field(default_factory=dict)
     _cells: dict[Cell, tuple[int, int]] = field(default_factory=dict)
-    """Votes, and those of them that say yes."""
+    """Votes, and positive ones."""
 
     def add(self, vantage: Cell, votes: Iterable[Vote]) -> None:
         """Count the votes of the next picture."""

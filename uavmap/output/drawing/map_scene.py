@@ -55,7 +55,7 @@ def map_scene(data: MapData) -> Scene:
         layers.append(moved("truth", rings_of(data.truth)))
     if data.unsearched:
         layers.append(line_layer("unsearched", (_fixed(data, lane) for lane in data.unsearched)))
-    if data.box:  # not of pictures for which nobody has drawn one
+    if data.box:  # a replay without a mission has none
         layers.append(line_layer("box", [_fixed(data, data.box)], closed=True))
     if data.fence:
         fences = [_fixed(data, ring) for ring in (data.fence, *data.fence_holes)]

@@ -20,9 +20,9 @@ from missions.units import Cell
 from uavmap.output.facts.map_model import CellTable
 
 FIRST_FRAMES: Final = 100
-"""Number of frames after which the operator is informed of what the detector takes for region."""
+"""Number of frames after which the operator receives the share of region."""
 LEAST_FRAMES: Final = 20
-"""Number of frames below which nothing is said of the detector."""
+"""Minimum number of frames for a statement about the detector."""
 MOST_REGION: Final = 0.9
 """Share of the cells seen that look like region from which on the detector hardly fits."""
 REMEDY: Final = (
@@ -77,7 +77,7 @@ class DetectorFit:
 
     @property
     def region(self) -> int:
-        """Number of cells for which most votes say region."""
+        """Number of cells with a majority of votes for region."""
         return sum(ayes > 0 for ayes in self._ayes.values())
 
     @property
@@ -110,7 +110,7 @@ def no_verdict(setting: Setting, state: State, fit: DetectorFit, *, real: bool) 
 
 
 def is_untouched(section: DetectorSection) -> bool:
-    """Whether a detector is the default of a mission file, which nobody has chosen for the ground.
+    """Return whether a detector is the default of a mission file, not chosen for the ground.
 
     >>> is_untouched(DetectorSection()), is_untouched(DetectorSection(intensity=120))
     (True, False)

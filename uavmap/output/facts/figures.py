@@ -48,7 +48,7 @@ class Figures:
     lift_off_s: float = 0.0
     """The mission time of the first lift-off that the journal knows."""
     shares: Shares = field(default_factory=Shares, compare=False, repr=False)
-    """What the frames of the journal say of each cell, by which patches are seen to drift."""
+    """The votes of the journal's frames, by which the drift of patches is measured."""
     sums: FrameSums = field(default_factory=FrameSums, compare=False, repr=False)
     """What its frames saw of each cell: unsure, and of which class."""
     fit: DetectorFit = field(default_factory=DetectorFit, compare=False, repr=False)
@@ -131,7 +131,7 @@ def _lower_bound_s(setting: Setting, state: State, breaks: int) -> float:
         and all(frame.t_s > found_s for frame in state.belief.looks[cell])
     ]
     if tree.root in state.abandoned:
-        breaks = max(breaks, 1)  # nobody began there
+        breaks = max(breaks, 1)  # no vehicle began there
     look_s = (votes.frames - 1) * setting.mission.camera.interval_s
     metric = replace(setting.metric, look=look_s)
     robots = len(setting.mission.vehicles)
@@ -286,7 +286,7 @@ def summary(setting: Setting, state: State, found: Figures, seed: int | None) ->
         "navigation": {str(number): dict(told) for number, told in found.navigation.items()},
         "notes": {str(number): v.note for number, v in sorted(state.vehicles.items()) if v.note},
     }
-    if setting.member == 0:  # of several journals: who was told what, and why, is in none of them
+    if setting.member == 0:  # merged: no journal has the orders of all
         told |= dict.fromkeys(
             ("exploration_s", "lower_bound_s", "ratio", "bound_makespan_s", "bound_held")
         )

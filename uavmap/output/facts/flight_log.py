@@ -151,7 +151,7 @@ class FlightLog:
             for fix in fixes:
                 while landing is not None and fix.t_s > landing:
                     if start_s is not None:
-                        # after an interruption nobody knows when it came down
+                        # after an interruption the time of landing is unknown
                         number += 1
                         found.append(Sortie(vehicle, number, start_s, landing, True))
                         start_s = None
@@ -216,9 +216,9 @@ class NavigationLog:
     lost_s: float = 0.0
     wrong_s: float = 0.0
     off_m: float | None = None
-    """The largest error of the told position, by the vehicle's own pictures."""
+    """Largest error of the reported position, by the vehicle's own pictures, m."""
     sigma_m: float | None = None
-    """The largest standard deviation of what it went by instead."""
+    """Largest standard deviation of the position used instead, m."""
     _gnss: str = "good"
     _since_s: float = 0.0
 

@@ -26,7 +26,7 @@ from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.map_model import MapData, class_figures, on_ground, packed
 
 DERIVED: Final = "derived from the pictures"
-"""Source of the mission of a replay for which the user gave none: nobody drew its box and fence."""
+"""Source of a mission derived for a replay: its box and fence are not drawn."""
 TAKEN: Final = "taken"
 """In the journal's meta of a replay: when its first picture was taken, and by which clock."""
 _1970: Final = datetime(1970, 1, 1, tzinfo=UTC)

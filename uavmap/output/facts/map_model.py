@@ -115,7 +115,7 @@ class CellTable:
     Attributes:
         cells: Columns and rows, shape (n, 2).
         codes: Of the states, shape (n,).
-        positive: Number of frames that say the cell is region.
+        positive: Number of frames whose verdict is region.
         votes: Number of frames that voted.
         belief: Believed share of region, 0 to 1; None where nothing is weighed.
         shares: Mean share of each class of the region, (n, classes); None without classes.
@@ -312,7 +312,7 @@ class MapData:
     pictures: int | None = None
     """Of a replay, from how many pictures the map is; None for a flight."""
     boundary: BaseGeometry | None = None
-    """The region's boundary at pixel level, in the moving frame, where pictures told it."""
+    """The region's boundary at pixel level, in the moving frame, where pictures show it."""
     classes: Classes | None = None
     """Those that its detector tells apart."""
 

@@ -243,7 +243,7 @@ def beyond_fence(setting: Setting, cells: Collection[Cell], t_s: float) -> froze
         inside = shapely.intersects(setting.fence.shrunk(grid.cell_m / 2.0), views)
     else:
         around = places[:, None] + grid.cell_m * np.array(Cell(0, 0).cross(), dtype=np.float64)
-        free = setting.fence.shrunk(-0.01)  # an edge is inside, whatever roundings say
+        free = setting.fence.shrunk(-0.01)  # an edge is inside, despite rounding
         inside = shapely.intersects_xy(free, around[..., 0], around[..., 1]).any(axis=1)
     return frozenset(cell for cell, ok in zip(listed, inside.tolist(), strict=True) if not ok)
 

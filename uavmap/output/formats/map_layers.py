@@ -1,4 +1,4 @@
-"""The layers of a map: what was found, who was where, what was planned."""
+"""The layers of a map: what was found, tracks and frames, what was planned."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def _classes(flown: Flown) -> Layer:
     return Layer("classes", "Classes", "MultiPolygon", False, fields, lambda: [(merged, rows)])
 
 
-# --- who was where -------------------------------------------------------------------------------
+# --- tracks and frames ---------------------------------------------------------------------------
 def _tracks(flown: Flown) -> Layer:
     fields = _fields("name vehicle sortie start_s end_s start_utc end_utc length_m")
     lines, rows = [], list[Row]()
@@ -274,7 +274,7 @@ def _unsearched(flown: Flown) -> Layer:
 
 
 def _fence(flown: Flown) -> Layer:
-    """Create the fence and the box; of pictures for which nobody has drawn them, neither."""
+    """Create the fence and the box; a replay without a mission has neither."""
     data, fixed = flown.data, flown.data.grid.fixed
     holes = [list(map(fixed, hole)) for hole in data.fence_holes]
     fence = orient(Polygon(list(map(fixed, data.fence)), holes))

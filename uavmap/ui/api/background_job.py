@@ -44,7 +44,7 @@ async def awaited(job: Job[T]) -> T:
     caller, loop, over = Caller(), asyncio.get_running_loop(), asyncio.Event()
 
     def tell(_: Future[T]) -> None:
-        with contextlib.suppress(RuntimeError):  # the loop was closed: nobody waits any more
+        with contextlib.suppress(RuntimeError):  # the loop was closed: no caller waits any more
             loop.call_soon_threadsafe(over.set)
 
     cancelled: asyncio.CancelledError | None = None
@@ -58,7 +58,7 @@ async def awaited(job: Job[T]) -> T:
                 cancelled = error
                 caller.press()
     if cancelled is not None:
-        # what became of the aircraft is told with it
+        # the fate of the aircraft is raised with it
         with contextlib.suppress(KeyboardInterrupt):
             _result(work, caller)
         raise cancelled
@@ -113,14 +113,14 @@ def single(failure: BaseException) -> BaseException:
 
 # --- signals -------------------------------------------------------------------------------------
 _LISTENING: Final[dict[int, list[Caller]]] = {}
-"""By signal, the callers that hear it: only the main thread changes this."""
+"""By signal, the callers that receive it: only the main thread changes this."""
 _BEFORE: Final[dict[int, Any]] = {}
 """By signal, the handler that was there."""
 
 
 @contextlib.contextmanager
 def _pressed_by(signals: tuple[signal.Signals, ...], caller: Caller) -> Iterator[None]:
-    """Meanwhile these signals press, if this is the main thread: no other one hears any."""
+    """Have these signals press meanwhile, in the main thread, which alone receives any."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

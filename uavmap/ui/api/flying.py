@@ -254,7 +254,7 @@ def _resumption(folder: Paths, **given: Any) -> Job[Results]:
 
 
 def _finished(folder: Path) -> Results:
-    """The results of a flight, with what pictures that were kept add to them."""
+    """Return the results of a flight, with the boundary by its kept pictures."""
     results = open_results(folder)
     if not kept_frames(folder) or results.aircraft_down:
         return results
@@ -264,7 +264,7 @@ def _finished(folder: Path) -> Results:
 
 @contextlib.contextmanager
 def _shown(*, quiet: bool) -> Iterator[tuple[Onlooker, ...]]:
-    """Show lines and progress on standard error, unless `quiet`; gives who looks on."""
+    """Show lines and progress on standard error, unless `quiet`; yield the onlookers."""
     if quiet:
         with muted():
             yield ()
@@ -275,6 +275,6 @@ def _shown(*, quiet: bool) -> Iterator[tuple[Onlooker, ...]]:
 
 
 def _key(given: Paths | None) -> str | None:
-    """The file of the key as an absolute path, None without one."""
+    """Return the file of the key as an absolute path, None without one."""
     named = os.environ.get(KEY_VARIABLE) or None if given is None else path_text("key", given)
     return None if named is None else str(Path(named).expanduser().absolute())

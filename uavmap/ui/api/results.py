@@ -93,12 +93,12 @@ class Results:
 
     @property
     def no_verdict(self) -> str | None:
-        """Why the map tells nothing, of a flight whose detector does not fit the ground."""
+        """Why the map shows nothing, of a flight whose detector does not fit the ground."""
         return self.summary.get("no_verdict")
 
     @property
     def aircraft_down(self) -> tuple[str, ...]:
-        """A line for each aircraft that somebody has to look after, with its place."""
+        """A line for each aircraft that a person has to look after, with its place."""
         return tuple(self.summary.get("aircraft_down", ()))
 
     @property

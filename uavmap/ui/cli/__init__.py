@@ -27,7 +27,7 @@ AIRCRAFT_DOWN: Final = 4
 NO_VERDICT: Final = 5
 INTERRUPTED: Final = 130
 NOBODY_READS: Final = 141
-"""As a shell tells of a program that a closed pipe has ended."""
+"""The code of a program that a closed pipe has ended."""
 COMMANDS: Final = {
     "new": "make a mission from an area drawn elsewhere",
     "fly": "fly a mission, simulated or real",
@@ -64,7 +64,7 @@ def _module_of(command: str) -> Any:
 
 
 def parser(wanted: str | None = None) -> argparse.ArgumentParser:
-    """The command line, with the options of one command, or of all."""
+    """Create the command line, with the options of one command, or of all."""
     top = argparse.ArgumentParser(
         prog="uavmap",
         description="Map a region of unknown shape with one or more multicopters.",
@@ -84,7 +84,7 @@ def parser(wanted: str | None = None) -> argparse.ArgumentParser:
 
 
 def _parsed(arguments: Sequence[str]) -> argparse.Namespace | None:
-    """The options; None if there are none at all, and what one can do was shown."""
+    """Parse the options; None without any, where the help is shown."""
     wanted = next((word for word in arguments if not word.startswith("-")), "")
     top = parser(wanted)
     if not arguments:
@@ -98,13 +98,13 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace | None:
 
 
 def complain(line: str) -> None:
-    """Print a line on standard error, if anybody reads it still."""
+    """Print a line on standard error, if it is still read."""
     with contextlib.suppress(OSError):
         print(f"uavmap: {line}", file=sys.stderr)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; returns the exit code."""
+    """Run a command; return the exit code."""
     options = _parsed(sys.argv[1:] if arguments is None else arguments)
     if options is None:
         return USER_ERROR
@@ -133,7 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _is_read() -> bool:
-    """Whether there is still somebody who reads what is printed."""
+    """Return whether the output still has a reader."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -155,7 +155,7 @@ def _say(group: BaseExceptionGroup[UavmapError]) -> None:
 
 
 def _notes(error: BaseException) -> list[str]:
-    """What was added to an error, or to one within."""
+    """Return the notes of an error, and of those within."""
     found = list(getattr(error, "__notes__", ()))
     if isinstance(error, BaseExceptionGroup):
         found += [note for inner in error.exceptions for note in _notes(inner)]
@@ -163,7 +163,7 @@ def _notes(error: BaseException) -> list[str]:
 
 
 def _out_of_memory(group: BaseExceptionGroup[MemoryError]) -> int:
-    """Say so, and where aircraft are that were flown meanwhile."""
+    """Complain, and show where aircraft are that were flown meanwhile."""
     complain(
         "the memory of this computer does not suffice: close other programs, or ask for less "
         "(a smaller region or picture, fewer workers); of a flight nothing is lost that is in its "

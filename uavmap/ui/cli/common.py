@@ -38,7 +38,7 @@ exit codes:
 
 
 def number_type(kind: type[int] | type[float], low: float, high: float) -> Callable[[str], Any]:
-    """The type of an option that takes a number within limits, both included.
+    """Create the type of an option that takes a number within limits, both included.
 
     >>> number_type(int, 1, 9)("3")
     3
@@ -69,7 +69,7 @@ speedup: Final = number_type(float, 0.001, 1000.0)
 
 
 def utc_seconds(text: str) -> float:
-    """A time of day with its zone, in seconds since 1970.
+    """Read a time of day with its zone, in seconds since 1970.
 
     >>> utc_seconds("1970-01-01T00:01:00.5Z")
     60.5
@@ -84,7 +84,7 @@ def utc_seconds(text: str) -> float:
 
 
 def pair(what: str, text: str, expected: str) -> tuple[float, float]:
-    """Two finite numbers with a comma between them, or an `UavmapError`: what is not as expected.
+    """Read two finite numbers with a comma between. Raises `UavmapError`: `what` is not `expected`.
 
     >>> pair("--wind 6,270", "6,270", "SPEED,FROM")
     (6.0, 270.0)
@@ -119,7 +119,7 @@ def print_figures(figures: Mapping[str, Any], out: Path | None, *, as_json: bool
 
 
 def asks() -> bool:
-    """Whether somebody sits at a terminal."""
+    """Return whether a person sits at the terminal."""
     return sys.stdin is not None and sys.stdin.isatty()
 
 
@@ -134,7 +134,7 @@ def answer_to(question: str) -> str:
 
 
 def agreed(question: str) -> bool:
-    """Ask at the terminal; whether the answer is a yes."""
+    """Ask at the terminal; return whether the answer is a yes."""
     print(f"{question} [y/N] ", end="", file=sys.stderr, flush=True)
     return sys.stdin.readline().strip().lower() in ("y", "yes")
 
@@ -235,7 +235,7 @@ def print_summary(
 
 
 def rows(summary: Mapping[str, Any], folder: Path) -> Iterator[tuple[str, str]]:
-    """Name and value of what an operator wants to know.
+    """Yield name and value of what an operator wants to know.
 
     >>> summary = {"completed": True, "area_m2": 2064.0, "area_low_m2": 1477.4,
     ...            "area_high_m2": 2243.5, "makespan_s": 222.3, "cells_undecided": 2}
@@ -280,7 +280,7 @@ def _files(what: str, folder: Path, names: tuple[str, ...]) -> Iterator[tuple[st
 
 
 def not_seen(summary: Mapping[str, Any]) -> str:
-    """What the cameras have not shown, or not often enough; empty where that is nothing."""
+    """Write what the cameras have not shown, or not often enough; empty where that is nothing."""
     parts = []
     if (in_all := summary.get("patches_in_all")) is not None and not in_all["box"]["whole"]:
         box = box_in_words(in_all["box"])
@@ -299,7 +299,7 @@ def not_seen(summary: Mapping[str, Any]) -> str:
 
 
 def figures(summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Name and value of every other figure.
+    """Yield name and value of every other figure.
 
     >>> list(figures({"ratio": 4.589, "bound_held": True, "lower_bound_s": None}))
     [('exploration / lower bound', '4.589'), ('bound held', 'yes')]

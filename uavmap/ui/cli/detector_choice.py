@@ -32,7 +32,7 @@ WISHES: Final = Wishes()
 
 
 def add_detector_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say what to look for."""
+    """Add the options of the detector."""
     group = parser.add_argument_group("what to look for (default: later)")
     either = group.add_mutually_exclusive_group()
     either.add_argument(

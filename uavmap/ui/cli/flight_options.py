@@ -106,12 +106,12 @@ def _key_path(option: str, given: str | None, variable: str) -> str | None:
 
 
 def preflight_of(options: argparse.Namespace) -> Preflight:
-    """What is asked for before the first take-off of real aircraft."""
+    """Return what is asked for before the first take-off of real aircraft."""
     return Preflight(options.yes, options.dry_run, options.keep_fence)
 
 
 def begin(options: argparse.Namespace, plan: FlightPlan, preflight: Preflight | None) -> int:
-    """Fly a plan into the folder of --out, with what is asked for beside it; the exit code."""
+    """Fly a plan into the folder of --out; return the exit code."""
     terminal = Terminal()
     with shown_on(terminal):
         plan, mission = with_ground(plan), plan.mission
@@ -132,7 +132,7 @@ def begin(options: argparse.Namespace, plan: FlightPlan, preflight: Preflight | 
 
 
 def not_flown(error: Exception) -> int:
-    """Complain of what nothing was flown for; the exit code. Raises any other error again."""
+    """Complain of the reason for which nothing was flown; return the exit code, or raise again."""
     group = error if isinstance(error, ExceptionGroup) else ExceptionGroup("", [error])
     over, others = group.split(NotFlownError)
     if over is None or others is not None:

@@ -20,9 +20,9 @@ seconds, level and text.
 """
 
 MOST_LINES: Final = 300
-"""The log holds no more lines."""
+"""Maximum number of lines of the log."""
 MOST_POINTS: Final = 3000
-"""The track of a vehicle holds no more points."""
+"""Maximum number of points of a vehicle's track."""
 
 Place = tuple[int, int]
 Line = tuple[int, float, str, str]
@@ -70,11 +70,11 @@ class Board:
         return tuple(self._vehicles)
 
     def field(self, name: str) -> Any:
-        """A field of the flight as a whole, None where nothing was said of it."""
+        """Return a field of the flight as a whole, None for one that is not set."""
         return self._fields.get(name, (None, 0))[0]
 
     def cell(self, place: Place) -> int | None:
-        """The number of a cell's state, None for one that nobody has seen."""
+        """Return the number of a cell's state, None for one that no frame shows."""
         found = self._cells.get(place)
         return None if found is None else found[0]
 
@@ -91,12 +91,12 @@ class Board:
             self._put_cell(place, code, self._stamp)
 
     def set_field(self, name: str, value: Any) -> None:
-        """Say something of the flight as a whole; `value` is for JSON."""
+        """Set a field of the flight as a whole; `value` is for JSON."""
         if name not in self._fields or self._fields[name][0] != value:
             self._fields[name] = (value, self._stamp)
 
     def set_vehicle(self, number: int, record: Mapping[str, Any]) -> None:
-        """Say everything of one vehicle."""
+        """Set the record of one vehicle."""
         before = self._vehicles.get(number)
         if before is None or before[0] != record:
             self._vehicles[number] = (record, self._stamp)
@@ -118,7 +118,7 @@ class Board:
 
     # --- deltas ----------------------------------------------------------------------------
     def since(self, version: int) -> Delta:
-        """What was set after a version, committed or not; all of it for 0: a snapshot."""
+        """Return what was set after a version, committed or not; for 0 a snapshot of all."""
         self.commit()
         return {
             "v": self.version,

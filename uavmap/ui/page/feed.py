@@ -58,7 +58,7 @@ def bound(host: str, port: int, option: str) -> socket.socket:
 
 
 def shown(host: str) -> str:
-    """The host to put into a URL: of all addresses, the one that others reach this computer by."""
+    """Return the host for a URL: of all addresses, the one by which others reach this computer."""
     with contextlib.suppress(ValueError):
         if not ipaddress.ip_address(host).is_unspecified:
             return f"[{host}]" if ":" in host else host
@@ -70,11 +70,11 @@ def shown(host: str) -> str:
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")
 START_S: Final = 60.0
-"""Real seconds in which the page must be ready; it takes some 3 on a small computer."""
+"""Time in which the page must be ready, real seconds; a small computer takes about 3."""
 END_S: Final = 6.0
-"""Real seconds in which its process takes in what it was told last, and ends."""
+"""Time in which its process receives the last messages and ends, real seconds."""
 WAITING: Final = 8
-"""So many messages may wait to be written."""
+"""Maximum number of messages that wait to be written."""
 
 
 class Feed:
@@ -91,7 +91,7 @@ class Feed:
         self._writer.start()
 
     def wait_ready(self) -> None:
-        """Return when it can be looked at. Raises `OutputError` where it does not begin."""
+        """Wait until it can be opened. Raises `OutputError` where it does not begin."""
         due_s = time.monotonic() + START_S
         why = f"it was not ready within {START_S:g} s"
         while (left_s := due_s - time.monotonic()) > 0.0:
@@ -108,7 +108,7 @@ class Feed:
     # --- there -----------------------------------------------------------------------------
     @property
     def idle(self) -> bool:
-        """Whether it has taken nearly everything that it was told."""
+        """Whether it has received nearly all messages."""
         return not self.dead and self._messages.qsize() <= 1
 
     def put(self, words: Words, data: bytes = b"", *, wait_s: float = 0.0) -> bool:
@@ -147,7 +147,7 @@ class Feed:
         return self._child.stdout.fileno()
 
     def orders(self) -> list[Words]:
-        """What has come since it was asked last; none from a page that is gone."""
+        """Return the orders since the last call; none from a page that is gone."""
         try:
             piece = os.read(self.orders_file, 1 << 16)
         except BlockingIOError:
@@ -160,7 +160,7 @@ class Feed:
 
     # --- over ------------------------------------------------------------------------------
     def close(self) -> None:
-        """End it; what it was told last it still takes in, if it is quick."""
+        """End the page after its last messages, if it receives them in time."""
         with contextlib.suppress(queue.Full):
             self._messages.put(None, timeout=0.0 if self.dead else END_S)
         self._writer.join(END_S)

@@ -25,11 +25,11 @@ from uavmap.ui.page.page_scene import marks_of, of_mosaic, of_tiles, scene_of
 from uavmap.ui.page.watching import Watcher
 
 LOOK_S: Final = 0.2
-"""The journal is looked at so often, real seconds."""
+"""Time between two reads of the journal, real seconds."""
 STEP_S: Final = 0.5
-"""What is shown goes on in steps of at least so much mission time..."""
+"""Minimum mission time between two updates, s."""
 MOST_STEPS: Final = 2000
-"""... and in a long flight in no more than about so many."""
+"""Maximum number of updates of a long flight, about."""
 WATCHES: Final = (
     "this page only watches: who flies is another program, which takes orders by the keys at its "
     "terminal, or from the page of `uavmap fly --page`"
@@ -128,12 +128,12 @@ class Pictures:
         self._seen: deque[FrameSeen] = deque(maxlen=_UNMATCHED)
 
     def note(self, event: Event) -> None:
-        """An event was taken in."""
+        """Note an event."""
         if isinstance(event, FrameSeen):
             self._seen.append(event)
 
     def newest(self) -> dict[str, object] | None:
-        """The newest judged picture that is there, for a board; None where there is no newer."""
+        """Return the newest judged picture for a board; None where there is no newer."""
         if not self._seen:
             return None
         self._read()

@@ -17,13 +17,13 @@ from uavmap.ui.page.mosaic import Mosaic
 from uavmap.ui.page.page_pipe import Words
 
 MOST_PICTURES: Final = 24
-"""So many pictures are kept, for browsers that are late."""
+"""Maximum number of pictures that are kept for slow browsers."""
 PICTURE_PX: Final = 640
-"""Pictures are shown no wider."""
+"""Maximum width of a picture, px."""
 _QUALITY: Final = 75
 _SUFFIXES: Final = (".jpg", ".png")
 KEY_EVERY: Final = 40
-"""A timeline holds a snapshot so often, in deltas."""
+"""Number of deltas between two snapshots of a timeline."""
 
 
 class Timeline:
@@ -44,7 +44,7 @@ class Timeline:
         self._newest = Board()
 
     def add(self, t_s: float, delta: Delta) -> None:
-        """The next delta; mission times do not fall."""
+        """Add the next delta; mission times do not fall."""
         self._newest.apply(delta)
         if len(self._times) % KEY_EVERY == 0:
             self._keys.append(self._newest.since(0))
@@ -57,7 +57,7 @@ class Timeline:
         return (self._times[0], self._times[-1]) if self._times else (0.0, 0.0)
 
     def at(self, t_s: float) -> Board:
-        """The board at a mission time, or at the first one."""
+        """Return the board at a mission time, or at the first one."""
         index = max(bisect.bisect_right(self._times, t_s) - 1, 0)
         board = Board()
         if self._keys:
@@ -69,7 +69,7 @@ class Timeline:
 
 
 class Hub:
-    """Takes what the flight tells; browsers ask it."""
+    """The messages of a flight, for its browsers."""
 
     def __init__(self, config: Words) -> None:
         self.board = Board()
@@ -86,27 +86,27 @@ class Hub:
         """Set when something is new; then it is another event."""
         self._present: set[object] = set()
         self.nobody = asyncio.Event()
-        """Set while no browser is left that has to be told something."""
+        """Set while no browser waits for an update."""
         self.nobody.set()
 
     def enter(self, visitor: object) -> None:
-        """A browser is there, and is told what is new."""
+        """Add a browser, which receives what is new."""
         self._present.add(visitor)
         self.nobody.clear()
 
     def leave(self, visitor: object) -> None:
-        """It is gone, or knows that nothing more will come."""
+        """Remove a browser that is gone or has everything."""
         self._present.discard(visitor)
         if not self._present:
             self.nobody.set()
 
     def wake(self) -> None:
-        """Something is new."""
+        """Wake those that wait for news."""
         self.news.set()
         self.news = asyncio.Event()
 
     async def take(self, words: Words, data: bytes) -> None:
-        """Take in a message of the flight (`uavmap.ui.page.page_pipe`)."""
+        """Receive a message of the flight (`uavmap.ui.page.page_pipe`)."""
         match words.get("kind"):
             case "scene":
                 self.scene = words["scene"]
@@ -133,7 +133,7 @@ class Hub:
         self.wake()
 
     async def background(self) -> bytes:
-        """What lies under the map, as JPEG; nothing where nothing does."""
+        """Return the background of the map as JPEG; empty without one."""
         if self._mosaic is None:
             return self._background
         return await asyncio.to_thread(self._mosaic.jpeg)
@@ -149,7 +149,7 @@ class Hub:
         return _small(image)
 
     async def picture(self, name: str) -> bytes:
-        """A picture as JPEG; nothing where it is not there any more."""
+        """Return a picture as JPEG; empty for one that is gone."""
         if name in self._pictures:
             return self._pictures[name]
         plain = PurePath(name).name == name and not name.startswith(".")
@@ -159,13 +159,13 @@ class Hub:
 
 
 def _shown(path: Path) -> bytes:
-    """A picture small enough for a page, as JPEG; nothing for what cannot be decoded."""
+    """Return a picture small enough for a page, as JPEG; empty for what cannot be decoded."""
     image = _decoded(path.read_bytes() if path.is_file() else b"", None)
     return b"" if image is None else _small(image)
 
 
 def _decoded(data: bytes, shape: Sequence[int] | None) -> NDArray[np.uint8] | None:
-    """A picture, (rows, columns, 3); None of what cannot be decoded."""
+    """Decode a picture, (rows, columns, 3); None for what cannot be decoded."""
     pixels: Any = np.frombuffer(data, np.uint8)
     if not data:
         return None
@@ -177,7 +177,7 @@ def _decoded(data: bytes, shape: Sequence[int] | None) -> NDArray[np.uint8] | No
 
 
 def _small(image: NDArray[np.uint8]) -> bytes:
-    """A picture as JPEG, no wider than a page shows it."""
+    """Encode a picture as JPEG, no wider than a page shows it."""
     height, width = image.shape[:2]
     if width > PICTURE_PX:
         size = (PICTURE_PX, max(round(height * PICTURE_PX / width), 1))

@@ -25,9 +25,9 @@ from uavmap.ui.page.watching import Watcher
 
 _LOG: Final = logging.getLogger("uavmap.ui.page")
 UPDATE_S: Final = 0.1
-"""The page is told what is new no more often, real seconds."""
+"""Minimum time between two updates of the page, real seconds."""
 PICTURE_S: Final = 1.0
-"""... nor of a picture."""
+"""Minimum time between two pictures, real seconds."""
 SIMULATED: Final = "a flight that is simulated with --sim takes no orders: nobody could repeat it"
 NOT_YET: Final = "orders are taken once the vehicles have answered"
 LANDED: Final = "the flight is over"
@@ -52,9 +52,9 @@ class FlightPage(Onlooker):
         self._background = background
         self._watcher: Watcher | None = None
         self._looked_back = False
-        """Whether its watcher knows what was before, and the flight has not begun."""
+        """Whether the watcher has earlier events, and the flight has not begun."""
         self._said: list[str] = []
-        """What was said before there was a board."""
+        """Lines from before there was a board."""
         self._version = 0
         """Of the board, as the page knows it."""
         self._due_s = self._picture_due_s = float("-inf")
@@ -100,7 +100,7 @@ class FlightPage(Onlooker):
                 self._show(whole=True)
 
     def close(self, text: str) -> None:
-        """Tell those who look why nothing more will come."""
+        """Show why nothing more will come."""
         with self._harmless():
             self._show(whole=True)
             self._feed.put({"kind": "ended", "text": text})
@@ -120,7 +120,7 @@ class FlightPage(Onlooker):
             self._watcher.say(text)
 
     def look_back(self, setting: Setting, event: Event, state: State) -> None:
-        """What a flight that is gone on with has brought before: shown when it begins."""
+        """Note an event before the interruption of a resumed flight; shown at its beginning."""
         if self._broken:
             return
         with self._harmless():
@@ -131,13 +131,13 @@ class FlightPage(Onlooker):
                 self._watcher.take_in(event, state)
 
     def keep(self, frame: KeptFrame, picture: bytes | NDArray[np.uint8]) -> None:
-        """A picture is about to be judged: remembered until its verdicts come."""
+        """Keep a picture until its verdicts come."""
         if not self._broken:
             self._pictures[frame.vehicle] = (frame, picture)
 
     @contextlib.contextmanager
     def steering(self, service: Service) -> Iterator[None]:
-        """Hear the page's orders."""
+        """Carry out the page's orders."""
         loop, file = asyncio.get_running_loop(), self._feed.orders_file
 
         def hear() -> None:
@@ -149,7 +149,7 @@ class FlightPage(Onlooker):
             if self._feed.dead or self._broken:
                 loop.remove_reader(file)
 
-        self._feed.orders()  # what was clicked before anybody could fly is no order
+        self._feed.orders()  # a click before the vehicles can fly is no order
         self._set("hands_off", "")
         with contextlib.suppress(OSError, ValueError):
             loop.add_reader(file, hear)
@@ -168,11 +168,11 @@ class FlightPage(Onlooker):
                 self._show()
 
     def _show(self, *, whole: bool = False) -> None:
-        """Tell what is new; while the page is busy nothing, and more of it later."""
+        """Send what is new; while the page is busy nothing, and more of it later."""
         watcher, feed = self._watcher, self._feed
         if watcher is None or not (whole or feed.idle):
             if feed.dead:
-                feed.put({})  # which tells it
+                feed.put({})  # which logs it
             return
         watcher.refresh(whole=whole)
         delta = watcher.board.since(self._version)
@@ -199,7 +199,7 @@ class FlightPage(Onlooker):
 
     @contextlib.contextmanager
     def _harmless(self) -> Iterator[None]:
-        """Whatever goes wrong in here ends the page, and nothing else."""
+        """End the page, and nothing else, at any failure in here."""
         try:
             yield
         except Exception as failure:
@@ -214,14 +214,14 @@ class FlightPage(Onlooker):
 
 
 def tell_scene(feed: Feed, scene: Words, background: Background | None) -> None:
-    """Tell a page what does not change, what lies under the map first."""
+    """Send a page what does not change, the background of the map first."""
     if background is not None and background.jpeg:
         feed.put({"kind": "background"}, background.jpeg)
     feed.put({"kind": "scene", "scene": scene})
 
 
 def carry_out(service: Service, order: Words) -> str:
-    """Do what the page asks; returns the answer in words. Nothing else than the three is done."""
+    """Carry out one of the page's three orders; return the answer in words."""
     if not service.flying:
         return "nobody flies now: nothing is ordered"
     match order:

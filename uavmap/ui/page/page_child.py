@@ -18,14 +18,14 @@ from uavmap.ui.page.hub import Hub
 from uavmap.ui.page.page_pipe import Words, read
 
 LAST_S: Final = 4.0
-"""So long, at most, browsers are still told what was new at the end, real seconds."""
+"""Maximum time for the last updates of browsers, real seconds."""
 DIED: Final = "the flight's program has ended without a word; `uavmap resume` goes on with it"
 
 
 def main() -> None:
     """Serve a page until the flight ends."""
     out = os.dup(sys.stdout.fileno())
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # nobody's print is an order
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # no print is an order
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(_serve(out))
     os._exit(0)  # nothing is left to write, and a flight waits: to tear all this down takes seconds
@@ -61,7 +61,7 @@ async def _serve(out: int) -> None:
 
 
 async def _listen(hub: Hub, reader: asyncio.StreamReader) -> None:
-    """Take in what the flight tells, to its end."""
+    """Receive the messages of the flight to its end."""
     try:
         while True:
             await hub.take(*await read(reader))

@@ -30,10 +30,10 @@ from vision.camera import Camera
 from vision.projection import Projection
 
 MOST_TILES: Final = 120
-"""So many tiles are laid together at most; of a larger area a coarser zoom is taken."""
+"""Maximum number of tiles; a larger area takes a coarser zoom."""
 _MARGIN: Final = 0.25
 _NODES: Final = 33
-"""The projection is computed on so many points a side, and between them linearly."""
+"""Number of points a side on which the projection is computed; linear between them."""
 _MERCATOR_M: Final = 2.0 * math.pi * 6378137.0
 _TILE_BYTES: Final = 8 << 20
 
@@ -143,7 +143,7 @@ def _bounds(setting: Setting) -> tuple[float, float, float, float]:
 def _mercator(
     grid: Grid, easts: NDArray[np.float64], norths: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Web Mercator, 0 to 1 from the upper left corner of the world, by rows and columns."""
+    """Return Web Mercator, 0 to 1 from the world's upper left corner, by rows and columns."""
 
     def one(east_m: float, north_m: float) -> tuple[float, float]:
         place = grid.position(GridPoint(east_m, north_m))
@@ -161,7 +161,7 @@ def _laid(
     m_per_px: float,
     lat_deg: float,
 ) -> tuple[Colours, NDArray[np.float64]]:
-    """The tiles under some points, and where in them these lie."""
+    """Return the tiles under some points, and where in them these lie."""
     kind = database.execute("SELECT value FROM metadata WHERE name = 'format'").fetchone()
     if kind == ("pbf",):
         raise OutputError(f"--tiles {path}: holds vector tiles; tiles of pictures are shown")
@@ -195,7 +195,7 @@ def _laid(
 def _tiles(
     database: sqlite3.Connection, zoom: int, columns: range, rows: range
 ) -> Iterator[tuple[tuple[int, int], Colours]]:
-    """The tiles that are there; in the file rows are counted from the south."""
+    """Yield the tiles of a file, in which rows are counted from the south."""
     question = (
         "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
     )
@@ -210,7 +210,7 @@ def _tiles(
 
 
 STATES: Final[tuple[State, ...]] = tuple(palette.STATES)
-"""The states of a cell; on a board each is told by its place in here."""
+"""The states of a cell; a board has their index."""
 
 
 def scene_of(

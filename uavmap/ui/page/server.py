@@ -23,11 +23,11 @@ from uavmap.ui.page.hub import Hub
 from uavmap.ui.page.page_pipe import GO_ON, HOME, PAUSE, Words
 
 UPDATE_S: Final = 0.1
-"""A browser is told no more often, real seconds."""
+"""Minimum time between two updates of a browser, real seconds."""
 CONFIRM_S: Final = 8.0
-"""One that has not confirmed within this gets a snapshot, once it can be reached."""
+"""Time without a confirmation after which a browser gets a snapshot, s."""
 ANSWER_S: Final = 8.0
-"""So long the flight may take to answer an order."""
+"""Maximum time in which the flight answers an order, s."""
 _CSS: Final = (Path(__file__).parent / "page.css").read_text("utf-8")
 _ICON: Final = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><rect width="16" height="16" '
@@ -44,7 +44,7 @@ class FlightView(
 
 
 class Server(uvicorn.Server):
-    """Tells when it has begun."""
+    """A server that sets `begun` when it answers."""
 
     def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)
@@ -58,7 +58,7 @@ class Server(uvicorn.Server):
 
 
 def serving(hub: Hub, config: Words, send: Send) -> Server:
-    """A server of the page, not yet begun. `send` passes an order on to the flight."""
+    """Create the server of the page, not yet begun. `send` passes an order on to the flight."""
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     numbers = itertools.count(1)
 
@@ -164,7 +164,7 @@ class Visitor:
     def _show_buttons(self, board: Board) -> None:
         why = self._hub.ended or board.field("hands_off") or self._config.get("why", "")
         paused = bool(board.field("paused"))
-        self._why.set_text("" if self._hub.ended else why)  # which the banner tells
+        self._why.set_text("" if self._hub.ended else why)  # which the banner shows
         for name, button in self._buttons.items():
             button.set_visibility(not why and (name == HOME or paused == (name == GO_ON)))
 
@@ -216,7 +216,7 @@ class Visitor:
 
     # --- what is shown ---------------------------------------------------------------------
     async def follow(self, client: Client) -> None:
-        """Tell the browser what is new, until its page is closed, or nothing more will come."""
+        """Send the browser what is new, until its page is closed, or nothing more will come."""
         with client:
             await client.connected()
             self._hub.enter(self)
@@ -253,7 +253,7 @@ class Visitor:
         return self._hub.timeline.at(self._at_s)
 
     async def _tell(self, board: Board, version: int) -> int:
-        """Tell the browser what is new; the version that it has confirmed, 0 for none."""
+        """Send the browser what is new; return the version that it confirms, 0 for none."""
         self._show_buttons(self._hub.board)
         self._listed = sorted(board.vehicles)
         link = {

@@ -33,15 +33,15 @@ from uavmap.ui.page.board import Board
 from uavmap.ui.page.page_scene import STATES
 
 MOST_CELLS: Final = 100
-"""Most cells of the tree that a refresh visits, beside those that pictures changed."""
+"""Maximum number of cells of the tree that a refresh visits, beside those that pictures changed."""
 FIGURES_S: Final = 5.0
-"""The certificate and the time left are reckoned no more often, seconds of the clock."""
+"""Minimum time between two computations of the certificate and of the time left, s of the clock."""
 FIGURES_SHARE: Final = 0.005
-"""... nor so often that they take a larger share of the time."""
+"""Maximum share of the time that they take."""
 DEAR_S: Final = 0.02
-"""A certificate that takes longer, of a large region, is reckoned next when the flight is over."""
+"""Maximum time of a certificate that is computed again before the flight is over, s."""
 STEP_M: Final = 0.5
-"""Points of a track lie no closer."""
+"""Minimum distance of two points of a track, m."""
 _LEVELS: Final = {0: "grave", 1: "grave", 2: "grave", 3: "grave", 4: "warning"}
 _WARNINGS: Final = (ev.LinkLost, ev.GivenUp, ev.OrderFailed, ev.FrameLost)
 _CODES: Final = {state: code for code, state in enumerate(STATES)}
@@ -83,7 +83,7 @@ class Watcher:
         self._ahead = Ahead(setting)
         self._marked: dict[Cell, None] = {}
         self._waiting: deque[Cell] = deque()
-        """Cells of the tree that are still to be looked at."""
+        """Cells of the tree that are still to be visited."""
         self._tree: Tree | None = None
         self._why_none = partial(no_verdict, setting, real=real)
         self._judged = self._lost = 0
@@ -121,7 +121,7 @@ class Watcher:
         self._marked.update(dict.fromkeys(cell for cell in sorted(near) if cell in judged))
 
     def say(self, text: str, level: str = "said") -> None:
-        """Add to the log what was said to the operator."""
+        """Add lines for the operator to the log."""
         for line in text.splitlines():
             self.board.add_line(round(self.state.t_s, 1), level, printable(line))
 
@@ -150,7 +150,7 @@ class Watcher:
 
     # --- the board -------------------------------------------------------------------------
     def refresh(self, *, whole: bool = False) -> bool:
-        """Bring the board up to date; whether anything changed. `whole`: however much it is."""
+        """Update the board; return whether anything changed. `whole`: visit every cell."""
         tree = self.state.tree
         for cell in self._marked:
             at: Cell | None = cell
@@ -179,7 +179,7 @@ class Watcher:
         return self.board.commit()
 
     def _show(self, cell: Cell) -> bool:
-        """Put a cell on the board; whether it is another than before."""
+        """Put a cell on the board; return whether its state changed."""
         place, code = (cell.east, cell.north), _CODES[self._cells.of(cell, self.state)]
         changed = self.board.cell(place) != code
         self.board.set_cell(place, code)
@@ -223,7 +223,7 @@ class Watcher:
         board.set_field("over", state.over or self._recorded)
 
     def _paced(self, show: Callable[[], None], dear_s: float = math.inf) -> float:
-        """Do what is dear; when it may be done again, by what it cost."""
+        """Compute a costly figure; return when it may be computed again, by what it cost."""
         begin_s = self._now_s()
         show()
         cost_s = self._now_s() - begin_s
@@ -245,7 +245,7 @@ class Watcher:
             board.set_field("known", cells_known(state))
 
     def _show_certificate(self) -> None:
-        """The exploration between its bounds, as far as it has come."""
+        """Show the exploration so far between its bounds."""
         if self._recorded or self.state.tree is None:
             return
         found = figures_of(self.setting, self.state, self._counter)
@@ -274,16 +274,16 @@ _ORDERED: Final[Mapping[type[ev.Event], str]] = {
 
 
 UNTIMED_S: Final = 1e9
-"""The time of a point that nobody knows when it is passed."""
+"""Time of a point whose time of passage is unknown, s."""
 MOST_POINTS: Final = 100
 _CHORD_M: Final = 0.3
-"""An arc is told by chords that are no farther from it."""
+"""Maximum distance of an arc from its chords, m."""
 _NEAR_M: Final = 4.0
-"""Who is so near to a later leg of a route is on it."""
+"""Distance within which a vehicle is on a later leg of its route, m."""
 
 
 class Ahead:
-    """Remembers what was told of each vehicle: while its order stays, so does its path."""
+    """The paths ahead of the vehicles: a path stays as long as its order."""
 
     def __init__(self, setting: Setting) -> None:
         self._setting = setting
@@ -331,7 +331,7 @@ class Ahead:
 def _route(
     vehicle: VehicleState, order: Order | None, setting: Setting, t_s: float
 ) -> Sequence[GridPoint]:
-    """The points of an order that is flown in legs, in the fixed frame."""
+    """Return the points of an order that is flown in legs, in the fixed frame."""
     if isinstance(order, Sweep):
         return (order.end,)
     if isinstance(order, ReturnToLaunch):
@@ -345,7 +345,7 @@ def _route(
 
 
 def _begun(route: Sequence[GridPoint], here: GridPoint) -> int:
-    """The point of a route that is flown to: the end of the last leg that the vehicle is on."""
+    """Return the number of the point that is flown to: the end of the vehicle's last leg."""
     for end in range(len(route) - 1, 0, -1):
         if LineString(route[end - 1 : end + 1]).distance(Point(here)) < _NEAR_M:
             return end
@@ -353,7 +353,7 @@ def _begun(route: Sequence[GridPoint], here: GridPoint) -> int:
 
 
 def _times(pieces: Sequence[Piece]) -> list[float]:
-    """When lines begin, and arcs and their chords."""
+    """Return when lines, arcs and their chords begin."""
     times = []
     for piece in pieces:
         bend = abs(piece.curvature_1_m)

@@ -131,7 +131,7 @@ def write_map(setting: Setting, figures: Mapping[str, Any], path: Path) -> None:
 
 
 def plan_facts(setting: Setting, figures: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """What stands beside a plan: name and value."""
+    """Return what stands beside a plan: name and value."""
     mission, home = setting.mission, setting.mission.home
     layers = ", ".join(f"{layer['altitude_m']:g} m" for layer in figures["layers"])
     battery = mission.battery
@@ -160,7 +160,7 @@ def plan_facts(setting: Setting, figures: Mapping[str, Any]) -> list[tuple[str, 
 
 
 def search_line(figures: Mapping[str, Any]) -> str:
-    """How long the search of the whole box takes, if nothing is found."""
+    """Write how long the search of the whole box takes, if nothing is found."""
     return (
         f"the search alone takes about {figures['search_time_s'] / 60.0:.0f} min, sorties of a "
         f"vehicle: {figures['search_sorties']}; exploring comes on top"
@@ -168,7 +168,7 @@ def search_line(figures: Mapping[str, Any]) -> str:
 
 
 def box_line(setting: Setting) -> str:
-    """How large the box is."""
+    """Write how large the box is."""
     return _size(drawn(setting.mission.search.box, setting.grid))
 
 
@@ -178,6 +178,6 @@ def _size(area: Polygon) -> str:
 
 
 def zone_name(grid: Grid) -> str:
-    """The UTM zone with its hemisphere, and its EPSG number."""
+    """Write the UTM zone with its hemisphere, and its EPSG number."""
     zone = grid.zone
     return f"{zone.number}{'S' if zone.south else 'N'} (EPSG:{zone.epsg})"

@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _complete(action: argparse.Action, command: str) -> None:
-    """Say what a value is, by how the help names it."""
+    """Set the kind of a value, by its name in the help."""
     named = str(action.metavar)
     if "--strategy" in action.option_strings and command != "simulate":
         action.choices = [*(OF_FLEETS if command == "onboard" else FLOWN)]

@@ -102,7 +102,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _setting(name: str | None, links: int) -> Setting | None:
-    """The mission, with a vehicle for each link where links are given."""
+    """Load the mission, with a vehicle for each link where links are given."""
     if name is None:
         return None
     mission = load(name)
@@ -116,7 +116,7 @@ def _setting(name: str | None, links: int) -> Setting | None:
 
 
 def _cameras(given: Sequence[str], setting: Setting | None, links: int) -> list[CameraSpec]:
-    """The camera at each link; without a mission none is looked at."""
+    """Return the camera at each link; without a mission none is checked."""
     if setting is None:
         if given:
             raise MissionFileError("--camera needs a MISSION, which says how its pictures are")
@@ -154,7 +154,7 @@ async def _vehicles(
 
 
 async def _vehicle(number: int, link: Link, setting: Setting | None, folder: Path) -> list[Finding]:
-    """All that is found on one vehicle."""
+    """Return all findings on one vehicle."""
     examination = Examination(number, link.session, link.camera)
     setup = None if setting is None else AutopilotSetup(number, link.session, setting, folder)
     await connect(link.session, link.name)

@@ -155,7 +155,7 @@ def _write(texts: dict[Path, str], say: Callable[[str], None]) -> None:
 def _flights(
     options: argparse.Namespace, mission: Mission, frame: int, say: Callable[[str], None]
 ) -> list[SearchFlight]:
-    """The search of the vehicle of --vehicle, or of all that have a lane to fly."""
+    """Return the search of the vehicle of --vehicle, or of all that have a lane to fly."""
     setting, flights, count = setting_of(mission), [], len(mission.vehicles)
     if options.vehicle is not None and options.vehicle > count:
         raise UavmapError(f"--vehicle {options.vehicle}: {options.source} has {count}")
@@ -178,7 +178,7 @@ def _flights(
 
 
 def _frame(options: argparse.Namespace, mission: Mission) -> int:
-    """The MAV_FRAME of the heights."""
+    """Return the MAV_FRAME of the heights."""
     if not options.above_sea:
         return int(mav.MAV_FRAME_GLOBAL_RELATIVE_ALT)
     if "amsl_m" not in mission.start.model_fields_set:
@@ -218,7 +218,7 @@ def export_map(options: argparse.Namespace, say: Callable[[str], None]) -> int:
 
 
 def tell_incomplete(flown: Flown, say: Callable[[str], None]) -> None:
-    """Say where a map is not all of it."""
+    """Report a map that is not complete."""
     if flown.values.get("no_verdict"):
         say(f"{flown.folder}: {flown.values['finding']}")
     elif not flown.completed:

@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _network(options: argparse.Namespace) -> FleetNetwork | None:
-    """The network of the fleet that is joined; None for a flight of one's own. `LinkError`."""
+    """Return the network of the fleet to join; None without one. Raises `LinkError`."""
     if not options.fleet:
         if gives_network(options):
             raise LinkError(

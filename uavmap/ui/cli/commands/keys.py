@@ -22,9 +22,9 @@ from uavmap.ui.cli.common import agreed
 
 ANSWER_S: Final = 10.0
 PROOF_S: Final = 6.0
-"""A vehicle that has the key says something signed within this time."""
+"""Maximum time until a vehicle with the key sends something signed, s."""
 _TIMES: Final = 3
-"""The key is sent so often: it is not acknowledged."""
+"""Number of times that the key is sent: it is not acknowledged."""
 EXAMPLES: Final = """\
 examples:
   uavmap keys new ~/.uavmap.key
@@ -68,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 async def _set_up(options: argparse.Namespace, path: Path, *, install: bool) -> None:
-    """Give the vehicle the key, or take it back, and see that it has done so."""
+    """Give the vehicle the key, or take it back, and check it."""
     opened: list[Transport] = []
     # nothing of this is recorded: a frame of it holds the key
 
@@ -101,7 +101,7 @@ _WHAT_REMOVE: Final = "{name} will forget its key. From then on it obeys whoever
 
 
 async def _disarmed(session: Session, url: str) -> None:
-    """Wait for a word of the vehicle of now. Raises `LinkError` where it is armed, or mute."""
+    """Wait for a new message of the vehicle. Raises `LinkError` where it is armed, or silent."""
     begin_s = asyncio.get_running_loop().time()
     while not await _heard(session, begin_s):
         if asyncio.get_running_loop().time() - begin_s > ANSWER_S:
@@ -111,7 +111,7 @@ async def _disarmed(session: Session, url: str) -> None:
 
 
 async def _heard(session: Session, begin_s: float) -> bool:
-    """Whether the vehicle speaks within a second; it may speak only to who has spoken to it."""
+    """Return whether a message comes within a second; some vehicles only answer."""
     session.heartbeat()
     return await session.until(lambda: session.view.heard_s > begin_s, 1.0)
 

@@ -164,7 +164,7 @@ def _tell(layout: Layout, setting: Setting, aircraft: Figures, out: Path, previe
 
 
 def _next(detector: str, out: str) -> str:
-    """The commands to go on with: the simulator's ground is painted for one detector."""
+    """Write the next commands: the simulator's ground is painted for one detector."""
     if detector == LATER:
         return (
             f"uavmap fly {out} --sim; before a real flight choose a detector (docs/detectors.md) "
@@ -175,7 +175,7 @@ def _next(detector: str, out: str) -> str:
 
 
 def _check_files(out: Path, preview: Path) -> None:
-    """Nothing is overwritten, and nothing is written by half."""
+    """Raise `OutputError` for a file that cannot be written or is there already."""
     if out.suffix.lower() != ".toml":
         raise OutputError(f"--out {out}: a mission is a .toml")
     check_kind(preview, "--preview")
@@ -253,7 +253,7 @@ LIST: Final = "list"
 
 
 def add_drone_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say what flies, and how."""
+    """Add the options of the aircraft."""
     add = parser.add_argument_group("the aircraft").add_argument
     watts, metres = number_type(float, 1, 100_000), number_type(float, 1, 1000)
     add("--drone", metavar="NAME", help="from a small table; `--drone list` shows it")
@@ -286,7 +286,7 @@ def add_drone_options(parser: argparse.ArgumentParser) -> None:
 
 
 def two_numbers(option: str, text: str) -> tuple[float, float]:
-    """Two numbers with an x between them. Raises `UavmapError`.
+    """Read two numbers with an x between them. Raises `UavmapError`.
 
     >>> two_numbers("--size", "200x150")
     (200.0, 150.0)
@@ -324,7 +324,7 @@ def figures_of(options: argparse.Namespace) -> Figures:
 
 
 def _ask_for_drone(options: argparse.Namespace) -> None:
-    """See that every figure is there that has no default."""
+    """Ask for a drone where a figure without a default is missing."""
     if options.drone is not None:
         return
     needed = {"--battery WH": options.battery, "--hover W": options.hover}

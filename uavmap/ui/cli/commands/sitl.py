@@ -113,7 +113,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _by_mission(options: argparse.Namespace) -> Callable[[], Sequence[Any]]:
-    if options.autopilot is not None:  # says what it thinks of the flavour
+    if options.autopilot is not None:  # refuses an unknown flavour
         simulation.setup_without_mission(autopilot=options.autopilot)
     name = options.mission or "runway"
     mission = load(name)
@@ -127,7 +127,7 @@ def _by_mission(options: argparse.Namespace) -> Callable[[], Sequence[Any]]:
 
 
 def _by_home(options: argparse.Namespace) -> Callable[[], Sequence[Any]]:
-    """Vehicles over an empty meadow, or over what some files say."""
+    """Create vehicles over an empty meadow, or over the ground of some files."""
     speed_m_s, from_deg = 0.0, 0.0
     if options.wind is not None:
         expected = "SPEED,FROM in m/s and degrees, such as 6,270"
@@ -149,15 +149,15 @@ def _by_home(options: argparse.Namespace) -> Callable[[], Sequence[Any]]:
 
 
 def _tell(options: argparse.Namespace, urls: list[str]) -> None:
-    """The URLs on standard output, for programs; for people what they are on standard error."""
+    """Print the URLs on standard output, for programs, and help for people on standard error."""
     for url in urls:
         print(url, flush=True)
-    with contextlib.suppress(OSError):  # nobody listens, and vehicles fly all the same
+    with contextlib.suppress(OSError):  # without a reader vehicles fly all the same
         print(how_to_connect(options, urls), file=sys.stderr, flush=True)
 
 
 def how_to_connect(options: argparse.Namespace, urls: Sequence[str]) -> str:
-    """What was started, who can connect and how, and how it ends: a few lines."""
+    """Write what was started, how to connect, and how it ends."""
     scheme, _, address = urls[0].partition("://")
     host, _, port = address.rpartition(":")
     if scheme.startswith("tcp"):

@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _list(console: Console) -> None:
-    """One below the other, where a table would cut words."""
+    """List them one below the other, where a table would cut words."""
     for explorer in _EVERY:
         console.print(Text(explorer.name, style="bold"))
         for title, text in (
