@@ -32,18 +32,15 @@ SWAPPED_S = 91.0
 def folder_of(
     tmp: Path, events: Sequence[Event] = EVENTS, plan: FlightPlan = PLAN, **meta: object
 ) -> Path:
-    """A folder with a journal and nothing else."""
     return begun(tmp / "flown", plan, events, **meta)
 
 
 def named(name: str) -> FlightPlan:
-    """The plan of the same mission by another name."""
     text = SOURCE.text.replace('name = "golden"', f"name = {json.dumps(name)}")
     return replace(PLAN, mission=mission_of_text(text, "golden.toml"))
 
 
 def with_troubles(events: Iterable[Event] = EVENTS) -> list[Event]:
-    """The flight, and words from outside in it; none changes the map."""
     found = list(events)
     t_s = found[-1].t_s
     return [

@@ -42,6 +42,9 @@ def make_map(
         corners = ((west, south), (east, south), (east, north), (west, north))
         return tuple(grid.position(GridPoint(*corner)) for corner in corners)
 
+    def fix(i: int) -> tuple[float, LatLon, float]:
+        return 25.0 * i, grid.position(GridPoint(4.0 * i, 4.0)), 12.0 + i
+
     return MapData(
         mission="test <map> & more",
         grid=grid,
@@ -50,15 +53,7 @@ def make_map(
             CellRow(cell, _state(cell), positive=0 if cell in RIM else 4, votes=5)
             for cell in [*RING, LONER, *RIM]
         ),
-        tracks=(
-            Track(
-                0,
-                tuple(
-                    (25.0 * i, grid.position(GridPoint(4.0 * i, 4.0)), 12.0 + i) for i in range(5)
-                ),
-            ),
-            Track(1, ((0.0, start, 0.0),)),
-        ),
+        tracks=(Track(0, tuple(map(fix, range(5)))), Track(1, ((0.0, start, 0.0),))),
         start=start,
         box=ring(-10, -10, 40, 40),
         fence=ring(-30, -30, 60, 60),
@@ -68,13 +63,11 @@ def make_map(
 
 
 def empty_map() -> MapData:
-    """A map without cells, tracks or truth."""
     full = make_map()
     return MapData("empty", full.grid, 0.0, CellTable.of(()), (), full.start, full.box, full.fence)
 
 
 def written(write: Callable[..., None], data: MapData, *more: object) -> str:
-    """What a writer puts into a file."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "map"
         write(data, path, *more)

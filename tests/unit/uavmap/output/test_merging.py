@@ -37,14 +37,12 @@ def plan(text: str = TEXT, member: int | None = 1, epoch_utc_s: float = 1000.0) 
 
 
 def votes(number: int) -> list[Event]:
-    """Three frames in which a vehicle sees its cell, and that time goes on."""
     vote = (Vote(CELLS[number], True, 1.0),)
     frames = [FrameSeen(number, 10.0 * number + k, None, vote) for k in range(3)]
     return [*frames, Tracked(number, 10.0 * number + 9.0, GridPoint(1.0, 2.0), 10.0, 20.0)]
 
 
 def told(number: int) -> Shared:
-    """The same, as another tells it."""
     facts = [Fact(10.0 * number + 2.0, ((CELLS[number], True),))]
     return Shared(number, 40.0, 0, tuple(facts))
 
@@ -55,7 +53,6 @@ def written(folder: Path, by: FlightPlan, events: list[Event]) -> Path:
 
 @pytest.fixture
 def pair(tmp_path: Path) -> list[Path]:
-    """Two members; the first has heard of all that the second saw."""
     return [
         written(tmp_path / "one", plan(member=1), [*votes(1), told(2)]),
         written(tmp_path / "two", plan(member=2, epoch_utc_s=1003.0), [*votes(2)]),
@@ -88,7 +85,6 @@ def test_the_order_of_the_folders_changes_nothing(pair: list[Path], tmp_path: Pa
 def test_flights_of_a_strategy_that_looks_make_one_map(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A merge of two flights by rdfs ended with a traceback and half a folder."""
     folders = [
         folder_of(tmp_path / "one"),
         folder_of(tmp_path / "two", EVENTS, replace(PLAN, epoch_utc_s=2e9)),

@@ -22,7 +22,6 @@ from uavmap.output.facts.map_model import MapData
 
 
 def at(image: Image.Image, data: MapData, east_m: float, north_m: float) -> Colour:
-    """The colour at a point of the ground."""
     left, top = MARGIN_PX, TITLE_PX
     x, y = map_view(data).pixel(GridPoint(east_m, north_m))
     red, green, blue = image.getpixel((round(left + x), round(top + y)))  # type: ignore[misc]

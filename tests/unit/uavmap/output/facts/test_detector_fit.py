@@ -75,7 +75,6 @@ def test_detector_fit_after_the_first_frames_reports_once(
 
 
 def test_detector_fit_counts_ground_and_not_how_often_it_is_seen() -> None:
-    """Over the middle of a region nearly all votes say region; the ground around it does not."""
     fit = DetectorFit()
     fit.take(frame(0, 0, 80))
     for _ in range(200):
@@ -85,7 +84,6 @@ def test_detector_fit_counts_ground_and_not_how_often_it_is_seen() -> None:
 
 
 def flight() -> tuple[Setting, State]:
-    """A complete one."""
     setting = STOPS.setting()
     state = State.initial(setting)
     for line in STOPS.lines():

@@ -189,7 +189,6 @@ def test_one_vehicle_goes_in_rounds_of_its_own() -> None:
 
 
 def test_who_falls_back_on_stopping_has_a_lower_bound_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It was 0 whatever they flew: the ground that looks showed was left out."""
     monkeypatch.setattr(passes, "patience_s", lambda setting, state: 0.5)
     made = mission(
         square(-4, 10, 24, 16),

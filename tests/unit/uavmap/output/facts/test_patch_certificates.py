@@ -173,7 +173,6 @@ frame_lists = st.lists(st.tuples(st.integers(1, 3), ballots), max_size=40)
 
 
 def frames_of(drawn: list[tuple[int, dict[Cell, bool]]]) -> list[FrameSeen]:
-    """Three frames a second, of whoever took them."""
     return [
         FrameSeen(vehicle, k / 3, None, tuple(Vote(c, v, float(v)) for c, v in votes.items()))
         for k, (vehicle, votes) in enumerate(drawn)

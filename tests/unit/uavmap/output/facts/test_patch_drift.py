@@ -46,7 +46,6 @@ class Blob:
     grows_m_s: float = 0.0
 
     def shares(self, cells: NDArray[np.int_], t_s: float) -> NDArray[np.float64]:
-        """The share of each cell that it covers."""
         fine = (np.arange(FINE) + 0.5) / FINE - 0.5
         east_m = (cells[:, 0, None, None] + fine[:, None]) * CELL_M
         north_m = (cells[:, 1, None, None] + fine) * CELL_M
@@ -59,7 +58,6 @@ class Blob:
         return inside.mean(axis=(1, 2))
 
     def cells(self) -> NDArray[np.int_]:
-        """All that it may touch, shape (n, 2)."""
         reach = math.ceil(self.radius_m * 1.3 / CELL_M) + 6
         at = round(self.east_m / CELL_M), round(self.north_m / CELL_M)
         return np.argwhere(np.ones((2 * reach + 1,) * 2)) + at - [reach, reach]
@@ -165,7 +163,6 @@ def test_it_is_told_with_a_true_bearing() -> None:
 def test_a_film_that_drifts_otherwise_than_the_mission_says_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Its pictures are rendered, judged and put into a journal; the mission says that it stands."""
     truly = simulation.setup_of
 
     def drifting(*args: Any, **kwargs: Any) -> Setup:

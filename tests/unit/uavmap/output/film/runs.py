@@ -30,20 +30,17 @@ def small_film(cells: int = 24, robots: int = 2) -> Film:
 
 
 def tree_until(run_: Run, roi: set[Cell], t: float) -> Tree:
-    """What was known at a time, by looking once more at every arrival."""
     tree = look(Tree.rooted(START), START, roi)
 
-    def depth(cell: Cell) -> int:
-        return tree.vertices[cell].depth
-
-    def away(cell: Cell) -> int:
-        return (cell.east - START.east) ** 2 + (cell.north - START.north) ** 2
+    def order(cell: Cell) -> tuple[int, int, Cell]:
+        away = (cell.east - START.east) ** 2 + (cell.north - START.north) ** 2
+        return tree.vertices[cell].depth, -away, cell
 
     arrivals: dict[float, set[Cell]] = {}
     for leg in run_.legs:
         if leg.end_t <= t:
             arrivals.setdefault(leg.end_t, set()).add(leg.end)
     for _, cells in sorted(arrivals.items()):
-        for cell in sorted(cells, key=lambda c: (depth(c), -away(c), c)):
+        for cell in sorted(cells, key=order):
             tree = look(tree, cell, roi)
     return tree

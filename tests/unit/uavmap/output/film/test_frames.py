@@ -28,7 +28,6 @@ def at(stage: Stage, picture: Image.Image, place: Place) -> tuple[int, ...]:
 
 
 def corner_of(cell: Cell) -> Place:
-    """A place in a cell that no edge, robot or trail covers."""
     return Place(cell.east - 0.4, cell.north + 0.4)
 
 

@@ -27,7 +27,6 @@ UP = Quaternion.from_euler(0.0, np.pi / 2, 0.0)
 
 @pytest.fixture
 def stream(monkeypatch: pytest.MonkeyPatch) -> MagicMock:
-    """The stream of a stand-in for the SDK."""
     sdk = MagicMock()
     monkeypatch.setitem(sys.modules, "rerun", sdk)
     return sdk.RecordingStream.return_value  # type: ignore[no-any-return]

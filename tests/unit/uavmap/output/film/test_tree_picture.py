@@ -24,7 +24,6 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 @st.composite
 def trees(draw: st.DrawFn) -> Tree:
-    """The tree of a run that was stopped at some time."""
     roi = small_roi(draw(st.integers(1, 40)), draw(st.integers(0, 1000)))
     run = explored(roi, draw(st.integers(1, 4)))
     return tree_until(run, roi, draw(st.floats(0.0, 1.0)) * run.makespan)

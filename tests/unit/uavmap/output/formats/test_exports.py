@@ -24,6 +24,7 @@ from shapely.geometry.base import BaseGeometry
 
 from missions.units import LatLon
 from tests.golden.recording import STOPS
+from tests.unit.uavmap.conftest import Refusals
 from tests.unit.uavmap.output.flown_folders import PLAN, folder_of, keep_frames, named
 from tests.unit.uavmap.output.maps import empty_map, make_map, written
 from uavmap.base.version import __version__
@@ -64,7 +65,6 @@ def exported(folder: Path, kind: str, out: Path) -> Path:
 
 
 def flown_at(data: MapData, tmp: Path) -> Flown:
-    """A map of somewhere, without a flight."""
     values = {"completed": True, "finding": "a ring"}
     setting = STOPS.setting()
     log, calendar = FlightLog(), Calendar(0.0)
@@ -365,7 +365,7 @@ def test_csv_has_a_row_a_cell_with_degrees(folder: Path, tmp_path: Path) -> None
 
 # --- what is refused ------------------------------------------------------------------------------
 def test_what_does_not_fit_together_is_told_in_a_line(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, tmp_path: Path, refused: Refusals
 ) -> None:
     there = tmp_path / "there.kml"
     there.write_text("mine")
@@ -377,9 +377,6 @@ def test_what_does_not_fit_together_is_told_in_a_line(
         (["--to", "kml", "--above-sea"], "--above-sea is for a plan"),
         (["--out", there], "--out goes with --to FORMAT"),
     ):
-        assert main(["export", str(folder), *map(str, options)]) == 2
-        (line,) = capsys.readouterr().err.splitlines()
-        assert said in line
-    assert main(["export", "runway", "--to", "gpkg"]) == 2
-    assert "--to is for a results folder" in capsys.readouterr().err
+        assert said in refused("export", folder, *options)
+    assert "--to is for a results folder" in refused("export", "runway", "--to", "gpkg")
     assert there.read_text() == "mine"

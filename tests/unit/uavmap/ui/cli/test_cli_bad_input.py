@@ -23,7 +23,6 @@ RUNWAY = named_text("runway").text
 
 
 def changed(folder: Path, pattern: str, replacement: str) -> Path:
-    """The runway mission with a place changed."""
     text, count = re.subn(pattern, replacement, RUNWAY, count=1, flags=re.DOTALL | re.MULTILINE)
     assert count == 1
     path = folder / "field.toml"
@@ -196,7 +195,6 @@ def test_arguments(
     arguments: list[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """argparse says how a command is used, and leaves with code 2."""
     monkeypatch.chdir(tmp_path)
     try:
         code: object = main(arguments)

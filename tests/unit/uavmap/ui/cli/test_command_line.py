@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +24,13 @@ from uavmap.ui import cli
 from uavmap.ui.cli import COMMANDS, _is_read, main, parser
 from uavmap.ui.cli.commands import strategies
 
+
+def ended(
+    words: list[str], *, check: bool = True, **options: Any
+) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(words, capture_output=True, text=True, timeout=60, check=check, **options)
+
+
 HEAVY = {"cv2", "numpy", "pydantic", "pymavlink", "rich", "shapely"}
 
 
@@ -33,8 +41,7 @@ def test_nothing_heavy_is_imported_before_a_command_is_chosen(arguments: list[st
         f"try: main({arguments})\nexcept SystemExit: pass\n"
         "print(sorted(sys.modules))"
     )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    imported = run.stdout.splitlines()[-1]
+    imported = ended([sys.executable, "-c", code]).stdout.splitlines()[-1]
     assert [name for name in HEAVY if f"'{name}'" in imported] == []
 
 
@@ -128,13 +135,7 @@ def test_a_shell_completes_commands_missions_strategies_and_files(
             "_shtab_uavmap",
             r"""printf '%s\n' "${COMPREPLY[@]}" """,
         )
-        run = subprocess.run(
-            ["bash", "-c", "; ".join(steps)],
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        run = ended(["bash", "-c", "; ".join(steps)], cwd=tmp_path)
         assert run.stdout.split() == answers, run.stderr
 
 
@@ -171,10 +172,7 @@ sys.argv = ["uavmap", *{arguments}]
 from {module} import {function}
 sys.exit({function}())
 """
-    done = subprocess.run(
-        [sys.executable, "-c", program], env=environment(), capture_output=True, text=True,
-        timeout=60, check=False,
-    )  # fmt: skip
+    done = ended([sys.executable, "-c", program], env=environment(), check=False)
     assert done.returncode == code
     assert "KeyboardInterrupt" not in done.stderr
 
@@ -227,10 +225,7 @@ def test_strategies_are_told_in_whole_words(
 def test_a_module_of_that_name_where_somebody_works_is_not_ours(tmp_path: Path) -> None:
     (tmp_path / "vision.py").write_text("raise SystemExit('this is not ours')")
     (tmp_path / "missions").mkdir()
-    done = subprocess.run(
-        command("check", "runway"), cwd=tmp_path, env=environment(), capture_output=True,
-        text=True, check=False,
-    )  # fmt: skip
+    done = ended(command("check", "runway"), cwd=tmp_path, env=environment(), check=False)
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -239,10 +234,7 @@ def test_a_real_flight_imports_nothing_of_the_simulator() -> None:
         "import sys, uavmap.ui.cli, uavmap.runner.flight\n"
         "print([name for name in sys.modules if name.split('.')[0] == 'sitl'])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=environment(), capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "[]"
+    assert ended([sys.executable, "-c", code], env=environment()).stdout.strip() == "[]"
 
 
 def test_the_identity_by_which_the_simulator_is_known_is_its_own() -> None:

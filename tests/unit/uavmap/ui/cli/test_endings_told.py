@@ -40,8 +40,13 @@ def service(vehicles: int) -> Service:
     return begun
 
 
+def airborne(made: Service) -> Service:
+    here = replace(made.state.vehicles[1], phase=Phase.AIRBORNE, landed=False, height_m=12.0)
+    made.state = made.state.with_vehicle(here)
+    return made
+
+
 def told(made: Service, event: Overridden | Landed | Released) -> str:
-    """The line that the operator sees, once the event is taken in."""
     made.post(event)
     out = io.StringIO()
     terminal = ProgressTable(Terminal(out))
@@ -85,9 +90,7 @@ def test_where_nobody_else_flies_the_flight_ends_and_says_why() -> None:
 
 
 def test_so_it_does_after_a_pilots_landing() -> None:
-    made = service(1)
-    here = replace(made.state.vehicles[1], phase=Phase.AIRBORNE, landed=False, height_m=12.0)
-    made.state = made.state.with_vehicle(here)
+    made = airborne(service(1))
     assert "hands off until" in told(made, Overridden(1, 3.0, "LOITER"))
     assert not made.state.over
     line = told(made, Landed(1, 30.0, 40.0, position=HOME))
@@ -118,9 +121,7 @@ def test_change_of_mode_is_shown_once_with_the_cause_that_follows(
     after: Event | None, line: str
 ) -> None:
     """A real ArduCopter names the cause in a text 0.1 to 0.4 s after its new mode."""
-    made = service(2)
-    here = replace(made.state.vehicles[1], phase=Phase.AIRBORNE, landed=False, height_m=12.0)
-    made.state = made.state.with_vehicle(here)
+    made = airborne(service(2))
     out = io.StringIO()
     table = ProgressTable(Terminal(out))
     for event in (Overridden(1, 3.0, "RTL"), *([after] if after else [])):
@@ -133,9 +134,7 @@ def test_change_of_mode_is_shown_once_with_the_cause_that_follows(
 
 
 def test_mode_that_we_command_selected_by_others_is_not_under_our_control() -> None:
-    made = service(2)
-    here = replace(made.state.vehicles[1], phase=Phase.AIRBORNE, landed=False, height_m=12.0)
-    made.state = made.state.with_vehicle(here)
+    made = airborne(service(2))
     line = told(made, Overridden(1, 3.0, "GUIDED"))
     assert "vehicle 1 is in GUIDED, not under our control: its pilot or its autopilot" in line
 
@@ -174,9 +173,8 @@ def test_an_aircraft_that_is_down_is_exit_code_4_with_a_map_that_is_whole(
     out, err = capsys.readouterr()
     assert ("yes" if completed else "no") in out
     assert "vehicle 2 near" in err
-    assert report(
-        {**summary, "completed": False, "aircraft_down": []}, Path("r"), as_json=True
-    ) == (INCOMPLETE)
+    home = {**summary, "completed": False, "aircraft_down": []}
+    assert report(home, Path("r"), as_json=True) == INCOMPLETE
 
 
 @pytest.mark.parametrize("command", ["fly", "resume"])

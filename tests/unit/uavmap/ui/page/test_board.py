@@ -28,7 +28,6 @@ Change = Callable[[Board], None]
 @given(st.lists(st.tuples(st.lists(changes, max_size=8), st.booleans()), max_size=12))
 @settings(max_examples=25)
 def test_deltas_add_up_to_the_snapshot(turns: list[tuple[list[Change], bool]]) -> None:
-    """A browser that is told at once, one that is told now and then, and one that comes late."""
     board, quick, slow = Board(), Board(), Board()
     for several, tell_slow in turns:
         for change in several:

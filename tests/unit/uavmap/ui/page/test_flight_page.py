@@ -29,7 +29,6 @@ from uavmap.ui.page.page_scene import STATES
 
 
 def steered() -> Mock:
-    """A service that notes what it is asked for, and does it."""
     return Mock(spec=Service, flying=True, state=Mock(vehicles={1: None, 2: None}))
 
 
@@ -83,8 +82,6 @@ BROKEN = (
 
 
 class Heard:
-    """A display whose lines are waited for."""
-
     def __init__(self) -> None:
         self.lines: asyncio.Queue[str] = asyncio.Queue()
 
@@ -121,7 +118,6 @@ def test_a_flight_beside_a_page_that_works_and_one_that_breaks(tmp_path: Path, s
 
 
 def told_of(feed: Any) -> FlightPage:
-    """A page that has heard of a recorded flight."""
     setting, page = STOPS.setting(), FlightPage(feed, simulated=True, now_s=ticking())
     state = State.initial(setting)
     page.begin(setting, again=False)

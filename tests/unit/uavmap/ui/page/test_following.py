@@ -19,6 +19,7 @@ from missions.units import Cell, Pose, Quaternion
 from tests.golden.recording import STOPS
 from tests.support import journals
 from tests.support.page.page_feed import Feed
+from tests.unit.uavmap.conftest import Refusals
 from tests.unit.uavmap.output.flown_folders import EVENTS, PLAN
 from uavmap.journal.event_log import Journal, JournalReader
 from uavmap.journal.flight_plan import JOURNAL
@@ -39,6 +40,19 @@ class EnoughError(Exception):
 
 def begun(folder: Path, **meta: object) -> Journal:
     return Journal.create(folder / JOURNAL, {"plan": PLAN.as_json(), **meta})
+
+
+def opened_in(module: Any, feed: Feed, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Serve pages of a module by a feed; return the list of what is asked for."""
+    asked: list[Any] = []
+
+    @contextlib.contextmanager
+    def opened(*served: object) -> Iterator[Feed]:
+        asked.append(served)
+        yield feed
+
+    monkeypatch.setattr(module, "opened", opened)
+    return asked
 
 
 def test_a_journal_is_followed_while_it_is_written(tmp_path: Path) -> None:
@@ -93,24 +107,16 @@ def test_an_exchanged_journal_is_said(tmp_path: Path) -> None:
 def test_the_command_watches_until_control_c(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And the folder is as it was."""
     with begun(tmp_path) as journal:
         journal.append_all(EVENTS)
     before = (tmp_path / JOURNAL).read_bytes()
-    asked = []
 
     class Interrupted(Feed):
         def orders(self) -> list[Words]:  # asked for when everything is told
             raise KeyboardInterrupt
 
     feed = Interrupted()
-
-    @contextlib.contextmanager
-    def opened(config: Words, *served: object) -> Iterator[Any]:
-        asked.append((config, *served))
-        yield feed
-
-    monkeypatch.setattr(watch, "opened", opened)
+    asked = opened_in(watch, feed, monkeypatch)
     monkeypatch.setattr(following, "LOOK_S", 0.0)
     assert main(["watch", str(tmp_path), "--port", "9123", "--page-host", "0.0.0.0"]) == 0
     ((config, *served),) = asked
@@ -122,7 +128,6 @@ def test_the_command_watches_until_control_c(
 
 
 def test_kept_pictures_are_found_by_their_events(tmp_path: Path) -> None:
-    """Also those that are written after their events, and with lines that are damaged."""
     setting = STOPS.setting()
     pictures = Pictures(tmp_path, setting)
     seen = FrameSeen(1, 12.5, None, (Vote(Cell(0, 0), True, 0.9), Vote(Cell(1, 0), False, 0.1)))
@@ -146,7 +151,6 @@ def test_kept_pictures_are_found_by_their_events(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("weighed", [True, False])
 def test_recorded_pictures_are_shown_by_their_rule(weighed: bool, tmp_path: Path) -> None:
-    """Nobody flies in a replay; its cells are decided by evidence, or counted."""
     with begun(tmp_path, replay="photos") as journal:
         for t_s, positive in enumerate((True, True, True, False)):
             votes = (Vote(Cell(0, 0), positive, 0.9 * positive), Vote(Cell(1, 0), False, 0.0))
@@ -170,13 +174,10 @@ def enough(_: float) -> None:
 
 # --- a flight that is resumed with a page ------------------------------------------------------
 class Ready(Feed):
-    """Takes everything at once."""
-
     idle = True
 
 
 def interrupted(folder: Path) -> Path:
-    """The journal of a recorded flight, up to its first pictures of the region."""
     seen = [i for i, event in enumerate(EVENTS) if isinstance(event, FrameSeen)]
     return journals.begun(folder, PLAN, EVENTS[: seen[20]])
 
@@ -184,17 +185,12 @@ def interrupted(folder: Path) -> Path:
 def test_the_page_of_a_resumed_flight_has_all_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    feed, asked = Ready(), []
-
-    @contextlib.contextmanager
-    def opened(config: Any, port: int, *served: object) -> Iterator[Any]:
-        asked.append((port, config["steers"]))
-        yield feed
-
-    monkeypatch.setattr(flight_options, "opened", opened)
+    feed = Ready()
+    asked = opened_in(flight_options, feed, monkeypatch)
     folder = interrupted(tmp_path / "cut")
     assert main(["resume", str(folder), "--page", "0", "--from-home"]) == 0
-    assert asked == [(0, False)]
+    ((config, port, *_),) = asked
+    assert (port, config["steers"]) == (0, False)
     first, *deltas = feed.deltas
     board = Board()
     board.apply(first)
@@ -210,10 +206,6 @@ def test_the_page_of_a_resumed_flight_has_all_of_it(
     assert (kinds[0], kinds.count("scene"), kinds[-1]) == ("scene", 1, "ended")
 
 
-def test_what_cannot_be_gone_on_with_has_no_page(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["resume", str(tmp_path), "--page", "0"]) == 2
-    assert "journal.jsonl" in capsys.readouterr().err
-    assert main(["resume", str(tmp_path), "--tiles", "x.mbtiles"]) == 2
-    assert "go with --page" in capsys.readouterr().err
+def test_what_cannot_be_gone_on_with_has_no_page(tmp_path: Path, refused: Refusals) -> None:
+    assert "journal.jsonl" in refused("resume", tmp_path, "--page", "0")
+    assert "go with --page" in refused("resume", tmp_path, "--tiles", "x.mbtiles")

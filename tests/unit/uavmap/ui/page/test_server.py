@@ -33,8 +33,6 @@ SCENE = {"mission": "a <field>", "states": [["explored", "#00ff00"]], "box": [],
 
 
 class Flight:
-    """What a flight tells its page, and hears from it."""
-
     def __init__(self, feed: Feed, said: list[str]) -> None:
         self.feed, self.said = feed, said
         self.url = said[0].removeprefix("live page: ")
@@ -62,7 +60,6 @@ class Flight:
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
-    """A page with buttons and a slider."""
     said = Said()
     frames = tmp_path_factory.mktemp("frames")
     cv2.imwrite(str(frames / "1-000001.000.jpg"), np.full((90, 1280, 3), 80, np.uint8))
@@ -103,7 +100,6 @@ def test_a_tab_gets_a_snapshot_then_deltas_and_a_second_one_the_same(flight: Fli
 
 
 def test_a_tab_that_confirms_nothing_is_told_nothing_more(flight: Flight) -> None:
-    """So nothing piles up for a slow one, and others do not wait for it."""
     with tab(flight, confirms=False) as slow, tab(flight) as quick:
         slow.wait(lambda: slow.scene)
         for t_s in range(5):
@@ -216,7 +212,6 @@ def test_a_port_in_use_and_a_host_of_others_are_said(monkeypatch: pytest.MonkeyP
 
 @by(in_real_time)
 async def test_everybody_is_told_the_end() -> None:
-    """Before the page's process ends, which it does at once then."""
     hub = Hub({"title": "x"})
     hub.enter("a browser")
     waiting = asyncio.create_task(hub.nobody.wait())

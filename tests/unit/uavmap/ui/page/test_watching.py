@@ -22,7 +22,6 @@ from uavmap.ui.page.watching import UNTIMED_S, Ahead, Watcher
 
 
 def test_the_board_of_a_flight_is_its_map(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In small refreshes, each of which looks at a few cells of the tree only."""
     monkeypatch.setattr(watching, "MOST_CELLS", 7)
     setting = STOPS.setting()
     events = [from_json(line) for line in STOPS.lines()]
@@ -52,7 +51,6 @@ def test_the_board_of_a_flight_is_its_map(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_the_figures_of_a_flight_without_stopping_agree_at_any_time() -> None:
-    """Also between two times at which what is dear is computed."""
     setting = PASSES.setting()
     state, said = State.initial(setting), set[str]()
     watcher = Watcher(setting, state, now_s=lambda: 0.0)

@@ -53,8 +53,6 @@ def field(tmp_path: Path) -> str:
 
 
 class Terminal(io.StringIO):
-    """Somebody who answers."""
-
     def isatty(self) -> bool:
         return True
 
@@ -84,7 +82,6 @@ def test_a_kml_becomes_a_mission_that_check_takes(
 
 
 def keys(model: type[BaseModel], prefix: str = "") -> set[str]:
-    """The dotted keys of a mission file, without those of lists of tables."""
     found = set()
     for key, field in model.model_fields.items():
         inner = section_of(field)

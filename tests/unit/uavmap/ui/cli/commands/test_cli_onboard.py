@@ -17,7 +17,6 @@ GROUP = "udp/224.0.0.224:7447#iface=lo"
 
 @pytest.fixture
 def field(tmp_path: Path) -> Path:
-    """A mission of two vehicles, beside a key."""
     file = tmp_path / "field.toml"
     box, fence = square(-6.0, 12.0, 28.0, 16.0), square(-20.0, -14.0, 56.0, 62.0)
     pads = [(0.0, 0.0), (16.0, 0.0)]

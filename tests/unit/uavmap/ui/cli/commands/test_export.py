@@ -37,7 +37,6 @@ HOLE = square(30.0, 10.0, 12.0, 20.0)
 
 
 def text_of(vehicles: int = 1, **more: Any) -> str:
-    """A box beside the start, and a hole of the fence in the middle of it."""
     text = mission_text(
         square(10.0, 0.0, 60.0, 40.0), FENCE_RING, [HOLE], vehicles=vehicles, **more
     )
@@ -57,7 +56,6 @@ def exported(tmp: Path, *arguments: object, code: int = 0) -> dict[str, Any]:
 
 
 def documented(file: Path) -> dict[str, Any]:
-    """A plan, which is one by QGroundControl's documentation."""
     values: dict[str, Any] = json.loads(file.read_text("utf-8"))
     assert faults_of(values) == []
     return values

@@ -73,7 +73,6 @@ votes = {{frames = 3, positive = 2}}
 
 
 def found_share(out: Path, cell_m: float) -> float:
-    """The area of a map's region over that of the true one."""
     features = json.loads((out / "map.geojson").read_text())["features"]
     cells = [f["properties"] for f in features if f["properties"]["kind"] == "cell"]
     west, east, south, north = ROI
@@ -248,7 +247,6 @@ def test_three_real_photographs_teach_the_road_in_others() -> None:
 def test_what_was_learned_maps_without_a_mission_file(
     tuned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Cells and camera from the pictures, the detector from the folder: nobody writes a file."""
     out, eyes = tmp_path / "map", str(tuned / "eyes")
     photos = str(tuned / "images")
     assert main(["replay", photos, "--detector", eyes, "--out", str(out)]) in (0, 3)
@@ -316,7 +314,6 @@ def test_whoever_learns_has_seen_both_kinds(kinds: str) -> None:
 
 
 def test_trees_answer_alike_where_many_values_lie_on_their_borders() -> None:
-    """Of few levels, as in a dark picture: each threshold is a value that many places have."""
     rng = np.random.default_rng(2)
     levels = np.log(rng.integers(1, 40, (6000, 2)) / 7.0).astype(np.float32)
     levels += rng.choice([0.0, 1e-7, 3e-7], (6000, 2)).astype(np.float32)
