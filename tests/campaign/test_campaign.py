@@ -18,7 +18,7 @@ ONCE_WRONG = (
 )  # fmt: skip
 
 
-def test_nothing_forbidden_happens_in_an_unkind_world() -> None:
+def test_nothing_forbidden_happens_in_an_unkind_world():
     """A third of the kinds of trouble alone, and pairs of all."""
     outcomes = [fly(seed) for seed in range(FLIGHTS)]
     assert [(o.plan, o.found) for o in outcomes if o.found] == []
@@ -26,16 +26,16 @@ def test_nothing_forbidden_happens_in_an_unkind_world() -> None:
 
 
 @pytest.mark.parametrize("seed", ONCE_WRONG)
-def test_what_once_went_wrong_does_not_again(seed: int) -> None:
+def test_what_once_went_wrong_does_not_again(seed):
     """Two that a pilot left side by side waited for each other; a storm took one down a slope."""
     assert fly(seed).found == ()
 
 
-def test_the_same_seed_flies_the_same_flight() -> None:
+def test_the_same_seed_flies_the_same_flight():
     assert [fly(seed) for seed in (6, 9)] == [fly(seed) for seed in (6, 9)]
 
 
-def test_every_kind_comes_up_alone_in_every_phase() -> None:
+def test_every_kind_comes_up_alone_in_every_phase():
     seeds = range(len(KINDS) * len(PHASES) * 10 // 6 + 10)
     alone = Counter(
         (plan.kinds[0], plan.phases[0]) for plan in map(plan_of, seeds) if len(plan.kinds) == 1
@@ -43,7 +43,7 @@ def test_every_kind_comes_up_alone_in_every_phase() -> None:
     assert set(alone) == {(kind, phase) for kind in KINDS for phase in PHASES}
 
 
-def test_the_table_counts_each_flight_in_its_row_and_in_all() -> None:
+def test_the_table_counts_each_flight_in_its_row_and_in_all():
     one = Outcome(1, "storm", "", frozenset({"ok", "home"}), ())
     two = Outcome(2, "storm", "", frozenset({"inc", "far"}), (("far", "200 m"),))
     header, *rows = table([one, two]).splitlines()
@@ -55,20 +55,20 @@ def test_the_table_counts_each_flight_in_its_row_and_in_all() -> None:
 
 
 @pytest.mark.parametrize("seed", [910005, 910146, 920099, 940038, 950056, 960105, 960437])
-def test_nobody_is_carried_far(seed: int) -> None:
+def test_nobody_is_carried_far(seed):
     """A compass that points backwards in the climb and in the landing, and storms of 25 m/s."""
     assert simulated.fly(seed).found == ()
 
 
 @pytest.mark.parametrize("seed", [103, 110, 131, 210, 258])
-def test_nobody_is_taken_back_from_a_pilot(seed: int) -> None:
+def test_nobody_is_taken_back_from_a_pilot(seed):
     """LAND, POSITION, RTL, STABILIZE while a guardian lands it, BRAKE; landed after 20 s."""
     outcome = simulated.fly(seed, pilots=True)
     assert outcome.found == ()
 
 
 @pytest.mark.parametrize("seed", [1, 3, 4, 9, 1600328])
-def test_nothing_forbidden_happens_against_the_simulator(seed: int) -> None:
+def test_nothing_forbidden_happens_against_the_simulator(seed):
     """Single faults and pairs of `sitl.faults`, through the driver and the wire."""
     outcome = simulated.fly(seed)
     assert outcome.found == ()

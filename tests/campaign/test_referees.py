@@ -27,9 +27,7 @@ def kinds(fleet: Fleet) -> set[str]:
 
 
 @pytest.mark.parametrize("forgets", [True, False])
-def test_a_silent_vehicle_given_up_before_its_battery_can_be_empty_is_seen(
-    monkeypatch: pytest.MonkeyPatch, forgets: bool
-) -> None:
+def test_a_silent_vehicle_given_up_before_its_battery_can_be_empty_is_seen(monkeypatch, forgets):
     """Cut at lift-off, before that was told: over at 122 s, 14 m up, 6 to 13 Wh left."""
     fleet = untroubled(0)
     listen = Driver.listen
@@ -54,7 +52,7 @@ def airborne(fleet: Fleet) -> Fleet:
 
 
 @pytest.mark.parametrize("mode", ["land", "rtl", "other"])
-def test_a_mode_that_a_pilot_chose_and_somebody_changes_is_seen(mode: str) -> None:
+def test_a_mode_that_a_pilot_chose_and_somebody_changes_is_seen(mode):
     """LAND by the pilot while a guardian flies it home: mode 9 became 6 within a second."""
     fleet = airborne(untroubled(0))
     craft = fleet.vehicles[1]
@@ -67,7 +65,7 @@ def test_a_mode_that_a_pilot_chose_and_somebody_changes_is_seen(mode: str) -> No
 
 
 @pytest.mark.parametrize("mode", ["land", "rtl"])
-def test_a_pilots_land_or_rtl_ends_what_the_service_does(mode: str) -> None:
+def test_a_pilots_land_or_rtl_ends_what_the_service_does(mode):
     fleet = airborne(untroubled(0))
     fleet.vehicles[1].turn_switch(mode)  # type: ignore[arg-type]
     orders = len(fleet.orders)
@@ -79,9 +77,7 @@ def test_a_pilots_land_or_rtl_ends_what_the_service_does(mode: str) -> None:
 
 
 @pytest.mark.parametrize("deaf_for_s", [0.0, 150.0])
-def test_a_landing_below_the_reserve_is_seen_unless_no_command_could_reach_it(
-    deaf_for_s: float,
-) -> None:
+def test_a_landing_below_the_reserve_is_seen_unless_no_command_could_reach_it(deaf_for_s):
     """Seed 20471: its commands were lost for 149 s; the next one landed it."""
     fleet = airborne(untroubled(0))
     fleet.drivers[1].link = "commands lost"
@@ -93,7 +89,7 @@ def test_a_landing_below_the_reserve_is_seen_unless_no_command_could_reach_it(
     assert ("reserve" in kinds(fleet)) == (deaf_for_s == 0.0)
 
 
-def test_vehicles_are_apart_by_their_true_heights() -> None:
+def test_vehicles_are_apart_by_their_true_heights():
     """Receivers 5.5 m apart: told in layers of 12 and 18 m, they flew at 12.1 and 12.5 m."""
     fleet = next(f for f in map(untroubled, range(100)) if len(f.vehicles) > 1)
     airborne(fleet)
@@ -105,7 +101,7 @@ def test_vehicles_are_apart_by_their_true_heights() -> None:
     assert "near" in kinds(fleet)
 
 
-def test_receivers_are_as_wrong_as_told_and_others_after_a_swap() -> None:
+def test_receivers_are_as_wrong_as_told_and_others_after_a_swap():
     fleet = fleet_of(plan_of(3), "swath", receiver_sigma_m=3.0)
     driver = fleet.drivers[1]
     errors_m = []
@@ -118,7 +114,7 @@ def test_receivers_are_as_wrong_as_told_and_others_after_a_swap() -> None:
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_the_pilot_of_a_simulated_flight_sees_who_takes_it_back(autopilot: str) -> None:
+def test_the_pilot_of_a_simulated_flight_sees_who_takes_it_back(autopilot):
     (vehicle,) = Setup(autopilot=autopilot, gps_sigma_m=0.0).build()
     vehicle.step(6.0)
     command(vehicle, 400, 1)

@@ -36,7 +36,7 @@ def told(request: pytest.FixtureRequest) -> Told:
     return Told(recording, lines, [from_json(line) for line in lines], recording.setting())
 
 
-def test_the_recording_is_a_whole_flight(told: Told) -> None:
+def test_the_recording_is_a_whole_flight(told):
     kinds = {event.kind for event in told.events}
     assert {"connected", "airborne", "tracked", "frame_seen", "landed"} <= kinds
     assert told.recording.events.stat().st_size < 120_000
@@ -44,11 +44,11 @@ def test_the_recording_is_a_whole_flight(told: Told) -> None:
         assert {"arrived", "battery_swapped"} <= kinds
 
 
-def test_the_text_of_an_event_is_stable(told: Told) -> None:
+def test_the_text_of_an_event_is_stable(told):
     assert [to_json(event) for event in told.events] == told.lines
 
 
-def test_the_outcome_is_the_recorded_one(told: Told) -> None:
+def test_the_outcome_is_the_recorded_one(told):
     recorded = told.recording.recorded()
     assert recorded["summary"]["completed"]
     assert outcome(told.recording, told.events) == recorded
@@ -56,7 +56,7 @@ def test_the_outcome_is_the_recorded_one(told: Told) -> None:
         assert recorded["summary"]["sorties"] >= 2
 
 
-def test_any_prefix_folds_to_the_state_that_was_held_then(told: Told) -> None:
+def test_any_prefix_folds_to_the_state_that_was_held_then(told):
     """What a resume after a kill relies on."""
     state = State.initial(told.setting)
     every = max(40, len(told.events) // 3)
@@ -68,7 +68,7 @@ def test_any_prefix_folds_to_the_state_that_was_held_then(told: Told) -> None:
     assert state.completed
 
 
-def test_the_order_of_the_frames_does_not_change_the_map(told: Told) -> None:
+def test_the_order_of_the_frames_does_not_change_the_map(told):
     frames = [event for event in told.events if event.kind == "frame_seen"]
     none = State.initial(told.setting)
     low, high = none.belief, none.overview
@@ -81,7 +81,7 @@ def test_the_order_of_the_frames_does_not_change_the_map(told: Told) -> None:
 
 
 @pytest.mark.parametrize(("recording", "stops"), [(STOPS, True), (PASSES, False)])
-def test_who_stops_looks_and_who_does_not_flies_paths(recording: Recording, stops: bool) -> None:
+def test_who_stops_looks_and_who_does_not_flies_paths(recording, stops):
     setting = recording.setting()
     state, kinds = State.initial(setting), set[type]()
     for line in recording.lines():

@@ -74,14 +74,8 @@ def shrunk(polygon: Polygon, margin_m: float) -> Polygon:
     metres, metres, st.floats(6.0, 30.0), angles, st.floats(-25, 25), st.floats(-25, 25), margins
 )
 def test_a_frame_judges_the_cells_wholly_inside_its_polygon_on_the_ground(
-    east_m: float,
-    north_m: float,
-    height_m: float,
-    yaw_deg: float,
-    roll: float,
-    pitch: float,
-    margin_m: float,
-) -> None:
+    east_m, north_m, height_m, yaw_deg, roll, pitch, margin_m
+):
     grid, over = Grid.at(BAVARIA, 4.0), GridPoint(east_m, north_m)
     polygon = shown(grid, over, height_m, yaw_deg, roll, pitch)
     assume(polygon is not None)
@@ -99,9 +93,7 @@ def test_a_frame_judges_the_cells_wholly_inside_its_polygon_on_the_ground(
 
 @FAST
 @given(metres, metres, st.floats(1.0, 60.0), st.floats(1.0, 60.0), angles, margins)
-def test_the_cells_of_a_level_footprint(
-    east_m: float, north_m: float, across_m: float, along_m: float, bearing: float, margin_m: float
-) -> None:
+def test_the_cells_of_a_level_footprint(east_m, north_m, across_m, along_m, bearing, margin_m):
     centre = GridPoint(east_m, north_m)
     cells = whole_cells(Footprint(across_m, along_m), centre, math.radians(bearing), 4.0, margin_m)
     assert list(cells) == sorted(cells)
@@ -122,8 +114,8 @@ def test_the_cells_of_a_level_footprint(
 @FAST
 @given(metres, metres, st.floats(8.0, 30.0), angles, margins)
 def test_what_a_planner_expects_of_a_level_camera_is_what_its_frames_judge(
-    east_m: float, north_m: float, height_m: float, yaw_deg: float, margin_m: float
-) -> None:
+    east_m, north_m, height_m, yaw_deg, margin_m
+):
     grid, over = Grid.at(BAVARIA, 4.0), GridPoint(east_m, north_m)
     pose, axes = nadir_pose(grid, over, height_m, yaw_deg)
     frame = Frame(paint([], grid, CAMERA, pose, axes), pose, 0.0, CAMERA)
@@ -142,9 +134,7 @@ def test_what_a_planner_expects_of_a_level_camera_is_what_its_frames_judge(
     st.floats(0.02, 3.1), st.integers(1, 5000), st.integers(1, 5000), st.floats(1, 400),
     st.floats(0.1, 50.0),
 )  # fmt: skip
-def test_height_and_pixels_of_a_cell_are_inverse(
-    hfov_rad: float, width_px: int, height_px: int, height_m: float, cell_m: float
-) -> None:
+def test_height_and_pixels_of_a_cell_are_inverse(hfov_rad, width_px, height_px, height_m, cell_m):
     optics = Optics(hfov_rad, width_px, height_px)
     pixels = optics.pixels_per_cell(height_m, cell_m)
     assert optics.height_m(cell_m, pixels) == pytest.approx(height_m)

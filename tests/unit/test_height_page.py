@@ -13,7 +13,7 @@ from tests.benchmarks.planning.height_and_speed_picture import picture
 DOCS = Path(__file__).parents[2] / "docs"
 
 
-def test_the_picture_is_what_the_program_draws() -> None:
+def test_the_picture_is_what_the_program_draws():
     assert (DOCS / "images" / "height-and-speed.svg").read_text("utf-8") == picture()
 
 
@@ -24,7 +24,7 @@ def test_the_picture_is_what_the_program_draws() -> None:
         ("fence.ceiling_m", Fence.model_fields["ceiling_m"].default),
     ],
 )
-def test_the_defaults_of_the_page_are_those_of_the_code(key: str, value: float) -> None:
+def test_the_defaults_of_the_page_are_those_of_the_code(key, value):
     text = (DOCS / "height-and-speed.md").read_text("utf-8")
     row = re.search(rf"^\| `{key}` \| ([0-9.]+) \|", text, re.MULTILINE)
     assert row is not None

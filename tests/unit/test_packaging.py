@@ -48,18 +48,18 @@ def command(unit: Path) -> list[str]:
     return arguments
 
 
-def test_there_are_three_units() -> None:
+def test_there_are_three_units():
     assert [unit.stem for unit in UNITS] == ["uavmap-fly", "uavmap-recall", "uavmap-resume"]
 
 
-def test_the_command_of_a_unit_is_understood(unit: Path) -> None:
+def test_the_command_of_a_unit_is_understood(unit):
     options = parser().parse_args(command(unit))
     assert options.command in ("fly", "resume")
     assert [parse_url(text).port for text in options.connect] == [921600]
     assert (options.out if options.command == "fly" else options.folder) == "/var/lib/uavmap/flight"
 
 
-def test_what_may_take_off_is_never_started_by_itself(unit: Path) -> None:
+def test_what_may_take_off_is_never_started_by_itself(unit):
     values, options = read(unit), parser().parse_args(command(unit))
     stays_down = options.command == "resume" and options.recall
     assert ("Install" in values) == stays_down
@@ -69,13 +69,13 @@ def test_what_may_take_off_is_never_started_by_itself(unit: Path) -> None:
         assert "uavmap-recall.service" in values["Unit"]["Conflicts"].split()
 
 
-def test_an_orderly_end_is_no_failure(unit: Path) -> None:
+def test_an_orderly_end_is_no_failure(unit):
     codes = read(unit)["Service"]["SuccessExitStatus"].split()
     assert list(map(int, codes)) == [INCOMPLETE, AIRCRAFT_DOWN]
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="there is no systemd here")
-def test_systemd_takes_the_units(tmp_path: Path) -> None:
+def test_systemd_takes_the_units(tmp_path):
     for unit in UNITS:
         text = unit.read_text("utf-8").replace(PROGRAM, "/bin/true")
         (tmp_path / unit.name).write_text(text, "utf-8")
@@ -89,7 +89,7 @@ def test_systemd_takes_the_units(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout + done.stderr) == (0, "")
 
 
-def test_the_page_names_each_file_and_its_commands_are_held_by_the_test_of_the_pages() -> None:
+def test_the_page_names_each_file_and_its_commands_are_held_by_the_test_of_the_pages():
     text = PAGE.read_text("utf-8")
     assert all(file.name in text for file in FOLDER.iterdir())
     lines = list(command_lines(PAGE))

@@ -68,7 +68,7 @@ def exists(dotted: str) -> bool:
     return False
 
 
-def test_every_module_that_a_page_names_exists(page: Path) -> None:
+def test_every_module_that_a_page_names_exists(page):
     missing = []
     for text in quoted(page):
         name = text.partition("(")[0]
@@ -80,7 +80,7 @@ def test_every_module_that_a_page_names_exists(page: Path) -> None:
     assert not missing, f"{page.name} names what does not exist"
 
 
-def test_every_path_that_a_page_names_exists(page: Path) -> None:
+def test_every_path_that_a_page_names_exists(page):
     paths = [
         text for text in quoted(page) if re.fullmatch(rf"(?:{'|'.join(ROOMS)}|docs)/[\w./-]*", text)
     ]
@@ -92,7 +92,7 @@ def anchor(title: str) -> str:
     return re.sub(r"[^\w\- ]", "", title.strip().lower()).replace(" ", "-")
 
 
-def test_every_link_leads_somewhere(page: Path) -> None:
+def test_every_link_leads_somewhere(page):
     missing = []
     for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
         if target.startswith(("http://", "https://")):
@@ -116,7 +116,7 @@ def sections() -> Iterator[tuple[str, type[BaseModel]]]:
     yield "sim.faults", SimFault
 
 
-def test_every_key_of_a_mission_that_a_page_names_exists(page: Path) -> None:
+def test_every_key_of_a_mission_that_a_page_names_exists(page):
     known = dict(sections())
     missing = []
     for text in quoted(page):
@@ -133,9 +133,7 @@ def command_lines(page: Path) -> Iterator[str]:
         yield from (line for line in block.splitlines() if line.startswith("uavmap "))
 
 
-def test_the_command_lines_of_a_page_are_understood(
-    page: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_lines_of_a_page_are_understood(page, capsys):
     for line in command_lines(page):
         try:
             parser().parse_args(shlex.split(line, comments=True)[1:])
@@ -143,7 +141,7 @@ def test_the_command_lines_of_a_page_are_understood(
             pytest.fail(f"{line}: {capsys.readouterr().err}")
 
 
-def test_the_readme_has_command_lines() -> None:
+def test_the_readme_has_command_lines():
     assert len(list(command_lines(ROOT / "README.md"))) > 5
 
 
@@ -159,7 +157,7 @@ def floors(room: str) -> list[set[str]]:
 
 
 @pytest.mark.parametrize("room", ["missions", "uavmap", "sitl"])
-def test_the_architecture_has_the_floors_that_are_held(room: str) -> None:
+def test_the_architecture_has_the_floors_that_are_held(room):
     text = (ROOT / "docs" / "architecture.md").read_text("utf-8")
     table = re.search(rf"^\| `{room}`[^|]* \| \|\n\|---.*\n((?:\|.*\n)+)", text, re.MULTILINE)
     assert table is not None
@@ -176,7 +174,7 @@ def defined() -> set[str]:
 
 
 @pytest.mark.parametrize("word", [*Phase, *ReturnReason])
-def test_the_glossary_has_every_phase_and_every_return_reason(word: str) -> None:
+def test_the_glossary_has_every_phase_and_every_return_reason(word):
     assert word in defined()
 
 
@@ -187,12 +185,12 @@ FIGURES = re.findall(
 )
 
 
-def test_the_page_on_safety_has_figures() -> None:
+def test_the_page_on_safety_has_figures():
     assert len(FIGURES) > 20
 
 
 @pytest.mark.parametrize(("said", "name"), FIGURES, ids=[name for _, name in FIGURES])
-def test_the_figures_of_the_page_on_safety_are_those_of_the_code(said: str, name: str) -> None:
+def test_the_figures_of_the_page_on_safety_are_those_of_the_code(said, name):
     module, _, constant = name.rpartition(".")
     value = getattr(importlib.import_module(module), constant)
     number = re.match(r"[\d.]+", said.strip())
@@ -215,7 +213,7 @@ def defined_in(module: str) -> set[str]:
     }
 
 
-def test_the_figures_are_constants() -> None:
+def test_the_figures_are_constants():
     """A figure that the program changes while it runs could not be told by a page."""
     for _, name in FIGURES:
         module, _, constant = name.rpartition(".")

@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "real-aircraft.md"
 
 
-def test_every_test_that_the_page_names_exists() -> None:
+def test_every_test_that_the_page_names_exists():
     named = set(re.findall(r"`(test_\w+)`", PAGE.read_text("utf-8")))
     there = {
         name
@@ -22,7 +22,7 @@ def test_every_test_that_the_page_names_exists() -> None:
     assert named - there == set()
 
 
-def test_every_row_says_what_happens_now() -> None:
+def test_every_row_says_what_happens_now():
     """A row without a test says openly that it is not as it should be."""
     rows = [
         [cell.strip() for cell in line.strip().strip("|").split("|")]
@@ -34,6 +34,6 @@ def test_every_row_says_what_happens_now() -> None:
     assert [row for row in rows if not row[3] and "**not yet**" not in row[2]] == []
 
 
-def test_the_table_of_real_flights_shows_the_last_figures() -> None:
+def test_the_table_of_real_flights_shows_the_last_figures():
     page = PAGE.read_text("utf-8")
     assert page == written(page, kept()), "python -m tests.real.figures writes it anew"

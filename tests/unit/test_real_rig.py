@@ -6,7 +6,6 @@ import asyncio
 import math
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -34,15 +33,15 @@ def flying_pair(second_s: float) -> Referee:
     return referee
 
 
-def test_referee_vehicles_with_own_clocks_measures_their_distance() -> None:
+def test_referee_vehicles_with_own_clocks_measures_their_distance():
     assert flying_pair(0.1).least_m == pytest.approx(8.0, abs=0.01)
 
 
-def test_referee_places_of_different_times_are_not_compared() -> None:
+def test_referee_places_of_different_times_are_not_compared():
     assert flying_pair(0.5).least_m == math.inf
 
 
-def test_autopilot_process_has_ended_start_quotes_its_log(tmp_path: Path) -> None:
+def test_autopilot_process_has_ended_start_quotes_its_log(tmp_path):
     program = tmp_path / PROGRAM
     program.parent.mkdir(parents=True)
     program.write_text("#!/bin/sh\necho bind failed on port 5501\nexit 3\n")
@@ -59,9 +58,7 @@ def test_autopilot_process_has_ended_start_quotes_its_log(tmp_path: Path) -> Non
         asyncio.run(begin())
 
 
-def test_px4_instance_is_locked_is_not_free(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_px4_instance_is_locked_is_not_free(tmp_path, monkeypatch):
     monkeypatch.setattr(Px4, "lock", str(tmp_path / "lock-{}"))
     monkeypatch.setattr(Px4, "ports", ())
     (tmp_path / "lock-0").touch()  # left behind by a process that was killed
@@ -81,9 +78,7 @@ def test_px4_instance_is_locked_is_not_free(
         holder.communicate()
 
 
-def test_arducopter_radio_fails_no_channel_is_overridden(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_arducopter_radio_fails_no_channel_is_overridden(tmp_path, monkeypatch):
     one = ArduCopter(tmp_path / PROGRAM, Pad(0, LatLon(47.0, 8.0), 400.0, tmp_path), {})
     asked: list[tuple[str, float, bool]] = []
 

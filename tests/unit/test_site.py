@@ -39,12 +39,12 @@ def _inner(kind: Any) -> type[BaseModel] | None:
     return next((p for p in parts if isinstance(p, type) and issubclass(p, BaseModel)), None)
 
 
-def test_the_reference_is_that_of_the_schema() -> None:
+def test_the_reference_is_that_of_the_schema():
     page = (ROOT / "docs" / "missions.md").read_text("utf-8")
     assert page == reference(), "python -m uavmap.load.areas.mission_reference > docs/missions.md"
 
 
-def test_the_reference_has_every_key_and_says_what_it_is() -> None:
+def test_the_reference_has_every_key_and_says_what_it_is():
     page, table, said = reference(), "", dict[str, str]()
     for line in page.splitlines():
         if line.startswith("## "):
@@ -60,14 +60,14 @@ def test_the_reference_has_every_key_and_says_what_it_is() -> None:
 
 
 # --- the names of Python -------------------------------------------------------------------------
-def test_the_page_of_names_has_all_of_them() -> None:
+def test_the_page_of_names_has_all_of_them():
     page = (ROOT / "docs" / "api.md").read_text("utf-8")
     names = {name for name in uavmap.__all__ if not name.endswith(("Error", "__"))}
     shown = {line.rpartition(".")[2] for line in page.splitlines() if line.startswith("::: ")}
     assert names | {"errors"} == shown
 
 
-def test_every_error_is_a_name_of_uavmap() -> None:
+def test_every_error_is_a_name_of_uavmap():
     """But for the one of the journal's inside."""
     known = {
         name
@@ -95,7 +95,7 @@ async def ran(cell: str, names: dict[str, Any]) -> object:
 
 
 @pytest.mark.parametrize("name", ["flight", "pictures"])
-def test_a_notebook_shows_what_the_program_does(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_notebook_shows_what_the_program_does(name, monkeypatch):
     """Each cell on a loop that runs, as in a notebook; `examples/renew.py` writes them anew."""
     mpl.use("agg")
     from matplotlib import pyplot as plt  # noqa: PLC0415 - after its backend

@@ -13,7 +13,7 @@ TESTS = Path(__file__).parents[1]
 
 
 @pytest.mark.parametrize("line", SLOW)
-def test_slow_list_line_names_existing_tests(line: str) -> None:
+def test_slow_list_line_names_existing_tests(line):
     name, _, pattern = line.partition("::")
     sources = [path.read_text("utf-8") for path in TESTS.rglob(name)]
     defined = [

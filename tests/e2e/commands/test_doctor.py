@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import cv2
 import pytest
@@ -19,7 +18,7 @@ def urls() -> Iterator[list[str]]:
         yield urls
 
 
-def test_the_installation_needs_no_vehicle(tmp_path: Path) -> None:
+def test_the_installation_needs_no_vehicle(tmp_path):
     done = uavmap("doctor", "--json", cwd=tmp_path)
     assert done.code == 0, done.err
     found = {finding["what"]: finding for finding in done.summary["findings"]}
@@ -29,7 +28,7 @@ def test_the_installation_needs_no_vehicle(tmp_path: Path) -> None:
     assert all(finding["vehicle"] is None for finding in found.values())
 
 
-def test_a_vehicle_is_looked_at_for_a_mission(urls: list[str], tmp_path: Path) -> None:
+def test_a_vehicle_is_looked_at_for_a_mission(urls, tmp_path):
     connect = [*arguments_of(urls[:1]), "--speedup", SPEEDUP]
     done = uavmap("doctor", mission("speck"), *connect, "--out", tmp_path, "--json")
     assert done.code == 0, f"{done.err}{done.out}"
@@ -41,9 +40,7 @@ def test_a_vehicle_is_looked_at_for_a_mission(urls: list[str], tmp_path: Path) -
     assert cv2.imread(str(tmp_path / "test-picture-1.png")).shape == (240, 320, 3)
 
 
-def test_a_dry_run_arms_nothing_and_leaves_nothing_to_resume(
-    urls: list[str], tmp_path: Path
-) -> None:
+def test_a_dry_run_arms_nothing_and_leaves_nothing_to_resume(urls, tmp_path):
     folder = tmp_path / "out"
     connect = [*arguments_of(urls), "--speedup", SPEEDUP]
     done = uavmap("fly", mission("speck"), *connect, "--dry-run", "--out", folder)
@@ -56,7 +53,7 @@ def test_a_dry_run_arms_nothing_and_leaves_nothing_to_resume(
     ]
 
 
-def test_what_is_wrong_with_the_input_is_a_line(tmp_path: Path) -> None:
+def test_what_is_wrong_with_the_input_is_a_line(tmp_path):
     done = uavmap("doctor", "--connect", "carrier-pigeon://1", cwd=tmp_path)
     assert done.code == 2
     several = arguments_of(["udpin://127.0.0.1:1", "udpin://127.0.0.1:2"])

@@ -61,9 +61,7 @@ def assert_it_finds_the_field() -> None:
     assert np.count_nonzero(found & (mask > 0)) > 0.9 * np.count_nonzero(found | (mask > 0))
 
 
-def test_new_like_masks_beside_photographs_learns_and_names_the_detector(
-    photos: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_new_like_masks_beside_photographs_learns_and_names_the_detector(photos, capsys):
     assert main([*NEW, "--like", *map(str, sorted(photos.glob("*.jpg")))]) == 0
     out, err = capsys.readouterr()
     assert "region = what the model model.json was made to find" in out
@@ -80,14 +78,12 @@ def test_new_like_masks_beside_photographs_learns_and_names_the_detector(
     assert_it_finds_the_field()
 
 
-def test_new_like_folder_with_masks_in_it_takes_them_for_masks(photos: Path) -> None:
+def test_new_like_folder_with_masks_in_it_takes_them_for_masks(photos):
     assert main([*NEW, "--like", str(photos)]) == 0
     assert_it_finds_the_field()
 
 
-def test_new_like_without_masks_opens_the_page_to_paint_on(
-    photos: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_new_like_without_masks_opens_the_page_to_paint_on(photos, monkeypatch, capfd):
     for mask in photos.glob("*.png"):
         mask.unlink()
     monkeypatch.setattr(sys, "stdin", Terminal(""))
@@ -118,9 +114,7 @@ def sent(address: str, data: bytes, method: str) -> None:
         assert answer.status == 200
 
 
-def test_new_like_without_masks_and_terminal_says_how_to_paint(
-    photos: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_new_like_without_masks_and_terminal_says_how_to_paint(photos, capsys):
     for mask in photos.glob("*.png"):
         mask.unlink()
     assert main([*NEW, "--like", str(photos)]) == 2

@@ -17,16 +17,13 @@ import pytest
 import shapely
 
 import uavmap
-from tests.e2e.conftest import Flight
 from tests.e2e.rig import environment, events, mission, simulator, wait_until
 
 SPEEDUP = 20.0
 
 
 # --- in the simulator ----------------------------------------------------------------------------
-def test_a_flight_is_that_of_the_command_also_where_a_loop_runs(
-    speck: Flight, tmp_path: Path
-) -> None:
+def test_a_flight_is_that_of_the_command_also_where_a_loop_runs(speck, tmp_path):
     async def notebook() -> uavmap.Results:
         return uavmap.fly(mission("speck"), sim=True, out=tmp_path / "out", quiet=True)
 
@@ -43,7 +40,7 @@ def test_a_flight_is_that_of_the_command_also_where_a_loop_runs(
     assert flight.region_utm.area == pytest.approx(flight.area_m2, rel=2e-3)
 
 
-def test_a_loop_goes_on_while_it_flies_and_cancelling_ends_it(tmp_path: Path) -> None:
+def test_a_loop_goes_on_while_it_flies_and_cancelling_ends_it(tmp_path):
     beats = 0
 
     async def program() -> None:
@@ -67,7 +64,7 @@ def test_a_loop_goes_on_while_it_flies_and_cancelling_ends_it(tmp_path: Path) ->
         uavmap.open_results(tmp_path / "out")
 
 
-def test_the_errors_are_those_of_the_command(tmp_path: Path) -> None:
+def test_the_errors_are_those_of_the_command(tmp_path):
     with pytest.raises(uavmap.MissionFileError, match="did you mean 'runway'"):
         uavmap.fly("runwya", sim=True)
     with pytest.raises(uavmap.LinkError, match="no vehicle to fly"):
@@ -102,7 +99,7 @@ def came_home(folder: Path) -> bool:
     return bool(events(folder, "recalled")) and bool(events(folder, "landed"))
 
 
-def test_control_c_and_cancellation_bring_it_home(tmp_path: Path) -> None:
+def test_control_c_and_cancellation_bring_it_home(tmp_path):
     """One after the other with the same simulated aircraft: the simulator takes a second to start.
 
     Ctrl-C where no loop runs, a cancelled task, and SIGTERM where one does; then it is finished.
@@ -133,7 +130,7 @@ def test_control_c_and_cancellation_bring_it_home(tmp_path: Path) -> None:
         assert finished.completed
 
 
-def test_a_second_control_c_leaves_it_to_its_autopilot(tmp_path: Path) -> None:
+def test_a_second_control_c_leaves_it_to_its_autopilot(tmp_path):
     folder = tmp_path / "out"
 
     def twice() -> None:
@@ -152,7 +149,7 @@ def test_a_second_control_c_leaves_it_to_its_autopilot(tmp_path: Path) -> None:
 
 
 # --- what importing costs ------------------------------------------------------------------------
-def test_importing_uavmap_loads_nothing_heavy() -> None:
+def test_importing_uavmap_loads_nothing_heavy():
     code = (
         "import sys, uavmap\n"
         "heavy = {'numpy', 'pydantic', 'asyncio', 'shapely', 'missions'} & set(sys.modules)\n"
@@ -164,7 +161,7 @@ def test_importing_uavmap_loads_nothing_heavy() -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_all_names_are_there_and_the_package_of_flights_is_one_of_them() -> None:
+def test_all_names_are_there_and_the_package_of_flights_is_one_of_them():
     assert set(uavmap.__all__) <= set(dir(uavmap))
     assert all(getattr(uavmap, name) is not None for name in uavmap.__all__)
     with pytest.raises(AttributeError, match="no attribute 'flz'"):

@@ -6,7 +6,6 @@ import contextlib
 import json
 import re
 import sqlite3
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -93,9 +92,7 @@ def aslant(image: Image.Image) -> dict[str, object]:
 
 
 @pytest.mark.parametrize("bad", [blurred, dark, from_high, aslant])
-def test_replay_one_bad_picture_more_changes_no_cell(
-    bad: Callable[[Image.Image], dict[str, object]], photos: Path, tmp_path: Path
-) -> None:
+def test_replay_one_bad_picture_more_changes_no_cell(bad, photos, tmp_path):
     """Neither through the poses of the others nor through the grid that is derived from all."""
     assert replayed(photos, tmp_path / "good")["photographs_refused"] == 0
     image = view(ground(), 18.0, 5.0)
@@ -114,7 +111,7 @@ def test_replay_one_bad_picture_more_changes_no_cell(
     assert "bad.jpg: " in (tmp_path / "with" / "report.html").read_text("utf-8")
 
 
-def test_replay_the_same_picture_twice_changes_no_cell(photos: Path, tmp_path: Path) -> None:
+def test_replay_the_same_picture_twice_changes_no_cell(photos, tmp_path):
     replayed(photos, tmp_path / "good")
     (photos / "again.jpg").write_bytes((photos / "2.jpg").read_bytes())
     summary = replayed(photos, tmp_path / "with")
@@ -138,8 +135,8 @@ _OF_FLIGHTS = re.compile(
 
 
 def test_replay_without_a_mission_speaks_of_pictures_and_says_why_this_detector(
-    photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+    photos, tmp_path, capsys
+):
     out = tmp_path / "out"
     summary = replayed(photos, out, "--verbose")
     told = capsys.readouterr()
@@ -162,9 +159,7 @@ def test_replay_without_a_mission_speaks_of_pictures_and_says_why_this_detector(
     assert np.count_nonzero(red) > 200  # the outline of the way
 
 
-def test_replay_with_a_mission_shows_the_box_and_fence_that_the_user_gave(
-    photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_replay_with_a_mission_shows_the_box_and_fence_that_the_user_gave(photos, tmp_path, capsys):
     mission = tmp_path / "field.toml"
     mission.write_text(field_text())
     replayed(photos, tmp_path / "out", "--mission", mission)
@@ -173,9 +168,7 @@ def test_replay_with_a_mission_shows_the_box_and_fence_that_the_user_gave(
     assert fences(tmp_path / "out") == 2
 
 
-def test_replay_detector_by_name_is_not_explained(
-    photos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_replay_detector_by_name_is_not_explained(photos, tmp_path, capsys):
     replayed(photos, tmp_path / "out", "--detector", "adaptive")
     told = capsys.readouterr().err
     assert "region = darker than its surroundings" in told

@@ -55,9 +55,7 @@ def killed(process: Process) -> None:
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_a_mission_process_that_dies_leaves_nobody_in_the_air(
-    autopilot: str, patient: Path, tmp_path: Path
-) -> None:
+def test_a_mission_process_that_dies_leaves_nobody_in_the_air(autopilot, patient, tmp_path):
     folder = tmp_path / "out"
     with searching(folder, patient, autopilot) as (process, _):
         killed(process)
@@ -76,9 +74,7 @@ def test_a_mission_process_that_dies_leaves_nobody_in_the_air(
     assert not (folder / "aircraft.log").exists()
 
 
-def test_control_c_while_the_aircraft_are_brought_home_names_them(
-    patient: Path, tmp_path: Path
-) -> None:
+def test_control_c_while_the_aircraft_are_brought_home_names_them(patient, tmp_path):
     folder = tmp_path / "out"
     with searching(folder, patient) as (process, _):
         killed(process)
@@ -98,7 +94,7 @@ def test_control_c_while_the_aircraft_are_brought_home_names_them(
         rig.wait_until(lambda: not (folder / "aircraft.json").exists(), "the aircraft to be home")
 
 
-def test_the_next_process_takes_over_the_aircraft_in_the_air(tmp_path: Path) -> None:
+def test_the_next_process_takes_over_the_aircraft_in_the_air(tmp_path):
     folder = tmp_path / "out"
     with searching(folder) as (process, _):
         aircraft = rig.aircraft_process(folder)
@@ -113,7 +109,7 @@ def test_the_next_process_takes_over_the_aircraft_in_the_air(tmp_path: Path) -> 
     assert len(rig.events(folder, "landed")) == 1  # it was never brought down in between
 
 
-def test_a_process_of_the_aircraft_that_dies_is_started_again(tmp_path: Path) -> None:
+def test_a_process_of_the_aircraft_that_dies_is_started_again(tmp_path):
     folder = tmp_path / "out"
     with searching(folder) as (process, _):
         os.kill(rig.aircraft_process(folder), signal.SIGKILL)
@@ -125,7 +121,7 @@ def test_a_process_of_the_aircraft_that_dies_is_started_again(tmp_path: Path) ->
     assert len(rig.events(folder, "landed")) == 1
 
 
-def test_aircraft_that_cannot_be_started_again_are_named(tmp_path: Path) -> None:
+def test_aircraft_that_cannot_be_started_again_are_named(tmp_path):
     folder = tmp_path / "out"
     with (
         searching(folder) as (process, urls),
@@ -150,7 +146,7 @@ def _binds(port: socket.socket, address: tuple[str, int]) -> bool:
     return port.getsockname()[1] == address[1]
 
 
-def test_sigterm_to_the_process_of_the_aircraft_calls_all_home(tmp_path: Path) -> None:
+def test_sigterm_to_the_process_of_the_aircraft_calls_all_home(tmp_path):
     folder = tmp_path / "out"
     with searching(folder) as (process, _):
         os.kill(rig.aircraft_process(folder), signal.SIGTERM)
@@ -162,9 +158,7 @@ def test_sigterm_to_the_process_of_the_aircraft_calls_all_home(tmp_path: Path) -
     assert not (folder / "aircraft.log").exists()
 
 
-def test_control_c_while_the_process_of_the_aircraft_starts_leaves_none_behind(
-    tmp_path: Path,
-) -> None:
+def test_control_c_while_the_process_of_the_aircraft_starts_leaves_none_behind(tmp_path):
     folder = tmp_path / "out"
     port, _ = rig.free_ports(1)
     url = f"udpin://{rig.LOOPBACK}:{port}"
@@ -178,7 +172,7 @@ def test_control_c_while_the_process_of_the_aircraft_starts_leaves_none_behind(
         os.kill(aircraft, 0)
 
 
-def test_setpoints_go_on_while_the_mission_process_stands_still(tmp_path: Path) -> None:
+def test_setpoints_go_on_while_the_mission_process_stands_still(tmp_path):
     folder, passing = tmp_path / "out", ("--auto-swap", "--strategy", "swath")
     with (
         rig.simulator("speck", speedup=STREAMED) as urls,

@@ -25,7 +25,7 @@ def lines(done: rig.Finished) -> list[str]:
     return [line for line in done.err.splitlines() if line.startswith(("uavmap: ", "vehicle "))]
 
 
-def test_a_full_disk_brings_it_home_before_the_process_ends(tmp_path: Path) -> None:
+def test_a_full_disk_brings_it_home_before_the_process_ends(tmp_path):
     folder = tmp_path / "out"
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         words = rig.flying(rig.mission("speck"), urls, folder, SPEEDUP)
@@ -44,7 +44,7 @@ def test_a_full_disk_brings_it_home_before_the_process_ends(tmp_path: Path) -> N
     assert first["airborne"] is False  # it stood at home when it was taken up again
 
 
-def test_who_does_not_wait_is_told_where_each_aircraft_is(tmp_path: Path) -> None:
+def test_who_does_not_wait_is_told_where_each_aircraft_is(tmp_path):
     folder = tmp_path / "out"
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         with rig.in_flight(urls, folder, SPEEDUP) as process:
@@ -64,9 +64,7 @@ def test_who_does_not_wait_is_told_where_each_aircraft_is(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("number", [None, signal.SIGHUP])
-def test_a_terminal_that_is_gone_ends_no_flight_badly(
-    number: signal.Signals | None, tmp_path: Path
-) -> None:
+def test_a_terminal_that_is_gone_ends_no_flight_badly(number, tmp_path):
     """Without a signal the flight goes on to its end; with one it comes home."""
     folder = tmp_path / "out"
     with rig.simulator("speck", speedup=SPEEDUP) as urls:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import time
-from pathlib import Path
 
 import pytest
 
@@ -36,9 +35,7 @@ def killed_in(phase: type[Order], process: Process, journey: Journey) -> bool:
 
 
 @pytest.mark.parametrize(("autopilot", "phases"), [("ardupilot", PHASES), ("px4", (TakeOff, Look))])
-def test_killed_in_each_phase_it_is_taken_up_and_completes(
-    autopilot: str, phases: tuple[type[Order], ...], speck: object, tmp_path: Path
-) -> None:
+def test_killed_in_each_phase_it_is_taken_up_and_completes(autopilot, phases, speck, tmp_path):
     folder = tmp_path / "out"
     journey = Journey(folder, "speck")
     hit = 0

@@ -29,9 +29,7 @@ def assert_no_verdict(done: rig.Finished, folder: Path, reason: str) -> None:
     assert values["finding"].startswith(f"no verdict: {done.summary['no_verdict']}; ")
 
 
-def test_flight_over_real_ground_default_detector_sees_nothing_ends_without_a_verdict(
-    tmp_path: Path,
-) -> None:
+def test_flight_over_real_ground_default_detector_sees_nothing_ends_without_a_verdict(tmp_path):
     """Links are real ones here, and so the ground is taken to be."""
     source, folder = tmp_path / "empty.toml", tmp_path / "out"
     source.write_text(re.sub(r"^dilations = .*$", "", EMPTY, flags=re.MULTILINE))
@@ -44,7 +42,7 @@ def test_flight_over_real_ground_default_detector_sees_nothing_ends_without_a_ve
     assert re.search(r"mission completed\s*.\s*no verdict", told.out)
 
 
-def test_flight_whose_detector_takes_all_for_region_ends_without_a_verdict(tmp_path: Path) -> None:
+def test_flight_whose_detector_takes_all_for_region_ends_without_a_verdict(tmp_path):
     flight = rig.flown_text(SPECK.replace("dilations = 4", "intensity = 254"), tmp_path)
     done, folder = flight.done, flight.folder
     assert_no_verdict(done, folder, "% of the ")
@@ -56,7 +54,7 @@ def test_flight_whose_detector_takes_all_for_region_ends_without_a_verdict(tmp_p
     )
 
 
-def test_flight_in_the_simulator_that_sees_nothing_is_complete(tmp_path: Path) -> None:
+def test_flight_in_the_simulator_that_sees_nothing_is_complete(tmp_path):
     """There the default detector is the right one."""
     done = rig.flown_text(EMPTY, tmp_path).done
     assert done.code == 0, done.err

@@ -25,7 +25,7 @@ def tiny(tmp_path: Path) -> Path:
     return file
 
 
-def test_two_services_map_a_region_together_over_zenoh(tmp_path: Path) -> None:
+def test_two_services_map_a_region_together_over_zenoh(tmp_path):
     pytest.importorskip("zenoh", reason="the extra fleet is not installed")
     file, key = tiny(tmp_path), tmp_path / "fleet.key"
     assert uavmap("keys", "new", key).code == 0

@@ -82,7 +82,7 @@ class Page:
                 image.convert("RGB").save(Path(FOLDER) / name, quality=80, optimize=True)
 
 
-def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(tmp_path: Path) -> None:
+def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(tmp_path):
     need_browser()
     folder = tmp_path / "out"
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
@@ -142,7 +142,7 @@ def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(tmp_path: P
     assert kinds == ["paused", "continued", "recalled"]
 
 
-def test_pictures_for_the_documentation(tmp_path: Path) -> None:
+def test_pictures_for_the_documentation(tmp_path):
     if not FOLDER:
         pytest.skip("UAVMAP_PICTURES=FOLDER asks for the pictures of docs/page.md")
     need_browser()
@@ -159,7 +159,7 @@ def test_pictures_for_the_documentation(tmp_path: Path) -> None:
         assert process.wait() == 0
 
 
-def test_what_cannot_be_watched_is_said_in_a_line(tmp_path: Path) -> None:
+def test_what_cannot_be_watched_is_said_in_a_line(tmp_path):
     for folder, said in ((tmp_path / "none", "no such folder"), (tmp_path, "no journal")):
         done = rig.uavmap("watch", folder, "--port", "0")
         assert (done.code, done.out) == (2, "")

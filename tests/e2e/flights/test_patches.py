@@ -40,7 +40,7 @@ def made() -> str:
     return text.replace("48.0010072", "48.0007500") + SECOND
 
 
-def test_every_patch_is_mapped_where_all_are_asked_for(tmp_path: Path) -> None:
+def test_every_patch_is_mapped_where_all_are_asked_for(tmp_path):
     text = made().replace("[search]", '[search]\nfind = "all"')
     summary = rig.flown_text(text, tmp_path).complete()
     found = summary["patches"]
@@ -70,7 +70,7 @@ def test_every_patch_is_mapped_where_all_are_asked_for(tmp_path: Path) -> None:
     assert "the whole box is seen" in summary["finding"]
 
 
-def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path: Path) -> None:
+def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path):
     text = made()
     high = '[search]\nfind = "all"\naltitude_m = 30.0'
     text = text.replace("[search]", high).replace("[[vehicles]]", "[[vehicles]]\n[[vehicles]]")
@@ -101,8 +101,8 @@ def test_a_box_is_searched_from_high_up_and_mapped_from_below(tmp_path: Path) ->
 
 @pytest.mark.parametrize(("attitude", "most_missed"), [(EXACT_ATTITUDE, 0), ("", 1)])
 def test_vehicles_climb_on_their_way_to_lanes_that_drift_and_share_layers(
-    attitude: str, most_missed: int, tmp_path: Path
-) -> None:
+    attitude, most_missed, tmp_path
+):
     text = made()
     high = '[search]\nfind = "all"\naltitude_m = 30.0\nlayer_m = 0'
     text = text.replace("[search]", high)

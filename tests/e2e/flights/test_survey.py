@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from pathlib import Path
 
 import pytest
 
@@ -26,9 +25,7 @@ def plain_m(setting: Setting) -> float:
 @pytest.mark.parametrize(
     ("habits", "most_missed"), [({"tilt_sigma_deg": 0, "heading_sigma_deg": 0}, 0), ({}, 3)]
 )
-def test_a_survey_in_the_wind_flies_its_lanes_once(
-    habits: dict[str, float], most_missed: int, tmp_path: Path
-) -> None:
+def test_a_survey_in_the_wind_flies_its_lanes_once(habits, most_missed, tmp_path):
     """The camera tilts with the airframe and looks to leeward: lanes are flown to windward."""
     flown = rig.kinder("windy", tmp_path, **habits)
     setting = setting_of(load(rig.mission(flown)))

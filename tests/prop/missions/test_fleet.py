@@ -50,7 +50,7 @@ def map_is_whole(flight: Fleet, scenario: Scenario) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_mission_ends_with_a_whole_map_and_everybody_safe(seed: int) -> None:
+def test_a_mission_ends_with_a_whole_map_and_everybody_safe(seed):
     flight = undisturbed(seed)
     assert flight.faults == []
     assert {v.phase for v in flight.state.vehicles.values()} == {Phase.FINISHED}
@@ -58,7 +58,7 @@ def test_a_mission_ends_with_a_whole_map_and_everybody_safe(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", DRIFT_SEEDS)
-def test_a_drifting_region_is_mapped_whole(seed: int) -> None:
+def test_a_drifting_region_is_mapped_whole(seed):
     scenario = random_scenario(seed, drift=True)
     flight = flown(scenario)
     assert flight.faults == []
@@ -67,7 +67,7 @@ def test_a_drifting_region_is_mapped_whole(seed: int) -> None:
         assert component(scenario.roi, flight.state.tree.root) <= flight.state.belief.roi
 
 
-def test_the_batteries_are_swapped_somewhere() -> None:
+def test_the_batteries_are_swapped_somewhere():
     """The scenarios would say nothing about batteries if one were always enough."""
     swaps = [
         sum(isinstance(order, TakeOff) for _, _, order in flight.orders) - len(flight.vehicles)
@@ -76,7 +76,7 @@ def test_the_batteries_are_swapped_somewhere() -> None:
     assert all(count > 0 for count in swaps)
 
 
-def test_the_reserve_check_can_fail() -> None:
+def test_the_reserve_check_can_fail():
     """A squall that nobody reckoned with, far from home, breaks the reserve."""
     scenario = random_scenario(11)
     flight = fleet(scenario.mission, scenario.roi)
@@ -118,7 +118,7 @@ def interrupted(scenario: Scenario, kind: str, rng: np.random.Generator) -> Flee
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(5))
-def test_interruptions_change_nothing_in_the_end(seed: int, kind: str) -> None:
+def test_interruptions_change_nothing_in_the_end(seed, kind):
     scenario = random_scenario(100 + seed)
     flight = interrupted(scenario, kind, np.random.default_rng([seed, KINDS.index(kind)]))
     assert flight.faults == []
@@ -130,7 +130,7 @@ def test_interruptions_change_nothing_in_the_end(seed: int, kind: str) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_recall_brings_everybody_home_and_a_resume_goes_on(seed: int) -> None:
+def test_a_recall_brings_everybody_home_and_a_resume_goes_on(seed):
     scenario = random_scenario(200 + seed)
     flight = fleet(scenario.mission, scenario.roi)
     flight.start()
@@ -146,7 +146,7 @@ def test_a_recall_brings_everybody_home_and_a_resume_goes_on(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_one_lost_for_good_is_done_without(seed: int) -> None:
+def test_one_lost_for_good_is_done_without(seed):
     """A vehicle lands under its pilot and never comes back: the others finish its work."""
     scenario = next(
         s for s in (random_scenario(330 + 10 * seed + i) for i in range(10))
@@ -175,7 +175,7 @@ def belief_of(events: list[Event], empty: Belief) -> Belief:
 
 
 @pytest.mark.parametrize("seed", [0, 2, 14])
-def test_the_same_frames_in_any_order_make_the_same_map(seed: int) -> None:
+def test_the_same_frames_in_any_order_make_the_same_map(seed):
     flight = undisturbed(seed)
     mission = flight.setting.mission
     empty = Belief(mission.votes.frames, mission.votes.positive)
@@ -184,7 +184,7 @@ def test_the_same_frames_in_any_order_make_the_same_map(seed: int) -> None:
     assert belief_of(events, empty) == flight.state.belief
 
 
-def test_the_same_scenario_twice_gives_the_same_events_and_orders() -> None:
+def test_the_same_scenario_twice_gives_the_same_events_and_orders():
     once, again = undisturbed(14), flown(random_scenario(14))
     assert once.events == again.events
     assert once.orders == again.orders
@@ -200,7 +200,7 @@ def led_by(name: str, seed: int) -> Scenario:
 
 
 @pytest.mark.parametrize("name", EXPLORERS)
-def test_every_strategy_flies_and_goes_on_after_a_crash(name: str) -> None:
+def test_every_strategy_flies_and_goes_on_after_a_crash(name):
     """The crash holds the fold of the journal, the strategy's memory in it, against the state."""
     scenario = led_by(name, 400)
     flight = fleet(scenario.mission, scenario.roi)
@@ -214,9 +214,7 @@ def test_every_strategy_flies_and_goes_on_after_a_crash(name: str) -> None:
 
 
 @pytest.mark.parametrize(("seed", "strategy"), [(0, None), (7, "swath")])
-def test_over_random_hills_the_map_is_whole_and_nobody_comes_near_the_ground(
-    seed: int, strategy: str | None
-) -> None:
+def test_over_random_hills_the_map_is_whole_and_nobody_comes_near_the_ground(seed, strategy):
     scenario = random_scenario(seed, strategy=strategy)
     mission = over(scenario.mission, hills(seed, 16.0))
     mission = mission.model_copy(

@@ -149,7 +149,7 @@ BORNE: dict[str, Act] = {
 
 
 @pytest.mark.parametrize("trouble", RECOVERED)
-def test_a_trouble_that_passes_leaves_no_gap(trouble: str) -> None:
+def test_a_trouble_that_passes_leaves_no_gap(trouble):
     flight, scenario = made(vehicles=2)
     flight.run(LIMIT_S, until=on_path)
     RECOVERED[trouble](flight)
@@ -158,14 +158,14 @@ def test_a_trouble_that_passes_leaves_no_gap(trouble: str) -> None:
 
 @pytest.mark.parametrize("trouble", BORNE)
 @pytest.mark.parametrize("vehicles", [1, 2])
-def test_a_trouble_that_stays_ends_the_flight_safely(trouble: str, vehicles: int) -> None:
+def test_a_trouble_that_stays_ends_the_flight_safely(trouble, vehicles):
     flight, scenario = made(vehicles=vehicles)
     flight.run(LIMIT_S, until=on_path)
     BORNE[trouble](flight)
     ended(flight, scenario, lasts=vehicles == 2 and trouble not in ("recalled", "storm"))
 
 
-def test_a_low_battery_is_swapped_and_the_rest_mapped() -> None:
+def test_a_low_battery_is_swapped_and_the_rest_mapped():
     flight, scenario = made()
     flight.run(LIMIT_S, until=on_path)
     low_battery(flight)
@@ -195,7 +195,7 @@ PLACES = {
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_a_place_where_it_is_hard_to_fly(place: str) -> None:
+def test_a_place_where_it_is_hard_to_fly(place):
     how, whole = PLACES[place]
     flight, scenario = made(**how)  # type: ignore[arg-type]
     ended(flight, scenario, lasts=whole)
@@ -206,7 +206,7 @@ def test_a_place_where_it_is_hard_to_fly(place: str) -> None:
         assert flight.state.undecided
 
 
-def test_a_wait_ends_long_before_the_battery() -> None:
+def test_a_wait_ends_long_before_the_battery():
     """Cells that nobody can see are given up when the paths to them were flown in vain."""
     flight, scenario = made(60, holes=WALL, fence=square(-40, -20, 120, 120), capacity_wh=200.0)
     ended(flight, scenario, lasts=False)
@@ -219,7 +219,7 @@ def test_a_wait_ends_long_before_the_battery() -> None:
     assert flight.t_s < 400.0
 
 
-def test_homes_at_different_heights() -> None:
+def test_homes_at_different_heights():
     chosen = mission(
         BOX, FENCE, strategy="swath", mounting="gimbal", altitude_m=20.0, capacity_wh=60.0,
         vehicles=3,
@@ -230,7 +230,7 @@ def test_homes_at_different_heights() -> None:
     ended(flight, scenario)
 
 
-def test_who_stands_in_the_margin_takes_part() -> None:
+def test_who_stands_in_the_margin_takes_part():
     """Its actual home is not where the mission says."""
     fence = square(-2.5, -2.5, 60, 60)
     chosen = mission(

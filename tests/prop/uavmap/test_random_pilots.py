@@ -184,7 +184,7 @@ async def turned_in(
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_pilot_changes_the_mode_at_a_random_moment_is_not_taken_back(autopilot: str) -> None:
+def test_pilot_changes_the_mode_at_a_random_moment_is_not_taken_back(autopilot):
     results: list[Turned] = []
     names = PX4 if autopilot == "px4" else COPTER
 

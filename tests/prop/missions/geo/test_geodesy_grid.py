@@ -33,7 +33,7 @@ PLACES = [
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_projection_against_epsg(place: LatLon) -> None:
+def test_projection_against_epsg(place):
     zone = UtmZone.of(place)
     to_utm = pyproj.Transformer.from_crs(4326, zone.epsg, always_xy=True)
     east_m, north_m = to_utm.transform(place.lon_deg, place.lat_deg)
@@ -74,13 +74,13 @@ def test_projection_against_epsg(place: LatLon) -> None:
         (-80, 0, 32731),
     ],
 )
-def test_zones_at_their_edges(lat_deg: float, lon_deg: float, epsg: int) -> None:
+def test_zones_at_their_edges(lat_deg, lon_deg, epsg):
     assert UtmZone.of(LatLon(lat_deg, lon_deg)).epsg == epsg
 
 
 @FAST
 @given(places)
-def test_the_zone_is_one_that_proj_names(place: LatLon) -> None:
+def test_the_zone_is_one_that_proj_names(place):
     """Outside the exceptions, PROJ's own database of areas of use agrees."""
     zone = UtmZone.of(place)
     crs = pyproj.CRS.from_epsg(zone.epsg)
@@ -90,7 +90,7 @@ def test_the_zone_is_one_that_proj_names(place: LatLon) -> None:
 @pytest.mark.parametrize(
     ("lat_deg", "lon_deg"), [(84.0001, 0), (-80.0001, 0), (90, 0), (0, 180.5), (0, -181)]
 )
-def test_no_utm_beyond_its_limits(lat_deg: float, lon_deg: float) -> None:
+def test_no_utm_beyond_its_limits(lat_deg, lon_deg):
     with pytest.raises(GeodesyError, match=f"{lat_deg:g}|{lon_deg:g}"):
         UtmZone.of(LatLon(lat_deg, lon_deg))
     with pytest.raises(GeodesyError):
@@ -104,9 +104,7 @@ drifts = st.tuples(st.floats(0, 2), st.floats(0, 360))
 
 @FAST
 @given(places, offsets, offsets, drifts, st.floats(0, 3000))
-def test_a_cell_is_where_its_centre_is(
-    start: LatLon, east: int, north: int, drift: tuple[float, float], t_s: float
-) -> None:
+def test_a_cell_is_where_its_centre_is(start, east, north, drift, t_s):
     grid = Grid.at(start, 4.0, *drift)
     cell = Cell(east, north)
     centre = grid.centre(cell, t_s)
@@ -124,7 +122,7 @@ def test_a_cell_is_where_its_centre_is(
 
 @FAST
 @given(places)
-def test_the_start_is_the_middle_of_the_first_cell(start: LatLon) -> None:
+def test_the_start_is_the_middle_of_the_first_cell(start):
     grid = Grid.at(start, 4.0)
     assert grid.fixed(start) == GridPoint(0.0, 0.0)
     assert grid.cell_at(start, 0.0) == Cell(0, 0)
@@ -132,7 +130,7 @@ def test_the_start_is_the_middle_of_the_first_cell(start: LatLon) -> None:
 
 @FAST
 @given(places)
-def test_grid_north_lies_the_convergence_away_from_true_north(start: LatLon) -> None:
+def test_grid_north_lies_the_convergence_away_from_true_north(start):
     grid = Grid.at(start, 4.0)
     tip = grid.centre(Cell(0, 10), 0.0)
     azimuth_deg, _, _ = GEOD.inv(start.lon_deg, start.lat_deg, tip.lon_deg, tip.lat_deg)
@@ -140,7 +138,7 @@ def test_grid_north_lies_the_convergence_away_from_true_north(start: LatLon) -> 
     assert off_rad == pytest.approx(0.0, abs=2e-4)
 
 
-def test_the_convergence_has_the_right_sign() -> None:
+def test_the_convergence_has_the_right_sign():
     """East of the central meridian: clockwise in the north, anticlockwise in the south."""
     assert UtmZone.of(LatLon(48, 11)).convergence_rad(LatLon(48, 11)) > 0.01
     assert UtmZone.of(LatLon(-48, 11)).convergence_rad(LatLon(-48, 11)) < -0.01
@@ -150,9 +148,7 @@ def test_the_convergence_has_the_right_sign() -> None:
 
 @FAST
 @given(places, st.floats(0.1, 3), st.floats(0, 360), st.floats(1, 600))
-def test_a_drifting_cell_moves_along_its_true_bearing(
-    start: LatLon, speed_m_s: float, toward_deg: float, t_s: float
-) -> None:
+def test_a_drifting_cell_moves_along_its_true_bearing(start, speed_m_s, toward_deg, t_s):
     grid = Grid.at(start, 4.0, speed_m_s, toward_deg)
     then = grid.centre(Cell(0, 0), t_s)
     azimuth_deg, _, far_m = GEOD.inv(start.lon_deg, start.lat_deg, then.lon_deg, then.lat_deg)
@@ -168,9 +164,7 @@ points = st.builds(GridPoint, st.floats(-2000, 2000), st.floats(-2000, 2000))
 
 @FAST
 @given(st.sampled_from(PLACES), points, points)
-def test_a_metre_of_the_grid_is_a_metre_on_the_ground(
-    start: LatLon, a: GridPoint, b: GridPoint
-) -> None:
+def test_a_metre_of_the_grid_is_a_metre_on_the_ground(start, a, b):
     """Measured on the ellipsoid; the projection alone would be 0.04 % short."""
     grid = Grid.at(start, 4.0)
     one, other = grid.position(a), grid.position(b)
@@ -179,7 +173,7 @@ def test_a_metre_of_the_grid_is_a_metre_on_the_ground(
     assert a.distance_to(b) == pytest.approx(metres, rel=1e-4, abs=1e-3)
 
 
-def test_a_place_beyond_the_edge_of_the_zone_stays_in_the_grid_of_the_start() -> None:
+def test_a_place_beyond_the_edge_of_the_zone_stays_in_the_grid_of_the_start():
     """A mission that crosses 12 degrees east is one grid, not two."""
     start = LatLon(48.0, 11.9999)
     grid = Grid.at(start, 4.0)
@@ -194,7 +188,7 @@ def test_a_place_beyond_the_edge_of_the_zone_stays_in_the_grid_of_the_start() ->
     [(0, 0, (0, 0)), (1.99, -1.99, (0, 0)), (2.0, 0, (1, 0)), (-2.0, 0, (0, 0)),
      (-2.01, 0, (-1, 0)), (6.1, -6.1, (2, -2))],
 )  # fmt: skip
-def test_every_point_is_in_one_cell(east_m: float, north_m: float, cell: tuple[int, int]) -> None:
+def test_every_point_is_in_one_cell(east_m, north_m, cell):
     """The western and southern edges belong to a cell, the others to its neighbours."""
     assert Grid.at(PLACES[0], 4.0).cell_of(GridPoint(east_m, north_m)) == Cell(*cell)
 
@@ -206,9 +200,7 @@ def test_every_point_is_in_one_cell(east_m: float, north_m: float, cell: tuple[i
     st.floats(-1400, 1400),
     st.floats(-1400, 1400),
 )
-def test_the_local_plane_against_an_azimuthal_projection(
-    origin: LatLon, east_m: float, north_m: float
-) -> None:
+def test_the_local_plane_against_an_azimuthal_projection(origin, east_m, north_m):
     plane = LocalPlane(origin)
     aeqd = pyproj.Proj(proj="aeqd", lat_0=origin.lat_deg, lon_0=origin.lon_deg, ellps="WGS84")
     place = plane.to_wgs84(east_m, north_m)
@@ -218,7 +210,7 @@ def test_the_local_plane_against_an_azimuthal_projection(
 
 @FAST
 @given(st.builds(LatLon, st.floats(-79, 83), st.floats(-179, 179)), st.floats(0, 360))
-def test_plane_and_grid_differ_by_the_convergence(start: LatLon, bearing_deg: float) -> None:
+def test_plane_and_grid_differ_by_the_convergence(start, bearing_deg):
     """The two roads from the ground to degrees, held against each other."""
     grid, plane = Grid.at(start, 4.0), LocalPlane(start)
     bearing_rad = math.radians(bearing_deg)

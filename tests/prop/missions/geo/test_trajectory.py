@@ -32,9 +32,7 @@ def times(plan: Trajectory) -> list[float]:
 
 @settings(max_examples=60, deadline=None)
 @given(points, st.sampled_from([1.0, 6.0, 10.0]), st.sampled_from([0.3, 1.0, 2.5]), drifts)
-def test_a_path_is_continuous_and_keeps_its_limits(
-    corners: list[GridPoint], speed_m_s: float, cut_m: float, drift: tuple[float, float]
-) -> None:
+def test_a_path_is_continuous_and_keeps_its_limits(corners, speed_m_s, cut_m, drift):
     plan = rounded_path(corners, 7.0, speed_m_s=speed_m_s, cut_m=cut_m, drift_m_s=drift)
     for a_s, b_s in itertools.pairwise(times(plan)):
         a, b = plan.at(a_s), plan.at(b_s)
@@ -61,16 +59,14 @@ def test_a_path_is_continuous_and_keeps_its_limits(
 
 @settings(max_examples=40, deadline=None)
 @given(points, st.sampled_from([1.0, 2.5]))
-def test_every_corner_is_passed_at_no_more_than_the_cut(
-    corners: list[GridPoint], cut_m: float
-) -> None:
+def test_every_corner_is_passed_at_no_more_than_the_cut(corners, cut_m):
     plan = rounded_path(corners, 0.0, speed_m_s=6.0, cut_m=cut_m)
     way = [plan.at(t_s).place for t_s in times(plan)]
     for corner in corners:
         assert min(corner.distance_to(place) for place in way) <= cut_m + 6.0 * STEP_S
 
 
-def test_from_rest_to_rest_takes_what_was_measured_but_for_the_jerk() -> None:
+def test_from_rest_to_rest_takes_what_was_measured_but_for_the_jerk():
     """A real ArduCopter at 6 m/s: 12 m 5.4 s, 30 m 9.6 s, 60 m 14.8 s, with 1.3 s for the end."""
     for way_m, measured_s in ((12.0, 5.4), (30.0, 9.6), (60.0, 14.8)):
         plan = rounded_path([GridPoint(0, 0), GridPoint(0, way_m)], 0.0, speed_m_s=6.0)
@@ -79,9 +75,7 @@ def test_from_rest_to_rest_takes_what_was_measured_but_for_the_jerk() -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(points, st.floats(0.1, 0.9), st.sampled_from([0.0, 0.5]))
-def test_a_plan_that_begins_on_the_way_goes_on_without_a_jump(
-    corners: list[GridPoint], share: float, notice_s: float
-) -> None:
+def test_a_plan_that_begins_on_the_way_goes_on_without_a_jump(corners, share, notice_s):
     first = rounded_path(corners, 0.0, speed_m_s=6.0)
     begin_s = share * first.end_s
     assume(begin_s > 0.5)
@@ -101,7 +95,7 @@ def test_a_plan_that_begins_on_the_way_goes_on_without_a_jump(
     assert course.at(begin_s - 0.3) == first.at(begin_s - 0.3)
 
 
-def test_a_course_forgets_what_is_over_and_what_will_not_be() -> None:
+def test_a_course_forgets_what_is_over_and_what_will_not_be():
     def plan(begin_s: float) -> Trajectory:
         return rounded_path([GridPoint(0, 0), GridPoint(90, 0)], begin_s, speed_m_s=6.0)
 
@@ -123,6 +117,6 @@ def test_a_course_forgets_what_is_over_and_what_will_not_be() -> None:
         ([GridPoint(0, 0), GridPoint(50, 0)], {"begin_speed_m_s": 7.0}),
     ],
 )
-def test_what_cannot_be_flown_is_refused(corners: list[GridPoint], how: dict[str, float]) -> None:
+def test_what_cannot_be_flown_is_refused(corners, how):
     with pytest.raises(ValueError, match=r"path|positive"):
         rounded_path(corners, 0.0, **{"speed_m_s": 6.0, **how})  # type: ignore[arg-type]

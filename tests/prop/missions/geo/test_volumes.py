@@ -38,9 +38,7 @@ def sample(volume: Volume, rng: np.random.Generator) -> tuple[float, float, floa
 
 @FAST
 @given(volumes, volumes, st.floats(1, 8), st.integers(0, 2**16))
-def test_volumes_that_do_not_meet_hold_no_two_near_places(
-    one: Volume, other: Volume, distance_m: float, seed: int
-) -> None:
+def test_volumes_that_do_not_meet_hold_no_two_near_places(one, other, distance_m, seed):
     assert one.meets(other, distance_m) == other.meets(one, distance_m)
     if one.meets(other, distance_m):
         return
@@ -51,5 +49,5 @@ def test_volumes_that_do_not_meet_hold_no_two_near_places(
 
 @FAST
 @given(volumes, st.floats(0.5, 8))
-def test_a_volume_meets_itself(volume: Volume, distance_m: float) -> None:
+def test_a_volume_meets_itself(volume, distance_m):
     assert volume.meets(volume, distance_m)

@@ -45,9 +45,7 @@ def facts(belief: Belief) -> tuple[object, ...]:
 # --- belief ----------------------------------------------------------------------------------
 @FAST
 @given(st.lists(reports, max_size=14), st.data())
-def test_frames_in_any_order_twice_and_in_batches_make_one_belief(
-    frames: list[Report], data: st.DataObject
-) -> None:
+def test_frames_in_any_order_twice_and_in_batches_make_one_belief(frames, data):
     whole = belief_of(frames)
     again = data.draw(st.permutations(frames + frames[: len(frames) // 2]))
     assert belief_of(again) == whole
@@ -60,9 +58,7 @@ def test_frames_in_any_order_twice_and_in_batches_make_one_belief(
 
 @FAST
 @given(*[st.lists(reports, max_size=8)] * 3)
-def test_the_join_of_beliefs_is_a_least_upper_bound(
-    first: list[Report], second: list[Report], third: list[Report]
-) -> None:
+def test_the_join_of_beliefs_is_a_least_upper_bound(first, second, third):
     a, b, c = belief_of(first), belief_of(second), belief_of(third)
     assert a.join(b) == b.join(a)
     assert a.join(b).join(c) == a.join(b.join(c))
@@ -72,9 +68,7 @@ def test_the_join_of_beliefs_is_a_least_upper_bound(
 
 @FAST
 @given(st.lists(reports, max_size=20))
-def test_whatever_the_order_nothing_is_taken_back_when_late_votes_are_left_out(
-    frames: list[Report],
-) -> None:
+def test_whatever_the_order_nothing_is_taken_back_when_late_votes_are_left_out(frames):
     belief = belief_of([])
     for vantage, frame, seen in frames:
         after = belief.with_frame(vantage, frame, belief.in_time(vantage, frame, seen))
@@ -84,7 +78,7 @@ def test_whatever_the_order_nothing_is_taken_back_when_late_votes_are_left_out(
 
 @FAST
 @given(st.lists(reports, max_size=20))
-def test_in_the_order_of_exposure_no_vote_is_late(frames: list[Report]) -> None:
+def test_in_the_order_of_exposure_no_vote_is_late(frames):
     belief = belief_of([])
     for vantage, frame, seen in sorted(frames, key=lambda report: report[1].exposed):
         assert belief.in_time(vantage, frame, seen) == seen
@@ -93,7 +87,7 @@ def test_in_the_order_of_exposure_no_vote_is_late(frames: list[Report]) -> None:
 
 @FAST
 @given(st.lists(reports, max_size=14))
-def test_roi_is_what_the_first_votes_of_some_vantage_say(frames: list[Report]) -> None:
+def test_roi_is_what_the_first_votes_of_some_vantage_say(frames):
     """The rule from the votes alone, reckoned another way."""
     votes: dict[tuple[Cell | None, Cell], dict[tuple[float, int], bool]] = {}
     for vantage, frame, seen in frames:
@@ -117,9 +111,7 @@ anywhere = st.tuples(st.none(), frame_ids, verdicts)
 
 @FAST
 @given(st.lists(anywhere, max_size=20))
-def test_what_is_decided_is_never_taken_back_when_late_votes_are_left_out(
-    frames: list[Report],
-) -> None:
+def test_what_is_decided_is_never_taken_back_when_late_votes_are_left_out(frames):
     """Neither a yes nor a no, whatever the order of arrival; a frame is reported once."""
     belief, taken = belief_of([]), set()
     for vantage, frame, seen in frames:
@@ -136,9 +128,7 @@ def test_what_is_decided_is_never_taken_back_when_late_votes_are_left_out(
 
 @FAST
 @given(st.lists(anywhere, max_size=14), st.integers(1, 5), st.data())
-def test_a_cell_is_decided_when_no_votes_to_come_could_change_it(
-    frames: list[Report], size: int, data: st.DataObject
-) -> None:
+def test_a_cell_is_decided_when_no_votes_to_come_could_change_it(frames, size, data):
     """Held against every way in which the votes that a ballot lacks could be cast."""
     empty = Belief(size, data.draw(st.integers(1, size)))
     belief = belief_of(frames, start=empty)
@@ -154,7 +144,7 @@ def test_a_cell_is_decided_when_no_votes_to_come_could_change_it(
 
 @pytest.mark.parametrize("rate", [27 / 483, 0.2, 0.4])
 @pytest.mark.parametrize("stop", ["decided", "after 2", "after 4", "after 9", "at a no"])
-def test_no_rule_of_when_to_stop_makes_a_false_roi_cell_more_likely(rate: float, stop: str) -> None:
+def test_no_rule_of_when_to_stop_makes_a_false_roi_cell_more_likely(rate, stop):
     """Every outcome of nine frames from anywhere, each wrong with a rate, weighed and summed up."""
     here = Cell(0, 0)
     chance = 0.0
@@ -176,7 +166,7 @@ def test_no_rule_of_when_to_stop_makes_a_false_roi_cell_more_likely(rate: float,
         assert chance == pytest.approx(exact)
 
 
-def test_open_votes_and_those_of_a_vantage_do_not_add_up() -> None:
+def test_open_votes_and_those_of_a_vantage_do_not_add_up():
     here = Cell(0, 0)
     frames: list[Report] = [
         (vantage, FrameId(1, 10.0 * i + t), {here: t == 0})
@@ -193,7 +183,7 @@ def test_open_votes_and_those_of_a_vantage_do_not_add_up() -> None:
 
 
 @pytest.mark.parametrize("order", ["as exposed", "any"])
-def test_no_cell_was_ever_false_more_often_than_three_of_five_allow(order: str) -> None:
+def test_no_cell_was_ever_false_more_often_than_three_of_five_allow(order):
     """Noise alone, thirty frames: how many cells were in the ROI at any time of a flight."""
     rng = np.random.default_rng(5)
     rate, cells, here = 0.2, [Cell(e, 0) for e in range(3000)], Cell(0, 0)
@@ -242,7 +232,7 @@ def is_sound(tree: Tree) -> None:
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
 @pytest.mark.parametrize("seed", range(8))
-def test_trees_grown_by_different_walks_join_in_any_order(seed: int, kind: str) -> None:
+def test_trees_grown_by_different_walks_join_in_any_order(seed, kind):
     rng = np.random.default_rng([seed, 7])
     roi = KINDS[kind](int(rng.integers(2, 40)), rng)
     a, b, c = (grown(roi, int(rng.integers(0, 40)), rng) for _ in range(3))
@@ -259,7 +249,7 @@ def test_trees_grown_by_different_walks_join_in_any_order(seed: int, kind: str) 
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_joined_tree_goes_on_to_the_whole_roi(seed: int) -> None:
+def test_a_joined_tree_goes_on_to_the_whole_roi(seed):
     rng = np.random.default_rng(seed)
     roi = KINDS["eden"](30, rng)
     tree = grown(roi, 12, rng).join(grown(roi, 12, rng))
@@ -269,6 +259,6 @@ def test_a_joined_tree_goes_on_to_the_whole_roi(seed: int) -> None:
     assert set(tree.vertices) == component(roi, Cell(0, 0))
 
 
-def test_trees_of_different_roots_do_not_join() -> None:
+def test_trees_of_different_roots_do_not_join():
     with pytest.raises(ValueError, match="different roots"):
         Tree.rooted(Cell(0, 0)).join(Tree.rooted(Cell(1, 0)))

@@ -89,7 +89,7 @@ def drifting(seed: int, **values: float | bool) -> Metric:
 
 # --- steps -----------------------------------------------------------------------------------
 @pytest.mark.parametrize("block", range(8))
-def test_no_team_beats_the_bound(block: int) -> None:
+def test_no_team_beats_the_bound(block):
     tight = 0
     for seed in range(12 * block, 12 * block + 12):
         roi, cells = small(seed, 9)
@@ -103,7 +103,7 @@ def test_no_team_beats_the_bound(block: int) -> None:
 
 
 @pytest.mark.parametrize("block", range(4))
-def test_no_team_beats_the_bound_with_a_drift(block: int) -> None:
+def test_no_team_beats_the_bound_with_a_drift(block):
     for seed in range(8 * block, 8 * block + 8):
         roi, cells = small(seed, 8)
         metric = drifting(seed)
@@ -114,7 +114,7 @@ def test_no_team_beats_the_bound_with_a_drift(block: int) -> None:
 
 
 @pytest.mark.parametrize("block", range(5))
-def test_no_team_beats_the_bound_in_straight_flight(block: int) -> None:
+def test_no_team_beats_the_bound_in_straight_flight(block):
     for seed in range(6 * block, 6 * block + 6):
         roi, cells = small(seed, 7)
         metric = drifting(seed, straight=True, look=float(seed % 3))
@@ -131,7 +131,7 @@ def test_no_team_beats_the_bound_in_straight_flight(block: int) -> None:
                 assert broken <= one_way
 
 
-def test_a_break_saves_a_leg_and_the_way_from_the_start() -> None:
+def test_a_break_saves_a_leg_and_the_way_from_the_start():
     row = [Cell(i, 0) for i in range(6)]
     metric = Metric(straight=True)
     assert one_way_lower_bound(row, row[0], 1, metric) == 5.0
@@ -141,7 +141,7 @@ def test_a_break_saves_a_leg_and_the_way_from_the_start() -> None:
 
 @pytest.mark.skipif(not SETS, reason="the ROI sets are not here")
 @pytest.mark.parametrize("path", SETS, ids=lambda path: path.stem)
-def test_bounds_of_the_shared_sets(path: Path) -> None:
+def test_bounds_of_the_shared_sets(path):
     for number, values in enumerate(json.loads(path.read_text("utf-8"))["rois"]):
         cells: Collection[Cell] = {Cell(*cell) for cell in values["cells"]}
         bounds = LowerBounds.of(cells, Cell(*values["start"]))
@@ -151,9 +151,7 @@ def test_bounds_of_the_shared_sets(path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
-def test_compiled_or_not_the_bounds_are_the_same(
-    kind: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_compiled_or_not_the_bounds_are_the_same(kind, monkeypatch):
     for seed, cells in enumerate((2, 9, 60, 400)):
         roi = grown(kind, cells, seed)
         found = []
@@ -166,7 +164,7 @@ def test_compiled_or_not_the_bounds_are_the_same(
 
 # --- certificates ----------------------------------------------------------------------------
 @pytest.mark.parametrize("seed", range(12))
-def test_a_run_lies_between_its_bounds(seed: int) -> None:
+def test_a_run_lies_between_its_bounds(seed):
     roi = grown(sorted(KINDS)[seed % len(KINDS)], 50, seed)
     robots = seed % 5 + 1
     metric = drifting(seed) if seed % 2 else Metric()
@@ -200,9 +198,7 @@ TERMS = {
         ("hungarian", 1, set()),
     ],
 )
-def test_a_bound_is_claimed_where_its_theorem_holds(
-    name: str, robots: int, claimed: set[str]
-) -> None:
+def test_a_bound_is_claimed_where_its_theorem_holds(name, robots, claimed):
     roi = grown("ragged", 40, 5)
     bounds = LowerBounds.of(roi.cells, roi.start)
     for terms, metric in TERMS.items():
@@ -211,7 +207,7 @@ def test_a_bound_is_claimed_where_its_theorem_holds(
         assert certificate.bound_held is (True if terms in claimed else None), terms
 
 
-def test_nothing_to_do_takes_no_time() -> None:
+def test_nothing_to_do_takes_no_time():
     start = Cell(0, 0)
     done = run(EXPLORERS["rdfs"], {start}, start, 2)
     certificate = certify(done, EXPLORERS["rdfs"], 2, Metric(), LowerBounds.of({start}, start))

@@ -86,7 +86,7 @@ def found(strategy: Wrong) -> dict[str, str]:
     return failures(strategy, cells=9)
 
 
-def test_a_right_one_passes() -> None:
+def test_a_right_one_passes():
     assert found(Wrong(right)) == {}
 
 
@@ -100,16 +100,16 @@ def test_a_right_one_passes() -> None:
         (fails_at(20), "more robots than cells to visit", "block, 20 robots: ZeroDivisionError"),
     ],
 )
-def test_check_names_what_a_wrong_strategy_does(mend: Mend, check_name: str, said: str) -> None:
+def test_check_names_what_a_wrong_strategy_does(mend, check_name, said):
     assert said in found(Wrong(mend))[check_name]
 
 
-def test_who_leaves_cells_out_is_found() -> None:
+def test_who_leaves_cells_out_is_found():
     failed = found(Wrong(goes_home_early))
     assert {"explores everything and returns", "robots drop out and join"} <= set(failed)
 
 
-def test_who_keeps_something_between_calls_is_found() -> None:
+def test_who_keeps_something_between_calls_is_found():
     strategy = Wrong(right)
 
     def drifts(situation: Situation, decision: Decision) -> Decision:
@@ -122,19 +122,19 @@ def test_who_keeps_something_between_calls_is_found() -> None:
     assert "asked twice" in found(strategy)["a pure function of the situation"]
 
 
-def test_who_cannot_do_without_its_memory_is_found() -> None:
+def test_who_cannot_do_without_its_memory_is_found():
     failed = found(Wrong(hangs_on_its_memory))
     assert "KeyError" in failed["a restart without the memory"]
     assert "explores everything and returns" not in failed
 
 
-def test_a_bound_that_does_not_hold_is_found() -> None:
+def test_a_bound_that_does_not_hold_is_found():
     failed = found(Wrong(right, stated=3.0))
     assert list(failed) == ["the stated bound holds"]
     assert "stated 3" in failed["the stated bound holds"]
 
 
-def test_all_failures_are_told_at_once() -> None:
+def test_all_failures_are_told_at_once():
     with pytest.raises(StrategyError, match=r"wrong does not pass \d+ checks:\n  explores"):
         check(Wrong(waits), cells=9)
 
@@ -158,13 +158,13 @@ def whole(result: Run, roi: set[Cell]) -> None:
 
 # --- conformance -----------------------------------------------------------------------------
 @pytest.mark.parametrize("name", NAMES)
-def test_every_strategy_conforms(name: str) -> None:
+def test_every_strategy_conforms(name):
     check(EXPLORERS[name], cells=14)
 
 
 @pytest.mark.parametrize("name", QUICK)
 @pytest.mark.parametrize("seed", range(16))
-def test_a_team_explores_everything_returns_and_keeps_its_bound(name: str, seed: int) -> None:
+def test_a_team_explores_everything_returns_and_keeps_its_bound(name, seed):
     roi, rng = roi_of(seed)
     robots = int(rng.integers(1, 21))
     result = run(EXPLORERS[name], roi, START, robots)
@@ -187,12 +187,12 @@ def violations(name: str, seeds: range) -> int:
 
 
 @pytest.mark.parametrize("block", range(6))
-def test_rdfs_keeps_lemma_1(block: int) -> None:
+def test_rdfs_keeps_lemma_1(block):
     assert violations("rdfs", range(1000 + 60 * block, 1060 + 60 * block)) == 0
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_rdfs_keeps_its_bound_with_a_drift(seed: int) -> None:
+def test_rdfs_keeps_its_bound_with_a_drift(seed):
     roi, rng = roi_of(seed)
     robots = int(rng.integers(1, 21))
     drift, toward = float(rng.uniform(0.0, 0.9)), float(rng.uniform(0.0, 6.3))
@@ -203,7 +203,7 @@ def test_rdfs_keeps_its_bound_with_a_drift(seed: int) -> None:
     assert result.makespan <= bound * (1 + 1e-9)
 
 
-def test_the_literal_listing_breaks_lemma_1() -> None:
+def test_the_literal_listing_breaks_lemma_1():
     assert violations("rdfs-paper", range(1000, 1060)) > 0
 
 
@@ -223,7 +223,7 @@ def simple_from_rim(seed: int) -> set[Cell]:
 
 
 @pytest.mark.parametrize("block", range(4))
-def test_smartdfs_keeps_the_bound_of_simple_polygons(block: int) -> None:
+def test_smartdfs_keeps_the_bound_of_simple_polygons(block):
     for seed in range(30 * block, 30 * block + 30):
         roi = simple_from_rim(seed)
         edges = sum(n not in roi for c in roi for n in c.neighbours())
@@ -232,24 +232,24 @@ def test_smartdfs_keeps_the_bound_of_simple_polygons(block: int) -> None:
 
 
 # --- bfdn ------------------------------------------------------------------------------------
-def test_bfdn_is_a_depth_first_search_for_one_robot() -> None:
+def test_bfdn_is_a_depth_first_search_for_one_robot():
     roi = eden(50, np.random.default_rng(3))
     assert run(EXPLORERS["bfdn"], roi, START, 1).makespan == 2 * (len(roi) - 1)
 
 
 # --- node-local ones -------------------------------------------------------------------------
-def test_lrv_walks_a_tree_in_two_moves_an_edge() -> None:
+def test_lrv_walks_a_tree_in_two_moves_an_edge():
     for seed in range(20):
         roi = thin(40, np.random.default_rng(seed))
         assert run(Lrv(), roi, START, 1).makespan <= 2 * (len(roi) - 1)
 
 
-def test_lrv_needs_the_arrivals_for_that() -> None:
+def test_lrv_needs_the_arrivals_for_that():
     roi = thin(40, np.random.default_rng(0))
     assert run(Lrv(arrivals=False), roi, START, 1).makespan > 2 * (len(roi) - 1)
 
 
-def test_a_rotor_lets_the_directions_take_turns() -> None:
+def test_a_rotor_lets_the_directions_take_turns():
     tree = Tree.rooted(START)
     for cell in (START, *START.neighbours()):
         tree = tree.looked(cell, [START, *START.neighbours()] if cell == START else [])
@@ -262,7 +262,7 @@ def test_a_rotor_lets_the_directions_take_turns() -> None:
     assert seen == [*START.neighbours()] * 2
 
 
-def test_lrta_follows_its_weights() -> None:
+def test_lrta_follows_its_weights():
     """A corridor: the weights left behind send the robot back over it only once."""
     roi = {Cell(east, 0) for east in range(-2, 4)}
     legs = run(EXPLORERS["lrta"], roi, START, 1).legs
@@ -270,20 +270,20 @@ def test_lrta_follows_its_weights() -> None:
     assert len(legs) <= 16
 
 
-def test_a_random_walk_hangs_on_its_seed_alone() -> None:
+def test_a_random_walk_hangs_on_its_seed_alone():
     roi = eden(10, np.random.default_rng(1))
     ways = [run(RandomWalk(seed=seed), roi, START, 2).legs for seed in (1, 1, 2)]
     assert ways[0] == ways[1]
     assert ways[0] != ways[2]
 
 
-def test_a_random_walk_takes_every_direction_about_as_often() -> None:
+def test_a_random_walk_takes_every_direction_about_as_often():
     counts = np.bincount([mix(7, step, robot) % 4 for step in range(500) for robot in range(4)])
     assert ((counts > 430) & (counts < 570)).all()
 
 
 @pytest.mark.parametrize("name", ["greedy", "hungarian", "smartdfs"])
-def test_two_robots_part(name: str) -> None:
+def test_two_robots_part(name):
     tree = Tree.rooted(START).looked(START, START.neighbours())
     moves = EXPLORERS[name].decide(Situation(tree, {1: START, 2: START}, (1, 2))).moves
     assert len(set(moves.values())) == 2

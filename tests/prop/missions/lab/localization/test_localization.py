@@ -27,9 +27,7 @@ def maps(draw: st.DrawFn, largest: int = 60) -> GridMap:
 
 @FEW
 @given(maps(), st.data())
-def test_every_method_is_right_within_its_bound_and_no_later_with_a_map(
-    known: GridMap, data: st.DataObject
-) -> None:
+def test_every_method_is_right_within_its_bound_and_no_later_with_a_map(known, data):
     start = data.draw(st.sampled_from(known.cells))
     planner = Planner(known)
     for method in METHODS.values():
@@ -48,7 +46,7 @@ def test_every_method_is_right_within_its_bound_and_no_later_with_a_map(
 
 @FEW
 @given(maps())
-def test_the_lemmas_of_the_paper_hold(known: GridMap) -> None:
+def test_the_lemmas_of_the_paper_hold(known):
     n, c = known.size, known.circumnavigation
     boundary = n - known.labels[0]
     assert sum(known.labels) == n
@@ -70,7 +68,7 @@ def memory(walk: Moves) -> dict[str, object]:
 
 @FEW
 @given(maps(40), st.sampled_from([homing, blum_kozen]))
-def test_homing_and_blum_kozen_remember_counters_only(known: GridMap, method: object) -> None:
+def test_homing_and_blum_kozen_remember_counters_only(known, method):
     """O(log n) bits: a fixed number of variables, numbers below 4 n + 8 or places made of two."""
     if known.size == 1:
         return
@@ -92,7 +90,7 @@ def test_homing_and_blum_kozen_remember_counters_only(known: GridMap, method: ob
 
 @FEW
 @given(st.integers(0, 255))
-def test_a_label_counts_the_components_of_the_obstructed_neighbours(pattern: int) -> None:
+def test_a_label_counts_the_components_of_the_obstructed_neighbours(pattern):
     left = {RING[i] for i in range(8) if not pattern >> i & 1}
     parts = 0
     while left:
@@ -108,7 +106,7 @@ def test_a_label_counts_the_components_of_the_obstructed_neighbours(pattern: int
 
 @settings(max_examples=25, deadline=None)
 @given(maps(40))
-def test_the_best_of_all_plans_is_not_beaten(known: GridMap) -> None:
+def test_the_best_of_all_plans_is_not_beaten(known):
     """The planner with unlimited look-ahead against a search without any pruning."""
 
     def least(candidates: tuple[int, ...], moves: int) -> float:

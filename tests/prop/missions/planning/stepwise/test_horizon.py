@@ -93,7 +93,7 @@ def bound_of(result: Run, robots: int) -> float:
 
 
 @pytest.mark.parametrize("block", range(4))
-def test_twice_the_bound_of_algorithm_1_is_kept(block: int) -> None:
+def test_twice_the_bound_of_algorithm_1_is_kept(block):
     for seed in range(28 * block, 28 * block + 28):
         roi, robots, _ = roi_of(seed)
         result = run(Horizon(), roi, START, robots)
@@ -104,7 +104,7 @@ def test_twice_the_bound_of_algorithm_1_is_kept(block: int) -> None:
 
 
 @pytest.mark.parametrize("block", range(4))
-def test_after_a_retreat_at_any_time_algorithm_1_takes_its_bound_at_most(block: int) -> None:
+def test_after_a_retreat_at_any_time_algorithm_1_takes_its_bound_at_most(block):
     retreats = 0
     for seed in range(1000 + 28 * block, 1028 + 28 * block):
         roi, robots, rng = roi_of(seed)
@@ -118,9 +118,7 @@ def test_after_a_retreat_at_any_time_algorithm_1_takes_its_bound_at_most(block: 
 
 
 @pytest.mark.parametrize("block", range(4))
-def test_a_planner_that_dithers_is_stopped_in_time(
-    block: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_planner_that_dithers_is_stopped_in_time(block, monkeypatch):
     """With goals drawn at random the planner is hopeless; its promise holds all the same."""
     retreats = 0
     for seed in range(2000 + 28 * block, 2028 + 28 * block):
@@ -143,7 +141,7 @@ def test_a_planner_that_dithers_is_stopped_in_time(
 
 
 @pytest.mark.parametrize("seed", range(14))
-def test_robots_that_talk_only_where_they_meet_find_everything(seed: int) -> None:
+def test_robots_that_talk_only_where_they_meet_find_everything(seed):
     roi, _, rng = roi_of(seed)
     until = float(rng.integers(5, 60))
     for planner in (Horizon(), Horizon(until=until)):
@@ -151,7 +149,7 @@ def test_robots_that_talk_only_where_they_meet_find_everything(seed: int) -> Non
         explored(result, roi)
 
 
-def test_what_is_not_passable_is_flown_along_known_cells() -> None:
+def test_what_is_not_passable_is_flown_along_known_cells():
     """Around a closed ring nobody crosses the middle."""
     roi = component(rings(3), START)
 
@@ -166,7 +164,7 @@ def test_what_is_not_passable_is_flown_along_known_cells() -> None:
 
 
 @pytest.mark.parametrize("until", [3.0, 12.0, 30.0])
-def test_robots_come_and_go_during_a_retreat(until: float) -> None:
+def test_robots_come_and_go_during_a_retreat(until):
     roi = component(rings(4), START)
 
     def team(rounds: float, tree: Tree) -> list[int]:
@@ -177,7 +175,7 @@ def test_robots_come_and_go_during_a_retreat(until: float) -> None:
     explored(run(Horizon(until=until), roi, START, 5, team=team), roi)
 
 
-def test_a_cell_found_late_under_a_branch_that_was_dropped_is_visited() -> None:
+def test_a_cell_found_late_under_a_branch_that_was_dropped_is_visited():
     """After the retreat began a vertex outside T' gets a neighbour."""
     tree = Tree.rooted(START).looked(START, [Cell(0, 1), Cell(1, 0)])
     tree = tree.looked(Cell(0, 1), [Cell(0, 2)]).looked(Cell(0, 2), [])
@@ -195,7 +193,7 @@ def test_a_cell_found_late_under_a_branch_that_was_dropped_is_visited() -> None:
     assert seen[-3:] == [Cell(0, 1), Cell(0, 2), Cell(0, 3)]
 
 
-def test_who_is_away_for_a_battery_keeps_no_cell_from_the_others() -> None:
+def test_who_is_away_for_a_battery_keeps_no_cell_from_the_others():
     """One cell is left and robot 1 was bound for it: robot 2 waits, unless 1 went home."""
     last = Cell(0, 3)
     tree = Tree.rooted(START).looked(START, [Cell(0, 1)]).looked(Cell(0, 1), [Cell(0, 2)])
@@ -207,7 +205,7 @@ def test_who_is_away_for_a_battery_keeps_no_cell_from_the_others() -> None:
     assert Horizon().decide(replace(there, away=frozenset({1}))).moves == {2: last}
 
 
-def test_nobody_waits_for_the_share_of_one_who_is_away() -> None:
+def test_nobody_waits_for_the_share_of_one_who_is_away():
     """Two cells beside the root, and robot 1 in between on the ground: the others take one each."""
     tree = Tree.rooted(START).looked(START, [Cell(1, 0), Cell(0, 1), Cell(0, -1)])
     tree = tree.looked(Cell(1, 0), [Cell(2, 0)]).looked(Cell(2, 0), [])
@@ -217,7 +215,7 @@ def test_nobody_waits_for_the_share_of_one_who_is_away() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_no_vertex_is_farther_over_known_cells_than_it_is_deep(seed: int) -> None:
+def test_no_vertex_is_farther_over_known_cells_than_it_is_deep(seed):
     """What the quick check of the promise rests on, all through a run."""
     depths = []
 
@@ -233,7 +231,7 @@ def test_no_vertex_is_farther_over_known_cells_than_it_is_deep(seed: int) -> Non
     assert all(farthest <= depth for farthest, depth in depths)
 
 
-def test_speeding_up_is_paid_for_by_the_short_legs_most() -> None:
+def test_speeding_up_is_paid_for_by_the_short_legs_most():
     """A vehicle that needs 3 s to speed up and brake: a leg of 1 s takes 3.46 s, of 9 s 12."""
     metric = Metric(speed=1.0, straight=True, ramp=3.0)
     tree = Tree.rooted(START).looked(START, [Cell(0, 1), Cell(1, 0)])
