@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,3 +20,8 @@ def _flight(name: str, *more: str) -> Any:
 
 tiny, pair, drift, speck = map(_flight, ("tiny", "pair", "drift", "speck"))
 tiny_passed, speck_passed = (_flight(name, "--strategy", "swath") for name in ("tiny", "speck"))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "out"

@@ -68,6 +68,12 @@ class Finished:
         values: dict[str, Any] = json.loads(self.out)
         return values
 
+    def completed(self) -> dict[str, Any]:
+        """The summary of a mission that is complete; fails unless it is."""
+        assert self.code == 0, self.err
+        assert self.summary["completed"] is True, self.summary["finding"]
+        return self.summary
+
 
 def uavmap(*arguments: object, cwd: Path | None = None, hash_seed: str | None = None) -> Finished:
     """Run `uavmap` to its end. Whatever happens, nobody is shown a traceback.
@@ -77,16 +83,17 @@ def uavmap(*arguments: object, cwd: Path | None = None, hash_seed: str | None = 
     if hash_seed is None:
         with started(*arguments, cwd=cwd) as process:
             return ended(process)
+    done = python("-m", "uavmap", *arguments, cwd=cwd, PYTHONHASHSEED=hash_seed)
+    assert "Traceback" not in done.err, done.err
+    return done
+
+
+def python(*words: object, cwd: Path | None = None, **changed: str) -> Finished:
+    """Run Python on the source tree to its end; `changed` are variables of its environment."""
     done = subprocess.run(
-        command(*arguments),
-        cwd=cwd,
-        env={**environment(), "PYTHONHASHSEED": hash_seed},
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=False,
-    )
-    assert "Traceback" not in done.stderr, done.stderr
+        [sys.executable, *map(str, words)], cwd=cwd, env=environment() | changed,
+        capture_output=True, text=True, timeout=2 * PATIENCE_S, check=False,
+    )  # fmt: skip
     return Finished(done.returncode, done.stdout, done.stderr)
 
 
@@ -120,9 +127,7 @@ class Flight:
 
     def complete(self, most_missed: int = 0) -> dict[str, Any]:
         """Its summary; fails unless it is complete, safe, and has missed no more cells."""
-        assert self.done.code == 0, self.done.err
-        summary = self.summary
-        assert summary["completed"] is True, summary["finding"]
+        summary = self.done.completed()
         assert summary["cells_missed"] <= most_missed
         assert summary["fence_breaches"] == summary["reserve_violations"] == 0
         return summary
@@ -163,6 +168,10 @@ def written(folder: Path) -> int:
 def events(folder: Path, *kinds: str) -> list[dict[str, Any]]:
     found = [json.loads(body) for body in bodies(folder)]
     return [event for event in found if not kinds or event["kind"] in kinds]
+
+
+def wait_for(folder: Path, kind: str) -> None:
+    wait_until(lambda: bool(events(folder, kind)), f"the first {kind}")
 
 
 def since_resumed(folder: Path) -> list[dict[str, Any]]:

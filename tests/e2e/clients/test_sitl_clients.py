@@ -25,7 +25,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from sitl.scenario import Setup
 from sitl.testing import Fleet
-from tests.e2e.rig import PATIENCE_S, environment
+from tests.e2e.rig import PATIENCE_S, python
 
 HERE = Path(__file__).parent
 SPEEDUP = 8.0
@@ -65,18 +65,11 @@ FLOWN = {
 @pytest.mark.parametrize(("autopilot", "transport"), FLOWN)
 def test_mavsdk_flies_by_all_that_it_offers(autopilot, transport):
     with vehicle(tcp=transport == "tcp", autopilot=autopilot) as sitl:
-        done = subprocess.run(
-            [sys.executable, HERE / "mavsdk_client.py", sitl.url, autopilot],
-            env=environment(),
-            capture_output=True,
-            text=True,
-            timeout=2 * PATIENCE_S,
-            check=False,
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
+        done = python(HERE / "mavsdk_client.py", sitl.url, autopilot)
+        assert done.code == 0, done.out + done.err
         assert sitl.truth.landed
         assert not sitl.truth.armed
-    seen = json.loads(done.stdout.splitlines()[-1])
+    seen = json.loads(done.out.splitlines()[-1])
     expected = FLOWN[autopilot, transport]
     assert {name: seen.get(name) for name in expected} == expected
     assert seen["parameters"] > (50 if autopilot == "ardupilot" else 40)

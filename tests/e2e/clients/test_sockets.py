@@ -19,9 +19,8 @@ def in_mid_flight(speck):
     return kinds.index("look_ended") if "look_ended" in kinds else len(kinds) // 2
 
 
-def test_a_recall_brings_home_who_is_in_the_air_and_sends_nobody_out(speck, tmp_path):
+def test_a_recall_brings_home_who_is_in_the_air_and_sends_nobody_out(speck, folder):
     """What a computer on board may do by itself after it has been started anew."""
-    folder = tmp_path / "out"
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         with rig.started(*rig.flying(rig.mission("speck"), urls, folder, SPEEDUP)) as process:
             rig.stop_after(process, folder, in_mid_flight(speck), signal.SIGKILL)
@@ -46,9 +45,8 @@ def test_a_simulated_flight_is_not_recalled(speck):
     assert "--recall is for aircraft at the end of a link" in done.err
 
 
-def test_a_pilot_takes_over_and_gives_back(speck, tmp_path):
+def test_a_pilot_takes_over_and_gives_back(speck, folder):
     """A second client changes the mode: not a command more until the vehicle is given back."""
-    folder = tmp_path / "out"
     with (
         rig.simulator("speck", speedup=SPEEDUP) as (url,),
         rig.Relay(int(url.rpartition(":")[2])) as relay,
@@ -64,9 +62,7 @@ def test_a_pilot_takes_over_and_gives_back(speck, tmp_path):
                     lambda: len(rig.bodies(folder)) >= in_mid_flight(speck), "the exploration"
                 )
                 _set_mode(pilot, BRAKE)  # in LOITER it would sink: there is no radio control
-                rig.wait_until(
-                    lambda: bool(rig.events(folder, "overridden")), "the service to notice"
-                )
+                rig.wait_for(folder, "overridden")
                 said, seen = len(relay.commands), len(rig.events(folder, "frame_seen"))
                 for _ in range(15):  # so many simulated seconds
                     assert _beat(pilot).custom_mode == BRAKE
@@ -79,8 +75,7 @@ def test_a_pilot_takes_over_and_gives_back(speck, tmp_path):
                 done = rig.ended(process)
         finally:
             pilot.close()
-    assert done.code == 0
-    assert done.summary["completed"] is True
+    done.completed()
     assert len(rig.events(folder, "released")) == 1
     assert [event["mode"] for event in rig.events(folder, "overridden")] == ["BRAKE"]
     after = rig.bodies(folder).index(

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
-from tests.e2e.conftest import Flight
-from tests.e2e.rig import uavmap
+from tests.e2e.rig import Flight, python, uavmap
 from uavmap.journal.flight_plan import JOURNAL
 from uavmap.output.drawing.palette import STATES, track_colour
 from uavmap.output.film.film import FPS, LONGEST_S
@@ -93,8 +91,7 @@ def test_a_recording_for_rerun_has_cells_tree_vehicles_and_frames(folder, tiny, 
     recording = tmp_path / "flight.rrd"
     assert main(["animate", str(folder), "--rerun", str(recording)]) == 0
     assert [path.name for path in folder.iterdir()] == [JOURNAL]
-    read = [sys.executable, "-m", "rerun_cli", "rrd", "print", str(recording)]
-    printed = subprocess.run(read, capture_output=True, text=True, check=True).stdout
+    printed = python("-m", "rerun_cli", "rrd", "print", recording).out
     for entity in ("/region/cells", "/region/tree", "/vehicles/1", "/vehicles/1/battery_wh"):
         assert f"{entity} " in printed.replace(chr(10), " ").replace("'", " ")
 

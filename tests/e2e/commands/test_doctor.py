@@ -40,8 +40,7 @@ def test_a_vehicle_is_looked_at_for_a_mission(urls, tmp_path):
     assert cv2.imread(str(tmp_path / "test-picture-1.png")).shape == (240, 320, 3)
 
 
-def test_a_dry_run_arms_nothing_and_leaves_nothing_to_resume(urls, tmp_path):
-    folder = tmp_path / "out"
+def test_a_dry_run_arms_nothing_and_leaves_nothing_to_resume(urls, folder):
     connect = [*arguments_of(urls), "--speedup", SPEEDUP]
     done = uavmap("fly", mission("speck"), *connect, "--dry-run", "--out", folder)
     assert done.code == 0, done.err

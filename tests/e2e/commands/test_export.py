@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
-from tests.e2e.rig import PATIENCE_S, environment, mission, simulator
+from tests.e2e.rig import mission, python, simulator
 from uavmap.ui.cli import main
 
 CLIENT = Path(__file__).with_name("mavsdk_plan_client.py")
@@ -19,16 +17,9 @@ def test_mavsdk_reads_an_exported_mission_and_the_vehicle_tells_the_same(tmp_pat
     arguments = ["--plan", str(plan), "--waypoints", str(rows)]
     assert main(["export", mission("speck"), *arguments]) == 0
     with simulator("speck", speedup=12.0) as (url,):
-        done = subprocess.run(
-            [sys.executable, CLIENT, url, plan, rows],
-            env=environment(),
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE_S,
-            check=False,
-        )
-    assert done.returncode == 0, done.stdout + done.stderr
-    seen = json.loads(done.stdout.splitlines()[-1])
+        done = python(CLIENT, url, plan, rows)
+    assert done.code == 0, done.out + done.err
+    seen = json.loads(done.out.splitlines()[-1])
     commands = [item[0] for item in seen["mission"]]
     assert commands[:3] == [WAYPOINT, TAKEOFF, SPEED]  # MAVSDK puts the home in front
     assert commands[-1] == RTL

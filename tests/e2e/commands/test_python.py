@@ -7,8 +7,6 @@ import importlib
 import inspect
 import os
 import signal
-import subprocess
-import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +15,7 @@ import pytest
 import shapely
 
 import uavmap
-from tests.e2e.rig import environment, events, mission, simulator, wait_until
+from tests.e2e.rig import events, mission, python, simulator, wait_for
 
 SPEEDUP = 20.0
 
@@ -83,7 +81,7 @@ def test_the_errors_are_those_of_the_command(tmp_path):
 # --- aircraft at the end of a link ---------------------------------------------------------------
 def once_it_has_seen(folder: Path, act: Callable[[], None]) -> threading.Thread:
     def watch() -> None:
-        wait_until(lambda: bool(events(folder, "frame_seen")), "a picture")
+        wait_for(folder, "frame_seen")
         act()
 
     thread = threading.Thread(target=watch)
@@ -130,12 +128,10 @@ def test_control_c_and_cancellation_bring_it_home(tmp_path):
         assert finished.completed
 
 
-def test_a_second_control_c_leaves_it_to_its_autopilot(tmp_path):
-    folder = tmp_path / "out"
-
+def test_a_second_control_c_leaves_it_to_its_autopilot(folder):
     def twice() -> None:
         interrupt()
-        wait_until(lambda: bool(events(folder, "recalled")), "the first to be heard")
+        wait_for(folder, "recalled")
         interrupt()
 
     async def notebook() -> None:
@@ -155,10 +151,8 @@ def test_importing_uavmap_loads_nothing_heavy():
         "heavy = {'numpy', 'pydantic', 'asyncio', 'shapely', 'missions'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=environment(), capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    done = python("-c", code)
+    assert (done.code, done.err) == (0, "")
 
 
 def test_all_names_are_there_and_the_package_of_flights_is_one_of_them():

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 
 import pytest
 
-from tests.e2e.rig import environment, uavmap
+from tests.e2e.rig import python, uavmap
 
 
 def test_a_simulation_repeats_itself(tmp_path):
@@ -29,10 +27,7 @@ def test_a_simulation_repeats_itself(tmp_path):
 
 def test_what_takes_long_to_load_is_loaded_when_it_is_needed():
     code = "import sys, uavmap.ui.cli; print(sorted({'numba', 'matplotlib'} & set(sys.modules)))"
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=environment(), capture_output=True, text=True, check=True
-    )
-    assert done.stdout == "[]\n"
+    assert python("-c", code).out == "[]\n"
 
 
 @pytest.mark.parametrize(

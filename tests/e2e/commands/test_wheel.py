@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
-import sys
 import zipfile
 
-from tests.e2e.rig import ROOT, environment
+from tests.e2e.rig import ROOT, python
 
 PACKAGES = ("missions", "vision", "sitl", "uavmap")
 
@@ -21,18 +19,11 @@ def test_the_wheel_holds_the_four_packages(tmp_path):
     for file in ROOT.iterdir():
         if file.is_file():
             shutil.copy(file, source)
-    done = subprocess.run(
-        [
-            *(sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation"),
-            *("--disable-pip-version-check", "--no-index", "-w", str(tmp_path), str(source)),
-        ],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=300.0,
-        check=False,
+    done = python(
+        *("-m", "pip", "wheel", "--no-deps", "--no-build-isolation"),
+        *("--disable-pip-version-check", "--no-index", "-w", tmp_path, source),
     )
-    assert done.returncode == 0, done.stderr
+    assert done.code == 0, done.err
     (wheel,) = tmp_path.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())

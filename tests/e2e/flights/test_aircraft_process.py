@@ -55,15 +55,13 @@ def killed(process: Process) -> None:
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_a_mission_process_that_dies_leaves_nobody_in_the_air(autopilot, patient, tmp_path):
-    folder = tmp_path / "out"
+def test_a_mission_process_that_dies_leaves_nobody_in_the_air(autopilot, patient, folder):
     with searching(folder, patient, autopilot) as (process, _):
         killed(process)
         rig.wait_until(lambda: not (folder / "aircraft.json").exists(), "the aircraft to be home")
         before = len(rig.events(folder))
         done = rig.uavmap("resume", folder, "--json")
-    assert done.code == 0, done.err
-    assert done.summary["completed"] is True
+    done.completed()
     alone = rig.events(folder)[before:]
     guarded = next(event for event in alone if event["kind"] == "guarded")
     assert guarded["reason"] == "the mission process has ended"
@@ -74,8 +72,7 @@ def test_a_mission_process_that_dies_leaves_nobody_in_the_air(autopilot, patient
     assert not (folder / "aircraft.log").exists()
 
 
-def test_control_c_while_the_aircraft_are_brought_home_names_them(patient, tmp_path):
-    folder = tmp_path / "out"
+def test_control_c_while_the_aircraft_are_brought_home_names_them(patient, folder):
     with searching(folder, patient) as (process, _):
         killed(process)
         record = folder / "aircraft.log"
@@ -94,35 +91,30 @@ def test_control_c_while_the_aircraft_are_brought_home_names_them(patient, tmp_p
         rig.wait_until(lambda: not (folder / "aircraft.json").exists(), "the aircraft to be home")
 
 
-def test_the_next_process_takes_over_the_aircraft_in_the_air(tmp_path):
-    folder = tmp_path / "out"
+def test_the_next_process_takes_over_the_aircraft_in_the_air(folder):
     with searching(folder) as (process, _):
         aircraft = rig.aircraft_process(folder)
         killed(process)
         with rig.started("resume", folder, "--json") as process:
-            rig.wait_until(lambda: bool(rig.events(folder, "resumed")), "the resumed mission")
+            rig.wait_for(folder, "resumed")
             assert rig.aircraft_process(folder) == aircraft
             done = rig.ended(process)
-    assert done.code == 0, done.err
-    assert done.summary["completed"] is True
+    done.completed()
     assert not rig.events(folder, "guarded")
     assert len(rig.events(folder, "landed")) == 1  # it was never brought down in between
 
 
-def test_a_process_of_the_aircraft_that_dies_is_started_again(tmp_path):
-    folder = tmp_path / "out"
+def test_a_process_of_the_aircraft_that_dies_is_started_again(folder):
     with searching(folder) as (process, _):
         os.kill(rig.aircraft_process(folder), signal.SIGKILL)
         done = rig.ended(process)
-    assert done.code == 0, done.err
-    assert done.summary["completed"] is True
+    done.completed()
     assert "the process of the aircraft has died; it is started again" in done.err
     assert [event["airborne"] for event in rig.events(folder, "connected")] == [False, True]
     assert len(rig.events(folder, "landed")) == 1
 
 
-def test_aircraft_that_cannot_be_started_again_are_named(tmp_path):
-    folder = tmp_path / "out"
+def test_aircraft_that_cannot_be_started_again_are_named(folder):
     with (
         searching(folder) as (process, urls),
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
@@ -146,8 +138,7 @@ def _binds(port: socket.socket, address: tuple[str, int]) -> bool:
     return port.getsockname()[1] == address[1]
 
 
-def test_sigterm_to_the_process_of_the_aircraft_calls_all_home(tmp_path):
-    folder = tmp_path / "out"
+def test_sigterm_to_the_process_of_the_aircraft_calls_all_home(folder):
     with searching(folder) as (process, _):
         os.kill(rig.aircraft_process(folder), signal.SIGTERM)
         done = rig.ended(process)
@@ -158,8 +149,7 @@ def test_sigterm_to_the_process_of_the_aircraft_calls_all_home(tmp_path):
     assert not (folder / "aircraft.log").exists()
 
 
-def test_control_c_while_the_process_of_the_aircraft_starts_leaves_none_behind(tmp_path):
-    folder = tmp_path / "out"
+def test_control_c_while_the_process_of_the_aircraft_starts_leaves_none_behind(folder):
     port, _ = rig.free_ports(1)
     url = f"udpin://{rig.LOOPBACK}:{port}"
     with rig.started(*rig.flying(SPECK, [url], folder, SPEEDUP, "--auto-swap")) as process:

@@ -17,16 +17,14 @@ ROOM_BYTES = 8192
 
 def goes_on(folder: Path, urls: list[str]) -> None:
     done = rig.uavmap("resume", folder, "--json", *rig.arguments_of(urls))
-    assert done.code == 0, done.err
-    assert done.summary["completed"] is True
+    done.completed()
 
 
 def lines(done: rig.Finished) -> list[str]:
     return [line for line in done.err.splitlines() if line.startswith(("uavmap: ", "vehicle "))]
 
 
-def test_a_full_disk_brings_it_home_before_the_process_ends(tmp_path):
-    folder = tmp_path / "out"
+def test_a_full_disk_brings_it_home_before_the_process_ends(folder):
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         words = rig.flying(rig.mission("speck"), urls, folder, SPEEDUP)
         with rig.started(*words, room_bytes=ROOM_BYTES) as process:
@@ -44,12 +42,11 @@ def test_a_full_disk_brings_it_home_before_the_process_ends(tmp_path):
     assert first["airborne"] is False  # it stood at home when it was taken up again
 
 
-def test_who_does_not_wait_is_told_where_each_aircraft_is(tmp_path):
-    folder = tmp_path / "out"
+def test_who_does_not_wait_is_told_where_each_aircraft_is(folder):
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         with rig.in_flight(urls, folder, SPEEDUP) as process:
             process.send_signal(signal.SIGINT)
-            rig.wait_until(lambda: bool(rig.events(folder, "recalled")), "the first to be heard")
+            rig.wait_for(folder, "recalled")
             process.send_signal(signal.SIGINT)
             done = rig.ended(process)
         assert done.code == 4
@@ -64,9 +61,8 @@ def test_who_does_not_wait_is_told_where_each_aircraft_is(tmp_path):
 
 
 @pytest.mark.parametrize("number", [None, signal.SIGHUP])
-def test_a_terminal_that_is_gone_ends_no_flight_badly(number, tmp_path):
+def test_a_terminal_that_is_gone_ends_no_flight_badly(number, folder):
     """Without a signal the flight goes on to its end; with one it comes home."""
-    folder = tmp_path / "out"
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         with rig.in_flight(urls, folder, SPEEDUP) as process:
             process.stdout.close()

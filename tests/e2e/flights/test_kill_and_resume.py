@@ -30,10 +30,9 @@ def begin_and_stop(folder, count, number=signal.SIGKILL, *more):
         return rig.stop_after(process, folder, count, number)
 
 
-def test_killed_again_and_again_it_ends_as_if_nothing_had_been(speck, tmp_path):
+def test_killed_again_and_again_it_ends_as_if_nothing_had_been(speck, folder):
     whole = rig.bodies(speck.folder)
     first, *others = moments(4, 3, len(whole))
-    folder = tmp_path / "out"
     begin_and_stop(folder, first)
     for moment in others:
         before = rig.bodies(folder)
@@ -50,14 +49,12 @@ def test_killed_again_and_again_it_ends_as_if_nothing_had_been(speck, tmp_path):
     assert (folder / "map.png").read_bytes() == (speck.folder / "map.png").read_bytes()
 
 
-def test_from_home_nothing_that_was_seen_is_lost(speck, tmp_path):
+def test_from_home_nothing_that_was_seen_is_lost(speck, folder):
     whole = rig.bodies(speck.folder)
-    folder = tmp_path / "out"
     begin_and_stop(folder, len(whole) // 2)
     before = rig.bodies(folder)
     done = rig.uavmap("resume", folder, "--from-home", "--json")
-    assert done.code == 0
-    assert done.summary["completed"] is True
+    done.completed()
     assert done.summary["cells_missed"] == 0
     assert done.summary["fence_breaches"] == done.summary["reserve_violations"] == 0
     after = rig.bodies(folder)
@@ -79,9 +76,8 @@ def says_how_it_goes_on_and_leaves_a_map(stopped, folder):
     assert json.loads((folder / "summary.json").read_text())["completed"] is False
 
 
-def test_control_c_stops_a_simulated_flight_and_resume_goes_on(speck, tmp_path):
+def test_control_c_stops_a_simulated_flight_and_resume_goes_on(speck, folder):
     whole = rig.bodies(speck.folder)
-    folder = tmp_path / "out"
     # paced, so that it is still in the air when the signal comes, on a busy machine as well
     stopped = begin_and_stop(folder, len(whole) // 4, signal.SIGINT, "--speedup", 8)
     assert stopped is not None
@@ -95,12 +91,11 @@ def test_control_c_stops_a_simulated_flight_and_resume_goes_on(speck, tmp_path):
     assert rig.bodies(folder) == whole
 
 
-def test_a_simulated_flight_that_is_told_twice_to_end_leaves_its_map_all_the_same(tmp_path):
-    folder = tmp_path / "out"
+def test_a_simulated_flight_that_is_told_twice_to_end_leaves_its_map_all_the_same(folder):
     with rig.started(
         "fly", rig.mission("speck"), "--sim", "--speedup", 15, "--json", "--out", folder
     ) as process:
-        rig.wait_until(lambda: bool(rig.events(folder, "frame_seen")), "a picture")
+        rig.wait_for(folder, "frame_seen")
         process.send_signal(signal.SIGTERM)
         said = ""
         while "to go on" not in said:
@@ -111,8 +106,7 @@ def test_a_simulated_flight_that_is_told_twice_to_end_leaves_its_map_all_the_sam
     says_how_it_goes_on_and_leaves_a_map(replace(stopped, err=said + stopped.err), folder)
 
 
-def test_resuming_a_finished_mission_writes_its_results_anew(speck, tmp_path):
-    folder = tmp_path / "out"
+def test_resuming_a_finished_mission_writes_its_results_anew(speck, folder):
     shutil.copytree(speck.folder, folder)
     for name in ("map.png", "map.kml", "map.geojson", "summary.json"):
         (folder / name).unlink()
@@ -144,8 +138,7 @@ def test_full_disk_twice_then_resumed_ends_as_if_nothing_had_been(room_bytes, sp
         assert (folder / name).read_bytes() == (speck.folder / name).read_bytes()
 
 
-def test_a_damaged_journal_is_recovered_and_the_flight_ends_as_if_nothing_had_been(speck, tmp_path):
-    folder = tmp_path / "out"
+def test_a_damaged_journal_is_recovered_and_the_flight_ends_as_if_nothing_had_been(speck, folder):
     shutil.copytree(speck.folder, folder)
     path = folder / "journal.jsonl"
     data = bytearray(path.read_bytes())

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -76,32 +74,22 @@ def test_nobody_looks_and_frames_come_from_anywhere(tiny_passed):
     assert max(len(frame["votes"]) for frame in frames) > 5  # more than a cell and its neighbours
 
 
-def test_without_numba_the_mission_is_flown_too(speck_passed, tmp_path):
+def test_without_numba_the_mission_is_flown_too(speck_passed, folder):
     """Plain Python plans with fewer moves: another path to the same map."""
     code = (
         "import sys; sys.modules['numba'] = None; from uavmap.ui.cli import main; sys.exit(main())"
     )
-    arguments = ["fly", rig.mission("speck"), "--sim", "--json", *SWATH, "--out", tmp_path / "out"]
-    done = subprocess.run(
-        [sys.executable, "-c", code, *map(str, arguments)],
-        cwd=rig.ROOT,
-        env=rig.environment(),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert "swath plans slowly without numba" in done.stderr
-    summary = json.loads(done.stdout)
-    assert (summary["completed"], summary["cells_missed"]) == (True, 0)
-    assert rig.maps_alike(tmp_path / "out", speck_passed.folder)
+    words = ("fly", rig.mission("speck"), "--sim", "--json", *SWATH, "--out", folder)
+    flight = rig.Flight(rig.python("-c", code, *words), folder)
+    flight.complete()
+    assert "swath plans slowly without numba" in flight.done.err
+    assert rig.maps_alike(folder, speck_passed.folder)
     if COMPILED:
-        assert rig.bodies(tmp_path / "out") != rig.bodies(speck_passed.folder)
+        assert rig.bodies(folder) != rig.bodies(speck_passed.folder)
 
 
-def test_killed_on_its_path_it_ends_as_if_nothing_had_been(tiny_passed, tmp_path):
+def test_killed_on_its_path_it_ends_as_if_nothing_had_been(tiny_passed, folder):
     whole = rig.bodies(tiny_passed.folder)
-    folder = tmp_path / "out"
     arguments = ("fly", rig.mission("tiny"), "--sim", "--json", "--out", folder, *SWATH)
     with rig.started(*arguments) as process:
         rig.stop_after(process, folder, amid_a_path(tiny_passed, "tiny"), signal.SIGKILL)
@@ -136,14 +124,12 @@ def stopped_on_a_path(
 
 
 @pytest.mark.parametrize(("autopilot", "speedup"), [("px4", SPEEDUP), ("ardupilot", STREAMED)])
-def test_killed_on_its_path_it_is_taken_up_in_the_air(autopilot, speedup, speck_passed, tmp_path):
-    folder = tmp_path / "out"
+def test_killed_on_its_path_it_is_taken_up_in_the_air(autopilot, speedup, speck_passed, folder):
     with rig.simulator("speck", speedup=speedup, autopilot=autopilot) as urls:
         stopped_on_a_path(urls, folder, signal.SIGKILL, speedup)
         before = rig.bodies(folder)
         done = rig.uavmap("resume", folder, "--json")
-    assert done.code == 0, done.err
-    assert done.summary["completed"] is True
+    done.completed()
     assert rig.bodies(folder)[: len(before)] == before
     again = rig.since_resumed(folder)
     (connected,) = (event for event in again[:3] if event["kind"] == "connected")
@@ -152,10 +138,9 @@ def test_killed_on_its_path_it_is_taken_up_in_the_air(autopilot, speedup, speck_
     assert rig.maps_alike(folder, speck_passed.folder)
 
 
-def test_a_px4_returns_when_its_stream_ends_and_flies_again(speck_passed, tmp_path):
+def test_a_px4_returns_when_its_stream_ends_and_flies_again(speck_passed, folder, tmp_path):
     """Without setpoints it leaves OFFBOARD by a failsafe; if it is still in the air when the
     service is back, that is left to it, and the next resume sends it out."""
-    folder = tmp_path / "out"
     stickless = rig.kinder("speck", tmp_path, stick=False)
     with rig.simulator(stickless, speedup=STREAMED, autopilot="px4") as urls:
         stopped_on_a_path(urls, folder, signal.SIGKILL, STREAMED)
@@ -164,16 +149,14 @@ def test_a_px4_returns_when_its_stream_ends_and_flies_again(speck_passed, tmp_pa
         if done.code == 3:
             assert "has landed, not under our control" in done.err
             done = rig.uavmap("resume", folder, "--json")
-    assert done.code == 0, done.err
-    assert done.summary["completed"] is True
+    done.completed()
     assert rig.bodies(folder)[: len(before)] == before
     # it was home, unless the machine was so quick that it was taken up before its failsafe acted
     assert sum(event["kind"] == "airborne" for event in rig.events(folder)) in (1, 2)
     assert rig.maps_alike(folder, speck_passed.folder)
 
 
-def test_control_c_on_a_path_brings_it_home_and_resume_sends_it_out_again(speck_passed, tmp_path):
-    folder = tmp_path / "out"
+def test_control_c_on_a_path_brings_it_home_and_resume_sends_it_out_again(speck_passed, folder):
     with rig.simulator("speck", speedup=SPEEDUP, autopilot="px4") as urls:
         stopped = stopped_on_a_path(urls, folder, signal.SIGINT, SPEEDUP)
         assert stopped is not None
@@ -184,19 +167,16 @@ def test_control_c_on_a_path_brings_it_home_and_resume_sends_it_out_again(speck_
         assert not {"guarded", "order_failed", "overridden"} & set(kinds)
         before = rig.bodies(folder)
         done = rig.uavmap("resume", folder, "--json", *rig.arguments_of(urls))
-    assert done.code == 0, done.err
-    assert done.summary["completed"] is True
+    done.completed()
     assert rig.bodies(folder)[: len(before)] == before
     assert rig.maps_alike(folder, speck_passed.folder)
 
 
-def test_two_vehicles_over_sockets(tiny_passed, tmp_path):
-    folder = tmp_path / "out"
+def test_two_vehicles_over_sockets(tiny_passed, folder):
     with rig.simulator("tiny", speedup=SPEEDUP, vehicles=2) as urls:
         done = rig.uavmap(
             *rig.flying(rig.mission("tiny"), urls, folder, SPEEDUP, *SWATH, "--vehicles", 2)
         )
-    assert done.code == 0, done.err
-    assert done.summary["completed"] is True
+    done.completed()
     assert {event["vehicle"] for event in rig.events(folder, "landed")} == {1, 2}
     assert rig.maps_alike(folder, tiny_passed.folder)

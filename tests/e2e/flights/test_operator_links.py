@@ -28,19 +28,13 @@ def test_a_key_is_made_installed_and_flown_with_beside_a_ground_station(tmp_path
         installed = rig.uavmap("keys", "install", key, "--connect", urls[0], "--yes")
         assert (installed.code, installed.err) == (0, "")
         assert "signs with it" in installed.out
-        lines = [
-            "fly",
-            rig.mission("speck"),
-            *rig.arguments_of(urls),
-            "--speedup",
-            SPEEDUP,
-            "--json",
-        ]
-        refused = rig.uavmap(*lines, "--out", tmp_path / "no", "--key", wrong)
+        speck = rig.mission("speck")
+        refused = rig.uavmap(*rig.flying(speck, urls, tmp_path / "no", SPEEDUP, "--key", wrong))
         assert refused.code == 2
         assert "signed with another key" in refused.err
-        forward = ["--forward", f"udpout://{rig.LOOPBACK}:{port}"]
-        with rig.started(*lines, "--out", folder, "--key", key, *forward) as process:
+        forward = ("--forward", f"udpout://{rig.LOOPBACK}:{port}")
+        words = rig.flying(speck, urls, folder, SPEEDUP, "--key", key, *forward)
+        with rig.started(*words) as process:
             ground.hears("GLOBAL_POSITION_INT")
             assert ground.signed
             done = rig.ended(process)
@@ -56,18 +50,13 @@ def test_a_key_is_made_installed_and_flown_with_beside_a_ground_station(tmp_path
 
 def test_a_ground_station_asks_the_vehicle_through_us(tmp_path):
     with rig.simulator("speck", speedup=SPEEDUP) as urls, station() as (port, ground):
-        lines = [
-            "fly",
-            rig.mission("speck"),
-            *rig.arguments_of(urls),
-            "--speedup",
-            SPEEDUP,
-            "--json",
-        ]
-        forward = ["--forward", f"udpout://{rig.LOOPBACK}:{port}"]
-        with rig.started(*lines, "--out", tmp_path / "out", *forward) as process:
+        forward = ("--forward", f"udpout://{rig.LOOPBACK}:{port}")
+        words = rig.flying(rig.mission("speck"), urls, tmp_path / "out", SPEEDUP, *forward)
+        with rig.started(*words) as process:
             ground.hears("HEARTBEAT")
-            ground.asks(mav.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1), "PARAM_VALUE")
+            ground.hears(
+                "PARAM_VALUE", mav.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1)
+            )
             assert rig.ended(process).code == 0
 
 
@@ -92,9 +81,6 @@ class Station:
                         return
         raise AssertionError(f"no {kind}")
 
-    def asks(self, message, kind: str) -> None:
-        self.hears(kind, message)
-
 
 @contextlib.contextmanager
 def station():
@@ -105,10 +91,9 @@ def station():
 
 
 # --- keys ----------------------------------------------------------------------------------------
-def test_keys_at_a_terminal_pause_go_on_and_call_home(tmp_path):
+def test_keys_at_a_terminal_pause_go_on_and_call_home(folder):
     """A real terminal, a real process: pressed keys become events, and the map says what was not
     looked at."""
-    folder = tmp_path / "out"
     operator, ours = pty.openpty()
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         lines = ["fly", rig.mission("speck"), *rig.arguments_of(urls), "--speedup", SPEEDUP]
@@ -122,16 +107,16 @@ def test_keys_at_a_terminal_pause_go_on_and_call_home(tmp_path):
             start_new_session=True,
         )
         try:
-            rig.wait_until(lambda: bool(rig.events(folder, "airborne")), "the take-off")
+            rig.wait_for(folder, "airborne")
             os.write(operator, b"p")
-            rig.wait_until(lambda: bool(rig.events(folder, "paused")), "the pause")
+            rig.wait_for(folder, "paused")
             seen = len(rig.events(folder, "tracked"))
             rig.wait_until(
                 lambda: len(rig.events(folder, "tracked")) > seen + 10, "ten seconds of holding"
             )
             assert not rig.events(folder, "recalled")
             os.write(operator, b"c")
-            rig.wait_until(lambda: bool(rig.events(folder, "continued")), "the mission to go on")
+            rig.wait_for(folder, "continued")
             os.write(operator, b"r")
             done = rig.ended(process)
         finally:

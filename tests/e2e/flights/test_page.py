@@ -82,9 +82,8 @@ class Page:
                 image.convert("RGB").save(Path(FOLDER) / name, quality=80, optimize=True)
 
 
-def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(tmp_path):
+def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(folder):
     need_browser()
-    folder = tmp_path / "out"
     with rig.simulator("speck", speedup=SPEEDUP) as urls:
         lines = [
             "fly",
@@ -105,7 +104,7 @@ def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(tmp_path):
             )
             assert process.poll() is None, "it was not flown"
             page.confirmed("pause")
-            rig.wait_until(lambda: bool(rig.events(folder, "paused")), "the pause")
+            rig.wait_for(folder, "paused")
             page.wait("flightMap.board.fields.paused && flightMap.board.vehicles[1]")
 
             driver.delete_all_cookies()
@@ -128,9 +127,9 @@ def test_the_buttons_steer_a_flight_and_the_page_survives_its_reader(tmp_path):
             driver.set_window_size(1280, 800)
 
             page.confirmed("continue")
-            rig.wait_until(lambda: bool(rig.events(folder, "continued")), "the mission to go on")
+            rig.wait_for(folder, "continued")
             page.confirmed("return")
-            rig.wait_until(lambda: bool(rig.events(folder, "recalled")), "the recall")
+            rig.wait_for(folder, "recalled")
             page.wait("document.querySelector('.flight-banner')?.textContent.includes('is over')")
             complaints = [
                 e for e in driver.get_log("browser") if "Content Security" in e["message"]
