@@ -22,12 +22,12 @@ from unittest import mock
 from shapely.geometry import Point
 
 import uavmap.runner.simulation
+from missions.events import Event, from_json
 from missions.flight.setting import Setting
 from missions.guardian import PAD_M
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
-from tests.e2e.rig import MISSIONS
-from uavmap.journal.event_log import Journal
+from tests.e2e.rig import MISSIONS, bodies
 from uavmap.runner.simulation import Truth
 from uavmap.ui.cli import main as uavmap_main
 
@@ -96,6 +96,7 @@ class Observer(Truth):
 
     aircraft: dict[int, Aircraft] = field(default_factory=dict)
     t_s: float = 0.0
+    limit_s: float = LIMIT_S
 
     def watch(self, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
         Truth.watch(self, vehicles, setting)
@@ -103,8 +104,8 @@ class Observer(Truth):
             self.t_s = vehicle.t_s
             seen = self.aircraft.setdefault(vehicle.spec.system_id, Aircraft())
             seen.look(vehicle, setting)
-        if self.t_s > LIMIT_S:
-            raise NoEndError(f"no end after {LIMIT_S:g} s")
+        if self.t_s > self.limit_s:
+            raise NoEndError(f"no end after {self.limit_s:g} s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,9 +118,10 @@ class Flown:
     """Everything on standard error."""
     raised: str
     truth: Observer
+    events: tuple[Event, ...]
     kinds: Mapping[str, int]
     """Events by kind."""
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...]
     """Of orders that failed, and what a guardian did."""
 
     @property
@@ -192,23 +194,16 @@ def flown(name: str, text: str, seed: int, *more: str, observer: Observer | None
                 raise
             raised = "".join(traceback.format_exception(error))
         summary = json.loads(out.getvalue()) if out.getvalue() else {}
-        kinds, notes = _events(folder)
-    return Flown(name, code, summary, said.getvalue(), raised, observer, kinds, notes)
-
-
-def _events(folder: Path) -> tuple[Counter[str], tuple[str, ...]]:
-    path = folder / "journal.jsonl"
-    if not path.exists():
-        return Counter(), ()
-    with Journal.open(path) as journal:
-        bodies = [json.loads(body) for body in journal.bodies()]
+        texts = bodies(folder)
+    told = [json.loads(body) for body in texts]
     notes = tuple(
         f"{b['t_s']:.0f} s {b['kind']}: {b.get('order', b.get('action', b.get('mode', '')))}"
         f" {b.get('reason', '')}"
-        for b in bodies
+        for b in told
         if b["kind"] in ("order_failed", "guarded", "crashed", "given_up", "overridden")
     )
-    return Counter(b["kind"] for b in bodies), notes
+    events, kinds = tuple(map(from_json, texts)), Counter(b["kind"] for b in told)
+    return Flown(name, code, summary, said.getvalue(), raised, observer, events, kinds, notes)
 
 
 @contextlib.contextmanager

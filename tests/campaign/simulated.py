@@ -4,33 +4,27 @@ from __future__ import annotations
 
 import math
 import random
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-import pytest
 from shapely.geometry import Point
 
-from missions.errors import UavmapError
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, VehicleState
 from missions.flight.step import fold
 from missions.guardian import HARD_M_S, PAD_M
+from missions.mission.checks import parse_mission
 from missions.mission.energy import AIRSPEED_LIMIT_M_S
 from missions.units import GridPoint
 from sitl.vehicle import SimVehicle
-from tests.support import plans
+from tests.benchmarks import watched
+from tests.benchmarks.watched import FAR_M, SEEN_TO_S, Observer
 from tests.support.small_missions import mission_text, square
 from uavmap.aircraft.guardian.estimates import GRAVITY_M_S2
-from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_plan import JOURNAL, FlightPlan
-from uavmap.runner import simulation
-from uavmap.runner.flight import fly as fly_plan
-from uavmap.runner.simulation import STEP_S, Truth
+from uavmap.runner.simulation import STEP_S
 
 from .outcome import FORBIDDEN, Outcome
 from .plan import Plan, plan
@@ -47,8 +41,6 @@ PHASES: Final = {
 """About when each phase of the small mission begins, in seconds."""
 COMMANDS: Final = (20, 21, 22, 176, 192, 400, 2000)
 """RTL, land, take-off, mode, reposition, arm, capture."""
-FORGIVEN_S: Final = 60.0
-FAR_M: Final = 150.0
 LED_AWAY_M: Final = 5.0
 LIMIT_S: Final = 4000.0
 """A flight that has not ended by then never does."""
@@ -165,7 +157,7 @@ class Pilot:
 
 
 @dataclass(slots=True)
-class Witness(Truth):
+class Witness(Observer):
     """The truth of a flight, with what the referee has to know."""
 
     pilot: Pilot | None = None
@@ -180,8 +172,7 @@ class Witness(Truth):
     """How fast each came down in the moment before it met the ground last."""
 
     def watch(self, vehicles: Sequence[SimVehicle], setting: Setting) -> None:
-        Truth.watch(self, vehicles, setting)
-        assert vehicles[0].t_s < LIMIT_S, "no end"
+        Observer.watch(self, vehicles, setting)
         for vehicle in vehicles:
             number, truth = vehicle.spec.system_id, vehicle.truth
             if self.pilot is not None and self.pilot.vehicle == number:
@@ -203,7 +194,7 @@ class Witness(Truth):
             by_itself = by_itself or self.has(number)
             if out_m > FAR_M and not by_itself:
                 self._flag(number, "far", f"{truth.t_s:.1f} s: {out_m:.0f} m outside")
-            if truth.t_s - since_s > FORGIVEN_S and not by_itself:
+            if truth.t_s - since_s > SEEN_TO_S and not by_itself:
                 text = f"{truth.t_s:.1f} s: {out_m:.0f} m outside, still in {truth.mode.name}"
                 self._flag(number, "breach", text)
 
@@ -252,30 +243,22 @@ def fly(
     """Fly the flight of a seed to its end; with `pilots` one takes a vehicle in it."""
     flight = plan_of(seed)
     text = text_of(flight, strategy, quirks)
-    witness = Witness()
+    witness = Witness(limit_s=LIMIT_S)
     if pilots:
         autopilot = "px4" if 'autopilot = "px4"' in text else "ardupilot"
         witness.pilot = Pilot.of(seed, text.count("[[vehicles]]"), autopilot)
-    found: list[tuple[str, str]] = []
-    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patched:
-        patched.setattr(simulation, "Truth", lambda: witness)
-        path = Path(folder) / "flight"
-        summary: dict[str, Any] = {}
-        asked = plans.plan_of("campaign", text, seed=seed)
-        try:
-            summary = fly_plan(asked, path)
-        except* UavmapError as group:
-            if verbose:
-                print(f"ended: {group.exceptions}")
-        except* Exception as group:
-            text = repr(group.exceptions[0])
-            found.append(("no end" if "no end" in text else "traceback", text))
-        left = _left(asked, path, verbose=verbose)
-    found += _judged(flight, text, witness, summary, left)
+    flown = watched.flown(str(flight), text, seed, observer=witness)
+    setting = setting_of(parse_mission(text, "campaign"))
+    left = dict(fold(setting, flown.events).vehicles)
+    found = _judged(flight, text, witness, flown.summary, left)
+    if flown.raised:
+        kind = "no end" if "no end" in flown.raised else "traceback"
+        found.append((kind, flown.raised.strip().splitlines()[-1]))
     if verbose:
-        print(text, summary, left, witness, sep="\n")
+        told = (event for event in flown.events if event.kind not in ("tracked", "frame_seen"))
+        print(*told, text, flown.said, flown.summary, left, witness, sep="\n")
     counts = {FORBIDDEN[kind] for kind, _ in found}
-    counts.add("ok" if summary.get("completed") else "inc")
+    counts.add("ok" if flown.summary.get("completed") else "inc")
     away = any(at.distance_to(_home(number)) > 2 * PAD_M for number, at in witness.at.items())
     counts.add("away" if away else "home")
     if witness.crashes:
@@ -287,24 +270,11 @@ def _home(number: int) -> GridPoint:
     return GridPoint(8.0 * (number - 1), 0.0)
 
 
-def _left(asked: FlightPlan, path: Path, *, verbose: bool) -> dict[int, VehicleState]:
-    if not (path / JOURNAL).exists():
-        return {}
-    setting = setting_of(asked.mission)
-    with Journal.open(path / JOURNAL) as journal:
-        events = list(journal.events())
-    if verbose:
-        for event in events:
-            if event.kind not in ("tracked", "frame_seen"):
-                print(event)
-    return dict(fold(setting, events).vehicles)
-
-
 def _judged(
     flight: Plan,
     text: str,
     witness: Witness,
-    summary: dict[str, Any],
+    summary: Mapping[str, Any],
     left: Mapping[int, VehicleState],
 ) -> list[tuple[str, str]]:
     """What of a flight is forbidden."""
