@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from socket import SOCK_DGRAM
 from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
@@ -10,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from missions.units import LatLon
 from tests.real.autopilot import TRUTH_HZ, Autopilot, Truth, Values
 from tests.real.pilot import Message, Pilot
-from tests.real.sockets import free_port
+from tests.support.ports import free_port
 
 
 class ArduCopter(Autopilot):
@@ -55,7 +56,7 @@ class ArduCopter(Autopilot):
         extra = folder / "extra.parm"
         extra.write_text("".join(f"{key} {value}\n" for key, value in self.extra.items()))
         defaults = self.program.parents[3] / "Tools/autotest/default_params/copter.parm"
-        first = free_port()
+        first = free_port(SOCK_DGRAM)
         await self.pilot.open(first)
         home = f"{pad.place.lat_deg:.8f},{pad.place.lon_deg:.8f},{pad.amsl_m},0"
         await self._run(

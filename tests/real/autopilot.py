@@ -10,13 +10,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from socket import SOCK_DGRAM
 from typing import ClassVar, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from missions.units import LatLon
 from tests.real.pilot import Pilot
-from tests.real.sockets import free_port, is_free
+from tests.real.sockets import is_free
+from tests.support.ports import free_port
 
 Values = Mapping[str, float]
 
@@ -92,7 +94,7 @@ class Autopilot(ABC):
         self.program, self.pad = program, pad
         self.speed = 1.0
         """Times real time."""
-        self.relay_port = free_port()
+        self.relay_port = free_port(SOCK_DGRAM)
         """Where it sends to on its first link."""
         self.extra: Values = {**self.always, **extra}
         self.truth: Truth | None = None

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from socket import SOCK_DGRAM
 from statistics import median
 from typing import Final
 
@@ -23,7 +24,7 @@ from tests.real.figures import Row, simulated, summary_of
 from tests.real.pilot import FENCE, RALLY, Item, Message, changed
 from tests.real.referee import Referee, Track, middle_of_region, scored
 from tests.real.relay import Relay
-from tests.real.sockets import free_port
+from tests.support.ports import free_port
 from tests.support.small_missions import first_patch
 from uavmap.load.mission_source import load
 from uavmap.runner.aircraft_takeover import ADDRESS
@@ -136,7 +137,7 @@ class Rig:
         world, camera = make_vehicles(self.mission, 1)[0].world, setup_of(self.mission, 1).camera
         self._port = await self._pictures.open(0)
         for k, one in enumerate(self.aircraft):
-            port = free_port()
+            port = free_port(SOCK_DGRAM)
             prefix = f"http://127.0.0.1:{self._port}/{k + 1}/"
             self.relays.append(Relay(one, world, camera, port, prefix))
             self.relays[-1].mission_s = self.mission_s
@@ -367,9 +368,16 @@ class Rig:
             found += [f"vehicle {k + 1}: {', '.join(names)}"] if names else []
         return "; ".join(found)
 
-    async def ends_well(self, run: Run, *codes: int, put_back: bool = True) -> None:
-        """Assert a way to end, by the truth, and note the figures."""
-        code, summary = run.code, summary_of(self.out)
+    async def comes_home(self, run: Run) -> None:
+        """Press Ctrl-C; assert that all come home."""
+        await self.called_off(run)
+        await self.ends_well(run, 3)
+
+    async def ends_well(
+        self, run: Run, *codes: int, put_back: bool = True, within_s: float = 300.0
+    ) -> None:
+        """Wait for the end; assert it, by the truth, and note the figures."""
+        code, summary = await self.end_of(run, within_s), summary_of(self.out)
         self.row.code = code
         sim_s, wall_s = self.now_s - self._begun[0], time.monotonic() - self._begun[1]
         self.row.held = round(sim_s / wall_s, 2)

@@ -46,13 +46,6 @@ class Socket(asyncio.DatagramProtocol):
         """Pass over that nobody listens: a program was killed, or has not begun."""
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind((LOOPBACK, 0))
-        port: int = one.getsockname()[1]
-        return port
-
-
 def is_free(port: int) -> bool:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one, contextlib.suppress(OSError):
         one.bind((LOOPBACK, port))

@@ -52,10 +52,8 @@ def never_flown(rig: Rig) -> None:
 @scenario("doctor")
 async def test_the_doctor_finds_it_fit_and_changes_nothing(rig: Rig) -> None:
     run = await rig.uavmap("doctor", rig.source, *rig.links)
-    code = await rig.end_of(run, 300.0)
-    never_flown(rig)
     await rig.ends_well(run, 0)
-    assert code == 0, run.lines
+    never_flown(rig)
 
 
 @scenario("dry run, owner's fence and rally point", parameters=OWNERS_FENCE)
@@ -65,16 +63,14 @@ async def test_a_dry_run_puts_back_what_its_owner_has(rig: Rig) -> None:
     assert len(rig.before[0].rally) == 1
     for _ in range(3):
         run = await rig.fly("--dry-run")
-        await rig.end_of(run, 300.0)
-        never_flown(rig)
         await rig.ends_well(run, 0)
+        never_flown(rig)
 
 
 @scenario("dry run, then a return to the owner's rally point")
 async def test_after_a_dry_run_its_owners_rally_point_is_returned_to(rig: Rig) -> None:
     one = await owned(rig)
     run = await rig.fly("--dry-run")
-    await rig.end_of(run, 300.0)
     await rig.ends_well(run, 0)
     await rig.fly_by_hand(LocalPlane(rig.mission.home).to_wgs84(12.0, 22.0))
     await one.set_mode("RTL")
@@ -87,18 +83,16 @@ async def test_after_a_dry_run_its_owners_rally_point_is_returned_to(rig: Rig) -
 @scenario("--keep-fence, a fence of 60 m", parameters=SMALL_FENCE)
 async def test_a_mission_that_leaves_its_owners_fence_is_refused(rig: Rig) -> None:
     run = await rig.fly("--keep-fence")
-    await rig.end_of(run, 300.0)
-    never_flown(rig)
     await rig.ends_well(run, 2)
+    never_flown(rig)
     assert run.said("outside"), run.lines
 
 
 @scenario("no terminal, no --yes")
 async def test_without_a_terminal_nobody_has_agreed(rig: Rig) -> None:
     run = await rig.fly(yes=False)
-    await rig.end_of(run, 300.0)
-    never_flown(rig)
     await rig.ends_well(run, 2)
+    never_flown(rig)
 
 
 def late(delay_s: float) -> object:
@@ -107,9 +101,8 @@ def late(delay_s: float) -> object:
         for relay in rig.relays:
             relay.delay_s = delay_s
         run = await rig.fly("--dry-run")
-        await rig.end_of(run, 600.0)
+        await rig.ends_well(run, 0, within_s=600.0)
         never_flown(rig)
-        await rig.ends_well(run, 0)
 
     return flown
 

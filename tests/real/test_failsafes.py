@@ -49,14 +49,12 @@ async def test_a_battery_failsafe_brings_it_home(rig: Rig) -> None:
         await one.set_mode(one.ours)
     await rig.all_down()  # and not: it goes on searching
     await rig.rest(20.0)  # a flight may end by itself then, or wait for a fresh battery
-    await rig.called_off(run)
-    await rig.ends_well(run, 3)
+    await rig.comes_home(run)
 
 
 @scenario("satellites off", near=True)
 async def test_without_satellites_it_lands_and_its_place_is_told(rig: Rig) -> None:
     run = await failed(rig, "satellites")
-    await rig.end_of(run, 300.0)
     await rig.ends_well(run, 4)
     rig.row.detail = f"told {told_from_m(rig, run):.0f} m from where it lies"
 
@@ -66,14 +64,12 @@ async def test_a_glitch_of_the_satellites(rig: Rig) -> None:
     run = await failed(rig, "glitch")
     await rig.rest(15.0)
     await rig.aircraft[0].fail("no glitch")
-    await rig.end_of(run, 300.0)
     await rig.ends_well(run, 3, 4)
 
 
 @scenario("a motor fails", near=True)
 async def test_a_motor_fails_and_all_motors_are_stopped(rig: Rig) -> None:
     run = await failed(rig, "motor")
-    await rig.end_of(run, 300.0)
     await rig.ends_well(run, 4, put_back=False)  # where it lies nobody flies
     rig.row.detail = f"told {told_from_m(rig, run):.0f} m from where it lies"
 
@@ -82,7 +78,6 @@ async def test_a_motor_fails_and_all_motors_are_stopped(rig: Rig) -> None:
 async def test_motors_that_are_stopped_in_the_air(rig: Rig) -> None:
     run = await in_search(rig)
     await rig.aircraft[0].pilot.command(400, 0, 21196)
-    await rig.end_of(run, 300.0)
     await rig.ends_well(run, 4, put_back=False)  # where it lies nobody flies
     rig.row.detail = f"told {told_from_m(rig, run):.0f} m from where it lies"
 
@@ -90,7 +85,6 @@ async def test_motors_that_are_stopped_in_the_air(rig: Rig) -> None:
 @scenario("fence made smaller in flight", near=True)
 async def test_a_fence_that_is_made_smaller_in_flight(rig: Rig) -> None:
     run = await failed(rig, "small fence")
-    await rig.end_of(run, 300.0)
     await rig.ends_well(run, 3)
 
 
@@ -107,5 +101,4 @@ async def test_a_radio_control_that_is_lost_and_back(rig: Rig) -> None:
     await rig.rest(5.0)
     await one.set_mode(one.ours)
     await rig.in_search(run)
-    await rig.called_off(run)
-    await rig.ends_well(run, 3)
+    await rig.comes_home(run)

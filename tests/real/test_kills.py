@@ -33,9 +33,8 @@ def killed_and_resumed(phase: str) -> object:
             await rig.in_search(again)
             await rig.rest(10.0)
             again.interrupt()
-        await rig.end_of(again, 900.0)
         # resumed in its descent it goes on with the mission, perhaps to its end
-        await rig.ends_well(again, *((0, 3) if phase == "descent" else (3,)))
+        await rig.ends_well(again, *((0, 3) if phase == "descent" else (3,)), within_s=900.0)
 
     return flown
 
@@ -49,7 +48,6 @@ def killed_and_left(phase: str) -> object:
         await rig.until(lambda: not rig.aircraft_process_lives, "its process is over", 120.0)
         away_m = rig.referee.from_pad_m(0)
         again = await rig.resume("--recall")
-        await rig.end_of(again, 200.0)
         await rig.ends_well(again, 3)
         rig.row.detail = f"landed {away_m:.1f} m from its pad"
 
@@ -71,8 +69,7 @@ async def test_the_process_of_the_aircraft_is_killed(rig: Rig) -> None:
     run = await reached(rig, "search")
     rig.kill_aircraft_process()
     await rig.rest(30.0)
-    await rig.called_off(run)
-    await rig.ends_well(run, 3)
+    await rig.comes_home(run)
 
 
 @scenario("kill -9 of both processes, resumed", near=True)
@@ -83,15 +80,13 @@ async def test_both_processes_are_killed(rig: Rig) -> None:
     await rig.rest(15.0)
     again = await rig.resume()
     await rig.rest(30.0)
-    await rig.called_off(again)
-    await rig.ends_well(again, 3)
+    await rig.comes_home(again)
 
 
 @scenario("Ctrl-C once", near=True)
 async def test_control_c_once(rig: Rig) -> None:
     run = await reached(rig, "search")
-    await rig.called_off(run)
-    await rig.ends_well(run, 3)
+    await rig.comes_home(run)
 
 
 @scenario("Ctrl-C twice", near=True)
@@ -106,7 +101,6 @@ async def test_control_c_twice_and_resumed(rig: Rig) -> None:
     await rig.all_down()
     assert rig.referee.all_at_home
     again = await rig.resume("--recall")
-    await rig.end_of(again, 200.0)
     await rig.ends_well(again, 3)
 
 
@@ -119,5 +113,4 @@ async def test_a_link_that_is_gone(rig: Rig) -> None:
     for relay in rig.relays:
         relay.silent = False
     await rig.rest(40.0)
-    await rig.called_off(run)
-    await rig.ends_well(run, 3)
+    await rig.comes_home(run)

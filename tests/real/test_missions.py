@@ -8,13 +8,15 @@ import math
 import os
 import sys
 from collections.abc import AsyncIterator
+from socket import SOCK_DGRAM
 from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from tests.real.rig import Rig
 from tests.real.scenario import scenario
-from tests.real.sockets import Address, Socket, free_port
+from tests.real.sockets import Address, Socket
+from tests.support.ports import free_port
 
 WORSE: Final = 0.01
 """The map of a real flight may be worse by this IoU than that of the simulated one."""
@@ -23,8 +25,7 @@ WORSE: Final = 0.01
 async def complete(rig: Rig, *words: object) -> None:
     """Fly a mission to its end, and the same one in the bundled simulator."""
     run = await rig.fly("--auto-swap", *words)
-    await rig.end_of(run, 1800.0)
-    await rig.ends_well(run, 0)
+    await rig.ends_well(run, 0, within_s=1800.0)
     assert rig.referee.breaches == 0
     # a cell that is half region is missed or not by the error of a real position
     simulated = await rig.fly_simulated(*words)
@@ -36,8 +37,7 @@ async def begun(rig: Rig, *words: object, for_s: float = 60.0) -> None:
     run = await rig.fly("--auto-swap", *words)
     await rig.in_search(run)
     await rig.rest(for_s)
-    await rig.called_off(run)
-    await rig.ends_well(run, 3)
+    await rig.comes_home(run)
     assert rig.referee.breaches == 0
 
 
@@ -121,7 +121,7 @@ class _GroundStation:
 
 @scenario("--forward")
 async def test_a_ground_station_beside_it(rig: Rig) -> None:
-    port, station = free_port(), _GroundStation()
+    port, station = free_port(SOCK_DGRAM), _GroundStation()
     await station.socket.open(port)
     await begun(rig, "--forward", f"udpout://127.0.0.1:{port}", for_s=20.0)
     station.socket.close()

@@ -31,8 +31,7 @@ async def test_a_pilots_mode_is_never_taken_back(rig: Rig) -> None:
         await one.set_mode(one.ours)
     rig.row.detail = f"kept: {', '.join(taken)}"
     await rig.rest(5.0)
-    await rig.called_off(run)
-    await rig.ends_well(run, 3)
+    await rig.comes_home(run)
 
 
 def left_to_the_pilot(what: str, mode: str, code: int) -> object:
@@ -41,7 +40,6 @@ def left_to_the_pilot(what: str, mode: str, code: int) -> object:
         run = await rig.fly("--auto-swap")
         await rig.in_search(run)
         await rig.aircraft[0].set_mode(mode)
-        await rig.end_of(run, 200.0)
         await rig.ends_well(run, code)
         assert run.said("uavmap resume")
 

@@ -24,9 +24,14 @@ DRIFT_SEEDS = range(5)
 KINDS = ["pilot", "link", "crash"]
 
 
-def flown(scenario: Scenario) -> Fleet:
+def begun(scenario: Scenario) -> Fleet:
     flight = fleet(scenario.mission, scenario.roi)
     flight.start()
+    return flight
+
+
+def flown(scenario: Scenario) -> Fleet:
+    flight = begun(scenario)
     flight.run()
     return flight
 
@@ -79,8 +84,7 @@ def test_the_batteries_are_swapped_somewhere():
 def test_the_reserve_check_can_fail():
     """A squall that nobody reckoned with, far from home, breaks the reserve."""
     scenario = random_scenario(11)
-    flight = fleet(scenario.mission, scenario.roi)
-    flight.start()
+    flight = begun(scenario)
     farthest_s = next(t_s for t_s, _, order in undisturbed(11).orders if isinstance(order, Hold))
     flight.run(until=lambda f: f.t_s >= farthest_s)
     flight.vehicles[1].hover_w = 1800.0
@@ -91,8 +95,7 @@ def test_the_reserve_check_can_fail():
 
 # --- interruptions ---------------------------------------------------------------------------
 def interrupted(scenario: Scenario, kind: str, rng: np.random.Generator) -> Fleet:
-    flight = fleet(scenario.mission, scenario.roi)
-    flight.start()
+    flight = begun(scenario)
     for _ in range(5):
         until_s = flight.t_s + float(rng.uniform(3, 60))
         while flight.t_s < until_s and not flight.state.over:
@@ -132,8 +135,7 @@ def test_interruptions_change_nothing_in_the_end(seed, kind):
 @pytest.mark.parametrize("seed", range(4))
 def test_a_recall_brings_everybody_home_and_a_resume_goes_on(seed):
     scenario = random_scenario(200 + seed)
-    flight = fleet(scenario.mission, scenario.roi)
-    flight.start()
+    flight = begun(scenario)
     when_s = float(np.random.default_rng(seed).uniform(2, 70))
     flight.run(until=lambda f: f.t_s >= when_s)
     flight.recall()
@@ -152,8 +154,7 @@ def test_one_lost_for_good_is_done_without(seed):
         s for s in (random_scenario(330 + 10 * seed + i) for i in range(10))
         if len(s.mission.vehicles) > 1
     )  # fmt: skip
-    flight = fleet(scenario.mission, scenario.roi)
-    flight.start()
+    flight = begun(scenario)
     flight.run(until=lambda f: f.t_s >= 12.0 + 3 * seed)
     number = next(n for n, craft in flight.vehicles.items() if craft.flying)
     flight.take_over(number)
@@ -203,8 +204,7 @@ def led_by(name: str, seed: int) -> Scenario:
 def test_every_strategy_flies_and_goes_on_after_a_crash(name):
     """The crash holds the fold of the journal, the strategy's memory in it, against the state."""
     scenario = led_by(name, 400)
-    flight = fleet(scenario.mission, scenario.roi)
-    flight.start()
+    flight = begun(scenario)
     flight.run(until=lambda f: f.state.tree is not None and len(f.state.tree) > 3)
     flight.crash_and_resume()
     flight.run()

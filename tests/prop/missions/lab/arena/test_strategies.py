@@ -98,15 +98,13 @@ def test_a_right_one_passes():
         (forgets_a_robot, "a pure function of the situation", "it moves"),
         (changes_its_memory, "a pure function of the situation", "changes what it is given"),
         (fails_at(20), "more robots than cells to visit", "block, 20 robots: ZeroDivisionError"),
+        (goes_home_early, "explores everything and returns", ""),
+        (goes_home_early, "robots drop out and join", ""),
+        (hangs_on_its_memory, "a restart without the memory", "KeyError"),
     ],
 )
 def test_check_names_what_a_wrong_strategy_does(mend, check_name, said):
     assert said in found(Wrong(mend))[check_name]
-
-
-def test_who_leaves_cells_out_is_found():
-    failed = found(Wrong(goes_home_early))
-    assert {"explores everything and returns", "robots drop out and join"} <= set(failed)
 
 
 def test_who_keeps_something_between_calls_is_found():
@@ -120,12 +118,6 @@ def test_who_keeps_something_between_calls_is_found():
 
     strategy.mend = drifts
     assert "asked twice" in found(strategy)["a pure function of the situation"]
-
-
-def test_who_cannot_do_without_its_memory_is_found():
-    failed = found(Wrong(hangs_on_its_memory))
-    assert "KeyError" in failed["a restart without the memory"]
-    assert "explores everything and returns" not in failed
 
 
 def test_a_bound_that_does_not_hold_is_found():
