@@ -27,7 +27,7 @@ from missions.mission.height_and_speed import (
 from missions.mission.places import drawn, far_homes, homes
 from missions.mission.schema import Mission, positions
 from missions.mission.sections import AUTO
-from missions.mission.views import energy_model
+from missions.mission.views import G_M_S2, energy_model
 from missions.planning.search.lanes import LANE_CELLS, Lane, lanes
 from missions.units import GridPoint
 
@@ -38,7 +38,6 @@ POSITION_ERROR_M = 0.8
 SETTLING_S = 2.0
 """Time of a look besides its frames."""
 
-_GRAVITY_M_S2 = 9.81
 # drag of a small multicopter, by its mass: it leans 4 degrees at 3.6 m/s and 26 at 12 m/s
 _DRAG_LINEAR_1_S = 0.10
 _DRAG_QUADRATIC_1_M = 0.025
@@ -73,7 +72,7 @@ def lean_rad(mission: Mission) -> float:
         return 0.0
     wind_m_s = mission.wind.speed_m_s
     drag_m_s2 = (_DRAG_LINEAR_1_S + _DRAG_QUADRATIC_1_M * wind_m_s) * wind_m_s
-    return math.atan(drag_m_s2 / _GRAVITY_M_S2)
+    return math.atan(drag_m_s2 / G_M_S2)
 
 
 def _camera(mission: Mission) -> Iterator[str]:

@@ -182,49 +182,7 @@ def headway_m_s(mission: Mission, wind_m_s: float) -> float:
     return max(mission.flight.max_airspeed_m_s - wind_m_s, 0.0)
 
 
-def blur_px(mission: Mission, height_m: float, speed_m_s: float) -> float:
-    """The blur of a picture taken at a speed over ground, pixels."""
-    camera = mission.camera
-    return speed_m_s * camera.exposure_s / camera.optics.gsd_m(height_m)
-
-
 # --- both ------------------------------------------------------------------------------------
-@dataclass(frozen=True, slots=True)
-class Layer:
-    """What follows from the height of a vehicle's layer."""
-
-    altitude_m: float
-    """Above the start."""
-    footprint: Footprint
-    """What a level picture shows."""
-    gsd_m: float
-    """Metres of ground to a pixel."""
-    pixels_per_cell: float
-    speeds: SpeedLimits
-
-
-def layers(mission: Mission) -> tuple[Layer, ...]:
-    """The layer of each vehicle, from the lowest, from which the map is made."""
-    return tuple(_layer(mission, mission.altitude_m(k)) for k in range(len(mission.vehicles)))
-
-
-def search_layers(mission: Mission) -> tuple[Layer, ...]:
-    """The layers of the search, where it has its own."""
-    heights = [mission.search_altitude_m(k) for k in range(len(mission.vehicles))]
-    return tuple(_layer(mission, height_m) for height_m in heights if height_m is not None)
-
-
-def _layer(mission: Mission, height_m: float) -> Layer:
-    optics = mission.camera.optics
-    return Layer(
-        height_m,
-        optics.footprint(height_m),
-        optics.gsd_m(height_m),
-        optics.pixels_per_cell(height_m, mission.grid.cell_m),
-        speed_limits(mission, height_m),
-    )
-
-
 def picture_warnings(mission: Mission) -> Iterator[str]:
     """Warnings of pictures that will be coarse, or blurred in a search at full speed."""
     # of a leapfrog only the lower one maps
@@ -238,7 +196,7 @@ def picture_warnings(mission: Mission) -> Iterator[str]:
             f"{top_m:g} m, a cell of {cell_m:g} m has {pixels:.1f} pixels; fly lower, or lower "
             "this if the detector does with fewer"
         )
-    blurred_px = blur_px(mission, lowest_m, speed_m_s)
+    blurred_px = speed_m_s * camera.exposure_s / camera.optics.gsd_m(lowest_m)
     if blurred_px > camera.max_blur_px:
         yield (
             f"flight.speed_m_s = {speed_m_s:g}: from {lowest_m:g} m a picture of "

@@ -113,7 +113,6 @@ class Member:
         self._failed = False
         self._parts_s = (-math.inf, -math.inf)
         """Of when what was told last of who maps what is, and when it was told."""
-        self.damaged = 0
         self._pad: PadHeight | None = None
 
     def remember(self, events: Iterable[Event]) -> None:
@@ -284,7 +283,6 @@ class Member:
         try:
             message = decode(body)
         except BytesError:
-            self.damaged += 1
             return
         now_s = self._now_s()
         peer = self.peers.setdefault(sender, Peer(now_s))

@@ -103,7 +103,7 @@ async def _lattice(session: Session, name: str, mission: Mission) -> dict[str, A
         for i in range(rows)
         for j in range(columns)
     ]
-    *heights, start_m = await AutopilotTerrain(session, name).heights([*places, mission.home])
+    *heights, start_m = await _heights(session, name, [*places, mission.home])
     return {
         "west_m": west, "south_m": south, "step_m": step_m, "columns": columns, "rows": rows,
         "heights": encoded(np.array(heights).reshape(rows, columns) - start_m),
@@ -123,53 +123,42 @@ Place = tuple[int, int]
 """Latitude and longitude, in units of 1e-7 degrees, as on the wire."""
 
 
-class AutopilotTerrain:
-    """Asks one autopilot."""
+async def _heights(session: Session, name: str, places: Sequence[LatLon]) -> list[float]:
+    """Return the heights above the sea at places, m. Raises `LinkError` where there are none."""
+    if session.view.kind is PX4:
+        raise LinkError(f"{name}: a PX4 tells nobody of its terrain; {_INSTEAD}")
+    known: dict[Place, float] = {}
+    pending: int | None = None
 
-    def __init__(self, session: Session, name: str) -> None:
-        self._session = session
-        self._name = name
-        self._known: dict[Place, float] = {}
-        self._pending = 0
-        self._heard = False
-
-    async def heights(self, places: Sequence[LatLon]) -> list[float]:
-        """Return the heights above the sea at places, m. Raises `LinkError` where there are
-        none."""
-        if self._session.view.kind is PX4:
-            raise LinkError(f"{self._name}: a PX4 tells nobody of its terrain; {_INSTEAD}")
-        self._session.listen(self._take)
-        wanted = [(round(p.lat_deg * 1e7), round(p.lon_deg * 1e7)) for p in places]
-        _LOG.info(f"{self._name}: asks the autopilot for the ground at {len(wanted)} places")
-        loop = asyncio.get_running_loop()
-        came_s = loop.time()
-        while missing := [place for place in wanted if place not in self._known]:
-            before, asked = len(self._known), missing[:AT_ONCE]
-            for lat_e7, lon_e7 in asked:
-                self._session.send(mav.MAVLink_terrain_check_message(lat_e7, lon_e7))
-            await self._session.until(lambda a=asked: set(a) <= self._known.keys(), WAIT_S)  # type: ignore[misc]
-            if len(self._known) > before:
-                came_s = loop.time()
-            elif loop.time() - came_s > PATIENCE_S:
-                raise LinkError(self._refusal(len(missing), len(wanted)))
-        return [self._known[place] for place in wanted]
-
-    def _take(self, message: Message) -> None:
+    def take(message: Message) -> None:
+        nonlocal pending
         if message.get_type() != "TERRAIN_REPORT":
             return
-        self._heard = True
-        self._pending = message.pending
+        pending = message.pending
         if message.spacing > 0:
-            self._known[message.lat, message.lon] = float(np.float32(message.terrain_height))
+            known[message.lat, message.lon] = float(np.float32(message.terrain_height))
 
-    def _refusal(self, missing: int, wanted: int) -> str:
-        if not self._heard:
-            return (
-                f"{self._name}: the autopilot does not answer TERRAIN_CHECK (is TERRAIN_ENABLE "
-                f"1?); {_INSTEAD}"
+    session.listen(take)
+    wanted = [(round(p.lat_deg * 1e7), round(p.lon_deg * 1e7)) for p in places]
+    _LOG.info(f"{name}: asks the autopilot for the ground at {len(wanted)} places")
+    loop = asyncio.get_running_loop()
+    came_s = loop.time()
+    while missing := [place for place in wanted if place not in known]:
+        before, asked = len(known), missing[:AT_ONCE]
+        for lat_e7, lon_e7 in asked:
+            session.send(mav.MAVLink_terrain_check_message(lat_e7, lon_e7))
+        await session.until(lambda a=asked: set(a) <= known.keys(), WAIT_S)  # type: ignore[misc]
+        if len(known) > before:
+            came_s = loop.time()
+        elif loop.time() - came_s > PATIENCE_S and pending is None:
+            raise LinkError(
+                f"{name}: the autopilot does not answer TERRAIN_CHECK (is TERRAIN_ENABLE 1?); "
+                f"{_INSTEAD}"
             )
-        return (
-            f"{self._name}: the autopilot knows no ground at {missing} of {wanted} places, and "
-            f"waits for {self._pending} blocks of it; put terrain data on its card, connect a "
-            f"ground station that sends them, or {_INSTEAD}"
-        )
+        elif loop.time() - came_s > PATIENCE_S:
+            raise LinkError(
+                f"{name}: the autopilot knows no ground at {len(missing)} of {len(wanted)} places, "
+                f"and waits for {pending} blocks of it; put terrain data on its card, connect a "
+                f"ground station that sends them, or {_INSTEAD}"
+            )
+    return [known[place] for place in wanted]

@@ -227,11 +227,11 @@ class Flight:
                 _LOG.info(f"swap the batteries, then `uavmap resume {self.folder}` goes on")
                 service.stop()
 
-        parts = self.setting, self._journal
+        parts = self.setting, self._journal, port, self._state, observe, reports
         if connection is not None or member is None:
-            service = Service(*parts, port, self._state, observe, reports)
+            service = Service(*parts)
         else:
-            service = GroundService(*parts, self._state, observe, reports, member.command)
+            service = GroundService(*parts, member.command)
         self._service = service
         for onlooker in company.onlookers:
             onlooker.begin(self.setting, again=self._again)

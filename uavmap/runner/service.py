@@ -210,18 +210,6 @@ class Service:
         return self.state
 
 
-class NoAircraft:
-    """The aircraft of a service that flies none."""
-
-    def give(self, vehicle: int, order: Order) -> None:
-        """Raise `KeyError`."""
-        raise KeyError(vehicle)
-
-    def land_here(self, vehicle: int, reason: str) -> None:
-        """Raise `KeyError`."""
-        raise KeyError(vehicle)
-
-
 class GroundService(Service):
     """A service without a vehicle, whose orders are words to a fleet; `send` takes them."""
 
@@ -229,12 +217,13 @@ class GroundService(Service):
         self,
         setting: Setting,
         journal: Journal,
+        aircraft: Aircraft,
         state: State,
         observe: Observer,
         reports: asyncio.Queue[Event],
         send: Callable[[OrderWord, int], None],
     ) -> None:
-        super().__init__(setting, journal, NoAircraft(), state, observe, reports)
+        super().__init__(setting, journal, aircraft, state, observe, reports)
         self._send = send
 
     def recall(self) -> None:

@@ -8,13 +8,7 @@ from typing import Any
 from missions.flight.setting import Setting
 from missions.mission import flyable
 from missions.mission.energy import LANDING_OVERHEAD_S
-from missions.mission.height_and_speed import (
-    Layer,
-    altitude_reason,
-    layers,
-    off_if_flat_m,
-    search_layers,
-)
+from missions.mission.height_and_speed import altitude_reason, off_if_flat_m, speed_limits
 from missions.mission.places import far_homes
 from missions.mission.schema import Mission
 from missions.planning.search.lanes import search_length_m
@@ -30,7 +24,7 @@ def estimate(setting: Setting) -> dict[str, Any]:
     look.
     """
     mission, energy = setting.mission, setting.energy
-    blocks = setting.shares
+    blocks, team = setting.shares, range(len(setting.mission.vehicles))
     home = GridPoint(0.0, 0.0)
     lengths = [search_length_m(block, home) for block in blocks]
     layer_m = mission.top_altitude_m(len(mission.vehicles) - 1)
@@ -58,8 +52,12 @@ def estimate(setting: Setting) -> dict[str, Any]:
         "usable_flight_s_per_battery": round(usable_s, 1),
         **looks,
         "altitude_set_by": altitude_reason(mission),
-        "layers": [_figures(layer) for layer in layers(mission)],
-        "search_layers": [_figures(layer) for layer in search_layers(mission)],
+        "layers": [_figures(mission, mission.altitude_m(k)) for k in team],
+        "search_layers": [
+            _figures(mission, height_m)
+            for height_m in map(mission.search_altitude_m, team)
+            if height_m is not None
+        ],
         "turn_back_reserve_wh": round(energy.reserve_wh, 2),
         "sortie_wh": round(energy.capacity_wh - aside_wh, 2),
         "farthest_corner_m": round(corner.away_m, 1),
@@ -151,15 +149,15 @@ def plan_lines(setting: Setting) -> list[str]:
     ]
 
 
-def _figures(layer: Layer) -> dict[str, Any]:
+def _figures(mission: Mission, height_m: float) -> dict[str, Any]:
     """What follows from the height of a layer; `speed_m_s` is for pictures without a stop."""
-    across_m, along_m = layer.footprint
-    speeds = layer.speeds
+    optics, speeds = mission.camera.optics, speed_limits(mission, height_m)
+    across_m, along_m = optics.footprint(height_m)
     return {
-        "altitude_m": round(layer.altitude_m, 1),
+        "altitude_m": round(height_m, 1),
         "footprint_m": [round(across_m, 1), round(along_m, 1)],
-        "gsd_m": round(layer.gsd_m, 4),
-        "pixels_per_cell": round(layer.pixels_per_cell, 1),
+        "gsd_m": round(optics.gsd_m(height_m), 4),
+        "pixels_per_cell": round(optics.pixels_per_cell(height_m, mission.grid.cell_m), 1),
         "speed_m_s": math.floor(speeds.least_m_s * 10.0) / 10.0,
         "speed_set_by": speeds.reason,
         "speed_without_blur_m_s": round(speeds.blur_m_s, 1),

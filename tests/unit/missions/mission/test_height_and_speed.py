@@ -16,12 +16,13 @@ from missions.flight.state import State
 from missions.geo.grid import Grid
 from missions.mission import flyable
 from missions.mission.checks import check, parse_mission
-from missions.mission.height_and_speed import altitude_reason, blur_px, layers, speed_limits
+from missions.mission.height_and_speed import altitude_reason, speed_limits
 from missions.mission.schema import Mission, VehicleSection, parse_fields
 from missions.units import GridPoint
 from tests.support.footprints import whole_cells
 from tests.support.small_missions import mission, square
 from tests.unit.missions.mission.test_mission_checks import fault, text
+from uavmap.runner.preflight.plan_figures import estimate
 
 FAST = settings(max_examples=100, deadline=None)
 
@@ -156,12 +157,13 @@ def test_a_cell_with_too_few_pixels_is_warned_of():
 
 
 def test_the_figures_of_the_layers():
-    low, high = layers(flown_by(2, parsed(camera__pixels_per_cell="60")))
-    assert (low.altitude_m, high.altitude_m) == (19.4, 25.4)
-    assert high.gsd_m == pytest.approx(25.4 * math.tan(math.radians(40.0)) / 320.0)
-    assert high.footprint == pytest.approx((640 * high.gsd_m, 480 * high.gsd_m))
-    assert high.pixels_per_cell == pytest.approx(4.0 / high.gsd_m)
-    assert high.speeds.blur_m_s > low.speeds.blur_m_s
+    low, high = estimate(setting_of(flown_by(2, parsed(camera__pixels_per_cell="60"))))["layers"]
+    assert (low["altitude_m"], high["altitude_m"]) == (19.4, 25.4)
+    gsd_m = 25.4 * math.tan(math.radians(40.0)) / 320.0
+    assert high["gsd_m"] == pytest.approx(gsd_m, abs=1e-4)
+    assert high["footprint_m"] == pytest.approx((640 * gsd_m, 480 * gsd_m), abs=0.05)
+    assert high["pixels_per_cell"] == pytest.approx(4.0 / gsd_m, abs=0.05)
+    assert high["speed_without_blur_m_s"] > low["speed_without_blur_m_s"]
 
 
 PLAIN = mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160), interval_s=0.2, speed_m_s=30.0)
@@ -215,7 +217,8 @@ def test_the_reason_is_the_key_that_limits(sections, reason):
 
 def test_at_the_limit_of_blur_a_picture_is_blurred_by_what_is_allowed():
     made = changed(PLAIN, camera={"exposure_s": 0.01, "max_blur_px": 2.0})
-    assert blur_px(made, 12.0, speed_limits(made, 12.0).blur_m_s) == pytest.approx(2.0)
+    blur_m = speed_limits(made, 12.0).blur_m_s * made.camera.exposure_s
+    assert blur_m / made.camera.optics.gsd_m(12.0) == pytest.approx(2.0)
 
 
 def test_a_region_that_drifts_takes_its_speed_from_the_limits():

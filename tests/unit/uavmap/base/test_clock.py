@@ -31,54 +31,36 @@ async def test_virtual_time_runs_in_the_order_of_the_timers():
     assert seen == [("b", 0.25), ("b", 0.5), ("a", 1.0), ("a", 3.0), ("a", 3.5), ("b", 3.75)]
 
 
-def test_small_steps_do_not_drift():
-    async def main() -> float:
-        loop = asyncio.get_running_loop()
-        for step in range(20_000):
-            await asyncio.sleep((step + 1) * 0.05 - loop.time())
-        return loop.time()
-
-    assert run(main(), VirtualClock()) == pytest.approx(1000.0, abs=1e-6)
+@by(on_virtual_time)
+async def test_small_steps_do_not_drift():
+    loop = asyncio.get_running_loop()
+    for step in range(20_000):
+        await asyncio.sleep((step + 1) * 0.05 - loop.time())
+    assert loop.time() == pytest.approx(1000.0, abs=1e-6)
 
 
-def test_virtual_time_stands_still_while_somebody_works():
-    async def main() -> tuple[float, float]:
-        loop = asyncio.get_running_loop()
-        before = loop.time()
-        for _ in range(100):
-            await asyncio.sleep(0)
-        return before, loop.time()
-
-    assert run(main(), VirtualClock()) == (0.0, 0.0)
+@by(on_virtual_time)
+async def test_virtual_time_stands_still_while_somebody_works():
+    assert await at_s(0.0) == 0.0
+    for _ in range(100):
+        await asyncio.sleep(0)
+    assert await at_s(0.0) == 0.0
 
 
-def test_a_time_out_is_virtual():
-    async def main() -> float:
-        with pytest.raises(TimeoutError):
-            async with asyncio.timeout(600.0):
-                await asyncio.get_running_loop().create_future()
-        return asyncio.get_running_loop().time()
-
+@by(on_virtual_time)
+async def test_a_time_out_is_virtual():
     begin_s = time.monotonic()
-    assert run(main(), VirtualClock()) == pytest.approx(600.0)
+    with pytest.raises(TimeoutError):
+        async with asyncio.timeout(600.0):
+            await asyncio.get_running_loop().create_future()
+    assert await at_s(0.0) == pytest.approx(600.0)
     assert time.monotonic() - begin_s < 1.0
 
 
-def test_pace_holds_virtual_time_back():
-    async def main() -> float:
-        return await at_s(20.0)
-
+@pytest.mark.parametrize("make", [VirtualClock, ScaledClock])
+def test_a_clock_with_a_pace_is_faster_than_real_time(make):
     begin_s = time.monotonic()
-    assert run(main(), VirtualClock(pace=200.0)) == 20.0
-    assert 0.09 < time.monotonic() - begin_s < 2.0
-
-
-def test_a_scaled_clock_is_faster_than_real_time():
-    async def main() -> float:
-        return await at_s(20.0)
-
-    begin_s = time.monotonic()
-    assert run(main(), ScaledClock(200.0)) >= 20.0
+    assert run(at_s(20.0), make(200.0)) >= 20.0
     assert 0.09 < time.monotonic() - begin_s < 2.0
 
 
