@@ -8,6 +8,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from missions.errors import JournalError
 from missions.events import Event, FrameSeen, Tracked, Vote
 from missions.units import Cell, GridPoint
 from tests.support.plans import named_text, plan_of
@@ -52,3 +55,15 @@ def contents(folder: Path) -> dict[str, str]:
 def read(path: Path) -> tuple[list[Event], dict[str, Any]]:
     with Journal.open(path) as journal:
         return list(journal.events()), journal.meta
+
+
+def refused(path: Path) -> str:
+    """The line with which a journal is refused; nothing in its folder has changed."""
+    before = contents(path.parent)
+    with pytest.raises(JournalError) as caught:
+        Journal.open(path)
+    assert contents(path.parent) == before
+    line = str(caught.value)
+    assert str(path) in line
+    assert line.isprintable()
+    return line

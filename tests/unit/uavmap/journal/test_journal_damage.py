@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from missions.errors import JournalError
 from missions.events import Airborne, Event, FrameSeen, Vote
 from missions.units import Cell
-from tests.support.journals import META, contents, read, some_events, write
+from tests.support.journals import META, contents, read, refused, some_events, write
 from uavmap.journal import event_log
 from uavmap.journal.event_log import Journal, JournalReader
 from uavmap.journal.recovery import recover
@@ -41,18 +41,6 @@ def copied(path: Path, folder: Path) -> Path:
 
 def lines_of(path: Path) -> list[bytes]:
     return path.read_bytes().splitlines(keepends=True)
-
-
-def refused(path: Path) -> str:
-    """The line with which a journal is refused; nothing in its folder has changed."""
-    before = contents(path.parent)
-    with pytest.raises(JournalError) as caught:
-        Journal.open(path)
-    assert contents(path.parent) == before
-    line = str(caught.value)
-    assert str(path) in line
-    assert line.isprintable()
-    return line
 
 
 def judge(path: Path, events: list[Event]) -> str:

@@ -24,7 +24,6 @@ from uavmap.runner.before_flight import BeforeFlight
 from uavmap.runner.operator.company import Preflight
 from uavmap.runner.operator.ground_crew import Operator
 from uavmap.runner.preflight.autopilot_setup import FILE
-from uavmap.runner.preflight.finding import bad, could_fly, warn
 
 
 def before(
@@ -254,11 +253,3 @@ def test_pad_heights_contradicted_keep_the_team_on_the_ground(tmp_path):
             await before(field, tmp_path, yes=True).go()
 
     on_field(body, mission)
-
-
-def test_findings_are_values_and_the_word_to_go():
-    found = [warn("a", "1", "2", "do")]
-    assert could_fly(found)
-    found.append(bad("b", "1", "2", "do", binding=True))
-    assert not could_fly(found)
-    assert found[1].as_json()["level"] == "bad"
