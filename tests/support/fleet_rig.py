@@ -198,7 +198,7 @@ class Beset(SimulatedFleet):
         self.world.open_session(number - 1, lambda frame: None)  # nobody hears it any more
         self.air.silence(number)
         self.radios[number].dead = True  # what was scheduled may still run, unheard
-        flight.close()
+        flight._journal.close()
         program.cancel()
         await asyncio.gather(program, return_exceptions=True)
 
@@ -221,7 +221,7 @@ def flown(text: str, mishaps: Mishaps, folder: Path, seed: int = 1) -> Outcome:
     except BaseExceptionGroup as failed:
         forbidden.append(f"failed: {_leaves(failed)}")
     for flight in fleet.flights.values():
-        flight.close()
+        flight._journal.close()
     forbidden += [f"mute: {n}" for n in fleet.flights if not fleet.air.sent_bytes.get(n)]
     forbidden += _of_the_air(fleet) + _of_the_maps(fleet)
     return Outcome(forbidden, said)

@@ -113,10 +113,6 @@ class Flight:
         self._journal.close()
         return values
 
-    def close(self) -> None:
-        """Close its journal: nothing that happens after it is kept."""
-        self._journal.close()
-
     def run(self) -> dict[str, Any]:
         """Fly and write the results."""
         with like_control_c():

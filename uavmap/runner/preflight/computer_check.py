@@ -194,7 +194,6 @@ def longest_plan_s(setting: Setting, for_s: float = PLANS_S) -> float | None:
     if setting.strategy.stops:
         return None
     ready_planner(setting.mission.strategy, lambda text: None)
-    flight = _InThought(setting)
     for _ in range(2):  # the first flight loads what the planner needs
         flight = _InThought(setting)
         flight.fly(for_s / 2.0)
