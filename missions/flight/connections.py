@@ -25,7 +25,7 @@ def resume(setting: Setting, state: State) -> State:
     root = state.tree.root if state.tree is not None else None
     vehicles = {
         number: replace(v, phase=Phase.APART, order=None, on_lane=False)
-        if not state.is_ours(number)
+        if number not in state.our_numbers
         else replace(
             set_free(v, setting.grid.cell_m),
             phase=Phase.OFFLINE,

@@ -17,11 +17,8 @@ from missions.flight.airspace.airspace import Airspace
 from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State, VehicleState
-from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.lane_passes import drop_seen
 from missions.flight.strategy.searching import find_work
-from missions.flight.strategy.two_heights import heights_of
-from missions.flight.team.interface import team_of
 from missions.mission.energy import FRESH
 from missions.mission.height_and_speed import LEAST_HEIGHT_M
 from missions.orders import AwaitBattery, TakeOff
@@ -37,7 +34,7 @@ def assign(setting: Setting, state: State) -> State:
     """The state with an order for everybody who can have one."""
     if state.tree is None:
         state = drop_seen(setting, state)
-    strategy = strategy_of(setting).in_force(state)
+    strategy = setting.strategy.in_force(state)
     if state.tree is None and setting.lanes:
         state = strategy.searched(setting, state)
     state = Airspace(setting, state).stop_conflicting()
@@ -56,7 +53,7 @@ def assign(setting: Setting, state: State) -> State:
 def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
     if vehicle.braking_until_s is not None:
         return state.holding(vehicle)
-    if (first := team_of(setting).urgent_order(setting, state, vehicle)) is not None:
+    if (first := setting.team.urgent_order(setting, state, vehicle)) is not None:
         return first
     if vehicle.return_reason is not None:
         return fly_home(setting, state, vehicle)
@@ -64,7 +61,7 @@ def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
         return given_way
     if state.paused:
         return state.holding(vehicle)
-    return strategy_of(setting).in_force(state).next_order(setting, state, vehicle)
+    return setting.strategy.in_force(state).next_order(setting, state, vehicle)
 
 
 def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
@@ -76,13 +73,13 @@ def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
         return state
     if not vehicle.cleared:
         return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
-    strategy = strategy_of(setting).in_force(state)
+    strategy = setting.strategy.in_force(state)
     if state.paused or not strategy.may_take_off(state):
         return state
     if state.tree is None and vehicle.idle_in_search:
         state = find_work(setting, state, vehicle)
         vehicle = state.vehicles[vehicle.vehicle]
-    heights = heights_of(setting)
+    heights = setting.heights
     vehicle = replace(vehicle, cruise_altitude_m=heights.layer_m(setting, vehicle))
     target = strategy.first_target(setting, state, vehicle)
     if target is None:
@@ -103,7 +100,7 @@ def _unfit(setting: Setting, vehicle: VehicleState) -> str:
     """Why a vehicle may not take off from where it stands; empty if it may."""
     if not setting.fence.contains(vehicle.position):
         return "it stands outside of the geofence; move it, or the fence"
-    if refusal := team_of(setting).refusal(setting, vehicle):
+    if refusal := setting.team.refusal(setting, vehicle):
         return refusal
     room_m = setting.fence.outer.boundary.distance(Point(vehicle.position))
     if room_m < min(CLIMB_ROOM_M, setting.mission.fence.margin_m):
@@ -129,7 +126,7 @@ def _out_of_reach(setting: Setting, state: State, vehicle: VehicleState) -> Stat
         if other.vehicle != vehicle.vehicle
     )
     if alone:
-        given_up = strategy_of(setting).in_force(state).give_up_far(setting, state, vehicle)
+        given_up = setting.strategy.in_force(state).give_up_far(setting, state, vehicle)
         if given_up is not None:
             return given_up
     note = "its next place is out of reach on a full battery"

@@ -12,7 +12,6 @@ from missions.events import CellSkipped, Told, VehicleRecalled
 from missions.flight.lane_progress import lane_left
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State, VehicleState
-from missions.flight.strategy.interface import strategy_of
 from missions.orders import FlyPath, FlyTo, Look, Sweep
 from missions.units import Cell
 
@@ -40,7 +39,7 @@ def to_skip(setting: Setting, state: State, vehicle: VehicleState) -> Cell | Non
 
     Paths without stopping lead over many cells, and lanes over all of them.
     """
-    return strategy_of(setting).in_force(state).to_skip(state, vehicle)
+    return setting.strategy.in_force(state).to_skip(state, vehicle)
 
 
 def skip(setting: Setting, state: State, event: CellSkipped) -> State:

@@ -22,7 +22,6 @@ from missions.flight.state import Phase, State, VehicleState
 from missions.geo.braking import braked
 from missions.geo.path_in_fence import allowed, as_far_as_allowed, is_outside
 from missions.geo.trajectory import LANE_CUTS_M, Trajectory, rounded_path
-from missions.mission.views import path_speed_m_s
 from missions.orders import FlyPath
 from missions.units import GridPoint
 
@@ -73,7 +72,7 @@ def through(
     `corners` says of each point whether it is a corner of the fence, which is not cut. What
     `drifts` is told in the frame of the region, else in the fixed one.
     """
-    speed = path_speed_m_s(setting.mission, vehicle.cruise_height_m, vehicle.wind_m_s)
+    speed = setting.path_speed_m_s(vehicle.cruise_height_m, vehicle.wind_m_s)
     drift_m_s = (0.0, 0.0)
     here = vehicle.position
     if drifts:

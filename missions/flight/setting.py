@@ -3,75 +3,35 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Protocol
+from functools import cache, cached_property, partial
+from typing import TYPE_CHECKING
 
 from shapely.geometry import Point, Polygon
 
-from missions.flight.team.scope import Scope
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
 from missions.geo.terrain import Terrain
-from missions.mapping.tree import Tree
 from missions.mission.energy import CLIMB_OVERHEAD_S, EnergyModel
 from missions.mission.flyable import look_s
 from missions.mission.places import home_heights_m, homes
 from missions.mission.schema import Mission, positions
+from missions.mission.views import path_speed_m_s, seen_whole_m
 from missions.planning.search.lanes import LANE_CELLS, Lane
 from missions.planning.search.prior import LikelyLane
-from missions.planning.search.search_order import Pace, expected_s, plain_blocks
+from missions.planning.search.search_order import expected_s, plain_blocks
 from missions.planning.stepwise.interface import Metric
 from missions.planning.sweep.plan_memo import PlanMemo
 from missions.units import Cell, GridPoint
 
+if TYPE_CHECKING:
+    from missions.flight.strategy.interface import Strategy
+    from missions.flight.strategy.two_heights import OneHeight
+    from missions.flight.team.interface import Team
+
 Shares = tuple[tuple[Lane, ...], ...]
 """The lanes of each vehicle, in the order of flight."""
-
-
-class Kind(Protocol):
-    """What follows from a strategy before anything flies.
-
-    The whole of it is `missions.flight.strategy.interface.Strategy`, which knows of states.
-    """
-
-    stops: bool
-    """Whether vehicles stop over cells to look."""
-    patches: bool
-    """Whether every patch of the region that begins in the box is looked for."""
-    whole_box: bool
-    """Whether every cell of the box is decided, whatever is seen."""
-    flies_all_lanes: bool
-    """Whether all lanes are flown, whatever is seen on the way."""
-    lanes_drift: bool
-    """Whether lanes drift with the cells; a search for the first sight flies over ground."""
-
-    def shares(self, setting: Setting) -> Shares:
-        """The lanes of each vehicle; with a prior so that the region is expected to be seen
-        soonest."""
-
-    def begins_with(self, setting: Setting) -> Shares:
-        """The lanes that each vehicle holds when the mission begins."""
-
-    def least_lane_m(self, setting: Setting) -> float:
-        """What is left of a lane and is shorter is no lane any more, metres."""
-
-    @abstractmethod
-    def pace(self, setting: Setting) -> Pace:
-        """How fast lanes are flown, from the lowest layer."""
-
-    @abstractmethod
-    def search_s(self, setting: Setting) -> float:
-        """About how long the longest share of the lanes takes in the air, seconds."""
-
-    @abstractmethod
-    def cell_s(self, setting: Setting) -> float:
-        """About how long a cell of the region takes one vehicle, seconds."""
-
-    def bound_s(self, setting: Setting, tree: Tree) -> float | None:
-        """The longest that an exploration of this tree may take, seconds; None without a bound."""
 
 
 @dataclass(frozen=True)
@@ -82,10 +42,12 @@ class Setting:
     grid: Grid
     fence: Fence
     energy: EnergyModel
-    team: Scope
-    """The vehicles that are commanded."""
-    strategy: Kind
+    team: Team
+    """The vehicles that are commanded, and what is agreed with other services."""
+    strategy: Strategy
     """How vehicles find the region and map it."""
+    heights: OneHeight
+    """The heights at which vehicles search and map."""
     lanes: tuple[Lane, ...]
     east_ahead: bool = True
     """Whether the noses of vehicles that do not stop point along grid east, else along north."""
@@ -100,6 +62,16 @@ class Setting:
     ours."""
     plans: PlanMemo = field(default_factory=PlanMemo, compare=False, repr=False)
     """What was planned before in this flight."""
+
+    @cached_property
+    def path_speed_m_s(self) -> Callable[[float, float], float]:
+        """The speed of paths in the frame of the region by height and measured wind, m/s."""
+        return cache(partial(path_speed_m_s, self.mission))
+
+    @cached_property
+    def seen_whole_m(self) -> Callable[[float], tuple[float, float]]:
+        """How far east and north of the middle of a picture cells are whole, by height, m."""
+        return cache(partial(seen_whole_m, self.mission, east_ahead=self.east_ahead))
 
     @property
     def member(self) -> int | None:

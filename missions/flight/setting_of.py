@@ -5,6 +5,7 @@ from __future__ import annotations
 from missions.flight.setting import Setting
 from missions.flight.strategies import chosen
 from missions.flight.strategy.interface import Area
+from missions.flight.strategy.two_heights import heights_for
 from missions.flight.team.teams import make_team
 from missions.geo.grid import Grid
 from missions.mission.flyable import fence_of
@@ -39,6 +40,7 @@ def setting_of(mission: Mission, member: int | None = None) -> Setting:
         energy_model(mission),
         team,
         strategy,
+        heights_for(mission),
         lanes,
         east_ahead,
         rows,

@@ -9,8 +9,6 @@ from missions.events import FrameSeen, LookEnded
 from missions.flight.lane_progress import lane_passed, lane_seen
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
-from missions.flight.strategy.interface import strategy_of
-from missions.flight.strategy.two_heights import heights_of
 from missions.flight.strategy.visiting import drifts_out, give_up
 from missions.mapping.belief import Belief, FrameId, Verdicts
 from missions.mapping.overview import with_plain
@@ -31,7 +29,8 @@ def frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
     votes = state.belief.in_time(
         event.vantage, frame, {vote.cell: vote.positive for vote in event.votes}
     )
-    counts = any(state.belief.tally(cell, None).total < state.belief.frames for cell in votes)
+    most, tallies = state.belief.frames, state.belief.open_tallies.as_dict()
+    counts = any(cell not in tallies or tallies[cell].total < most for cell in votes)
     state = replace(state, belief=state.belief.with_frame(event.vantage, frame, votes))
     vehicle = replace(state.vehicles[event.vehicle], frames_lost=0, judged_s=state.t_s)
     if event.vantage is None:
@@ -73,7 +72,7 @@ def _seen_from_above(setting: Setting, state: State, event: FrameSeen) -> State:
 
 def on_a_lane(setting: Setting, state: State, vehicle: VehicleState, event: FrameSeen) -> State:
     """What a frame of a vehicle that does not stop means for the lane that it flies."""
-    shown, judged = [vote.cell for vote in event.votes], heights_of(setting).searched(state)
+    shown, judged = [vote.cell for vote in event.votes], setting.heights.searched(state)
     vehicle = lane_passed(
         vehicle, setting.grid, setting.lane_rows, judged, shown, event.t_s,
         drifts=setting.strategy.lanes_drift,
@@ -100,20 +99,23 @@ def _seen_in_passing(
     if state.tree is not None:
         tree = grown(state.tree, state.belief, votes)
         return replace(state, tree=tree).with_vehicle(vehicle)
-    return strategy_of(setting).seen_in_passing(setting, state, vehicle, event, votes)
+    return setting.strategy.seen_in_passing(setting, state, vehicle, event, votes)
 
 
 def grown(tree: Tree, belief: Belief, fresh: Iterable[Cell]) -> Tree:
     """The tree after cells got votes: a vertex whose neighbours are all decided was looked from."""
-    asked = [cell for near in fresh for cell in near.cross()]
+    verdicts, region = belief.verdicts, belief.roi.as_dict()
+    (_, *steps) = cross = Cell(0, 0).cross()
+    asked = [Cell(e + east, n + north) for e, n in fresh for east, north in cross]
     while asked:
-        cell = asked.pop()
-        if cell not in tree or tree.has_looked(cell):
+        e, n = cell = asked.pop()
+        near = [Cell(e + east, n + north) for east, north in steps]
+        undecided = any(verdicts.get(each) is None for each in near)
+        if undecided or cell not in tree or tree.has_looked(cell):
             continue
-        if all(belief.verdict(near) is not None for near in cell.neighbours()):
-            roi = [near for near in cell.neighbours() if near in belief.roi]
-            asked.extend(near for near in roi if near not in tree)
-            tree = tree.looked(cell, roi)
+        roi = [each for each in near if each in region]
+        asked.extend(each for each in roi if each not in tree)
+        tree = tree.looked(cell, roi)
     return tree
 
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from missions.flight.setting import Setting
-from missions.flight.team.scope import Scope
 from missions.geo.trajectory import Trajectory
 from missions.mapping.belief import Belief
 from missions.mapping.tree import Tree
@@ -245,8 +244,8 @@ class State:
 
     belief: Belief
     vehicles: Mapping[int, VehicleState]
-    team: Scope
-    """Which of the vehicles are commanded."""
+    our_numbers: tuple[int, ...]
+    """The vehicles that are commanded, in order."""
     t_s: float = 0.0
     tree: Tree | None = None
     exhausted: bool = False
@@ -299,7 +298,8 @@ class State:
             for number in range(1, len(mission.vehicles) + 1)
         }
         none_seen = Belief(mission.votes.frames, mission.votes.positive)
-        return cls(none_seen, vehicles, setting.team, overview=none_seen)
+        ours = tuple(filter(setting.team.controls, vehicles))
+        return cls(none_seen, vehicles, ours, overview=none_seen)
 
     def with_vehicle(self, vehicle: VehicleState) -> State:
         """This state with one vehicle changed."""
@@ -315,18 +315,9 @@ class State:
         return self.with_vehicle(replace(vehicle, order=order))
 
     @property
-    def our_numbers(self) -> tuple[int, ...]:
-        """The numbers of the vehicles that are told what to do, in order."""
-        return self.team.controlled(self.vehicles)
-
-    @property
     def ours(self) -> tuple[VehicleState, ...]:
-        """These vehicles, in the order of their numbers."""
+        """The vehicles that are commanded, in the order of their numbers."""
         return tuple(self.vehicles[number] for number in self.our_numbers)
-
-    def is_ours(self, number: int) -> bool:
-        """Whether we tell a vehicle what to do."""
-        return self.team.controls(number)
 
     @property
     def over(self) -> bool:

@@ -37,7 +37,7 @@ def step(setting: Setting, state: State, event: Event) -> tuple[State, Orders]:
         for number, vehicle in after.vehicles.items()
         if vehicle.order is not None
         and vehicle.order is not state.vehicles[number].order
-        and after.is_ours(number)
+        and number in after.our_numbers
     )
     return after, orders
 

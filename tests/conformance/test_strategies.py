@@ -9,7 +9,6 @@ from missions.events import from_json, to_json
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.flight.step import step
-from missions.flight.strategy.interface import strategy_of
 from missions.mission.checks import FLOWN, parse_mission
 from missions.units import Cell
 from tests.fake_fleet import Fleet
@@ -47,7 +46,7 @@ def test_lanes_lie_in_the_fence_and_leave_no_cell_of_the_box_out(strategy, vehic
     # a lane is cut half a cell before the rim of the box, whose cells its pictures show
     reach_m = ((setting.lane_rows - 1) / 2 + 1.0) * setting.grid.cell_m
     strips = [LineString(lane).buffer(reach_m) for lane in setting.lanes]
-    flown_to = strategy_of(setting).open_cells(setting, State.initial(setting))
+    flown_to = setting.strategy.open_cells(setting, State.initial(setting))
     for cell in setting.box_cells:
         place = Point(setting.where(cell, 0.0))
         assert cell in flown_to or any(strip.covers(place) for strip in strips), cell
@@ -74,7 +73,7 @@ def test_a_flight_maps_the_region_ends_at_home_and_may_be_flown_again(strategy, 
     state = flight.state
     assert state.completed
     assert state.belief.roi >= ROI
-    assert not strategy_of(setting).open_cells(setting, state)
+    assert not setting.strategy.open_cells(setting, state)
     # once it has ended no vehicle is ordered anything
     last = next(event for event in reversed(flight.events) if event.kind == "tracked")
     assert step(setting, state, last)[1] == ()

@@ -253,7 +253,7 @@ class Airspace:
                 return airs
             # it cannot make way: a vehicle that is near it must be free to leave
             return [air for air in airs if not self._meet(here, air)]
-        if not self.state.is_ours(other.vehicle):
+        if other.vehicle not in self.state.our_numbers:
             return ()  # each keeps to air that no other may enter (`missions.geo.columns`)
         airs = [self._needed(other, other.order)]
         if other.idle and self._leads_out(asking, order, airs[0]):
@@ -303,7 +303,9 @@ class Airspace:
         ):
             # blown away, or interrupted: that air is another, or was its own too briefly
             asks = None
-        others = (v for v in self.state.vehicles.values() if not self.state.is_ours(v.vehicle))
+        others = (
+            v for v in self.state.vehicles.values() if v.vehicle not in self.state.our_numbers
+        )
         waited_s = 0.0 if asks is None else t_s - asks.asked_s
         if waited_s > ASK_S or any(v.phase in _CANNOT_PROMISE for v in others):
             return vehicle, False

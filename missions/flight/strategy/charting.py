@@ -14,8 +14,6 @@ from shapely.geometry import LineString
 from missions.flight.setting import Setting
 from missions.flight.state import State, VehicleState
 from missions.flight.strategy.flyers import LONGEST_S, gate_of, kinematics, over_pad
-from missions.flight.strategy.interface import strategy_of
-from missions.flight.strategy.two_heights import heights_of
 from missions.planning.search.strip import Strip
 from missions.planning.sweep.chart import Chart, Flags, Known
 from missions.units import Cell
@@ -52,7 +50,7 @@ def chart_of(
     if root is not None:
         return Known(chart, chart.index(root))
     wanted = np.zeros(chart.columns * chart.rows, np.uint8)
-    wanted[chart.indices(list(strategy_of(setting).asked_for(setting, state)))] = 1
+    wanted[chart.indices(list(setting.strategy.asked_for(setting, state)))] = 1
     lanes = {lane for vehicle in state.vehicles.values() for lane in vehicle.lanes}
     time_s = setting.lane_time_s(state.t_s)
     for lane in sorted(lanes):
@@ -122,7 +120,7 @@ def _fence(
         return
     seen = np.zeros_like(allowed)
     for vehicle in team.values():
-        flown = kinematics(setting, heights_of(setting).as_mapping(setting, vehicle))
+        flown = kinematics(setting, setting.heights.as_mapping(setting, vehicle))
         reach_e = math.floor(flown.half_east_m / cell_m)
         reach_n = math.floor(flown.half_north_m / cell_m)
         seen |= _dilated(np.asarray(allowed), reach_e, reach_n)

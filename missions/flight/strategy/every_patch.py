@@ -8,7 +8,7 @@ frame so far took for no region is done with: it is no part of a patch unless on
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from typing import Final
 
@@ -18,8 +18,7 @@ from missions.flight.strategy.interface import Area, Lanes, OpenWork, Work
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep import Paths
 from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest, last_waiting
-from missions.flight.strategy.two_heights import heights_of, is_over_pad, over_own_pad
-from missions.flight.team.interface import team_of
+from missions.flight.strategy.two_heights import is_over_pad, over_own_pad
 from missions.flight.team.work_shares import held_until_s
 from missions.mission.views import rows_across
 from missions.planning.search.lanes import Lane, along_east, longest_m, share_by_time
@@ -136,31 +135,27 @@ class EveryPatch(Covering):
         before it is known from below that a patch reaches it.
         """
         shown, belief = state.shown, state.belief
-        tallies = belief.open_tallies.as_dict()
+        tallies, verdicts = belief.open_tallies.as_dict(), belief.verdicts
         unseen = [cell for cell in setting.box_cells if cell not in tallies and cell not in shown]
         asked = {cell for cell, (positive, _) in tallies.items() if positive}
-        for cell in state.overview.roi:
-            if belief.verdict(cell) is not False:
-                asked.update(near for near in cell.neighbours() if near in tallies)
-        return unseen + belief.undecided(asked)
+        region = state.overview.roi.as_dict()
+        around = beside(cell for cell in region if verdicts.get(cell) is not False)
+        return unseen + belief.undecided(asked | (around & tallies.keys()))
 
     def open_cells(self, setting: Setting, state: State) -> frozenset[Cell]:
         """Those, and the cells beside a patch."""
         belief = state.belief
-        found = set(self.asked_for(setting, state))
-        region = (cell for cell in belief.open_tallies if belief.provisional(cell))
-        found.update(near for cell in region for near in cell.neighbours())
-        return frozenset(belief.undecided(found))
+        around = beside(cell for cell in belief.open_tallies if belief.provisional(cell))
+        return frozenset(belief.undecided(around.union(self.asked_for(setting, state))))
 
     def beside_lanes(
         self, setting: Setting, state: State, vehicle: VehicleState
     ) -> GridPoint | None:
         """Where lanes are flown from on high, others may map what they have found."""
-        if not heights_of(setting).maps_meanwhile(state, vehicle):
+        if not setting.heights.maps_meanwhile(state, vehicle):
             return None
         belief = state.belief
-        beside = {near for cell in belief.roi for near in cell.neighbours()}
-        return nearest(setting, state, vehicle, belief.undecided(beside))
+        return nearest(setting, state, vehicle, belief.undecided(beside(belief.roi)))
 
     def replan_s(self, setting: Setting) -> float:
         """Two frames: more than that is flown before it is known what they show."""
@@ -168,11 +163,11 @@ class EveryPatch(Covering):
 
     def share_work(self, setting: Setting, state: State, work: OpenWork) -> Work:
         """As the team shares its work."""
-        return team_of(setting).share_work(setting, state, work)
+        return setting.team.share_work(setting, state, work)
 
     def gathers(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
         """As the team does."""
-        return team_of(setting).gathers(setting, state, vehicle)
+        return setting.team.gathers(setting, state, vehicle)
 
     def held_until_s(
         self, setting: Setting, state: State, vehicle: VehicleState, t_s: float
@@ -190,6 +185,12 @@ class EveryPatch(Covering):
         if waits and not is_over_pad(vehicle):
             return over_own_pad(setting, state, vehicle)
         return state.holding(vehicle)
+
+
+def beside(cells: Iterable[Cell]) -> set[Cell]:
+    """Return the neighbours of some cells."""
+    steps = Cell(0, 0).neighbours()
+    return {Cell(e + east, n + north) for e, n in cells for east, north in steps}
 
 
 def nearest(

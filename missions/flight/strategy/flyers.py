@@ -10,7 +10,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import VehicleState
 from missions.geo.columns import gate_past_columns
 from missions.geo.trajectory import Trajectory
-from missions.mission.views import DRAG_1_S, G_M_S2, path_speed_m_s, seen_whole_m, wind_toward
+from missions.mission.views import DRAG_1_S, G_M_S2, wind_toward
 from missions.units import GridPoint
 
 if TYPE_CHECKING:
@@ -128,11 +128,11 @@ def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
 
     mission, grid = setting.mission, setting.grid
     height_m = vehicle.cruise_height_m
-    half_east_m, half_north_m = seen_whole_m(mission, height_m, east_ahead=setting.east_ahead)
+    half_east_m, half_north_m = setting.seen_whole_m(height_m)
     fixed = mission.camera.mounting == "fixed"
     wind_east, wind_north = wind_toward(mission, grid)
     return Kinematics(
-        speed_m_s=path_speed_m_s(mission, height_m, vehicle.wind_m_s),
+        speed_m_s=setting.path_speed_m_s(height_m, vehicle.wind_m_s),
         accel_m_s2=setting.energy.accel_m_s2,
         frame_s=mission.camera.interval_s,
         half_east_m=max(half_east_m, 0.1),

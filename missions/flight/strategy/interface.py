@@ -1,6 +1,6 @@
 """What a strategy is: how vehicles find a region and map it.
 
-`missions.flight.dispatch` and the modules below it ask `strategy_of(setting)` wherever strategies
+`missions.flight.dispatch` and the modules below it ask `setting.strategy` wherever strategies
 differ; nowhere else is that decided by a name or a flag. A strategy keeps nothing between two
 calls: what it has to remember is `State.memory`. So a resume repeats what was flown.
 
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missions.events import FrameSeen
-from missions.flight.setting import Kind, Setting, Shares
+from missions.flight.setting import Setting, Shares
 from missions.flight.state import Phase, State, VehicleState
 from missions.geo.fence import Fence
 from missions.geo.grid import Grid
@@ -28,7 +28,7 @@ from missions.mapping.belief import Verdicts
 from missions.mapping.tree import Tree
 from missions.mission.schema import Mission
 from missions.planning.search.lanes import Lane, lanes, share_out
-from missions.planning.search.search_order import soonest
+from missions.planning.search.search_order import Pace, soonest
 from missions.planning.stepwise import Explorer
 from missions.planning.sweep.strategies import About
 from missions.units import Cell, GridPoint
@@ -103,15 +103,21 @@ class Work(NamedTuple):
     """The cells that other members of a fleet are to see, closed in the chart; None: none are."""
 
 
-class Strategy(Kind, ABC):
+class Strategy(ABC):
     """How vehicles find a region and map it."""
 
     about: About | Explorer
     """Its name, and what users read about it."""
+    stops: bool
+    """Whether vehicles stop over cells to look."""
     patches: bool = False
+    """Whether every patch of the region that begins in the box is looked for."""
     whole_box: bool = False
+    """Whether every cell of the box is decided, whatever is seen."""
     flies_all_lanes: bool = False
+    """Whether all lanes are flown, whatever is seen on the way."""
     lanes_drift: bool = False
+    """Whether lanes drift with the cells; else they lie still over ground."""
 
     def in_force(self, state: State) -> Strategy:
         """The strategy that is followed now: this one, or what it falls back on."""
@@ -141,6 +147,18 @@ class Strategy(Kind, ABC):
         if lanes_m:  # what lanes leave undecided is flown to in the end
             return lanes_m / setting.energy.speed_m_s / team
         return cells * self.cell_s(setting) / team
+
+    @abstractmethod
+    def pace(self, setting: Setting) -> Pace:
+        """Return how fast lanes are flown, from the lowest layer."""
+
+    @abstractmethod
+    def search_s(self, setting: Setting) -> float:
+        """Return about how long the longest share of the lanes takes in the air, seconds."""
+
+    @abstractmethod
+    def cell_s(self, setting: Setting) -> float:
+        """Return about how long a cell of the region takes one vehicle, seconds."""
 
     def bound_s(self, setting: Setting, tree: Tree) -> float | None:
         """The longest that an exploration of this tree may take, seconds; None without a bound."""
@@ -256,10 +274,3 @@ class Strategy(Kind, ABC):
     ) -> float:
         """Until when a member that is out of contact since `t_s` is left what it was to do."""
         return t_s
-
-
-def strategy_of(setting: Setting) -> Strategy:
-    """Return the strategy of a mission."""
-    strategy = setting.strategy
-    assert isinstance(strategy, Strategy)
-    return strategy

@@ -15,11 +15,9 @@ from missions.flight.path_orders import NOTICE_S, brake, give_path, through
 from missions.flight.return_home import REACTION_S, go_home, has_energy_for
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
-from missions.flight.strategy.interface import strategy_of
-from missions.flight.strategy.two_heights import heights_of
 from missions.geo.path_in_fence import allowed
 from missions.geo.trajectory import Trajectory
-from missions.mission.views import beside_rows_m, path_speed_m_s
+from missions.mission.views import beside_rows_m
 from missions.orders import FlyPath
 from missions.planning.search.lanes import Lane, unseen
 from missions.planning.search.strip import Strip
@@ -70,7 +68,7 @@ def _lane_path(
 ) -> Trajectory:
     return through(
         setting, vehicle, points, corners, state.t_s + NOTICE_S,
-        drifts=setting.strategy.lanes_drift, cuts_m=heights_of(setting).cuts_m(setting),
+        drifts=setting.strategy.lanes_drift, cuts_m=setting.heights.cuts_m(setting),
     )  # fmt: skip
 
 
@@ -96,7 +94,7 @@ def _way_along(
     """
     points: list[GridPoint] = []
     corners: list[bool] = []
-    speed_m_s = path_speed_m_s(setting.mission, vehicle.cruise_height_m, vehicle.wind_m_s)
+    speed_m_s = setting.path_speed_m_s(vehicle.cruise_height_m, vehicle.wind_m_s)
     pause_s = speed_m_s / setting.energy.accel_m_s2  # at a corner it nearly stops
     t_s = state.t_s + NOTICE_S
     at = setting.to_lanes(vehicle.position, t_s)
@@ -130,7 +128,7 @@ def still_open(setting: Setting, state: State, lanes: tuple[Lane, ...]) -> tuple
     Where the whole box is seen, what is left of lanes and short is flown to once they are, in the
     best order that is found.
     """
-    grid, judged = setting.grid, heights_of(setting).searched(state)
+    grid, judged = setting.grid, setting.heights.searched(state)
     if cells_drift_out(setting):
         return lanes
     least_m = setting.strategy.least_lane_m(setting)
@@ -201,7 +199,7 @@ def drop_seen(setting: Setting, state: State) -> State:
     """
     for number, vehicle in state.vehicles.items():
         gone = vehicle.phase not in (Phase.AIRBORNE, Phase.GROUNDED)
-        if not state.is_ours(number) and gone and vehicle.lanes:
+        if number not in state.our_numbers and gone and vehicle.lanes:
             left = still_open(setting, state, vehicle.lanes)
             if left != vehicle.lanes:
                 state = state.with_vehicle(replace(vehicle, lanes=left))
@@ -211,7 +209,7 @@ def drop_seen(setting: Setting, state: State) -> State:
 def _is_open(setting: Setting, state: State, lane: Lane) -> bool:
     """Whether a lane has a cell at which its work is not done."""
     strip = Strip.of(setting.grid, lane, setting.lane_rows, setting.lane_time_s(state.t_s))
-    return not strip.is_known(strategy_of(setting).lane_done(setting, state))
+    return not strip.is_known(setting.strategy.lane_done(setting, state))
 
 
 def flown_along(setting: Setting, state: State, vehicle: VehicleState, lane: Lane) -> Lane:
@@ -221,10 +219,10 @@ def flown_along(setting: Setting, state: State, vehicle: VehicleState, lane: Lan
     beside_m = beside_rows_m(
         setting.mission, grid, vehicle.cruise_height_m, east_ahead=setting.east_ahead
     )
-    missing = strip.missing_rows(heights_of(setting).searched(state))
+    missing = strip.missing_rows(setting.heights.searched(state))
     if missing and not cells_drift_out(setting):
         beside_m += (missing[0] + missing[-1]) / 2 * grid.cell_m - strip.line_m
-    lane = heights_of(setting).shortened(setting, vehicle, lane)
+    lane = setting.heights.shortened(setting, vehicle, lane)
     for share in (1.0, 0.5):
         away_m = share * beside_m
         east_m, north_m = (0.0, away_m) if strip.eastward else (away_m, 0.0)

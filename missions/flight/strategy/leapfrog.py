@@ -23,14 +23,12 @@ from missions.flight.path_orders import NOTICE_S, give_path, through
 from missions.flight.return_home import send_home
 from missions.flight.setting import Setting, Shares
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
-from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.lane_passes import flown_along, turned
 from missions.flight.strategy.survey import Survey
 from missions.flight.strategy.sweep_passes import give_up_rest
 from missions.geo.path_in_fence import is_outside
 from missions.geo.trajectory import ACCELERATION_M_S2
 from missions.mission.fleet_checks import tracker_view
-from missions.mission.views import path_speed_m_s
 from missions.planning.leapfrog_geometry import LEAST_M, Role, Step, steps_along
 from missions.planning.search.lanes import Lane, unseen
 from missions.planning.search.strip import Strip
@@ -140,7 +138,7 @@ def _passed(memory: LeapfrogMemory, state: State) -> LeapfrogMemory:
 def _next_round(setting: Setting, state: State, memory: LeapfrogMemory) -> LeapfrogMemory:
     """What is left of the lanes; the way home when that is nothing, or cannot be decided."""
     mapper = state.vehicles[MAPPER]
-    left = len(strategy_of(setting).open_cells(setting, state))
+    left = len(setting.strategy.open_cells(setting, state))
     lanes = () if memory.open == left else lanes_left(setting, state)
     view = tracker_view(setting.mission)
     steps = steps_along(setting.fence, view, _way(setting, state, mapper, lanes)) if lanes else ()
@@ -210,7 +208,7 @@ def steps_left_s(setting: Setting, state: State) -> float:
         way = _way(setting, state, mapper, lanes_left(setting, state))
         way.extend(setting.fence.route(way[-1], mapper.pad) or ())
         steps = steps_along(setting.fence, tracker_view(setting.mission), way)
-    speed_m_s = path_speed_m_s(setting.mission, setting.mission.altitude_m(0))
+    speed_m_s = setting.path_speed_m_s(setting.mission.altitude_m(0), 0.0)
     ramp_m = speed_m_s**2 / ACCELERATION_M_S2
 
     def flight_s(length_m: float) -> float:

@@ -9,10 +9,8 @@ from missions.flight.lane_progress import lane_left
 from missions.flight.return_home import OVER_HOME_M, REACTION_S, go_home, has_energy_for, home_order
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
-from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.lane_passes import give_up_lane
 from missions.flight.strategy.visiting import visit
-from missions.flight.team.interface import team_of
 from missions.orders import FlyTo, Order, Sweep
 
 
@@ -62,12 +60,12 @@ def find_work(setting: Setting, state: State, vehicle: VehicleState) -> State:
             heir = replace(vehicle, candidate=other.candidate, at_target=False)
             return state.with_vehicle(heir)
 
-    orphan = team_of(setting).free_lane(setting, state)
+    orphan = setting.team.free_lane(setting, state)
     if orphan is not None:
         return state.with_vehicle(replace(vehicle, lanes=(orphan,), on_lane=False))
 
     def spare(other: VehicleState) -> int:
-        if strategy_of(setting).keeps_lanes(other):
+        if setting.strategy.keeps_lanes(other):
             return 0
         if other.phase is Phase.APART and state.t_s < other.held_until_s:
             return 0  # out of contact: it should still be at it

@@ -24,14 +24,13 @@ from missions.flight.strategy.stepwise import RDFS
 from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest
 from missions.flight.strategy.two_heights import (
     change_layer,
-    heights_of,
     is_over_pad,
     over_own_pad,
 )
 from missions.geo.trajectory import LANE_CUTS_M, corner_pause_s, rounded_path
 from missions.mapping.belief import Verdicts
 from missions.mapping.tree import Tree
-from missions.mission.views import path_speed_m_s, rows_across
+from missions.mission.views import rows_across
 from missions.planning.search.lanes import along_east
 from missions.planning.search.search_order import Pace
 from missions.planning.sweep.strategies import SWATH
@@ -54,7 +53,7 @@ class Paths(Strategy):
 
     def pace(self, setting: Setting) -> Pace:
         """Return the speed of paths, and what a corner takes."""
-        speed_m_s = path_speed_m_s(setting.mission, setting.mission.top_altitude_m(0))
+        speed_m_s = setting.path_speed_m_s(setting.mission.top_altitude_m(0), 0.0)
         return Pace(speed_m_s, corner_pause_s(speed_m_s, LANE_CUTS_M[0]))
 
     def search_s(self, setting: Setting) -> float:
@@ -62,7 +61,7 @@ class Paths(Strategy):
         mission, home = setting.mission, GridPoint(0.0, 0.0)
         ends_s = []
         for index, block in enumerate(setting.shares):
-            speed_m_s = path_speed_m_s(mission, mission.top_altitude_m(index))
+            speed_m_s = setting.path_speed_m_s(mission.top_altitude_m(index), 0.0)
             points = [home, *(end for lane in block for end in lane), home]
             path = rounded_path(points, 0.0, speed_m_s=speed_m_s, cut_m=LANE_CUTS_M[0])
             ends_s.append(path.end_s)
@@ -75,7 +74,7 @@ class Paths(Strategy):
 
     def lane_done(self, setting: Setting, state: State) -> Callable[[Cell], bool]:
         """Whether any frame has judged a cell."""
-        return heights_of(setting).searched(state)
+        return setting.heights.searched(state)
 
     def seen_in_passing(
         self,

@@ -25,9 +25,7 @@ from missions.flight.strategy.charting import chart_of
 from missions.flight.strategy.direct_flight import fetch, value_of
 from missions.flight.strategy.fallback import fall_back, patience_s
 from missions.flight.strategy.flyers import flyer_of, over_home_s, over_pad
-from missions.flight.strategy.interface import OpenWork, Strategy, TourMemory, strategy_of
-from missions.flight.strategy.two_heights import heights_of
-from missions.flight.team.interface import team_of
+from missions.flight.strategy.interface import OpenWork, Strategy, TourMemory
 from missions.geo.path_in_fence import allowed, is_outside
 from missions.geo.trajectory import Trajectory
 from missions.orders import FlyPath
@@ -103,7 +101,7 @@ def explore_passes(strategy: Strategy, setting: Setting, state: State) -> State:
         for n, v in sorted(state.vehicles.items())
         if _takes_part(strategy, setting, state, v, memory)
     }
-    ours = frozenset(n for n in team if state.is_ours(n))
+    ours = frozenset(n for n in team if n in state.our_numbers)
     waiting = frozenset(n for n in ours if team[n].idle)
     frames = state.belief.frames_taken(None)
     fresh = frames != memory.frames
@@ -140,7 +138,7 @@ def explore_passes(strategy: Strategy, setting: Setting, state: State) -> State:
     times = 1.0 if others_part is None else ALONE_TIMES
     plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     left_out = plan.work == 0 and others_part is not None
-    if left_out and team_of(setting).mark_unreported(setting, state, known):
+    if left_out and setting.team.mark_unreported(setting, state, known):
         plan = _plan(setting, known, flyers, memory, begin_s, tours, times)
     if plan.work == 0 and others_part is not None:
         known.chart.closed[others_part] = 0
@@ -229,17 +227,17 @@ def _takes_part(
         apart = memory.fetching.get(vehicle.vehicle) is vehicle.path
     else:
         # ours comes inside first; over the pad of another only that one may be
-        whole = setting.whole_fence if not state.is_ours(vehicle.vehicle) else None
+        whole = setting.whole_fence if vehicle.vehicle not in state.our_numbers else None
         apart = is_outside(whole or setting.fence, vehicle.position)
     if (
-        state.is_ours(vehicle.vehicle)
+        vehicle.vehicle in state.our_numbers
         and vehicle.idle
         and strategy.gathers(setting, state, vehicle)
     ):
         return False
     return not (apart or strategy.still_searches(vehicle)) and (
         vehicle.works
-        and heights_of(setting).in_layer(setting, state, vehicle)
+        and setting.heights.in_layer(setting, state, vehicle)
         and vehicle.braking_until_s is None
         and (vehicle.idle or vehicle.path is not None)
     )
@@ -279,7 +277,7 @@ def _fly(
     longest_s, blocked = memory.longest_s, False
     for number, path, route in zip(team, plan.paths, plan.routes, strict=True):
         vehicle = state.vehicles[number]
-        if path is None or (vehicle.idle and _nowhere(path)) or not state.is_ours(number):
+        if path is None or (vehicle.idle and _nowhere(path)) or number not in state.our_numbers:
             continue  # what others of a fleet fly they have told; theirs is planned for ours' sake
         flown = replace(path, drift_m_s=drift)
         before = vehicle.order
@@ -291,7 +289,7 @@ def _fly(
         elif vehicle.idle and allowed(setting.fence, flown):
             blocked = True  # its air is reserved, which passes: nothing is in vain yet
         elif vehicle.idle:
-            state = team_of(setting).way_out(setting, state, vehicle)
+            state = setting.team.way_out(setting, state, vehicle)
     vain_s = 0.0 if blocked else memory.vain_s
     memory = replace(memory, routes=routes, paths=paths, longest_s=longest_s, vain_s=vain_s)
     return state, memory, blocked
@@ -307,7 +305,7 @@ def give_up_rest(setting: Setting, state: State) -> State:
     """Nobody can decide what is left: what is known of it counts, and it is told."""
     tree = state.tree
     if tree is None:
-        open_ = strategy_of(setting).open_cells(setting, state)
+        open_ = setting.strategy.open_cells(setting, state)
         return replace(state, exhausted=True, surveyed=True, undecided=open_)
     given_up: set[Cell] = set()
     left = [cell for cell, vertex in tree.vertices.items() if not vertex.looked]

@@ -15,7 +15,6 @@ from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.strategy.flyers import flyer_of
 from missions.flight.strategy.interface import OpenWork, TourMemory
-from missions.flight.strategy.two_heights import heights_of
 from missions.planning.sweep.chart import Known
 from missions.units import Cell
 
@@ -91,6 +90,6 @@ def _later(
         if number in team or not vehicle.lanes or returns or vehicle.path is None:
             continue
         delay_s = max(vehicle.path.end_s - begin_s, 0.0)
-        low = heights_of(setting).as_mapping(setting, vehicle)
+        low = setting.heights.as_mapping(setting, vehicle)
         found[number] = flyer_of(setting, low, None, None, begin_s), delay_s
     return found

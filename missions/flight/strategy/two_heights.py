@@ -20,9 +20,8 @@ from missions.flight.airspace.airspace import OVER_PAD_M, Airspace
 from missions.flight.airspace.needs import OFF_LAYER_M
 from missions.flight.setting import Setting
 from missions.flight.state import State, VehicleState
-from missions.flight.team.interface import team_of
 from missions.geo.trajectory import LANE_CUTS_M
-from missions.mission.views import path_speed_m_s, seen_whole_m
+from missions.mission.schema import Mission
 from missions.planning.search.lanes import Lane, point_on
 from missions.units import Cell
 
@@ -125,22 +124,18 @@ class TwoHeights(OneHeight):
         """The last column is in the picture for a verdict at full speed, and one frame more; the
         turn that follows adds the others."""
         mission, height_m = setting.mission, vehicle.cruise_height_m
-        halves_m = seen_whole_m(mission, height_m, east_ahead=setting.east_ahead)
+        halves_m = setting.seen_whole_m(height_m)
         ahead_m = halves_m[0] if setting.east_ahead else halves_m[1]
         seen_s = (mission.votes.positive + 1) * mission.camera.interval_s
-        short_m = ahead_m - seen_s * path_speed_m_s(mission, height_m)
+        short_m = ahead_m - seen_s * setting.path_speed_m_s(height_m, 0.0)
         length_m = lane[0].distance_to(lane[1])
         short_m = min(max(short_m, 0.0), MOST_OFF * length_m)
         return point_on(lane, short_m), point_on(lane, length_m - short_m)
 
 
-_ONE: Final = OneHeight()
-_TWO: Final = TwoHeights()
-
-
-def heights_of(setting: Setting) -> OneHeight:
+def heights_for(mission: Mission) -> OneHeight:
     """Return how high the vehicles of a mission search and map."""
-    return _ONE if setting.mission.search.altitude_m is None else _TWO
+    return OneHeight() if mission.search.altitude_m is None else TwoHeights()
 
 
 def climbed_on_the_way_m(setting: Setting, state: State, vehicle: VehicleState) -> float:
@@ -161,10 +156,10 @@ def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State
 
     While the air is not free it stays where it is, and tries again.
     """
-    heights = heights_of(setting)
+    heights = setting.heights
     if heights.in_layer(setting, state, vehicle):
         return None
-    changed = team_of(setting).change_layer(setting, state, vehicle)
+    changed = setting.team.change_layer(setting, state, vehicle)
     if changed is not None:
         return changed
     moved = replace(vehicle, cruise_altitude_m=heights.layer_m(setting, vehicle))

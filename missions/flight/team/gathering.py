@@ -17,7 +17,7 @@ from typing import Final
 
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State, VehicleState
-from missions.flight.strategy.two_heights import heights_of, is_over_pad
+from missions.flight.strategy.two_heights import is_over_pad
 
 LATE_S: Final = 45.0
 """So long after it is due somebody is waited for: turns and wind are in no estimate."""
@@ -33,7 +33,7 @@ def gathers(setting: Setting, state: State, vehicle: VehicleState) -> bool:
     """Whether a vehicle of a fleet without lanes has to hear of others before it does anything."""
     if vehicle.lanes:
         return False
-    if heights_of(setting).in_layer(setting, state, vehicle) and not is_over_pad(vehicle):
+    if setting.heights.in_layer(setting, state, vehicle) and not is_over_pad(vehicle):
         return False  # it maps
     others = [other for number, other in state.vehicles.items() if number != vehicle.vehicle]
     if any(_is_due(state, other) or _tells(state, other) for other in others):

@@ -1,31 +1,60 @@
 """What a team is: the vehicles that a service commands, and what it agrees with other services.
 
-`team_of(setting)` is one of `Alone`, `Member` and `Listener` (`missions.flight.team.teams`). It is
-asked wherever a member of a fleet does something else than a service that commands all vehicles.
-What is not overridden is what the latter does.
+`setting.team` is one of `Alone`, `Member` and `Listener` (`missions.flight.team.teams`). What is
+not overridden is what a service that commands all vehicles does.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
-from missions.flight.setting import Setting
-from missions.flight.state import State, VehicleState
-from missions.flight.strategy.interface import OpenWork, Work
-from missions.flight.team.scope import Scope
+from missions.geo.fence import Fence
+from missions.mission.schema import Mission
 from missions.planning.search.lanes import Lane
-from missions.planning.sweep.chart import Known
+from missions.units import GridPoint
+
+if TYPE_CHECKING:
+    from missions.flight.setting import Setting
+    from missions.flight.state import State, VehicleState
+    from missions.flight.strategy.interface import OpenWork, Work
+    from missions.planning.sweep.chart import Known
 
 
-class Team(Scope, ABC):
+class Fences(NamedTuple):
+    """Where vehicles may fly."""
+
+    ours: Fence
+    """Fence of the vehicles that are commanded."""
+    everyones: Fence
+    """Fence of each vehicle of a fleet."""
+    whole: Fence | None
+    """Of a member: the fence without the columns over others' pads, which are holes of `ours`."""
+
+
+class Team(ABC):
     """The vehicles that a service commands, and what it agrees with other services."""
 
-    # --- on the ground --------------------------------------------------------------------------
+    number: int | None = None
+    """The one vehicle that is commanded, 0 for none of a fleet; None: all are."""
+    knows_orders: bool = True
+    """Whether it knows what vehicles are ordered."""
+    climbs_on_path: bool = True
+    """Whether a vehicle may change its layer while it flies to somewhere else."""
+
+    def controls(self, number: int) -> bool:
+        """Return whether a vehicle is commanded."""
+        return True
+
+    def fences(self, mission: Mission, whole: Fence, pads: Sequence[GridPoint]) -> Fences:
+        """Return where vehicles may fly that start from their pads."""
+        return Fences(whole, whole, None)
+
     def refusal(self, setting: Setting, vehicle: VehicleState) -> str:
         """Return why a vehicle may not take off from where it stands; empty if it may."""
         return ""
 
-    # --- in the air -----------------------------------------------------------------------------
     def urgent_order(self, setting: Setting, state: State, vehicle: VehicleState) -> State | None:
         """Return the state in which a vehicle does what comes before all else; None: nothing."""
         return None
@@ -39,7 +68,6 @@ class Team(Scope, ABC):
         """Return the state in which a waiting vehicle leaves its pad past those of others."""
         return state
 
-    # --- work -----------------------------------------------------------------------------------
     def free_lane(self, setting: Setting, state: State) -> Lane | None:
         """Return the first lane with something left to judge that no vehicle holds."""
         return None
@@ -55,10 +83,3 @@ class Team(Scope, ABC):
     def mark_unreported(self, setting: Setting, state: State, known: Known) -> bool:
         """Mark undecided cells that others may take for observed; return whether there are any."""
         return False
-
-
-def team_of(setting: Setting) -> Team:
-    """Return the team of a mission."""
-    team = setting.team
-    assert isinstance(team, Team)
-    return team

@@ -21,7 +21,6 @@ from missions.flight.lane_progress import lane_number
 from missions.flight.setting import Setting
 from missions.flight.sightings import frame_seen
 from missions.flight.state import Allotment, Column, Phase, ReturnReason, State
-from missions.flight.strategy.interface import strategy_of
 from missions.flight.strategy.lane_passes import still_open
 from missions.flight.team.work_shares import back_from_lanes_s
 from missions.geo.trajectory import rounded_path
@@ -78,7 +77,7 @@ def apart(setting: Setting, state: State, event: Apart) -> State:
     vehicle = state.vehicles[event.vehicle]
     if vehicle.phase in (Phase.FINISHED, Phase.DOWN) and vehicle.landed:
         return state
-    until_s = round(strategy_of(setting).held_until_s(setting, state, vehicle, event.t_s), 1)
+    until_s = round(setting.strategy.held_until_s(setting, state, vehicle, event.t_s), 1)
     due_s = float("-inf")
     if vehicle.lanes:
         due_s = round(back_from_lanes_s(setting, vehicle, event.t_s), 1)
@@ -195,7 +194,7 @@ def concluded(setting: Setting, state: State) -> State:
     It differs for a service that flies nothing, and for a member whose vehicle came home before all
     was done: others may have done the rest. Lanes are what is left of them, whoever held them.
     """
-    strategy = strategy_of(setting)
+    strategy = setting.strategy
     early = state.over and strategy.flies_all_lanes and not state.exploration_finished
     if state.our_numbers and not early:
         return state

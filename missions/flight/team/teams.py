@@ -22,10 +22,9 @@ from missions.flight.strategy.flyers import gate_of
 from missions.flight.strategy.interface import OpenWork, Work
 from missions.flight.strategy.lane_passes import cells_drift_out, still_open
 from missions.flight.strategy.touring import shared_out
-from missions.flight.strategy.two_heights import heights_of, is_over_pad, over_own_pad
+from missions.flight.strategy.two_heights import is_over_pad, over_own_pad
 from missions.flight.team.gathering import gathers
-from missions.flight.team.interface import Team
-from missions.flight.team.scope import Fences
+from missions.flight.team.interface import Fences, Team
 from missions.flight.team.work_shares import mark_unreported, own_part, share_parts
 from missions.geo.columns import PAD_M, columns_over, fence_without
 from missions.geo.fence import Fence
@@ -106,7 +105,7 @@ class Member(Team):
         """
         if is_over_pad(vehicle):
             return None
-        air, layer_m = Airspace(setting, state), heights_of(setting).layer_m(setting, vehicle)
+        air, layer_m = Airspace(setting, state), setting.heights.layer_m(setting, vehicle)
         vehicle, granted = air.ask_for_column(vehicle, layer_m)
         if granted is None:
             return state.holding(vehicle)

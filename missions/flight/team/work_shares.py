@@ -29,9 +29,7 @@ from missions.flight.state import Allotment, Phase, State, VehicleState
 from missions.flight.strategy.flyers import flyer_of, kinematics
 from missions.flight.strategy.interface import OpenWork, TourMemory
 from missions.flight.strategy.touring import at_once, tours_of
-from missions.flight.strategy.two_heights import heights_of
 from missions.geo.trajectory import Trajectory
-from missions.mission.views import path_speed_m_s, seen_whole_m
 from missions.planning.search.lanes import Lane
 from missions.planning.sweep.chart import Chart, Ints, Known
 from missions.units import Cell, GridPoint
@@ -127,7 +125,7 @@ def mark_unreported(mine: int, setting: Setting, state: State, known: Known) -> 
     if found is None or wanted is None:
         return False
     chart, any_ = known.chart, False
-    low = heights_of(setting).as_mapping(setting, state.vehicles[mine])
+    low = setting.heights.as_mapping(setting, state.vehicles[mine])
     seen = kinematics(setting, low)
     reach_e, reach_n = seen.half_east_m / chart.cell_m, seen.half_north_m / chart.cell_m
     for place in found.parts.get(mine, ()):
@@ -149,15 +147,15 @@ def held_until_s(setting: Setting, state: State, vehicle: VehicleState, t_s: flo
     if not places and not vehicle.lanes:
         return t_s
     way_m = sum(a.distance_to(b) for a, b in pairwise((place, *places, vehicle.pad)))
-    low = heights_of(setting).as_mapping(setting, vehicle)
-    map_s = way_m / path_speed_m_s(setting.mission, low.cruise_height_m)
+    low = setting.heights.as_mapping(setting, vehicle)
+    map_s = way_m / setting.path_speed_m_s(low.cruise_height_m, 0.0)
     return t_s + SPARE_S + SLOW_TIMES * (left_s + map_s)
 
 
 def back_from_lanes_s(setting: Setting, vehicle: VehicleState, t_s: float) -> float:
     """When one that has just gone out of contact should be back over its pad, its lanes flown."""
     left_s, place = _lanes_left(setting, vehicle)
-    speed_m_s = path_speed_m_s(setting.mission, heights_of(setting).layer_m(setting, vehicle))
+    speed_m_s = setting.path_speed_m_s(setting.heights.layer_m(setting, vehicle), 0.0)
     return t_s + left_s + place.distance_to(vehicle.pad) / speed_m_s
 
 
@@ -178,9 +176,7 @@ def _of(
 ) -> Bits:
     """Which cells have the place of one of those given as the nearest, of all who map."""
     mapping = tuple((n, places) for n, places in sorted(parts.items()) if _maps(state, n))
-    half_east_m, half_north_m = seen_whole_m(  # the same for everybody, whatever its layer
-        setting.mission, setting.mission.altitude_m(0), east_ahead=setting.east_ahead
-    )
+    half_east_m, half_north_m = setting.seen_whole_m(setting.mission.altitude_m(0))
     high = max(half_north_m, 0.1) / max(half_east_m, 0.1)
     nearest = _nearest(mapping, chart.grid, high)
     return np.isin(nearest, sorted(whose))
@@ -218,7 +214,7 @@ def _later(
         if number in team or not vehicle.works:
             continue
         left_s, place = _lanes_left(setting, vehicle)
-        low = replace(heights_of(setting).as_mapping(setting, vehicle), order=None)
+        low = replace(setting.heights.as_mapping(setting, vehicle), order=None)
         flyer = flyer_of(setting, low, None, None, begin_s)
         found[number] = replace(flyer, place=place), left_s
     return found
@@ -226,8 +222,8 @@ def _later(
 
 def _lanes_left(setting: Setting, vehicle: VehicleState) -> tuple[float, GridPoint]:
     """How long a vehicle will still fly lanes and change its layer, and where it will be then."""
-    high = replace(vehicle, cruise_altitude_m=heights_of(setting).layer_m(setting, vehicle))
-    speed_m_s = path_speed_m_s(setting.mission, high.cruise_height_m)
+    high = replace(vehicle, cruise_altitude_m=setting.heights.layer_m(setting, vehicle))
+    speed_m_s = setting.path_speed_m_s(high.cruise_height_m, 0.0)
     now_s = vehicle.tracked_s
     at, way_m = setting.grid.to_moving(vehicle.position, now_s), 0.0
     for k, lane in enumerate(vehicle.lanes):

@@ -21,7 +21,6 @@ import shapely
 
 from missions.flight.setting import Setting
 from missions.flight.state import State
-from missions.flight.strategy.interface import strategy_of
 from missions.mapping.belief import FrameId, judging_frames
 from missions.mapping.tree import patches
 from missions.mission.views import DRAG_1_S, G_M_S2, path_speed_m_s, seen_whole_m
@@ -72,7 +71,7 @@ class Team:
             mission.camera.optics.footprint(height_m),
             tilt_m_s2 * (setting.energy.accel_m_s2 + DRAG_1_S * (speed_m_s + wind_m_s)),
             speed_m_s,
-            strategy_of(setting).in_force(state).stops,
+            setting.strategy.in_force(state).stops,
             0.0 if setting.member is None else FACT_S,
         )
 

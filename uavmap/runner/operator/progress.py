@@ -179,8 +179,7 @@ def phase(state: State) -> str:
     """What the mission as a whole is doing.
 
     >>> from missions.mapping.belief import Belief
-    >>> from missions.flight.team.teams import Alone
-    >>> phase(State(Belief(5, 3), {}, Alone(), recalled=True))
+    >>> phase(State(Belief(5, 3), {}, (), recalled=True))
     'recalled'
     """
     if state.recalled:

@@ -11,7 +11,6 @@ from typing import Final
 
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, State
-from missions.flight.strategy.interface import strategy_of
 from missions.mission.energy import LANDING_OVERHEAD_S
 
 ALMOST: Final = 0.99
@@ -124,7 +123,7 @@ def _of_the_search(setting: Setting, state: State, team: int) -> Left | None:
         return None
     left_m = _lanes_left_m(state)
     if setting.strategy.patches and not left_m:  # what the lanes have left open is flown to
-        left = len(strategy_of(setting).open_cells(setting, state))
+        left = len(setting.strategy.open_cells(setting, state))
         cells = "1 cell" if left == 1 else f"{left} cells"
         return Left(
             f"{cells} to decide", "", None, left * setting.strategy.cell_s(setting) / team or None
@@ -154,6 +153,6 @@ def _of_the_region(setting: Setting, state: State, team: int) -> Left:
 def _of_a_survey(setting: Setting, state: State, team: int) -> Left:
     cells = setting.box_cells
     left = sum(state.belief.verdict(cell) is None for cell in cells)
-    about_s = strategy_of(setting).rest_s(setting, state, _lanes_left_m(state), left, team)
+    about_s = setting.strategy.rest_s(setting, state, _lanes_left_m(state), left, team)
     what = "1 cell of the box" if left == 1 else f"{left} cells of the box"
     return Left(what, "the box", _share(len(cells) - left, left), about_s or None)

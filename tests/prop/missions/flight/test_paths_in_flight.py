@@ -19,7 +19,6 @@ from missions.flight.return_home import HEARD_S, energy_of, way_home
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase
 from missions.flight.step import fold
-from missions.flight.strategy.interface import strategy_of
 from missions.geo.braking import Course, braked
 from missions.geo.fence import route_length_m
 from missions.geo.path_in_fence import OUTSIDE_M
@@ -190,7 +189,7 @@ def test_every_path_of_a_mission_that_finds_every_patch(seed: int, high: bool) -
     assert state.tree is None
     if not state.completed:
         assert (
-            strategy_of(setting).open_cells(setting, state) or state.unsearched
+            setting.strategy.open_cells(setting, state) or state.unsearched
         )  # behind the hole, or the fence
         return
     box = set(setting.box_cells)

@@ -15,7 +15,6 @@ from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
 from missions.flight.strategy.charting import chart_of
 from missions.flight.strategy.flyers import flyer_of, gate_of
-from missions.flight.strategy.interface import strategy_of
 from missions.flight.transitions import apply
 from missions.geo.path_in_fence import allowed
 from missions.geo.trajectory import rounded_path
@@ -85,7 +84,7 @@ def test_who_stands_between_two_columns_is_planned_for() -> None:
     state = apply(setting, state, Shared(1, 99.0, 0, (told,)))
     lanes = {number: replace(v, lanes=()) for number, v in state.vehicles.items()}
     state = replace(state, vehicles=lanes, t_s=110.0)
-    order = strategy_of(setting).plan(setting, state).vehicles[3].order
+    order = setting.strategy.plan(setting, state).vehicles[3].order
     assert isinstance(order, FlyPath)
     assert allowed(setting.fence, order.trajectory)
     assert order.trajectory.length_m > 5.0

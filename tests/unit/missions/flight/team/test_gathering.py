@@ -8,7 +8,6 @@ import pytest
 
 from missions.fleet_events import Apart, Fact, Shared
 from missions.flight.state import Allotment, ReturnReason, State
-from missions.flight.strategy.interface import strategy_of
 from missions.flight.team.gathering import LATE_S, SILENT_S, TELLS_S, TOLD_S, gathers
 from missions.flight.transitions import apply
 from missions.orders import FlyPath
@@ -98,5 +97,5 @@ def test_who_waits_plans_nothing_and_sets_out_when_the_others_are_back(*, alone:
     state = replace(state, t_s=110.0)
     if alone:
         state = away(state)
-    planned = strategy_of(setting(2)).plan(setting(2), state)
+    planned = setting(2).strategy.plan(setting(2), state)
     assert isinstance(planned.vehicles[2].order, FlyPath) is not alone

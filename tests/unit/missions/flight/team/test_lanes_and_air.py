@@ -18,7 +18,6 @@ from missions.flight.strategy.lane_passes import drop_seen
 from missions.flight.strategy.two_heights import (
     change_layer,
 )
-from missions.flight.team.interface import team_of
 from missions.flight.team.members import heard
 from missions.flight.transitions import apply
 from missions.geo.trajectory import rounded_path
@@ -118,7 +117,7 @@ def stopped_between(*, leased_s: float, apart: bool = False) -> State:
 
 
 def sent_back(state: State) -> VehicleState:
-    after = team_of(setting()).urgent_order(setting(), state, state.vehicles[OURS])
+    after = setting().team.urgent_order(setting(), state, state.vehicles[OURS])
     assert after is not None
     return after.vehicles[OURS]
 

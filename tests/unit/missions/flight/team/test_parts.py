@@ -15,7 +15,7 @@ from missions.fleet_events import Allotted, Apart, Fact, Heard, Part, Shared
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Allotment, Phase, State
-from missions.flight.strategy.interface import OpenWork, TourMemory, strategy_of
+from missions.flight.strategy.interface import OpenWork, TourMemory
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep_passes import NEAR_PAD_M
 from missions.flight.team.work_shares import EVERY_S, KNOWN_S, own_part, share_parts
@@ -166,7 +166,7 @@ def test_who_has_no_part_flies_home_meanwhile_and_may_be_called_on_its_way(at: G
     state = flying(2)
     state = state.with_vehicle(replace(state.vehicles[2], position=at))
     state = told(state, {1: (GridPoint(10.0, 30.0),), 2: (), 3: (GridPoint(30.0, 30.0),)})
-    order = strategy_of(setting(2)).plan(setting(2), state).vehicles[2].order
+    order = setting(2).strategy.plan(setting(2), state).vehicles[2].order
     pad = setting(2).pad_of(2)
     if at.distance_to(pad) < NEAR_PAD_M:
         assert order is None
@@ -174,10 +174,10 @@ def test_who_has_no_part_flies_home_meanwhile_and_may_be_called_on_its_way(at: G
     assert isinstance(order, FlyPath)
     assert order.trajectory.place_at(order.trajectory.end_s).distance_to(pad) < 1.0
     called = told(
-        strategy_of(setting(2)).plan(setting(2), state), {1: (), 2: (GridPoint(30.0, 30.0),), 3: ()}
+        setting(2).strategy.plan(setting(2), state), {1: (), 2: (GridPoint(30.0, 30.0),), 3: ()}
     )
     called = replace(called, t_s=103.0)
-    again = strategy_of(setting(2)).plan(setting(2), replace(called, memory=None)).vehicles[2].order
+    again = setting(2).strategy.plan(setting(2), replace(called, memory=None)).vehicles[2].order
     assert isinstance(again, FlyPath)
     assert again is not order
 
@@ -190,7 +190,7 @@ def test_who_waits_over_its_pad_has_its_part_in_what_is_laid_out() -> None:
         for number in (1, 3):
             at = setting(member).pad_of(number)
             state = state.with_vehicle(replace(state.vehicles[number], position=at))
-        state = strategy_of(setting(member)).plan(setting(member), state)
+        state = setting(member).strategy.plan(setting(member), state)
         assert (state.allotment is not None) is lays
         if lays:
             assert state.allotment is not None
