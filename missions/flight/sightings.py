@@ -9,7 +9,7 @@ from missions.events import FrameSeen, LookEnded
 from missions.flight.lane_progress import lane_passed, lane_seen
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
-from missions.flight.strategy.visiting import drifts_out, give_up
+from missions.flight.strategy.searching import drifts_out, give_up
 from missions.mapping.belief import Belief, FrameId, Verdicts
 from missions.mapping.overview import with_plain
 from missions.mapping.tree import Tree

@@ -1,33 +1,46 @@
-"""The reducer: what an event changes, and what everybody is told to do next.
+"""The reducer: what an event changes, and what each idle vehicle does next.
 
     step(setting, state, event) -> (state, orders)
 
 Pure: the same state and event give the same orders, so a resume, a replay and a test are one
-mechanism. `missions.flight.transitions` says what an event changes, `missions.flight.dispatch`
-what idle vehicles do.
+mechanism. No order is given that would take a vehicle out of its fence, beyond its energy, or
+through air that another vehicle has reserved (`missions.flight.airspace.airspace`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
+
+from shapely.geometry import Point
 
 from missions.events import Event, Told, Weighed
-from missions.flight.dispatch import assign
+from missions.flight.airspace.airspace import Airspace
 from missions.flight.operator_orders import explained
+from missions.flight.return_home import fly_home, has_energy_for, turn_back
 from missions.flight.setting import Setting
-from missions.flight.state import State
+from missions.flight.state import Phase, State, VehicleState
+from missions.flight.strategy.lane_passes import drop_seen
+from missions.flight.strategy.searching import find_work
 from missions.flight.transitions import apply
-from missions.orders import Order
+from missions.mission.energy import FRESH
+from missions.mission.height_and_speed import LEAST_HEIGHT_M
+from missions.orders import AwaitBattery, Order, TakeOff
 
 Orders = tuple[tuple[int, Order], ...]
 
+MOST_FRUITLESS_SORTIES = 3
+"""Sorties in a row without progress after which the next place counts as out of reach."""
+CLIMB_ROOM_M = 0.5
+"""Greatest distance of a climb from where it began, m."""
+
 
 def step(setting: Setting, state: State, event: Event) -> tuple[State, Orders]:
-    """The state after an event, and the new orders by vehicle.
+    """Return the state after an event, and the new orders by vehicle.
 
     An order holds until it ends or until another replaces it.
     """
-    if isinstance(event, Told):  # words move nobody, and no plan depends on when they came
+    if isinstance(event, Told):  # words move no vehicle, and no plan depends on when they came
         return explained(state, event), ()
     if isinstance(event, Weighed):  # for maps of recorded pictures; no flight plans by it
         return state, ()
@@ -43,8 +56,107 @@ def step(setting: Setting, state: State, event: Event) -> tuple[State, Orders]:
 
 
 def fold(setting: Setting, events: Iterable[Event]) -> State:
-    """The state after a journal."""
+    """Return the state after a journal."""
     state = State.initial(setting)
     for event in events:
         state, _ = step(setting, state, event)
     return state
+
+
+def assign(setting: Setting, state: State) -> State:
+    """Return the state with an order for each vehicle that can have one."""
+    if state.tree is None:
+        state = drop_seen(setting, state)
+    strategy = setting.strategy.in_force(state)
+    if state.tree is None and setting.lanes:
+        state = strategy.searched(setting, state)
+    state = Airspace(setting, state).stop_conflicting()
+    for number in state.our_numbers:
+        state = turn_back(setting, state, state.vehicles[number])
+    state = strategy.plan(setting, state)
+    for number in state.our_numbers:
+        vehicle = state.vehicles[number]
+        if vehicle.idle and vehicle.phase is Phase.AIRBORNE:
+            state = _airborne(setting, state, vehicle)
+        elif vehicle.phase is Phase.GROUNDED and not isinstance(vehicle.order, TakeOff):
+            state = _grounded(setting, state, vehicle)
+    return state
+
+
+def _airborne(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    if vehicle.braking_until_s is not None:
+        return state.holding(vehicle)
+    if (first := setting.team.urgent_order(setting, state, vehicle)) is not None:
+        return first
+    if vehicle.return_reason is not None:
+        return fly_home(setting, state, vehicle)
+    if (given_way := Airspace(setting, state).make_way(vehicle)) is not None:
+        return given_way
+    if state.paused:
+        return state.holding(vehicle)
+    return setting.strategy.in_force(state).next_order(setting, state, vehicle)
+
+
+def _grounded(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """Take off, wait for a battery, or stay."""
+    if state.exploration_finished or state.recalled or vehicle.called_home:
+        done = vehicle.stood_down(Phase.FINISHED, vehicle.note)
+        return state.with_vehicle(replace(done, vertex=None))
+    if not vehicle.idle:
+        return state
+    if not vehicle.cleared:
+        return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
+    strategy = setting.strategy.in_force(state)
+    if state.paused or not strategy.may_take_off(state):
+        return state
+    if state.tree is None and vehicle.idle_in_search:
+        state = find_work(setting, state, vehicle)
+        vehicle = state.vehicles[vehicle.vehicle]
+    heights = setting.heights
+    vehicle = replace(vehicle, cruise_altitude_m=heights.layer_m(setting, vehicle))
+    target = strategy.first_target(setting, state, vehicle)
+    if target is None:
+        return strategy.without_target(setting, state, vehicle)
+    if refusal := _unfit(setting, vehicle):
+        return state.with_vehicle(vehicle.stood_down(Phase.FAILED, refusal))
+    if vehicle.fruitless_sorties >= MOST_FRUITLESS_SORTIES:
+        return _out_of_reach(setting, state, vehicle)
+    if not has_energy_for(setting, vehicle, target, setting.look_s):
+        if vehicle.remaining_wh < FRESH * setting.energy.capacity_wh:
+            return state.with_vehicle(replace(vehicle, order=AwaitBattery()))
+        return _out_of_reach(setting, state, vehicle)
+    order = TakeOff(heights.take_off_height_m(setting, state, vehicle))
+    return Airspace(setting, state).reserve_or_wait(vehicle, order)
+
+
+def _unfit(setting: Setting, vehicle: VehicleState) -> str:
+    """Why a vehicle may not take off from where it stands; empty if it may."""
+    if not setting.fence.contains(vehicle.position):
+        return "it stands outside of the geofence; move it, or the fence"
+    if refusal := setting.team.refusal(setting, vehicle):
+        return refusal
+    room_m = setting.fence.outer.boundary.distance(Point(vehicle.position))
+    if room_m < min(CLIMB_ROOM_M, setting.mission.fence.margin_m):
+        return (
+            f"it stands {room_m:.1f} m from the edge of the geofence, and may stray that far while "
+            "it climbs; move it, or the fence"
+        )
+    if vehicle.cruise_height_m < LEAST_HEIGHT_M:
+        return (
+            f"it stands {vehicle.home_level_m:.0f} m higher than the start, and its layer "
+            f"is only {vehicle.cruise_height_m:.0f} m above it; raise flight.altitude_m"
+        )
+    if vehicle.wind_m_s > setting.energy.max_airspeed_m_s:
+        return f"it measured a wind of {vehicle.wind_m_s:.0f} m/s, more than it can hold"
+    return ""
+
+
+def _out_of_reach(setting: Setting, state: State, vehicle: VehicleState) -> State:
+    """Give up what a full battery does not reach, unless another vehicle may be nearer."""
+    others = (v for n, v in state.vehicles.items() if n != vehicle.vehicle)
+    if not any(other.phase in (Phase.AIRBORNE, Phase.GROUNDED) for other in others):
+        given_up = setting.strategy.in_force(state).give_up_far(setting, state, vehicle)
+        if given_up is not None:
+            return given_up
+    note = "its next place is out of reach on a full battery"
+    return state.with_vehicle(vehicle.stood_down(Phase.FAILED, note))

@@ -1,10 +1,12 @@
-"""The map as the planner of paths sees it: arrays of votes, and where nobody may be or look."""
+"""Vehicles and the map as the planner of paths has them, in the frame of the region."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import chain
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import shapely
@@ -13,10 +15,144 @@ from shapely.geometry import LineString
 
 from missions.flight.setting import Setting
 from missions.flight.state import State, VehicleState
-from missions.flight.strategy.flyers import LONGEST_S, gate_of, kinematics, over_pad
+from missions.geo.columns import gate_past_columns
+from missions.geo.trajectory import Trajectory
+from missions.mission.views import DRAG_1_S, G_M_S2, wind_toward
 from missions.planning.search.strip import Strip
 from missions.planning.sweep.chart import Chart, Flags, Known
-from missions.units import Cell
+from missions.units import Cell, GridPoint
+
+if TYPE_CHECKING:
+    from missions.planning.sweep.paths import Flyer, Kinematics, Route
+
+
+LONGEST_S: Final = 300.0
+"""A path is not planned for later: a region that drifts would be out of the fence by then."""
+
+
+def flyer_of(
+    setting: Setting,
+    vehicle: VehicleState,
+    planned: Trajectory | None,
+    route: Route | None,
+    begin_s: float,
+) -> Flyer:
+    """A vehicle as the planner sees it: everything in the frame of the region.
+
+    `planned` is the path that was planned for it last, and `route` what that was made of.
+    """
+    from missions.planning.sweep.paths import Flyer  # noqa: PLC0415 - numba takes a second to load
+
+    grid = setting.grid
+    path = vehicle.path
+    # at the end of a path it is where that ends, until it is seen to have arrived
+    place = vehicle.position if path is None else path.place_at(begin_s)
+    mine = path is not None and _is_planned(path, planned, begin_s)
+    if mine:  # the fence may allow less of it than was planned
+        path = planned
+    if path is not None and not mine:  # of the search: planned in the fixed frame
+        path = in_frame(path, (grid.drift_east_m_s, grid.drift_north_m_s), begin_s)
+    flown = kinematics(setting, vehicle)
+    if path is not None:  # what is too fast for the wind by now comes down where the path is slower
+        moves = path.at(begin_s)
+        now_m_s = math.hypot(
+            moves.v_east_m_s - path.drift_m_s[0], moves.v_north_m_s - path.drift_m_s[1]
+        )
+        flown = replace(flown, speed_m_s=max(flown.speed_m_s, now_m_s))
+    end = grid.to_moving(gate_of(setting, vehicle), over_home_s(vehicle, planned, begin_s))
+    return Flyer(
+        flown,
+        grid.to_moving(place, begin_s),
+        end,
+        path,
+        route if mine else None,
+        _blind_s(setting, vehicle),
+    )
+
+
+def over_home_s(vehicle: VehicleState, planned: Trajectory | None, begin_s: float) -> float:
+    """When a vehicle will be over its pad, by the path that was planned for it last.
+
+    The path of a search may end minutes later than the plan that replaces it.
+    """
+    path = vehicle.path
+    if path is None or planned is None or not _is_planned(path, planned, begin_s):
+        return begin_s
+    return min(max(begin_s, planned.end_s), begin_s + LONGEST_S)
+
+
+def _is_planned(path: Trajectory, planned: Trajectory | None, t_s: float) -> bool:
+    """Whether what is flown is what was planned, from a time on, or at that time still the same:
+    one that the fence does not allow as a whole ends sooner."""
+    if planned is None or planned is path:
+        return planned is path
+    return path.begin_s == planned.begin_s and path.at(t_s) == planned.at(t_s)
+
+
+def _blind_s(setting: Setting, vehicle: VehicleState) -> float:
+    """How long a vehicle that comes down from the search takes pictures of the search still."""
+    above_m, descent_m_s = setting.mission.overview_above_m, setting.mission.flight.descent_m_s
+    if above_m is None or descent_m_s is None:
+        return 0.0
+    return max(vehicle.height_m - above_m, 0.0) / descent_m_s
+
+
+def in_frame(path: Trajectory, drift_m_s: tuple[float, float], at_s: float) -> Trajectory:
+    """A path of the fixed frame as it lies in that of the region at a time.
+
+    Its velocity stays that over ground: what a drift adds is little beside it.
+    """
+    if path.drift_m_s == drift_m_s or drift_m_s == (0.0, 0.0):
+        return path
+    east_m, north_m = drift_m_s[0] * at_s, drift_m_s[1] * at_s
+    return replace(
+        path,
+        pieces=tuple(
+            replace(p, east_m=p.east_m - east_m, north_m=p.north_m - north_m) for p in path.pieces
+        ),
+        drift_m_s=drift_m_s,
+    )
+
+
+def over_pad(setting: Setting, vehicle: VehicleState) -> GridPoint:
+    """Where a path ends: over the pad, or beside it where the fence allows."""
+    fence, pad = setting.fence, vehicle.pad
+    return pad if fence.allows(pad) else fence.nearest(pad)
+
+
+def gate_of(setting: Setting, vehicle: VehicleState) -> GridPoint:
+    """Where a path ends among pads of others: before its own, where no way to the box leads past
+    the columns over theirs. From there to the pad it is flown straight."""
+    pad = over_pad(setting, vehicle)
+    if setting.whole_fence is None:
+        return pad
+    return gate_past_columns(setting.fence, setting.whole_fence, pad, setting.mission.grid.cell_m)
+
+
+def kinematics(setting: Setting, vehicle: VehicleState) -> Kinematics:
+    """Of one vehicle in its layer, along the grid's axes.
+
+    The nose is held at `setting.yaw_rad`, so the picture's sides lie along the axes.
+    """
+    from missions.planning.sweep.paths import Kinematics  # noqa: PLC0415 - numba takes a second to load
+
+    mission, grid = setting.mission, setting.grid
+    height_m = vehicle.cruise_height_m
+    half_east_m, half_north_m = setting.seen_whole_m(height_m)
+    fixed = mission.camera.mounting == "fixed"
+    wind_east, wind_north = wind_toward(mission, grid)
+    return Kinematics(
+        speed_m_s=setting.path_speed_m_s(height_m, vehicle.wind_m_s),
+        accel_m_s2=setting.energy.accel_m_s2,
+        frame_s=mission.camera.interval_s,
+        half_east_m=max(half_east_m, 0.1),
+        half_north_m=max(half_north_m, 0.1),
+        tilt_m_s2=height_m / G_M_S2 if fixed else 0.0,
+        drag_1_s=DRAG_1_S,
+        wind_east_m_s=wind_east - grid.drift_east_m_s,  # relative to the region
+        wind_north_m_s=wind_north - grid.drift_north_m_s,
+    )
+
 
 Metres = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from missions.flight.path_orders import NOTICE_S, along_route
 from missions.flight.setting import Setting
 from missions.flight.state import State, VehicleState
-from missions.flight.strategy.flyers import kinematics
+from missions.flight.strategy.charting import kinematics
 from missions.geo.fence import route_length_m
 from missions.geo.path_in_fence import allowed
 from missions.geo.trajectory import Piece, Trajectory

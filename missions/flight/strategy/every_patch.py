@@ -1,14 +1,14 @@
-"""`swath` with `find = "all"`: fly all lanes, and sweep over every patch that begins in the box.
+"""`swath` with `find = "all"`, and `survey`: fly all lanes, then sweep over what is left.
 
-What is common to strategies that fly all their lanes is here, too (`Covering`). Lanes decide nearly
-all of what their pictures show. What is left then is flown to: what no frame has shown, what some
-frame took for region, and what lies beside a patch, in the box or beyond it. A cell that every
-frame so far took for no region is done with: it is no part of a patch unless one reaches it.
+Lanes decide nearly all of what their pictures show. What is left is flown to: with `survey` all
+cells of the box that are not decided. With `find = "all"` what no frame has shown, what some frame
+took for region, and what lies beside a patch, in the box or beyond it; a cell that every frame so
+far took for no region is no part of a patch unless one reaches it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from typing import Final
 
@@ -22,7 +22,7 @@ from missions.flight.strategy.two_heights import is_over_pad, over_own_pad
 from missions.flight.team.work_shares import held_until_s
 from missions.mission.views import rows_across
 from missions.planning.search.lanes import Lane, along_east, longest_m, share_by_time
-from missions.planning.sweep.strategies import SWATH
+from missions.planning.sweep.strategies import SURVEY, SWATH
 from missions.units import Cell, GridPoint
 
 SHORT_CELLS: Final = 10.0
@@ -202,3 +202,26 @@ def nearest(
 
 
 ALL: Final = EveryPatch()
+
+
+class Survey(Covering):
+    """Decide every cell of the box, wherever the region is."""
+
+    about = SURVEY
+    whole_box = True
+
+    def asked_for(self, setting: Setting, state: State) -> list[Cell]:
+        """The cells of the box that are not decided."""
+        return state.belief.undecided(setting.box_cells)
+
+    def open_cells(self, setting: Setting, state: State) -> frozenset[Cell]:
+        """The same: what lies beside a patch beyond the box is not asked for."""
+        return frozenset(self.asked_for(setting, state))
+
+    def lane_done(self, setting: Setting, state: State) -> Callable[[Cell], bool]:
+        """Whether a cell is decided."""
+        verdicts = state.belief.verdicts
+        return lambda cell: verdicts.get(cell) is not None
+
+
+WHOLE_BOX: Final = Survey()

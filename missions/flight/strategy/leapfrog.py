@@ -23,8 +23,8 @@ from missions.flight.path_orders import NOTICE_S, give_path, through
 from missions.flight.return_home import send_home
 from missions.flight.setting import Setting, Shares
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.strategy.every_patch import Survey
 from missions.flight.strategy.lane_passes import flown_along, turned
-from missions.flight.strategy.survey import Survey
 from missions.flight.strategy.sweep_passes import give_up_rest
 from missions.geo.path_in_fence import is_outside
 from missions.geo.trajectory import ACCELERATION_M_S2

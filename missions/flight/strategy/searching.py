@@ -1,7 +1,11 @@
-"""Searching the box: lanes, suspicions, and sharing what is left of the work."""
+"""Searching the box with stops, visiting cells, and sharing what is left of the lanes.
+
+A search flies lanes and visits suspicions; an exploration visits vertices.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from missions.flight.airspace.airspace import Airspace
@@ -10,8 +14,103 @@ from missions.flight.return_home import OVER_HOME_M, REACTION_S, go_home, has_en
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.flight.strategy.lane_passes import give_up_lane
-from missions.flight.strategy.visiting import visit
-from missions.orders import FlyTo, Order, Sweep
+from missions.geo.fence import route_length_m
+from missions.orders import FlyTo, Look, Order, Sweep
+from missions.units import Cell, GridPoint
+
+EXTRA_FRAMES = 6
+"""A look may take so many times its frames before it gives up on a neighbour."""
+
+
+def visit(
+    setting: Setting, state: State, vehicle: VehicleState, cell: Cell, *, stop: bool
+) -> State:
+    """Fly to a cell, and look from it if nobody has."""
+    if not vehicle.at_target:
+        return _fly_to_cell(setting, state, vehicle, cell, stop=stop)
+    if setting.grid.drift_speed_m_s > 0.0:
+        # a wait may have let the cell drift away, or out of the fence
+        off_m = vehicle.position.distance_to(setting.where(cell, state.t_s))
+        if off_m > setting.grid.cell_m / 4:
+            return _fly_to_cell(setting, state, replace(vehicle, at_target=False), cell, stop=stop)
+        if stop and not _stays_inside(setting, state, vehicle, (vehicle.position,), cell):
+            return give_up(state, vehicle, cell)
+    if not stop or _someone_looks(state, vehicle, cell):
+        return state.holding(vehicle)
+    frames = EXTRA_FRAMES * setting.mission.votes.frames
+    return Airspace(setting, state).reserve_or_wait(
+        vehicle, Look(cell, frames, vehicle.cruise_height_m)
+    )
+
+
+def _fly_to_cell(
+    setting: Setting, state: State, vehicle: VehicleState, cell: Cell, *, stop: bool
+) -> State:
+    target = setting.where(cell, state.t_s)
+    route = setting.fence.route(vehicle.position, target)
+    if route is None or not _stays_inside(setting, state, vehicle, route, cell, look=stop):
+        return give_up(state, vehicle, cell)
+    if not has_energy_for(setting, vehicle, target, setting.look_s if stop else REACTION_S):
+        return go_home(setting, state, vehicle, ReturnReason.BATTERY)
+    order = FlyTo(route[:-1], cell, stop=stop, height_m=vehicle.cruise_height_m)
+    return Airspace(setting, state).reserve_or_wait(vehicle, order)
+
+
+def _stays_inside(
+    setting: Setting,
+    state: State,
+    vehicle: VehicleState,
+    route: Sequence[GridPoint],
+    cell: Cell,
+    *,
+    look: bool = True,
+) -> bool:
+    """Whether the fence still allows a drifting cell when it is reached, and looked from."""
+    grid, mission = setting.grid, setting.mission
+    if grid.drift_speed_m_s == 0.0:
+        return True
+    closing_m_s = mission.flight.speed_m_s - grid.drift_speed_m_s
+    there_s = route_length_m(vehicle.position, route) / closing_m_s + REACTION_S
+    look_s = setting.look_s + EXTRA_FRAMES * mission.votes.frames * mission.camera.interval_s
+    gone_s = there_s + (look_s if look else 0.0)
+    then = grid.to_fixed(grid.centre_of(cell), state.t_s + gone_s)
+    return setting.fence.allows_leg(route[-1], then)
+
+
+def drifts_out(setting: Setting, state: State, cell: Cell) -> bool:
+    """Whether a drifting cell is, or within `REACTION_S` will be, where the fence allows nobody."""
+    if setting.grid.drift_speed_m_s == 0.0:
+        return False
+    now = setting.where(cell, state.t_s)
+    soon = setting.grid.to_fixed(setting.grid.centre_of(cell), state.t_s + REACTION_S)
+    return not setting.fence.allows_leg(now, soon)
+
+
+def give_up(state: State, vehicle: VehicleState, cell: Cell) -> State:
+    """Nobody may fly there now: the vehicle waits where it is."""
+    if state.tree is None:
+        return state.holding(replace(vehicle, candidate=None, at_target=False))
+    state = mark_unreachable(state, vehicle, cell)
+    return state.holding(state.vehicles[vehicle.vehicle])
+
+
+def mark_unreachable(state: State, vehicle: VehicleState, cell: Cell) -> State:
+    """Go on in the tree as if the vehicle had been at a vertex where it cannot fly.
+
+    If nobody has looked from there, nobody will: the result is incomplete.
+    """
+    if state.tree is not None and not state.tree.has_looked(cell):
+        tree = state.tree.looked(cell, ())
+        state = replace(state, tree=tree, abandoned=state.abandoned | {cell})
+    return state.with_vehicle(replace(vehicle, at_target=True, fruitless_sorties=0))
+
+
+def _someone_looks(state: State, vehicle: VehicleState, cell: Cell) -> bool:
+    return any(
+        isinstance(other.order, Look) and other.order.cell == cell
+        for other in state.vehicles.values()
+        if other.vehicle != vehicle.vehicle and other.phase is Phase.AIRBORNE
+    )
 
 
 def search(setting: Setting, state: State, vehicle: VehicleState) -> State:

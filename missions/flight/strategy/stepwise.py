@@ -16,8 +16,7 @@ from missions.flight.setting import Setting
 from missions.flight.state import ReturnReason, State, VehicleState
 from missions.flight.strategy.fallback import moves_s
 from missions.flight.strategy.interface import Area, Lanes, Strategy
-from missions.flight.strategy.searching import search
-from missions.flight.strategy.visiting import mark_unreachable, visit
+from missions.flight.strategy.searching import mark_unreachable, search, visit
 from missions.mapping.belief import Verdicts
 from missions.mapping.tree import Tree
 from missions.orders import TakeOff

@@ -1,13 +1,19 @@
 """A service that commands all vehicles, a member of a fleet, and a station that only listens.
 
-A member keeps to a layer and to a column over its pad that are its own, asks the others before it
-leaves them (`missions.flight.airspace.airspace`), and waits over its pad to hear what the others
-know (`missions.flight.team.gathering`). One of the members lays out which vehicle maps what
-(`missions.flight.team.work_shares`).
+A member keeps to a layer and to a column over its pad that are its own, and asks the others before
+it leaves them (`missions.flight.airspace.airspace`). One of the members lays out which vehicle maps
+what (`missions.flight.team.work_shares`).
+
+Where a radio does not reach over the box, each member knows after the search what it has seen
+itself. Members that mapped that at once would be out of contact again before the next is back, and
+several would map the same outline. So a member that has flown its lanes waits over its pad, where
+all are heard, for those that still fly lanes and are due, for what they report, and for its part of
+the map. It does not wait for a member that is late, and not while it maps.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -17,15 +23,13 @@ from missions.flight.airspace.needs import OFF_LAYER_M
 from missions.flight.lane_progress import lanes_held
 from missions.flight.path_orders import fly_route
 from missions.flight.setting import Setting
-from missions.flight.state import State, VehicleState
-from missions.flight.strategy.flyers import gate_of
+from missions.flight.state import Phase, State, VehicleState
+from missions.flight.strategy.charting import gate_of
 from missions.flight.strategy.interface import OpenWork, Work
 from missions.flight.strategy.lane_passes import cells_drift_out, still_open
-from missions.flight.strategy.touring import shared_out
 from missions.flight.strategy.two_heights import is_over_pad, over_own_pad
-from missions.flight.team.gathering import gathers
 from missions.flight.team.interface import Fences, Team
-from missions.flight.team.work_shares import mark_unreported, own_part, share_parts
+from missions.flight.team.work_shares import mark_unreported, own_part, share_parts, shared_out
 from missions.geo.columns import PAD_M, columns_over, fence_without
 from missions.geo.fence import Fence
 from missions.mission.schema import Mission
@@ -33,6 +37,14 @@ from missions.planning.search.lanes import Lane
 from missions.planning.sweep.chart import Known
 from missions.units import GridPoint
 
+LATE_S: Final = 45.0
+"""How long after it is due a member is waited for, s: turns and wind are in no estimate."""
+SILENT_S: Final = 5.0
+"""A member that is heard again has reported what it knows after so long without news, s..."""
+TELLS_S: Final = 30.0
+"""... or after so long."""
+TOLD_S: Final = 15.0
+"""How much longer a vehicle waits for its part of the map, s."""
 GATE_M: Final = 1.0
 """Distance from the gate of its pad within which a vehicle is out of its column, m."""
 
@@ -132,7 +144,14 @@ class Member(Team):
 
     def gathers(self, setting: Setting, state: State, vehicle: VehicleState) -> bool:
         """Members without lanes wait until all that are due have reported what they know."""
-        return gathers(setting, state, vehicle)
+        if vehicle.lanes:
+            return False
+        if setting.heights.in_layer(setting, state, vehicle) and not is_over_pad(vehicle):
+            return False  # it maps
+        others = [other for number, other in state.vehicles.items() if number != vehicle.vehicle]
+        if any(_is_due(state, other) or _reports(state, other) for other in others):
+            return True
+        return _part_to_come(state, vehicle, others)
 
     def share_work(self, setting: Setting, state: State, work: OpenWork) -> Work:
         """Keep to its own part, and lay out all parts if that is its duty."""
@@ -155,6 +174,30 @@ class Listener(Member):
     def fences(self, mission: Mission, whole: Fence, pads: Sequence[GridPoint]) -> Fences:
         """Return the whole fence: it flies nothing."""
         return Fences(whole, whole, None)
+
+
+def _is_due(state: State, other: VehicleState) -> bool:
+    """Whether a member out of contact should be back soon."""
+    # what it has seen may be known from a third, long before it is over its pad and heard itself
+    return other.phase is Phase.APART and state.t_s < other.due_s + LATE_S
+
+
+def _reports(state: State, other: VehicleState) -> bool:
+    """Whether a member that is heard again still reports what it knows."""
+    if state.t_s >= other.back_s + TELLS_S or other.phase is Phase.APART:
+        return False
+    return state.t_s < max(other.back_s, state.shared_s) + SILENT_S
+
+
+def _part_to_come(state: State, vehicle: VehicleState, others: Sequence[VehicleState]) -> bool:
+    """Whether another vehicle lays out parts, and has not since all were back."""
+    back_s = max(other.back_s for other in others) if others else -math.inf
+    if not back_s <= state.t_s < back_s + TELLS_S + TOLD_S:
+        return False
+    leads = any(o.vehicle < vehicle.vehicle and o.works and not o.lanes for o in others)
+    found = state.allotment
+    told = found is not None and found.made_s >= back_s and vehicle.vehicle in found.parts
+    return leads and not told
 
 
 def make_team(member: int | None) -> Team:

@@ -1,15 +1,16 @@
-"""Who of a fleet is to map what: one member lays it out for all that it hears, all keep to it.
+"""Which vehicle is to see what: tours past all that is left to map.
 
-Were each to plan for all, everybody would have others do what they know nothing of, and several
-would map the same outline. So the one with the lowest number of those who map and hear each other
-lays tours for all of them, as one service would (`missions.flight.strategy.touring`), and tells
-them. From then on a cell is of the vehicle whose place is the nearest to it, also one that nobody
-knew of when the tours were laid: each cell is somebody's, and everybody who was told the same sees
-that alike. Each plans its own path past what is its own.
+A plan is made for the vehicles that can fly it now. Without tours for all (`planning.sweep.tours`),
+one vehicle would set out to map all that four others have found, and leave that at every new plan.
+So tours begin where each will be when its lanes are flown, and what others are to see is left out
+of the plan. A service that commands all vehicles lays tours for all of them (`shared_out`).
 
-Who is out of contact is taken to map its part for as long as that should take it. Whoever returns,
-is down or is its pilot's has none: what was near to its places is nearest to another's. Who was
-told nothing for `KNOWN_S` by one who should tell plans for all that it hears.
+Of a fleet, the member with the lowest number of those that map and hear each other lays them, and
+reports the places. From then on a cell belongs to the vehicle whose place is nearest, also a cell
+that was not known when the tours were laid: every member that received the same parts agrees.
+A member out of contact is left its part for as long as that should take it. One that returns, is
+down or is flown by its pilot has none. A member that has not received parts for `KNOWN_S` plans for
+all that it hears.
 """
 
 from __future__ import annotations
@@ -26,9 +27,8 @@ from numpy.typing import NDArray
 
 from missions.flight.setting import Setting
 from missions.flight.state import Allotment, Phase, State, VehicleState
-from missions.flight.strategy.flyers import flyer_of, kinematics
+from missions.flight.strategy.charting import flyer_of, kinematics
 from missions.flight.strategy.interface import OpenWork, TourMemory
-from missions.flight.strategy.touring import at_once, tours_of
 from missions.geo.trajectory import Trajectory
 from missions.planning.search.lanes import Lane
 from missions.planning.sweep.chart import Chart, Ints, Known
@@ -36,28 +36,99 @@ from missions.units import Cell, GridPoint
 
 if TYPE_CHECKING:
     from missions.planning.sweep.paths import Flyer
-    from missions.planning.sweep.tours import Tour, Waypoints
+    from missions.planning.sweep.tours import Tour, Tours, Waypoints
 
 EVERY_S: Final = 4.0
-"""Between two decisions on who is to map what."""
+"""Shortest time between two decisions on which vehicle is to see what, s."""
 KEEP_S: Final = 8.0
-"""A share-out is gone on with unless another takes less time by so much: who changes its part flies
-there, and knows later what the other has seen."""
+"""Least gain of a new share-out over the last one, s: a vehicle whose part changes flies there, and
+knows later what the other has seen."""
 KNOWN_S: Final = 30.0
-"""So long what one has told holds, while it is heard and tells nothing new."""
+"""Time for which parts hold while their member is heard and reports nothing new, s."""
 SLOW_TIMES: Final = 1.3
-"""So many times as long as it should take it who is out of contact is left what it was to do..."""
+"""Time that a member out of contact is left what it was to do, in durations of that..."""
 SPARE_S: Final = 30.0
-"""... and so much longer."""
+"""... and what it is left besides, s."""
 AHEAD_S: Final = 5.0
-"""So far ahead it is seen which way a path leads."""
+"""How far ahead the direction of a path is taken, s."""
 
 Bits = NDArray[np.bool_]
 Parts = tuple[tuple[int, tuple[GridPoint, ...]], ...]
 
 
+# --- a service that commands all vehicles -------------------------------------------------------
+def shared_out(setting: Setting, state: State, work: OpenWork) -> tuple[TourMemory, Waypoints]:
+    """Close what others are to see in the chart, and lay tours if it is time to.
+
+    Returns:
+        What is decided now, and waypoints for the team; none where the last plan goes on.
+    """
+    known, team, memory, decision = work
+    waypoints: Waypoints = ()
+    numbers = frozenset(team)
+    if state.t_s >= memory.laid_s + EVERY_S or not numbers <= memory.team:
+        begin_s = round(state.t_s + 1.0, 3)
+        everyone = _at_once(team) | _at_path_end(setting, state, numbers, begin_s)
+        tours = _tours(setting, known, everyone, begin_s, decision, memory.tours)
+        laid = {} if tours is None else dict(zip(everyone, tours.waypoints, strict=True))
+        others: frozenset[Cell] = frozenset()
+        if tours is not None:
+            waypoints = tours.waypoints[: len(team)]
+            cells = (tours.mine >= len(team)).nonzero()[0]
+            others = frozenset(known.chart.cell(int(index)) for index in cells)
+        memory = TourMemory(state.t_s, numbers, laid, others)
+    chart = known.chart
+    chart.closed[[chart.index(cell) for cell in memory.others if chart.holds(cell)]] = 1
+    return memory, waypoints
+
+
+def _at_path_end(
+    setting: Setting, state: State, team: frozenset[int], begin_s: float
+) -> dict[int, tuple[Flyer, float]]:
+    """The vehicles that fly lanes, and how much later than `begin_s` they will map, seconds."""
+    found = {}
+    for number, vehicle in sorted(state.vehicles.items()):
+        returns = vehicle.return_reason is not None
+        if number in team or not vehicle.lanes or returns or vehicle.path is None:
+            continue
+        delay_s = max(vehicle.path.end_s - begin_s, 0.0)
+        low = setting.heights.as_mapping(setting, vehicle)
+        found[number] = flyer_of(setting, low, None, None, begin_s), delay_s
+    return found
+
+
+def _at_once(team: Mapping[int, Flyer]) -> dict[int, tuple[Flyer, float]]:
+    """The vehicles that can begin to map now."""
+    return {number: (flyer, 0.0) for number, flyer in team.items()}
+
+
+def _tours(
+    setting: Setting,
+    known: Known,
+    everyone: Mapping[int, tuple[Flyer, float]],
+    begin_s: float,
+    decision: int,
+    before: Mapping[int, Tour],
+    **how: float,
+) -> Tours | None:
+    """Lay a tour for each vehicle, which begins so much later than `begin_s`, seconds.
+
+    `before` are the tours that were laid last, `how` are options of `tours_once`. None where there
+    is too little to be seen.
+    """
+    from missions.planning.sweep.memo import tours_once  # noqa: PLC0415 - numba takes a second to load
+
+    votes = setting.mission.votes
+    flyers, delays_s = zip(*everyone.values(), strict=True)
+    return tours_once(
+        setting.plans, known, flyers, delays_s, votes.frames, votes.positive, begin_s, decision,
+        tuple(before.get(number, ()) for number in everyone), **how,  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+# --- members of a fleet -------------------------------------------------------------------------
 def share_parts(mine: int, setting: Setting, state: State, work: OpenWork) -> State:
-    """The state with what is left to map laid out anew, if that is ours to do, and is due."""
+    """Return the state with new parts, if it is our member that lays them, and they are due."""
     last, flyers = state.allotment, work.flyers
     if mine != min(flyers):
         return state
@@ -66,14 +137,14 @@ def share_parts(mine: int, setting: Setting, state: State, work: OpenWork) -> St
     if ours and last is not None and state.t_s < last.made_s + EVERY_S:
         return state
     begin_s = round(state.t_s + 1.0, 3)
-    everyone = at_once(flyers) | _later(setting, state, frozenset(flyers), begin_s)
+    everyone = _at_once(flyers) | _later(setting, state, frozenset(flyers), begin_s)
     held = {n: part for n, part in before.items() if n not in everyone and _maps(state, n)}
     chart = work.known.chart
     open_ = chart.closed.copy()
     if held:
         chart.closed[_of(setting, chart, before, state, frozenset(held))] = 1
     cuts = {number: _tour(places) for number, places in before.items()}
-    tours = tours_of(
+    tours = _tours(
         setting, work.known, everyone, begin_s, work.decision, cuts, least=1, keep_s=KEEP_S
     )
     chart.closed[:] = open_
@@ -92,8 +163,8 @@ def own_part(
     """Close what others are to map in a chart, for as long as ours keeps to its part.
 
     Returns:
-        The cells that were closed, None where there is no part to keep to; what is to be remembered
-        of it; and what a plan for ours may begin with, none where the last one goes on.
+        The cells that were closed, None without a part; the memory; and what a plan for ours may
+        begin with, none where the last one goes on.
     """
     found = state.allotment
     if found is None or mine not in found.parts:
@@ -109,17 +180,17 @@ def own_part(
 
 
 def _tour(places: Sequence[GridPoint]) -> Tour:
-    """Places to see something from as the planner of tours has them."""
+    """Observation points as the planner of tours has them."""
     from missions.planning.sweep.tours import CUT_M  # noqa: PLC0415 - numba takes a second to load
 
     return tuple((place.east_m, place.north_m, CUT_M) for place in places)
 
 
 def mark_unreported(mine: int, setting: Setting, state: State, known: Known) -> bool:
-    """Have seen from the places told to ours what there is undecided; whether there is any.
+    """Mark what is undecided and seen from the places of our part; return whether there is any.
 
-    Votes that decide nothing are not told: whoever has laid out the parts may miss what ours takes
-    for seen, and nobody else will look.
+    Votes that decide nothing are not reported: the member that has laid the parts may miss what
+    ours takes for seen, and no other vehicle looks there.
     """
     found, wanted = state.allotment, known.wanted
     if found is None or wanted is None:
@@ -140,7 +211,7 @@ def mark_unreported(mine: int, setting: Setting, state: State, known: Known) -> 
 
 
 def held_until_s(setting: Setting, state: State, vehicle: VehicleState, t_s: float) -> float:
-    """Until when one that has just gone out of contact should have done what it was to do."""
+    """Return when a member that is out of contact since `t_s` should have done its work."""
     left_s, place = _lanes_left(setting, vehicle)
     found = state.allotment
     places = () if found is None else found.parts.get(vehicle.vehicle, ())
@@ -153,14 +224,14 @@ def held_until_s(setting: Setting, state: State, vehicle: VehicleState, t_s: flo
 
 
 def back_from_lanes_s(setting: Setting, vehicle: VehicleState, t_s: float) -> float:
-    """When one that has just gone out of contact should be back over its pad, its lanes flown."""
+    """Return when a member that is out of contact since `t_s` should be back from its lanes."""
     left_s, place = _lanes_left(setting, vehicle)
     speed_m_s = setting.path_speed_m_s(setting.heights.layer_m(setting, vehicle), 0.0)
     return t_s + left_s + place.distance_to(vehicle.pad) / speed_m_s
 
 
 def _maps(state: State, number: int) -> bool:
-    """Whether a vehicle maps what is its own, or will when its lanes are flown."""
+    """Whether a vehicle maps its part, or will when its lanes are flown."""
     vehicle = state.vehicles[number]
     if vehicle.phase is Phase.APART:
         return state.t_s < vehicle.held_until_s
@@ -174,7 +245,7 @@ def _of(
     state: State,
     whose: frozenset[int],
 ) -> Bits:
-    """Which cells have the place of one of those given as the nearest, of all who map."""
+    """The cells to which a place of one of `whose` is nearest, of all that map."""
     mapping = tuple((n, places) for n, places in sorted(parts.items()) if _maps(state, n))
     half_east_m, half_north_m = setting.seen_whole_m(setting.mission.altitude_m(0))
     high = max(half_north_m, 0.1) / max(half_east_m, 0.1)
@@ -184,9 +255,9 @@ def _of(
 
 @lru_cache(maxsize=16)
 def _nearest(mapping: Parts, grid: tuple[int, int, int, int, float], high: float) -> Ints:
-    """By cell of a window of the grid whose place is the nearest, 0 where there is none.
+    """The vehicle with the nearest place, by cell of a window of the grid; 0 for none.
 
-    Distances are as a picture is, which is `high` times as high as it is wide.
+    Distances are measured in pictures, which are `high` times as high as they are wide.
     """
     west, south, columns, rows, cell_m = grid
     who = np.zeros(columns * rows, np.int64)
@@ -208,7 +279,7 @@ def _nearest(mapping: Parts, grid: tuple[int, int, int, int, float], high: float
 def _later(
     setting: Setting, state: State, team: frozenset[int], begin_s: float
 ) -> dict[int, tuple[Flyer, float]]:
-    """Those who will map once their lanes are flown: where that will be, and when, from now."""
+    """The vehicles that will map once their lanes are flown: where, and when from now, seconds."""
     found = {}
     for number, vehicle in sorted(state.vehicles.items()):
         if number in team or not vehicle.works:
@@ -221,7 +292,7 @@ def _later(
 
 
 def _lanes_left(setting: Setting, vehicle: VehicleState) -> tuple[float, GridPoint]:
-    """How long a vehicle will still fly lanes and change its layer, and where it will be then."""
+    """How long a vehicle still flies lanes and changes its layer, s, and where it is then."""
     high = replace(vehicle, cruise_altitude_m=setting.heights.layer_m(setting, vehicle))
     speed_m_s = setting.path_speed_m_s(high.cruise_height_m, 0.0)
     now_s = vehicle.tracked_s

@@ -10,7 +10,7 @@ from missions.events import Event, FrameSeen
 from missions.flight.setting import Setting
 from missions.flight.state import State
 from missions.flight.step import step
-from missions.flight.strategy.flyers import kinematics
+from missions.flight.strategy.charting import kinematics
 from missions.flight.team.members import concluded, facts_of, with_map
 from missions.mapping.belief import FrameId
 from missions.mapping.frame_sums import FrameSums

@@ -13,8 +13,7 @@ from missions.fleet_events import Fact, Shared
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
-from missions.flight.strategy.charting import chart_of
-from missions.flight.strategy.flyers import flyer_of, gate_of
+from missions.flight.strategy.charting import chart_of, flyer_of, gate_of
 from missions.flight.transitions import apply
 from missions.geo.path_in_fence import allowed
 from missions.geo.trajectory import rounded_path

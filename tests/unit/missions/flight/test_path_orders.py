@@ -20,7 +20,7 @@ from missions.flight.lane_progress import lane_passed
 from missions.flight.path_orders import NOTICE_S, come_inside
 from missions.flight.return_home import turn_back
 from missions.flight.state import ReturnReason, VehicleState
-from missions.flight.strategy.flyers import flyer_of
+from missions.flight.strategy.charting import flyer_of
 from missions.flight.transitions import BEHIND_S, MOST_BEHIND
 from missions.geo.braking import Course
 from missions.geo.fence import Fence

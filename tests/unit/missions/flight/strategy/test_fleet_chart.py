@@ -9,8 +9,7 @@ import pytest
 
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
-from missions.flight.strategy.charting import chart_of
-from missions.flight.strategy.flyers import flyer_of
+from missions.flight.strategy.charting import chart_of, flyer_of
 from missions.geo.trajectory import rounded_path
 from missions.mission.checks import parse_mission
 from missions.orders import FlyPath

@@ -13,7 +13,7 @@ import pytest
 from missions.errors import StrategyError
 from missions.flight.setting_of import setting_of
 from missions.flight.strategies import CHOICES, register
-from missions.flight.strategy.survey import Survey
+from missions.flight.strategy.every_patch import Survey
 from missions.planning.sweep.strategies import ON_PATHS, SURVEY, About
 from tests.e2e.rig import MISSIONS, ROOT, command, environment
 from tests.support.small_missions import mission, square

@@ -7,9 +7,9 @@ from dataclasses import replace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missions.flight.dispatch import assign
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
+from missions.flight.step import assign
 from missions.flight.strategy.every_patch import ALL
 from missions.mapping.belief import Belief, FrameId
 from missions.mapping.overview import with_plain

@@ -8,7 +8,7 @@ import pytest
 
 from missions.fleet_events import Apart, Fact, Shared
 from missions.flight.state import Allotment, ReturnReason, State
-from missions.flight.team.gathering import LATE_S, SILENT_S, TELLS_S, TOLD_S, gathers
+from missions.flight.team.teams import LATE_S, SILENT_S, TELLS_S, TOLD_S
 from missions.flight.transitions import apply
 from missions.orders import FlyPath
 from missions.units import Cell, GridPoint
@@ -28,7 +28,7 @@ def away(state: State, *, with_lanes: bool = True) -> State:
 
 
 def bides(state: State, t_s: float) -> bool:
-    return gathers(setting(2), replace(state, t_s=t_s), state.vehicles[2])
+    return setting(2).team.gathers(setting(2), replace(state, t_s=t_s), state.vehicles[2])
 
 
 def test_who_is_due_is_waited_for_and_not_for_ever() -> None:

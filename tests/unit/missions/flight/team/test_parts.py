@@ -15,6 +15,7 @@ from missions.fleet_events import Allotted, Apart, Fact, Heard, Part, Shared
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Allotment, Phase, State
+from missions.flight.strategy.charting import chart_of, flyer_of
 from missions.flight.strategy.interface import OpenWork, TourMemory
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep_passes import NEAR_PAD_M
@@ -134,9 +135,6 @@ def test_lanes_of_who_is_out_of_contact_are_taken_when_they_should_be_flown() ->
 
 @pytest.mark.parametrize("member", TEAM)
 def test_the_lowest_of_those_who_map_lays_out_the_parts(member: int) -> None:
-    from missions.flight.strategy.charting import chart_of  # noqa: PLC0415 - numba takes a second to load
-    from missions.flight.strategy.flyers import flyer_of  # noqa: PLC0415, as above
-
     state, here = flying(member), setting(member)
     flyers = {n: flyer_of(here, state.vehicles[n], None, None, 101.0) for n in TEAM}
     known = chart_of(here, state, None, 101.0, state.vehicles)
