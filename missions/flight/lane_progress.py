@@ -9,41 +9,38 @@ from typing import Final
 
 from missions.flight.setting import Setting
 from missions.flight.state import VehicleState
-from missions.geo.grid import Grid
 from missions.geo.trajectory import LANE_CUTS_M
 from missions.planning.search.lanes import Lane, along_m, offset_m, unseen
 from missions.planning.search.strip import Strip
 from missions.units import Cell, GridPoint
 
 BESIDE_CELLS = 1.5
-"""A frame that was taken farther from a lane shows another one."""
+"""Greatest distance of a frame from the lane that it shows, cells."""
 KNOWN_CELLS = 0.25
-"""Columns that lie so near to one another are the same, but for a drift."""
+"""Least distance of two columns that differ by more than the drift, cells."""
 STEP_S = 0.25
 PASSED_M = 2.0 * LANE_CUTS_M[0]
-"""A path passes the end of a lane so near by, or of the rows beside it: it cuts the corner."""
+"""Distance at which a path passes the end of a lane, m: it cuts the corner."""
 
 
 def lane_seen(
+    setting: Setting,
     vehicle: VehicleState,
-    grid: Grid,
-    rows: int,
     vantage: Cell,
-    judged: Callable[[Cell], bool],
     t_s: float,
+    judged: Callable[[Cell], bool],
 ) -> VehicleState:
-    """The vehicle after a frame over `vantage` was judged: it counts for the lane it flies.
+    """Count a frame over `vantage` for the lane of a vehicle, if all rows are judged there.
 
-    Only if all `rows` of the lane are judged there: a camera that leans in the wind, or is off the
-    lane, shows what lies beside it. `judged` says of which cells that holds from this vantage.
+    A camera that leans in the wind, or is off the lane, shows what lies beside it. `judged` says of
+    which cells that holds from this vantage.
     """
     if not vehicle.on_lane or not vehicle.lanes:
         return vehicle
-    lane = vehicle.lanes[0]
-    place = grid.to_fixed(grid.centre_of(vantage), t_s)
-    if offset_m(lane, place) > BESIDE_CELLS * grid.cell_m:
+    lane, place = vehicle.lanes[0], setting.where(vantage, t_s)
+    if offset_m(lane, place) > BESIDE_CELLS * setting.grid.cell_m:
         return vehicle
-    strip = Strip.of(grid, lane, rows, t_s)
+    strip = Strip.of(setting.grid, lane, setting.lane_rows, t_s)
     column = vantage.east if strip.eastward else vantage.north
     if not all(judged(strip.cell(column, row)) for row in strip.rows):
         return vehicle
@@ -51,37 +48,24 @@ def lane_seen(
 
 
 def lane_passed(
+    setting: Setting,
     vehicle: VehicleState,
-    grid: Grid,
-    rows: int,
-    judged: Callable[[Cell], bool],
-    shown: Collection[Cell],
     t_s: float,
-    *,
-    drifts: bool = False,
+    shown: Collection[Cell],
+    judged: Callable[[Cell], bool],
 ) -> VehicleState:
-    """The vehicle after a frame was judged on a path along its lanes.
+    """Count a frame at `t_s` that has judged cells (`shown`) for the lanes of a vehicle.
 
-    Args:
-        vehicle: On a path along its lanes, or on none.
-        grid: Of the mission.
-        rows: How many rows of cells a lane decides.
-        judged: Whether any frame has judged a cell, this one too.
-        shown: The cells that the frame has judged.
-        t_s: When it was taken.
-        drifts: Whether lanes drift with the cells; else they lie still over ground.
-
-    It counts for a lane there where all rows of it are judged by now. When that is the second, and
-    the path has passed the end of the first, that one is behind: what nobody saw of it is flown
-    again after all others. On the way to the first a path may cross the second, which is not flown
-    by that.
+    It counts where all rows of a lane are `judged` by now, by any frame. If that is the second lane
+    and the path has passed the end of the first, what is unseen of the first is flown again after
+    all others. On its way to the first a path may cross the second, which does not count.
     """
     if not vehicle.on_lane or not shown:
         return vehicle
-    cell_m = grid.cell_m
+    grid, rows, cell_m = setting.grid, setting.lane_rows, setting.grid.cell_m
     east = sum(cell.east for cell in shown) / len(shown)
     north = sum(cell.north for cell in shown) / len(shown)
-    lanes_s = 0.0 if drifts else t_s
+    lanes_s = setting.lane_time_s(t_s)
     middle = grid.to_fixed(GridPoint(east * cell_m, north * cell_m), lanes_s)
     for k, lane in enumerate(vehicle.lanes[:2]):
         if offset_m(lane, middle) > BESIDE_CELLS * cell_m:
@@ -92,7 +76,7 @@ def lane_passed(
             for along in Strip.of(grid, lane, rows, lanes_s).judged_m(judged, shown)
             if not any(abs(along - other) < KNOWN_CELLS * cell_m for other in known_m)
         ]
-        if not new_m or (k and not _is_behind(vehicle.lanes[0], rows, grid, vehicle, t_s, drifts)):
+        if not new_m or (k and not _is_behind(setting, vehicle, t_s)):
             continue
         if k:
             rest = unseen(vehicle.lanes[0], vehicle.lane_seen_m, cell_m)
@@ -101,19 +85,16 @@ def lane_passed(
     return vehicle
 
 
-def _is_behind(
-    lane: Lane, rows: int, grid: Grid, vehicle: VehicleState, t_s: float, drifts: bool
-) -> bool:
-    """Whether the path of a vehicle has led along a lane by `t_s`: past its start, then its end."""
+def _is_behind(setting: Setting, vehicle: VehicleState, t_s: float) -> bool:
+    """Whether the path of a vehicle has passed the start of its first lane, then the end."""
     path = vehicle.path
     if path is None:
         return True
-    near_m = PASSED_M + (rows - 1) / 2 * grid.cell_m
-    ahead = list(lane)
+    near_m = PASSED_M + (setting.lane_rows - 1) / 2 * setting.grid.cell_m
+    ahead = list(vehicle.lanes[0])
     for k in range(math.floor(max(t_s - path.begin_s, 0.0) / STEP_S) + 1):
         at_s = path.begin_s + k * STEP_S
-        place = path.place_at(at_s)
-        if (grid.to_moving(place, at_s) if drifts else place).distance_to(ahead[0]) <= near_m:
+        if setting.to_lanes(path.place_at(at_s), at_s).distance_to(ahead[0]) <= near_m:
             ahead.pop(0)
         if not ahead:
             return True
@@ -121,7 +102,7 @@ def _is_behind(
 
 
 def lane_left(vehicle: VehicleState, cell_m: float) -> VehicleState:
-    """The vehicle after it left its lane before the end: what nobody saw is left to fly."""
+    """Have a vehicle leave its lane: what is unseen of it is left to fly."""
     if not vehicle.on_lane or not vehicle.lanes:
         return vehicle
     rest = unseen(vehicle.lanes[0], vehicle.lane_seen_m, cell_m)
@@ -129,16 +110,13 @@ def lane_left(vehicle: VehicleState, cell_m: float) -> VehicleState:
 
 
 def set_free(vehicle: VehicleState, cell_m: float) -> VehicleState:
-    """The vehicle without what it did: it left its lane, and neither looks nor comes home."""
+    """Have a vehicle leave what it did: its lane, its look, its way home."""
     left = lane_left(vehicle, cell_m)
     return replace(left, return_reason=None, over_home=False, at_target=False)
 
 
 def lane_flown(vehicle: VehicleState, cell_m: float) -> VehicleState:
-    """The vehicle at the end of its lane: stretches without a judged frame are flown again.
-
-    It flies back along them, the nearest first.
-    """
+    """End the first lane of a vehicle: it flies back along what is unseen, the nearest first."""
     rest = unseen(vehicle.lanes[0], vehicle.lane_seen_m, cell_m)
     back = tuple((end, start) for start, end in reversed(rest))
     empty = 0 if vehicle.lane_seen_m else vehicle.empty_passes + 1
@@ -153,23 +131,20 @@ def lane_flown(vehicle: VehicleState, cell_m: float) -> VehicleState:
 
 
 ON_LANE_M: Final = 0.5
-"""A place that lies nearer to a lane lies on it."""
+"""Greatest distance of a place on a lane from it, m."""
 
 
 def lane_number(setting: Setting, lane: Lane) -> int | None:
-    """Which lane of the mission a lane is, or is a part of, from 0; None for none of them."""
+    """Return which lane of the mission a lane is, or is a part of, from 0; None for none."""
     for number, whole in enumerate(setting.lanes):
-        if all(_lies_on(whole, place) for place in lane):
+        length_m, ends_m = whole[0].distance_to(whole[1]), [along_m(whole, end) for end in lane]
+        beside = any(offset_m(whole, end) > ON_LANE_M for end in lane)
+        if not beside and all(0.0 <= end_m <= length_m for end_m in ends_m):
             return number
     return None
 
 
 def lanes_held(setting: Setting, vehicle: VehicleState) -> tuple[int, ...]:
-    """The numbers of the lanes that a vehicle has left, in the order of flight."""
+    """Return the numbers of the lanes that a vehicle has left, in the order of flight."""
     numbers = (lane_number(setting, lane) for lane in vehicle.lanes)
     return tuple(dict.fromkeys(number for number in numbers if number is not None))
-
-
-def _lies_on(lane: Lane, place: GridPoint) -> bool:
-    length_m, along = lane[0].distance_to(lane[1]), along_m(lane, place)
-    return offset_m(lane, place) <= ON_LANE_M and 0.0 <= along <= length_m

@@ -56,10 +56,9 @@ class Setting:
     likely: tuple[LikelyLane, ...] = ()
     """The lanes with what the prior says of them; empty without a prior."""
     ground: Terrain | None = None
-    """What layers are above; None: flat ground at the height of the start."""
+    """What layers are above; None: flat ground at the level of the start."""
     whole_fence: Fence | None = None
-    """Of a member of a fleet: the fence without the columns over others' pads, which are holes of
-    ours."""
+    """Of a member: the fence without the columns over others' pads, which are holes of `fence`."""
     plans: PlanMemo = field(default_factory=PlanMemo, compare=False, repr=False)
     """What was planned before in this flight."""
 
@@ -80,15 +79,14 @@ class Setting:
 
     @cached_property
     def shares(self) -> Shares:
-        """The lanes of each vehicle before take-off, in the order of flight."""
+        """The lanes of each vehicle before take-off."""
         return self.strategy.shares(self) if self.lanes else ((),) * len(self.pads)
 
     @property
     def first_sighting_s(self) -> tuple[float, float] | None:
-        """The expected time from lift-off to the first sighting, and the same had the prior not
-        been used; None without one, for then nobody knows.
+        """The expected time from lift-off to the first sighting, with and without the prior, s.
 
-        Nobody is held up by others, by a battery, or by what lies between two lanes.
+        None without a prior. Other vehicles, batteries and obstacles cost no time in it.
         """
         if not self.likely:
             return None
@@ -102,7 +100,7 @@ class Setting:
         return climb_s + soon_s, climb_s + late_s
 
     def pad_of(self, number: int) -> GridPoint:
-        """Where a vehicle stands by the mission file."""
+        """Return where a vehicle stands by the mission file."""
         return self.pads[number - 1]
 
     def home_level_m(self, number: int) -> float:
@@ -116,29 +114,29 @@ class Setting:
 
     @property
     def relief_m(self) -> float:
-        """From the lowest ground that a straight way home crosses to the highest; 0 if flat."""
+        """Height of the ground that straight ways home cross, from lowest to highest, m."""
         return self.mission.ground_span_m
 
     def ups_and_downs_m(self, points: Sequence[GridPoint]) -> float:
-        """What the ups and downs of a way come to, in metres of climbing; 0 where it is flat."""
+        """Return what the ups and downs of a way come to, in metres of climbing."""
         if self.ground is None:
             return 0.0
         return self.ground.ups_and_downs_m(points, self.energy.speed_m_s, self.energy.climb_m_s)
 
     def where(self, cell: Cell, t_s: float) -> GridPoint:
-        """Where the centre of a cell is at a time, in the fixed frame."""
+        """Return where the centre of a cell is at a time, in the fixed frame."""
         return self.grid.to_fixed(self.grid.centre_of(cell), t_s)
 
     def lane_time_s(self, t_s: float) -> float:
-        """The time at which lanes lie where they are told to be, seen from the cells."""
+        """Return the time at which lanes lie as laid, in the frame of the cells."""
         return 0.0 if self.strategy.lanes_drift else t_s
 
     def to_lanes(self, place: GridPoint, t_s: float) -> GridPoint:
-        """A place over ground at a time in the frame in which lanes lie."""
+        """Return a place over ground at a time in the frame of the lanes."""
         return self.grid.to_moving(place, t_s - self.lane_time_s(t_s))
 
     def over_ground(self, place: GridPoint, t_s: float) -> GridPoint:
-        """The inverse of `to_lanes`."""
+        """Return a place in the frame of the lanes over ground: the inverse of `to_lanes`."""
         return self.grid.to_fixed(place, t_s - self.lane_time_s(t_s))
 
     @cached_property
@@ -166,10 +164,10 @@ class Setting:
 
     @property
     def metric(self) -> Metric:
-        """What a leg between two cells costs in seconds, in the frame of the ROI.
+        """What a leg between two cells costs in seconds, in the frame of the region.
 
-        A vehicle flies straight, over whatever lies between, from rest to rest. A look is its
-        frames: the seconds of `look_s` besides are kept for the battery, and seldom needed.
+        A vehicle flies straight from rest to rest. A look costs its frames: what `look_s` has
+        besides is reckoned for the battery, and seldom needed.
         """
         grid, votes = self.grid, self.mission.votes
         return Metric(

@@ -18,11 +18,7 @@ from missions.planning.search.prior import likely_lanes
 def setting_of(mission: Mission, member: int | None = None) -> Setting:
     """Return the setting of a checked mission.
 
-    Args:
-        mission: Of a mission file.
-        member: The one vehicle that is flown, where each has a service of its own
-            (`missions.flight.team`), 0 for one that flies none and only listens; None: all of them
-            are flown.
+    `member` is the one vehicle that is commanded, 0 for a station that only listens; None: all.
     """
     grid = Grid.at(
         mission.home, mission.grid.cell_m, mission.drift.speed_m_s, mission.drift.toward_deg

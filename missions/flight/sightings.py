@@ -10,7 +10,7 @@ from missions.flight.lane_progress import lane_passed, lane_seen
 from missions.flight.setting import Setting
 from missions.flight.state import Phase, ReturnReason, State, VehicleState
 from missions.flight.strategy.searching import drifts_out, give_up
-from missions.mapping.belief import Belief, FrameId, Verdicts
+from missions.mapping.belief import Belief, FrameId
 from missions.mapping.overview import with_plain
 from missions.mapping.tree import Tree
 from missions.orders import FlyTo, Look
@@ -18,10 +18,7 @@ from missions.units import Cell
 
 
 def frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
-    """Count the votes; end a look once everything it can see is decided.
-
-    A frame without a vantage is evidence and no more: it is of no look and of no lane.
-    """
+    """Count the votes of a frame; end a look once all that it can see is decided."""
     if event.overview:
         return _seen_from_above(setting, state, event)
     frame = FrameId(event.vehicle, event.t_s)
@@ -36,26 +33,35 @@ def frame_seen(setting: Setting, state: State, event: FrameSeen) -> State:
     if event.vantage is None:
         if counts:
             vehicle = replace(vehicle, fruitless_sorties=0)
-        return _seen_in_passing(setting, state, vehicle, event, votes)
+        state = state.with_vehicle(vehicle)
+        if state.tree is None:
+            return setting.strategy.seen_in_passing(setting, state, event, votes)
+        return replace(state, tree=grown(state.tree, state.belief, votes))
     if state.tree is None:
-        vehicle = _on_its_lane(setting, state.belief, vehicle, event, event.vantage)
+        shown, belief, vantage = {vote.cell for vote in event.votes}, state.belief, event.vantage
+        vehicle = lane_seen(
+            setting, vehicle, vantage, event.t_s,
+            lambda cell: cell in shown or belief.tally(cell, vantage).total > 0,
+        )  # fmt: skip
     state = state.with_vehicle(vehicle)
     if isinstance(vehicle.order, Look) and vehicle.order.cell == event.vantage:
         if state.belief.fully_voted(event.vantage):
             return _looked(state, vehicle, event.vantage)
-    elif state.tree is not None:
-        return replace(state, tree=_late_positives(state.tree, state.belief, event.vantage))
-    elif vehicle.candidate is None:
-        hint = _hint(setting, state, event)
-        if hint is not None:
-            if vehicle.works:
-                vehicle = replace(vehicle.interrupted(state.t_s), at_target=False)
-            return state.with_vehicle(replace(vehicle, candidate=hint))
+    elif (tree := state.tree) is not None:
+        # a frame that came after its look was over may still make a neighbour region
+        if event.vantage in tree and tree.has_looked(event.vantage):
+            near = (c for c in event.vantage.neighbours() if c in state.belief.roi)
+            if new := [c for c in near if c not in tree]:
+                return replace(state, tree=tree.looked(event.vantage, new))
+    elif vehicle.candidate is None and (hint := _hint(setting, state, event)) is not None:
+        if vehicle.works:
+            vehicle = replace(vehicle.interrupted(state.t_s), at_target=False)
+        return state.with_vehicle(replace(vehicle, candidate=hint))
     return state
 
 
 def _seen_from_above(setting: Setting, state: State, event: FrameSeen) -> State:
-    """A frame from the height of a search counts for the lane, and for what is plain by it."""
+    """Count a frame from the height of a search for its lane, and for what is plain by it."""
     frame = FrameId(event.vehicle, event.t_s)
     said = {vote.cell: vote.positive for vote in event.votes}
     before = state.overview
@@ -66,44 +72,19 @@ def _seen_from_above(setting: Setting, state: State, event: FrameSeen) -> State:
         state.vehicles[event.vehicle], frames_lost=0, judged_s=state.t_s, fruitless_sorties=0
     )
     belief = with_plain(state.belief, overview, setting.in_box, fresh)
-    state = replace(state, belief=belief, overview=overview)
-    return on_a_lane(setting, state, vehicle, event)
+    state = replace(state, belief=belief, overview=overview).with_vehicle(vehicle)
+    return on_a_lane(setting, state, event)
 
 
-def on_a_lane(setting: Setting, state: State, vehicle: VehicleState, event: FrameSeen) -> State:
-    """What a frame of a vehicle that does not stop means for the lane that it flies."""
+def on_a_lane(setting: Setting, state: State, event: FrameSeen) -> State:
+    """Count a frame of a vehicle that does not stop for the lane that it flies."""
     shown, judged = [vote.cell for vote in event.votes], setting.heights.searched(state)
-    vehicle = lane_passed(
-        vehicle, setting.grid, setting.lane_rows, judged, shown, event.t_s,
-        drifts=setting.strategy.lanes_drift,
-    )  # fmt: skip
-    return state.with_vehicle(vehicle)
-
-
-def _on_its_lane(
-    setting: Setting, belief: Belief, vehicle: VehicleState, event: FrameSeen, vantage: Cell
-) -> VehicleState:
-    """What a frame of a search means for the lane that its vehicle flies."""
-    shown = {vote.cell for vote in event.votes}
-
-    def judged(cell: Cell) -> bool:
-        return cell in shown or belief.tally(cell, vantage).total > 0
-
-    return lane_seen(vehicle, setting.grid, setting.lane_rows, vantage, judged, event.t_s)
-
-
-def _seen_in_passing(
-    setting: Setting, state: State, vehicle: VehicleState, event: FrameSeen, votes: Verdicts
-) -> State:
-    """What a frame from anywhere changes besides the votes: the lanes, the root, the tree."""
-    if state.tree is not None:
-        tree = grown(state.tree, state.belief, votes)
-        return replace(state, tree=tree).with_vehicle(vehicle)
-    return setting.strategy.seen_in_passing(setting, state, vehicle, event, votes)
+    vehicle = state.vehicles[event.vehicle]
+    return state.with_vehicle(lane_passed(setting, vehicle, event.t_s, shown, judged))
 
 
 def grown(tree: Tree, belief: Belief, fresh: Iterable[Cell]) -> Tree:
-    """The tree after cells got votes: a vertex whose neighbours are all decided was looked from."""
+    """Return the tree in which vertices count as visited whose neighbours are all decided."""
     verdicts, region = belief.verdicts, belief.roi.as_dict()
     (_, *steps) = cross = Cell(0, 0).cross()
     asked = [Cell(e + east, n + north) for e, n in fresh for east, north in cross]
@@ -119,33 +100,19 @@ def grown(tree: Tree, belief: Belief, fresh: Iterable[Cell]) -> Tree:
     return tree
 
 
-def _late_positives(tree: Tree, belief: Belief, vantage: Cell) -> Tree:
-    """A frame that came after its look was over may still make a neighbour ROI."""
-    if vantage not in tree or not tree.has_looked(vantage):
-        return tree
-    new = [c for c in vantage.neighbours() if c in belief.roi and c not in tree]
-    return tree.looked(vantage, new) if new else tree
-
-
 def _hint(setting: Setting, state: State, event: FrameSeen) -> Cell | None:
-    """The first cell that a search frame takes for ROI and that nobody has looked from yet."""
+    """The first cell inside the fence that a search frame takes for region, not visited yet."""
     for vote in event.votes:
         looked = state.belief.frames_taken(vote.cell) >= setting.mission.votes.frames
-        if vote.cell in state.skipped:
+        if not vote.positive or looked or vote.cell in state.skipped:
             continue
-        if vote.positive and not looked and _in_reach(setting, state, vote.cell):
+        if setting.fence.allows(setting.where(vote.cell, state.t_s)):
             return vote.cell
     return None
 
 
-def _in_reach(setting: Setting, state: State, cell: Cell) -> bool:
-    """Whether the centre of a cell is inside the fence now."""
-    grid = setting.grid
-    return setting.fence.allows(grid.to_fixed(grid.centre_of(cell), state.t_s))
-
-
 def look_ended(state: State, event: LookEnded) -> State:
-    """An order's frames are used up before every neighbour had its votes."""
+    """End a look whose frames are used up before every neighbour had its votes."""
     vehicle = state.vehicles[event.vehicle]
     if not isinstance(vehicle.order, Look):
         return state
@@ -157,10 +124,9 @@ def look_ended(state: State, event: LookEnded) -> State:
 
 
 def follow_no_farther(setting: Setting, state: State, vehicle: VehicleState) -> State:
-    """End a look at, or a leg to, a cell that drifts out of the fence while it is followed.
+    """End a look at, or a leg to, a cell that drifts out of the fence meanwhile.
 
-    Both were given because the cell would stay inside for as long as they should take; lost
-    pictures or a head wind make them last longer.
+    Lost pictures or a head wind make them last longer than was reckoned.
     """
     order = vehicle.order
     if vehicle.phase is not Phase.AIRBORNE or not isinstance(order, Look | FlyTo):
@@ -175,13 +141,13 @@ def follow_no_farther(setting: Setting, state: State, vehicle: VehicleState) -> 
 
 
 def _looked_in_part(state: State, vehicle: VehicleState, cell: Cell) -> State:
-    """A look is over before the cell and its neighbours have their votes: what there is counts."""
+    """End a look before the cell and its neighbours have their votes."""
     state = replace(state, undecided=state.undecided | {cell})
     return _looked(state, vehicle, cell)
 
 
 def _looked(state: State, vehicle: VehicleState, cell: Cell) -> State:
-    """Somebody has looked from a cell: the tree grows, or the search has found its root."""
+    """Have the tree grow after a look, or the search end if it has found a root."""
     roi = [c for c in cell.cross() if c in state.belief.roi]
     vehicle = replace(vehicle, order=None, fruitless_sorties=0)
     if state.tree is not None:
@@ -199,7 +165,7 @@ def _looked(state: State, vehicle: VehicleState, cell: Cell) -> State:
 
 
 def _found(state: State, vehicle: VehicleState, looked_from: Cell, roi: list[Cell]) -> State:
-    """The ROI is confirmed: everybody leaves the search and goes to the root."""
+    """Have all vehicles leave the search for the root of the region."""
     root = roi[0]
     tree = Tree.rooted(root)
     if root == looked_from:

@@ -22,13 +22,13 @@ _ORIGIN = GridPoint(0.0, 0.0)
 _NOTHING = Belief(1, 1)
 
 BRAKING_S = 8.0
-"""After so long an interrupted vehicle counts as at rest, even if the wind blows it about."""
+"""Time after which an interrupted vehicle counts as at rest, s, even if the wind moves it."""
 PASSING_S = 3.0
-"""So long a vehicle that has flown past the end of a leg may still be on the move."""
+"""Time for which a vehicle that has flown past the end of a leg may still move, s."""
 
 
 class Phase(StrEnum):
-    """What a vehicle can do for the mission just now."""
+    """What a vehicle can do for the mission."""
 
     OFFLINE = "offline"
     GROUNDED = "grounded"
@@ -41,12 +41,11 @@ class Phase(StrEnum):
     FAILED = "failed"
     """It stands on the ground and takes no more part."""
     DOWN = "down"
-    """It lies or stands away from its pad: somebody has to fetch it."""
+    """It lies or stands away from its pad: the crew has to fetch it."""
     LOST = "lost"
-    """It was silent for longer than its battery can have lasted, or than anybody waits."""
+    """It was silent for longer than its battery can have lasted."""
     APART = "apart"
-    """The vehicle of another member of the fleet that is out of contact: it keeps to the air that
-    is its own, as everybody does."""
+    """The vehicle of another member of the fleet that is out of contact, in its own air."""
 
 
 class ReturnReason(StrEnum):
@@ -56,7 +55,7 @@ class ReturnReason(StrEnum):
     BATTERY = "battery"
     RECALLED = "recalled"
     FAULT = "fault"
-    """Its camera is silent, or an order failed: it takes no more part."""
+    """Its camera is silent, or an order failed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,12 +71,12 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Allotment:
-    """Who of a fleet is to map what, as one member has laid it out for all that it heard."""
+    """The parts of a map, as one member of a fleet has laid them out for all that it heard."""
 
     by: int
     made_s: float
     parts: Mapping[int, tuple[GridPoint, ...]]
-    """By vehicle the places to see it from, in order, as the region lies at mission time 0."""
+    """By vehicle the observation points in order, as the region lies at mission time 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,38 +89,37 @@ class VehicleState:
     tracked_s: float = 0.0
     home: GridPoint = _ORIGIN
     home_level_m: float = 0.0
-    """Height of its home above the start, from which layers are counted; 0 where they are counted
-    from the ground below."""
+    """Height of its home above what layers are counted from, m."""
     position: GridPoint = _ORIGIN
     height_m: float = 0.0
     remaining_wh: float = 0.0
     drawn_w: float = 0.0
     wind_m_s: float = 0.0
-    """Wind that was measured in flight; the given one counts where it is stronger."""
+    """Wind that was measured in flight."""
     order: Order | None = None
     last_order: Order | None = None
-    """What it carried out when its link was lost, and may carry out still."""
+    """Its order when its link was lost, which it may still carry out."""
     return_reason: ReturnReason | None = None
     over_home: bool = False
     """Whether it is over the place where it will land."""
     returns_by_itself: bool = False
-    """Whether a failsafe, a pilot or its guardian has the autopilot return: it flies straight."""
+    """Whether its autopilot flies it home, straight."""
     spare_pad: GridPoint | None = None
-    """Where it lands instead, because its own pad stays blocked."""
+    """Where it lands while its own pad stays blocked."""
     lanes: tuple[Lane, ...] = ()
     on_lane: bool = False
     lane_seen_m: tuple[float, ...] = ()
-    """How far along its first lane the frames lie that were judged."""
+    """Where along its first lane judged frames lie, m."""
     empty_passes: int = 0
-    """Lanes in a row that were flown without one frame judged."""
+    """Lanes in a row without a judged frame."""
     frames_lost: int = 0
-    """Pictures in a row that were lost or cannot be believed."""
+    """Pictures in a row that were lost or are not credible."""
     judged_s: float = 0.0
-    """On a path: when its last picture was judged, or it was given the first path."""
+    """When its last picture was judged, or its first path began."""
     home_refused: int = 0
-    """How often the way home could not be flown since it last took off."""
+    """How often the return path could not be flown since take-off."""
     behind: int = 0
-    """How often in a row, `BEHIND_S` apart at most, it was left behind by its path..."""
+    """How often in a row, `BEHIND_S` apart at most, it fell behind its path..."""
     behind_s: float = float("-inf")
     """... and when last."""
     candidate: Cell | None = None
@@ -130,30 +128,30 @@ class VehicleState:
     """Whether it has arrived at its candidate or vertex."""
     landed: bool = True
     cleared: bool = True
-    """Whether the operator has cleared it for take-off; a flight uses the clearance up, a battery
-    swap or a resume renews it. Nothing takes off beside people because a link came back."""
+    """Whether the operator has cleared it for take-off: a flight uses the clearance up, a battery
+    swap or a resume renews it. No vehicle takes off beside people because a link came back."""
     fruitless_sorties: int = 0
     """Consecutive sorties that the battery ended without progress."""
     braking_until_s: float | None = None
-    """While it comes to rest after its leg was interrupted: nobody knows where it will stop."""
+    """Until when it comes to rest after its leg was interrupted: its place is uncertain."""
     passed_s: float | None = None
     """When it flew past the end of a leg without a stop."""
     landed_away_m: float = 0.0
-    """How far from its pad a pilot or a failsafe has set it down, 0 where that is its pad."""
+    """How far from its pad a pilot or a failsafe has set it down, m."""
     was_down: bool = False
-    """It was down when the mission was resumed, and has not spoken since: is it still there?"""
+    """Whether it was down when the mission was resumed, and has not reported since."""
     called_home: bool = False
-    """Whether the operator wants it at home, and there to stay."""
+    """Whether the operator has commanded it home, to stay there."""
     asks: Column | None = None
     """The air that it asks the others of its fleet for..."""
     leased_until_s: float = float("-inf")
     """... and until when they have closed it to themselves."""
     held_until_s: float = float("-inf")
-    """Out of contact: until then it is taken to do what it was to do."""
+    """Out of contact: until when its work is left to it."""
     due_s: float = float("-inf")
-    """Out of contact: when it should have flown its lanes, and be back over its pad."""
+    """Out of contact: when it should be back over its pad, its lanes flown."""
     back_s: float = float("-inf")
-    """When it was last heard again after it was out of contact."""
+    """When it was last received again after it was out of contact."""
     note: str = ""
 
     @property
@@ -163,23 +161,23 @@ class VehicleState:
 
     @property
     def works(self) -> bool:
-        """Whether it is in the air for the mission, and not on its way home."""
+        """Whether it flies for the mission, and not home."""
         return self.phase is Phase.AIRBORNE and self.return_reason is None
 
     @property
     def uncontrolled(self) -> bool:
-        """Whether it is in the air and cannot be commanded: silent, or in other hands."""
+        """Whether it is in the air and cannot be commanded."""
         others = (Phase.YIELDED, Phase.OFFLINE, Phase.GUARDED)
         return self.phase in others and not self.landed
 
     @property
     def idle_in_search(self) -> bool:
-        """Whether it has neither a lane nor a suspicion to look at."""
+        """Whether it has neither a lane nor a suspicion."""
         return not self.lanes and self.candidate is None
 
     @property
     def path(self) -> Trajectory | None:
-        """The path that it flies without stopping, if it does."""
+        """The path that it flies without stopping."""
         return self.order.trajectory if isinstance(self.order, FlyPath) else None
 
     @property
@@ -188,22 +186,21 @@ class VehicleState:
         return self.cruise_altitude_m - self.home_level_m
 
     def leg(self, route: Iterable[GridPoint]) -> FlyTo:
-        """The order to fly along places in its layer, and to stop at the last."""
+        """Return the order to fly along places in its layer, and to stop at the last."""
         return FlyTo(tuple(route), None, stop=True, height_m=self.cruise_height_m)
 
     @property
     def ended(self) -> bool:
-        """Whether it will do nothing more of its own accord, and is not in the air.
+        """Whether it will do nothing more, and is on the ground or given up.
 
-        One that was given up is an exception: nobody knows where it is. One that its pilot keeps
-        on the ground may be given back, but nobody can wait for that.
+        A vehicle that its pilot keeps on the ground may be given back: that is not waited for.
         """
         done = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.YIELDED)
         return self.phase is Phase.LOST or (self.phase in done and self.landed)
 
     @property
     def away(self) -> bool:
-        """Whether somebody has to look for it: not on the ground, or on the ground elsewhere."""
+        """Whether the crew has to look for it: in the air, or on the ground elsewhere."""
         is_down = self.was_down or self.phase in (Phase.DOWN, Phase.LOST)
         return is_down or not self.landed or bool(self.landed_away_m)
 
@@ -218,18 +215,18 @@ class VehicleState:
         return self.home if self.spare_pad is None else self.spare_pad
 
     def interrupted(self, t_s: float) -> VehicleState:
-        """This vehicle with its order taken back; from a leg it has to come to rest first."""
+        """Take back its order; from a leg it has to come to rest first."""
         moves = self.passed_s is not None and t_s - self.passed_s < PASSING_S
         if moves or isinstance(self.order, FlyTo | Sweep | FlyPath):
             return replace(self, order=None, braking_until_s=t_s + BRAKING_S)
         return replace(self, order=None)
 
     def stood_down(self, phase: Phase, note: str) -> VehicleState:
-        """This vehicle with nothing more to do."""
+        """End its part in the mission."""
         return replace(self, phase=phase, order=StandDown(), note=note)
 
     def left_to_autopilot(self, note: str) -> VehicleState:
-        """This vehicle returning by its autopilot, and its guardian with it."""
+        """Have its autopilot fly it home, watched by its guardian."""
         return replace(
             self.stood_down(Phase.GUARDED, note),
             order=ReturnToLaunch(),
@@ -249,43 +246,43 @@ class State:
     t_s: float = 0.0
     tree: Tree | None = None
     exhausted: bool = False
-    """Every lane of the box has its judged frames, and nobody saw the ROI."""
+    """Whether the search is over without a region."""
     falls_back: bool = False
-    """Whether a strategy that does not stop has had its time: the rest is stopped and looked at."""
+    """Whether paths have had their time: the rest is explored with stops."""
     surveyed: bool = False
-    """Where the whole box is seen: what can be decided of what has to be is decided."""
+    """Whether all is decided that can be, where the whole box is seen."""
     unreachable_lanes: tuple[Lane, ...] = ()
     """Lanes that no way inside the fence leads to."""
     recalled: bool = False
     paused: bool = False
-    """Whether the operator has everybody hold where they are."""
+    """Whether the operator has all vehicles hold where they are."""
     skipped: frozenset[Cell] = frozenset()
-    """Cells that the operator has nobody look from."""
+    """Cells that the operator has left out."""
     abandoned: frozenset[Cell] = frozenset()
-    """ROI cells that nobody could look from: beyond the fence or out of reach."""
+    """Cells of the region beyond the fence or out of reach."""
     memory: Memory | None = None
-    """What the explorer asked to be given at its next decision."""
+    """What the strategy keeps for its next decision."""
     last_wait: tuple[Tree, Mapping[int, Cell], frozenset[int], float] | None = None
-    """Robots that were told to wait, with the tree, the positions and the time then: they are not
-    asked again until one of the first two changes."""
+    """Robots that an explorer has wait, with the tree, the positions and the time then: they are
+    asked again when one of the first two changes."""
     undecided: frozenset[Cell] = frozenset()
-    """Cells that were looked from, where votes on the cell or on a neighbour are missing."""
+    """Cells that were visited and lack votes on themselves or on a neighbour."""
     found_s: float | None = None
     """When the ROI was first confirmed."""
     overview: Belief = _NOTHING
-    """The votes of frames from the height of a search (`missions.flight.strategy.two_heights`)."""
+    """The votes of frames from the height of a search."""
     closed: Mapping[int, Column] = field(default_factory=dict)
-    """The air that others of a fleet have asked for, which ours keeps out of."""
+    """The air that other members have asked for, which ours keeps out of."""
     shown: frozenset[Cell] = frozenset()
-    """Of a fleet: what others' frames have shown, and took for no region without a decision."""
+    """Cells that other members' frames took for no region without a decision."""
     allotment: Allotment | None = None
-    """Of a fleet that maps: who is to map what."""
+    """The parts that members of a fleet map."""
     shared_s: float = float("-inf")
-    """When another member last reported what was not known here."""
+    """When another member last reported news."""
 
     @classmethod
     def initial(cls, setting: Setting) -> State:
-        """Before anything has happened: every vehicle offline, with its share of the lanes."""
+        """Return the state in which every vehicle is offline and has its share of the lanes."""
         mission = setting.mission
         blocks = setting.strategy.begins_with(setting)
         vehicles = {
@@ -302,15 +299,11 @@ class State:
         return cls(none_seen, vehicles, ours, overview=none_seen)
 
     def with_vehicle(self, vehicle: VehicleState) -> State:
-        """This state with one vehicle changed."""
+        """Return this state with one vehicle changed."""
         return replace(self, vehicles={**self.vehicles, vehicle.vehicle: vehicle})
 
     def holding(self, vehicle: VehicleState) -> State:
-        """This state with a vehicle that hovers where it is.
-
-        It keeps the air of a hover; between layers the heights between, over its pad the column in
-        which it lands.
-        """
+        """Return this state with a vehicle that hovers, in the air that this needs."""
         order = vehicle.order if isinstance(vehicle.order, Hold) else Hold()
         return self.with_vehicle(replace(vehicle, order=order))
 
@@ -321,7 +314,7 @@ class State:
 
     @property
     def over(self) -> bool:
-        """Whether nobody will do anything more of their own accord, and nobody is in the air."""
+        """Whether no vehicle will do anything more, and none is in the air."""
         if not self.ours:  # of a fleet that is only listened to
             done = (Phase.FINISHED, Phase.FAILED, Phase.DOWN, Phase.LOST)
             return all(v.phase in done for v in self.vehicles.values())
@@ -329,7 +322,7 @@ class State:
 
     @property
     def unsearched(self) -> tuple[Lane, ...]:
-        """Stretches of lanes that no judged frame shows, while they still matter."""
+        """Stretches of lanes that no judged frame shows, while there is no region."""
         if self.tree is not None:
             return ()
         left = [lane for v in self.vehicles.values() for lane in v.lanes]
@@ -337,17 +330,14 @@ class State:
 
     @property
     def exploration_finished(self) -> bool:
-        """Whether the question of the mission is answered: explored, or searched in vain."""
+        """Whether the region is explored, or the search over without one."""
         if self.tree is None:
             return self.exhausted
         return self.tree.is_explored(self.tree.root)
 
     @property
     def completed(self) -> bool:
-        """Mapped without a gap, no vehicle down or lost, and all of ours at home.
-
-        A member of a fleet knows the landing of its own vehicle only: others may still come home.
-        """
+        """Whether the map has no gap, no vehicle is down or lost, and all of ours are at home."""
         everybody = self.vehicles.values()
         return (
             self.exploration_finished
@@ -360,7 +350,7 @@ class State:
         )
 
     def robots(self) -> dict[int, Cell]:
-        """For every vehicle that takes part in the exploration its vertex."""
+        """Return the vertex of each vehicle that takes part in the exploration."""
         return {
             number: v.vertex
             for number, v in self.vehicles.items()

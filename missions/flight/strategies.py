@@ -15,15 +15,12 @@ from missions.mission.schema import Mission
 from missions.planning.stepwise import EXPLORERS
 from missions.planning.sweep.strategies import ON_PATHS, About
 
-Choice = Callable[[Mission], Strategy]
-"""Which strategy a mission is flown by that names it."""
-
-CHOICES: Final[dict[str, Choice]] = {
+CHOICES: Final[dict[str, Callable[[Mission], Strategy]]] = {
     FIRST.about.name: lambda mission: ALL if mission.search.find == "all" else FIRST,
     WHOLE_BOX.about.name: lambda mission: WHOLE_BOX,
     PAIR.about.name: lambda mission: PAIR,
 }
-"""Those that do not stop. All others are the explorers of `missions.planning.stepwise`."""
+"""Strategies without stops. All others are the explorers of `missions.planning.stepwise`."""
 
 
 def chosen(mission: Mission) -> Strategy:
@@ -33,10 +30,7 @@ def chosen(mission: Mission) -> Strategy:
 
 
 def register(strategy: Strategy) -> None:
-    """Make a strategy known to missions and commands by the name in its `about`.
-
-    Raises `StrategyError` where another one has the name.
-    """
+    """Register a strategy by the name in its `about`. Raises `StrategyError` if that is taken."""
     about = strategy.about
     if not isinstance(about, About):
         raise StrategyError(f"{about.name}: its texts are no `About`")

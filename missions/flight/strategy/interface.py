@@ -204,17 +204,9 @@ class Strategy(ABC):
 
     @abstractmethod
     def seen_in_passing(
-        self,
-        setting: Setting,
-        state: State,
-        vehicle: VehicleState,
-        event: FrameSeen,
-        votes: Verdicts,
+        self, setting: Setting, state: State, event: FrameSeen, votes: Verdicts
     ) -> State:
-        """What a frame from anywhere means for a search, besides its votes.
-
-        `vehicle` has taken it, and is not in the state yet.
-        """
+        """Return the state in which a frame from anywhere counts for a search, beside its votes."""
 
     # --- orders ---------------------------------------------------------------------------------
     @abstractmethod

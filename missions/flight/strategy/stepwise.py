@@ -170,15 +170,10 @@ class Stepwise(Strategy):
         return None if moves is None else round(moves_s(setting, moves), 1)
 
     def seen_in_passing(
-        self,
-        setting: Setting,
-        state: State,
-        vehicle: VehicleState,
-        event: FrameSeen,
-        votes: Verdicts,
+        self, setting: Setting, state: State, event: FrameSeen, votes: Verdicts
     ) -> State:
         """Evidence, and no more: lanes and looks have frames of their own."""
-        return state.with_vehicle(vehicle)
+        return state
 
     def plan(self, setting: Setting, state: State) -> State:
         """Ask the explorer for those who have looked from where they are."""

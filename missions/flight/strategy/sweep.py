@@ -77,15 +77,10 @@ class Paths(Strategy):
         return setting.heights.searched(state)
 
     def seen_in_passing(
-        self,
-        setting: Setting,
-        state: State,
-        vehicle: VehicleState,
-        event: FrameSeen,
-        votes: Verdicts,
+        self, setting: Setting, state: State, event: FrameSeen, votes: Verdicts
     ) -> State:
         """A frame counts for the lane that its vehicle flies."""
-        return on_a_lane(setting, state, vehicle, event)
+        return on_a_lane(setting, state, event)
 
     def plan(self, setting: Setting, state: State) -> State:
         """Stop those who meet reserved air or have nothing left on their lanes, and plan anew."""
@@ -142,15 +137,10 @@ class Sweep(Paths):
         return round(whole_bound_s(setting, len(tree), tree.depth), 1)
 
     def seen_in_passing(
-        self,
-        setting: Setting,
-        state: State,
-        vehicle: VehicleState,
-        event: FrameSeen,
-        votes: Verdicts,
+        self, setting: Setting, state: State, event: FrameSeen, votes: Verdicts
     ) -> State:
         """The first cell that is region is the root: everybody leaves the search."""
-        state = super().seen_in_passing(setting, state, vehicle, event, votes)
+        state = super().seen_in_passing(setting, state, event, votes)
         root = next((cell for cell in votes if cell in state.belief.roi), None)
         if root is None:
             return state

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from missions.flight.lane_progress import lane_passed
+from missions.flight.setting_of import setting_of
 from missions.flight.state import VehicleState
-from missions.geo.grid import Grid
 from missions.geo.trajectory import LANE_CUTS_M, Trajectory, rounded_path
 from missions.orders import FlyPath
 from missions.planning.search.lanes import unseen
-from missions.units import Cell, GridPoint, LatLon
+from missions.units import Cell, GridPoint
+from tests.support.small_missions import mission, square
 
 FAR = (GridPoint(60.0, 40.0), GridPoint(0.0, 40.0))
 NEAR = (GridPoint(0.0, 28.0), GridPoint(60.0, 28.0))
 CELL_M = 4.0
-GRID = Grid.at(LatLon(48.0, 11.0), CELL_M)
+MISSION = mission(square(0, 20, 60, 30), square(-40, -20, 140, 100), strategy="swath")
+SETTING = replace(setting_of(MISSION), lane_rows=3)
 
 
 def on_path() -> tuple[VehicleState, Trajectory]:
@@ -37,7 +41,7 @@ def flown(until: GridPoint, lost: bool = False) -> VehicleState:
         east, north = round(place.east_m / CELL_M), round(place.north_m / CELL_M)
         shown = [Cell(east + e, north + n) for e in range(-2, 3) for n in range(-2, 3)]
         judged.update(shown)
-        vehicle = lane_passed(vehicle, GRID, 3, judged.__contains__, shown, t_s)
+        vehicle = lane_passed(SETTING, vehicle, t_s, shown, judged.__contains__)
     return vehicle
 
 
@@ -69,6 +73,26 @@ def test_a_column_counts_once_all_its_rows_are_judged_by_whichever_frames() -> N
         rows = (6, 7) if k % 2 else (7, 8)
         shown = [Cell(k + e, north) for e in (-1, 0, 1) for north in rows if k + e != 9]
         judged.update(shown)
-        vehicle = lane_passed(vehicle, GRID, 3, judged.__contains__, shown, 10.0 + k)
+        vehicle = lane_passed(SETTING, vehicle, 10.0 + k, shown, judged.__contains__)
     left = unseen(NEAR, vehicle.lane_seen_m, CELL_M)
     assert [(a.east_m, b.east_m) for a, b in left] == [(32.0, 40.0)]  # the ninth column
+
+
+def test_a_lane_is_searched_where_a_frame_shows_all_of_its_rows() -> None:
+    vehicle = VehicleState(1, 12.0, lanes=((GridPoint(0, 20), GridPoint(40, 20)),), on_lane=True)
+    whole = [Cell(e, n) for e in (4, 5, 6) for n in (4, 5, 6)]
+    aside = [Cell(e, n) for e in (4, 5, 6) for n in (5, 6, 7)]
+    one_m = (20.0,)
+    for cells, rows, seen_m in ((whole, 3, one_m), (aside, 3, ()), (aside, 1, one_m), ([], 3, ())):
+        setting = replace(SETTING, lane_rows=rows)
+        passed = lane_passed(setting, vehicle, 0.0, cells, cells.__contains__)
+        assert passed == replace(vehicle, lane_seen_m=seen_m)
+
+
+def test_what_is_unseen_of_a_lane_that_lies_behind_is_flown_after_the_others() -> None:
+    lanes = ((GridPoint(0, 20), GridPoint(40, 20)), (GridPoint(40, 32), GridPoint(0, 32)))
+    vehicle = VehicleState(1, 12.0, lanes=lanes, on_lane=True)
+    second = [Cell(e, n) for e in (8, 9, 10) for n in (7, 8, 9)]
+    passed = lane_passed(SETTING, vehicle, 0.0, second, second.__contains__)
+    assert passed.lanes == (lanes[1], lanes[0])
+    assert passed.lane_seen_m == (4.0, 0.0)  # its end, too: there is no column behind it

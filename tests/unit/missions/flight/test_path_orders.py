@@ -16,15 +16,13 @@ from missions.events import (
     Tracked,
     Vote,
 )
-from missions.flight.lane_progress import lane_passed
 from missions.flight.path_orders import NOTICE_S, come_inside
 from missions.flight.return_home import turn_back
-from missions.flight.state import ReturnReason, VehicleState
+from missions.flight.state import ReturnReason
 from missions.flight.strategy.charting import flyer_of
 from missions.flight.transitions import BEHIND_S, MOST_BEHIND
 from missions.geo.braking import Course
 from missions.geo.fence import Fence
-from missions.geo.grid import Grid
 from missions.geo.path_in_fence import BEFORE_S, WORTH_S, allowed, as_far_as_allowed, is_outside
 from missions.geo.trajectory import Trajectory, rounded_path
 from missions.guardian import Guard, Limits, Seen, Task, watch
@@ -33,7 +31,7 @@ from missions.guardian.thresholds import OFF_PLAN_M
 from missions.orders import FlyPath, FlyTo, Hold
 from missions.planning.sweep.paths import Route
 from missions.units import Cell, GridPoint
-from tests.support.small_missions import START, square
+from tests.support.small_missions import square
 from tests.unit.missions.flight.test_step import Service, over
 
 EDGES = [GridPoint(*corner) for corner in square(0, 0, 60, 60)]
@@ -251,28 +249,6 @@ def test_who_swung_out_of_a_corner_late_is_behind(
     seen = Seen(t_s, at, 12.0, 6.0, GridPoint(0, 0), True, True, "follow", 50.0)
     assert at.distance_to(path.place_at(t_s)) > OFF_PLAN_M
     assert is_behind(Guard().told(task), seen) is behind
-
-
-# --- the search --------------------------------------------------------------------------------
-def test_a_lane_is_searched_where_a_frame_shows_all_of_its_rows() -> None:
-    grid, lane = Grid.at(START, 4.0), (GridPoint(0, 20), GridPoint(40, 20))
-    vehicle = VehicleState(1, 12.0, lanes=(lane,), on_lane=True)
-    whole = [Cell(e, n) for e in (4, 5, 6) for n in (4, 5, 6)]
-    aside = [Cell(e, n) for e in (4, 5, 6) for n in (5, 6, 7)]
-    one_m = (20.0,)
-    for cells, rows, seen_m in ((whole, 3, one_m), (aside, 3, ()), (aside, 1, one_m), ([], 3, ())):
-        passed = lane_passed(vehicle, grid, rows, cells.__contains__, cells, 0.0)
-        assert passed == replace(vehicle, lane_seen_m=seen_m)
-
-
-def test_what_is_unseen_of_a_lane_that_lies_behind_is_flown_after_the_others() -> None:
-    grid = Grid.at(START, 4.0)
-    lanes = ((GridPoint(0, 20), GridPoint(40, 20)), (GridPoint(40, 32), GridPoint(0, 32)))
-    vehicle = VehicleState(1, 12.0, lanes=lanes, on_lane=True)
-    second = [Cell(e, n) for e in (8, 9, 10) for n in (7, 8, 9)]
-    passed = lane_passed(vehicle, grid, 3, set(second).__contains__, second, 0.0)
-    assert passed.lanes == (lanes[1], lanes[0])
-    assert passed.lane_seen_m == (4.0, 0.0)  # its end, too: there is no column behind it
 
 
 # --- the guardian ------------------------------------------------------------------------------
