@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.airspace.needs import OFF_LAYER_M, RTL_HEIGHT_M
+from missions.flight.airspace.needs import RTL_HEIGHT_M
 from missions.flight.lane_progress import set_free
 from missions.flight.setting import Setting
-from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.state import OFF_LAYER_M, Phase, ReturnReason, State, VehicleState
 from missions.geo.braking import braked
 from missions.geo.fence import route_length_m
 from missions.mission.energy import EnergyModel
@@ -26,8 +26,6 @@ HEARD_S = 1.0
 """So long a vehicle flies on along its path before it hears that it has to come home."""
 REST_S = 2.0
 """Until it is seen to be at rest, and has turned round."""
-OVER_HOME_M = 1.0
-"""A vehicle that is nearer to its pad may land."""
 BESIDE_M = 20.0
 """Within this distance a vehicle stands beside its pad, not away from it. The energy to fly so far
 is kept while it waits for a blocked pad."""
@@ -125,7 +123,7 @@ def fly_home(setting: Setting, state: State, vehicle: VehicleState) -> State:
     """The next order of a vehicle that comes home, once it is at rest."""
     if vehicle.braking_until_s is not None:
         return state.holding(vehicle)
-    if vehicle.position.distance_to(vehicle.pad) <= OVER_HOME_M:
+    if vehicle.is_over_pad:
         # it is there already, perhaps half-way down: no need to climb first
         vehicle = replace(vehicle, over_home=True)
     after = Airspace(setting, state).reserve_or_wait(vehicle, home_order(setting, vehicle))

@@ -23,6 +23,10 @@ _NOTHING = Belief(1, 1)
 
 BRAKING_S = 8.0
 """Time after which an interrupted vehicle counts as at rest, s, even if the wind moves it."""
+OFF_LAYER_M = 1.5
+"""Distance from its layer beyond which a vehicle needs all heights between, m."""
+OVER_PAD_M = 1.0
+"""Distance to its pad within which a vehicle is in the column over it, and may land, m."""
 PASSING_S = 3.0
 """Time for which a vehicle that has flown past the end of a leg may still move, s."""
 
@@ -208,6 +212,11 @@ class VehicleState:
     def level_m(self) -> float:
         """Where it is above the level that layers are counted from."""
         return self.height_m + self.home_level_m
+
+    @property
+    def is_over_pad(self) -> bool:
+        """Whether it is in the column over its pad."""
+        return self.position.distance_to(self.pad) <= OVER_PAD_M
 
     @property
     def pad(self) -> GridPoint:

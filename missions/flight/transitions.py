@@ -29,7 +29,6 @@ from missions.events import (
     Tracked,
 )
 from missions.fleet_events import Allotted, Apart, Asked, Heard, Leased, OfVehicle, Shared
-from missions.flight.airspace.needs import OFF_LAYER_M
 from missions.flight.connections import (
     LIFTED_M,
     connected,
@@ -44,7 +43,7 @@ from missions.flight.lane_progress import lane_flown, lane_left, set_free
 from missions.flight.operator_orders import called_home, paused, skip, skipped_for_good
 from missions.flight.setting import Setting
 from missions.flight.sightings import follow_no_farther, frame_seen, look_ended
-from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.state import OFF_LAYER_M, Phase, ReturnReason, State, VehicleState
 from missions.flight.team.members import allotted, apart, asked, heard, leased, shared
 from missions.guardian import PAD_M, corners_home
 from missions.orders import AwaitBattery, FlyTo, StandDown, TakeOff

@@ -23,7 +23,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from missions.flight.airspace.needs import (
-    OFF_LAYER_M,
     column_air,
     hover_air,
     needed_air,
@@ -32,7 +31,7 @@ from missions.flight.airspace.needs import (
 )
 from missions.flight.lane_progress import lane_left
 from missions.flight.setting import Setting
-from missions.flight.state import Column, Phase, State, VehicleState
+from missions.flight.state import OFF_LAYER_M, OVER_PAD_M, Column, Phase, State, VehicleState
 from missions.geo.fence import route_length_m
 from missions.geo.volumes import Volume
 from missions.mission.energy import CLIMB_SPEED_M_S
@@ -49,8 +48,6 @@ ASK_S: Final = 12.0
 """Longest wait of a member for the air that it has asked for, s."""
 SLOW_TIMES: Final = 2.0
 """Shortest promise of such air, in durations of the change of layer."""
-OVER_PAD_M: Final = 1.0
-"""Distance to its pad within which a vehicle is in the column over it, m."""
 _CANNOT_PROMISE: Final = (Phase.APART, Phase.OFFLINE, Phase.YIELDED, Phase.GUARDED)
 """Phases of a vehicle whose member does not control it, or is not heard."""
 
@@ -103,6 +100,11 @@ class Airspace:
         For a column or layer of its own, or where the others cannot be asked.
         """
         return self.state.with_vehicle(replace(vehicle, order=vehicle.leg(route), at_target=False))
+
+    def over_own_pad(self, vehicle: VehicleState) -> State:
+        """Return the state in which a member flies to the column that is its own, in its layer."""
+        route = self.setting.fence.route(vehicle.position, vehicle.pad) or (vehicle.pad,)
+        return self.leave(vehicle, route)
 
     # --- vehicles that cannot be commanded ------------------------------------------------------
     def uncontrolled_but(self, vehicle: VehicleState) -> list[VehicleState]:

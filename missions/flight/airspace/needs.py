@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from missions.flight.setting import Setting
-from missions.flight.state import Column, Phase, VehicleState
+from missions.flight.state import OFF_LAYER_M, Column, Phase, VehicleState
 from missions.geo.trajectory import Trajectory
 from missions.geo.volumes import Volume
 from missions.orders import FlyPath, FlyTo, Land, Look, Order, ReturnToLaunch, Sweep, TakeOff
@@ -18,8 +18,6 @@ from missions.units import GridPoint
 RTL_HEIGHT_M = 30.0
 """Greatest height above home that is expected of an autopilot's return, m: PX4's; ArduCopter's is
 15 m."""
-OFF_LAYER_M = 1.5
-"""Distance from its layer beyond which a vehicle needs all heights between, m."""
 AHEAD_S = 8.0
 """Part of a path that is reserved, s: more than it takes to receive another reservation and to come
 to rest."""

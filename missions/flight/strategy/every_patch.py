@@ -12,13 +12,13 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from typing import Final
 
+from missions.flight.airspace.airspace import Airspace
 from missions.flight.setting import Setting, Shares
 from missions.flight.state import Phase, State, VehicleState
 from missions.flight.strategy.interface import Area, Lanes, OpenWork, Work
 from missions.flight.strategy.searching import find_work
 from missions.flight.strategy.sweep import Paths
 from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest, last_waiting
-from missions.flight.strategy.two_heights import is_over_pad, over_own_pad
 from missions.flight.team.work_shares import held_until_s
 from missions.mission.views import rows_across
 from missions.planning.search.lanes import Lane, along_east, longest_m, share_by_time
@@ -182,8 +182,8 @@ class EveryPatch(Covering):
         away = (v for v in state.vehicles.values() if v.phase is Phase.APART)
         waits = vehicle.vehicle in last_waiting(state)
         waits = waits and any(state.t_s < v.held_until_s for v in away)
-        if waits and not is_over_pad(vehicle):
-            return over_own_pad(setting, state, vehicle)
+        if waits and not vehicle.is_over_pad:
+            return Airspace(setting, state).over_own_pad(vehicle)
         return state.holding(vehicle)
 
 

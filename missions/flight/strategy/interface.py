@@ -1,6 +1,6 @@
 """What a strategy is: how vehicles find a region and map it.
 
-`missions.flight.dispatch` and the modules below it ask `setting.strategy` wherever strategies
+`missions.flight.step` and the modules below it ask `setting.strategy` wherever strategies
 differ; nowhere else is that decided by a name or a flag. A strategy keeps nothing between two
 calls: what it has to remember is `State.memory`. So a resume repeats what was flown.
 

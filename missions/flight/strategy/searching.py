@@ -10,9 +10,9 @@ from dataclasses import replace
 
 from missions.flight.airspace.airspace import Airspace
 from missions.flight.lane_progress import lane_left
-from missions.flight.return_home import OVER_HOME_M, REACTION_S, go_home, has_energy_for, home_order
+from missions.flight.return_home import REACTION_S, go_home, has_energy_for, home_order
 from missions.flight.setting import Setting
-from missions.flight.state import Phase, ReturnReason, State, VehicleState
+from missions.flight.state import OVER_PAD_M, Phase, ReturnReason, State, VehicleState
 from missions.flight.strategy.lane_passes import give_up_lane
 from missions.geo.fence import route_length_m
 from missions.orders import FlyTo, Look, Order, Sweep
@@ -122,7 +122,7 @@ def search(setting: Setting, state: State, vehicle: VehicleState) -> State:
         vehicle = state.vehicles[vehicle.vehicle]
         if not vehicle.idle_in_search:
             return state
-        if vehicle.position.distance_to(vehicle.home) <= OVER_HOME_M:
+        if vehicle.position.distance_to(vehicle.home) <= OVER_PAD_M:
             return state.holding(vehicle)
         # it waits over its own pad, where it is not in the way of anybody who has to land
         return Airspace(setting, state).reserve_or_wait(vehicle, home_order(setting, vehicle))

@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Final
 
 from missions.events import FrameSeen
+from missions.flight.airspace.airspace import Airspace
 from missions.flight.path_orders import come_inside, keep_clear
 from missions.flight.setting import Setting
 from missions.flight.sightings import grown, on_a_lane
@@ -22,11 +23,6 @@ from missions.flight.strategy.lane_passes import end_searched, search_passes
 from missions.flight.strategy.searching import search
 from missions.flight.strategy.stepwise import RDFS
 from missions.flight.strategy.sweep_passes import explore_passes, give_up_rest
-from missions.flight.strategy.two_heights import (
-    change_layer,
-    is_over_pad,
-    over_own_pad,
-)
 from missions.geo.trajectory import LANE_CUTS_M, corner_pause_s, rounded_path
 from missions.mapping.belief import Verdicts
 from missions.mapping.tree import Tree
@@ -35,6 +31,28 @@ from missions.planning.search.lanes import along_east
 from missions.planning.search.search_order import Pace
 from missions.planning.sweep.strategies import SWATH
 from missions.units import Cell, GridPoint
+
+
+def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State | None:
+    """Have a vehicle climb or descend to where it works; None where it is there.
+
+    While the air is not free it stays where it is, and tries again.
+    """
+    heights = setting.heights
+    if heights.in_layer(setting, state, vehicle):
+        return None
+    changed = setting.team.change_layer(setting, state, vehicle)
+    if changed is not None:
+        return changed
+    moved = replace(vehicle, cruise_altitude_m=heights.layer_m(setting, vehicle))
+    if moved != vehicle and heights.in_layer(setting, state, moved):  # on the way
+        return state.holding(moved)
+    air, begins = Airspace(setting, state), replace(moved, at_target=False)
+    for spot in (vehicle.position, *air.places_around(vehicle)):
+        route = setting.fence.route(vehicle.position, spot) or (vehicle.position,)
+        if (given := air.reserve(begins, begins.leg(route))) is not None:
+            return given
+    return state.holding(vehicle)
 
 
 class Paths(Strategy):
@@ -97,8 +115,8 @@ class Paths(Strategy):
         if inside is not None:
             return inside
         if self.gathers(setting, state, vehicle):
-            if not is_over_pad(vehicle):
-                return over_own_pad(setting, state, vehicle)
+            if not vehicle.is_over_pad:
+                return Airspace(setting, state).over_own_pad(vehicle)
         else:
             state = self.take_work(setting, state, vehicle)
             vehicle = state.vehicles[vehicle.vehicle]

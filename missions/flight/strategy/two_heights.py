@@ -16,10 +16,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from missions.flight.airspace.airspace import OVER_PAD_M, Airspace
-from missions.flight.airspace.needs import OFF_LAYER_M
 from missions.flight.setting import Setting
-from missions.flight.state import State, VehicleState
+from missions.flight.state import OFF_LAYER_M, State, VehicleState
 from missions.geo.trajectory import LANE_CUTS_M
 from missions.mission.schema import Mission
 from missions.planning.search.lanes import Lane, point_on
@@ -149,36 +147,3 @@ def climbed_on_the_way_m(setting: Setting, state: State, vehicle: VehicleState) 
         return 0.0
     start = setting.over_ground(vehicle.lanes[0][0], state.t_s)
     return climb_m_s * vehicle.position.distance_to(start) / setting.energy.speed_m_s
-
-
-def change_layer(setting: Setting, state: State, vehicle: VehicleState) -> State | None:
-    """Have a vehicle climb or descend to where it works; None where it is there.
-
-    While the air is not free it stays where it is, and tries again.
-    """
-    heights = setting.heights
-    if heights.in_layer(setting, state, vehicle):
-        return None
-    changed = setting.team.change_layer(setting, state, vehicle)
-    if changed is not None:
-        return changed
-    moved = replace(vehicle, cruise_altitude_m=heights.layer_m(setting, vehicle))
-    if moved != vehicle and heights.in_layer(setting, state, moved):  # on the way
-        return state.holding(moved)
-    air, begins = Airspace(setting, state), replace(moved, at_target=False)
-    for spot in (vehicle.position, *air.places_around(vehicle)):
-        route = setting.fence.route(vehicle.position, spot) or (vehicle.position,)
-        if (given := air.reserve(begins, begins.leg(route))) is not None:
-            return given
-    return state.holding(vehicle)
-
-
-def is_over_pad(vehicle: VehicleState) -> bool:
-    """Whether a vehicle is in the column over its pad."""
-    return vehicle.position.distance_to(vehicle.pad) <= OVER_PAD_M
-
-
-def over_own_pad(setting: Setting, state: State, vehicle: VehicleState) -> State:
-    """Have a vehicle of a fleet fly to the column that is its own, in its layer."""
-    route = setting.fence.route(vehicle.position, vehicle.pad) or (vehicle.pad,)
-    return Airspace(setting, state).leave(vehicle, route)

@@ -19,15 +19,13 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.airspace.needs import OFF_LAYER_M
 from missions.flight.lane_progress import lanes_held
 from missions.flight.path_orders import fly_route
 from missions.flight.setting import Setting
-from missions.flight.state import Phase, State, VehicleState
+from missions.flight.state import OFF_LAYER_M, Phase, State, VehicleState
 from missions.flight.strategy.charting import gate_of
 from missions.flight.strategy.interface import OpenWork, Work
 from missions.flight.strategy.lane_passes import cells_drift_out, still_open
-from missions.flight.strategy.two_heights import is_over_pad, over_own_pad
 from missions.flight.team.interface import Fences, Team
 from missions.flight.team.work_shares import mark_unreported, own_part, share_parts, shared_out
 from missions.geo.columns import PAD_M, columns_over, fence_without
@@ -96,7 +94,7 @@ class Member(Team):
         answer where the others cannot be asked, as it is in another's layer already.
         """
         layer_m = vehicle.cruise_altitude_m
-        if abs(vehicle.level_m - layer_m) <= OFF_LAYER_M or is_over_pad(vehicle):
+        if abs(vehicle.level_m - layer_m) <= OFF_LAYER_M or vehicle.is_over_pad:
             return None
         air = Airspace(setting, state)
         if not air.has_column(vehicle, layer_m):
@@ -115,14 +113,14 @@ class Member(Team):
         The vehicle has the air once all have promised to keep out of it. If a member is out of
         contact, it goes where the air is its own anyway, over its pad.
         """
-        if is_over_pad(vehicle):
+        if vehicle.is_over_pad:
             return None
         air, layer_m = Airspace(setting, state), setting.heights.layer_m(setting, vehicle)
         vehicle, granted = air.ask_for_column(vehicle, layer_m)
         if granted is None:
             return state.holding(vehicle)
         if not granted or vehicle.asks is None:
-            return over_own_pad(setting, state, replace(vehicle, asks=None))
+            return air.over_own_pad(replace(vehicle, asks=None))
         moved = replace(vehicle, cruise_altitude_m=layer_m, at_target=False)
         given = air.reserve(moved, moved.leg((vehicle.asks.place,)))
         return state.holding(vehicle) if given is None else given
@@ -130,7 +128,7 @@ class Member(Team):
     def way_out(self, setting: Setting, state: State, vehicle: VehicleState) -> State:
         """Have it fly straight out of its column where its way leads past those of others."""
         gate = gate_of(setting, vehicle)
-        if not is_over_pad(vehicle) or vehicle.position.distance_to(gate) < GATE_M:
+        if not vehicle.is_over_pad or vehicle.position.distance_to(gate) < GATE_M:
             return state
         return fly_route(setting, state, vehicle, [gate])
 
@@ -146,7 +144,7 @@ class Member(Team):
         """Members without lanes wait until all that are due have reported what they know."""
         if vehicle.lanes:
             return False
-        if setting.heights.in_layer(setting, state, vehicle) and not is_over_pad(vehicle):
+        if setting.heights.in_layer(setting, state, vehicle) and not vehicle.is_over_pad:
             return False  # it maps
         others = [other for number, other in state.vehicles.items() if number != vehicle.vehicle]
         if any(_is_due(state, other) or _reports(state, other) for other in others):

@@ -15,10 +15,9 @@ from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
 from missions.flight.airspace.airspace import Airspace
-from missions.flight.airspace.needs import OFF_LAYER_M
 from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
-from missions.flight.state import Phase, State, VehicleState
+from missions.flight.state import OFF_LAYER_M, Phase, State, VehicleState
 from missions.geo.trajectory import rounded_path
 from missions.orders import FlyPath, FlyTo, Hold, Land, Order, TakeOff
 from missions.units import GridPoint

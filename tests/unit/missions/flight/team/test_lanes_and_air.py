@@ -15,9 +15,7 @@ from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Column, Phase, State, VehicleState
 from missions.flight.strategy.lane_passes import drop_seen
-from missions.flight.strategy.two_heights import (
-    change_layer,
-)
+from missions.flight.strategy.sweep import change_layer
 from missions.flight.team.members import heard
 from missions.flight.transitions import apply
 from missions.geo.trajectory import rounded_path
