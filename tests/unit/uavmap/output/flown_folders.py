@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
 
-from missions.events import Event, FrameLost, OrderFailed, Told, from_json
+from missions.events import FrameLost, OrderFailed, Told, from_json
 from missions.units import LatLon, Pose, Quaternion
 from tests.golden.recording import STOPS
 from tests.support.journals import begun
 from tests.support.plans import named_text, plan_of
-from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S, FlightPlan
+from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
 from uavmap.journal.kept_frames import FrameKeeper, KeptFrame
 from uavmap.load.mission_source import mission_of_text
 
@@ -23,24 +21,22 @@ SOURCE = named_text(STOPS.mission)
 PLAN = plan_of(
     "golden.toml", SOURCE.text, STOPS.strategy, None, STOPS.seed, (), None, SIM_EPOCH_UTC_S
 )
-EVENTS: list[Event] = [from_json(line) for line in STOPS.lines()]
+EVENTS = [from_json(line) for line in STOPS.lines()]
 """Two sorties with a fresh battery between them, in a simulator."""
 EVIL = '<script>alert("1")</script><img src=x onerror=alert(2)> & \'"'
 SWAPPED_S = 91.0
 
 
-def folder_of(
-    tmp: Path, events: Sequence[Event] = EVENTS, plan: FlightPlan = PLAN, **meta: object
-) -> Path:
+def folder_of(tmp, events=EVENTS, plan=PLAN, **meta):
     return begun(tmp / "flown", plan, events, **meta)
 
 
-def named(name: str) -> FlightPlan:
+def named(name):
     text = SOURCE.text.replace('name = "golden"', f"name = {json.dumps(name)}")
     return replace(PLAN, mission=mission_of_text(text, "golden.toml"))
 
 
-def with_troubles(events: Iterable[Event] = EVENTS) -> list[Event]:
+def with_troubles(events=EVENTS):
     found = list(events)
     t_s = found[-1].t_s
     return [
@@ -52,7 +48,7 @@ def with_troubles(events: Iterable[Event] = EVENTS) -> list[Event]:
     ]
 
 
-def keep_frames(folder: Path, events: Iterable[Event] = EVENTS) -> None:
+def keep_frames(folder, events=EVENTS):
     """Small pictures for the judged frames of a folder, all over the start."""
     picture = np.full((48, 64, 3), (60, 120, 200), dtype=np.uint8)
     data = cv2.imencode(".jpg", picture)[1].tobytes()

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
 from shapely.geometry import Polygon, box
 
 from missions.geo.grid import Grid
 from missions.units import Cell, GridPoint, LatLon
-from uavmap.output.facts.map_model import CellRow, CellTable, MapData, State, Track
+from uavmap.output.facts.map_model import CellRow, CellTable, MapData, Track
 
 START = LatLon(47.6, 9.53)
 
@@ -25,7 +24,7 @@ LONER = Cell(5, 5)
 RIM = [Cell(column, -1) for column in range(5)]
 
 
-def _state(cell: Cell) -> State:
+def _state(cell):
     if cell in RIM:
         return "non-roi"
     if cell == LONER:
@@ -33,16 +32,14 @@ def _state(cell: Cell) -> State:
     return "under exploration" if cell == Cell(4, 4) else "explored"
 
 
-def make_map(
-    *, start: LatLon = START, drift_m_s: float = 0.0, toward_deg: float = 90.0, t_s: float = 100.0
-) -> MapData:
+def make_map(*, start=START, drift_m_s=0.0, toward_deg=90.0, t_s=100.0):
     grid = Grid.at(start, 4.0, drift_m_s, toward_deg)
 
-    def ring(west: float, south: float, east: float, north: float) -> tuple[LatLon, ...]:
+    def ring(west, south, east, north):
         corners = ((west, south), (east, south), (east, north), (west, north))
         return tuple(grid.position(GridPoint(*corner)) for corner in corners)
 
-    def fix(i: int) -> tuple[float, LatLon, float]:
+    def fix(i):
         return 25.0 * i, grid.position(GridPoint(4.0 * i, 4.0)), 12.0 + i
 
     return MapData(
@@ -62,12 +59,12 @@ def make_map(
     )
 
 
-def empty_map() -> MapData:
+def empty_map():
     full = make_map()
     return MapData("empty", full.grid, 0.0, CellTable.of(()), (), full.start, full.box, full.fence)
 
 
-def written(write: Callable[..., None], data: MapData, *more: object) -> str:
+def written(write, data, *more):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "map"
         write(data, path, *more)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from missions.errors import JournalError
-from missions.events import Event, FrameSeen, LiftedOff, Tracked, Vote
+from missions.events import FrameSeen, LiftedOff, Tracked, Vote
 from missions.fleet_events import Fact, Shared
 from missions.units import Cell, GridPoint
 from tests.support.journals import begun
@@ -17,7 +16,7 @@ from tests.support.plans import plan_of
 from tests.support.small_missions import mission_text, square
 from tests.unit.uavmap.output.flown_folders import EVENTS, PLAN, folder_of
 from uavmap.journal.event_log import Journal
-from uavmap.journal.flight_plan import JOURNAL, FlightPlan
+from uavmap.journal.flight_plan import JOURNAL
 from uavmap.output.facts.figures import figures
 from uavmap.output.merging import merged_results
 from uavmap.ui.cli import main
@@ -29,47 +28,47 @@ ALONE = mission_text(BOX, FENCE, strategy="swath")
 CELLS = {1: Cell(0, 4), 2: Cell(2, 4)}
 
 
-def plan(text: str = TEXT, member: int | None = 1, epoch_utc_s: float = 1000.0) -> FlightPlan:
+def plan(text=TEXT, member=1, epoch_utc_s=1000.0):
     return plan_of(
         "field.toml", text, None, None, 1, ("udpin://0.0.0.0:14550",), None, epoch_utc_s,
         member=member,
     )  # fmt: skip
 
 
-def votes(number: int) -> list[Event]:
+def votes(number):
     vote = (Vote(CELLS[number], True, 1.0),)
     frames = [FrameSeen(number, 10.0 * number + k, None, vote) for k in range(3)]
     return [*frames, Tracked(number, 10.0 * number + 9.0, GridPoint(1.0, 2.0), 10.0, 20.0)]
 
 
-def told(number: int) -> Shared:
+def told(number):
     facts = [Fact(10.0 * number + 2.0, ((CELLS[number], True),))]
     return Shared(number, 40.0, 0, tuple(facts))
 
 
-def written(folder: Path, by: FlightPlan, events: list[Event]) -> Path:
+def written(folder, by, events):
     return begun(folder, by, sorted(events, key=lambda event: event.t_s))
 
 
 @pytest.fixture
-def pair(tmp_path: Path) -> list[Path]:
+def pair(tmp_path):
     return [
         written(tmp_path / "one", plan(member=1), [*votes(1), told(2)]),
         written(tmp_path / "two", plan(member=2, epoch_utc_s=1003.0), [*votes(2)]),
     ]
 
 
-def files(folder: Path) -> dict[str, bytes]:
+def files(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != JOURNAL}
 
 
-def events_in(folder: Path) -> list[Event]:
+def events_in(folder):
     with Journal.open(folder / JOURNAL) as journal:
         return list(journal.events())
 
 
-def test_the_order_of_the_folders_changes_nothing(pair: list[Path], tmp_path: Path) -> None:
-    said: list[str] = []
+def test_the_order_of_the_folders_changes_nothing(pair, tmp_path):
+    said = []
     summary = merged_results(pair, tmp_path / "a", said.append)
     merged_results(pair[::-1], tmp_path / "b", said.append)
     assert summary["cells_roi"] == 2
@@ -82,9 +81,7 @@ def test_the_order_of_the_folders_changes_nothing(pair: list[Path], tmp_path: Pa
     assert events_in(tmp_path / "a") == events_in(tmp_path / "b") == [*votes(1), *votes(2)]
 
 
-def test_flights_of_a_strategy_that_looks_make_one_map(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_flights_of_a_strategy_that_looks_make_one_map(tmp_path, capsys):
     folders = [
         folder_of(tmp_path / "one"),
         folder_of(tmp_path / "two", EVENTS, replace(PLAN, epoch_utc_s=2e9)),
@@ -99,33 +96,33 @@ def test_flights_of_a_strategy_that_looks_make_one_map(
     assert "uavmap resume" not in capsys.readouterr().err
 
 
-def test_of_a_lost_vehicle_counts_what_others_have_heard(pair: list[Path], tmp_path: Path) -> None:
+def test_of_a_lost_vehicle_counts_what_others_have_heard(pair, tmp_path):
     assert merged_results(pair[:1], tmp_path / "a", print)["cells_roi"] == 2
     assert merged_results(pair[1:], tmp_path / "b", print)["cells_roi"] == 1
 
 
-def test_the_good_beginning_of_a_damaged_journal_counts(pair: list[Path], tmp_path: Path) -> None:
+def test_the_good_beginning_of_a_damaged_journal_counts(pair, tmp_path):
     journal = pair[1] / JOURNAL
     data = journal.read_bytes()
     third = data.index(b'{"seq":4,')
     data = data[:third] + data[third:].replace(b'"kind"', b'"KIND"', 1)
     journal.write_bytes(data)
-    said: list[str] = []
+    said = []
     summary = merged_results(pair, tmp_path / "out", said.append)
     assert summary["cells_roi"] == 2  # the first has heard of the rest
     assert f"{pair[1]}: its journal is damaged; 2 events are merged, the last of" in said[0]
     assert journal.read_bytes() == data
 
 
-def test_a_flight_under_way_is_read_as_far_as_it_is(pair: list[Path], tmp_path: Path) -> None:
-    said: list[str] = []
+def test_a_flight_under_way_is_read_as_far_as_it_is(pair, tmp_path):
+    said = []
     with Journal.open(pair[1] / JOURNAL) as journal:
         merged_results(pair, tmp_path / "out", said.append)
         journal.append(LiftedOff(2, 50.0))
     assert any("is still under way; 4 events are merged" in line for line in said)
 
 
-def test_several_flights_over_one_grid_make_one_map(tmp_path: Path) -> None:
+def test_several_flights_over_one_grid_make_one_map(tmp_path):
     early = written(tmp_path / "x" / "out", plan(ALONE, None), [*votes(1)])
     late = written(tmp_path / "y" / "out", plan(ALONE, None, 1600.0), [*votes(1)])
     summary = merged_results([late, early], tmp_path / "all", print)
@@ -137,7 +134,7 @@ def test_several_flights_over_one_grid_make_one_map(tmp_path: Path) -> None:
     assert events_in(tmp_path / "again") == found
 
 
-def test_what_makes_no_map_together_is_refused(pair: list[Path], tmp_path: Path) -> None:
+def test_what_makes_no_map_together_is_refused(pair, tmp_path):
     out = tmp_path / "out"
     other = TEXT.replace("layer_m = 6.0", "layer_m = 7.0")
     strangers = {
@@ -164,7 +161,7 @@ def test_what_makes_no_map_together_is_refused(pair: list[Path], tmp_path: Path)
         merged_results(pair, pair[0], print)
 
 
-def test_ground_that_drifts_is_not_the_same_an_hour_later(tmp_path: Path) -> None:
+def test_ground_that_drifts_is_not_the_same_an_hour_later(tmp_path):
     text = ALONE.replace("[drift]\n        speed_m_s = 0.0", "[drift]\n        speed_m_s = 0.2")
     assert text != ALONE
     folders = [
@@ -175,7 +172,7 @@ def test_ground_that_drifts_is_not_the_same_an_hour_later(tmp_path: Path) -> Non
         merged_results(folders, tmp_path / "out", print)
 
 
-def test_many_flights_need_no_room_for_all_their_vehicles(tmp_path: Path) -> None:
+def test_many_flights_need_no_room_for_all_their_vehicles(tmp_path):
     folders = [
         written(tmp_path / str(k), plan(ALONE, None, 1000.0 * k), [*votes(1)]) for k in range(6)
     ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,30 +13,26 @@ from missions.units import Cell, GridPoint
 from tests.unit.uavmap.output.maps import empty_map, make_map
 from uavmap.output.drawing import svg
 from uavmap.output.drawing.map_scene import map_scene, map_view
-from uavmap.output.drawing.palette import STATES, TRUTH, Colour, Style, css, track_colour
+from uavmap.output.drawing.palette import STATES, TRUTH, Style, css, track_colour
 from uavmap.output.drawing.raster import THROUGH, THROUGH_OPAQUE, cell_picture
 from uavmap.output.drawing.scene import Cells, View
 from uavmap.output.drawing.sheet import MARGIN_PX, TITLE_PX, draw_sheet, step_down, write_sheet
-from uavmap.output.facts.map_model import MapData
 
 
-def at(image: Image.Image, data: MapData, east_m: float, north_m: float) -> Colour:
+def at(image, data, east_m, north_m):
     left, top = MARGIN_PX, TITLE_PX
     x, y = map_view(data).pixel(GridPoint(east_m, north_m))
-    red, green, blue = image.getpixel((round(left + x), round(top + y)))  # type: ignore[misc]
+    red, green, blue = image.getpixel((round(left + x), round(top + y)))
     return red, green, blue
 
 
-def near(colour: Colour, other: Colour, tolerance: int = 12) -> bool:
+def near(colour, other, tolerance=12):
     return max(abs(a - b) for a, b in zip(colour, other, strict=True)) <= tolerance
 
 
 @pytest.mark.parametrize("cell", [Cell(1, 3), Cell(4, 4), Cell(5, 5), Cell(2, -1)])
 @pytest.mark.parametrize("drift_m_s", [0.0, 0.4])
-def test_cells_have_the_colour_of_their_state(
-    cell: Cell,
-    drift_m_s: float,
-) -> None:
+def test_cells_have_the_colour_of_their_state(cell, drift_m_s):
     data = make_map(drift_m_s=drift_m_s)
     image = draw_sheet(map_scene(data))
     (state,) = [state for place, state, *_ in data.cells.values() if tuple(place) == cell]
@@ -46,14 +41,14 @@ def test_cells_have_the_colour_of_their_state(
     assert near(at(image, data, east_m + 1, north_m - 0.7), STATES[state])
 
 
-def test_north_is_up_and_east_is_right_at_one_scale() -> None:
+def test_north_is_up_and_east_is_right_at_one_scale():
     view = map_view(make_map())
     (x0, y0), (x1, y1) = view.pixel(GridPoint(0, 0)), view.pixel(GridPoint(10, -10))
     assert x1 - x0 == pytest.approx(y1 - y0)
     assert x1 > x0
 
 
-def test_truth_and_track_are_drawn() -> None:
+def test_truth_and_track_are_drawn():
     data = make_map()
     image = draw_sheet(map_scene(data))
     assert near(at(image, data, 7.0, 8.0), TRUTH, 60)  # an edge of its hole
@@ -62,7 +57,7 @@ def test_truth_and_track_are_drawn() -> None:
     assert abs(red - track[0]) < abs(red - ground[0])
 
 
-def test_cells_and_box_are_in_view() -> None:
+def test_cells_and_box_are_in_view():
     assert draw_sheet(map_scene(empty_map())).size[0] > 500
     data = make_map(drift_m_s=0.4, t_s=600.0)
     view = map_view(data)
@@ -74,7 +69,7 @@ def test_cells_and_box_are_in_view() -> None:
         assert 0 < y < view.height_px
 
 
-def test_the_same_map_gives_the_same_bytes(tmp_path: Path) -> None:
+def test_the_same_map_gives_the_same_bytes(tmp_path):
     for name in ("a.png", "b.png"):
         write_sheet(map_scene(make_map()), tmp_path / name)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
@@ -83,7 +78,7 @@ def test_the_same_map_gives_the_same_bytes(tmp_path: Path) -> None:
         assert image.size == draw_sheet(map_scene(make_map())).size
 
 
-def test_a_photograph_shows_through_cells_and_less_through_the_region() -> None:
+def test_a_photograph_shows_through_cells_and_less_through_the_region():
     scene = map_scene(make_map())
     view = scene.view
     photograph = np.zeros((view.height_px, view.width_px, 4), np.uint8)
@@ -98,7 +93,7 @@ def test_a_photograph_shows_through_cells_and_less_through_the_region() -> None:
         assert left_over == pytest.approx(1 - through / 255, abs=0.02)
 
 
-def test_small_cells_keep_their_share_of_a_pixel() -> None:
+def test_small_cells_keep_their_share_of_a_pixel():
     cells = np.array([(east, north) for east in range(30) for north in range(30)], np.int32)
     codes = (cells.sum(axis=1) % 2).astype(np.uint8)
     board = Cells(
@@ -109,13 +104,13 @@ def test_small_cells_keep_their_share_of_a_pixel() -> None:
 
 
 @pytest.mark.parametrize("longest_m", [0.03, 1.0, 7.9, 99.0, 4000.0])
-def test_scale_bars_are_round_and_fit(longest_m: float) -> None:
+def test_scale_bars_are_round_and_fit(longest_m):
     length_m = step_down(longest_m)
     assert longest_m / 2.51 < length_m <= longest_m
     assert f"{length_m:e}"[0] in "125"
 
 
-def test_both_backends_draw_every_line_of_the_legend() -> None:
+def test_both_backends_draw_every_line_of_the_legend():
     data = make_map()
     data = replace(data, boundary=Polygon([(-3.1, -2.2), (14.3, 1.7), (9.9, 17.6)]))
     scene = map_scene(data)

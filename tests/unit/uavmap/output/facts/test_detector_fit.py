@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pytest
 
 from missions.events import FrameSeen, Vote, from_json
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.flight.step import step
@@ -36,13 +33,13 @@ from uavmap.ui.cli.common import report, rows
 from uavmap.ui.page.watching import Watcher
 
 
-def frame(number: int, positive: int, in_all: int = 10) -> FrameSeen:
+def frame(number, positive, in_all=10):
     """A frame of its own ground, some cells of which look like region."""
     votes = (Vote(Cell(number, k), k < positive, float(k < positive)) for k in range(in_all))
     return FrameSeen(1, float(number), None, tuple(votes))
 
 
-def fit_of(positive: int, frames: int = LEAST_FRAMES) -> DetectorFit:
+def fit_of(positive, frames=LEAST_FRAMES):
     fit = DetectorFit()
     for number in range(frames):
         fit.take(frame(number, positive))
@@ -59,9 +56,7 @@ def fit_of(positive: int, frames: int = LEAST_FRAMES) -> DetectorFit:
         (8, None, False),
     ],
 )
-def test_detector_fit_after_the_first_frames_reports_once(
-    positive: int, expected: str | None, warns: bool
-) -> None:
+def test_detector_fit_after_the_first_frames_reports_once(positive, expected, warns):
     fit = DetectorFit()
     news = [fit.take(frame(number, positive)) for number in range(3 * FIRST_FRAMES)]
     said = [(number, one) for number, one in enumerate(news, 1) if one is not None]
@@ -74,7 +69,7 @@ def test_detector_fit_after_the_first_frames_reports_once(
     assert one.warns == warns
 
 
-def test_detector_fit_counts_ground_and_not_how_often_it_is_seen() -> None:
+def test_detector_fit_counts_ground_and_not_how_often_it_is_seen():
     fit = DetectorFit()
     fit.take(frame(0, 0, 80))
     for _ in range(200):
@@ -83,7 +78,7 @@ def test_detector_fit_counts_ground_and_not_how_often_it_is_seen() -> None:
     assert not fit.takes_nearly_all
 
 
-def flight() -> tuple[Setting, State]:
+def flight():
     setting = STOPS.setting()
     state = State.initial(setting)
     for line in STOPS.lines():
@@ -92,12 +87,12 @@ def flight() -> tuple[Setting, State]:
     return setting, state
 
 
-def with_detector(setting: Setting, **section: Any) -> Setting:
+def with_detector(setting, **section):
     detector = DetectorSection(**section)
     return replace(setting, mission=setting.mission.model_copy(update={"detector": detector}))
 
 
-def test_no_verdict_nearly_all_is_region_tells_nothing_on_any_ground() -> None:
+def test_no_verdict_nearly_all_is_region_tells_nothing_on_any_ground():
     setting, state = flight()
     for real in (False, True):
         assert "90% of the 200 cells seen" in no_verdict(setting, state, fit_of(9), real=real)
@@ -106,7 +101,7 @@ def test_no_verdict_nearly_all_is_region_tells_nothing_on_any_ground() -> None:
     assert no_verdict(setting, State.initial(setting), fit_of(9), real=True) == ""  # not over
 
 
-def test_no_verdict_without_region_depends_on_ground_and_detector() -> None:
+def test_no_verdict_without_region_depends_on_ground_and_detector():
     setting, state = flight()
     nothing = replace(state, belief=replace(state.belief, roi=PersistentSet()))
     setting = with_detector(setting)
@@ -128,13 +123,11 @@ def test_no_verdict_without_region_depends_on_ground_and_detector() -> None:
         ({"name": "paved"}, False),
     ],
 )
-def test_is_untouched_only_with_all_values_of_the_default(
-    section: dict[str, Any], untouched: bool
-) -> None:
+def test_is_untouched_only_with_all_values_of_the_default(section, untouched):
     assert is_untouched(DetectorSection(**section)) == untouched
 
 
-def test_terminal_and_page_report_what_the_detector_takes() -> None:
+def test_terminal_and_page_report_what_the_detector_takes():
     setting = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
     state, out = State.initial(setting), io.StringIO()
     table, watcher = ProgressTable(Terminal(out)), Watcher(setting, state, real=True)
@@ -152,13 +145,7 @@ def test_terminal_and_page_report_what_the_detector_takes() -> None:
     ("down", "verdict", "code"),
     [([], "x", NO_VERDICT), (["1 is down"], "x", AIRCRAFT_DOWN), ([], None, INCOMPLETE)],
 )
-def test_report_no_verdict_has_an_exit_code_of_its_own(
-    down: list[str],
-    verdict: str | None,
-    code: int,
-    tmp_path: Any,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_report_no_verdict_has_an_exit_code_of_its_own(down, verdict, code, tmp_path, capsys):
     summary = {
         "mission": "m", "strategy": "s", "completed": False, "no_verdict": verdict,
         "finding": "f", "aircraft_down": down, "seed": None,
@@ -169,9 +156,7 @@ def test_report_no_verdict_has_an_exit_code_of_its_own(
     assert dict(rows(summary, tmp_path))["mission completed"] == ended
 
 
-def test_flight_with_unsure_cells_is_not_complete_and_asks_for_pictures(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_flight_with_unsure_cells_is_not_complete_and_asks_for_pictures(tmp_path, capsys):
     setting = setting_of(load("runway"))
     cells = [CellRow(Cell(0, 0), "unsure", 0, 3), CellRow(Cell(1, 0), "explored", 3, 3)]
     flown = {

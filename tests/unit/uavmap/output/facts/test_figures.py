@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
 from missions import events as ev
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.flight.strategy import sweep_passes as passes
@@ -17,29 +15,27 @@ from missions.mapping.tree import Tree
 from missions.units import Cell, GridPoint
 from tests.fake_fleet import fleet
 from tests.support.small_missions import mission, random_scenario, square
-from uavmap.output.facts.figures import Figures, figures, finding, summary
+from uavmap.output.facts.figures import figures, finding, summary
 
 HOME = GridPoint(0.0, 0.0)
 
 
-def setting(vehicles: int = 1) -> Setting:
+def setting(vehicles=1):
     return setting_of(
         mission(square(-4, 10, 24, 16), square(-40, -40, 100, 110), vehicles=vehicles)
     )
 
 
-def connected(
-    vehicle: int, t_s: float, *, airborne: bool = False, north_m: float = 0.0
-) -> ev.Event:
+def connected(vehicle, t_s, *, airborne=False, north_m=0.0):
     place = GridPoint(0.0, north_m)
     return ev.Connected(vehicle, t_s, HOME, place, 12.0 * airborne, airborne, True, 25.0)
 
 
-def track(vehicle: int, t_s: float, east_m: float, north_m: float, up_m: float) -> ev.Event:
+def track(vehicle, t_s, east_m, north_m, up_m):
     return ev.Tracked(vehicle, t_s, GridPoint(east_m, north_m), up_m, 20.0)
 
 
-def of(events: list[ev.Event], vehicles: int = 1) -> Figures:
+def of(events, vehicles=1):
     return figures(setting(vehicles), events)[1]
 
 
@@ -92,14 +88,7 @@ NIGHT = [ev.Resumed(80_000.0), connected(1, 80_001.0)]  # a failsafe landed the 
     ],
     ids=["one sortie", "a swap", "two vehicles", "a way that nobody saw", "a night on the ground"],
 )
-def test_a_flight_has_its_figures(
-    events: list[ev.Event],
-    distance_m: float,
-    flight_s: float,
-    makespan_s: float,
-    sorties: int,
-    swaps: int,
-) -> None:
+def test_a_flight_has_its_figures(events, distance_m, flight_s, makespan_s, sorties, swaps):
     found = of(events, vehicles=max(event.vehicle for event in events if event.kind == "tracked"))
     assert (found.distance_m, found.flight_time_s) == (distance_m, flight_s)
     assert found.makespan_s == makespan_s
@@ -109,10 +98,10 @@ def test_a_flight_has_its_figures(
     assert len(of(SORTIE).tracks[1]) == 5
 
 
-def test_a_search_that_finds_the_region_has_a_bound() -> None:
+def test_a_search_that_finds_the_region_has_a_bound():
     cell = Cell(0, 4)
     votes = tuple(ev.Vote(c, c == cell, 0.9 * (c == cell)) for c in cell.cross())
-    events: list[ev.Event] = list(SORTIE[:6])
+    events = list(SORTIE[:6])
     events += [ev.FrameSeen(1, 16.0 + n, cell, votes) for n in range(3)]
     state, found = figures(setting(), [*events, *SORTIE[6:]])
     assert state.belief.roi in (frozenset(), frozenset({cell}))
@@ -133,9 +122,7 @@ def test_a_search_that_finds_the_region_has_a_bound() -> None:
          "; 5 more cells lie in 2 other patches, which are not explored"),
     ],
 )  # fmt: skip
-def test_finding_other_patches_seen_counts_only_the_explored_one(
-    others: Sequence[tuple[int, int]], what: str, rest: str
-) -> None:
+def test_finding_other_patches_seen_counts_only_the_explored_one(others, what, rest):
     """The tree knows one patch: two cells. The other patches are columns of cells in the east."""
     made, explored = setting(), [Cell(0, 4), Cell(0, 5)]
     state = State.initial(made)
@@ -148,7 +135,7 @@ def test_finding_other_patches_seen_counts_only_the_explored_one(
     assert finding(made, state) == f"{what} in 3 judged frames, explored to its end{rest}"
 
 
-def test_nothing_has_happened() -> None:
+def test_nothing_has_happened():
     state, found = figures(setting(3), [])
     assert (found.distance_m, found.flight_time_s, found.makespan_s) == (0.0, 0.0, 0.0)
     assert (found.sorties, found.battery_swaps, found.exploration_s) == (0, 0, 0.0)
@@ -156,7 +143,7 @@ def test_nothing_has_happened() -> None:
 
 
 # --- the certificate -------------------------------------------------------------------------
-def flown(seed: int, strategy: str) -> tuple[dict[str, object], Figures]:
+def flown(seed, strategy):
     scenario = random_scenario(seed, drift=bool(seed % 2))
     flight = fleet(scenario.mission.model_copy(update={"strategy": strategy}), scenario.roi)
     flight.start()
@@ -166,7 +153,7 @@ def flown(seed: int, strategy: str) -> tuple[dict[str, object], Figures]:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 9])
-def test_an_exploration_lies_between_its_bounds(seed: int) -> None:
+def test_an_exploration_lies_between_its_bounds(seed):
     values, found = flown(seed, "rdfs")
     assert found.bound_makespan_s is not None
     assert 0.0 < found.lower_bound_s <= found.exploration_s <= found.bound_makespan_s
@@ -177,18 +164,18 @@ def test_an_exploration_lies_between_its_bounds(seed: int) -> None:
 
 
 @pytest.mark.parametrize(("strategy", "seed"), [("rdfs-paper", 2), ("greedy", 5), ("bfdn", 2)])
-def test_a_promise_that_is_none_in_flight_is_no_bound(strategy: str, seed: int) -> None:
+def test_a_promise_that_is_none_in_flight_is_no_bound(strategy, seed):
     """`rdfs-paper` promises nothing; `greedy` alone flies straight; no team flies in rounds."""
     values, found = flown(seed, strategy)
     assert found.lower_bound_s > 0.0
     assert (values["bound_makespan_s"], values["bound_held"]) == (None, None)
 
 
-def test_one_vehicle_goes_in_rounds_of_its_own() -> None:
+def test_one_vehicle_goes_in_rounds_of_its_own():
     assert flown(5, "bfdn")[0]["bound_held"] is True
 
 
-def test_who_falls_back_on_stopping_has_a_lower_bound_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_falls_back_on_stopping_has_a_lower_bound_too(monkeypatch):
     monkeypatch.setattr(passes, "patience_s", lambda setting, state: 0.5)
     made = mission(
         square(-4, 10, 24, 16),

@@ -12,8 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missions.events import FrameSeen, Vote
-from missions.fleet_events import Fact, Shared
-from missions.flight.setting import Setting
+from missions.fleet_events import Shared
 from missions.flight.setting_of import setting_of
 from missions.flight.state import State
 from missions.geo.grid import Grid
@@ -33,7 +32,7 @@ Told = tuple[list[dict[str, Any]], dict[str, Any]]
 
 
 @lru_cache
-def setting(member: int | None = None, *, strategy: str = "swath") -> Setting:
+def setting(member=None, *, strategy="swath"):
     """A box of 7 x 4 cells with its lower left corner at (-1, 3), well inside the fence."""
     made = mission(
         square(-6, 10, 28, 16), square(-40, -40, 100, 110), vehicles=2, strategy=strategy,
@@ -42,12 +41,12 @@ def setting(member: int | None = None, *, strategy: str = "swath") -> Setting:
     return setting_of(made, member)
 
 
-def seen(t_s: float, region: set[Cell], ground: set[Cell], vehicle: int = 1) -> FrameSeen:
+def seen(t_s, region, ground, vehicle=1):
     votes = [*((cell, True) for cell in region), *((cell, False) for cell in ground)]
     return FrameSeen(vehicle, t_s, None, tuple(Vote(c, v, float(v)) for c, v in sorted(votes)))
 
 
-def state_of(*frames: FrameSeen) -> State:
+def state_of(*frames):
     state = State.initial(setting())
     belief = state.belief
     for frame in frames:
@@ -56,15 +55,15 @@ def state_of(*frames: FrameSeen) -> State:
     return replace(state, belief=belief, t_s=max((f.t_s for f in frames), default=0.0))
 
 
-def block(east: int, north: int, wide: int, high: int) -> set[Cell]:
+def block(east, north, wide, high):
     return {Cell(east + i, north + j) for i in range(wide) for j in range(high)}
 
 
-def around(cells: set[Cell]) -> set[Cell]:
+def around(cells):
     return {near for cell in cells for near in cell.neighbours()} - cells
 
 
-def test_two_patches_and_all_of_them() -> None:
+def test_two_patches_and_all_of_them():
     """A block of two cells that three frames decide, and one cell whose east is never shown."""
     pair, single = block(0, 4, 2, 1), {Cell(4, 5)}
     ground = around(single) - {Cell(5, 5)}
@@ -92,7 +91,7 @@ def test_two_patches_and_all_of_them() -> None:
     assert told[3].endswith("a patch may be missing there")
 
 
-def test_the_lower_bound_is_of_the_ground_that_was_judged_later() -> None:
+def test_the_lower_bound_is_of_the_ground_that_was_judged_later():
     """20 x 20 cells, one of which is judged at once; two vehicles, level cameras."""
     region = block(0, 0, 20, 20)
     frames = [seen(float(k), {Cell(0, 0)}, set()) for k in range(3)]
@@ -108,13 +107,13 @@ def test_the_lower_bound_is_of_the_ground_that_was_judged_later() -> None:
     assert in_all["lower_bound_s"] == patch["lower_bound_s"] > 10.0
 
 
-def test_why_a_cell_is_open() -> None:
+def test_why_a_cell_is_open():
     one = Cell(2, 5)
     frames = [seen(float(k), {one}, set()) for k in range(3)]
     state = state_of(*frames, seen(3.0, set(), {Cell(2, 6)}))
 
-    def reasons(state: State) -> dict[str, int]:
-        return certificates(setting(), state, 0.0)[1]["open"]  # type: ignore[no-any-return]
+    def reasons(state):
+        return certificates(setting(), state, 0.0)[1]["open"]
 
     assert reasons(state) == {"few_frames": 1, "no_frames": 3}
     assert reasons(replace(state, undecided=frozenset({Cell(2, 6)}))) == {
@@ -125,14 +124,14 @@ def test_why_a_cell_is_open() -> None:
 
 
 @pytest.mark.parametrize("strategy", ["swath", "rdfs"])
-def test_what_nobody_can_show_is_beyond_the_fence(strategy: str) -> None:
+def test_what_nobody_can_show_is_beyond_the_fence(strategy):
     """The fence ends at 60 m east: a cell at 80 m is out of every view, one at 40 m is not."""
     cells = [Cell(10, 0), Cell(20, 0), Cell(0, -30)]
     found = beyond_fence(setting(strategy=strategy), cells, 0.0)
     assert found == {Cell(20, 0), Cell(0, -30)}
 
 
-def test_a_cell_that_drifted_out_is_beyond_the_fence() -> None:
+def test_a_cell_that_drifted_out_is_beyond_the_fence():
     there = setting()
     grid = Grid.at(there.mission.home, 4.0, 0.5, 90.0)
     drifting = replace(there, grid=grid)
@@ -140,7 +139,7 @@ def test_a_cell_that_drifted_out_is_beyond_the_fence() -> None:
     assert beyond_fence(drifting, [Cell(10, 0)], 120.0)  # 60 m farther
 
 
-def test_without_a_region_there_is_no_certificate_but_of_the_box() -> None:
+def test_without_a_region_there_is_no_certificate_but_of_the_box():
     shown = set(setting().box_cells)
     frames = [seen(float(k), set(), shown) for k in range(3)]
     found, in_all = certificates(setting(), state_of(*frames), 0.0)
@@ -150,9 +149,7 @@ def test_without_a_region_there_is_no_certificate_but_of_the_box() -> None:
     assert list(lines(found, in_all, verbose=True)) == ["search box: 28 of 28 cells decided"]
 
 
-def test_summary_of_a_flight_shows_patches_and_what_was_not_seen(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_summary_of_a_flight_shows_patches_and_what_was_not_seen(capsys):
     summary = STOPS.recorded()["summary"]
     assert report(summary, Path("out"), as_json=False) == 0
     shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
@@ -172,7 +169,7 @@ ballots = st.dictionaries(cells, st.booleans(), min_size=1, max_size=8)
 frame_lists = st.lists(st.tuples(st.integers(1, 3), ballots), max_size=40)
 
 
-def frames_of(drawn: list[tuple[int, dict[Cell, bool]]]) -> list[FrameSeen]:
+def frames_of(drawn):
     return [
         FrameSeen(vehicle, k / 3, None, tuple(Vote(c, v, float(v)) for c, v in votes.items()))
         for k, (vehicle, votes) in enumerate(drawn)
@@ -181,9 +178,7 @@ def frames_of(drawn: list[tuple[int, dict[Cell, bool]]]) -> list[FrameSeen]:
 
 @CHECKED
 @given(frame_lists, st.data())
-def test_frames_in_any_order_and_twice_give_one_certificate(
-    drawn: list[tuple[int, dict[Cell, bool]]], data: st.DataObject
-) -> None:
+def test_frames_in_any_order_and_twice_give_one_certificate(drawn, data):
     frames = frames_of(drawn)
     state = state_of(*frames)
     again = data.draw(st.permutations(frames + frames[: len(frames) // 2]))
@@ -202,12 +197,10 @@ def test_frames_in_any_order_and_twice_give_one_certificate(
 
 @CHECKED
 @given(frame_lists, st.data())
-def test_facts_of_a_fleet_in_any_order_give_one_certificate(
-    drawn: list[tuple[int, dict[Cell, bool]]], data: st.DataObject
-) -> None:
-    told = list[Shared]()
+def test_facts_of_a_fleet_in_any_order_give_one_certificate(drawn, data):
+    told = []
     for vehicle in (1, 2, 3):
-        own, facts = OwnCells(Belief(5, 3), Belief(5, 3)), list[Fact]()
+        own, facts = OwnCells(Belief(5, 3), Belief(5, 3)), []
         for frame in frames_of(drawn):
             if frame.vehicle == vehicle:
                 facts.extend(own.take(frame))
@@ -215,7 +208,7 @@ def test_facts_of_a_fleet_in_any_order_give_one_certificate(
         told.extend(Shared(vehicle, 0.0, k, (fact,)) for k, fact in enumerate(facts))
     listening = setting(0)
 
-    def certified(events: list[Shared]) -> Told:
+    def certified(events):
         state = joined(listening, State.initial(listening), events)
         return certificates(listening, state, 0.0)
 
@@ -223,7 +216,7 @@ def test_facts_of_a_fleet_in_any_order_give_one_certificate(
 
 
 # --- in flight ---------------------------------------------------------------------------------
-def test_a_flight_from_two_heights_certifies_each_patch() -> None:
+def test_a_flight_from_two_heights_certifies_each_patch():
     seed = 4
     scenario = scattered(random_scenario(seed, strategy="swath"), seed, high=True)
     flight = fleet(scenario.mission, scenario.roi)

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from missions.events import FrameSeen, Vote
 from missions.geo.grid import Grid
 from missions.units import Cell, LatLon
-from sitl.scenario import Setup
 from tests.support.fleet_rig import field_text
 from tests.support.plans import plan_of
 from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
@@ -45,7 +40,7 @@ class Blob:
     v_north_m_s: float = 0.0
     grows_m_s: float = 0.0
 
-    def shares(self, cells: NDArray[np.int_], t_s: float) -> NDArray[np.float64]:
+    def shares(self, cells, t_s):
         fine = (np.arange(FINE) + 0.5) / FINE - 0.5
         east_m = (cells[:, 0, None, None] + fine[:, None]) * CELL_M
         north_m = (cells[:, 1, None, None] + fine) * CELL_M
@@ -57,19 +52,17 @@ class Blob:
         inside = np.hypot(east_m, north_m) < rim_m + self.grows_m_s * t_s
         return inside.mean(axis=(1, 2))
 
-    def cells(self) -> NDArray[np.int_]:
+    def cells(self):
         reach = math.ceil(self.radius_m * 1.3 / CELL_M) + 6
         at = round(self.east_m / CELL_M), round(self.north_m / CELL_M)
         return np.argwhere(np.ones((2 * reach + 1,) * 2)) + at - [reach, reach]
 
 
-def frames_of(
-    blobs: list[Blob], times_s: list[float], *, noise: float = 0.02, lag: float = 0.2, seed: int = 1
-) -> list[FrameSeen]:
+def frames_of(blobs, times_s, *, noise=0.02, lag=0.2, seed=1):
     """Some frames of all cells around each time, columns to the east `lag` seconds later."""
     chance = np.random.default_rng(seed)
     cells = np.unique(np.vstack([blob.cells() for blob in blobs]), axis=0)
-    found = list[FrameSeen]()
+    found = []
     for begin_s, k, column in product(times_s, range(3), np.unique(cells[:, 0]).tolist()):
         t_s = round(begin_s + k + lag * (column + 40), 3)
         there = cells[cells[:, 0] == column]
@@ -81,19 +74,19 @@ def frames_of(
     return found
 
 
-def patch(blob: Blob) -> set[Cell]:
+def patch(blob):
     cells = blob.cells()
     return {Cell(*cell) for cell in cells[blob.shares(cells, 0.0) > 0.5].tolist()}
 
 
-def measured(blobs: list[Blob], frames: list[FrameSeen]) -> list[Drift | None]:
+def measured(blobs, frames):
     shares = Shares()
     for frame in frames:
         shares.take(frame)
     return shares.drifts_of([patch(blob) for blob in blobs], GRID)
 
 
-def off_m_s(drift: Drift, blob: Blob) -> float:
+def off_m_s(drift, blob):
     return math.hypot(
         drift.east_m_s - GRID.drift_east_m_s - blob.v_east_m_s,
         drift.north_m_s - GRID.drift_north_m_s - blob.v_north_m_s,
@@ -105,9 +98,7 @@ speeds = st.floats(-0.08, 0.08)
 
 @settings(max_examples=8, deadline=None)
 @given(speeds, speeds, st.integers(0, 1000))
-def test_the_drift_of_a_patch_is_found_within_its_error(
-    v_east_m_s: float, v_north_m_s: float, seed: int
-) -> None:
+def test_the_drift_of_a_patch_is_found_within_its_error(v_east_m_s, v_north_m_s, seed):
     blob = Blob(3.0, -4.0, 60.0, v_east_m_s, v_north_m_s)
     (found,) = measured([blob], frames_of([blob], [0.0, 240.0], seed=seed))
     assert found is not None
@@ -119,7 +110,7 @@ def test_the_drift_of_a_patch_is_found_within_its_error(
         assert not found.differs
 
 
-def test_two_patches_each_have_their_own_and_oil_that_spreads_does_not_drift() -> None:
+def test_two_patches_each_have_their_own_and_oil_that_spreads_does_not_drift():
     blobs = [Blob(0.0, 0.0, 70.0, 0.06, 0.02), Blob(260.0, 40.0, 50.0, -0.05, 0.03)]
     for drift, blob in zip(measured(blobs, frames_of(blobs, [0.0, 260.0])), blobs, strict=True):
         assert drift is not None
@@ -141,18 +132,18 @@ def test_two_patches_each_have_their_own_and_oil_that_spreads_does_not_drift() -
     ],
     ids=["nothing seen", "seen once", "seen for too short", "moved too far"],
 )
-def test_what_cannot_be_told_is_not_told(frames: Callable[[], list[FrameSeen]]) -> None:
+def test_what_cannot_be_told_is_not_told(frames):
     assert measured([Blob(0.0, 0.0, 60.0)], frames()) == [None]
 
 
-def test_the_order_of_frames_makes_no_difference() -> None:
+def test_the_order_of_frames_makes_no_difference():
     blob = Blob(0.0, 0.0, 60.0, 0.03)
     frames = frames_of([blob], [0.0, 200.0])
     mixed = random.Random(3).sample(frames, len(frames))
     assert measured([blob], frames) == measured([blob], mixed)
 
 
-def test_it_is_told_with_a_true_bearing() -> None:
+def test_it_is_told_with_a_true_bearing():
     drift = Drift(GRID.drift_east_m_s, GRID.drift_north_m_s, 0.004, 0.0)
     assert drift.told(GRID) == {
         "speed_m_s": 0.3, "toward_deg": 70.0, "error_m_s": 0.004, "off_m_s": 0.0, "differs": False,
@@ -160,12 +151,10 @@ def test_it_is_told_with_a_true_bearing() -> None:
 
 
 # --- in flight ---------------------------------------------------------------------------------
-def test_a_film_that_drifts_otherwise_than_the_mission_says_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_film_that_drifts_otherwise_than_the_mission_says_is_told(tmp_path, monkeypatch, capsys):
     truly = simulation.setup_of
 
-    def drifting(*args: Any, **kwargs: Any) -> Setup:
+    def drifting(*args, **kwargs):
         return replace(truly(*args, **kwargs), drift_speed_m_s=0.06, drift_toward_deg=30.0)
 
     monkeypatch.setattr(simulation, "setup_of", drifting)

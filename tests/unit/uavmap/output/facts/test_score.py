@@ -28,13 +28,13 @@ WHOLE = {Cell(column, row) for column in range(5) for row in range(2)}
     ],
     ids=["without faults", "cells left out are missed", "cells too many cost IoU"],
 )
-def test_a_map_against_the_truth(cells: set[Cell], missed: int, iou: float) -> None:
+def test_a_map_against_the_truth(cells, missed, iou):
     result = score(cells, TRUTH, GRID, [])
     assert result.iou_cells == pytest.approx(iou)
     assert result.cells_missed == missed
 
 
-def test_half_a_cell_counts_as_region() -> None:
+def test_half_a_cell_counts_as_region():
     for east_m, missed in ((0.0, 1), (-0.1, 0)):
         assert score([], box(-2.0, -2.0, east_m, 2.0), GRID, []).cells_missed == missed
 
@@ -51,29 +51,29 @@ def test_half_a_cell_counts_as_region() -> None:
         (Cell(5, 0), False, None),
     ],
 )
-def test_verdicts_at_the_rim_are_free(target: Cell, positive: bool, wrong: str | None) -> None:
+def test_verdicts_at_the_rim_are_free(target, positive, wrong):
     result = score(WHOLE, TRUTH, GRID, [(Cell(0, 0), target, positive)] * 3)  # each counts
     assert result.false_positives == 3 * (wrong == "positive")
     assert result.false_negatives == 3 * (wrong == "negative")
 
 
-def test_a_hole_is_not_region() -> None:
+def test_a_hole_is_not_region():
     ring = Polygon(box(-2, -2, 18, 18).exterior, [box(6, 6, 10, 10).exterior])
     assert shares_of([Cell(2, 2)], ring, GRID)[Cell(2, 2)] == 0.0
     assert score([Cell(2, 2)], ring, GRID, [(Cell(2, 1), Cell(2, 2), True)]).false_positives == 1
 
 
-def test_no_map_is_right_where_there_is_no_region_only() -> None:
+def test_no_map_is_right_where_there_is_no_region_only():
     result = score([], Polygon(), GRID, [])
     assert result.iou_cells == 1.0
     assert result.cells_missed == 0
     assert score([], TRUTH, GRID, []).iou_cells == 0.0
 
 
-def test_a_turned_runway_has_the_published_bests() -> None:
+def test_a_turned_runway_has_the_published_bests():
     """Of perfect cell maps: any overlap 0.77, a tenth 0.84 (143 cells), half 0.89 (120)."""
     rng = np.random.default_rng(7)
-    found: dict[float, list[tuple[float, int]]] = {0.0: [], 0.1: [], 0.5: []}
+    found = {0.0: [], 0.1: [], 0.5: []}
     for _ in range(30):
         east_m, north_m = rng.uniform(-2, 2, 2)
         runway = affinity.rotate(
@@ -92,9 +92,7 @@ def test_a_turned_runway_has_the_published_bests() -> None:
 
 
 @given(st.floats(-30, 30), st.floats(-30, 30), st.floats(1, 40), st.floats(1, 40), st.floats(0, 90))
-def test_shares_add_up_to_the_region(
-    east_m: float, north_m: float, width_m: float, height_m: float, turn_deg: float
-) -> None:
+def test_shares_add_up_to_the_region(east_m, north_m, width_m, height_m, turn_deg):
     shape = affinity.rotate(
         box(east_m, north_m, east_m + width_m, north_m + height_m), turn_deg, origin="center"
     )

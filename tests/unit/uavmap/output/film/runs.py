@@ -4,39 +4,38 @@ from __future__ import annotations
 
 import numpy as np
 
-from missions.lab.arena.arena_run import Comms, Run, run
+from missions.lab.arena.arena_run import Comms, run
 from missions.lab.arena.radio import look
 from missions.lab.arena.roi import eden
 from missions.mapping.tree import Tree
 from missions.planning.stepwise import EXPLORERS
 from missions.units import Cell
 from uavmap.lab.run_film import film_of_run
-from uavmap.output.film.film import Film
 
 START = Cell(0, 0)
 
 
-def small_roi(cells: int = 24, seed: int = 5) -> set[Cell]:
+def small_roi(cells=24, seed=5):
     return eden(cells, np.random.default_rng(seed))
 
 
-def explored(roi: set[Cell], robots: int = 2, comms: Comms = Comms.SHARED) -> Run:
+def explored(roi, robots=2, comms=Comms.SHARED):
     return run(EXPLORERS["rdfs"], roi, START, robots, comms=comms)
 
 
-def small_film(cells: int = 24, robots: int = 2) -> Film:
+def small_film(cells=24, robots=2):
     roi = small_roi(cells)
     return film_of_run(explored(roi, robots), roi, f"eden {cells}")
 
 
-def tree_until(run_: Run, roi: set[Cell], t: float) -> Tree:
+def tree_until(run_, roi, t):
     tree = look(Tree.rooted(START), START, roi)
 
-    def order(cell: Cell) -> tuple[int, int, Cell]:
+    def order(cell):
         away = (cell.east - START.east) ** 2 + (cell.north - START.north) ** 2
         return tree.vertices[cell].depth, -away, cell
 
-    arrivals: dict[float, set[Cell]] = {}
+    arrivals = {}
     for leg in run_.legs:
         if leg.end_t <= t:
             arrivals.setdefault(leg.end_t, set()).add(leg.end)

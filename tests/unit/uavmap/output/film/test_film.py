@@ -88,7 +88,7 @@ BOX = square(0.0, 0.0, 40.0, 40.0)
 FENCE = square(-30.0, -30.0, 120.0, 120.0)
 
 
-def seen(t_s: float, positive: bool) -> FrameSeen:
+def seen(t_s, positive):
     votes = (Vote(Cell(2, 0), positive, 1.0), Vote(Cell(3, 0), False, 0.0))
     return FrameSeen(1, t_s, Cell(2, 0), votes)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from unittest.mock import MagicMock
 
 import cv2
@@ -20,14 +19,14 @@ from uavmap.output.film.film import FPS, HOLD_S, Change, Film, Fix, Place, Reel,
 from uavmap.output.film.film_writers import Stage, write_film
 
 
-def at(stage: Stage, picture: Image.Image, place: Place) -> tuple[int, ...]:
+def at(stage, picture, place):
     x, y = stage.pixel(place)
     found = picture.convert("RGB").getpixel((int(x), int(y)))
     assert isinstance(found, tuple)
     return found
 
 
-def corner_of(cell: Cell) -> Place:
+def corner_of(cell):
     return Place(cell.east - 0.4, cell.north + 0.4)
 
 
@@ -146,7 +145,7 @@ def test_a_disk_that_does_not_take_it_is_said(tmp_path, monkeypatch):
         write_film(small_film(cells=4), tmp_path / "film.gif", print)
     monkeypatch.undo()
 
-    def full(path: Path, data: bytes) -> None:
+    def full(path, data):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(documents, "write_bytes", full)
@@ -164,7 +163,7 @@ def test_a_missing_codec_is_said(tmp_path, monkeypatch):
 def test_whoever_waits_long_hears_of_it(tmp_path, monkeypatch):
     ticks = iter(range(10_000))
     monkeypatch.setattr(writers.time, "monotonic", lambda: float(next(ticks)))
-    said: list[str] = []
+    said = []
     write_film(small_film(cells=4), tmp_path / "film.gif", said.append)
     assert said
     assert all(line.startswith("film.gif: frame ") for line in said)

@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import io
 import sys
-from pathlib import Path
-from typing import Any
 from unittest.mock import MagicMock
 
 import numpy as np
@@ -14,7 +12,7 @@ import pytest
 from PIL import Image
 
 from missions.errors import OutputError
-from missions.events import Crashed, Event, from_json
+from missions.events import Crashed, from_json
 from missions.units import GridPoint, LatLon, Pose, Quaternion
 from tests.golden.recording import STOPS
 from uavmap.journal.kept_frames import FrameKeeper, KeptFrame
@@ -26,15 +24,15 @@ UP = Quaternion.from_euler(0.0, np.pi / 2, 0.0)
 
 
 @pytest.fixture
-def stream(monkeypatch: pytest.MonkeyPatch) -> MagicMock:
+def stream(monkeypatch):
     sdk = MagicMock()
     monkeypatch.setitem(sys.modules, "rerun", sdk)
-    return sdk.RecordingStream.return_value  # type: ignore[no-any-return]
+    return sdk.RecordingStream.return_value
 
 
-def logged(stream: MagicMock) -> list[tuple[float | None, str]]:
+def logged(stream):
     """Mission time, or None, and path of all that was logged."""
-    found, time_s = list[tuple[float | None, str]](), None
+    found, time_s = [], None
     for name, args, options in stream.method_calls:
         if name in ("set_time", "reset_time"):
             time_s = options.get("duration")
@@ -43,15 +41,13 @@ def logged(stream: MagicMock) -> list[tuple[float | None, str]]:
     return found
 
 
-def flight() -> tuple[list[Event], Any]:
+def flight():
     events = [from_json(line) for line in STOPS.lines()]
     film, _ = film_of_flight(STOPS.setting(), events, "a flight")
     return events, film
 
 
-def test_write_recording_flight_with_frames_logs_each_on_the_timeline(
-    stream: MagicMock, tmp_path: Path
-) -> None:
+def test_write_recording_flight_with_frames_logs_each_on_the_timeline(stream, tmp_path):
     events, film = flight()
     png = io.BytesIO()
     Image.new("RGB", (32, 24)).save(png, "PNG")
@@ -76,9 +72,7 @@ def test_write_recording_flight_with_frames_logs_each_on_the_timeline(
     assert cells == sorted(cells)
 
 
-def test_write_recording_folder_is_missing_raises_output_error(
-    stream: MagicMock, tmp_path: Path
-) -> None:
+def test_write_recording_folder_is_missing_raises_output_error(stream, tmp_path):
     events, film = flight()
     stream.save.side_effect = RuntimeError("no such folder")
     with pytest.raises(OutputError, match="no such folder"):

@@ -23,7 +23,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 
 @st.composite
-def trees(draw: st.DrawFn) -> Tree:
+def trees(draw):
     roi = small_roi(draw(st.integers(1, 40)), draw(st.integers(0, 1000)))
     run = explored(roi, draw(st.integers(1, 4)))
     return tree_until(run, roi, draw(st.floats(0.0, 1.0)) * run.makespan)
@@ -65,7 +65,7 @@ def test_by_depth_no_edges_cross_and_no_vertices_meet(tree):
             assert not one.intersects(other)
 
 
-def half_explored() -> Tree:
+def half_explored():
     roi = small_roi(40)
     run = explored(roi)
     return tree_until(run, roi, 0.5 * run.makespan)
@@ -80,7 +80,7 @@ def test_a_png_shows_states_and_backbone_where_they_are(tmp_path):
     across = max(c.east for c in tree.vertices) - west + 1
     step = min(560 // max(up, across), 34)
 
-    def pixel(east: float, north_: float) -> tuple[int, int]:
+    def pixel(east, north_):
         x, y = (east - west + 0.5) * step, (north - north_ + 0.5) * step
         return int(tree_picture.MARGIN_PX + x), int(tree_picture.HEAD_PX + y)
 

@@ -8,9 +8,7 @@ import io
 import json
 import sqlite3
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import fastkml
 import gpxpy
@@ -20,11 +18,9 @@ import pytest
 import shapefile
 import shapely
 from shapely.geometry import shape
-from shapely.geometry.base import BaseGeometry
 
 from missions.units import LatLon
 from tests.golden.recording import STOPS
-from tests.unit.uavmap.conftest import Refusals
 from tests.unit.uavmap.output.flown_folders import PLAN, folder_of, keep_frames, named
 from tests.unit.uavmap.output.maps import empty_map, make_map, written
 from uavmap.base.version import __version__
@@ -32,11 +28,9 @@ from uavmap.output.documents import FORMATS, files_of
 from uavmap.output.drawing.palette import STATES
 from uavmap.output.facts.flight_log import FlightLog
 from uavmap.output.facts.flown_mission import Calendar, Flown
-from uavmap.output.facts.map_model import MapData
 from uavmap.output.formats import geojson_encoder as geojson
 from uavmap.output.formats import kml_encoder as kml
 from uavmap.output.formats.geopackage_layers import APPLICATION_ID
-from uavmap.output.formats.layers import Layer
 from uavmap.output.formats.map_layers import layers
 from uavmap.output.report.page import encode
 from uavmap.output.results import flown_of
@@ -50,21 +44,21 @@ UTC = "2020-01-01T00:02:"
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     return folder_of(tmp_path_factory.mktemp("exports"), plan=named("R&D 'x' é"))
 
 
 @pytest.fixture(scope="module")
-def flown(folder: Path) -> Flown:
+def flown(folder):
     return flown_of(folder)
 
 
-def exported(folder: Path, kind: str, out: Path) -> Path:
+def exported(folder, kind, out):
     assert main(["export", str(folder), "--to", kind, "--out", str(out)]) == 0
     return out
 
 
-def flown_at(data: MapData, tmp: Path) -> Flown:
+def flown_at(data, tmp):
     values = {"completed": True, "finding": "a ring"}
     setting = STOPS.setting()
     log, calendar = FlightLog(), Calendar(0.0)
@@ -72,7 +66,7 @@ def flown_at(data: MapData, tmp: Path) -> Flown:
 
 
 # --- GeoPackage ----------------------------------------------------------------------------------
-def test_gdal_reads_the_geopackage_in_utm_with_its_areas(folder: Path, tmp_path: Path) -> None:
+def test_gdal_reads_the_geopackage_in_utm_with_its_areas(folder, tmp_path):
     file = exported(folder, "gpkg", tmp_path / "map.gpkg")
     names = dict(pyogrio.list_layers(file).tolist())
     assert list(names) == [*LAYERS, "layer_styles"]
@@ -94,13 +88,13 @@ def test_gdal_reads_the_geopackage_in_utm_with_its_areas(folder: Path, tmp_path:
     assert all(shapely.is_valid(shapes))
 
 
-def read(file: Path, layer: str) -> tuple[Any, Any, list[BaseGeometry], dict[str, Any]]:
+def read(file, layer):
     meta, fids, binary, columns = pyogrio.raw.read(file, layer=layer)
     values = dict(zip(meta["fields"].tolist(), columns, strict=True))
     return meta, fids, list(shapely.from_wkb(binary)), values
 
 
-def test_the_geopackage_is_one_by_the_standard(folder: Path, tmp_path: Path) -> None:
+def test_the_geopackage_is_one_by_the_standard(folder, tmp_path):
     file = exported(folder, "gpkg", tmp_path / "map.gpkg")
     with contextlib.closing(sqlite3.connect(file)) as database:
         ask = database.execute
@@ -119,7 +113,7 @@ def test_the_geopackage_is_one_by_the_standard(folder: Path, tmp_path: Path) -> 
             assert when.startswith(UTC)  # no clock of this computer
 
 
-def test_the_styles_are_in_the_colours_of_the_picture(folder: Path, tmp_path: Path) -> None:
+def test_the_styles_are_in_the_colours_of_the_picture(folder, tmp_path):
     file = exported(folder, "gpkg", tmp_path / "map.gpkg")
     with contextlib.closing(sqlite3.connect(file)) as database:
         rows = database.execute(
@@ -148,24 +142,24 @@ def test_the_styles_are_in_the_colours_of_the_picture(folder: Path, tmp_path: Pa
     assert shown == ["explored", "non-roi"]
     for state, fill in zip(shown, fills, strict=True):
         assert fill is not None
-        assert fill.startswith(",".join(map(str, STATES[state])))  # type: ignore[index]
+        assert fill.startswith(",".join(map(str, STATES[state])))
     assert {n.get("type") for s in styles.values() for n in s.iter("symbol")} == {
         "fill", "line", "marker",
     }  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-def test_the_same_flight_gives_the_same_bytes(kind: str, folder: Path, flown: Flown) -> None:
+def test_the_same_flight_gives_the_same_bytes(kind, folder, flown):
     assert files_of(flown, kind) == files_of(flown_of(folder), kind)
     assert all(len(field.name) <= 10 for layer in layers(flown) for field in layer.fields)
 
 
-def frames_in(flown: Flown) -> Layer:
+def frames_in(flown):
     (frames,) = (layer for layer in layers(flown) if layer.name == "frames")
     return frames
 
 
-def test_kept_frames_have_names_and_places_but_for_places_that_are_none(tmp_path: Path) -> None:
+def test_kept_frames_have_names_and_places_but_for_places_that_are_none(tmp_path):
     folder = folder_of(tmp_path)
     keep_frames(folder)
     frames, bare = frames_in(flown_of(folder)), frames_in(flown_of(folder_of(tmp_path / "without")))
@@ -185,24 +179,22 @@ def test_kept_frames_have_names_and_places_but_for_places_that_are_none(tmp_path
 
 # --- KML -----------------------------------------------------------------------------------------
 @pytest.fixture(scope="module")
-def schema() -> lxml.etree.XMLSchema:
+def schema():
     file = Path(fastkml.__file__).parent / "schema" / "kml22gx.xsd"
     return lxml.etree.XMLSchema(lxml.etree.parse(str(file)))
 
 
-def test_kml_is_valid_against_the_schema_of_the_ogc(
-    folder: Path, tmp_path: Path, schema: lxml.etree.XMLSchema
-) -> None:
+def test_kml_is_valid_against_the_schema_of_the_ogc(folder, tmp_path, schema):
     file = exported(folder, "kml", tmp_path / "flight.kml")
     schema.assertValid(lxml.etree.parse(str(file)))
     assert fastkml.KML.parse(file).features
 
 
-def test_the_map_of_a_flight_is_valid_kml_too(schema: lxml.etree.XMLSchema) -> None:
+def test_the_map_of_a_flight_is_valid_kml_too(schema):
     schema.assertValid(lxml.etree.fromstring(written(kml.write, make_map()).encode()))
 
 
-def test_tracks_run_in_time(folder: Path, tmp_path: Path) -> None:
+def test_tracks_run_in_time(folder, tmp_path):
     root = ET.parse(exported(folder, "kml", tmp_path / "flight.kml")).getroot()
     ns = {"k": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
     tracks = root.findall(".//gx:Track", ns)
@@ -218,7 +210,7 @@ def test_tracks_run_in_time(folder: Path, tmp_path: Path) -> None:
 
 
 # --- GeoJSON -------------------------------------------------------------------------------------
-def positions(coordinates: Any) -> Iterator[list[float]]:
+def positions(coordinates):
     if isinstance(coordinates[0], float | int):
         yield coordinates
     else:
@@ -226,9 +218,9 @@ def positions(coordinates: Any) -> Iterator[list[float]]:
             yield from positions(one)
 
 
-def assert_rfc_7946(text: str) -> dict[str, Any]:
+def assert_rfc_7946(text):
     """The rules of RFC 7946 that a file can break."""
-    found: dict[str, Any] = json.loads(text)
+    found = json.loads(text)
     assert found["type"] == "FeatureCollection"
     assert "crs" not in found  # section 4
     lows, highs = [], []
@@ -257,7 +249,7 @@ def assert_rfc_7946(text: str) -> dict[str, Any]:
     return found
 
 
-def test_geojson_has_a_file_a_layer_by_the_rfc(folder: Path, tmp_path: Path) -> None:
+def test_geojson_has_a_file_a_layer_by_the_rfc(folder, tmp_path):
     out = exported(folder, "geojson", tmp_path / "layers")
     assert {path.name for path in out.iterdir()} == {f"{name}.geojson" for name in LAYERS}
     for path in out.iterdir():
@@ -270,9 +262,7 @@ def test_geojson_has_a_file_a_layer_by_the_rfc(folder: Path, tmp_path: Path) -> 
         assert len(names)
 
 
-def test_holes_the_south_and_the_date_line_keep_the_rules(
-    tmp_path: Path, schema: lxml.etree.XMLSchema
-) -> None:
+def test_holes_the_south_and_the_date_line_keep_the_rules(tmp_path, schema):
     data = make_map(start=LatLon(-17.0, 179.9994), drift_m_s=0.5)
     there = flown_at(data, tmp_path)
     for text in files_of(there, "geojson").values():
@@ -300,7 +290,7 @@ def test_holes_the_south_and_the_date_line_keep_the_rules(
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-def test_a_map_of_nothing_has_files_too(kind: str, tmp_path: Path) -> None:
+def test_a_map_of_nothing_has_files_too(kind, tmp_path):
     files = files_of(flown_at(empty_map(), tmp_path), kind)
     assert all(files.values())
     if kind == "gpkg":
@@ -312,9 +302,7 @@ def test_a_map_of_nothing_has_files_too(kind: str, tmp_path: Path) -> None:
 
 
 # --- Shapefile, GPX, CSV -------------------------------------------------------------------------
-def test_shapefiles_are_read_with_their_system_their_letters_and_their_areas(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_shapefiles_are_read_with_their_system_their_letters_and_their_areas(folder, tmp_path):
     out = exported(folder, "shp", tmp_path / "shp")
     assert {p.suffix for p in out.glob("region.*")} == {".shp", ".shx", ".dbf", ".prj", ".cpg"}
     assert (out / "region.cpg").read_text() == "UTF-8"
@@ -335,7 +323,7 @@ def test_shapefiles_are_read_with_their_system_their_letters_and_their_areas(
     assert data[1:4] == bytes((120, 1, 1))  # the date of the mission, not of today
 
 
-def test_gpx_has_a_segment_a_sortie_with_times(folder: Path, tmp_path: Path) -> None:
+def test_gpx_has_a_segment_a_sortie_with_times(folder, tmp_path):
     file = gpxpy.parse(exported(folder, "gpx", tmp_path / "flight.gpx").read_text("utf-8"))
     track, outline = file.tracks
     assert [len(segment.points) > 20 for segment in track.segments] == [True, True]
@@ -349,7 +337,7 @@ def test_gpx_has_a_segment_a_sortie_with_times(folder: Path, tmp_path: Path) -> 
     assert [point.name for point in file.waypoints] == ["home of vehicle 1"]
 
 
-def test_csv_has_a_row_a_cell_with_degrees(folder: Path, tmp_path: Path) -> None:
+def test_csv_has_a_row_a_cell_with_degrees(folder, tmp_path):
     out = exported(folder, "csv", tmp_path / "csv")
     rows = list(csv.DictReader(io.StringIO((out / "cells.csv").read_text("utf-8"), newline="")))
     assert len(rows) == 21
@@ -364,9 +352,7 @@ def test_csv_has_a_row_a_cell_with_degrees(folder: Path, tmp_path: Path) -> None
 
 
 # --- what is refused ------------------------------------------------------------------------------
-def test_what_does_not_fit_together_is_told_in_a_line(
-    folder: Path, tmp_path: Path, refused: Refusals
-) -> None:
+def test_what_does_not_fit_together_is_told_in_a_line(folder, tmp_path, refused):
     there = tmp_path / "there.kml"
     there.write_text("mine")
     for options, said in (

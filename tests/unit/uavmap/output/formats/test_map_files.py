@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import xml.etree.ElementTree as ET
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pytest
 import shapely
@@ -18,7 +16,6 @@ from tests.unit.uavmap.output.maps import empty_map, make_map, written
 from uavmap.output.drawing.map_scene import map_scene
 from uavmap.output.drawing.palette import STATES
 from uavmap.output.drawing.sheet import draw_sheet
-from uavmap.output.facts.map_model import MapData
 from uavmap.output.formats import geojson_encoder as geojson
 from uavmap.output.formats import kml_encoder as kml
 
@@ -27,31 +24,30 @@ NS = {"k": kml.NAMESPACE}
 DATE = "2024-05-01T10:11:12.000Z"
 
 
-def read(data: MapData, utc: str | None = None) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(written(geojson.write, data, utc))
-    return found
+def read(data, utc=None):
+    return json.loads(written(geojson.write, data, utc))
 
 
-def of_kind(found: dict[str, Any], kind: str) -> list[dict[str, Any]]:
+def of_kind(found, kind):
     return [f for f in found["features"] if f["properties"]["kind"] == kind]
 
 
-def read_kml(data: MapData) -> ET.Element:
+def read_kml(data):
     return ET.fromstring(written(kml.write, data))
 
 
-def folder(root: ET.Element, name: str) -> ET.Element:
+def folder(root, name):
     (found,) = [f for f in root.iter(f"{{{kml.NAMESPACE}}}Folder") if f[0].text == name]
     return found
 
 
-def places(element: ET.Element) -> list[tuple[float, ...]]:
+def places(element):
     text = element.findtext(".//k:coordinates", namespaces=NS) or ""
     return [tuple(map(float, place.split(","))) for place in text.split()]
 
 
 # --- GeoJSON -------------------------------------------------------------------------------------
-def test_every_geometry_is_valid_with_longitudes_first_and_seven_decimals() -> None:
+def test_every_geometry_is_valid_with_longitudes_first_and_seven_decimals():
     found = read(make_map())
     assert found["type"] == "FeatureCollection"
     assert len(found["features"]) == len(make_map().cells) + 2
@@ -64,7 +60,7 @@ def test_every_geometry_is_valid_with_longitudes_first_and_seven_decimals() -> N
             assert lon == round(lon, 7)
 
 
-def test_the_outline_is_the_union_with_its_hole() -> None:
+def test_the_outline_is_the_union_with_its_hole():
     (outline,) = of_kind(read(make_map()), "outline")
     region = shape(outline["geometry"])
     assert isinstance(region, MultiPolygon)
@@ -75,7 +71,7 @@ def test_the_outline_is_the_union_with_its_hole() -> None:
     assert area_m2 == pytest.approx(cells * 16.0, rel=1e-3)
 
 
-def test_a_cell_has_its_votes_and_lies_where_the_grid_says() -> None:
+def test_a_cell_has_its_votes_and_lies_where_the_grid_says():
     data = make_map()
     cells = {f["id"]: f for f in of_kind(read(data), "cell")}
     assert cells["cell 5 5"]["properties"] == {
@@ -86,7 +82,7 @@ def test_a_cell_has_its_votes_and_lies_where_the_grid_says() -> None:
     assert (centre.x, centre.y) == pytest.approx((place.lon_deg, place.lat_deg), abs=1e-7)
 
 
-def test_a_drifting_map_is_drawn_where_the_region_is() -> None:
+def test_a_drifting_map_is_drawn_where_the_region_is():
     still, drifting = (read(make_map(drift_m_s=v))["features"][0] for v in (0.0, 0.4))
     a, b = (shape(f["geometry"]).centroid for f in (still, drifting))
     bearing_deg, _, distance_m = GEOD.inv(a.x, a.y, b.x, b.y)
@@ -94,7 +90,7 @@ def test_a_drifting_map_is_drawn_where_the_region_is() -> None:
     assert bearing_deg == pytest.approx(90.0, abs=0.1)
 
 
-def test_tracks_have_heights_and_times() -> None:
+def test_tracks_have_heights_and_times():
     found = read(make_map())
     (track,) = of_kind(found, "track")
     assert found["bbox"][2::3] == [12.0, 16.0]
@@ -102,7 +98,7 @@ def test_tracks_have_heights_and_times() -> None:
     assert (track["properties"]["start_s"], track["properties"]["end_s"]) == (0.0, 100.0)
 
 
-def test_written_whole_and_dated_where_the_date_is_known(tmp_path: Path) -> None:
+def test_written_whole_and_dated_where_the_date_is_known(tmp_path):
     path = tmp_path / "map.geojson"
     path.write_text("old")
     geojson.write(make_map(), path)
@@ -114,7 +110,7 @@ def test_written_whole_and_dated_where_the_date_is_known(tmp_path: Path) -> None
 
 
 # --- KML -----------------------------------------------------------------------------------------
-def test_a_folder_for_every_state_that_occurs() -> None:
+def test_a_folder_for_every_state_that_occurs():
     root = read_kml(make_map())
     assert root.findtext("k:Document/k:name", namespaces=NS) == "test <map> & more"
     states = folder(root, "Cells").findall("k:Folder", NS)
@@ -122,7 +118,7 @@ def test_a_folder_for_every_state_that_occurs() -> None:
     assert counts == {"explored": 22, "under exploration": 1, "unexplored": 1, "non-roi": 5}
 
 
-def test_every_style_is_defined_with_colours_backwards() -> None:
+def test_every_style_is_defined_with_colours_backwards():
     root = read_kml(make_map())
     used = {e.text for e in root.iter(f"{{{kml.NAMESPACE}}}styleUrl")}
     assert used <= {"#" + e.attrib["id"] for e in root.iter(f"{{{kml.NAMESPACE}}}Style")}
@@ -132,7 +128,7 @@ def test_every_style_is_defined_with_colours_backwards() -> None:
     assert colour == f"ff{blue:02x}{green:02x}{red:02x}"
 
 
-def test_the_outline_has_a_hole_and_closed_rings_and_tracks_fly_above_ground() -> None:
+def test_the_outline_has_a_hole_and_closed_rings_and_tracks_fly_above_ground():
     root = read_kml(make_map())
     outline, tracks = folder(root, "Outline"), folder(root, "Tracks")
     assert len(outline.findall(".//k:Polygon", NS)) == 2
@@ -146,7 +142,7 @@ def test_the_outline_has_a_hole_and_closed_rings_and_tracks_fly_above_ground() -
 
 
 # --- both ----------------------------------------------------------------------------------------
-def test_a_map_of_nothing() -> None:
+def test_a_map_of_nothing():
     found = read(empty_map())
     (outline,) = found["features"]
     assert outline["geometry"] is None
@@ -157,7 +153,7 @@ def test_a_map_of_nothing() -> None:
     assert not root.findall(".//k:Placemark", NS)
 
 
-def test_ground_that_nobody_judged_is_in_every_map_and_in_none_without_any() -> None:
+def test_ground_that_nobody_judged_is_in_every_map_and_in_none_without_any():
     full = make_map()
     start, end = (full.grid.position(GridPoint(east_m, 4.0)) for east_m in (0.0, 20.0))
     gap = replace(full, unsearched=((start, end),))

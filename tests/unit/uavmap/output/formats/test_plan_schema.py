@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 import shapely
@@ -31,11 +28,11 @@ FENCE = [
 RALLY = [Item(mav.MAV_CMD_NAV_RALLY_POINT, LatLon(48.0001, 11.0001), height_m=30.0)]
 
 
-def test_the_schema_is_one() -> None:
+def test_the_schema_is_one():
     Draft202012Validator.check_schema(SCHEMA)
 
 
-def test_the_fence_that_was_on_an_autopilot_is_as_documented(tmp_path: Path) -> None:
+def test_the_fence_that_was_on_an_autopilot_is_as_documented(tmp_path):
     path = tmp_path / "fence-before-1.plan"
     path.write_text(plan_text(Firmware.ARDUPILOT, LatLon(48.0, 11.0), FENCE, RALLY), "utf-8")
     assert faults_of(json.loads(path.read_text("utf-8"))) == []
@@ -43,7 +40,7 @@ def test_the_fence_that_was_on_an_autopilot_is_as_documented(tmp_path: Path) -> 
     assert (len(drawing.fences), len(drawing.keep_out)) == (1, 1)
 
 
-BREAKS: dict[str, Callable[[dict[str, Any]], object]] = {
+BREAKS = {
     "another type": lambda plan: plan.update(fileType="Mission"),
     "no items": lambda plan: plan["mission"].pop("items"),
     "a key that nobody documents": lambda plan: plan["mission"].update(box=[]),
@@ -58,7 +55,7 @@ BREAKS: dict[str, Callable[[dict[str, Any]], object]] = {
 }
 
 
-def test_schema_finds_what_is_not_as_documented(tmp_path: Path) -> None:
+def test_schema_finds_what_is_not_as_documented(tmp_path):
     file, _ = mission_file(tmp_path)
     plan = exported(tmp_path, file)
     for name, spoil in BREAKS.items():
@@ -67,7 +64,7 @@ def test_schema_finds_what_is_not_as_documented(tmp_path: Path) -> None:
         assert faults_of(spoilt), name
 
 
-def test_plan_of_a_mission_read_by_new_gives_its_fence(tmp_path: Path) -> None:
+def test_plan_of_a_mission_read_by_new_gives_its_fence(tmp_path):
     file, setting = mission_file(tmp_path)
     exported(tmp_path, file)
     drawing = read_area_file(str(tmp_path / "field.plan"))
@@ -83,6 +80,6 @@ PLANS = [name for name in area_files.KINDS if name.startswith("qgc_") and name n
 
 
 @pytest.mark.parametrize("kind", PLANS)
-def test_the_plans_that_are_read_in_tests_are_as_documented_too(kind: str, tmp_path: Path) -> None:
+def test_the_plans_that_are_read_in_tests_are_as_documented_too(kind, tmp_path):
     path = area_files.KINDS[kind](tmp_path)
     assert faults_of(json.loads(path.read_text("utf-8"))) == []

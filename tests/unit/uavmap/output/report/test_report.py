@@ -7,13 +7,11 @@ import json
 import os
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from tests.golden.recording import STOPS
 from tests.support.page.html_page import Page
-from tests.unit.uavmap.conftest import Refusals
 from tests.unit.uavmap.output.flown_folders import (
     EVENTS,
     EVIL,
@@ -33,14 +31,14 @@ from uavmap.output.results import flown_flight, flown_of, write_results
 from uavmap.ui.cli import main
 
 
-def report_of(folder: Path) -> Page:
+def report_of(folder):
     assert main(["report", str(folder)]) == 0
     page = Page((folder / REPORT).read_text("utf-8"))
     assert not page.open
     return page
 
 
-def test_the_report_of_a_flight_has_what_a_customer_asks_for(tmp_path: Path) -> None:
+def test_the_report_of_a_flight_has_what_a_customer_asks_for(tmp_path):
     folder = folder_of(tmp_path)
     text = report_of(folder).text
     for said in (
@@ -68,7 +66,7 @@ def test_the_report_of_a_flight_has_what_a_customer_asks_for(tmp_path: Path) -> 
         assert said in text, said
 
 
-def test_the_timeline_has_each_sortie_with_its_charge_and_the_fresh_battery(tmp_path: Path) -> None:
+def test_the_timeline_has_each_sortie_with_its_charge_and_the_fresh_battery(tmp_path):
     folder = folder_of(tmp_path)
     log = flown_of(folder).log
     (first, second), ((vehicle, swapped_s),) = log.sorties(), log.swaps
@@ -85,7 +83,7 @@ def test_the_timeline_has_each_sortie_with_its_charge_and_the_fresh_battery(tmp_
     assert rows[0][1] == "2020-01-01 00:00:08 UTC, simulated"
 
 
-def test_the_page_loads_nothing_and_runs_nothing(tmp_path: Path) -> None:
+def test_the_page_loads_nothing_and_runs_nothing(tmp_path):
     folder = folder_of(tmp_path)
     keep_frames(folder)
     page = report_of(folder)
@@ -99,7 +97,7 @@ def test_the_page_loads_nothing_and_runs_nothing(tmp_path: Path) -> None:
     assert page.tags.count("img") == 8
 
 
-def test_words_from_outside_are_words(tmp_path: Path) -> None:
+def test_words_from_outside_are_words(tmp_path):
     plan = replace(named("R&D 'x'"), version=EVIL)
     folder = folder_of(tmp_path, with_troubles(), plan)
     keep_frames(folder)
@@ -116,7 +114,7 @@ def test_words_from_outside_are_words(tmp_path: Path) -> None:
     assert "Frames lost 3" in page.text
 
 
-def test_frames_that_are_gone_or_none_are_left_out(tmp_path: Path) -> None:
+def test_frames_that_are_gone_or_none_are_left_out(tmp_path):
     folder = folder_of(tmp_path)
     keep_frames(folder)
     outside = tmp_path / "secret.jpg"
@@ -127,9 +125,7 @@ def test_frames_that_are_gone_or_none_are_left_out(tmp_path: Path) -> None:
     assert "img" not in report_of(folder).tags
 
 
-def test_an_interrupted_flight_has_a_report_that_says_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_interrupted_flight_has_a_report_that_says_so(tmp_path, capsys):
     middle = next(i for i, event in enumerate(EVENTS) if event.t_s > 50.0)
     folder = folder_of(tmp_path, EVENTS[:middle])
     text = report_of(folder).text
@@ -141,12 +137,12 @@ def test_an_interrupted_flight_has_a_report_that_says_so(
     assert "completed,no" in (folder / "csv" / "about.csv").read_text("utf-8")
 
 
-def test_a_journal_without_an_event_has_a_report(tmp_path: Path) -> None:
+def test_a_journal_without_an_event_has_a_report(tmp_path):
     folder = folder_of(tmp_path, [])
     assert "Not complete: no region found in 0 judged frames" in report_of(folder).text
 
 
-def test_journal_that_cannot_be_locked_or_written_is_exported(tmp_path: Path) -> None:
+def test_journal_that_cannot_be_locked_or_written_is_exported(tmp_path):
     folder = folder_of(tmp_path)
     out = tmp_path / "map.gpkg"
     with Journal.open(folder / JOURNAL):
@@ -160,9 +156,7 @@ def test_journal_that_cannot_be_locked_or_written_is_exported(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("command", [["report"], ["export", "--to", "gpkg"]])
-def test_a_folder_that_is_none_is_told_in_a_line(
-    command: list[str], tmp_path: Path, refused: Refusals
-) -> None:
+def test_a_folder_that_is_none_is_told_in_a_line(command, tmp_path, refused):
     damaged = folder_of(tmp_path)
     journal = damaged / "journal.jsonl"
     data = bytearray(journal.read_bytes())
@@ -172,9 +166,7 @@ def test_a_folder_that_is_none_is_told_in_a_line(
         assert str(folder) in refused(command[0], folder, *command[1:])
 
 
-def test_a_report_elsewhere_overwrites_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Refusals
-) -> None:
+def test_a_report_elsewhere_overwrites_nothing(tmp_path, capsys, refused):
     folder, out = folder_of(tmp_path), tmp_path / "field.html"
     assert main(["report", str(folder), "--out", str(out)]) == 0
     assert not (folder / REPORT).exists()
@@ -185,11 +177,11 @@ def test_a_report_elsewhere_overwrites_nothing(
     assert out.read_bytes() == before
 
 
-def test_the_report_made_anew_is_that_of_the_flight(tmp_path: Path) -> None:
+def test_the_report_made_anew_is_that_of_the_flight(tmp_path):
     truth = {"min_separation_m": None, "fence_breaches": 0}
     folder = folder_of(tmp_path, truth=truth)
     setting = STOPS.setting()
-    told: list[str] = []
+    told = []
     flown, _ = flown_flight(folder, PLAN, setting, EVENTS, truth)
     values = write_results(flown, told.append)
     assert not told
@@ -206,14 +198,12 @@ def test_the_report_made_anew_is_that_of_the_flight(tmp_path: Path) -> None:
     assert kept["area_low_m2"] <= roi.area <= kept["area_high_m2"]
 
 
-def test_a_full_disk_costs_the_page_and_never_the_map(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_costs_the_page_and_never_the_map(tmp_path, monkeypatch):
     folder = folder_of(tmp_path)
-    told: list[str] = []
+    told = []
     flown, _ = flown_flight(folder, PLAN, STOPS.setting(), EVENTS)
 
-    def full(path: Path, data: bytes) -> None:
+    def full(path, data):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(documents, "write_bytes", full)
@@ -230,11 +220,11 @@ def test_a_full_disk_costs_the_page_and_never_the_map(
     }  # fmt: skip
 
 
-def test_a_geopackage_that_is_open_elsewhere_is_left_alone(tmp_path: Path) -> None:
+def test_a_geopackage_that_is_open_elsewhere_is_left_alone(tmp_path):
     folder = folder_of(tmp_path)
     (folder / "map.gpkg").write_bytes(b"edited")
     (folder / "map.gpkg-wal").write_bytes(b"log")
-    told: list[str] = []
+    told = []
     write_documents(flown_of(folder), told.append)
     assert len(told) == 1
     assert "is open in another program (map.gpkg-wal)" in told[0]
@@ -242,7 +232,7 @@ def test_a_geopackage_that_is_open_elsewhere_is_left_alone(tmp_path: Path) -> No
     assert (folder / REPORT).exists()
 
 
-def test_real_aircraft_have_real_dates_and_no_truth(tmp_path: Path) -> None:
+def test_real_aircraft_have_real_dates_and_no_truth(tmp_path):
     plan = replace(
         PLAN, simulated=False, urls=("udpin://0.0.0.0:14550",), epoch_utc_s=1.7e9, speedup=2.0
     )
@@ -256,7 +246,7 @@ def test_real_aircraft_have_real_dates_and_no_truth(tmp_path: Path) -> None:
     assert flown.data.truth is None
 
 
-def test_dates_that_no_calendar_has_are_not_known(tmp_path: Path) -> None:
+def test_dates_that_no_calendar_has_are_not_known(tmp_path):
     plan = replace(PLAN, epoch_utc_s=1e300)
     flown = flown_of(folder_of(tmp_path, plan=plan))
     assert flown.values["begun_utc"] is None

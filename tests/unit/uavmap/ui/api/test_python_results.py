@@ -5,8 +5,6 @@ from __future__ import annotations
 import io
 import json
 import sys
-from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import pytest
@@ -29,26 +27,22 @@ ZONE = UtmZone(32, south=False)
 EAST_M, NORTH_M = 500_000.0, 5_300_000.0
 
 
-def ring(*corners_m: tuple[float, float]) -> list[list[float]]:
+def ring(*corners_m):
     places = [ZONE.to_wgs84(Utm(EAST_M + east, NORTH_M + north)) for east, north in corners_m]
     return [[place.lon_deg, place.lat_deg] for place in (*places, places[0])]
 
 
-def square(east_m: float, north_m: float, side_m: float) -> list[list[float]]:
+def square(east_m, north_m, side_m):
     right, top = east_m + side_m, north_m + side_m
     return ring((east_m, north_m), (right, north_m), (right, top), (east_m, top))
 
 
-def feature(
-    kind: str, geometry: str | None, coordinates: Any = None, **more: Any
-) -> dict[str, Any]:
+def feature(kind, geometry, coordinates=None, **more):
     shape = None if geometry is None else {"type": geometry, "coordinates": coordinates}
     return {"type": "Feature", "geometry": shape, "properties": {"kind": kind, **more}}
 
 
-def write(
-    folder: Path, *features: dict[str, Any], boundary: list[dict[str, Any]] | None = None
-) -> Path:
+def write(folder, *features, boundary=None):
     folder.mkdir(exist_ok=True)
     collection = {"type": "FeatureCollection", "features": list(features)}
     (folder / "map.geojson").write_text(json.dumps(collection), "utf-8")
@@ -62,7 +56,7 @@ def write(
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     """A ring of a region around a hole, two cells, a track; and a boundary with its band."""
     hole = list(reversed(square(4.0, 4.0, 4.0)))
     first = {"state": "explored", "positive": 3, "votes": 5}
@@ -84,7 +78,7 @@ def folder(tmp_path: Path) -> Path:
     )
 
 
-def test_geometries_are_in_longitude_and_latitude_and_in_metres(folder: Path) -> None:
+def test_geometries_are_in_longitude_and_latitude_and_in_metres(folder):
     results = uavmap.open_results(folder)
 
     assert results.utm_crs == "EPSG:32632"
@@ -99,7 +93,7 @@ def test_geometries_are_in_longitude_and_latitude_and_in_metres(folder: Path) ->
     assert "2 cells" in repr(results)
 
 
-def test_the_cells_are_a_table_with_geometries(folder: Path) -> None:
+def test_the_cells_are_a_table_with_geometries(folder):
     cells = uavmap.open_results(folder).cells
 
     assert " ".join(cells.columns) == "column row state positive votes belief geometry"
@@ -108,7 +102,7 @@ def test_the_cells_are_a_table_with_geometries(folder: Path) -> None:
     assert cells["belief"].isna().tolist() == [True, False]
 
 
-def test_a_plot_shows_cells_outline_boundary_and_track(folder: Path) -> None:
+def test_a_plot_shows_cells_outline_boundary_and_track(folder):
     mpl.use("agg")
     from matplotlib import pyplot as plt  # noqa: PLC0415 - after its backend
 
@@ -125,16 +119,14 @@ def test_a_plot_shows_cells_outline_boundary_and_track(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(("missing", "name"), [("geopandas", "cells"), ("matplotlib", "plot")])
-def test_a_missing_extra_is_named(
-    folder: Path, missing: str, name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_extra_is_named(folder, missing, name, monkeypatch):
     monkeypatch.setitem(sys.modules, missing, None)
     results = uavmap.open_results(folder)
     with pytest.raises(uavmap.UavmapError, match=f"pip install .{missing}>="):
         results.plot() if name == "plot" else results.cells
 
 
-def test_a_map_without_a_region_has_an_empty_one(tmp_path: Path) -> None:
+def test_a_map_without_a_region_has_an_empty_one(tmp_path):
     cell = feature("cell", "Polygon", [square(0, 0, 4)], state="non-roi")
     results = uavmap.open_results(
         write(tmp_path / "none", cell, feature("outline", None, area_m2=0.0))
@@ -146,23 +138,23 @@ def test_a_map_without_a_region_has_an_empty_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"features": [1]}', '{"features": [{}]}', "\xff"])
-def test_a_damaged_map_is_named(folder: Path, text: str) -> None:
+def test_a_damaged_map_is_named(folder, text):
     (folder / "map.geojson").write_text(text, "latin-1")
     with pytest.raises(uavmap.ResultsError, match=r"map\.geojson: is damaged"):
         uavmap.open_results(folder)
 
 
-def test_a_folder_without_results_is_named(tmp_path: Path) -> None:
+def test_a_folder_without_results_is_named(tmp_path):
     with pytest.raises(uavmap.ResultsError, match=r"holds no map\.geojson"):
         uavmap.open_results(tmp_path)
     with pytest.raises(uavmap.ResultsError, match="no such folder"):
         uavmap.open_results(tmp_path / "other")
     with pytest.raises(uavmap.UavmapError, match="folder = 3"):
-        uavmap.open_results(3)  # type: ignore[arg-type]
+        uavmap.open_results(3)
 
 
 # --- what is raised ------------------------------------------------------------------------------
-def test_the_gravest_error_of_a_group_is_raised_and_the_others_are_its_notes() -> None:
+def test_the_gravest_error_of_a_group_is_raised_and_the_others_are_its_notes():
     down, silent = (uavmap.AircraftError("vehicle 1 is down"), uavmap.LinkError("2 is silent"))
     assert single(ExceptionGroup("", [ExceptionGroup("", [silent]), down])) is down
     assert down.__notes__ == ["2 is silent"]
@@ -173,7 +165,7 @@ def test_the_gravest_error_of_a_group_is_raised_and_the_others_are_its_notes() -
 
 
 # --- simulate ------------------------------------------------------------------------------------
-def test_strategies_are_compared_without_flight() -> None:
+def test_strategies_are_compared_without_flight():
     done = uavmap.simulate(["eden:30:1", "eden:30:2"], strategy=["rdfs", "greedy"], robots=2)
     assert [(run["roi"], run["strategy"]) for run in done.runs] == [
         (roi, name) for roi in ("eden:30:1", "eden:30:2") for name in ("rdfs", "greedy")
@@ -194,7 +186,7 @@ def test_strategies_are_compared_without_flight() -> None:
         ({"strategy": []}, "strategy is empty"),
     ],
 )
-def test_what_cannot_be_simulated_is_said(options: dict[str, Any], said: str) -> None:
+def test_what_cannot_be_simulated_is_said(options, said):
     with pytest.raises(uavmap.UavmapError, match=said):
         uavmap.simulate("eden:30:1", **options)
     with pytest.raises(uavmap.RoiError, match="roi is empty"):
@@ -202,7 +194,7 @@ def test_what_cannot_be_simulated_is_said(options: dict[str, Any], said: str) ->
 
 
 # --- what is said before a flight ----------------------------------------------------------------
-def test_what_the_file_leaves_out_is_said_by_the_plan() -> None:
+def test_what_the_file_leaves_out_is_said_by_the_plan():
     text = named_text("runway").text
     begin, end = text.index("[battery]"), text.index("[wind]")
     without = mission_of_text(text[:begin] + text[end:], "without.toml")
@@ -212,9 +204,7 @@ def test_what_the_file_leaves_out_is_said_by_the_plan() -> None:
     assert f"  {taken_lines(without)[0]}" in plan_lines(setting_of(without))
 
 
-def test_a_simulated_flight_without_a_region_says_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_simulated_flight_without_a_region_says_so(tmp_path, capsys):
     text = (ROOT / "tests" / "data" / "speck.toml").read_text("utf-8")
     bare = tmp_path / "bare.toml"
     bare.write_text(text[: text.index("[[sim.roi]]")], "utf-8")
@@ -224,9 +214,7 @@ def test_a_simulated_flight_without_a_region_says_so(
     assert "no region found" in flight.finding
 
 
-def test_a_stream_that_is_no_terminal_gets_lines_whatever_the_environment_says(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_stream_that_is_no_terminal_gets_lines_whatever_the_environment_says(monkeypatch):
     """A notebook's kernel sets FORCE_COLOR, and cannot move a cursor."""
     monkeypatch.setenv("FORCE_COLOR", "1")
     text = io.StringIO()

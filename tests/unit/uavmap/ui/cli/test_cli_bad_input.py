@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shutil
 import socket
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from PIL import Image
 from tests.support.photographs import write_photo
 from tests.support.plans import named_text
 from tests.support.ports import free_port
-from tests.unit.uavmap.conftest import Refusals
 from uavmap.journal.event_log import Journal
 from uavmap.journal.flight_plan import JOURNAL, TLOG
 from uavmap.ui.cli import main
@@ -22,7 +20,7 @@ from uavmap.ui.cli import main
 RUNWAY = named_text("runway").text
 
 
-def changed(folder: Path, pattern: str, replacement: str) -> Path:
+def changed(folder, pattern, replacement):
     text, count = re.subn(pattern, replacement, RUNWAY, count=1, flags=re.DOTALL | re.MULTILINE)
     assert count == 1
     path = folder / "field.toml"
@@ -43,13 +41,11 @@ MISSION_FAULTS = {
 
 @pytest.mark.parametrize("command", ["check", "fly", "replay"])
 @pytest.mark.parametrize("fault", MISSION_FAULTS)
-def test_faults_of_a_mission_file(
-    tmp_path: Path, refused: Refusals, command: str, fault: str
-) -> None:
+def test_faults_of_a_mission_file(tmp_path, refused, command, fault):
     pattern, replacement, words = MISSION_FAULTS[fault]
     path = changed(tmp_path, pattern, replacement)
     out = tmp_path / "out"
-    arguments: list[object] = {
+    arguments = {
         "check": ["check", path],
         "fly": ["fly", path, "--sim", "--out", out],
         "replay": ["replay", tmp_path, "--mission", path, "--out", out],
@@ -60,7 +56,7 @@ def test_faults_of_a_mission_file(
     assert not out.exists()
 
 
-def test_every_fault_of_a_file_has_its_line(tmp_path: Path, refused: Refusals) -> None:
+def test_every_fault_of_a_file_has_its_line(tmp_path, refused):
     path = tmp_path / "field.toml"
     path.write_text(RUNWAY.replace("cell_m = 4.0", "cell_m = 0").replace("[battery]", "[batery]"))
     lines = refused.lines("check", path)
@@ -71,7 +67,7 @@ def test_every_fault_of_a_file_has_its_line(tmp_path: Path, refused: Refusals) -
         assert any(given.startswith(f"uavmap: {path}:{number}: ") for given in lines), line
 
 
-def test_a_mission_that_is_not_there(tmp_path: Path, refused: Refusals) -> None:
+def test_a_mission_that_is_not_there(tmp_path, refused):
     line = refused("check", tmp_path / "nowhere.toml")
     assert "No such file" in line
     assert "runway" in line
@@ -80,7 +76,7 @@ def test_a_mission_that_is_not_there(tmp_path: Path, refused: Refusals) -> None:
     assert "UTF-8" in refused("check", tmp_path / "binary.toml")
 
 
-def test_an_unknown_strategy_on_the_command_line(tmp_path: Path, refused: Refusals) -> None:
+def test_an_unknown_strategy_on_the_command_line(tmp_path, refused):
     line = refused("fly", "runway", "--sim", "--strategy", "dfs", "--out", tmp_path / "out")
     assert "dfs" in line
     assert "rdfs" in line
@@ -95,27 +91,27 @@ def test_an_unknown_strategy_on_the_command_line(tmp_path: Path, refused: Refusa
         ("serial:///dev/no-such-port:57600", "cannot be opened"),
     ],
 )
-def test_urls(tmp_path: Path, refused: Refusals, url: str, words: str) -> None:
+def test_urls(tmp_path, refused, url, words):
     line = refused("fly", "runway", "--connect", url, "--out", tmp_path / "out")
     assert words in line
     assert url in line
     assert not (tmp_path / "out").exists()
 
 
-def test_a_connection_that_is_refused(tmp_path: Path, refused: Refusals) -> None:
+def test_a_connection_that_is_refused(tmp_path, refused):
     url = f"tcpout://127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     line = refused("fly", "runway", "--connect", url, "--out", tmp_path / "out")
     assert url in line
     assert "cannot be opened" in line
 
 
-def test_no_vehicle_at_all(tmp_path: Path, refused: Refusals) -> None:
+def test_no_vehicle_at_all(tmp_path, refused):
     line = refused("fly", "runway", "--out", tmp_path / "out")
     assert "--connect URL" in line
     assert "--sim" in line
 
 
-def test_photographs(tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Refusals) -> None:
+def test_photographs(tmp_path, capsys, refused):
     images, out = tmp_path / "images", tmp_path / "out"
     replay = ["replay", images, "--mission", "road", "--out", out]
     assert "no such file or folder" in refused(*replay)
@@ -138,7 +134,7 @@ def test_photographs(tmp_path: Path, capsys: pytest.CaptureFixture[str], refused
     assert "photographs" in refused("resume", out)
 
 
-def test_out_that_cannot_be(tmp_path: Path, refused: Refusals) -> None:
+def test_out_that_cannot_be(tmp_path, refused):
     file = tmp_path / "notes.txt"
     file.write_text("notes")
     assert "is a file" in refused("fly", "runway", "--sim", "--out", file)
@@ -147,7 +143,7 @@ def test_out_that_cannot_be(tmp_path: Path, refused: Refusals) -> None:
     assert file.read_text() == "notes"
 
 
-def test_out_that_holds_a_mission(tmp_path: Path, refused: Refusals) -> None:
+def test_out_that_holds_a_mission(tmp_path, refused):
     out = tmp_path / "out"
     out.mkdir()
     with Journal.create(out / JOURNAL, {"plan": {}}):
@@ -159,7 +155,7 @@ def test_out_that_holds_a_mission(tmp_path: Path, refused: Refusals) -> None:
     assert not (out / TLOG).exists()
 
 
-def test_resume_of_what_is_no_journal(tmp_path: Path, refused: Refusals) -> None:
+def test_resume_of_what_is_no_journal(tmp_path, refused):
     assert "no journal here" in refused("resume", tmp_path)
     journal = tmp_path / JOURNAL
     with Journal.create(journal, {"plan": {"seed": 1}}):
@@ -189,15 +185,10 @@ def test_resume_of_what_is_no_journal(tmp_path: Path, refused: Refusals) -> None
         ["nothing"],
     ],
 )
-def test_arguments(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    arguments: list[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_arguments(tmp_path, capsys, arguments, monkeypatch):
     monkeypatch.chdir(tmp_path)
     try:
-        code: object = main(arguments)
+        code = main(arguments)
     except SystemExit as left:
         code = left.code
     assert code == 2

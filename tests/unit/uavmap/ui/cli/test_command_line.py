@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 import errno
 import os
 import signal
 import subprocess
 import sys
 import tomllib
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,9 +22,7 @@ from uavmap.ui.cli import COMMANDS, _is_read, main, parser
 from uavmap.ui.cli.commands import strategies
 
 
-def ended(
-    words: list[str], *, check: bool = True, **options: Any
-) -> subprocess.CompletedProcess[str]:
+def ended(words, *, check=True, **options):
     return subprocess.run(words, capture_output=True, text=True, timeout=60, check=check, **options)
 
 
@@ -35,7 +30,7 @@ HEAVY = {"cv2", "numpy", "pydantic", "pymavlink", "rich", "shapely"}
 
 
 @pytest.mark.parametrize("arguments", [[], ["--help"], ["--version"], ["flyy"]])
-def test_nothing_heavy_is_imported_before_a_command_is_chosen(arguments: list[str]) -> None:
+def test_nothing_heavy_is_imported_before_a_command_is_chosen(arguments):
     code = (
         "import sys; from uavmap.ui.cli import main\n"
         f"try: main({arguments})\nexcept SystemExit: pass\n"
@@ -45,7 +40,7 @@ def test_nothing_heavy_is_imported_before_a_command_is_chosen(arguments: list[st
     assert [name for name in HEAVY if f"'{name}'" in imported] == []
 
 
-def test_alone_it_shows_what_one_can_do(capsys: pytest.CaptureFixture[str]) -> None:
+def test_alone_it_shows_what_one_can_do(capsys):
     assert main([]) == 2
     shown = capsys.readouterr().out
     assert all(name in shown for name in COMMANDS)
@@ -54,9 +49,7 @@ def test_alone_it_shows_what_one_can_do(capsys: pytest.CaptureFixture[str]) -> N
 @pytest.mark.parametrize(
     ("wrong", "meant"), [("replya", "did you mean replay?"), ("q", "uavmap --help lists them")]
 )
-def test_a_misspelt_command_is_guessed(
-    wrong: str, meant: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_misspelt_command_is_guessed(wrong, meant, capsys):
     with pytest.raises(SystemExit) as ended:
         main([wrong])
     assert ended.value.code == 2
@@ -70,22 +63,14 @@ def test_a_misspelt_command_is_guessed(
         (OSError(errno.ENOSPC, "No space left on device"), 2, "cannot be written: No space left"),
     ],
 )
-def test_an_output_that_is_gone_is_no_defect(
-    error: OSError,
-    code: int,
-    said: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_an_output_that_is_gone_is_no_defect(error, code, said, monkeypatch, capsys):
     monkeypatch.setattr(sys, "stdout", Gone(error))
     assert main(["check", "runway"]) == code
     assert said in capsys.readouterr().err
 
 
-def test_another_pipe_that_breaks_does_not_end_a_command_without_a_word(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def broken(options: object) -> int:
+def test_another_pipe_that_breaks_does_not_end_a_command_without_a_word(monkeypatch):
+    def broken(options):
         raise BrokenPipeError(errno.EPIPE, "Broken pipe")
 
     monkeypatch.setattr("uavmap.ui.cli._run", broken)
@@ -93,7 +78,7 @@ def test_another_pipe_that_breaks_does_not_end_a_command_without_a_word(
         main(["check", "runway"])
 
 
-def test_a_pipe_that_nobody_reads_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pipe_that_nobody_reads_is_seen(monkeypatch):
     reading, writing = os.pipe()
     with os.fdopen(writing, "w") as stream:
         monkeypatch.setattr(sys, "stdout", stream)
@@ -102,10 +87,10 @@ def test_a_pipe_that_nobody_reads_is_seen(monkeypatch: pytest.MonkeyPatch) -> No
         assert not _is_read()
 
 
-def test_each_command_has_its_options_alone_and_among_all() -> None:
-    def helped(made: argparse.ArgumentParser, name: str) -> str:
-        commands = next(iter(made._subparsers._group_actions))  # type: ignore[union-attr]
-        return str(commands.choices[name].format_help())  # type: ignore[index]
+def test_each_command_has_its_options_alone_and_among_all():
+    def helped(made, name):
+        commands = next(iter(made._subparsers._group_actions))
+        return str(commands.choices[name].format_help())
 
     together = parser()
     for name in COMMANDS:
@@ -113,9 +98,7 @@ def test_each_command_has_its_options_alone_and_among_all() -> None:
         assert "--help" in helped(together, name)
 
 
-def test_a_shell_completes_commands_missions_strategies_and_files(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_shell_completes_commands_missions_strategies_and_files(capsys, tmp_path):
     assert main(["completion", "bash"]) == 0
     script = tmp_path / "uavmap.bash"
     script.write_text(capsys.readouterr().out, encoding="utf-8")
@@ -140,23 +123,19 @@ def test_a_shell_completes_commands_missions_strategies_and_files(
 
 
 @pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_other_shells_are_told_the_missions_too(
-    shell: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_other_shells_are_told_the_missions_too(shell, capsys):
     assert main(["completion", shell]) == 0
     assert "runway runway-field slick spill" in capsys.readouterr().out
 
 
-def test_the_exit_code_is_that_of_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_exit_code_is_that_of_the_command(monkeypatch):
     monkeypatch.setattr(cli, "main", lambda: 3)
     assert door.main() == 3
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize(("arguments", "code"), [(["--help"], 0), (["flyy"], 2)])
-def test_console_script_signal_after_its_last_line_keeps_its_exit_code(
-    arguments: list[str], code: int, number: signal.Signals
-) -> None:
+def test_console_script_signal_after_its_last_line_keeps_its_exit_code(arguments, code, number):
     """One signal comes before the interpreter resets those that are handled, one after that."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     module, function = project["scripts"]["uavmap"].split(":")
@@ -177,10 +156,8 @@ sys.exit({function}())
     assert "KeyboardInterrupt" not in done.stderr
 
 
-def test_ctrl_c_while_it_loads_is_a_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def interrupted() -> int:
+def test_ctrl_c_while_it_loads_is_a_line(monkeypatch, capsys):
+    def interrupted():
         raise KeyboardInterrupt
 
     monkeypatch.setattr(cli, "main", interrupted)
@@ -189,10 +166,8 @@ def test_ctrl_c_while_it_loads_is_a_line(
 
 
 @pytest.mark.parametrize(("fates", "code"), [([], 2), (["vehicle 1: left to its autopilot"], 4)])
-def test_a_computer_without_memory_is_a_line(
-    fates: list[str], code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def too_much(options: object) -> int:
+def test_a_computer_without_memory_is_a_line(fates, code, monkeypatch, capsys):
+    def too_much(options):
         try:
             return len(np.zeros(1 << 58))
         except MemoryError as error:
@@ -209,9 +184,7 @@ def test_a_computer_without_memory_is_a_line(
 
 
 @pytest.mark.parametrize("columns", [30, 40, 60, 75, 80, 120])
-def test_strategies_are_told_in_whole_words(
-    columns: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_strategies_are_told_in_whole_words(columns, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", str(columns))
     assert cli.main(["strategies"]) == 0
     told = capsys.readouterr().out
@@ -222,14 +195,14 @@ def test_strategies_are_told_in_whole_words(
         assert set(explorer.when.split()) <= words
 
 
-def test_a_module_of_that_name_where_somebody_works_is_not_ours(tmp_path: Path) -> None:
+def test_a_module_of_that_name_where_somebody_works_is_not_ours(tmp_path):
     (tmp_path / "vision.py").write_text("raise SystemExit('this is not ours')")
     (tmp_path / "missions").mkdir()
     done = ended(command("check", "runway"), cwd=tmp_path, env=environment(), check=False)
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_a_real_flight_imports_nothing_of_the_simulator() -> None:
+def test_a_real_flight_imports_nothing_of_the_simulator():
     code = (
         "import sys, uavmap.ui.cli, uavmap.runner.flight\n"
         "print([name for name in sys.modules if name.split('.')[0] == 'sitl'])"
@@ -237,7 +210,7 @@ def test_a_real_flight_imports_nothing_of_the_simulator() -> None:
     assert ended([sys.executable, "-c", code], env=environment()).stdout.strip() == "[]"
 
 
-def test_the_identity_by_which_the_simulator_is_known_is_its_own() -> None:
+def test_the_identity_by_which_the_simulator_is_known_is_its_own():
     from sitl.mavlink.telemetry import IDENTITY  # noqa: PLC0415 - not above the other test
 
     assert IDENTITY == SIMULATOR_IDENTITY

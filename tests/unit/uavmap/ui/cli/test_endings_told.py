@@ -6,11 +6,10 @@ import errno
 import io
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from missions.events import Event, GivenUp, Landed, Overridden, Released, Told
+from missions.events import GivenUp, Landed, Overridden, Released, Told
 from missions.flight.setting_of import setting_of
 from missions.flight.state import Phase, State
 from missions.mapping.tree import Tree
@@ -29,7 +28,7 @@ from uavmap.ui.cli.common import report
 BESIDE = GridPoint(8.0, 0.0)
 
 
-def service(vehicles: int) -> Service:
+def service(vehicles):
     made = mission(
         square(-10, 16, 40, 30), square(-60, -60, 160, 160), capacity_wh=60.0, vehicles=vehicles
     )
@@ -40,13 +39,13 @@ def service(vehicles: int) -> Service:
     return begun
 
 
-def airborne(made: Service) -> Service:
+def airborne(made):
     here = replace(made.state.vehicles[1], phase=Phase.AIRBORNE, landed=False, height_m=12.0)
     made.state = made.state.with_vehicle(here)
     return made
 
 
-def told(made: Service, event: Overridden | Landed | Released) -> str:
+def told(made, event):
     made.post(event)
     out = io.StringIO()
     terminal = ProgressTable(Terminal(out))
@@ -56,7 +55,7 @@ def told(made: Service, event: Overridden | Landed | Released) -> str:
 
 
 # --- a pilot keeps it on the ground ----------------------------------------------------------
-def test_who_is_kept_on_the_ground_does_not_end_the_flight_of_the_others() -> None:
+def test_who_is_kept_on_the_ground_does_not_end_the_flight_of_the_others():
     made = service(2)
     line = told(made, Overridden(1, 3.0, "LOITER"))
     assert "vehicle 1 is in LOITER on the ground, not under our control" in line
@@ -73,7 +72,7 @@ def test_who_is_kept_on_the_ground_does_not_end_the_flight_of_the_others() -> No
     [(True, "it takes off at once", TakeOff), (False, "it waits for its crew", AwaitBattery)],
     ids=["before its first flight", "after a flight"],
 )
-def test_given_back_it_does_as_the_line_said(cleared: bool, said: str, order: type) -> None:
+def test_given_back_it_does_as_the_line_said(cleared, said, order):
     made = service(2)
     made.state = made.state.with_vehicle(replace(made.state.vehicles[1], cleared=cleared))
     assert said in told(made, Overridden(1, 3.0, "LOITER"))
@@ -82,14 +81,14 @@ def test_given_back_it_does_as_the_line_said(cleared: bool, said: str, order: ty
     assert isinstance(made.order(1), order)
 
 
-def test_where_nobody_else_flies_the_flight_ends_and_says_why() -> None:
+def test_where_nobody_else_flies_the_flight_ends_and_says_why():
     made = service(1)
     line = told(made, Overridden(1, 3.0, "LOITER"))
     assert made.state.over
     assert "nobody else flies: the flight ends" in line
 
 
-def test_so_it_does_after_a_pilots_landing() -> None:
+def test_so_it_does_after_a_pilots_landing():
     made = airborne(service(1))
     assert "hands off until" in told(made, Overridden(1, 3.0, "LOITER"))
     assert not made.state.over
@@ -99,7 +98,7 @@ def test_so_it_does_after_a_pilots_landing() -> None:
 
 
 @pytest.mark.parametrize("landed", [True, False])
-def test_nobody_waits_for_a_battery_and_for_a_pilot_who_keeps_the_other(landed: bool) -> None:
+def test_nobody_waits_for_a_battery_and_for_a_pilot_who_keeps_the_other(landed):
     """In the air, however, it is waited for."""
     made = service(2)
     kept = replace(made.state.vehicles[2], phase=Phase.YIELDED, landed=landed, order=StandDown())
@@ -117,9 +116,7 @@ def test_nobody_waits_for_a_battery_and_for_a_pilot_who_keeps_the_other(landed: 
         (None, "vehicle 1 is in RTL, not under our control: hands off"),
     ],
 )  # fmt: skip
-def test_change_of_mode_is_shown_once_with_the_cause_that_follows(
-    after: Event | None, line: str
-) -> None:
+def test_change_of_mode_is_shown_once_with_the_cause_that_follows(after, line):
     """A real ArduCopter names the cause in a text 0.1 to 0.4 s after its new mode."""
     made = airborne(service(2))
     out = io.StringIO()
@@ -133,14 +130,14 @@ def test_change_of_mode_is_shown_once_with_the_cause_that_follows(
     assert line in out.getvalue()
 
 
-def test_mode_that_we_command_selected_by_others_is_not_under_our_control() -> None:
+def test_mode_that_we_command_selected_by_others_is_not_under_our_control():
     made = airborne(service(2))
     line = told(made, Overridden(1, 3.0, "GUIDED"))
     assert "vehicle 1 is in GUIDED, not under our control: its pilot or its autopilot" in line
 
 
 # --- an aircraft that is down, and a map that is whole ----------------------------------------
-def mapped(phase: Phase, landed_away_m: float) -> Service:
+def mapped(phase, landed_away_m):
     """All is explored; the second vehicle came down 45 m from its pad."""
     made = service(2)
     root = Cell(0, 6)
@@ -158,8 +155,8 @@ def mapped(phase: Phase, landed_away_m: float) -> Service:
     ("phase", "away_m", "completed"), [(Phase.YIELDED, 45.0, True), (Phase.DOWN, 0.0, False)]
 )
 def test_an_aircraft_that_is_down_is_exit_code_4_with_a_map_that_is_whole(
-    phase: Phase, away_m: float, completed: bool, capsys: pytest.CaptureFixture[str]
-) -> None:
+    phase, away_m, completed, capsys
+):
     made = mapped(phase, away_m)
     assert made.state.exploration_finished
     assert made.state.completed is completed
@@ -178,14 +175,14 @@ def test_an_aircraft_that_is_down_is_exit_code_4_with_a_map_that_is_whole(
 
 
 @pytest.mark.parametrize("command", ["fly", "resume"])
-def test_the_help_tells_the_exit_codes(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_help_tells_the_exit_codes(command, capsys):
     with pytest.raises(SystemExit):
         parser().parse_args([command, "--help"])
     text = capsys.readouterr().out
     assert '"mission completed: yes" may come with it' in text
 
 
-SUMMARY: dict[str, Any] = {"mission": "field", "strategy": "rdfs", "completed": True, "finding": ""}
+SUMMARY = {"mission": "field", "strategy": "rdfs", "completed": True, "finding": ""}
 
 
 FAILURES = (BrokenPipeError(), OSError(errno.EIO, "gone"), ValueError("closed file"))
@@ -193,7 +190,7 @@ FAILURES = (BrokenPipeError(), OSError(errno.EIO, "gone"), ValueError("closed fi
 
 @pytest.mark.parametrize("terminal", [False, True])
 @pytest.mark.parametrize("failure", FAILURES, ids=repr)
-def test_progress_goes_on_in_silence(failure: Exception, terminal: bool) -> None:
+def test_progress_goes_on_in_silence(failure, terminal):
     setting = setting_of(mission(square(-10, 16, 40, 30), square(-60, -60, 160, 160)))
     state, stream = State.initial(setting), Gone(failure, terminal=terminal)
     terminal_ = Terminal(stream)
@@ -208,9 +205,7 @@ def test_progress_goes_on_in_silence(failure: Exception, terminal: bool) -> None
 
 @pytest.mark.parametrize("as_json", [False, True])
 @pytest.mark.parametrize("failure", FAILURES[:2], ids=repr)
-def test_the_exit_code_is_that_of_the_flight(
-    failure: Exception, as_json: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_exit_code_is_that_of_the_flight(failure, as_json, monkeypatch):
     monkeypatch.setattr("sys.stdout", Gone(failure))
     monkeypatch.setattr("sys.stderr", Gone(failure))
     folder = Path("results/field-1")

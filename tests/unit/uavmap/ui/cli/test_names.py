@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from missions.mission.schema import parse_fields
 from tests.support.plans import named_text
-from tests.unit.uavmap.conftest import Refusals
 from uavmap.journal.results_folder import RESULTS, folder_name, results_folder
 from uavmap.ui.cli.common import report
 
@@ -37,14 +36,12 @@ BAD = {
 }
 
 
-def named(name: str) -> str:
+def named(name):
     return re.sub(r"(?m)^name = .*$", lambda _: f'name = "{name}"', RUNWAY, count=1)
 
 
 @pytest.mark.parametrize("name", BAD, ids=lambda name: repr(name)[:20])
-def test_a_name_that_is_no_file_name(
-    tmp_path: Path, name: str, refused: Refusals, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_name_that_is_no_file_name(tmp_path, name, refused, monkeypatch):
     below = tmp_path / "a" / "b" / "c"
     below.mkdir(parents=True)
     monkeypatch.chdir(below)
@@ -58,12 +55,12 @@ def test_a_name_that_is_no_file_name(
 
 
 @pytest.mark.parametrize("name", ["runway", "field 7", "Übung-2", "[x]", "a.b", "x" * 100])
-def test_a_name_that_is_one(name: str) -> None:
+def test_a_name_that_is_one(name):
     assert parse_fields(named(name), "field.toml").name == name
 
 
 @given(st.text(max_size=300))
-def test_whatever_the_name_the_folder_is_one_below_results(name: str) -> None:
+def test_whatever_the_name_the_folder_is_one_below_results(name):
     made = folder_name(name)
     assert made not in ("", ".", "..")
     assert not set(made) & set('/\\\0:*?"<>|.')
@@ -71,9 +68,7 @@ def test_whatever_the_name_the_folder_is_one_below_results(name: str) -> None:
     assert results_folder(None, name).parent == Path(RESULTS)
 
 
-def test_markup_in_a_name_is_shown_as_it_is(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_markup_in_a_name_is_shown_as_it_is(tmp_path, capsys):
     summary = {"mission": "[/x][red]", "strategy": "rdfs", "completed": True}
     assert report(summary, tmp_path, as_json=False) == 0
     assert "[/x][red] (rdfs)" in capsys.readouterr().out
@@ -100,9 +95,7 @@ LONG = "x" * 5000
     ],
     ids=lambda arguments: " ".join(arguments)[:30],
 )
-def test_an_argument_of_5000_letters(
-    tmp_path: Path, arguments: list[str], refused: Refusals, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_argument_of_5000_letters(tmp_path, arguments, refused, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert "too long" in refused(*arguments)
     assert list(tmp_path.iterdir()) == []
@@ -112,17 +105,17 @@ def test_an_argument_of_5000_letters(
 @pytest.mark.parametrize(
     "command", [["check"], ["fly", "--sim"], ["simulate", "--roi"], ["replay", "--mission"]]
 )
-def test_what_has_no_end_is_not_read(refused: Refusals, device: str, command: list[str]) -> None:
+def test_what_has_no_end_is_not_read(refused, device, command):
     line = refused(*command, device, *(["."] if command[0] == "replay" else []))
     assert f"{device}: cannot be read (not an ordinary file)" in line
 
 
-def test_a_pipe_is_not_waited_for(tmp_path: Path, refused: Refusals) -> None:
+def test_a_pipe_is_not_waited_for(tmp_path, refused):
     os.mkfifo(tmp_path / "pipe.toml")
     assert "not an ordinary file" in refused("check", tmp_path / "pipe.toml")
 
 
-def test_a_file_that_is_too_large(tmp_path: Path, refused: Refusals) -> None:
+def test_a_file_that_is_too_large(tmp_path, refused):
     path = tmp_path / "large.toml"
     path.write_text(RUNWAY + "#" * 4_000_000)
     assert "larger than 4 MB" in refused("check", path)

@@ -21,7 +21,7 @@ URL = "udpin://0.0.0.0:14550"
 
 
 @pytest.mark.parametrize(("command", "more"), [("fly", {"quiet"}), ("resume", {"folder", "quiet"})])
-def test_parameters_of_python_are_those_of_the_table(command: str, more: set[str]) -> None:
+def test_parameters_of_python_are_those_of_the_table(command, more):
     signature = inspect.signature(getattr(uavmap, command)).parameters
     python = {o.destination: o for o in options_of(command) if o.python}
     assert {*python, *more} == set(signature)
@@ -34,21 +34,21 @@ def test_parameters_of_python_are_those_of_the_table(command: str, more: set[str
         assert signature[name].default == empty
 
 
-def test_fields_of_options_are_those_of_the_table() -> None:
+def test_fields_of_options_are_those_of_the_table():
     made = {option.field for option in TABLE} - {None}
     assert made == {field.name for field in fields(FlightOptions)} - {"network"}
 
 
 @pytest.mark.parametrize("command", ["fly", "onboard", "resume", "watch", "replay", "look", "tune"])
-def test_each_command_has_its_options_of_the_table(command: str) -> None:
-    commands = parser(command)._subparsers._group_actions[0].choices  # type: ignore[union-attr]
-    known = commands[command]._option_string_actions  # type: ignore[index]
+def test_each_command_has_its_options_of_the_table(command):
+    commands = parser(command)._subparsers._group_actions[0].choices
+    known = commands[command]._option_string_actions
     for option in options_of(command):
         if option.name.startswith("--"):
             assert known[option.name].help == option.help_of(command)
 
 
-def test_options_of_a_command_become_those_of_a_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_options_of_a_command_become_those_of_a_flight(monkeypatch):
     monkeypatch.delenv("UAVMAP_KEY_FILE", raising=False)
     line = ["fly", "runway", "--connect", URL, "--seed", "3", "--key", "/k", "--auto-swap"]
     made = flight_options(parser("fly").parse_args(line))
@@ -57,7 +57,7 @@ def test_options_of_a_command_become_those_of_a_flight(monkeypatch: pytest.Monke
     )
 
 
-def test_page_of_reference_is_that_of_the_table() -> None:
+def test_page_of_reference_is_that_of_the_table():
     assert (DOCS / "options.md").read_text("utf-8") == reference()
 
 
@@ -76,17 +76,13 @@ def test_page_of_reference_is_that_of_the_table() -> None:
         ({"simulated": False, "driver": "mavsdk", "key_file": "k"}, "mavsdk does not sign"),
     ],
 )
-def test_options_out_of_range_or_against_each_other_are_refused(
-    wrong: dict[str, object], words: str
-) -> None:
+def test_options_out_of_range_or_against_each_other_are_refused(wrong, words):
     with pytest.raises(UavmapError) as caught:
-        FlightOptions(**{"mission_source": "runway", "simulated": True} | wrong)  # type: ignore[arg-type]
+        FlightOptions(**{"mission_source": "runway", "simulated": True} | wrong)
     assert words in str(caught.value)
 
 
-def test_strategies_of_papers_fly_only_in_simulation_and_when_asked_for(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_strategies_of_papers_fly_only_in_simulation_and_when_asked_for(tmp_path, capsys):
     out = str(tmp_path / "out")
     assert main(["fly", "runway", "--sim", "--strategy", "greedy", "--out", out]) == 2
     assert "give --all-strategies with it, or take one of swath" in capsys.readouterr().err

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 
 import pytest
 from hypothesis import given, settings
@@ -22,12 +21,11 @@ changes = st.one_of(
     st.builds(lambda k, e, n: lambda b: b.add_point(k, e, n), st.integers(1, 2), number, number),
     st.builds(lambda t: lambda b: b.add_line(t, "said", "x"), number),
 )
-Change = Callable[[Board], None]
 
 
 @given(st.lists(st.tuples(st.lists(changes, max_size=8), st.booleans()), max_size=12))
 @settings(max_examples=25)
-def test_deltas_add_up_to_the_snapshot(turns: list[tuple[list[Change], bool]]) -> None:
+def test_deltas_add_up_to_the_snapshot(turns):
     board, quick, slow = Board(), Board(), Board()
     for several, tell_slow in turns:
         for change in several:
@@ -41,7 +39,7 @@ def test_deltas_add_up_to_the_snapshot(turns: list[tuple[list[Change], bool]]) -
     assert quick.since(0) == slow.since(0) == late.since(0) == board.since(0)
 
 
-def test_what_is_bounded_adds_up_too() -> None:
+def test_what_is_bounded_adds_up_too():
     board, slow = Board(), Board()
     for i in range(module.MOST_LINES + 7):
         board.add_line(float(i), "said", str(i))
@@ -55,7 +53,7 @@ def test_what_is_bounded_adds_up_too() -> None:
     assert len(board.since(0)["tracks"]["1"]) == 2 * module.MOST_POINTS
 
 
-def test_nothing_new_is_no_version() -> None:
+def test_nothing_new_is_no_version():
     board = Board()
     board.set_cell((0, 0), 1)
     assert board.commit()
@@ -66,7 +64,7 @@ def test_nothing_new_is_no_version() -> None:
     }  # fmt: skip
 
 
-def test_a_delta_after_a_gap_is_refused() -> None:
+def test_a_delta_after_a_gap_is_refused():
     board = Board()
     for code in range(3):
         board.set_cell((0, 0), code)
@@ -77,7 +75,7 @@ def test_a_delta_after_a_gap_is_refused() -> None:
 
 @given(st.lists(st.lists(changes, max_size=4), min_size=1, max_size=60), st.integers(0, 80))
 @settings(max_examples=12)
-def test_a_timeline_has_every_time(turns: list[list[Change]], at: int) -> None:
+def test_a_timeline_has_every_time(turns, at):
     board, timeline, then = Board(), Timeline(), []
     for t, several in enumerate(turns):
         for change in several:

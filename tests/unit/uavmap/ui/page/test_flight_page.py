@@ -6,7 +6,6 @@ import asyncio
 import json
 import os
 from pathlib import Path
-from typing import Any, cast
 from unittest.mock import Mock, call
 
 import pytest
@@ -17,18 +16,17 @@ from missions.flight.step import step
 from tests.golden.recording import STOPS
 from tests.support.page.page_feed import Feed
 from tests.support.plans import named_text, plan_of
-from tests.support.said import Said
 from uavmap.base.messages import shown_on
 from uavmap.journal.flight_plan import SIM_EPOCH_UTC_S
 from uavmap.runner.flight import fly
 from uavmap.runner.operator.company import Company
 from uavmap.runner.service import Service
 from uavmap.ui.page.live import SIMULATED, FlightPage, carry_out
-from uavmap.ui.page.page_pipe import Lines, Words, packed
+from uavmap.ui.page.page_pipe import Lines, packed
 from uavmap.ui.page.page_scene import STATES
 
 
-def steered() -> Mock:
+def steered():
     return Mock(spec=Service, flying=True, state=Mock(vehicles={1: None, 2: None}))
 
 
@@ -48,13 +46,13 @@ def steered() -> Mock:
         ({}, [], "no order"),
     ],
 )
-def test_the_orders(order: dict[str, Any], asked: list[Any], answer: str) -> None:
+def test_the_orders(order, asked, answer):
     service = steered()
     assert answer in carry_out(service, order)
     assert service.mock_calls == asked
 
 
-def test_nobody_is_ordered_before_or_after_the_flight_nor_twice() -> None:
+def test_nobody_is_ordered_before_or_after_the_flight_nor_twice():
     service = steered()
     service.pause.return_value = False
     assert "already" in carry_out(service, {"do": "pause"})
@@ -63,13 +61,13 @@ def test_nobody_is_ordered_before_or_after_the_flight_nor_twice() -> None:
     assert service.mock_calls == [call.pause()]
 
 
-def test_lines_that_are_no_words_are_left_out() -> None:
+def test_lines_that_are_no_words_are_left_out():
     lines = Lines()
     assert lines.of(b'[1]\nx\n\xff\n{"a":1}\n' + b"y" * 10_000) == [{"a": 1}]
     assert lines.of(b'\n{"b":2}\n') == [{"b": 2}]
 
 
-def test_a_message_has_its_lengths() -> None:
+def test_a_message_has_its_lengths():
     assert packed({}, b"abc") == b"\0\0\0\2\0\0\0\3{}abc"
 
 
@@ -82,25 +80,25 @@ BROKEN = (
 
 
 class Heard:
-    def __init__(self) -> None:
-        self.lines: asyncio.Queue[str] = asyncio.Queue()
+    def __init__(self):
+        self.lines = asyncio.Queue()
 
-    def show(self, text: str) -> None:
+    def show(self, text):
         self.lines.put_nowait(text)
 
 
-def ticking() -> Any:
+def ticking():
     """A clock that goes on by 0.07 s each time that it is asked."""
     times = iter(range(10**9))
     return lambda: 0.07 * next(times)
 
 
-def test_a_flight_beside_a_page_that_works_and_one_that_breaks(tmp_path: Path, said: Said) -> None:
+def test_a_flight_beside_a_page_that_works_and_one_that_breaks(tmp_path, said):
     source, broken = named_text(MISSION), Feed(20)
     plan = plan_of(source.source, source.text, "rdfs", 1, 3, (), None, SIM_EPOCH_UTC_S)
-    feed: Any = Feed()
+    feed = Feed()
     page = FlightPage(feed, simulated=True, now_s=ticking())
-    breaking = FlightPage(cast(Any, broken), simulated=True, now_s=ticking())
+    breaking = FlightPage(broken, simulated=True, now_s=ticking())
     with shown_on(page, breaking):
         summary = fly(plan, tmp_path, Company(onlookers=(page, breaking)))
     assert summary["completed"]
@@ -117,7 +115,7 @@ def test_a_flight_beside_a_page_that_works_and_one_that_breaks(tmp_path: Path, s
     assert kinds.count("delta") > 20
 
 
-def told_of(feed: Any) -> FlightPage:
+def told_of(feed):
     setting, page = STOPS.setting(), FlightPage(feed, simulated=True, now_s=ticking())
     state = State.initial(setting)
     page.begin(setting, again=False)
@@ -129,14 +127,14 @@ def told_of(feed: Any) -> FlightPage:
 
 
 @pytest.mark.parametrize("breaks_at", [0, 1, 2, 90])
-def test_whenever_it_fails_it_is_told_once(breaks_at: int, said: Said) -> None:
+def test_whenever_it_fails_it_is_told_once(breaks_at, said):
     page = told_of(Feed(breaks_at))
     page.show("something else")
     page.close("the flight is over")
     assert said == [BROKEN]
 
 
-def test_a_page_that_never_reads_is_told_nothing_more() -> None:
+def test_a_page_that_never_reads_is_told_nothing_more():
     class Full(Feed):
         idle = property(lambda self: False)
 
@@ -145,13 +143,13 @@ def test_a_page_that_never_reads_is_told_nothing_more() -> None:
     assert feed.kinds == ["scene", "delta"]  # the last one, at the end
 
 
-def test_a_simulated_flight_takes_no_orders() -> None:
+def test_a_simulated_flight_takes_no_orders():
     feed = Feed()
     told_of(feed)
     assert feed.deltas[0]["fields"]["hands_off"] == SIMULATED
 
 
-def test_orders_reach_the_service_while_it_flies_and_not_before_or_after(said: Said) -> None:
+def test_orders_reach_the_service_while_it_flies_and_not_before_or_after(said):
     read, write = os.pipe()
     os.set_blocking(read, False)
     lines, service = Lines(), steered()
@@ -160,20 +158,20 @@ def test_orders_reach_the_service_while_it_flies_and_not_before_or_after(said: S
     class Piped(Feed):
         orders_file = read
 
-        def orders(self) -> list[Words]:
+        def orders(self):
             try:
                 return lines.of(os.read(read, 1000))
             except BlockingIOError:
                 return []
 
-    def ask(order: str) -> None:
+    def ask(order):
         os.write(write, json.dumps({"do": order, "id": "7"}).encode() + b"\n")
 
     feed = Piped()
-    page = FlightPage(cast(Any, feed), simulated=False)
+    page = FlightPage(feed, simulated=False)
     page.begin(STOPS.setting(), again=False)
 
-    async def flight() -> None:
+    async def flight():
         ask("pause")  # before anybody could fly: forgotten
         heard = Heard()
         with shown_on(heard), page.steering(service):

@@ -6,9 +6,6 @@ import contextlib
 import json
 import math
 import os
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -19,7 +16,6 @@ from missions.units import Cell, Pose, Quaternion
 from tests.golden.recording import STOPS
 from tests.support import journals
 from tests.support.page.page_feed import Feed
-from tests.unit.uavmap.conftest import Refusals
 from tests.unit.uavmap.output.flown_folders import EVENTS, PLAN
 from uavmap.journal.event_log import Journal, JournalReader
 from uavmap.journal.flight_plan import JOURNAL
@@ -38,16 +34,16 @@ class EnoughError(Exception):
     """Nobody watches any longer."""
 
 
-def begun(folder: Path, **meta: object) -> Journal:
+def begun(folder, **meta):
     return Journal.create(folder / JOURNAL, {"plan": PLAN.as_json(), **meta})
 
 
-def opened_in(module: Any, feed: Feed, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+def opened_in(module, feed, monkeypatch):
     """Serve pages of a module by a feed; return the list of what is asked for."""
-    asked: list[Any] = []
+    asked = []
 
     @contextlib.contextmanager
-    def opened(*served: object) -> Iterator[Feed]:
+    def opened(*served):
         asked.append(served)
         yield feed
 
@@ -55,8 +51,8 @@ def opened_in(module: Any, feed: Feed, monkeypatch: pytest.MonkeyPatch) -> list[
     return asked
 
 
-def test_a_journal_is_followed_while_it_is_written(tmp_path: Path) -> None:
-    feed: Any = Feed()
+def test_a_journal_is_followed_while_it_is_written(tmp_path):
+    feed = Feed()
     third = len(EVENTS) // 3
     with begun(tmp_path) as journal:
         journal.append_all(EVENTS[:third])
@@ -64,7 +60,7 @@ def test_a_journal_is_followed_while_it_is_written(tmp_path: Path) -> None:
         assert follower.title == STOPS.setting().mission.name
         parts = iter([EVENTS[third : 2 * third], EVENTS[2 * third :], None])
 
-        def sleep(_: float) -> None:
+        def sleep(_):
             """Nothing new is there: the flight goes on meanwhile."""
             part = next(parts)
             if part is None:
@@ -82,7 +78,7 @@ def test_a_journal_is_followed_while_it_is_written(tmp_path: Path) -> None:
     assert len([t for t in times if t is not None]) > 30
 
 
-def test_a_read_only_folder_can_be_watched(tmp_path: Path) -> None:
+def test_a_read_only_folder_can_be_watched(tmp_path):
     with begun(tmp_path) as journal:
         journal.append_all(EVENTS[:9])
     (tmp_path / JOURNAL).chmod(0o400)
@@ -93,7 +89,7 @@ def test_a_read_only_folder_can_be_watched(tmp_path: Path) -> None:
         tmp_path.chmod(0o700)
 
 
-def test_an_exchanged_journal_is_said(tmp_path: Path) -> None:
+def test_an_exchanged_journal_is_said(tmp_path):
     with begun(tmp_path) as journal:
         journal.append_all(EVENTS[:9])
     reader = JournalReader(tmp_path / JOURNAL)
@@ -104,9 +100,7 @@ def test_an_exchanged_journal_is_said(tmp_path: Path) -> None:
         reader.new_events()
 
 
-def test_the_command_watches_until_control_c(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_watches_until_control_c(tmp_path, monkeypatch):
     with begun(tmp_path) as journal:
         journal.append_all(EVENTS)
     before = (tmp_path / JOURNAL).read_bytes()
@@ -127,7 +121,7 @@ def test_the_command_watches_until_control_c(
     assert (tmp_path / JOURNAL).read_bytes() == before
 
 
-def test_kept_pictures_are_found_by_their_events(tmp_path: Path) -> None:
+def test_kept_pictures_are_found_by_their_events(tmp_path):
     setting = STOPS.setting()
     pictures = Pictures(tmp_path, setting)
     seen = FrameSeen(1, 12.5, None, (Vote(Cell(0, 0), True, 0.9), Vote(Cell(1, 0), False, 0.1)))
@@ -140,7 +134,7 @@ def test_kept_pictures_are_found_by_their_events(tmp_path: Path) -> None:
     with (tmp_path / "frames" / "poses.csv").open("a") as file:
         file.write("damaged\n")
     pictures.note(seen)
-    found: Any = pictures.newest()
+    found = pictures.newest()
     assert found["id"] == "1-000012.500.jpg"
     first, second = found["cells"]
     assert (first[8:], second[8:]) == ([1, 0.9], [0, 0.1])
@@ -150,7 +144,7 @@ def test_kept_pictures_are_found_by_their_events(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("weighed", [True, False])
-def test_recorded_pictures_are_shown_by_their_rule(weighed: bool, tmp_path: Path) -> None:
+def test_recorded_pictures_are_shown_by_their_rule(weighed, tmp_path):
     with begun(tmp_path, replay="photos") as journal:
         for t_s, positive in enumerate((True, True, True, False)):
             votes = (Vote(Cell(0, 0), positive, 0.9 * positive), Vote(Cell(1, 0), False, 0.0))
@@ -159,7 +153,7 @@ def test_recorded_pictures_are_shown_by_their_rule(weighed: bool, tmp_path: Path
                 journal.append(Weighed(1, float(t_s), (0.5, 0.5)))
     follower, feed = Follower(JournalReader(tmp_path / JOURNAL)), Feed()
     with pytest.raises(EnoughError):
-        follower.run(cast(Any, feed), enough)
+        follower.run(feed, enough)
     shown = {cell: STATES[code] for cell, code in feed.board.cells.items()}
     assert shown == {(0, 0): "explored", (1, 0): "non-roi"}
     assert feed.board.vehicles == ()
@@ -167,7 +161,7 @@ def test_recorded_pictures_are_shown_by_their_rule(weighed: bool, tmp_path: Path
     assert feed.board.field("frames") == [4, 0]
 
 
-def enough(_: float) -> None:
+def enough(_):
     """Nothing new is there."""
     raise EnoughError
 
@@ -177,14 +171,12 @@ class Ready(Feed):
     idle = True
 
 
-def interrupted(folder: Path) -> Path:
+def interrupted(folder):
     seen = [i for i, event in enumerate(EVENTS) if isinstance(event, FrameSeen)]
     return journals.begun(folder, PLAN, EVENTS[: seen[20]])
 
 
-def test_the_page_of_a_resumed_flight_has_all_of_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_page_of_a_resumed_flight_has_all_of_it(tmp_path, monkeypatch):
     feed = Ready()
     asked = opened_in(flight_options, feed, monkeypatch)
     folder = interrupted(tmp_path / "cut")
@@ -206,6 +198,6 @@ def test_the_page_of_a_resumed_flight_has_all_of_it(
     assert (kinds[0], kinds.count("scene"), kinds[-1]) == ("scene", 1, "ended")
 
 
-def test_what_cannot_be_gone_on_with_has_no_page(tmp_path: Path, refused: Refusals) -> None:
+def test_what_cannot_be_gone_on_with_has_no_page(tmp_path, refused):
     assert "journal.jsonl" in refused("resume", tmp_path, "--page", "0")
     assert "go with --page" in refused("resume", tmp_path, "--tiles", "x.mbtiles")

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from missions.errors import OutputError
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.units import GridPoint, LatLon
 from uavmap.load.mission_source import load
@@ -23,17 +22,17 @@ ZOOM = 18
 
 
 @pytest.fixture(scope="module")
-def setting() -> Setting:
+def setting():
     return setting_of(load(MISSION))
 
 
-def tile_of(place: LatLon, zoom: int) -> tuple[float, float]:
+def tile_of(place, zoom):
     """The usual formula, by the northern latitude's hyperbolic sine."""
     y = math.asinh(math.tan(math.radians(place.lat_deg))) / math.pi
     return (place.lon_deg + 180.0) / 360.0 * 2**zoom, (1.0 - y) / 2.0 * 2**zoom
 
 
-def written(path: Path, around: LatLon, kind: str = "png", zoom: int = ZOOM) -> Path:
+def written(path, around, kind="png", zoom=ZOOM):
     """Tiles around a place: red is the column in a tile, green its row."""
     ramp = np.arange(256, dtype=np.uint8)
     tile = np.dstack([np.zeros((256, 256), np.uint8), np.repeat(ramp, 256).reshape(256, 256),
@@ -54,9 +53,7 @@ def written(path: Path, around: LatLon, kind: str = "png", zoom: int = ZOOM) -> 
     return path
 
 
-def test_every_point_of_the_ground_is_where_the_tiles_have_it(
-    setting: Setting, tmp_path: Path
-) -> None:
+def test_every_point_of_the_ground_is_where_the_tiles_have_it(setting, tmp_path):
     found = of_tiles(written(tmp_path / "a.mbtiles", setting.mission.home), setting)
     image = cv2.imdecode(np.frombuffer(found.jpeg, np.uint8), cv2.IMREAD_COLOR)
     rows, columns = image.shape[:2]
@@ -78,7 +75,7 @@ def test_every_point_of_the_ground_is_where_the_tiles_have_it(
     assert seen > 40
 
 
-def test_files_that_do_not_help_are_refused_in_a_line(setting: Setting, tmp_path: Path) -> None:
+def test_files_that_do_not_help_are_refused_in_a_line(setting, tmp_path):
     home = setting.mission.home
     for name, said, make in (
         ("vector", "vector tiles", lambda p: written(p, home, "pbf")),
@@ -94,11 +91,11 @@ def test_files_that_do_not_help_are_refused_in_a_line(setting: Setting, tmp_path
         assert "\n" not in str(refusal.value)
 
 
-def test_a_coarser_zoom_is_taken_where_there_is_no_finer(setting: Setting, tmp_path: Path) -> None:
+def test_a_coarser_zoom_is_taken_where_there_is_no_finer(setting, tmp_path):
     assert of_tiles(written(tmp_path / "b.mbtiles", setting.mission.home, zoom=12), setting).jpeg
 
 
-def test_without_a_mosaic_there_is_none(setting: Setting, tmp_path: Path) -> None:
+def test_without_a_mosaic_there_is_none(setting, tmp_path):
     assert of_mosaic(tmp_path / "ortho.tif", setting) is None
     (tmp_path / "ortho.tif").write_bytes(b"no GeoTIFF")
     assert of_mosaic(tmp_path / "ortho.tif", setting) is None

@@ -9,9 +9,7 @@ import re
 import select
 import signal
 import socket
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import cv2
 import httpx
@@ -25,7 +23,7 @@ from tests.support.said import Said
 from uavmap.base.messages import shown_on
 from uavmap.ui.page import feed
 from uavmap.ui.page.board import Board
-from uavmap.ui.page.feed import Feed, opened
+from uavmap.ui.page.feed import opened
 from uavmap.ui.page.hub import Hub
 
 pytest.importorskip("nicegui", reason="the live page needs the extra page")
@@ -33,7 +31,7 @@ SCENE = {"mission": "a <field>", "states": [["explored", "#00ff00"]], "box": [],
 
 
 class Flight:
-    def __init__(self, feed: Feed, said: list[str]) -> None:
+    def __init__(self, feed, said):
         self.feed, self.said = feed, said
         self.url = said[0].removeprefix("live page: ")
         self.board = Board()
@@ -41,17 +39,17 @@ class Flight:
         feed.put({"kind": "scene", "scene": SCENE}, wait_s=PATIENCE_S)
         self.set(hands_off="", paused=False, t_s=0.0)
 
-    def set(self, **fields: Any) -> None:
+    def set(self, **fields):
         for name, value in fields.items():
             self.board.set_field(name, value)
         self.tell()
 
-    def tell(self) -> None:
+    def tell(self):
         delta = self.board.since(self.version)
         assert self.feed.put({"kind": "delta", "delta": delta}, wait_s=PATIENCE_S)
         self.version = delta["v"]
 
-    def ordered(self) -> dict[str, Any]:
+    def ordered(self):
         while not (orders := self.feed.orders()):
             assert select.select([self.feed.orders_file], [], [], PATIENCE_S)[0]
         (order,) = orders
@@ -59,7 +57,7 @@ class Flight:
 
 
 @pytest.fixture(scope="module")
-def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
+def flight(tmp_path_factory):
     said = Said()
     frames = tmp_path_factory.mktemp("frames")
     cv2.imwrite(str(frames / "1-000001.000.jpg"), np.full((90, 1280, 3), 80, np.uint8))
@@ -70,7 +68,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flight]:
 
 
 @contextlib.contextmanager
-def tab(flight: Flight, **options: Any) -> Iterator[Tab]:
+def tab(flight, **options):
     opened_tab = Tab(flight.url, **options)
     try:
         yield opened_tab
@@ -78,11 +76,11 @@ def tab(flight: Flight, **options: Any) -> Iterator[Tab]:
         opened_tab.close()
 
 
-def shows(page: Tab, flight: Flight) -> bool:
+def shows(page, flight):
     return page.board.version == flight.board.version
 
 
-def test_a_tab_gets_a_snapshot_then_deltas_and_a_second_one_the_same(flight: Flight) -> None:
+def test_a_tab_gets_a_snapshot_then_deltas_and_a_second_one_the_same(flight):
     for code in range(20):
         flight.board.set_cell((code, -code), code % 3)
     flight.tell()
@@ -99,7 +97,7 @@ def test_a_tab_gets_a_snapshot_then_deltas_and_a_second_one_the_same(flight: Fli
         assert one.snapshots == 1
 
 
-def test_a_tab_that_confirms_nothing_is_told_nothing_more(flight: Flight) -> None:
+def test_a_tab_that_confirms_nothing_is_told_nothing_more(flight):
     with tab(flight, confirms=False) as slow, tab(flight) as quick:
         slow.wait(lambda: slow.scene)
         for t_s in range(5):
@@ -108,7 +106,7 @@ def test_a_tab_that_confirms_nothing_is_told_nothing_more(flight: Flight) -> Non
         assert slow.takes == 0
 
 
-def test_buttons_ask_first_and_the_flight_answers(flight: Flight) -> None:
+def test_buttons_ask_first_and_the_flight_answers(flight):
     with tab(flight) as page:
         page.press("Pause")
         page.press("No")
@@ -128,7 +126,7 @@ def test_buttons_ask_first_and_the_flight_answers(flight: Flight) -> None:
         flight.set(paused=False)
 
 
-def test_without_hands_there_are_no_buttons(flight: Flight) -> None:
+def test_without_hands_there_are_no_buttons(flight):
     with tab(flight) as page:
         page.wait(lambda: "Pause" in page.buttons().values())
         flight.set(hands_off="nobody flies")
@@ -137,7 +135,7 @@ def test_without_hands_there_are_no_buttons(flight: Flight) -> None:
     flight.set(hands_off="")
 
 
-def test_the_slider_shows_what_was(flight: Flight) -> None:
+def test_the_slider_shows_what_was(flight):
     flight.set(t_s=100.0, roi=1)
     flight.set(t_s=200.0, roi=2)
     with tab(flight) as page:
@@ -151,7 +149,7 @@ def test_the_slider_shows_what_was(flight: Flight) -> None:
         page.wait(lambda: page.board.field("roi") == 2)
 
 
-def test_nobody_gets_in_without_the_token(flight: Flight) -> None:
+def test_nobody_gets_in_without_the_token(flight):
     base, _, token = flight.url.partition("?token=")
     with httpx.Client() as client:
         queries = ("?token=", "?token=wrong", f"?token={token}&token=wrong")
@@ -164,7 +162,7 @@ def test_nobody_gets_in_without_the_token(flight: Flight) -> None:
         assert client.get(base, headers=other).status_code == 403
 
 
-def test_pictures_come_small_and_from_their_folder_only(flight: Flight) -> None:
+def test_pictures_come_small_and_from_their_folder_only(flight):
     raw = np.zeros((24, 32, 3), np.uint8)
     words = {"kind": "picture", "id": "7", "shape": raw.shape}
     flight.feed.put(words, raw.tobytes(), wait_s=PATIENCE_S)
@@ -180,7 +178,7 @@ def test_pictures_come_small_and_from_their_folder_only(flight: Flight) -> None:
             assert client.get(f"{base}picture/{name}").status_code == 404
 
 
-def test_everything_is_served_from_here(flight: Flight) -> None:
+def test_everything_is_served_from_here(flight):
     with tab(flight) as page:
         assert "a <field>" not in page.html
         without_names = page.html.replace("http://www.w3.org", "")
@@ -188,7 +186,7 @@ def test_everything_is_served_from_here(flight: Flight) -> None:
         assert "https://" not in without_names
 
 
-def test_every_module_that_a_script_of_the_page_imports_is_served(flight: Flight) -> None:
+def test_every_module_that_a_script_of_the_page_imports_is_served(flight):
     with httpx.Client(follow_redirects=True) as client:
         html = client.get(flight.url).text
         for name in ("flight_map", "flight_board"):
@@ -198,7 +196,7 @@ def test_every_module_that_a_script_of_the_page_imports_is_served(flight: Flight
             assert script == source
 
 
-def test_a_port_in_use_and_a_host_of_others_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_port_in_use_and_a_host_of_others_are_said(monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(OutputError, match=rf"--port: .* port {port} .*in use.*--port 0"):
@@ -211,7 +209,7 @@ def test_a_port_in_use_and_a_host_of_others_are_said(monkeypatch: pytest.MonkeyP
 
 
 @by(in_real_time)
-async def test_everybody_is_told_the_end() -> None:
+async def test_everybody_is_told_the_end():
     hub = Hub({"title": "x"})
     hub.enter("a browser")
     waiting = asyncio.create_task(hub.nobody.wait())
@@ -223,7 +221,7 @@ async def test_everybody_is_told_the_end() -> None:
     assert hub.ended == "over"
 
 
-def test_a_page_that_is_killed_is_told_once_and_orders_nothing(flight: Flight) -> None:
+def test_a_page_that_is_killed_is_told_once_and_orders_nothing(flight):
     """The last one: this page is gone then."""
     feed = flight.feed
     os.kill(feed._child.process.pid, signal.SIGKILL)

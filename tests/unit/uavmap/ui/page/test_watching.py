@@ -12,7 +12,7 @@ from missions.events import Tracked, from_json
 from missions.flight.state import Phase, State
 from missions.flight.step import step
 from missions.orders import FlyPath, FlyTo, Sweep
-from tests.golden.recording import PASSES, SPILL, STOPS, Recording
+from tests.golden.recording import PASSES, SPILL, STOPS
 from uavmap.output.facts.figures import figures
 from uavmap.output.results import map_data
 from uavmap.ui.page import watching
@@ -21,7 +21,7 @@ from uavmap.ui.page.page_scene import STATES, scene_of
 from uavmap.ui.page.watching import UNTIMED_S, Ahead, Watcher
 
 
-def test_the_board_of_a_flight_is_its_map(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_board_of_a_flight_is_its_map(monkeypatch):
     monkeypatch.setattr(watching, "MOST_CELLS", 7)
     setting = STOPS.setting()
     events = [from_json(line) for line in STOPS.lines()]
@@ -50,7 +50,7 @@ def test_the_board_of_a_flight_is_its_map(monkeypatch: pytest.MonkeyPatch) -> No
     assert any("has taken off" in text for *_, text in copy.since(0)["log"])
 
 
-def test_the_figures_of_a_flight_without_stopping_agree_at_any_time() -> None:
+def test_the_figures_of_a_flight_without_stopping_agree_at_any_time():
     setting = PASSES.setting()
     state, said = State.initial(setting), set[str]()
     watcher = Watcher(setting, state, now_s=lambda: 0.0)
@@ -64,7 +64,7 @@ def test_the_figures_of_a_flight_without_stopping_agree_at_any_time() -> None:
     assert len(said) > 3
 
 
-def test_the_scene_is_for_json() -> None:
+def test_the_scene_is_for_json():
     setting = STOPS.setting()
     scene = json.loads(json.dumps(scene_of(setting)))
     assert scene["states"][0][0] == "explored"
@@ -79,12 +79,12 @@ MOST_M = 4.0
 @pytest.mark.parametrize(
     ("recording", "kinds"), [(STOPS, {"FlyTo", "Sweep"}), (PASSES, {"FlyPath"})]
 )
-def test_it_is_flown(recording: Recording, kinds: set[str]) -> None:
+def test_it_is_flown(recording, kinds):
     setting, lines = recording.setting(), recording.lines()[:160]
     state, ahead = State.initial(setting), Ahead(setting)
-    told: dict[int, list[float]] = {}
-    begun: dict[int, Point] = {}
-    seen: set[str] = set()
+    told = {}
+    begun = {}
+    seen = set()
     news = 0
     for line in lines:
         state, _ = step(setting, state, event := from_json(line))
@@ -109,7 +109,7 @@ def test_it_is_flown(recording: Recording, kinds: set[str]) -> None:
     assert news < len(lines) / 2  # it is told again for a new order only
 
 
-def test_over_a_region_that_drifts_it_is_where_the_path_will_be() -> None:
+def test_over_a_region_that_drifts_it_is_where_the_path_will_be():
     setting, lines = SPILL.setting(), SPILL.lines()
     state, ahead = State.initial(setting), Ahead(setting)
     for line in lines:
@@ -127,7 +127,7 @@ def test_over_a_region_that_drifts_it_is_where_the_path_will_be() -> None:
     assert shown.distance(Point(straight)) > 10.0  # it does drift
 
 
-def test_who_is_not_ours_has_no_path() -> None:
+def test_who_is_not_ours_has_no_path():
     setting = STOPS.setting()
     vehicle = State.initial(setting).vehicles[1]
     ahead = Ahead(setting)

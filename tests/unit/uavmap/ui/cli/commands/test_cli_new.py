@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from pydantic import BaseModel
 
 from missions.mission.schema import Mission, VehicleSection
 from missions.mission.sections import LATER
@@ -29,42 +28,39 @@ from tests.support.areas.area_files import (
 )
 from tests.support.page.html_page import Page
 from tests.support.plans import named_text
-from tests.unit.uavmap.conftest import Refusals
 from uavmap.aircraft.imaging.classifier import detector_of
 from uavmap.load.areas.key_comments import COMMENTS, SECTIONS
 from uavmap.load.areas.mission_text import section_of
 from uavmap.load.mission_source import load
 from uavmap.output.drawing.palette import FENCE
 from uavmap.ui.cli import main
-from vision.detectors import FINDS, Detector, detector_names, detector_parameters, threshold
+from vision.detectors import FINDS, detector_names, detector_parameters, threshold
 
 SVG = "http://www.w3.org/2000/svg"
 """The name of a language, and nothing to load."""
 
 
 @pytest.fixture(autouse=True)
-def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _in_a_folder_of_its_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture
-def field(tmp_path: Path) -> str:
+def field(tmp_path):
     return KINDS["google_earth_pro"](tmp_path).name
 
 
 class Terminal(io.StringIO):
-    def isatty(self) -> bool:
+    def isatty(self):
         return True
 
 
-def new(*arguments: object) -> None:
+def new(*arguments):
     assert main(["new", *map(str, arguments)]) == 0
 
 
 # --- what is written --------------------------------------------------------------------------
-def test_a_kml_becomes_a_mission_that_check_takes(
-    field: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_kml_becomes_a_mission_that_check_takes(field, capsys):
     new(field, "--drone", "x500", "--detector", "threshold", "--out", "field.toml")
     out, err = capsys.readouterr()
     assert "Untitled Polygon, 105 m x 114 m" in out
@@ -81,7 +77,7 @@ def test_a_kml_becomes_a_mission_that_check_takes(
     assert (mission.name, mission.battery.capacity_wh, mission.wind.speed_m_s) == ("field", 74, 5)
 
 
-def keys(model: type[BaseModel], prefix: str = "") -> set[str]:
+def keys(model, prefix=""):
     found = set()
     for key, field in model.model_fields.items():
         inner = section_of(field)
@@ -92,14 +88,14 @@ def keys(model: type[BaseModel], prefix: str = "") -> set[str]:
     return found
 
 
-def test_every_key_of_a_mission_has_a_comment_and_every_comment_a_key() -> None:
+def test_every_key_of_a_mission_has_a_comment_and_every_comment_a_key():
     known = keys(Mission) | {f"vehicles.{key}" for key in VehicleSection.model_fields}
     assert set(COMMENTS) == known - {"detector.tables"}
     tables = {k for k, f in Mission.model_fields.items() if section_of(f) is not None}
     assert set(SECTIONS) == tables - {"vehicles"}
 
 
-def test_every_default_is_shown(field: str) -> None:
+def test_every_default_is_shown(field):
     new(field, "--drone", "sim", "--out", "field.toml")
     text = Path("field.toml").read_text("utf-8")
     shown = tomllib.loads(text)
@@ -113,7 +109,7 @@ def test_every_default_is_shown(field: str) -> None:
     assert "amsl_m" not in shown["start"]  # its default is the height of no place
 
 
-def test_figures_by_hand_override_the_table(field: str) -> None:
+def test_figures_by_hand_override_the_table(field):
     new(
         field, "--drone", "solo", "--camera", "rpi-hq-6mm", "--battery", 90, "--pixels", "1280x720",
         "--wind", 7, "--vehicles", 2, "--cell", 5, "--height", 40, "--name", "two", "--strategy",
@@ -129,7 +125,7 @@ def test_figures_by_hand_override_the_table(field: str) -> None:
     assert not Path("a.png").exists()
 
 
-def test_a_rectangle_by_its_middle_south_of_the_equator() -> None:
+def test_a_rectangle_by_its_middle_south_of_the_equator():
     new("--at", "-33.8,151.2", "--size", "200x150", "--drone", "sim", "--home", "-33.8,151.2")
     mission = load("area.toml")
     assert mission.start.position == (-33.8, 151.2)
@@ -137,7 +133,7 @@ def test_a_rectangle_by_its_middle_south_of_the_equator() -> None:
     assert (max(lats) - min(lats)) * 110_900 == pytest.approx(150, abs=6)
 
 
-def test_all_areas_of_a_file_and_one_by_name(tmp_path: Path) -> None:
+def test_all_areas_of_a_file_and_one_by_name(tmp_path):
     east = [(x + 0.003, y) for x, y in FIELD]
     saved(tmp_path, "two.geojson", collection(feature(name="A"), feature(east, name="B")))
     new("two.geojson", "--together", "--drone", "sim", "--out", "both.toml")
@@ -146,7 +142,7 @@ def test_all_areas_of_a_file_and_one_by_name(tmp_path: Path) -> None:
     assert min(lon for _, lon in both) < min(lon for _, lon in only)
 
 
-def test_the_table_of_drones(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_table_of_drones(capsys):
     new("--drone", "list")
     out = capsys.readouterr().out
     assert "x500" in out
@@ -154,9 +150,7 @@ def test_the_table_of_drones(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 # --- asking -----------------------------------------------------------------------------------
-def test_what_is_missing_is_asked_at_a_terminal(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_missing_is_asked_at_a_terminal(monkeypatch, capsys):
     monkeypatch.setattr(sys, "stdin", Terminal("52.4565, 13.30375\n120x80\nsim\npaved\n"))
     new()
     err = capsys.readouterr().err
@@ -171,12 +165,7 @@ def test_what_is_missing_is_asked_at_a_terminal(
     assert detector_of(mission) == threshold.PavedDetector()
 
 
-def test_new_answer_is_no_detector_says_which_there_are(
-    field: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_new_answer_is_no_detector_says_which_there_are(field, tmp_path, monkeypatch, capsys):
     for answer, expected in (("grass", "grass cannot be read"), ("4", "samples is missing")):
         monkeypatch.setattr(sys, "stdin", Terminal(f"{answer}\n"))
         assert main(["new", field, "--drone", "sim"]) == 2
@@ -184,9 +173,7 @@ def test_new_answer_is_no_detector_says_which_there_are(
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_which_area_is_asked_at_a_terminal(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_which_area_is_asked_at_a_terminal(tmp_path, monkeypatch, capsys):
     saved(tmp_path, "two.geojson", collection(feature(name="A"), feature(name="B")))
     monkeypatch.setattr(sys, "stdin", Terminal("two.geojson\n2\nlater\n"))
     new("--drone", "sim")
@@ -195,9 +182,7 @@ def test_which_area_is_asked_at_a_terminal(
     assert "somewhere in 'B' (two.geojson)" in Path("two.toml").read_text("utf-8")
 
 
-def test_nobody_answers(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_nobody_answers(monkeypatch, capsys):
     monkeypatch.setattr(sys, "stdin", Terminal(""))
     assert main(["new"]) == 2
     assert "no answer" in capsys.readouterr().err
@@ -205,8 +190,8 @@ def test_nobody_answers(
 
 # --- what to look for -------------------------------------------------------------------------
 def test_new_without_a_terminal_names_no_detector_and_only_the_simulator_flies_it(
-    field: str, capsys: pytest.CaptureFixture[str], refused: Refusals
-) -> None:
+    field, capsys, refused
+):
     new(field, "--drone", "sim", "--out", "a.toml")
     told = capsys.readouterr().out
     assert "region = not chosen yet; the simulator takes threshold: darker than 150" in told
@@ -236,9 +221,7 @@ def test_new_without_a_terminal_names_no_detector_and_only_the_simulator_flies_i
         ("index", threshold.IndexDetector()),
     ],
 )
-def test_new_detector_by_name_has_its_parameters_in_the_mission(
-    field: str, name: str, made: Detector
-) -> None:
+def test_new_detector_by_name_has_its_parameters_in_the_mission(field, name, made):
     new(field, "--drone", "sim", "--detector", name, "--out", "a.toml")
     mission = load("a.toml")
     assert detector_of(mission) == made
@@ -248,12 +231,12 @@ def test_new_detector_by_name_has_its_parameters_in_the_mission(
     assert set(detector_parameters(name)) <= set(keys)
 
 
-def test_a_detector_by_name_judges_in_place_of_the_missions(field: str) -> None:
+def test_a_detector_by_name_judges_in_place_of_the_missions(field):
     new(field, "--drone", "sim", "--out", "a.toml")
     assert detector_of(load("a.toml", "paved")) == threshold.PavedDetector()
 
 
-def test_every_detector_is_explained_to_those_who_choose() -> None:
+def test_every_detector_is_explained_to_those_who_choose():
     assert set(FINDS) == set(detector_names())
 
 
@@ -286,30 +269,26 @@ def test_every_detector_is_explained_to_those_who_choose() -> None:
         (["field.kml", "--drone", "sim", "--like", "a.jpg"], "a.jpg: there is no such photo"),
     ],
 )
-def test_it_is_told_in_a_line_and_nothing_is_written(
-    arguments: list[str], expected: str, tmp_path: Path, refused: Refusals
-) -> None:
+def test_it_is_told_in_a_line_and_nothing_is_written(arguments, expected, tmp_path, refused):
     saved(tmp_path, "field.kml", kml(placemark("Field", kml_polygon())))
     assert expected in refused("new", *arguments)
     assert [path.name for path in tmp_path.iterdir()] == ["field.kml"]
 
 
-def test_a_mission_that_could_not_be_flown_is_not_written(
-    field: str, tmp_path: Path, refused: Refusals
-) -> None:
+def test_a_mission_that_could_not_be_flown_is_not_written(field, tmp_path, refused):
     lines = refused.lines("new", field, "--drone", "sim", "--battery", 3, "--out", "a.toml")
     assert "nothing is written" in lines[0]
     assert "battery.capacity_wh = 3" in lines[1]
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_nothing_is_overwritten(field: str, tmp_path: Path, refused: Refusals) -> None:
+def test_nothing_is_overwritten(field, tmp_path, refused):
     saved(tmp_path, "a.png", b"mine")
     assert "is there already" in refused("new", field, "--drone", "sim", "--out", "a.toml")
     assert not Path("a.toml").exists()
 
 
-def test_a_mistyped_mission(tmp_path: Path, refused: Refusals) -> None:
+def test_a_mistyped_mission(tmp_path, refused):
     assert "did you mean 'runway'?" in refused("check", "runwya")
     saved(tmp_path, "meadow.toml", "")
     assert "did you mean 'meadow.toml'?" in refused("check", "medow.toml")
@@ -317,7 +296,7 @@ def test_a_mistyped_mission(tmp_path: Path, refused: Refusals) -> None:
 
 
 # --- the plan ---------------------------------------------------------------------------------
-def test_the_plan_as_a_page_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_plan_as_a_page_of_its_own(capsys):
     assert main(["check", "spill", "--map", "spill.html"]) == 0
     assert "the plan is in spill.html" in capsys.readouterr().out
     page = Page(Path("spill.html").read_text("utf-8"))
@@ -338,14 +317,14 @@ def test_the_plan_as_a_page_of_its_own(capsys: pytest.CaptureFixture[str]) -> No
     assert page.tags.count("circle") >= 3 + 1  # three homes, and one in the legend
 
 
-def test_names_in_a_page_are_no_tags(tmp_path: Path) -> None:
+def test_names_in_a_page_are_no_tags(tmp_path):
     text = named_text("runway").text.replace('name = "runway"', 'name = "a & b\'s"')
     saved(tmp_path, "a.toml", text)
     assert main(["check", "a.toml", "--map", "a.html"]) == 0
     assert "Plan of a &amp; b&#39;s" in Path("a.html").read_text("utf-8")
 
 
-def test_the_plan_as_a_picture() -> None:
+def test_the_plan_as_a_picture():
     assert main(["check", "runway", "--map", "plan.PNG"]) == 0
     with Image.open("plan.PNG") as picture:
         pixels = np.asarray(picture.convert("RGB")).astype(int)
@@ -356,26 +335,24 @@ def test_the_plan_as_a_picture() -> None:
     assert np.ptp(rows) > 600
 
 
-def test_figures_and_a_map_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_figures_and_a_map_at_once(capsys):
     assert main(["check", "runway", "--json", "--map", "a.html"]) == 0
     assert json.loads(capsys.readouterr().out)["mission"] == "runway"
 
 
-def test_a_map_of_another_kind_is_refused(tmp_path: Path, refused: Refusals) -> None:
+def test_a_map_of_another_kind_is_refused(tmp_path, refused):
     assert "write a .html or a .png" in refused("check", "runway", "--map", "a.pdf")
     assert "cannot be written" in refused("check", "runway", "--map", "no/a.html")
 
 
-def with_fence(text: str, fence: str) -> str:
+def with_fence(text, fence):
     ring = re.compile(r"^polygon = \[.*?^\]", re.MULTILINE | re.DOTALL)
     changed, count = ring.subn(f"polygon = {fence}", text, count=1)
     assert count == 1
     return changed
 
 
-def test_a_home_far_from_the_box_is_asked_about(
-    field: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_home_far_from_the_box_is_asked_about(field, tmp_path, capsys):
     new(field, "--drone", "astro", "--detector", "threshold", "--out", "a.toml")
     wide = "[[52.44, 13.29], [52.44, 13.32], [52.49, 13.32], [52.49, 13.29]]"
     text = with_fence(Path("a.toml").read_text("utf-8"), wide)
@@ -387,9 +364,7 @@ def test_a_home_far_from_the_box_is_asked_about(
     )
 
 
-def test_a_fence_on_another_continent_is_refused(
-    field: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Refusals
-) -> None:
+def test_a_fence_on_another_continent_is_refused(field, tmp_path, capsys, refused):
     new(field, "--drone", "sim", "--out", "a.toml")
     there = "[[12.44, 13.29], [12.44, 13.32], [12.49, 13.32], [12.49, 13.29]]"
     saved(tmp_path, "b.toml", with_fence(Path("a.toml").read_text("utf-8"), there))

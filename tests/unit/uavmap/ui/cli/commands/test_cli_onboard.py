@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from tests.support.small_missions import mission_text, square
-from tests.unit.uavmap.conftest import Refusals
 from uavmap.mavlink.links.signing import new_key
 from uavmap.ui.cli import main
 
@@ -16,7 +13,7 @@ GROUP = "udp/224.0.0.224:7447#iface=lo"
 
 
 @pytest.fixture
-def field(tmp_path: Path) -> Path:
+def field(tmp_path):
     file = tmp_path / "field.toml"
     box, fence = square(-6.0, 12.0, 28.0, 16.0), square(-20.0, -14.0, 56.0, 62.0)
     pads = [(0.0, 0.0), (16.0, 0.0)]
@@ -38,13 +35,7 @@ def field(tmp_path: Path) -> Path:
         (["--vehicle", "1", "--connect", URL, "--camera", "x", "--camera", "y"], "--camera is"),
     ],
 )
-def test_a_line_names_what_is_wrong(
-    arguments: list[str],
-    words: str,
-    field: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    refused: Refusals,
-) -> None:
+def test_a_line_names_what_is_wrong(arguments, words, field, monkeypatch, refused):
     monkeypatch.delenv("UAVMAP_FLEET_KEY_FILE", raising=False)
     keyed = ["--fleet-key", str(field.with_name("fleet.key"))] if "--peer" in arguments else []
     out = field.with_name("out")
@@ -52,7 +43,7 @@ def test_a_line_names_what_is_wrong(
     assert not out.exists()
 
 
-def test_the_help_names_what_a_fleet_can_fly(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_help_names_what_a_fleet_can_fly(capsys):
     with pytest.raises(SystemExit):
         main(["onboard", "--help"])
     told = " ".join(capsys.readouterr().out.split())
@@ -60,7 +51,7 @@ def test_the_help_names_what_a_fleet_can_fly(capsys: pytest.CaptureFixture[str])
     assert "--sim" not in told
 
 
-def test_a_flight_of_no_fleet_has_no_network(tmp_path: Path, refused: Refusals) -> None:
+def test_a_flight_of_no_fleet_has_no_network(tmp_path, refused):
     from tests.unit.uavmap.output.test_merging import ALONE, plan, written  # noqa: PLC0415
 
     folder = written(tmp_path / "flight", plan(ALONE, None), [])
@@ -68,9 +59,7 @@ def test_a_flight_of_no_fleet_has_no_network(tmp_path: Path, refused: Refusals) 
     assert "go with a flight that `uavmap onboard` began" in line
 
 
-def test_on_the_ground_a_fleet_is_joined_where_it_is_heard(
-    tmp_path: Path, refused: Refusals
-) -> None:
+def test_on_the_ground_a_fleet_is_joined_where_it_is_heard(tmp_path, refused):
     listen, out = ("--listen", "tcp/127.0.0.1:7447"), ("--out", tmp_path / "a")
     assert "--listen, --peer or --router" in refused("fly", "burn", "--fleet", *out)
     assert "go with --fleet" in refused("fly", "burn", "--sim", *listen, *out)

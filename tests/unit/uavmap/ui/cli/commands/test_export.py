@@ -4,25 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
 
 import pytest
 from pymavlink import mavwp
 from pymavlink.dialects.v20 import ardupilotmega as mav
 from shapely.geometry import LineString
 
-from missions.flight.setting import Setting
 from missions.flight.setting_of import setting_of
 from missions.mission.places import homes
 from missions.mission.schema import positions
-from missions.units import GridPoint, LatLon
-from sitl.testing import Fleet, Vehicle
+from missions.units import LatLon
 from tests.support.plan_schema import faults_of
 from tests.support.small_missions import mission_text, square
-from tests.unit.uavmap.conftest import Refusals
 from uavmap.load.mission_source import load
 from uavmap.output.formats.ground_station_plan import clockwise
 from uavmap.ui.cli import main
@@ -36,41 +30,41 @@ FENCE_RING = square(-20.0, -20.0, 120.0, 90.0)
 HOLE = square(30.0, 10.0, 12.0, 20.0)
 
 
-def text_of(vehicles: int = 1, **more: Any) -> str:
+def text_of(vehicles=1, **more):
     text = mission_text(
         square(10.0, 0.0, 60.0, 40.0), FENCE_RING, [HOLE], vehicles=vehicles, **more
     )
     return text.replace("[start]", "[start]\namsl_m = 488.5")
 
 
-def mission_file(tmp: Path, vehicles: int = 1, **more: Any) -> tuple[Path, Setting]:
+def mission_file(tmp, vehicles=1, **more):
     path = tmp / "field.toml"
     path.write_text(text_of(vehicles, **more), "utf-8")
     return path, setting_of(load(str(path)))
 
 
-def exported(tmp: Path, *arguments: object, code: int = 0) -> dict[str, Any]:
+def exported(tmp, *arguments, code=0):
     file = tmp / "field.plan"
     assert main(["export", *map(str, arguments), "--plan", str(file)]) == code
     return documented(file)
 
 
-def documented(file: Path) -> dict[str, Any]:
-    values: dict[str, Any] = json.loads(file.read_text("utf-8"))
+def documented(file):
+    values = json.loads(file.read_text("utf-8"))
     assert faults_of(values) == []
     return values
 
 
-def places_of(items: list[dict[str, Any]]) -> list[LatLon]:
+def places_of(items):
     return [LatLon(*item["params"][4:6]) for item in items if item["frame"] != 2]
 
 
-def near(one: LatLon, other: LatLon) -> bool:
+def near(one, other):
     return abs(one.lat_deg - other.lat_deg) < E7 and abs(one.lon_deg - other.lon_deg) < E7
 
 
 # --- a mission ----------------------------------------------------------------------------------
-def test_a_plan_has_what_qgroundcontrol_documents(tmp_path: Path) -> None:
+def test_a_plan_has_what_qgroundcontrol_documents(tmp_path):
     file, setting = mission_file(tmp_path)
     plan = exported(tmp_path, file)
     home = homes(setting.mission)[0]
@@ -96,7 +90,7 @@ def test_a_plan_has_what_qgroundcontrol_documents(tmp_path: Path) -> None:
             assert (item["frame"], item["AltitudeMode"], item["Altitude"]) == (3, 1, 12.0)
 
 
-def test_the_lanes_are_flown_in_their_order_and_no_leg_leaves_the_fence(tmp_path: Path) -> None:
+def test_the_lanes_are_flown_in_their_order_and_no_leg_leaves_the_fence(tmp_path):
     file, setting = mission_file(tmp_path)
     items = exported(tmp_path, file)["mission"]["items"]
     commands = [item["command"] for item in items]
@@ -118,7 +112,7 @@ def test_the_lanes_are_flown_in_their_order_and_no_leg_leaves_the_fence(tmp_path
     assert near(places_of(items)[-1], homes(setting.mission)[0])
 
 
-def test_each_vehicle_has_a_file_a_height_and_a_rally_point_of_its_own(tmp_path: Path) -> None:
+def test_each_vehicle_has_a_file_a_height_and_a_rally_point_of_its_own(tmp_path):
     file, setting = mission_file(tmp_path, vehicles=3, layer_m=7.0)
     assert main(["export", str(file), "--plan", str(tmp_path / "team.plan")]) == 0
     assert not (tmp_path / "team.plan").exists()
@@ -138,7 +132,7 @@ def test_each_vehicle_has_a_file_a_height_and_a_rally_point_of_its_own(tmp_path:
     assert alone == json.loads((tmp_path / "team-2.plan").read_text("utf-8"))
 
 
-def test_heights_above_the_sea_and_a_px4(tmp_path: Path) -> None:
+def test_heights_above_the_sea_and_a_px4(tmp_path):
     file, _ = mission_file(tmp_path)
     plan = exported(tmp_path, file, "--above-sea", "--firmware", "px4")
     assert plan["mission"]["firmwareType"] == 12
@@ -148,7 +142,7 @@ def test_heights_above_the_sea_and_a_px4(tmp_path: Path) -> None:
     assert plan["rallyPoints"]["points"][0][2] == 12.0  # rally points are above the home
 
 
-def test_mission_planner_reads_the_waypoints(tmp_path: Path) -> None:
+def test_mission_planner_reads_the_waypoints(tmp_path):
     file, setting = mission_file(tmp_path)
     plan, rows = tmp_path / "field.plan", tmp_path / "field.waypoints"
     assert main(["export", str(file), "--plan", str(plan), "--waypoints", str(rows)]) == 0
@@ -178,22 +172,14 @@ def test_mission_planner_reads_the_waypoints(tmp_path: Path) -> None:
         (["--plan", "missing/x.plan"], "cannot be written"),
     ],
 )
-def test_what_cannot_be_exported_is_said_in_a_line(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    refused: Refusals,
-    arguments: list[str],
-    said: str,
-) -> None:
+def test_what_cannot_be_exported_is_said_in_a_line(tmp_path, monkeypatch, refused, arguments, said):
     file, _ = mission_file(tmp_path)
     monkeypatch.chdir(tmp_path)
     assert said in refused("export", file, *arguments)
     assert [path.name for path in tmp_path.iterdir()] == ["field.toml"]
 
 
-def test_nothing_is_overwritten_and_no_file_is_written_alone(
-    tmp_path: Path, refused: Refusals
-) -> None:
+def test_nothing_is_overwritten_and_no_file_is_written_alone(tmp_path, refused):
     file, _ = mission_file(tmp_path, vehicles=2)
     (tmp_path / "team-2.plan").write_text("mine")
     line = refused("export", file, "--plan", tmp_path / "team.plan")
@@ -202,24 +188,20 @@ def test_nothing_is_overwritten_and_no_file_is_written_alone(
     assert not (tmp_path / "team-1.plan").exists()
 
 
-def test_heights_above_the_sea_need_the_height_of_the_start(
-    tmp_path: Path, refused: Refusals
-) -> None:
+def test_heights_above_the_sea_need_the_height_of_the_start(tmp_path, refused):
     file, _ = mission_file(tmp_path)
     file.write_text(file.read_text("utf-8").replace("amsl_m = 488.5", ""), "utf-8")
     line = refused("export", file, "--above-sea", "--plan", tmp_path / "x.plan")
     assert "start.amsl_m is missing" in line
 
 
-def test_export_plan_of_a_results_folder_is_refused_in_a_line(
-    tmp_path: Path, refused: Refusals
-) -> None:
+def test_export_plan_of_a_results_folder_is_refused_in_a_line(tmp_path, refused):
     line = refused("export", tmp_path, "--plan", tmp_path / "x.plan")
     assert "is a folder, and a plan is of a mission" in line
     assert not (tmp_path / "x.plan").exists()
 
 
-def test_a_ring_over_the_antimeridian_is_clockwise_too() -> None:
+def test_a_ring_over_the_antimeridian_is_clockwise_too():
     west, east = 179.999, -179.999
     ring = [LatLon(0.0, west), LatLon(0.0, east), LatLon(0.001, east), LatLon(0.001, west)]
     assert clockwise(ring) == ring[::-1]
@@ -227,7 +209,7 @@ def test_a_ring_over_the_antimeridian_is_clockwise_too() -> None:
 
 
 # --- the autopilots take it and fly it ----------------------------------------------------------
-def mission_messages(plan: dict[str, Any], *, home: bool) -> list[Any]:
+def mission_messages(plan, *, home):
     """The mission as QGroundControl uploads it: to an ArduPilot with the home in front."""
     rows = []
     if home:
@@ -239,7 +221,7 @@ def mission_messages(plan: dict[str, Any], *, home: bool) -> list[Any]:
     return [message(seq, MISSION, *row) for seq, row in enumerate(rows)]
 
 
-def fence_messages(plan: dict[str, Any]) -> list[Any]:
+def fence_messages(plan):
     rows = []
     for polygon in plan["geoFence"]["polygons"]:
         ring = polygon["polygon"]
@@ -248,19 +230,19 @@ def fence_messages(plan: dict[str, Any]) -> list[Any]:
     return [message(seq, FENCE, *row) for seq, row in enumerate(rows)]
 
 
-def rally_messages(plan: dict[str, Any]) -> list[Any]:
+def rally_messages(plan):
     points = plan["rallyPoints"]["points"]
     return [message(i, RALLY, 3, 5100, (0.0, 0.0, 0.0, 0.0, *p)) for i, p in enumerate(points)]
 
 
-def message(seq: int, kind: int, frame: int, command: int, params: tuple[float, ...]) -> Any:
+def message(seq, kind, frame, command, params):
     *p, x, y, z = params
     return mav.MAVLink_mission_item_int_message(
         1, 1, seq, frame, command, 0, 1, *p, round(x * 1e7), round(y * 1e7), z, kind
     )
 
 
-def upload(vehicle: Vehicle, items: list[Any], kind: int) -> None:
+def upload(vehicle, items, kind):
     vehicle.send(mav.MAVLink_mission_count_message(1, 1, len(items), kind))
     while True:
         for answer in vehicle.receive():
@@ -274,7 +256,7 @@ def upload(vehicle: Vehicle, items: list[Any], kind: int) -> None:
             vehicle.run(0.1)
 
 
-def download(vehicle: Vehicle, kind: int) -> list[Any]:
+def download(vehicle, kind):
     vehicle.send(mav.MAVLink_mission_request_list_message(1, 1, kind))
     count = vehicle.expect("MISSION_COUNT", mission_type=kind).count
     items = []
@@ -284,9 +266,7 @@ def download(vehicle: Vehicle, kind: int) -> list[Any]:
     return items
 
 
-def test_a_px4_takes_mission_fence_and_rally_points_and_tells_the_same(
-    tmp_path: Path, sitl_fleet: Callable[..., Fleet]
-) -> None:
+def test_a_px4_takes_mission_fence_and_rally_points_and_tells_the_same(tmp_path, sitl_fleet):
     """An ArduPilot gets them from MAVSDK, in `tests/e2e`."""
     file, setting = mission_file(tmp_path)
     plan = exported(tmp_path, file, "--firmware", "px4")
@@ -309,9 +289,7 @@ def test_a_px4_takes_mission_fence_and_rally_points_and_tells_the_same(
         assert (round(place.lat_deg * 1e7), round(place.lon_deg * 1e7)) in corners
 
 
-def test_the_exported_search_is_flown_from_take_off_to_the_ground(
-    tmp_path: Path, sitl_fleet: Callable[..., Fleet]
-) -> None:
+def test_the_exported_search_is_flown_from_take_off_to_the_ground(tmp_path, sitl_fleet):
     file, setting = mission_file(tmp_path)
     plan = exported(tmp_path, file)
     (vehicle,) = sitl_fleet(1, home=(*setting.mission.start.position, 488.5, 0.0), seed=3)
@@ -323,9 +301,9 @@ def test_the_exported_search_is_flown_from_take_off_to_the_ground(
     assert vehicle.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1) == 0
     assert vehicle.command(mav.MAV_CMD_DO_SET_MODE, 1, AUTO) == 0
     assert vehicle.command(mav.MAV_CMD_MISSION_START) == 0
-    flown: list[GridPoint] = []
+    flown = []
 
-    def landed() -> bool:
+    def landed():
         truth = vehicle.truth
         flown.append(setting.grid.fixed(truth.position))
         return len(flown) > 100 and truth.landed and not truth.armed

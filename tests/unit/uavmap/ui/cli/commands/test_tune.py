@@ -6,7 +6,6 @@ import json
 import math
 import shutil
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ from tests.benchmarks.photos import brighton
 from tests.benchmarks.photos.detectors import judged
 from tests.support.models import all_familiar
 from tests.support.small_missions import START, ring, square
-from tests.unit.uavmap.conftest import Refusals
 from tests.unit.uavmap.photos.test_replay import (
     GEOD,
     GRID,
@@ -33,7 +31,7 @@ from uavmap.load.detector_source import KEPT
 from uavmap.load.mission_source import load
 from uavmap.output.facts.map_model import NOT_ROI
 from uavmap.photos.tune.examples import Example, load_examples
-from uavmap.photos.tune.selection import Picture, dealt, total
+from uavmap.photos.tune.selection import dealt, total
 from uavmap.photos.tune.training import Described, fit_trees, variants
 from uavmap.photos.tune.tune_job import DETECTOR, MODEL, OVERLAYS, REPORT, Wishes, learned
 from uavmap.ui.cli import main
@@ -43,13 +41,13 @@ WIDE = 320
 SMALL = ["--width", str(WIDE), "--cell-px", "18", "--features", "color"]
 
 
-def place(east_m: float, north_m: float) -> LatLon:
+def place(east_m, north_m):
     azimuth_deg = math.degrees(math.atan2(east_m, north_m))
     lon, lat, _ = GEOD.fwd(START.lon_deg, START.lat_deg, azimuth_deg, math.hypot(east_m, north_m))
     return LatLon(lat, lon)
 
 
-def region_file(path: Path, kind: str = "region") -> Path:
+def region_file(path, kind="region"):
     west, east, south, north = ROI
     corners = [(west, south), (east, south), (east, north), (west, north), (west, south)]
     outline = [[p.lon_deg, p.lat_deg] for p in (place(*corner) for corner in corners)]
@@ -59,7 +57,7 @@ def region_file(path: Path, kind: str = "region") -> Path:
     return path
 
 
-def mission_file(path: Path) -> Path:
+def mission_file(path):
     path.write_text(f"""
 start.position = [{START.lat_deg}, {START.lon_deg}]
 search.box = {ring(GRID, square(-10, -10, 60, 50))}
@@ -72,7 +70,7 @@ votes = {{frames = 3, positive = 2}}
     return path
 
 
-def found_share(out: Path, cell_m: float) -> float:
+def found_share(out, cell_m):
     features = json.loads((out / "map.geojson").read_text())["features"]
     cells = [f["properties"] for f in features if f["properties"]["kind"] == "cell"]
     west, east, south, north = ROI
@@ -81,7 +79,7 @@ def found_share(out: Path, cell_m: float) -> float:
 
 
 @pytest.fixture(scope="module")
-def tuned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def tuned(tmp_path_factory):
     """A folder with photographs, polygons, a mission, and the detector learned from them."""
     folder = tmp_path_factory.mktemp("tuned")
     images = painted(folder / "images")
@@ -92,9 +90,7 @@ def tuned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_detector_is_learned_from_polygons_and_maps_the_region(
-    tuned: Path, tmp_path: Path
-) -> None:
+def test_a_detector_is_learned_from_polygons_and_maps_the_region(tuned, tmp_path):
     report = json.loads((tuned / "eyes" / REPORT).read_text())
     assert report["cells"]["iou"] > 0.9
     assert report["pixels"]["precision"] > 0.9
@@ -108,9 +104,7 @@ def test_a_detector_is_learned_from_polygons_and_maps_the_region(
     assert 0.7 < found_share(out, GRID.cell_m) < 1.3
 
 
-def test_masks_teach_as_polygons_do_and_the_same_seed_gives_the_same_bytes(
-    tuned: Path, tmp_path: Path
-) -> None:
+def test_masks_teach_as_polygons_do_and_the_same_seed_gives_the_same_bytes(tuned, tmp_path):
     masks = tmp_path / "masks"
     masks.mkdir()
     for example in load_examples(tuned / "images", tuned / "region.geojson", WIDE):
@@ -121,9 +115,7 @@ def test_masks_teach_as_polygons_do_and_the_same_seed_gives_the_same_bytes(
         assert (tmp_path / "again" / name).read_bytes() == (tuned / "eyes" / name).read_bytes()
 
 
-def test_the_mission_that_is_flown_holds_the_checksum_of_its_model(
-    tuned: Path, tmp_path: Path
-) -> None:
+def test_the_mission_that_is_flown_holds_the_checksum_of_its_model(tuned, tmp_path):
     folder = tmp_path / "eyes"
     folder.mkdir()
     for name in (MODEL, DETECTOR):
@@ -150,9 +142,7 @@ def test_the_mission_that_is_flown_holds_the_checksum_of_its_model(
         (lambda data: data.replace(b'"light"', b'"leight"', 1), "unknown feature 'leight'"),
     ],
 )
-def test_a_damaged_or_foreign_model_is_refused_in_a_line(
-    tuned: Path, tmp_path: Path, refused: Refusals, damage: object, why: str
-) -> None:
+def test_a_damaged_or_foreign_model_is_refused_in_a_line(tuned, tmp_path, refused, damage, why):
     assert callable(damage)
     folder = tmp_path / "eyes"
     folder.mkdir()
@@ -164,7 +154,7 @@ def test_a_damaged_or_foreign_model_is_refused_in_a_line(
     assert str(folder / MODEL) in line
 
 
-def test_what_is_wrong_with_examples_is_said(tuned: Path, tmp_path: Path) -> None:
+def test_what_is_wrong_with_examples_is_said(tuned, tmp_path):
     images = tuned / "images"
     where = tmp_path / "masks"
     with pytest.raises(ImageError, match="no folder of masks"):
@@ -177,7 +167,7 @@ def test_what_is_wrong_with_examples_is_said(tuned: Path, tmp_path: Path) -> Non
         load_examples(images, where, WIDE)
 
 
-def test_one_painted_picture_is_too_few(tuned: Path, tmp_path: Path, refused: Refusals) -> None:
+def test_one_painted_picture_is_too_few(tuned, tmp_path, refused):
     mask = np.zeros((90, 160), np.uint8)
     mask[:40] = 255
     where = tmp_path / "masks"
@@ -187,8 +177,8 @@ def test_one_painted_picture_is_too_few(tuned: Path, tmp_path: Path, refused: Re
     assert "paint at least two" in refused(*arguments, "--out", tmp_path / "eyes")
 
 
-def test_polygons_teach_in_the_pictures_that_can_be_read(tuned: Path, tmp_path: Path) -> None:
-    images, told = tmp_path / "images", list[str]()
+def test_polygons_teach_in_the_pictures_that_can_be_read(tuned, tmp_path):
+    images, told = tmp_path / "images", []
     shutil.copytree(tuned / "images", images)
     data = (images / "1.jpg").read_bytes()
     (images / "1.jpg").write_bytes(data[: len(data) // 2])
@@ -198,7 +188,7 @@ def test_polygons_teach_in_the_pictures_that_can_be_read(tuned: Path, tmp_path: 
     assert line.startswith(f"left out: {images / '1.jpg'}")
 
 
-def test_variants_show_the_same_ground_otherwise() -> None:
+def test_variants_show_the_same_ground_otherwise():
     picture = np.asarray(paint(10.0, 10.0, 0.0))
     region = picture[:, :, 0] < 140
     example = Example("x", picture, region, np.ones_like(region))
@@ -209,7 +199,7 @@ def test_variants_show_the_same_ground_otherwise() -> None:
         assert gap > 3 * levels[variant.region].std()
 
 
-def test_trees_answer_as_the_learner_does_and_survive_their_file() -> None:
+def test_trees_answer_as_the_learner_does_and_survive_their_file():
     rng = np.random.default_rng(5)
     values = rng.normal(size=(4000, 3)).astype(np.float32)
     labels = (values[:, 0] * values[:, 1] > 0.2) | (values[:, 2] > 1.0)
@@ -223,9 +213,7 @@ def test_trees_answer_as_the_learner_does_and_survive_their_file() -> None:
     assert ((found > 0.5) == labels).mean() > 0.95
 
 
-def test_without_the_learner_the_extra_is_named(
-    tuned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Refusals
-) -> None:
+def test_without_the_learner_the_extra_is_named(tuned, tmp_path, monkeypatch, refused):
     monkeypatch.setitem(sys.modules, "sklearn", None)
     arguments = ("tune", tuned / "images", "--examples", tuned / "region.geojson")
     line = refused(*arguments, "--out", tmp_path / "eyes")
@@ -233,7 +221,7 @@ def test_without_the_learner_the_extra_is_named(
 
 
 @pytest.mark.skipif(not brighton.there(), reason="the photographs of Brighton Beach are not here")
-def test_three_real_photographs_teach_the_road_in_others() -> None:
+def test_three_real_photographs_teach_the_road_in_others():
     names = brighton.names()
     painted = brighton.examples([names[i] for i in (2, 7, 12)])
     wishes = Wishes(kinds=("logistic",), sets=("color and texture",))
@@ -244,9 +232,7 @@ def test_three_real_photographs_teach_the_road_in_others() -> None:
     assert cells.iou > 0.62
 
 
-def test_what_was_learned_maps_without_a_mission_file(
-    tuned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_was_learned_maps_without_a_mission_file(tuned, tmp_path, capsys):
     out, eyes = tmp_path / "map", str(tuned / "eyes")
     photos = str(tuned / "images")
     assert main(["replay", photos, "--detector", eyes, "--out", str(out)]) in (0, 3)
@@ -276,9 +262,7 @@ def test_what_was_learned_maps_without_a_mission_file(
     ],
 )
 @pytest.mark.parametrize("command", ["replay", "look"])
-def test_a_detector_is_looked_at_before_any_picture(
-    tmp_path: Path, refused: Refusals, text: str | None, why: str, command: str
-) -> None:
+def test_a_detector_is_looked_at_before_any_picture(tmp_path, refused, text, why, command):
     if text is not None:
         (tmp_path / DETECTOR).write_text(f"[detector]\n{text}\n")
     line = refused(command, tmp_path / "no pictures", "--detector", tmp_path)
@@ -286,7 +270,7 @@ def test_a_detector_is_looked_at_before_any_picture(
     assert why in line
 
 
-def described_as(name: str, *, region: bool, surround: bool) -> Picture:
+def described_as(name, *, region, surround):
     share = np.array([1.0 if region else 0.0, 0.0 if surround else 1.0], np.float32)
     known = np.array([region, surround])
     plain = Described(name, np.zeros((1, 2), np.float32), share, known, 1, 2)
@@ -296,7 +280,7 @@ def described_as(name: str, *, region: bool, surround: bool) -> Picture:
 @pytest.mark.parametrize(
     "kinds", ["bssssb", "brrrrb", "rrss", "bbbbbbb", "sssssssrr", "rrrrrrrss", "r-s-rs--"]
 )
-def test_whoever_learns_has_seen_both_kinds(kinds: str) -> None:
+def test_whoever_learns_has_seen_both_kinds(kinds):
     """Few of many pictures show the region, and stand where a plain count judges them together."""
     more = {"b": (True, True), "r": (True, False), "s": (False, True), "-": (False, False)}
     pictures = [
@@ -313,7 +297,7 @@ def test_whoever_learns_has_seen_both_kinds(kinds: str) -> None:
     assert sorted(judged) == list(range(len(kinds)))
 
 
-def test_trees_answer_alike_where_many_values_lie_on_their_borders() -> None:
+def test_trees_answer_alike_where_many_values_lie_on_their_borders():
     rng = np.random.default_rng(2)
     levels = np.log(rng.integers(1, 40, (6000, 2)) / 7.0).astype(np.float32)
     levels += rng.choice([0.0, 1e-7, 3e-7], (6000, 2)).astype(np.float32)
